@@ -1,0 +1,116 @@
+use std::fmt;
+use std::str::FromStr;
+
+use lazygrid_host::Settings;
+use lazygrid_kernels::{Algorithm, Interactions};
+
+use crate::Order;
+
+/// Where the work is done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Backend {
+    /// A real GPU if there is one, else the CPU; decided when the detector is made.
+    #[default]
+    Auto,
+    /// The CPU, through rayon.
+    Cpu,
+    /// A wgpu adapter, software ones included. Never falls back.
+    Gpu,
+}
+
+impl Backend {
+    /// Every value.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Cpu, Self::Gpu];
+
+    /// The name in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+        }
+    }
+}
+
+impl fmt::Display for Backend {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Backend {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::ALL
+            .into_iter()
+            .find(|b| b.name() == text)
+            .ok_or_else(|| format!("unknown backend '{text}'; expected auto, cpu or gpu"))
+    }
+}
+
+/// What a [`Detector`](crate::Detector) is asked to do. The default suits almost everybody.
+///
+/// ```
+/// # use lazygrid::{Algorithm, Config, Order};
+/// let config = Config::default().algorithm(Algorithm::RecursiveGrid).tau(64).order(Order::Unordered);
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Config {
+    pub(crate) backend: Backend,
+    pub(crate) settings: Settings,
+}
+
+impl Config {
+    /// Where to run. Default: [`Backend::Auto`].
+    pub fn backend(mut self, backend: Backend) -> Self {
+        self.backend = backend;
+        self
+    }
+
+    /// Which detector. Default: [`Algorithm::Auto`], chosen per call.
+    pub fn algorithm(mut self, algorithm: Algorithm) -> Self {
+        self.settings.algorithm = algorithm;
+        self
+    }
+
+    /// The order of results. Default: [`Order::Canonical`].
+    pub fn order(mut self, order: Order) -> Self {
+        self.settings.order = order;
+        self
+    }
+
+    /// Threads of the CPU path. Default: the rayon pool of the caller; with a number, a pool of its own.
+    pub fn threads(mut self, threads: usize) -> Self {
+        self.settings.threads = Some(threads);
+        self
+    }
+
+    /// τ: a cell's smaller spheres go to a finer level only when they are more than this (paper, section 3.2).
+    /// Default: [`Settings::TAU`], from a measured sweep.
+    pub fn tau(mut self, tau: u32) -> Self {
+        self.settings.tau = tau;
+        self
+    }
+
+    /// Cell edge of the paper's grids as a multiple of the largest diameter, 0.5 to 16.
+    /// Default: [`Settings::RASTER_RATIO`], from a measured sweep.
+    pub fn raster_ratio(mut self, ratio: f32) -> Self {
+        self.settings.raster_ratio = ratio;
+        self
+    }
+
+    /// The most pairs a list may hold; more give an error with the exact number. Default: 2²⁹ (4 GiB).
+    /// Counting and streaming have no limit.
+    pub fn max_pairs(mut self, max_pairs: u64) -> Self {
+        self.settings.max_pairs = max_pairs;
+        self
+    }
+
+    /// Which species pair, and at which distance. Spheres must then carry species ids.
+    pub fn interactions(mut self, interactions: Interactions) -> Self {
+        self.settings.interactions = Some(interactions);
+        self
+    }
+}

@@ -1,0 +1,45 @@
+//! All pairs of overlapping spheres, at every step of a simulation.
+//!
+//! ```
+//! use lazygrid::{Pair, Sphere, detect};
+//!
+//! let spheres = [
+//!     Sphere::new([0.0, 0.0, 0.0], 1.0),
+//!     Sphere::new([1.5, 0.0, 0.0], 1.0),
+//!     Sphere::new([9.0, 0.0, 0.0], 0.1),
+//! ];
+//! assert_eq!(detect(&spheres)?, [Pair::new(0, 1)]);
+//! # Ok::<(), lazygrid::Error>(())
+//! ```
+//!
+//! A simulation keeps one [`Detector`], whose buffers survive from step to step:
+//!
+//! ```
+//! use lazygrid::{Config, Detector, Sphere};
+//!
+//! let mut detector = Detector::new(Config::default())?;
+//! let mut spheres = vec![Sphere::new([0.0, 0.0, 0.0], 1.0); 3];
+//! for _ in 0..10 {
+//!     for pair in detector.pairs(&spheres)? {
+//!         assert!(pair.i < pair.j);
+//!     }
+//!     spheres[2].center.x += 0.5;
+//! }
+//! # Ok::<(), lazygrid::Error>(())
+//! ```
+//!
+//! Data flows one way: spheres → choice → plan → detector → pairs. ARCHITECTURE.md says which file does what.
+
+mod config;
+mod detector;
+mod error;
+mod report;
+
+pub use config::{Backend, Config};
+pub use detector::{Detector, detect};
+pub use error::Error;
+pub use lazygrid_host::{Neighbors, Order, Phase};
+pub use lazygrid_kernels::{
+    Algorithm, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach, Sphere, Spheres,
+};
+pub use report::Report;

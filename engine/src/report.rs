@@ -1,0 +1,24 @@
+use lazygrid_host::Phase;
+use lazygrid_kernels::Algorithm;
+
+use crate::Backend;
+
+/// What the last call did and why.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Report {
+    /// How many spheres were given.
+    pub spheres: u64,
+    /// How many pairs were found.
+    pub pairs: u64,
+    /// The backend that ran; never `Auto`.
+    pub backend: Backend,
+    /// The GPU adapter's name; `None` on the CPU.
+    pub adapter: Option<String>,
+    /// The algorithm that ran; never `Auto` after a call.
+    pub algorithm: Algorithm,
+    /// Why this backend and this algorithm.
+    pub reason: String,
+    /// Time of each phase, in the order they ran.
+    pub phases: Vec<Phase>,
+}

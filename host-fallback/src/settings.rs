@@ -1,0 +1,72 @@
+use lazygrid_kernels::{Algorithm, Interactions};
+
+use crate::Error;
+
+/// The order of a result.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Order {
+    /// By `i`, then `j`.
+    #[default]
+    Canonical,
+    /// Whatever the detector finds first; saves the ordering. The same from run to run and for any number of
+    /// threads, except for streamed chunks, which arrive as threads finish them.
+    Unordered,
+}
+
+/// What the CPU path is asked to do. Made once, kept for the life of a detector.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Which detector; `Auto` chooses per call.
+    pub algorithm: Algorithm,
+    /// The order of results.
+    pub order: Order,
+    /// Threads of a pool of the detector's own; `None` runs in the rayon pool of the caller.
+    pub threads: Option<usize>,
+    /// A cell of the recursive grid is split when it holds more smaller spheres than this.
+    pub tau: u32,
+    /// Cell edge of the paper's grids as a multiple of the largest diameter. Between 0.5 and 16.
+    pub raster_ratio: f32,
+    /// The most pairs a list may hold (8 bytes each, and as much again while they are ordered).
+    pub max_pairs: u64,
+    /// Which species pair, and at which distance; `None`: all that touch.
+    pub interactions: Option<Interactions>,
+}
+
+impl Settings {
+    /// τ by default: see the sweep in README.md.
+    pub const TAU: u32 = 32;
+    /// Raster ratio by default: see the sweep in README.md.
+    pub const RASTER_RATIO: f32 = 1.5;
+    /// 2²⁹ pairs, a list of 4 GiB.
+    pub const MAX_PAIRS: u64 = 1 << 29;
+
+    /// Refuses settings outside their range.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        if !(0.5..=16.0).contains(&self.raster_ratio) {
+            let value = self.raster_ratio.to_string();
+            return Err(Error::Setting { name: "raster_ratio", value, range: "choose between 0.5 and 16" });
+        }
+        if self.threads == Some(0) {
+            let range = "choose at least one, or leave it unset";
+            return Err(Error::Setting { name: "threads", value: "0".into(), range });
+        }
+        match self.algorithm {
+            Algorithm::EagerGrid | Algorithm::LazyGrid => Err(Error::NotOnCpu(self.algorithm)),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            algorithm: Algorithm::Auto,
+            order: Order::Canonical,
+            threads: None,
+            tau: Self::TAU,
+            raster_ratio: Self::RASTER_RATIO,
+            max_pairs: Self::MAX_PAIRS,
+            interactions: None,
+        }
+    }
+}

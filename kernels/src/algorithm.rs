@@ -1,0 +1,76 @@
+use std::fmt;
+use std::str::FromStr;
+
+/// The ways to find overlapping pairs. All give the same set; they differ in time and memory.
+///
+/// As text (`Display`, `FromStr`) the names are those of the command line: `cell-list`, `recursive-grid`, …
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Algorithm {
+    /// Chosen per call from the number of spheres and the spread of their radii.
+    #[default]
+    Auto,
+    /// All pairs are tested. The judge of all others, and the fastest for a few hundred spheres.
+    Naive,
+    /// Uniform grid in a hash table with separate chaining (Stroobant et al., section 3.1). CPU.
+    HashGrid,
+    /// Uniform grid as an array of (cell, object) entries sorted by cell (section 3.1). CPU and GPU.
+    ArrayGrid,
+    /// Uniform grid of the largest diameter whose crowded cells are split again (section 3.2). CPU.
+    RecursiveGrid,
+    /// Every sphere in the one cell of its centre, one level per group of sizes, runs compared with SIMD. CPU.
+    CellList,
+    /// Nested grids; all smaller objects go on to the next level (section 3.2). GPU.
+    EagerGrid,
+    /// Nested grids; only the smaller objects of crowded cells go on to the next level (section 3.2). GPU.
+    LazyGrid,
+}
+
+impl Algorithm {
+    /// Every value, in the order of the command line's help.
+    pub const ALL: [Self; 8] = [
+        Self::Auto,
+        Self::Naive,
+        Self::HashGrid,
+        Self::ArrayGrid,
+        Self::RecursiveGrid,
+        Self::CellList,
+        Self::EagerGrid,
+        Self::LazyGrid,
+    ];
+
+    /// The algorithms of the CPU path, the judge first.
+    pub const CPU: [Self; 5] =
+        [Self::Naive, Self::HashGrid, Self::ArrayGrid, Self::RecursiveGrid, Self::CellList];
+
+    /// The name in lower case with hyphens.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Naive => "naive",
+            Self::HashGrid => "hash-grid",
+            Self::ArrayGrid => "array-grid",
+            Self::RecursiveGrid => "recursive-grid",
+            Self::CellList => "cell-list",
+            Self::EagerGrid => "eager-grid",
+            Self::LazyGrid => "lazy-grid",
+        }
+    }
+}
+
+impl fmt::Display for Algorithm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Algorithm {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::ALL.into_iter().find(|a| a.name() == text).ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            format!("unknown algorithm '{text}'; expected one of {names}")
+        })
+    }
+}

@@ -1,0 +1,124 @@
+use crate::InputError;
+
+/// What makes two spheres of given species a pair.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Interaction {
+    /// Never a pair.
+    Never,
+    /// A pair when they overlap or touch: centre distance ≤ `ri + rj`.
+    #[default]
+    Touch,
+    /// A pair when their centres are at most this far apart, whatever the radii: a reaction's binding radius.
+    Within(f32),
+}
+
+/// A symmetric table: for any two species, what makes them a pair.
+///
+/// Reaction radii in reaction–diffusion models are not sums of radii, and most species pairs do not react at
+/// all; both are said here and decided before a pair is emitted.
+///
+/// ```
+/// # use lazygrid_kernels::{Interaction, Interactions};
+/// let (acid, base) = (0, 1);
+/// let mut reactions = Interactions::new(2, Interaction::Never)?;
+/// reactions.set(acid, base, Interaction::Within(0.2))?;
+/// assert_eq!(reactions.get(base, acid), Interaction::Within(0.2));
+/// # Ok::<(), lazygrid_kernels::InputError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Interactions {
+    species: u32,
+    table: Vec<Interaction>,
+}
+
+impl Interactions {
+    /// The most species a table may have; 4096² entries are 128 MiB.
+    pub const MAX_SPECIES: u32 = 4096;
+
+    /// A table for species `0..species` in which every pair of species has the interaction `all`.
+    ///
+    /// # Errors
+    /// [`InputError::SpeciesCount`] above [`Self::MAX_SPECIES`]; [`InputError::Distance`] as for [`Self::set`].
+    pub fn new(species: u32, all: Interaction) -> Result<Self, InputError> {
+        if species > Self::MAX_SPECIES {
+            return Err(InputError::SpeciesCount { count: species, limit: Self::MAX_SPECIES });
+        }
+        check(0, 0, all)?;
+        Ok(Self { species, table: vec![all; species as usize * species as usize] })
+    }
+
+    /// Sets the interaction of species `a` with species `b`, and of `b` with `a`.
+    ///
+    /// # Errors
+    /// [`InputError::SpeciesId`] for a species outside the table; [`InputError::Distance`] for a distance that
+    /// is negative or not finite.
+    pub fn set(&mut self, a: u32, b: u32, interaction: Interaction) -> Result<(), InputError> {
+        for id in [a, b] {
+            if id >= self.species {
+                return Err(InputError::SpeciesId { index: None, id, count: self.species });
+            }
+        }
+        check(a, b, interaction)?;
+        let n = self.species as usize;
+        self.table[a as usize * n + b as usize] = interaction;
+        self.table[b as usize * n + a as usize] = interaction;
+        Ok(())
+    }
+
+    /// The interaction of species `a` with species `b`.
+    ///
+    /// # Panics
+    /// Where a species is not in the table.
+    #[inline]
+    pub fn get(&self, a: u32, b: u32) -> Interaction {
+        self.table[a as usize * self.species as usize + b as usize]
+    }
+
+    /// How many species the table has.
+    pub fn species(&self) -> u32 {
+        self.species
+    }
+
+    /// What the culling of this species' spheres must respect; see [`Reach`].
+    pub fn reach(&self, species: u32) -> Reach {
+        let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
+        row.iter().fold(Reach { touches: false, half: 0.0 }, |reach, with| match *with {
+            Interaction::Never => reach,
+            Interaction::Touch => Reach { touches: true, ..reach },
+            Interaction::Within(distance) => Reach { half: reach.half.max(half_up(distance)), ..reach },
+        })
+    }
+}
+
+/// How far a species' interactions reach: any two spheres that may pair have centres no farther apart than the
+/// sum of their effective radii, so that every culling rule made for plain radii stays valid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reach {
+    /// Whether some pair of this species is decided by touching.
+    pub touches: bool,
+    /// Half the largest interaction distance with any species.
+    pub half: f32,
+}
+
+impl Reach {
+    /// The effective radius of a sphere of this species.
+    #[inline]
+    pub fn effective_radius(self, radius: f32) -> f32 {
+        if self.touches { self.half.max(radius) } else { self.half }
+    }
+}
+
+/// Half of `distance`, rounded up: halving the smallest subnormal would give zero.
+fn half_up(distance: f32) -> f32 {
+    let half = distance * 0.5;
+    if half + half < distance { half.next_up() } else { half }
+}
+
+fn check(a: u32, b: u32, interaction: Interaction) -> Result<(), InputError> {
+    match interaction {
+        Interaction::Within(d) if !(d.is_finite() && d >= 0.0) => {
+            Err(InputError::Distance { a, b, distance: d })
+        }
+        _ => Ok(()),
+    }
+}

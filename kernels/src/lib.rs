@@ -1,0 +1,22 @@
+//! The vocabulary that every lazygrid detector shares: spheres in, pairs out, and the rules between them.
+//!
+//! This crate makes no device call and knows no backend. It holds the types whose memory layout the CPU
+//! detectors, the GPU kernels and the bindings agree on.
+//!
+//! * [`Sphere`], [`Spheres`] — input, as rows or as columns, without copying;
+//! * [`Interactions`] — which species may pair, and at which distance;
+//! * [`Pair`] — one overlapping pair, smaller index first;
+//! * [`Algorithm`] — the detectors by name;
+//! * [`InputError`] — what can be wrong with an input.
+
+mod algorithm;
+mod error;
+mod interactions;
+mod pair;
+mod sphere;
+
+pub use algorithm::Algorithm;
+pub use error::InputError;
+pub use interactions::{Interaction, Interactions, Reach};
+pub use pair::Pair;
+pub use sphere::{MAX_SPHERES, Sphere, Spheres};
