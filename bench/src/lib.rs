@@ -1,0 +1,3 @@
+//! What the `lazygrid` command, the tests and the benchmarks share.
+
+pub mod scenes;

@@ -1,0 +1,178 @@
+//! The scenes that tests, benchmarks, `lazygrid generate` and figures share: one definition of each.
+//!
+//! A scene is a function of the number of spheres and a seed. The same seed gives the same bytes on every
+//! platform: the generator is `ChaCha8`, the sampling is arithmetic in `f64`, and the few transcendental
+//! functions come from `libm` rather than from the system.
+
+mod expected;
+
+use std::fmt;
+use std::str::FromStr;
+
+use lazygrid_kernels::Sphere;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal, UnitBall, UnitSphere};
+
+pub use expected::{PairCount, periodic_box_pairs};
+
+/// Share of the ball's volume that the spheres of the uniform scenes fill, overlaps counted twice.
+const DENSITY: f64 = 0.05;
+/// Overlapping pairs per sphere for which the spread of the bursts is solved.
+const BURST_PAIRS_PER_SPHERE: f64 = 20.0;
+/// How far a sphere moves in one step, as a multiple of its radius.
+const STEP: f32 = 0.1;
+
+const FIVE_SIZES: [f32; 5] = [1.0, 0.5, 0.25, 0.125, 0.0625];
+const TEN_POWERS: [f32; 10] =
+    [1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125, 0.00390625, 0.001953125];
+const TEN_TENTHS: [f32; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
+
+/// A distribution of spheres. Lengths are in units of the largest radius.
+///
+/// ```
+/// # use lazygrid_bench::scenes::Scene;
+/// let scene: Scene = "five-sizes".parse()?;
+/// let mut spheres = scene.spheres(1000, 7);
+/// Scene::advance(&mut spheres, 7, 0);
+/// # Ok::<(), String>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Scene {
+    /// Radius 1; centres uniform in a ball of which the spheres fill 5 %.
+    Equal,
+    /// Radii 1, ½ … 1⁄16, equally frequent and in random order; centres uniform in a ball, 5 % filled.
+    FiveSizes,
+    /// Radii 1, ½ … 1⁄512, equally frequent and in random order; centres normal about the origin, as dense as
+    /// gives 20 pairs per sphere. Below 42 spheres there are not so many pairs and all centres coincide.
+    Burst,
+    /// [`Burst`](Self::Burst) with radii 0.1, 0.2 … 1.
+    BurstLinear,
+    /// The radii of [`Burst`](Self::Burst); all centres at the origin.
+    Point,
+}
+
+impl Scene {
+    /// Every value, in the order of the command line's help.
+    pub const ALL: [Self; 5] = [Self::Equal, Self::FiveSizes, Self::Burst, Self::BurstLinear, Self::Point];
+
+    /// The name in lower case with hyphens.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Equal => "equal",
+            Self::FiveSizes => "five-sizes",
+            Self::Burst => "burst",
+            Self::BurstLinear => "burst-linear",
+            Self::Point => "point",
+        }
+    }
+
+    /// The radii that occur, equally often.
+    pub const fn radii(self) -> &'static [f32] {
+        match self {
+            Self::Equal => &[1.0],
+            Self::FiveSizes => &FIVE_SIZES,
+            Self::Burst | Self::Point => &TEN_POWERS,
+            Self::BurstLinear => &TEN_TENTHS,
+        }
+    }
+
+    /// `n` spheres of this scene; the same for the same seed on every platform.
+    pub fn spheres(self, n: usize, seed: u64) -> Vec<Sphere> {
+        let mut rng = stream(seed, 0);
+        let mut radii: Vec<f32> = self.radii().iter().copied().cycle().take(n).collect();
+        radii.shuffle(&mut rng);
+        let cloud = self.cloud(n);
+        radii.into_iter().map(|radius| Sphere::new(cloud.sample(&mut rng), radius)).collect()
+    }
+
+    /// One step of the benchmarks' motion: every sphere moves by a tenth of its radius in a uniformly random
+    /// direction, which depends on `seed`, `step` and the sphere's index only.
+    pub fn advance(spheres: &mut [Sphere], seed: u64, step: u32) {
+        let mut rng = stream(seed, 1 + u64::from(step));
+        for sphere in spheres {
+            let direction: [f64; 3] = UnitSphere.sample(&mut rng);
+            sphere.center += glam::Vec3::from(direction.map(|d| d as f32)) * (STEP * sphere.radius);
+        }
+    }
+
+    /// The number of overlapping pairs of `n` spheres of this scene before the first step: its exact mean and
+    /// variance over all seeds.
+    pub fn expected_pairs(self, n: usize) -> PairCount {
+        expected::pairs(&self.classes(n), self.cloud(n))
+    }
+
+    /// How the centres of `n` spheres are distributed.
+    fn cloud(self, n: usize) -> Cloud {
+        let classes = self.classes(n);
+        match self {
+            Self::Equal | Self::FiveSizes => {
+                let cubes: f64 = classes.iter().map(|c| c.count * c.radius.powi(3)).sum();
+                Cloud::Ball { radius: libm::cbrt(cubes / DENSITY) }
+            }
+            Self::Burst | Self::BurstLinear => {
+                Cloud::Normal { sigma: expected::sigma_for(&classes, BURST_PAIRS_PER_SPHERE) }
+            }
+            Self::Point => Cloud::Normal { sigma: 0.0 },
+        }
+    }
+
+    fn classes(self, n: usize) -> Vec<Class> {
+        let sizes = self.radii().len();
+        let share = |k| (n + sizes - 1 - k) / sizes;
+        let radii = self.radii().iter().enumerate();
+        radii.map(|(k, &r)| Class { count: share(k) as f64, radius: r.into() }).collect()
+    }
+}
+
+impl fmt::Display for Scene {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Scene {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::ALL.into_iter().find(|s| s.name() == text).ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            format!("unknown scene '{text}'; expected one of {names}")
+        })
+    }
+}
+
+/// Spheres of one radius.
+#[derive(Clone, Copy, Debug)]
+struct Class {
+    count: f64,
+    radius: f64,
+}
+
+/// A distribution of centres about the origin.
+#[derive(Clone, Copy, Debug)]
+enum Cloud {
+    Ball { radius: f64 },
+    Normal { sigma: f64 },
+}
+
+impl Cloud {
+    fn sample(self, rng: &mut ChaCha8Rng) -> [f32; 3] {
+        let (scale, point) = match self {
+            Self::Ball { radius } => (radius, UnitBall.sample(rng)),
+            Self::Normal { sigma } => (sigma, [(); 3].map(|()| StandardNormal.sample(rng))),
+        };
+        point.map(|x: f64| (scale * x) as f32)
+    }
+}
+
+/// Independent streams of one seed: 0 makes the spheres, 1 + step moves them.
+fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(stream);
+    rng
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,162 @@
+//! How many pairs a scene has on average, in closed form, and by how much that varies from seed to seed.
+
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
+
+use super::{Class, Cloud};
+
+/// Distribution of the number of overlapping pairs over all seeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairCount {
+    /// Mean.
+    pub mean: f64,
+    /// Variance.
+    pub variance: f64,
+}
+
+impl PairCount {
+    /// How many standard deviations `count` lies from the mean; 0 where every seed has that count.
+    pub fn deviations(self, count: u64) -> f64 {
+        let distance = count as f64 - self.mean;
+        if distance == 0.0 { 0.0 } else { distance / self.variance.sqrt() }
+    }
+}
+
+/// Pairs of spheres placed uniformly in a periodic box of volume `volume`, given as `(count, radius)` per size.
+/// Holds where no sum of two radii exceeds half the box's edge.
+pub fn periodic_box_pairs(sizes: &[(u64, f64)], volume: f64) -> PairCount {
+    let classes: Vec<Class> =
+        sizes.iter().map(|&(count, radius)| Class { count: count as f64, radius }).collect();
+    independent(&classes, |reach| 4.0 / 3.0 * PI * reach.powi(3) / volume)
+}
+
+/// Pairs of spheres of these classes with centres from `cloud`.
+pub(super) fn pairs(classes: &[Class], cloud: Cloud) -> PairCount {
+    let pairs = independent(classes, |reach| cloud.hit(reach));
+    PairCount { variance: pairs.variance + shared(classes, cloud), ..pairs }
+}
+
+/// The σ for which spheres of these classes have `per_sphere` pairs per sphere; 0 where they never do.
+pub(super) fn sigma_for(classes: &[Class], per_sphere: f64) -> f64 {
+    let wanted = per_sphere * classes.iter().map(|c| c.count).sum::<f64>();
+    let mean = |sigma| independent(classes, |reach| Cloud::Normal { sigma }.hit(reach)).mean;
+    if mean(0.0) <= wanted {
+        return 0.0;
+    }
+    let mut low = 0.0;
+    let mut high = 1.0;
+    while mean(high) > wanted {
+        (low, high) = (high, 2.0 * high);
+    }
+    // Down to two neighbouring values, so that the result does not depend on a tolerance.
+    loop {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            return middle;
+        }
+        if mean(middle) > wanted { low = middle } else { high = middle }
+    }
+}
+
+/// Mean of the number of pairs, and its variance as if pairs were independent of each other.
+fn independent(classes: &[Class], hit: impl Fn(f64) -> f64) -> PairCount {
+    let mut total = PairCount { mean: 0.0, variance: 0.0 };
+    for (k, a) in classes.iter().enumerate() {
+        for (l, b) in classes.iter().enumerate().take(k + 1) {
+            let ways = if k == l { a.count * (a.count - 1.0) / 2.0 } else { a.count * b.count };
+            let p = hit(a.radius + b.radius);
+            total.mean += ways.max(0.0) * p;
+            total.variance += ways.max(0.0) * p * (1.0 - p);
+        }
+    }
+    total
+}
+
+/// The covariance of pairs that share a sphere, over all such pairs of pairs: a sphere in the thick of the
+/// cloud has many partners, one at the rim few. It outweighs the independent part by far in the bursts.
+fn shared(classes: &[Class], cloud: Cloud) -> f64 {
+    classes
+        .iter()
+        .enumerate()
+        .map(|(k, a)| {
+            let partners = |l: usize| (classes[l].count - if k == l { 1.0 } else { 0.0 }).max(0.0);
+            // First and second moment of the sphere's expected number of partners, and of each class's share.
+            let moments = cloud.average(|distance| {
+                let mut sum = 0.0;
+                let mut own = 0.0;
+                for (l, b) in classes.iter().enumerate() {
+                    let reach = a.radius + b.radius;
+                    let deviation = cloud.hit_at(distance, reach) - cloud.hit(reach);
+                    sum += partners(l) * deviation;
+                    own += partners(l) * deviation * deviation;
+                }
+                sum * sum - own
+            });
+            a.count * moments
+        })
+        .sum()
+}
+
+impl Cloud {
+    /// The chance that two centres of the cloud are at most `reach` apart.
+    fn hit(self, reach: f64) -> f64 {
+        match self {
+            Self::Ball { radius } => {
+                let u = reach / radius;
+                if u >= 2.0 { 1.0 } else { u.powi(3) - 9.0 / 16.0 * u.powi(4) + u.powi(6) / 32.0 }
+            }
+            Self::Normal { sigma } => {
+                let x = reach / (std::f64::consts::SQRT_2 * sigma);
+                if x > 10.0 {
+                    return 1.0;
+                }
+                libm::erf(x * FRAC_1_SQRT_2) - (2.0 / PI).sqrt() * x * libm::exp(-0.5 * x * x)
+            }
+        }
+    }
+
+    /// The chance that a centre of the cloud is at most `reach` from a point `distance` from the cloud's middle.
+    fn hit_at(self, distance: f64, reach: f64) -> f64 {
+        match self {
+            Self::Ball { radius } => lens(distance, reach, radius) / radius.powi(3),
+            Self::Normal { sigma } => {
+                let (near, far) = ((distance - reach) / sigma, (distance + reach) / sigma);
+                let bell = |x: f64| libm::exp(-0.5 * x * x);
+                let erf = |x: f64| libm::erf(x * FRAC_1_SQRT_2);
+                0.5 * (erf(far) - erf(near)) - sigma / distance / (2.0 * PI).sqrt() * (bell(near) - bell(far))
+            }
+        }
+    }
+
+    /// The mean of `f(distance)` over the cloud, by the midpoint rule.
+    fn average(self, f: impl Fn(f64) -> f64) -> f64 {
+        const POINTS: u32 = 1000;
+        let outer = match self {
+            Self::Ball { radius } => radius,
+            Self::Normal { sigma: 0.0 } => return 0.0,
+            // Beyond eight σ lies 1e-14 of the cloud.
+            Self::Normal { sigma } => 8.0 * sigma,
+        };
+        let (sum, weights) = (0..POINTS).fold((0.0, 0.0), |(sum, weights), k| {
+            let distance = outer * (f64::from(k) + 0.5) / f64::from(POINTS);
+            let weight = distance
+                * distance
+                * match self {
+                    Self::Ball { .. } => 1.0,
+                    Self::Normal { sigma } => libm::exp(-0.5 * (distance / sigma).powi(2)),
+                };
+            (sum + weight * f(distance), weights + weight)
+        });
+        sum / weights
+    }
+}
+
+/// Volume common to two balls of radii `a` and `b` with middles `d > 0` apart, in units of 4π/3.
+fn lens(d: f64, a: f64, b: f64) -> f64 {
+    if d >= a + b {
+        0.0
+    } else if d <= (a - b).abs() {
+        a.min(b).powi(3)
+    } else {
+        (a + b - d).powi(2) * (d * d + 2.0 * d * (a + b) - 3.0 * (a - b).powi(2)) / (16.0 * d)
+    }
+}
