@@ -1,17 +1,20 @@
 //! The vocabulary that every lazygrid detector shares: spheres in, pairs out, and the rules between them.
 //!
-//! This crate makes no device call and knows no backend. It holds the types whose memory layout the CPU
+//! This crate makes no device call. It holds the types whose memory layout the CPU
 //! detectors, the GPU kernels and the bindings agree on.
 //!
 //! * [`Sphere`], [`Spheres`] — input, as rows or as columns, without copying;
 //! * [`Interactions`] — which species may pair, and at which distance;
 //! * [`Pair`] — one overlapping pair, smaller index first;
 //! * [`Algorithm`] — the detectors by name;
-//! * [`InputError`] — what can be wrong with an input.
+//! * [`InputError`] — what can be wrong with an input;
+//! * [`kernel`], [`layout`] — the GPU kernels in WGSL with their metadata, and the structures they share with Rust.
 
 mod algorithm;
 mod error;
 mod interactions;
+pub mod kernel;
+pub mod layout;
 mod pair;
 mod sphere;
 

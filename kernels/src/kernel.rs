@@ -1,0 +1,258 @@
+//! The GPU kernels: WGSL sources and what a host must know to run them. Nothing here calls a device.
+
+use std::fmt::Write;
+
+/// How a kernel uses a binding; the position in [`Kernel::bindings`] is the binding number of group 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Access {
+    /// A uniform buffer.
+    Uniform,
+    /// A storage buffer that is only read.
+    Read,
+    /// A storage buffer that is read and written.
+    ReadWrite,
+}
+
+/// One buffer that a kernel binds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Binding {
+    /// The variable's name in the shader.
+    pub name: &'static str,
+    /// How it is used.
+    pub access: Access,
+}
+
+const fn uniform(name: &'static str) -> Binding {
+    Binding { name, access: Access::Uniform }
+}
+
+const fn read(name: &'static str) -> Binding {
+    Binding { name, access: Access::Read }
+}
+
+const fn write(name: &'static str) -> Binding {
+    Binding { name, access: Access::ReadWrite }
+}
+
+/// What differs between the texts of one kernel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Variant {
+    /// The device's smallest subgroup size where subgroup operations are to be used; `None` works everywhere.
+    pub subgroups: Option<u32>,
+    /// Whether an interaction table decides what is a pair.
+    pub species: bool,
+}
+
+impl Variant {
+    /// The smallest subgroup for which radix ranking by subgroups has room for its tables.
+    pub const MIN_RANKING_SUBGROUP: u32 = 8;
+
+    /// Workgroup memory, in bytes, that no kernel of this variant exceeds.
+    pub fn workgroup_memory(self) -> u32 {
+        self.radix_scratch() * 4 + 4096
+    }
+
+    /// Whether subgroups rank the keys of a radix pass.
+    pub fn ranks_by_subgroup(self) -> bool {
+        self.subgroups.is_some_and(|size| size >= Self::MIN_RANKING_SUBGROUP)
+    }
+
+    fn radix_scratch(self) -> u32 {
+        let tables = match self.subgroups {
+            Some(size) if self.ranks_by_subgroup() => GROUP / size * 128,
+            _ => 8 * GROUP,
+        };
+        tables.max(RADIX_TILE)
+    }
+}
+
+/// Threads per workgroup of every kernel that is not a single thread.
+pub const GROUP: u32 = 256;
+/// Keys that one workgroup sorts in a radix pass.
+pub const RADIX_TILE: u32 = GROUP * RADIX_ITEMS;
+/// Values that one workgroup scans.
+pub const SCAN_TILE: u32 = GROUP * SCAN_ITEMS;
+/// Spheres that one workgroup of `bounds_reduce` reads.
+pub const BOUNDS_TILE: u32 = GROUP * SPHERES_PER_THREAD;
+/// Bits of one radix digit.
+pub const DIGIT_BITS: u32 = 8;
+/// Most objects an entry can name: three bits of its word say where the object begins.
+pub const MAX_ENTRY_OBJECTS: u64 = 1 << 29;
+/// Most entries per sphere: the raster is chosen so that no sphere overlaps more than two cells per axis.
+pub const MAX_ENTRIES_PER_SPHERE: u64 = 8;
+
+const RADIX_ITEMS: u32 = 8;
+const SCAN_ITEMS: u32 = 8;
+const SPHERES_PER_THREAD: u32 = 4;
+
+/// One compute stage.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Kernel {
+    /// Entry point, and the name of the file.
+    pub name: &'static str,
+    /// Threads per workgroup.
+    pub group_size: u32,
+    source: &'static str,
+    bindings: &'static [Binding],
+    species_bindings: &'static [Binding],
+    uses_subgroups: bool,
+}
+
+impl Kernel {
+    /// The buffers that the kernel binds in group 0, by binding number.
+    pub fn bindings(&self, variant: Variant) -> impl Iterator<Item = Binding> + use<> {
+        let species = if variant.species { self.species_bindings } else { &[] };
+        self.bindings.iter().chain(species).copied()
+    }
+
+    /// The part of a variant that changes this kernel's text.
+    pub fn reduced(&self, variant: Variant) -> Variant {
+        Variant {
+            subgroups: variant.subgroups.filter(|_| self.uses_subgroups),
+            species: variant.species && !self.species_bindings.is_empty(),
+        }
+    }
+
+    /// The kernel's complete WGSL text.
+    pub fn wgsl(&self, variant: Variant) -> String {
+        Expansion { variant: self.reduced(variant) }.expand(self.source)
+    }
+}
+
+macro_rules! kernels {
+    ($($(#[$doc:meta])* $id:ident = $name:literal, $size:expr, subgroups: $sub:literal,
+       [$($binding:expr),* $(,)?], species: [$($species:expr),* $(,)?];)*) => {
+        $($(#[$doc])* pub static $id: Kernel = Kernel {
+            name: $name,
+            group_size: $size,
+            source: include_str!(concat!("shader/", $name, ".wgsl")),
+            bindings: &[$($binding),*],
+            species_bindings: &[$($species),*],
+            uses_subgroups: $sub,
+        };)*
+        /// Every kernel.
+        pub static KERNELS: [&Kernel; [$($name),*].len()] = [$(&$id),*];
+    };
+}
+
+kernels! {
+    /// Clears what a call accumulates.
+    CALL_BEGIN = "call_begin", 1, subgroups: false,
+        [uniform("call"), read("count_source"), write("bounds"), write("grid"), write("outcome")], species: [];
+    /// Bounds of the valid spheres, number of the others.
+    BOUNDS_REDUCE = "bounds_reduce", GROUP, subgroups: false,
+        [uniform("call"), read("grid"), read("spheres"), write("bounds"), write("outcome")],
+        species: [read("species"), read("reach")];
+    /// Chooses the raster.
+    GRID_CONFIGURE = "grid_configure", GROUP, subgroups: false,
+        [uniform("call"), read("spheres"), write("bounds"), write("grid")], species: [];
+    /// Writes one entry per overlapped cell.
+    ENTRIES_EMIT = "entries_emit", GROUP, subgroups: true,
+        [uniform("call"), read("grid"), read("spheres"), write("outcome"), write("keys"), write("objects")],
+        species: [read("species"), read("reach")];
+    /// Settles how many entries there are.
+    ENTRIES_CLOSE = "entries_close", 1, subgroups: false,
+        [uniform("call"), write("outcome"), write("lengths")], species: [];
+    /// Sums of the tiles of a scan.
+    SCAN_REDUCE = "scan_reduce", GROUP, subgroups: false,
+        [read("lengths"), read("values"), write("sums")], species: [];
+    /// Prefixes of those sums, and the total.
+    SCAN_SPINE = "scan_spine", GROUP, subgroups: false,
+        [read("lengths"), write("sums"), write("total")], species: [];
+    /// Prefixes of all values, in place.
+    SCAN_SPREAD = "scan_spread", GROUP, subgroups: true,
+        [read("lengths"), read("sums"), write("values")], species: [];
+    /// Digit counts of a radix pass.
+    RADIX_COUNT = "radix_count", GROUP, subgroups: false,
+        [uniform("digit_pass"), read("lengths"), read("keys"), write("counts")], species: [];
+    /// Moves keys and payload to their places.
+    RADIX_SCATTER = "radix_scatter", GROUP, subgroups: true,
+        [uniform("digit_pass"), read("lengths"), read("keys"), read("payload"), read("places"),
+         write("sorted_keys"), write("sorted_payload")], species: [];
+    /// Pairs of entries close together in a run.
+    RUNS_SEARCH = "runs_search", GROUP, subgroups: false,
+        [uniform("call"), read("lengths"), read("keys"), read("objects"), read("spheres"), write("outcome"),
+         write("pairs"), write("crowded")],
+        species: [read("species"), read("table")];
+    /// Pairs of entries far apart in a crowded run.
+    CROWDED_SEARCH = "crowded_search", GROUP, subgroups: true,
+        [uniform("call"), read("grid"), read("lengths"), read("keys"), read("objects"), read("spheres"),
+         write("outcome"), write("pairs"), read("crowded")],
+        species: [read("species"), read("table")];
+    /// All pairs.
+    NAIVE_SEARCH = "naive_search", GROUP, subgroups: true,
+        [uniform("call"), read("grid"), read("spheres"), write("outcome"), write("pairs")],
+        species: [read("species"), read("reach"), read("table")];
+    /// Overflow flag and indirect-dispatch arguments.
+    OUTCOME_FINISH = "outcome_finish", 1, subgroups: false,
+        [uniform("call"), write("outcome")], species: [];
+}
+
+/// Shared pieces of WGSL by the name in `#include`.
+const PIECES: [(&str, &str); 12] = [
+    ("digit_pass", include_str!("shader/shared/digit_pass.wgsl")),
+    ("entry", include_str!("shader/shared/entry.wgsl")),
+    ("group_scan", include_str!("shader/shared/group_scan.wgsl")),
+    ("layout", include_str!("shader/shared/layout.wgsl")),
+    ("overlap", include_str!("shader/shared/overlap.wgsl")),
+    ("place", include_str!("shader/shared/place.wgsl")),
+    ("reach", include_str!("shader/shared/reach.wgsl")),
+    ("reserve", include_str!("shader/shared/reserve.wgsl")),
+    ("reserve_lane", include_str!("shader/shared/reserve_lane.wgsl")),
+    ("sphere", include_str!("shader/shared/sphere.wgsl")),
+    ("tile", include_str!("shader/shared/tile.wgsl")),
+    ("wide", include_str!("shader/shared/wide.wgsl")),
+];
+
+/// Expands `#include piece`, `#ifdef NAME … #else … #endif` (not nested in one file) and `#{NAME}`.
+struct Expansion {
+    variant: Variant,
+}
+
+impl Expansion {
+    fn expand(&self, source: &str) -> String {
+        let mut text = String::new();
+        self.append(source, &mut text);
+        for (name, value) in self.constants() {
+            text = text.replace(&format!("#{{{name}}}"), &value.to_string());
+        }
+        text
+    }
+
+    fn append(&self, source: &str, text: &mut String) {
+        let mut kept = true;
+        for line in source.lines() {
+            match line.split_once(' ').unwrap_or((line, "")) {
+                ("#ifdef", name) => kept = self.is_defined(name),
+                ("#else", _) => kept = !kept,
+                ("#endif", _) => kept = true,
+                _ if !kept => {}
+                ("#include", name) => {
+                    let piece = PIECES.iter().find(|(piece, _)| *piece == name);
+                    self.append(piece.map_or("", |(_, source)| source), text);
+                }
+                // Writing to a string does not fail.
+                _ => drop(writeln!(text, "{line}")),
+            }
+        }
+    }
+
+    fn is_defined(&self, name: &str) -> bool {
+        match name {
+            "SUBGROUPS" => self.variant.subgroups.is_some(),
+            "SUBGROUP_RANKING" => self.variant.ranks_by_subgroup(),
+            "SPECIES" => self.variant.species,
+            _ => false,
+        }
+    }
+
+    fn constants(&self) -> [(&'static str, u32); 5] {
+        [
+            ("MAX_SUBGROUPS", GROUP / self.variant.subgroups.unwrap_or(GROUP).clamp(1, GROUP)),
+            ("RADIX_ITEMS", RADIX_ITEMS),
+            ("RADIX_SCRATCH", self.variant.radix_scratch()),
+            ("SCAN_ITEMS", SCAN_ITEMS),
+            ("SPHERES_PER_THREAD", SPHERES_PER_THREAD),
+        ]
+    }
+}

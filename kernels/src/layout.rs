@@ -1,0 +1,99 @@
+//! Rust twins of the structures in `shader/shared/layout.wgsl`. A test holds sizes and offsets against the shaders.
+
+use bytemuck::{Pod, Zeroable};
+
+/// What the host says about one call. The first word is the number of spheres, so that the same buffer can be
+/// bound as `count_source`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Call {
+    /// The number of spheres, or the most there may be when the number comes from a buffer.
+    pub spheres: u32,
+    /// Pairs that the output buffer holds.
+    pub pair_capacity: u32,
+    /// (cell, object) entries that the entry buffers hold.
+    pub entry_capacity: u32,
+    /// Bits of a cell's key.
+    pub key_bits: u32,
+    /// Cell edge as a multiple of the largest diameter.
+    pub raster_ratio: f32,
+    /// Species of the interaction table; 0 without one.
+    pub species: u32,
+    /// Workgroups of the two searches that share out their work evenly.
+    pub search_groups: u32,
+    /// Threads per workgroup of whoever consumes the pairs by indirect dispatch.
+    pub consumer_group: u32,
+}
+
+/// The result besides the pairs, as it lies in the outcome buffer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Outcome {
+    /// Low word of the number of pairs found.
+    pub found_lo: u32,
+    /// High word of the number of pairs found.
+    pub found_hi: u32,
+    /// Bits [`Outcome::PAIRS`], [`Outcome::ENTRIES`] and [`Outcome::SPHERES`].
+    pub overflow: u32,
+    /// Spheres that are not finite or have a negative radius (or an unknown species): they pair with nothing.
+    pub quarantined: u32,
+    /// Workgroups for a consumer with one thread per written pair.
+    pub dispatch_x: u32,
+    /// Second dimension of that dispatch; above 1 when more than 65 535 workgroups are needed.
+    pub dispatch_y: u32,
+    /// Third dimension of that dispatch, 1.
+    pub dispatch_z: u32,
+    /// Blocks of entries that went to the crowded search.
+    pub crowded: u32,
+    /// Low word of the number of entries.
+    pub entries_lo: u32,
+    /// High word of the number of entries.
+    pub entries_hi: u32,
+    /// Spheres that the call was given.
+    pub spheres: u32,
+    /// Unused.
+    pub spare: u32,
+}
+
+impl Outcome {
+    /// Overflow bit: more pairs than the output holds; the count is exact nevertheless.
+    pub const PAIRS: u32 = 1;
+    /// Overflow bit: more entries than planned; the count is then a lower bound and the call must be repeated.
+    pub const ENTRIES: u32 = 2;
+    /// Overflow bit: more spheres than prepared for; those beyond were not looked at.
+    pub const SPHERES: u32 = 4;
+    /// Offset of the indirect-dispatch arguments in bytes.
+    pub const DISPATCH_OFFSET: u64 = std::mem::offset_of!(Self, dispatch_x) as u64;
+
+    /// How many pairs were found, whether or not they were written.
+    pub fn found(&self) -> u64 {
+        u64::from(self.found_hi) << 32 | u64::from(self.found_lo)
+    }
+
+    /// How many entries the raster needs.
+    pub fn entries(&self) -> u64 {
+        u64::from(self.entries_hi) << 32 | u64::from(self.entries_lo)
+    }
+}
+
+/// How many keys to sort and how many values to scan.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Lengths {
+    /// Keys to sort.
+    pub items: u32,
+    /// Values to scan.
+    pub counters: u32,
+}
+
+impl Lengths {
+    /// The lengths for a sort of `items` keys: a counter per digit and tile.
+    pub fn for_sort(items: u32) -> Self {
+        Self { items, counters: items.div_ceil(crate::kernel::RADIX_TILE) << crate::kernel::DIGIT_BITS }
+    }
+}
+
+/// Bytes of the `Bounds` structure, which the host never looks into.
+pub const BOUNDS_BYTES: u64 = 32;
+/// Bytes of the `Grid` structure, which the host never looks into.
+pub const GRID_BYTES: u64 = 64;

@@ -1,0 +1,106 @@
+// Pairs of entries more than NEAR places apart in one run: each workgroup takes a listed block of 256 entries
+// and a share of the tiles that follow, so that a single crowded cell keeps the whole device busy.
+#include layout
+#include place
+
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<storage, read> grid: Grid;
+@group(0) @binding(2) var<storage, read> lengths: Lengths;
+@group(0) @binding(3) var<storage, read> keys: array<u32>;
+@group(0) @binding(4) var<storage, read> objects: array<u32>;
+@group(0) @binding(5) var<storage, read> spheres: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(7) var<storage, read_write> pairs: array<vec2<u32>>;
+@group(0) @binding(8) var<storage, read> crowded: array<u32>;
+#ifdef SPECIES
+@group(0) @binding(9) var<storage, read> species: array<u32>;
+@group(0) @binding(10) var<storage, read> table: array<f32>;
+#endif
+#include overlap
+#include reserve_lane
+#include entry
+#include tile
+
+const GROUP: u32 = 256u;
+
+// One past the last entry of the run with this key, which begins before `from`.
+fn run_end(key: u32, begin: u32) -> u32 {
+    var low = begin;
+    var high = lengths.items;
+    while (low < high) {
+        let middle = low + (high - low) / 2u;
+        if (keys[middle] == key) {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+// Bits of the owned pairs among `hits`.
+fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
+    var left = hits;
+    var owned = 0u;
+    while (left != 0u) {
+        let k = firstTrailingBit(left);
+        left &= left - 1u;
+        owned |= select(0u, 1u << k, is_owned(object, tile_objects[first + k]));
+    }
+    return owned;
+}
+
+@compute @workgroup_size(256)
+fn crowded_search(at: Builtins) {
+    let place = place_of(at);
+    let blocks = atomicLoad(&outcome.crowded);
+    if (blocks == 0u) {
+        return;
+    }
+    let splits = max(call.search_groups / blocks, 1u);
+    for (var work = place.group; work < blocks * splits; work += call.search_groups) {
+        let block = crowded[work / splits];
+        let entry = block + place.lane;
+        let key = keys[block + GROUP - 1u];
+        let start = block + NEAR + 1u;
+        let end = run_end(key, block + GROUP);
+        let row_used = keys[entry] == key && entry + NEAR + 1u < end;
+        var row: Row;
+        row.object = objects[entry];
+        row.sphere = spheres[index_of(row.object)];
+#ifdef SPECIES
+        row.species = species[index_of(row.object)];
+#endif
+        for (var column = start + (work % splits) * GROUP; column < end; column += splits * GROUP) {
+            workgroupBarrier();
+            if (column + place.lane < end) {
+                let object = objects[column + place.lane];
+                tile_objects[place.lane] = object;
+                tile[place.lane] = spheres[index_of(object)];
+#ifdef SPECIES
+                tile_species[place.lane] = species[index_of(object)];
+#endif
+            }
+            workgroupBarrier();
+            // In the first tile only partners beyond the near ones, which end farther on for later threads.
+            let begin = select(0u, place.lane, column == start);
+            let finish = min(GROUP, end - column);
+            for (var first = 0u; first < GROUP; first += 32u) {
+                let window = tile_window(first, begin, finish);
+                var hits = 0u;
+                if (row_used && window != 0u) {
+                    hits = owned_hits(row.object, first, tile_hits(row, first) & window);
+                }
+                if (some_lane(hits != 0u)) {
+                    var at_pair = pairs_reserve_lane(countOneBits(hits), place);
+                    while (hits != 0u && at_pair < call.pair_capacity) {
+                        let k = firstTrailingBit(hits);
+                        hits &= hits - 1u;
+                        pair_write(at_pair, index_of(row.object), index_of(tile_objects[first + k]));
+                        at_pair += 1u;
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,145 @@
+// Chooses the raster of this call: origin, cell edge, limits and key bits.
+#include layout
+#include place
+#include sphere
+
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<storage, read> spheres: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read_write> bounds: Bounds;
+@group(0) @binding(3) var<storage, read_write> grid: Grid;
+
+const SAMPLES: u32 = 256u;
+// Cells on either side of the origin. Beyond, coordinates go to the outermost cell; within, a box is widened by
+// at most an eighth of an edge, so that no sphere overlaps more than two cells per axis.
+const HALF_RASTER: f32 = 0x1p17;
+// Fewest bits of a folded axis: with eight cells before the fold repeats, two overlapping spheres never meet in
+// different cells of one key.
+const FOLD_BITS: u32 = 3u;
+
+var<workgroup> samples: array<array<f32, 256>, 3>;
+var<workgroup> accepted: atomic<u32>;
+// Lower quartile, median and upper quartile of the samples.
+var<workgroup> quartiles: array<array<f32, 3>, 3>;
+
+fn decoded(key: u32) -> f32 {
+    return bitcast<f32>(select(~key, key & 0x7fffffffu, key >= 0x80000000u));
+}
+
+// In cells from the origin. The limits keep every intermediate value finite.
+fn cell_of(position: vec3<f32>, origin: vec3<f32>, inverse_edge: f32) -> vec3<i32> {
+    let offset = clamp(position - origin, vec3(-0x1p126), vec3(0x1p126));
+    return vec3<i32>(floor(clamp(offset * inverse_edge, vec3(-HALF_RASTER), vec3(HALF_RASTER))));
+}
+
+fn axis_bits(cells: u32) -> u32 {
+    return 32u - countLeadingZeros(cells - 1u);
+}
+
+fn folded_bits(cells: vec3<u32>) -> vec3<u32> {
+    var bits = vec3(axis_bits(cells.x), axis_bits(cells.y), axis_bits(cells.z));
+    while (bits.x + bits.y + bits.z > call.key_bits) {
+        if (bits.x >= bits.y && bits.x >= bits.z) {
+            bits.x = max(bits.x - 1u, FOLD_BITS);
+        } else if (bits.y >= bits.z) {
+            bits.y = max(bits.y - 1u, FOLD_BITS);
+        } else {
+            bits.z = max(bits.z - 1u, FOLD_BITS);
+        }
+    }
+    return bits;
+}
+
+@compute @workgroup_size(256)
+fn grid_configure(at: Builtins) {
+    let lane = at.lane;
+    let count = grid.spheres;
+    if (lane == 0u) {
+        atomicStore(&accepted, 0u);
+    }
+    if (lane < 3u) {
+        quartiles[lane] = array(0.0, 0.0, 0.0);
+    }
+    workgroupBarrier();
+    // Lanes that have no valid sphere take the largest value, so that they rank last.
+    var sample = vec4(0x1.fffffep127);
+    var used = false;
+    if (lane < count) {
+        let index = select(lane, (count / SAMPLES) * lane + ((count % SAMPLES) * lane) / SAMPLES, count > SAMPLES);
+        let sphere = spheres[index];
+        if (is_valid(sphere)) {
+            sample = sphere;
+            used = true;
+            atomicAdd(&accepted, 1u);
+        }
+    }
+    for (var axis = 0u; axis < 3u; axis++) {
+        samples[axis][lane] = sample[axis];
+    }
+    workgroupBarrier();
+    let total = atomicLoad(&accepted);
+    if (used) {
+        for (var axis = 0u; axis < 3u; axis++) {
+            var rank = 0u;
+            for (var other = 0u; other < SAMPLES; other++) {
+                let value = samples[axis][other];
+                rank += select(0u, 1u, value < sample[axis] || (value == sample[axis] && other < lane));
+            }
+            for (var quarter = 1u; quarter <= 3u; quarter++) {
+                if (rank == (total * quarter) / 4u) {
+                    quartiles[axis][quarter - 1u] = sample[axis];
+                }
+            }
+        }
+    }
+    workgroupBarrier();
+    if (lane != 0u) {
+        return;
+    }
+
+    let origin = vec3(quartiles[0][1], quartiles[1][1], quartiles[2][1]);
+    let spread = vec3(
+        quartiles[0][2] * 0.25 - quartiles[0][0] * 0.25,
+        quartiles[1][2] * 0.25 - quartiles[1][0] * 0.25,
+        quartiles[2][2] * 0.25 - quartiles[2][0] * 0.25,
+    );
+    let radius_max = bitcast<f32>(atomicLoad(&bounds.radius_max));
+    let radius_min = bitcast<f32>(min(atomicLoad(&bounds.radius_min), 0x7f7fffffu));
+    let far = max(max(abs(origin.x), abs(origin.y)), abs(origin.z));
+    let spheres_count = f32(max(count, 1u));
+    // Sparse points need no finer raster than their distances ask for, however small they are: about an eighth of
+    // the mean distance in a volume, or a quarter of that on a line.
+    let volume_spacing = pow(spread.x, 1.0 / 3.0) * pow(spread.y, 1.0 / 3.0) * pow(spread.z, 1.0 / 3.0)
+        * pow(spheres_count, -1.0 / 3.0);
+    let line_spacing = max(spread.x, max(spread.y, spread.z)) / spheres_count;
+    let edge = max(
+        max(2.0 * radius_max * call.raster_ratio, far * 0x1p-17),
+        max(max(volume_spacing, line_spacing), 0x1p-100),
+    );
+    let inverse_edge = select(0.0, 1.0 / edge, edge < 0x1p120);
+    let lowest = vec3(
+        decoded(atomicLoad(&bounds.low_x)),
+        decoded(atomicLoad(&bounds.low_y)),
+        decoded(atomicLoad(&bounds.low_z)),
+    );
+    let highest = vec3(
+        decoded(atomicLoad(&bounds.high_x)),
+        decoded(atomicLoad(&bounds.high_y)),
+        decoded(atomicLoad(&bounds.high_z)),
+    );
+    var low = vec3(0);
+    var high = vec3(0);
+    if (inverse_edge > 0.0 && atomicLoad(&bounds.radius_min) != 0xffffffffu) {
+        low = cell_of(lowest, origin, inverse_edge);
+        high = max(low, cell_of(highest, origin, inverse_edge));
+    }
+    let largest = max(
+        max(max(abs(lowest.x), abs(lowest.y)), abs(lowest.z)),
+        max(max(abs(highest.x), abs(highest.y)), abs(highest.z)),
+    );
+    grid.origin = origin;
+    grid.inverse_edge = inverse_edge;
+    grid.low = low;
+    grid.high = high;
+    grid.ordinary = select(0u, 1u, radius_min > 0x1p-40 && largest < 0x1p58);
+    grid.bits = folded_bits(vec3<u32>(high - low) + vec3(1u));
+}

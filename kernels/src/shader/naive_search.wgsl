@@ -1,0 +1,81 @@
+// All pairs: each workgroup takes 256 spheres and a share of the tiles of those with larger indices.
+#include layout
+#include place
+#include sphere
+
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<storage, read> grid: Grid;
+@group(0) @binding(2) var<storage, read> spheres: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(4) var<storage, read_write> pairs: array<vec2<u32>>;
+#ifdef SPECIES
+@group(0) @binding(5) var<storage, read> species: array<u32>;
+@group(0) @binding(6) var<storage, read> reach: array<vec2<f32>>;
+@group(0) @binding(7) var<storage, read> table: array<f32>;
+#endif
+#include reach
+#include overlap
+#include reserve_lane
+#include tile
+
+const GROUP: u32 = 256u;
+
+var<workgroup> tile_valid: array<atomic<u32>, 8>;
+
+@compute @workgroup_size(256)
+fn naive_search(at: Builtins) {
+    let place = place_of(at);
+    let count = grid.spheres;
+    let blocks = (count + GROUP - 1u) / GROUP;
+    let splits = clamp(call.search_groups / max(blocks, 1u), 1u, max(blocks, 1u));
+    for (var work = place.group; work < blocks * splits; work += call.search_groups) {
+        let block = work / splits;
+        var row: Row;
+        row.object = block * GROUP + place.lane;
+        var row_used = false;
+        if (row.object < count) {
+            row.sphere = spheres[row.object];
+            row_used = is_accepted(row.object, row.sphere);
+#ifdef SPECIES
+            row.species = min(species[row.object], call.species - 1u);
+#endif
+        }
+        for (var column = block + work % splits; column < blocks; column += splits) {
+            workgroupBarrier();
+            if (place.lane < 8u) {
+                atomicStore(&tile_valid[place.lane], 0u);
+            }
+            workgroupBarrier();
+            let other = column * GROUP + place.lane;
+            if (other < count) {
+                let sphere = spheres[other];
+                tile[place.lane] = sphere;
+#ifdef SPECIES
+                tile_species[place.lane] = min(species[other], call.species - 1u);
+#endif
+                if (is_accepted(other, sphere)) {
+                    atomicOr(&tile_valid[place.lane / 32u], 1u << (place.lane % 32u));
+                }
+            }
+            workgroupBarrier();
+            // In the block's own tile only larger indices.
+            let begin = select(0u, place.lane + 1u, column == block);
+            for (var first = 0u; first < GROUP; first += 32u) {
+                let window = tile_window(first, begin, GROUP) & atomicLoad(&tile_valid[first / 32u]);
+                var hits = 0u;
+                if (row_used && window != 0u) {
+                    hits = tile_hits(row, first) & window;
+                }
+                if (some_lane(hits != 0u)) {
+                    var at_pair = pairs_reserve_lane(countOneBits(hits), place);
+                    while (hits != 0u && at_pair < call.pair_capacity) {
+                        let k = firstTrailingBit(hits);
+                        hits &= hits - 1u;
+                        pair_write(at_pair, row.object, column * GROUP + first + k);
+                        at_pair += 1u;
+                    }
+                }
+            }
+        }
+    }
+}

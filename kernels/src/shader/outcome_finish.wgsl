@@ -1,0 +1,22 @@
+// Settles the overflow flag and the indirect-dispatch arguments for whoever consumes the pairs.
+#include layout
+
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<storage, read_write> outcome: Outcome;
+
+const MAX_GROUPS: u32 = 65535u;
+
+@compute @workgroup_size(1)
+fn outcome_finish() {
+    let found = atomicLoad(&outcome.found_lo);
+    let full = atomicLoad(&outcome.found_hi) != 0u || found > call.pair_capacity;
+    if (full) {
+        atomicOr(&outcome.overflow, 1u);
+    }
+    let written = select(found, call.pair_capacity, full);
+    let groups = written / call.consumer_group + select(0u, 1u, written % call.consumer_group != 0u);
+    let rows = (groups + MAX_GROUPS - 1u) / MAX_GROUPS;
+    atomicStore(&outcome.dispatch_x, select(groups, MAX_GROUPS, rows > 1u));
+    atomicStore(&outcome.dispatch_y, max(rows, 1u));
+    atomicStore(&outcome.dispatch_z, 1u);
+}

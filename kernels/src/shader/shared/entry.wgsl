@@ -1,0 +1,13 @@
+// Along a run, partners up to this many places away are found thread by thread, those beyond by tiles. As it is
+// a block's length, at most one run of a block has partners beyond.
+const NEAR: u32 = 256u;
+
+fn index_of(object: u32) -> u32 {
+    return object & 0x1fffffffu;
+}
+
+// Whether the cell of two entries is the one that reports their pair: on each axis the larger of their first
+// cells. As both overlap the cell, that is where each axis has one that begins here.
+fn is_owned(object: u32, other: u32) -> bool {
+    return ((object | other) >> 29u) == 7u;
+}

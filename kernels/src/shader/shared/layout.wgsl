@@ -1,0 +1,73 @@
+// What the host says about one call. Word 0 is the number of spheres, so that the same buffer can be bound as
+// `count_source` when the host knows the number.
+struct Call {
+    // The number of spheres, or the most there may be when the number comes from a buffer.
+    spheres: u32,
+    // Pairs that the output buffer holds.
+    pair_capacity: u32,
+    // (cell, object) entries that the entry buffers hold.
+    entry_capacity: u32,
+    // Bits of a cell's key: the raster is folded into that many.
+    key_bits: u32,
+    // Cell edge as a multiple of the largest diameter.
+    raster_ratio: f32,
+    // Species of the interaction table; 0 without one.
+    species: u32,
+    // Workgroups of the two searches that share out their work evenly.
+    search_groups: u32,
+    // Threads per workgroup of whoever consumes the pairs by indirect dispatch.
+    consumer_group: u32,
+}
+
+// Bounds of all valid spheres, their widened radii included. Floats in an order-preserving encoding.
+struct Bounds {
+    low_x: atomic<u32>,
+    low_y: atomic<u32>,
+    low_z: atomic<u32>,
+    high_x: atomic<u32>,
+    high_y: atomic<u32>,
+    high_z: atomic<u32>,
+    // Bits of the smallest and largest effective radius.
+    radius_min: atomic<u32>,
+    radius_max: atomic<u32>,
+}
+
+// The raster: cell = floor((position - origin) * inverse_edge), limited to low..=high.
+struct Grid {
+    origin: vec3<f32>,
+    // 0 puts everything into one cell.
+    inverse_edge: f32,
+    low: vec3<i32>,
+    // How many spheres this call has.
+    spheres: u32,
+    high: vec3<i32>,
+    // 1 when no distance test of this call can overflow or underflow.
+    ordinary: u32,
+    // Key bits of each axis; the coordinate is folded into them.
+    bits: vec3<u32>,
+    spare: u32,
+}
+
+// The result besides the pairs. The dispatch arguments lie so that `dispatch_workgroups_indirect` can read them.
+struct Outcome {
+    found_lo: atomic<u32>,
+    found_hi: atomic<u32>,
+    // Bit 0: more pairs than the buffer holds; bit 1: more entries; bit 2: more spheres than prepared for.
+    overflow: atomic<u32>,
+    quarantined: atomic<u32>,
+    dispatch_x: atomic<u32>,
+    dispatch_y: atomic<u32>,
+    dispatch_z: atomic<u32>,
+    // Blocks of entries that have partners too far along the run for the near search.
+    crowded: atomic<u32>,
+    entries_lo: atomic<u32>,
+    entries_hi: atomic<u32>,
+    spheres: atomic<u32>,
+    spare: atomic<u32>,
+}
+
+// How many keys there are to sort and how many values to scan.
+struct Lengths {
+    items: u32,
+    counters: u32,
+}

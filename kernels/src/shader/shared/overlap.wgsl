@@ -1,0 +1,61 @@
+// Scales by 2^100; subnormal values by way of their bits, as devices may flush them.
+fn scaled_up(value: f32) -> f32 {
+    let bits = bitcast<u32>(value);
+    if ((bits & 0x7f800000u) == 0u) {
+        return select(0x1p-49, -0x1p-49, bits >= 0x80000000u) * f32(bits & 0x007fffffu);
+    }
+    return value * 0x1p100;
+}
+
+// The difference of two coordinates, times 2^100, where it is known to be below 2^-40.
+fn scaled_difference(a: f32, b: f32) -> f32 {
+    if (max(abs(a), abs(b)) < 0x1p20) {
+        return scaled_up(a) - scaled_up(b);
+    }
+    return (a - b) * 0x1p100;
+}
+
+// Whether the centres are at most `reach.x + reach.y` apart, where squares would overflow or underflow.
+fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>, large: bool) -> bool {
+    if (large) {
+        let d = a * 0x1p-70 - b * 0x1p-70;
+        let s = reach.x * 0x1p-70 + reach.y * 0x1p-70;
+        return dot(d, d) <= s * s;
+    }
+    let d = vec3(scaled_difference(a.x, b.x), scaled_difference(a.y, b.y), scaled_difference(a.z, b.z));
+    let s = scaled_up(reach.x) + scaled_up(reach.y);
+    return dot(d, d) <= s * s;
+}
+
+// Whether the centres are at most `reach.x + reach.y` apart, for any finite values.
+fn is_within(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>) -> bool {
+    let d = a - b;
+    let s = reach.x + reach.y;
+    let largest = max(max(abs(d.x), abs(d.y)), max(abs(d.z), s));
+    if (largest < 0x1p60 && largest > 0x1p-40) {
+        return dot(d, d) <= s * s;
+    }
+    return is_within_scaled(a, b, reach, largest >= 1.0);
+}
+
+// The test without guards, for calls whose values are all ordinary.
+fn is_within_ordinary(a: vec4<f32>, b: vec4<f32>) -> bool {
+    let d = a.xyz - b.xyz;
+    let s = a.w + b.w;
+    return dot(d, d) <= s * s;
+}
+
+#ifdef SPECIES
+// `table` holds -1 for never, -2 for touching, else the distance.
+fn is_pair(a: vec4<f32>, b: vec4<f32>, species_a: u32, species_b: u32) -> bool {
+    let distance = table[species_a * call.species + species_b];
+    if (distance == -1.0) {
+        return false;
+    }
+    return is_within(a.xyz, b.xyz, select(vec2(distance, 0.0), vec2(a.w, b.w), distance == -2.0));
+}
+#else
+fn is_pair(a: vec4<f32>, b: vec4<f32>) -> bool {
+    return is_within(a.xyz, b.xyz, vec2(a.w, b.w));
+}
+#endif

@@ -1,0 +1,29 @@
+#include reserve
+
+#ifdef SUBGROUPS
+// Whether any thread of the subgroup has something to write; keeps the subgroup together in `pairs_reserve_lane`.
+fn some_lane(wanted: bool) -> bool {
+    return subgroupAny(wanted);
+}
+
+// Places for this thread's `count` pairs, without a workgroup barrier: one atomic per subgroup.
+fn pairs_reserve_lane(count: u32, place: Place) -> u32 {
+    let before = subgroupExclusiveAdd(count);
+    let total = subgroupAdd(count);
+    var first = 0u;
+    if (place.lane_in_subgroup == 0u) {
+        first = pairs_reserve(total);
+    }
+    first = subgroupBroadcastFirst(first);
+    return select(0xffffffffu, first + before, first < call.pair_capacity);
+}
+#else
+fn some_lane(wanted: bool) -> bool {
+    return wanted;
+}
+
+// Places for this thread's `count` pairs, without a workgroup barrier.
+fn pairs_reserve_lane(count: u32, place: Place) -> u32 {
+    return pairs_reserve(count);
+}
+#endif
