@@ -1,1 +1,29 @@
-//! stub
+//! The CPU path of lazygrid: every pair of overlapping spheres, found by rayon threads.
+//!
+//! [`HostDetector`] is the way in. Data flows one way: spheres → [`Survey`] → [`choice`] → plan → detector → pairs.
+//! Most programs use it through the `lazygrid` crate.
+
+pub mod choice;
+
+mod canonical;
+mod cell_list;
+mod columns;
+mod contact;
+mod detector;
+mod error;
+mod naive;
+mod neighbors;
+mod report;
+mod scatter;
+mod settings;
+mod simd;
+mod sink;
+mod survey;
+
+pub use detector::HostDetector;
+pub use error::Error;
+pub use neighbors::Neighbors;
+pub use report::{Phase, Report};
+pub use settings::{Order, Settings};
+pub use simd::Simd;
+pub use survey::{CLASSES, Class, Survey, check};

@@ -1,0 +1,147 @@
+//! How crowded the space is: how many spheres share a cube of a given edge with a typical one.
+//!
+//! Estimated from a sample, because a cost model needs it before anything is built, and bounds alone say nothing of
+//! clusters. The sample is sorted along the Morton curve, where the members of every octree cell are neighbours, so
+//! one sort answers for all edges.
+
+use glam::DVec3;
+
+use crate::detector::Input;
+
+/// Halvings of the bounding cube's edge: 21 bits per axis fill a 63-bit Morton code.
+const DEPTHS: usize = 21;
+/// Fewer coincidences than this at one depth say more about chance than about space.
+const RELIABLE: u64 = 24;
+
+/// Mean number of spheres in the cube of a sphere, by the cube's edge, as points of a line in log-log scale.
+#[derive(Clone, Debug)]
+pub(crate) struct Crowding {
+    /// log₂ of the edge of the bounding cube.
+    top: f32,
+    /// log₂ of the mean number at edge `2^(top - depth)`, for the depths that the sample can tell.
+    log_mean: Vec<f32>,
+    /// How fast log₂ of the mean falls per halving below those.
+    slope: f32,
+}
+
+impl Crowding {
+    /// Samples the input.
+    pub(crate) fn sample(input: &Input<'_>) -> Self {
+        let survey = &input.survey;
+        let n = survey.spheres;
+        let origin = survey.min.as_dvec3();
+        let edge = (survey.max.as_dvec3() - origin).max_element();
+        let size = sample_size(n);
+        let scale = if edge > 0.0 { f64::from(1 << DEPTHS) / edge } else { 0.0 };
+        let spheres = input.rule.spheres();
+        let mut codes: Vec<u64> = (0..size)
+            .map(|k| morton((spheres.get(sample_index(k, size, n)).center.as_dvec3() - origin) * scale))
+            .collect();
+        codes.sort_unstable();
+        Self::from_codes(&codes, n, edge)
+    }
+
+    fn from_codes(codes: &[u64], n: usize, edge: f64) -> Self {
+        let (n, size) = (n as f32, codes.len() as f32);
+        let pairs = size * (size - 1.0) / 2.0;
+        let mut log_mean = vec![n.max(1.0).log2()];
+        for depth in 1..=DEPTHS {
+            let shared = coincidences(codes, depth);
+            if shared < RELIABLE {
+                break;
+            }
+            log_mean.push((n * shared as f32 / pairs).log2());
+        }
+        let falls = match log_mean[..] {
+            [.., a, b] if log_mean.len() > 2 => a - b,
+            _ => 3.0,
+        };
+        let top = if edge > 0.0 { edge.log2() as f32 } else { f32::NEG_INFINITY };
+        Self { top, log_mean, slope: falls.clamp(0.0, 3.0) }
+    }
+
+    /// log₂ of the edge of the bounding cube; −∞ where all centres coincide.
+    pub(crate) fn log_extent(&self) -> f32 {
+        self.top
+    }
+
+    /// Mean number of spheres, itself included, in the cube of this edge around a sphere.
+    pub(crate) fn mean(&self, log_edge: f32) -> f32 {
+        let depth = self.top - log_edge;
+        let last = self.log_mean.len() - 1;
+        let log_mean = if !(depth > 0.0) {
+            self.log_mean[0]
+        } else if depth >= last as f32 {
+            self.log_mean[last] - self.slope * (depth - last as f32)
+        } else {
+            let (k, part) = (depth as usize, depth.fract());
+            self.log_mean[k] + part * (self.log_mean[k + 1] - self.log_mean[k])
+        };
+        log_mean.exp2()
+    }
+}
+
+/// Enough that the mean of one sphere per cell shows as some dozens of coincidences, few enough to be cheap.
+fn sample_size(n: usize) -> usize {
+    n.min((8.0 * (n as f64).sqrt()) as usize).clamp(n.min(64), 1 << 16)
+}
+
+/// The `k`-th of `size` indices below `n`: one from each stretch, at a place in it that follows no pattern.
+fn sample_index(k: usize, size: usize, n: usize) -> usize {
+    let (from, to) = (k * n / size, (k + 1) * n / size);
+    let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
+    from + (mixed * (to - from) as u64 >> 32) as usize
+}
+
+/// Interleaves the bits of three coordinates below 2²¹.
+fn morton(at: DVec3) -> u64 {
+    let spread = |v: f64| {
+        let mut v = (v as u64).min((1 << DEPTHS) - 1);
+        v = (v | v << 32) & 0x1F_0000_0000_FFFF;
+        v = (v | v << 16) & 0x1F_0000_FF00_00FF;
+        v = (v | v << 8) & 0x100F_00F0_0F00_F00F;
+        v = (v | v << 4) & 0x10C3_0C30_C30C_30C3;
+        (v | v << 2) & 0x1249_2492_4924_9249
+    };
+    spread(at.x) | spread(at.y) << 1 | spread(at.z) << 2
+}
+
+/// How many pairs of the sorted sample share a cell at `depth` halvings.
+fn coincidences(codes: &[u64], depth: usize) -> u64 {
+    let shift = 3 * (DEPTHS - depth);
+    codes
+        .chunk_by(|a, b| a >> shift == b >> shift)
+        .map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2)
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_lattice_has_its_density_at_every_edge() {
+        let codes: Vec<u64> = (0..1 << 12).map(|k| k << 51).collect();
+        let crowding = Crowding::from_codes(&codes, 1 << 20, 16.0);
+        for (log_edge, expected) in [(4.0, 20.0), (3.0, 17.0), (2.0, 14.0), (1.5, 12.5), (-2.0, 2.0)] {
+            let mean = crowding.mean(log_edge).log2();
+            assert!((mean - expected).abs() < 0.6, "edge 2^{log_edge}: 2^{mean}, not 2^{expected}");
+        }
+    }
+
+    #[test]
+    fn coincident_spheres_are_crowded_at_every_edge() {
+        let crowding = Crowding::from_codes(&[7; 100], 1000, 0.0);
+        assert!(crowding.mean(-100.0) > 990.0);
+        assert!(crowding.mean(10.0) > 990.0);
+    }
+
+    #[test]
+    fn samples_are_distinct_and_inside() {
+        for n in [1, 2, 63, 64, 65, 1000, 123_457] {
+            let size = sample_size(n);
+            let picked: Vec<_> = (0..size).map(|k| sample_index(k, size, n)).collect();
+            assert!(picked.windows(2).all(|w| w[0] < w[1]) && picked.iter().all(|&i| i < n), "n = {n}");
+        }
+    }
+}

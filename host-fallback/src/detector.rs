@@ -1,0 +1,279 @@
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, AtomicU64};
+
+use lazygrid_kernels::{Algorithm, Pair, Spheres};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::canonical::Canonical;
+use crate::cell_list::CellList;
+use crate::columns::Columns;
+use crate::contact::Rule;
+use crate::neighbors::Lists;
+use crate::sink::{Consume, Count, Output, To, Written};
+use crate::survey::{Survey, check};
+use crate::{Error, Neighbors, Order, Report, Settings, Simd, choice, naive};
+
+/// Finds overlapping pairs on the CPU, call after call, reusing its buffers.
+#[derive(Debug)]
+pub struct HostDetector {
+    settings: Settings,
+    pool: Option<ThreadPool>,
+    state: State,
+}
+
+/// All that survives between calls, apart from the pool, in which the rest of the work runs.
+#[derive(Debug)]
+struct State {
+    simd: Simd,
+    report: Report,
+    columns: Columns,
+    cell_list: CellList,
+    canonical: Canonical,
+    spare: Vec<Vec<Pair>>,
+    pairs: Vec<Pair>,
+    lists: Lists,
+}
+
+/// What a detector works on: spheres that were checked and surveyed.
+pub(crate) struct Input<'a> {
+    pub(crate) rule: Rule<'a>,
+    pub(crate) survey: Survey,
+    pub(crate) settings: &'a Settings,
+    pub(crate) simd: Simd,
+}
+
+impl HostDetector {
+    /// A detector with these settings.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a setting outside its range, [`Error::NotOnCpu`] for a GPU algorithm,
+    /// [`Error::Threads`] where the system refuses the threads.
+    pub fn new(settings: Settings) -> Result<Self, Error> {
+        settings.check()?;
+        let pool = match settings.threads {
+            None => None,
+            Some(threads) => {
+                let built = ThreadPoolBuilder::new().num_threads(threads).build();
+                Some(built.map_err(|e| Error::Threads { threads, reason: e.to_string() })?)
+            }
+        };
+        let simd = Simd::detect();
+        log::debug!("vector code: {simd:?}");
+        let report = Report { algorithm: settings.algorithm, ..Report::default() };
+        let state = State {
+            simd,
+            report,
+            columns: Columns::default(),
+            cell_list: CellList::default(),
+            canonical: Canonical::default(),
+            spare: Vec::new(),
+            pairs: Vec::new(),
+            lists: Lists::default(),
+        };
+        Ok(Self { settings, pool, state })
+    }
+
+    /// The overlapping pairs, each once, in the order of the settings.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a bad input, [`Error::TooManyPairs`] above the limit, [`Error::OutOfMemory`].
+    pub fn pairs(&mut self, spheres: Spheres<'_>) -> Result<&[Pair], Error> {
+        let order = self.settings.order;
+        self.run(spheres, |state, input| state.list(input, order))?;
+        Ok(&self.state.pairs)
+    }
+
+    /// The pairs as neighbour lists.
+    ///
+    /// # Errors
+    /// As [`pairs`](Self::pairs).
+    pub fn neighbors(&mut self, spheres: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
+        self.run(spheres, |state, input| state.list(input, Order::Canonical))?;
+        let State { report, lists, pairs, .. } = &mut self.state;
+        Ok(report.time("neighbors", || lists.fill(pairs, spheres.len())))
+    }
+
+    /// How many pairs there are.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a bad input, [`Error::OutOfMemory`].
+    pub fn count(&mut self, spheres: Spheres<'_>) -> Result<u64, Error> {
+        self.run(spheres, |state, input| {
+            state.report.pairs = state.search(input, &Count).0;
+            Ok(())
+        })?;
+        Ok(self.state.report.pairs)
+    }
+
+    /// Hands the pairs over in chunks of at most `chunk` and returns how many there were.
+    ///
+    /// # Errors
+    /// As [`count`](Self::count).
+    pub fn stream<F>(&mut self, spheres: Spheres<'_>, chunk: usize, mut consume: F) -> Result<u64, Error>
+    where
+        F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
+    {
+        let (order, limit, chunk) = (self.settings.order, self.settings.max_pairs, chunk.max(1));
+        let mut handed = 0;
+        let mut consume = |pairs: &[Pair]| {
+            for part in pairs.chunks(chunk) {
+                handed += part.len() as u64;
+                consume(part)?;
+            }
+            ControlFlow::Continue(())
+        };
+        self.run(spheres, |state, input| match order {
+            Order::Unordered => {
+                state.hand_over(input, &mut consume);
+                Ok(())
+            }
+            Order::Canonical => state.stream_in_order(input, limit, &mut consume),
+        })?;
+        self.state.report.pairs = handed;
+        Ok(handed)
+    }
+
+    /// What the last call did and why.
+    pub fn report(&self) -> &Report {
+        &self.state.report
+    }
+
+    /// An upper estimate of the bytes held for `spheres` spheres, besides the result.
+    pub fn memory_for(&self, spheres: u64) -> u64 {
+        match self.settings.algorithm {
+            Algorithm::Naive => spheres * Columns::BYTES_PER_SPHERE,
+            _ => CellList::memory_for(spheres),
+        }
+    }
+
+    /// The pairs of the last list, without a copy.
+    pub fn into_pairs(self) -> Vec<Pair> {
+        self.state.pairs
+    }
+
+    /// Checks and surveys the input, chooses, builds, and leaves the rest to `work`, all in the detector's pool.
+    fn run(
+        &mut self,
+        spheres: Spheres<'_>,
+        work: impl FnOnce(&mut State, &Input<'_>) -> Result<(), Error> + Send,
+    ) -> Result<(), Error> {
+        let Self { settings, pool, state } = self;
+        let task = || {
+            state.report = Report { spheres: spheres.len() as u64, ..Report::default() };
+            let interactions = settings.interactions.as_ref();
+            state.report.time("check", || check(spheres, interactions))?;
+            let rule = Rule::new(spheres, interactions);
+            let survey = state.report.time("survey", || Survey::of(&rule));
+            let (algorithm, reason) = choice::choose(settings.algorithm, &survey);
+            log::debug!("{reason}");
+            (state.report.algorithm, state.report.reason) = (algorithm, reason);
+            let input = Input { rule, survey, settings, simd: state.simd };
+            state.build(&input)?;
+            work(state, &input)
+        };
+        match pool {
+            Some(pool) => pool.install(task),
+            None => task(),
+        }
+    }
+}
+
+impl State {
+    fn build(&mut self, input: &Input<'_>) -> Result<(), Error> {
+        let Self { report, columns, cell_list, .. } = self;
+        match report.algorithm {
+            Algorithm::Naive => {
+                report.time("gather", || columns.gather(&input.rule, 0..input.survey.spheres as u32));
+            }
+            _ => cell_list.build(input, report),
+        }
+        Ok(())
+    }
+
+    fn search<'o, O: Output>(&mut self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
+        let Self { report, columns, cell_list, .. } = self;
+        match report.algorithm {
+            Algorithm::Naive => {
+                report.time("search", || naive::search(input.simd, columns, &input.rule, output))
+            }
+            _ => report.time("search", || cell_list.search(input, output)),
+        }
+    }
+
+    /// Collects at most `limit` pairs with `i` in `window`; returns how many there are and the chunks.
+    fn collect(&mut self, input: &Input<'_>, limit: u64, window: std::ops::Range<u32>) -> (u64, Vec<Vec<Pair>>) {
+        let list = To::List { limit, kept: AtomicU64::new(0) };
+        let output = Written { window, ..Written::new(list, std::mem::take(&mut self.spare)) };
+        let (found, chunks) = self.search(input, &output).finish();
+        self.spare = output.into_spare();
+        (found, chunks)
+    }
+
+    /// Moves collected chunks into `pairs` and keeps their memory.
+    fn arrange(&mut self, mut chunks: Vec<Vec<Pair>>, order: Order, spheres: usize) {
+        let Self { report, canonical, pairs, .. } = self;
+        report.time("order", || match order {
+            Order::Canonical => canonical.order(&chunks, spheres, pairs),
+            Order::Unordered => {
+                pairs.clear();
+                chunks.iter().for_each(|chunk| pairs.extend_from_slice(chunk));
+            }
+        });
+        chunks.iter_mut().for_each(Vec::clear);
+        self.spare.append(&mut chunks);
+    }
+
+    fn list(&mut self, input: &Input<'_>, order: Order) -> Result<(), Error> {
+        let limit = input.settings.max_pairs;
+        let (found, chunks) = self.collect(input, limit, 0..u32::MAX);
+        self.report.pairs = found;
+        if found > limit {
+            self.spare.clear();
+            return Err(Error::TooManyPairs { found, limit });
+        }
+        self.arrange(chunks, order, input.survey.spheres);
+        Ok(())
+    }
+
+    /// Streams as the threads find.
+    fn hand_over(&mut self, input: &Input<'_>, consume: Consume<'_>) {
+        let output = Written::new(To::Consumer(Mutex::new(consume)), std::mem::take(&mut self.spare));
+        self.search(input, &output).finish();
+        self.spare = output.into_spare();
+    }
+
+    /// Streams in canonical order: from one list where that is within the limit, else from as many lists of
+    /// consecutive `i` as it takes, one search for each.
+    fn stream_in_order(&mut self, input: &Input<'_>, limit: u64, consume: Consume<'_>) -> Result<(), Error> {
+        let (found, chunks) = self.collect(input, limit, 0..u32::MAX);
+        let spheres = input.survey.spheres;
+        if found <= limit {
+            self.arrange(chunks, Order::Canonical, spheres);
+            let _ = consume(&self.pairs);
+            return Ok(());
+        }
+        drop(chunks);
+        let counts: Vec<AtomicU32> = (0..spheres).map(|_| AtomicU32::new(0)).collect();
+        let tally = Written::new(To::Tally(&counts), std::mem::take(&mut self.spare));
+        self.search(input, &tally).finish();
+        self.spare = tally.into_spare();
+
+        let mut from = 0;
+        while from < spheres {
+            let mut total = 0;
+            let fits = |count: &&AtomicU32| {
+                total += u64::from(count.load(std::sync::atomic::Ordering::Relaxed));
+                total <= limit
+            };
+            let to = from + counts[from..].iter().take_while(fits).count().max(1);
+            let (_, chunks) = self.collect(input, u64::MAX, from as u32..to as u32);
+            self.arrange(chunks, Order::Canonical, spheres);
+            if consume(&self.pairs).is_break() {
+                break;
+            }
+            from = to;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,59 @@
+//! All pairs: the judge of every other detector.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::columns::Columns;
+use crate::contact::{Rule, scan};
+use crate::simd::{Simd, Task, Vector};
+use crate::sink::{Output, Sink};
+
+/// Spheres per tile: the columns of two tiles, 40 KiB, stay in the first-level cache's reach.
+const TILE: usize = 1024;
+
+/// Compares every sphere of `columns[a]` with every later one of `columns[b]`; the ranges are equal or disjoint.
+struct Tile<'t, S> {
+    columns: &'t Columns,
+    rule: &'t Rule<'t>,
+    a: Range<usize>,
+    b: Range<usize>,
+    sink: &'t mut S,
+}
+
+impl<S: Sink> Task for Tile<'_, S> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run<V: Vector>(self, vector: V) {
+        for at in self.a.clone() {
+            let run = self.b.start.max(if self.a == self.b { at + 1 } else { 0 })..self.b.end;
+            scan(vector, (self.columns, self.rule), at, run, self.sink);
+        }
+    }
+}
+
+/// Finds all pairs among the spheres of `columns`, in tiles spread over the threads.
+pub(crate) fn search<'o, O: Output>(
+    simd: Simd,
+    columns: &Columns,
+    rule: &Rule<'_>,
+    output: &'o O,
+) -> O::Sink<'o> {
+    let tiles = columns.len().div_ceil(TILE);
+    let range = |tile: usize| tile * TILE..columns.len().min((tile + 1) * TILE);
+    let row = |mut sink: O::Sink<'o>, a: usize| {
+        for b in a..tiles {
+            if !sink.stopped() {
+                let sink = &mut sink;
+                simd.run(Tile { columns, rule, a: range(a), b: range(b), sink });
+            }
+        }
+        sink
+    };
+    (0..tiles)
+        .into_par_iter()
+        .with_max_len(1)
+        .fold(|| output.open(), row)
+        .reduce(|| output.open(), Sink::merge)
+}

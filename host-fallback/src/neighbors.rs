@@ -1,0 +1,93 @@
+use lazygrid_kernels::Pair;
+
+/// Neighbour lists in compressed sparse rows: the neighbours of sphere `k` are
+/// `indices[offsets[k]..offsets[k + 1]]`, ascending. Every pair stands in both lists.
+#[derive(Clone, Copy, Debug)]
+pub struct Neighbors<'a> {
+    /// Where each sphere's list starts; one more than there are spheres, the last the length of `indices`.
+    pub offsets: &'a [u64],
+    /// The neighbours' indices, list after list.
+    pub indices: &'a [u32],
+}
+
+impl<'a> Neighbors<'a> {
+    /// The neighbours of sphere `k`.
+    ///
+    /// # Panics
+    /// Where there is no sphere `k`.
+    pub fn of(&self, k: usize) -> &'a [u32] {
+        &self.indices[self.offsets[k] as usize..self.offsets[k + 1] as usize]
+    }
+
+    /// How many spheres there are.
+    pub fn len(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// Whether there is no sphere.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Buffers of neighbour lists that survive between calls.
+#[derive(Debug, Default)]
+pub(crate) struct Lists {
+    offsets: Vec<u64>,
+    next: Vec<u64>,
+    indices: Vec<u32>,
+}
+
+impl Lists {
+    /// Turns pairs in canonical order into lists.
+    ///
+    /// For each sphere the pairs in which it comes second are met before those in which it comes first, each kind
+    /// ascending, so writing them in that order leaves every list sorted.
+    pub(crate) fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Neighbors<'_> {
+        self.offsets.clear();
+        self.offsets.resize(spheres + 1, 0);
+        for pair in pairs {
+            self.offsets[pair.i as usize + 1] += 1;
+            self.offsets[pair.j as usize + 1] += 1;
+        }
+        for k in 1..=spheres {
+            self.offsets[k] += self.offsets[k - 1];
+        }
+        self.next.clear();
+        self.next.extend_from_slice(&self.offsets[..spheres]);
+        self.indices.resize(2 * pairs.len(), 0);
+        for backward in [true, false] {
+            for pair in pairs {
+                let (of, other) = if backward { (pair.j, pair.i) } else { (pair.i, pair.j) };
+                let slot = &mut self.next[of as usize];
+                self.indices[*slot as usize] = other;
+                *slot += 1;
+            }
+        }
+        Neighbors { offsets: &self.offsets, indices: &self.indices }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_pair_stands_in_both_lists_ascending() {
+        let pairs = [(0, 2), (0, 4), (1, 2), (2, 3), (2, 4)].map(|(i, j)| Pair { i, j });
+        let mut lists = Lists::default();
+        let neighbors = lists.fill(&pairs, 6);
+        let expected: [&[u32]; 6] = [&[2, 4], &[2], &[0, 1, 3, 4], &[2], &[0, 2], &[]];
+        assert_eq!(neighbors.len(), 6);
+        for (k, list) in expected.iter().enumerate() {
+            assert_eq!(neighbors.of(k), *list, "sphere {k}");
+        }
+    }
+
+    #[test]
+    fn no_spheres_and_no_pairs() {
+        let mut lists = Lists::default();
+        assert!(lists.fill(&[], 0).is_empty());
+        assert_eq!(lists.fill(&[], 2).of(1), &[] as &[u32]);
+    }
+}

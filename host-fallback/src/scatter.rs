@@ -1,0 +1,42 @@
+//! Writing to one slice from several threads.
+
+use std::marker::PhantomData;
+
+/// A slice whose elements several threads may write, each element by one thread only.
+pub(crate) struct Disjoint<'a, T> {
+    start: *mut T,
+    len: usize,
+    slice: PhantomData<&'a mut [T]>,
+}
+
+// SAFETY: the only access is `write`, whose caller promises that no two threads write the same element; values move
+// to other threads, hence `T: Send`.
+unsafe impl<T: Send> Sync for Disjoint<'_, T> {}
+
+impl<'a, T: Copy> Disjoint<'a, T> {
+    pub(crate) fn new(slice: &'a mut [T]) -> Self {
+        Self { start: slice.as_mut_ptr(), len: slice.len(), slice: PhantomData }
+    }
+
+    /// Writes one element.
+    ///
+    /// # Safety
+    /// `at` must be below the slice's length, and no other thread may write `at` while `self` lives.
+    #[inline(always)]
+    pub(crate) unsafe fn write(&self, at: usize, value: T) {
+        debug_assert!(at < self.len);
+        // SAFETY: inside the slice and without a concurrent access, by the caller's promise.
+        unsafe { self.start.add(at).write(value) };
+    }
+}
+
+/// Cuts a slice at ascending positions, the last of which is its length.
+pub(crate) fn split_at<T>(mut slice: &mut [T], ends: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
+    let mut from = 0;
+    let cut = |end: usize| {
+        let (head, tail) = std::mem::take(&mut slice).split_at_mut(end - from);
+        (slice, from) = (tail, end);
+        head
+    };
+    ends.map(cut).collect()
+}
