@@ -33,6 +33,7 @@
 mod config;
 mod detector;
 mod error;
+pub mod gpu;
 mod report;
 
 pub use config::{Backend, Config};

@@ -1,0 +1,115 @@
+use super::GpuError;
+
+/// A GPU, or a software rasteriser, that can run the engine.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct AdapterSummary {
+    /// The adapter's name.
+    pub name: String,
+    /// The driver and its version.
+    pub driver: String,
+    /// The API it is reached by, such as `vulkan`.
+    pub api: String,
+    /// Whether it is hardware; a software rasteriser is never chosen by `Backend::Auto`.
+    pub is_hardware: bool,
+    /// Smallest and largest subgroup.
+    pub subgroup_sizes: [u32; 2],
+    /// Whether subgroup operations are offered.
+    pub has_subgroups: bool,
+    /// Whether GPU times can be taken.
+    pub has_timestamps: bool,
+    /// Bytes of the largest storage binding.
+    pub storage_binding: u64,
+    /// Bytes of the largest buffer.
+    pub buffer: u64,
+    /// Bytes of memory that a workgroup shares.
+    pub workgroup_memory: u32,
+    /// Workgroups per dimension of a dispatch.
+    pub groups_per_dimension: u32,
+}
+
+/// Every adapter that wgpu finds here, hardware first.
+pub fn adapters() -> Vec<AdapterSummary> {
+    enumerate().iter().map(summary).collect()
+}
+
+/// A device of our own, and what it runs on.
+#[derive(Clone, Debug)]
+pub struct OwnDevice {
+    /// The device, with the adapter's own limits.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+    /// What it runs on.
+    pub adapter: AdapterSummary,
+}
+
+impl OwnDevice {
+    /// Opens the best adapter: a discrete GPU before an integrated one, and hardware before software, which is
+    /// taken only where `software` allows it.
+    ///
+    /// # Errors
+    /// [`GpuError::NoAdapter`] and [`GpuError::NoDevice`].
+    pub fn open(software: bool) -> Result<Self, GpuError> {
+        let found = enumerate();
+        let names = || match found.as_slice() {
+            [] => "none is installed".to_owned(),
+            some => some.iter().map(|a| a.get_info().name).collect::<Vec<_>>().join(", ") + " is software",
+        };
+        let Some(adapter) = found.iter().find(|adapter| software || summary(adapter).is_hardware) else {
+            return Err(GpuError::NoAdapter { reason: names() });
+        };
+        let summary = summary(adapter);
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("lazygrid"),
+            required_features: adapter.features() & wanted_features(),
+            required_limits: adapter.limits(),
+            ..Default::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| {
+            GpuError::NoDevice { adapter: summary.name.clone(), reason: error.to_string() }
+        })?;
+        log::info!("GPU adapter: {} ({}, {})", summary.name, summary.api, summary.driver);
+        Ok(Self { device, queue, adapter: summary })
+    }
+}
+
+/// Features that are used where they are offered. A host application does well to request them for its device,
+/// together with the adapter's own limits; none is required.
+pub fn wanted_features() -> wgpu::Features {
+    wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY
+}
+
+fn enumerate() -> Vec<wgpu::Adapter> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let mut found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    let compute = wgpu::DownlevelFlags::COMPUTE_SHADERS;
+    found.retain(|adapter| adapter.get_downlevel_capabilities().flags.contains(compute));
+    found.sort_by_key(|adapter| match adapter.get_info().device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    });
+    found
+}
+
+fn summary(adapter: &wgpu::Adapter) -> AdapterSummary {
+    let info = adapter.get_info();
+    let limits = adapter.limits();
+    let features = adapter.features();
+    AdapterSummary {
+        driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+        api: info.backend.to_string(),
+        is_hardware: info.device_type != wgpu::DeviceType::Cpu,
+        subgroup_sizes: [info.subgroup_min_size, info.subgroup_max_size],
+        has_subgroups: features.contains(wgpu::Features::SUBGROUP),
+        has_timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
+        storage_binding: limits.max_storage_buffer_binding_size,
+        buffer: limits.max_buffer_size,
+        workgroup_memory: limits.max_compute_workgroup_storage_size,
+        groups_per_dimension: limits.max_compute_workgroups_per_dimension,
+        name: info.name,
+    }
+}

@@ -1,0 +1,418 @@
+use std::collections::VecDeque;
+
+use lazygrid_kernels::kernel::GROUP;
+use lazygrid_kernels::layout::{Call, Outcome};
+use lazygrid_kernels::{Algorithm, Interaction, Interactions};
+
+use super::GpuError;
+use super::pipelines::Pipelines;
+use super::plan::{DeviceLimits, Phase, Plan, Request, Resource, Slot, plan};
+use super::primitives::pass_buffers;
+use super::recording::{Buffers, Recording, constant_buffer};
+
+/// Recordings kept for callers that alternate between a few buffers.
+const KEPT_RECORDINGS: usize = 4;
+
+/// What a [`GpuDetector`] is asked to do.
+#[derive(Clone, Debug)]
+pub struct GpuSettings {
+    /// `Auto`, `Naive` or `ArrayGrid`. Default: `Auto`, decided by the number of spheres a call may have.
+    pub algorithm: Algorithm,
+    /// Pairs that the output buffer holds. Default: 2²⁰ (8 MiB). More are counted but not written.
+    pub pair_capacity: u32,
+    /// Cell edge as a multiple of the largest diameter, 1.5 to 16. Default: 2, for 3.4 entries per sphere.
+    pub raster_ratio: f32,
+    /// Which species pair, and at which distance; `None`: all that touch.
+    pub interactions: Option<Interactions>,
+    /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
+    pub consumer_group: u32,
+    /// Whether subgroup operations are used where the device was made with them. Default: yes.
+    pub subgroups: bool,
+    /// Whether phases are timed where the device was made with timestamp queries. Each then has a pass of its
+    /// own, which costs some microseconds. Default: no.
+    pub timed: bool,
+}
+
+impl GpuSettings {
+    /// The smallest raster ratio with which no sphere overlaps more than two cells per axis.
+    pub const MIN_RASTER_RATIO: f32 = 1.5;
+}
+
+impl Default for GpuSettings {
+    fn default() -> Self {
+        Self {
+            algorithm: Algorithm::Auto,
+            pair_capacity: 1 << 20,
+            raster_ratio: 2.0,
+            interactions: None,
+            consumer_group: GROUP,
+            subgroups: true,
+            timed: false,
+        }
+    }
+}
+
+/// How many spheres a call has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Count<'a> {
+    /// Known to the host.
+    Host(u32),
+    /// The first `u32` of a buffer with `STORAGE` usage, read on the GPU.
+    Buffer {
+        /// The buffer.
+        buffer: &'a wgpu::Buffer,
+        /// The most it may say; more set [`Outcome::SPHERES`] in the overflow flag.
+        at_most: u32,
+    },
+}
+
+/// Spheres that are on the GPU already.
+#[derive(Clone, Copy, Debug)]
+pub struct GpuSpheres<'a> {
+    /// `x, y, z, r` as four `f32` per sphere; `STORAGE` usage.
+    pub spheres: &'a wgpu::Buffer,
+    /// How many there are.
+    pub count: Count<'a>,
+    /// A `u32` species id per sphere, where the settings have interactions; `STORAGE` usage.
+    pub species: Option<&'a wgpu::Buffer>,
+}
+
+/// Finds overlapping pairs of spheres in GPU buffers and leaves them in GPU buffers.
+///
+/// [`encode`](Self::encode) records into the caller's encoder and neither submits nor polls. What a call found is
+/// in [`outcome`](Self::outcome) (laid out as [`Outcome`]) and [`pairs`](Self::pairs) (unordered, `i < j`). Spheres
+/// that are not finite or have a negative radius pair with nothing and are counted.
+#[derive(Debug)]
+pub struct GpuDetector {
+    device: wgpu::Device,
+    settings: GpuSettings,
+    pipelines: Pipelines,
+    passes: Vec<wgpu::Buffer>,
+    tables: Option<Tables>,
+    prepared: Option<Prepared>,
+    timer: Option<Timer>,
+}
+
+/// The interaction table on the device.
+#[derive(Debug)]
+struct Tables {
+    reach: wgpu::Buffer,
+    table: wgpu::Buffer,
+}
+
+/// Everything that depends on the size of a call.
+#[derive(Debug)]
+struct Prepared {
+    plan: Plan,
+    buffers: Buffers,
+    recordings: VecDeque<(Key, Recording)>,
+}
+
+/// What a recording was made for.
+#[derive(Clone, Debug, PartialEq)]
+struct Key {
+    spheres: wgpu::Buffer,
+    species: Option<wgpu::Buffer>,
+    count: Option<wgpu::Buffer>,
+    call: Call,
+}
+
+#[derive(Debug)]
+struct Timer {
+    queries: wgpu::QuerySet,
+    ticks: wgpu::Buffer,
+}
+
+impl GpuDetector {
+    /// A detector on the caller's device. Kernels are compiled when first needed.
+    ///
+    /// # Errors
+    /// [`GpuError::Setting`] and [`GpuError::NotOnGpu`] for settings; otherwise where the device refuses something.
+    pub fn new(device: &wgpu::Device, settings: GpuSettings) -> Result<Self, GpuError> {
+        check(&settings)?;
+        let tables = settings.interactions.as_ref().map(|table| Tables::new(device, table)).transpose()?;
+        let timer = (settings.timed && device.features().contains(wgpu::Features::TIMESTAMP_QUERY))
+            .then(|| Timer::new(device));
+        Ok(Self {
+            device: device.clone(),
+            pipelines: Pipelines::new(device, settings.subgroups),
+            passes: pass_buffers(device)?,
+            tables,
+            prepared: None,
+            timer,
+            settings,
+        })
+    }
+
+    /// Bytes of device memory for calls of up to `spheres` spheres, the output included and the input not.
+    ///
+    /// # Errors
+    /// [`GpuError::LimitExceeded`] where the device cannot hold it.
+    pub fn memory_for(&self, spheres: u32) -> Result<u64, GpuError> {
+        Ok(self.plan_for(spheres)?.bytes())
+    }
+
+    /// What a call of up to `spheres` spheres would do.
+    ///
+    /// # Errors
+    /// As [`memory_for`](Self::memory_for).
+    pub fn plan_for(&self, spheres: u32) -> Result<Plan, GpuError> {
+        let species = self.settings.interactions.as_ref().map_or(0, Interactions::species);
+        let request = Request {
+            spheres,
+            pairs: self.settings.pair_capacity,
+            algorithm: self.settings.algorithm,
+            species,
+        };
+        plan(&request, &DeviceLimits::of(&self.device))
+    }
+
+    /// Allocates for calls of up to `spheres` spheres, unless that is there already. Buffers of an earlier, smaller
+    /// size are released.
+    ///
+    /// # Errors
+    /// [`GpuError::LimitExceeded`], [`GpuError::OutOfMemory`], or where the device is lost.
+    pub fn reserve(&mut self, spheres: u32) -> Result<(), GpuError> {
+        let wanted = self.plan_for(spheres)?;
+        // What was prepared for more spheres serves fewer, whichever algorithm `Auto` would take for them.
+        let fits = |p: &Prepared| p.plan.spheres >= spheres && p.plan.pairs == wanted.pairs;
+        if !self.prepared.as_ref().is_some_and(fits) {
+            // Released first, so that old and new need not fit side by side.
+            self.prepared = None;
+            let buffers = Buffers::allocate(&self.device, &wanted.buffers)?;
+            self.prepared = Some(Prepared { plan: wanted, buffers, recordings: VecDeque::new() });
+        }
+        Ok(())
+    }
+
+    /// Changes how many pairs the output holds; the output is allocated anew by the next call.
+    pub fn set_pair_capacity(&mut self, pairs: u32) {
+        self.settings.pair_capacity = pairs;
+    }
+
+    /// Changes the cell edge; see [`GpuSettings::raster_ratio`].
+    ///
+    /// # Errors
+    /// [`GpuError::Setting`] where it is out of range.
+    pub fn set_raster_ratio(&mut self, ratio: f32) -> Result<(), GpuError> {
+        let settings = GpuSettings { raster_ratio: ratio, ..self.settings.clone() };
+        check(&settings)?;
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Records the detection. Nothing is submitted, polled or read back; after the first call of a size nothing of
+    /// that size is allocated. With a larger size than before, buffers are replaced: take
+    /// [`pairs`](Self::pairs) and [`outcome`](Self::outcome) after the call, or [`reserve`](Self::reserve) first.
+    ///
+    /// # Errors
+    /// [`GpuError::Buffer`] and [`GpuError::Species`] for what was handed over, and as [`reserve`](Self::reserve).
+    pub fn encode(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        input: &GpuSpheres<'_>,
+    ) -> Result<(), GpuError> {
+        let spheres = match input.count {
+            Count::Host(count) => count,
+            Count::Buffer { buffer, at_most } => {
+                check_buffer("count", buffer, 4)?;
+                at_most
+            }
+        };
+        check_buffer("spheres", input.spheres, u64::from(spheres.max(1)) * 16)?;
+        if let Some(species) = input.species {
+            check_buffer("species", species, u64::from(spheres.max(1)) * 4)?;
+        }
+        if input.species.is_some() != self.tables.is_some() {
+            return Err(GpuError::Species);
+        }
+        self.reserve(spheres)?;
+        self.record(encoder, input, spheres)
+    }
+
+    /// The pairs of the last recorded call as `[u32; 2]`; `STORAGE` and `COPY_SRC` usage. `None` before the first.
+    pub fn pairs(&self) -> Option<&wgpu::Buffer> {
+        self.prepared.as_ref().map(|p| p.buffers.get(Slot::Pairs))
+    }
+
+    /// The [`Outcome`] of the last recorded call; `STORAGE`, `INDIRECT` and `COPY_SRC` usage. A consumer with a
+    /// thread per pair is dispatched from [`Outcome::DISPATCH_OFFSET`]. `None` before the first call.
+    pub fn outcome(&self) -> Option<&wgpu::Buffer> {
+        self.prepared.as_ref().map(|p| p.buffers.get(Slot::Outcome))
+    }
+
+    /// The plan of the last recorded call.
+    pub fn plan(&self) -> Option<&Plan> {
+        self.prepared.as_ref().map(|p| &p.plan)
+    }
+
+    /// The ticks at either end of each phase (`u64`, in the order of [`Phase::ALL`]); `None` where calls are not
+    /// timed.
+    pub fn ticks(&self) -> Option<&wgpu::Buffer> {
+        self.timer.as_ref().map(|timer| &timer.ticks)
+    }
+
+    fn record(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        input: &GpuSpheres<'_>,
+        spheres: u32,
+    ) -> Result<(), GpuError> {
+        let Some(prepared) = &mut self.prepared else { return Ok(()) };
+        let call = Call {
+            spheres,
+            pair_capacity: prepared.plan.pairs,
+            entry_capacity: prepared.plan.entries,
+            key_bits: prepared.plan.key_bits,
+            raster_ratio: self.settings.raster_ratio,
+            species: self.settings.interactions.as_ref().map_or(0, Interactions::species),
+            search_groups: prepared.plan.search_groups,
+            consumer_group: self.settings.consumer_group,
+        };
+        let count = match input.count {
+            Count::Host(_) => None,
+            Count::Buffer { buffer, .. } => Some(buffer.clone()),
+        };
+        let key = Key { spheres: input.spheres.clone(), species: input.species.cloned(), count, call };
+        let position = prepared.recordings.iter().position(|(known, _)| *known == key);
+        let position = match position {
+            Some(position) => position,
+            None => {
+                let owned = Owned { passes: &self.passes, tables: self.tables.as_ref() };
+                let recording = prepared.bind(&self.device, &mut self.pipelines, &key, owned)?;
+                prepared.recordings.truncate(KEPT_RECORDINGS - 1);
+                prepared.recordings.push_front((key, recording));
+                0
+            }
+        };
+        let recording = &prepared.recordings[position].1;
+        match &self.timer {
+            None => recording.encode(encoder),
+            Some(timer) => {
+                recording.encode_timed(encoder, &timer.queries);
+                encoder.resolve_query_set(&timer.queries, 0..Timer::TICKS, &timer.ticks, 0);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Buffers of the detector that do not depend on the size of a call.
+struct Owned<'a> {
+    passes: &'a [wgpu::Buffer],
+    tables: Option<&'a Tables>,
+}
+
+impl Prepared {
+    fn bind(
+        &self,
+        device: &wgpu::Device,
+        pipelines: &mut Pipelines,
+        key: &Key,
+        owned: Owned<'_>,
+    ) -> Result<Recording, GpuError> {
+        let call = constant_buffer(device, "call", bytemuck::bytes_of(&key.call))?;
+        let variant = pipelines.variant(owned.tables.is_some());
+        let stages = self.plan.stages.iter().cloned();
+        Recording::new(device, pipelines, variant, stages, |stage, binding| {
+            match (self.plan.resource(stage, binding), owned.tables, &key.species) {
+                (Resource::Own(slot), ..) => self.buffers.get(slot),
+                (Resource::Spheres, ..) => &key.spheres,
+                (Resource::Count, ..) => key.count.as_ref().unwrap_or(&call),
+                (Resource::Pass(pass), ..) => &owned.passes[pass as usize],
+                (Resource::Species, _, Some(species)) => species,
+                (Resource::Reach, Some(tables), _) => &tables.reach,
+                (Resource::Table, Some(tables), _) => &tables.table,
+                _ => &call,
+            }
+        })
+    }
+}
+
+impl Tables {
+    fn new(device: &wgpu::Device, interactions: &Interactions) -> Result<Self, GpuError> {
+        let species = interactions.species();
+        let bytes = u64::from(species) * u64::from(species) * 4;
+        let limit = device.limits().max_storage_buffer_binding_size;
+        if bytes > limit {
+            let (what, remedy) = ("the interaction table", "merge species");
+            return Err(GpuError::LimitExceeded { what, needed: bytes, limit, remedy });
+        }
+        let reach: Vec<[f32; 2]> = (0..species)
+            .map(|id| interactions.reach(id))
+            .map(|reach| [f32::from(u8::from(reach.touches)), reach.half])
+            .collect();
+        let table: Vec<f32> = (0..species)
+            .flat_map(|a| (0..species).map(move |b| interactions.get(a, b)))
+            .map(|interaction| match interaction {
+                Interaction::Never => -1.0,
+                Interaction::Touch => -2.0,
+                Interaction::Within(distance) => distance,
+            })
+            .collect();
+        Ok(Self {
+            reach: constant_buffer(device, "reach by species", bytemuck::cast_slice(&reach))?,
+            table: constant_buffer(device, "interaction table", bytemuck::cast_slice(&table))?,
+        })
+    }
+}
+
+impl Timer {
+    /// Two per phase.
+    const TICKS: u32 = 2 * Phase::ALL.len() as u32;
+
+    fn new(device: &wgpu::Device) -> Self {
+        let queries = device.create_query_set(&wgpu::QuerySetDescriptor {
+            label: Some("lazygrid::phases"),
+            ty: wgpu::QueryType::Timestamp,
+            count: Self::TICKS,
+        });
+        let ticks = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("lazygrid::ticks"),
+            size: u64::from(Self::TICKS) * 8,
+            usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        Self { queries, ticks }
+    }
+}
+
+fn check(settings: &GpuSettings) -> Result<(), GpuError> {
+    if !(GpuSettings::MIN_RASTER_RATIO..=16.0).contains(&settings.raster_ratio) {
+        let value = settings.raster_ratio.to_string();
+        let range = "on the GPU choose between 1.5 and 16";
+        return Err(GpuError::Setting { name: "raster_ratio", value, range });
+    }
+    if settings.consumer_group == 0 {
+        let range = "choose the consumer's workgroup size";
+        return Err(GpuError::Setting { name: "consumer_group", value: "0".into(), range });
+    }
+    match settings.algorithm {
+        Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid => Ok(()),
+        other => Err(GpuError::NotOnGpu(other)),
+    }
+}
+
+fn check_buffer(what: &'static str, buffer: &wgpu::Buffer, needed: u64) -> Result<(), GpuError> {
+    let storage = buffer.usage().contains(wgpu::BufferUsages::STORAGE);
+    if buffer.size() < needed || !storage {
+        let usage = if storage { "" } else { ", with STORAGE usage" };
+        return Err(GpuError::Buffer { what, size: buffer.size(), needed, usage });
+    }
+    Ok(())
+}
+
+/// What a call found, read from a copy of the outcome buffer.
+///
+/// # Errors
+/// [`GpuError::Buffer`] where there are too few bytes.
+pub fn read_outcome(bytes: &[u8]) -> Result<Outcome, GpuError> {
+    let needed = size_of::<Outcome>();
+    match bytes.get(..needed) {
+        Some(bytes) => Ok(bytemuck::pod_read_unaligned(bytes)),
+        None => {
+            let (size, needed) = (bytes.len() as u64, needed as u64);
+            Err(GpuError::Buffer { what: "outcome", size, needed, usage: "" })
+        }
+    }
+}

@@ -1,0 +1,93 @@
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+use lazygrid_kernels::kernel::{Access, Kernel, Variant};
+
+use super::GpuError;
+use super::scope::scoped;
+
+/// Compiled kernels of one device, each made when first needed.
+#[derive(Debug)]
+pub(crate) struct Pipelines {
+    device: wgpu::Device,
+    subgroups: Option<u32>,
+    compiled: HashMap<(&'static str, Variant), Pipeline>,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Pipeline {
+    pub(crate) pipeline: wgpu::ComputePipeline,
+    pub(crate) layout: wgpu::BindGroupLayout,
+}
+
+impl Pipelines {
+    /// With `allow_subgroups` subgroup operations are used where the device was made with them.
+    pub(crate) fn new(device: &wgpu::Device, allow_subgroups: bool) -> Self {
+        let offered = device.features().contains(wgpu::Features::SUBGROUP);
+        let smallest = device.adapter_info().subgroup_min_size;
+        let subgroups = (allow_subgroups && offered && smallest >= 4).then_some(smallest);
+        // Ranking tables of small subgroups need more workgroup memory than some devices have.
+        let memory = device.limits().max_compute_workgroup_storage_size;
+        let fits = |size: &u32| Variant { subgroups: Some(*size), species: false }.workgroup_memory() <= memory;
+        Self { device: device.clone(), subgroups: subgroups.filter(fits), compiled: HashMap::new() }
+    }
+
+    pub(crate) fn variant(&self, species: bool) -> Variant {
+        Variant { subgroups: self.subgroups, species }
+    }
+
+    pub(crate) fn get(&mut self, kernel: &'static Kernel, variant: Variant) -> Result<Pipeline, GpuError> {
+        match self.compiled.entry((kernel.name, kernel.reduced(variant))) {
+            Entry::Occupied(found) => Ok(found.get().clone()),
+            Entry::Vacant(vacant) => {
+                let work = || compile(&self.device, kernel, variant);
+                Ok(vacant.insert(scoped(&self.device, kernel.name, 0, work)?).clone())
+            }
+        }
+    }
+}
+
+fn compile(device: &wgpu::Device, kernel: &Kernel, variant: Variant) -> Pipeline {
+    let entries: Vec<_> = (0..)
+        .zip(kernel.bindings(variant))
+        .map(|(binding, bound)| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty: match bound.access {
+                    Access::Uniform => wgpu::BufferBindingType::Uniform,
+                    Access::Read => wgpu::BufferBindingType::Storage { read_only: true },
+                    Access::ReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
+                },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        })
+        .collect();
+    let label = Some(kernel.name);
+    let layout =
+        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
+    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label,
+        bind_group_layouts: &[Some(&layout)],
+        immediate_size: 0,
+    });
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label,
+        source: wgpu::ShaderSource::Wgsl(kernel.wgsl(variant).into()),
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label,
+        layout: Some(&pipeline_layout),
+        module: &module,
+        entry_point: Some(kernel.name),
+        // Every kernel clears what it reads before writing.
+        compilation_options: wgpu::PipelineCompilationOptions {
+            zero_initialize_workgroup_memory: false,
+            ..Default::default()
+        },
+        cache: None,
+    });
+    Pipeline { pipeline, layout }
+}

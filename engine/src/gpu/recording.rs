@@ -1,0 +1,137 @@
+use std::collections::HashMap;
+
+use lazygrid_kernels::kernel::Variant;
+
+use super::GpuError;
+use super::pipelines::Pipelines;
+use super::plan::{DeviceLimits, Phase, Slot, Stage, flattened};
+use super::scope::scoped;
+
+/// The buffers that a detector or a primitive owns.
+#[derive(Debug, Default)]
+pub(crate) struct Buffers(HashMap<Slot, wgpu::Buffer>);
+
+impl Buffers {
+    pub(crate) fn allocate(device: &wgpu::Device, sizes: &[(Slot, u64)]) -> Result<Self, GpuError> {
+        let mut buffers = HashMap::new();
+        for &(slot, size) in sizes {
+            let mut usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+            if slot == Slot::Outcome {
+                usage |= wgpu::BufferUsages::INDIRECT;
+            }
+            if slot == Slot::Total {
+                usage |= wgpu::BufferUsages::COPY_DST;
+            }
+            let label = format!("lazygrid::{slot:?}");
+            let descriptor =
+                wgpu::BufferDescriptor { label: Some(&label), size, usage, mapped_at_creation: false };
+            let buffer = scoped(device, "a buffer", size, || device.create_buffer(&descriptor))?;
+            buffers.insert(slot, buffer);
+        }
+        Ok(Self(buffers))
+    }
+
+    pub(crate) fn get(&self, slot: Slot) -> &wgpu::Buffer {
+        &self.0[&slot]
+    }
+}
+
+/// A read-only buffer with these contents. Needs no queue, so that it can be made while recording.
+pub(crate) fn constant_buffer(
+    device: &wgpu::Device,
+    label: &'static str,
+    contents: &[u8],
+) -> Result<wgpu::Buffer, GpuError> {
+    let size = (contents.len() as u64).max(16).next_multiple_of(16);
+    let descriptor = wgpu::BufferDescriptor {
+        label: Some(label),
+        size,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: true,
+    };
+    scoped(device, label, size, || -> Result<wgpu::Buffer, wgpu::MapRangeError> {
+        let buffer = device.create_buffer(&descriptor);
+        buffer.slice(..contents.len() as u64).get_mapped_range_mut()?.copy_from_slice(contents);
+        buffer.unmap();
+        Ok(buffer)
+    })?
+    .map_err(|error| GpuError::Validation { what: label, reason: error.to_string() })
+}
+
+/// Dispatches with everything bound, ready to be put into any encoder.
+#[derive(Debug)]
+pub(crate) struct Recording {
+    steps: Vec<Step>,
+}
+
+#[derive(Debug)]
+struct Step {
+    pipeline: wgpu::ComputePipeline,
+    bindings: wgpu::BindGroup,
+    groups: [u32; 2],
+    phase: Phase,
+}
+
+impl Recording {
+    /// Binds what `resolve` names for each binding of each stage.
+    pub(crate) fn new<'a>(
+        device: &wgpu::Device,
+        pipelines: &mut Pipelines,
+        variant: Variant,
+        stages: impl IntoIterator<Item = Stage>,
+        resolve: impl Fn(&Stage, &str) -> &'a wgpu::Buffer,
+    ) -> Result<Self, GpuError> {
+        let limits = DeviceLimits::of(device);
+        let mut steps = Vec::new();
+        for stage in stages {
+            let compiled = pipelines.get(stage.kernel, variant)?;
+            let entries: Vec<_> = (0..)
+                .zip(stage.kernel.bindings(variant))
+                .map(|(binding, bound)| wgpu::BindGroupEntry {
+                    binding,
+                    resource: resolve(&stage, bound.name).as_entire_binding(),
+                })
+                .collect();
+            let bindings = scoped(device, stage.kernel.name, 0, || {
+                device.create_bind_group(&wgpu::BindGroupDescriptor {
+                    label: Some(stage.kernel.name),
+                    layout: &compiled.layout,
+                    entries: &entries,
+                })
+            })?;
+            let groups = flattened(stage.groups, &limits);
+            steps.push(Step { pipeline: compiled.pipeline, bindings, groups, phase: stage.phase });
+        }
+        Ok(Self { steps })
+    }
+
+    /// Records all dispatches in one pass.
+    pub(crate) fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
+        let descriptor = wgpu::ComputePassDescriptor { label: Some("lazygrid"), timestamp_writes: None };
+        let mut pass = encoder.begin_compute_pass(&descriptor);
+        self.steps.iter().for_each(|step| step.dispatch(&mut pass));
+    }
+
+    /// Records a pass for each phase with a timestamp at either end.
+    pub(crate) fn encode_timed(&self, encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet) {
+        for (phase, at) in Phase::ALL.into_iter().zip((0..).step_by(2)) {
+            let writes = wgpu::ComputePassTimestampWrites {
+                query_set: queries,
+                beginning_of_pass_write_index: Some(at),
+                end_of_pass_write_index: Some(at + 1),
+            };
+            let descriptor =
+                wgpu::ComputePassDescriptor { label: Some(phase.name()), timestamp_writes: Some(writes) };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            self.steps.iter().filter(|step| step.phase == phase).for_each(|step| step.dispatch(&mut pass));
+        }
+    }
+}
+
+impl Step {
+    fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.bindings, &[]);
+        pass.dispatch_workgroups(self.groups[0], self.groups[1], 1);
+    }
+}

@@ -1,0 +1,35 @@
+//! Error scopes around this library's own work, so that a host application's handlers are not disturbed.
+
+use super::GpuError;
+
+/// Runs `work` and returns what the device complained about instead of passing it on to the application.
+pub(crate) fn scoped<T>(
+    device: &wgpu::Device,
+    what: &'static str,
+    bytes: u64,
+    work: impl FnOnce() -> T,
+) -> Result<T, GpuError> {
+    use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
+    let [memory, validation, internal] =
+        [OutOfMemory, Validation, Internal].map(|filter| device.push_error_scope(filter));
+    let result = work();
+    // The futures are ready at once on native devices.
+    let errors = [internal, validation, memory].map(|scope| pollster::block_on(scope.pop()));
+    for error in errors.into_iter().flatten() {
+        return Err(match error {
+            wgpu::Error::OutOfMemory { .. } => GpuError::OutOfMemory { what, bytes },
+            wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
+                lost_or_refused(what, description)
+            }
+        });
+    }
+    Ok(result)
+}
+
+fn lost_or_refused(what: &'static str, reason: String) -> GpuError {
+    let text = reason.to_lowercase();
+    if text.contains("device") && text.contains("lost") {
+        return GpuError::DeviceLost { reason };
+    }
+    GpuError::Validation { what, reason }
+}

@@ -1,0 +1,82 @@
+//! What the device tests share: a device or a reason to skip, and buffers to and fro.
+
+#![allow(dead_code, reason = "each test binary uses its part")]
+
+use std::time::Duration;
+
+use bytemuck::Pod;
+use lazygrid::gpu::{GpuError, OwnDevice, wgpu};
+
+/// The device to test on. Without one the test says why and is skipped, unless `LAZYGRID_REQUIRE_GPU` is set.
+pub(crate) fn device() -> Option<OwnDevice> {
+    match OwnDevice::open(true) {
+        Ok(own) => Some(own),
+        Err(error @ GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => {
+            #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+            {
+                eprintln!("skipped: {error}");
+            }
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+pub(crate) fn upload<T: Pod>(own: &OwnDevice, data: &[T]) -> wgpu::Buffer {
+    let bytes: &[u8] = bytemuck::cast_slice(data);
+    let buffer = own.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("test input"),
+        size: (bytes.len() as u64).max(16),
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    own.queue.write_buffer(&buffer, 0, bytes);
+    buffer
+}
+
+pub(crate) fn download<T: Pod>(own: &OwnDevice, buffer: &wgpu::Buffer, count: usize) -> Vec<T> {
+    if count == 0 {
+        return Vec::new();
+    }
+    let size = (count * size_of::<T>()) as u64;
+    let staging = own.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("test output"),
+        size,
+        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    submit(own, |encoder| encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, size));
+    staging.slice(..).map_async(wgpu::MapMode::Read, |result| result.expect("mapped"));
+    let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(Duration::from_secs(600)) };
+    own.device.poll(wait).expect("finished in time");
+    bytemuck::pod_collect_to_vec(&staging.slice(..).get_mapped_range().expect("mapped"))
+}
+
+pub(crate) fn submit<R>(own: &OwnDevice, record: impl FnOnce(&mut wgpu::CommandEncoder) -> R) -> R {
+    let mut encoder = own.device.create_command_encoder(&Default::default());
+    let result = record(&mut encoder);
+    own.queue.submit([encoder.finish()]);
+    result
+}
+
+/// A small generator of its own: the same numbers everywhere (SplitMix64).
+pub(crate) struct Random(pub(crate) u64);
+
+impl Random {
+    pub(crate) fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    pub(crate) fn word(&mut self) -> u32 {
+        (self.bits() >> 32) as u32
+    }
+
+    /// In 0..1.
+    pub(crate) fn unit(&mut self) -> f32 {
+        (self.bits() >> 40) as f32 / (1 << 24) as f32
+    }
+}
