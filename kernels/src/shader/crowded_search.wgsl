@@ -23,6 +23,9 @@
 
 const GROUP: u32 = 256u;
 
+// Where the objects of the tile begin, all taken together.
+var<workgroup> tile_firsts: atomic<u32>;
+
 // One past the last entry of the run with this key, which begins before `from`.
 fn run_end(key: u32, begin: u32) -> u32 {
     var low = begin;
@@ -73,8 +76,13 @@ fn crowded_search(at: Builtins) {
 #endif
         for (var column = start + (work % splits) * GROUP; column < end; column += splits * GROUP) {
             workgroupBarrier();
+            if (place.lane == 0u) {
+                atomicStore(&tile_firsts, 0u);
+            }
+            workgroupBarrier();
             if (column + place.lane < end) {
                 let object = objects[column + place.lane];
+                atomicOr(&tile_firsts, object);
                 tile_objects[place.lane] = object;
                 tile[place.lane] = spheres[index_of(object)];
 #ifdef SPECIES
@@ -85,10 +93,12 @@ fn crowded_search(at: Builtins) {
             // In the first tile only partners beyond the near ones, which end farther on for later threads.
             let begin = select(0u, place.lane, column == start);
             let finish = min(GROUP, end - column);
+            // Where many objects share several cells, all but one of these cells are passed over here.
+            let row_owns = row_used && is_owned(row.object, atomicLoad(&tile_firsts));
             for (var first = 0u; first < GROUP; first += 32u) {
                 let window = tile_window(first, begin, finish);
                 var hits = 0u;
-                if (row_used && window != 0u) {
+                if (row_owns && window != 0u) {
                     hits = owned_hits(row.object, first, tile_hits(row, first) & window);
                 }
                 if (some_lane(hits != 0u)) {
