@@ -30,7 +30,7 @@ fn detect_with(own: &OwnDevice, detector: &mut GpuDetector, input: &GpuSpheres<'
 fn detect(own: &OwnDevice, detector: &mut GpuDetector, spheres: &[Sphere]) -> Found {
     let buffer = upload(own, spheres);
     let count = Count::Host(spheres.len() as u32);
-    detect_with(own, detector, &GpuSpheres { spheres: &buffer, count, species: None })
+    detect_with(own, detector, &GpuSpheres { spheres: &buffer, count, species: None, window: GpuSpheres::ALL })
 }
 
 /// How far a pair is from tangency, in units of the squared reach; `(distance², reach²)` in f64.
@@ -202,7 +202,7 @@ fn the_number_of_spheres_may_come_from_a_buffer() {
         for n in [0_u32, 1, 257, 3000] {
             let count = upload(&own, &[n]);
             let count = Count::Buffer { buffer: &count, at_most: 3000 };
-            let input = GpuSpheres { spheres: &buffer, count, species: None };
+            let input = GpuSpheres { spheres: &buffer, count, species: None, window: GpuSpheres::ALL };
             let found = detect_with(&own, &mut detector, &input);
             let part = &spheres[..n as usize];
             judge("count from a buffer", part, &found.pairs, touching(part));
@@ -210,7 +210,7 @@ fn the_number_of_spheres_may_come_from_a_buffer() {
         }
         let count = upload(&own, &[4000_u32]);
         let count = Count::Buffer { buffer: &count, at_most: 3000 };
-        let found = detect_with(&own, &mut detector, &GpuSpheres { spheres: &buffer, count, species: None });
+        let found = detect_with(&own, &mut detector, &GpuSpheres { spheres: &buffer, count, species: None, window: GpuSpheres::ALL });
         assert_eq!((found.outcome.spheres, found.outcome.overflow), (4000, Outcome::SPHERES));
     }
 }
@@ -227,7 +227,7 @@ fn interactions_decide_what_is_a_pair() {
     table.set(2, 1, Interaction::Within(0.01)).expect("in range");
     let buffers = (upload(&own, &spheres), upload(&own, &species));
     let input =
-        GpuSpheres { spheres: &buffers.0, count: Count::Host(2500), species: Some(&buffers.1) };
+        GpuSpheres { spheres: &buffers.0, count: Count::Host(2500), species: Some(&buffers.1), window: GpuSpheres::ALL };
     for algorithm in ALGORITHMS {
         for subgroups in [false, true] {
             let settings =
@@ -264,10 +264,10 @@ fn what_does_not_fit_is_refused_with_the_remedy() {
     let mut detector = GpuDetector::new(&own.device, settings(Algorithm::ArrayGrid, true)).expect("made");
     let buffer = upload(&own, &[Sphere::zeroed(); 10]);
     let mut encoder = own.device.create_command_encoder(&Default::default());
-    let too_short = GpuSpheres { spheres: &buffer, count: Count::Host(11), species: None };
+    let too_short = GpuSpheres { spheres: &buffer, count: Count::Host(11), species: None, window: GpuSpheres::ALL };
     let error = detector.encode(&mut encoder, &too_short).expect_err("11 do not fit into 10");
     assert_eq!(error, GpuError::Buffer { what: "spheres", size: 160, needed: 176, usage: "" });
-    let with_species = GpuSpheres { count: Count::Host(2), species: Some(&buffer), ..too_short };
+    let with_species = GpuSpheres { count: Count::Host(2), species: Some(&buffer), ..too_short.clone() };
     assert_eq!(detector.encode(&mut encoder, &with_species), Err(GpuError::Species));
     let limit = own.device.limits().max_storage_buffer_binding_size;
     let beyond = u32::try_from(limit / 16 + 1).unwrap_or(u32::MAX);
@@ -277,4 +277,25 @@ fn what_does_not_fit_is_refused_with_the_remedy() {
     }
     let error = GpuDetector::new(&own.device, settings(Algorithm::CellList, true)).expect_err("CPU only");
     assert_eq!(error, GpuError::NotOnGpu(Algorithm::CellList));
+}
+
+#[test]
+fn windows_part_the_result() {
+    let Some(own) = device() else { return };
+    let mut spheres = cloud(24, 2000, 12.0, |_| 0.4);
+    spheres.extend(vec![Sphere::new([1.0; 3], 0.3); 700]);
+    let n = spheres.len() as u32;
+    let buffer = upload(&own, &spheres);
+    for algorithm in ALGORITHMS {
+        let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
+        let mut all = Vec::new();
+        for window in [0..1, 1..900, 900..2500, 2500..n] {
+            let count = Count::Host(n);
+            let input = GpuSpheres { spheres: &buffer, count, species: None, window: window.clone() };
+            let found = detect_with(&own, &mut detector, &input);
+            assert!(found.pairs.iter().all(|pair| window.contains(&pair.i)));
+            all.extend(found.pairs);
+        }
+        judge("windows", &spheres, &all, touching(&spheres));
+    }
 }

@@ -23,6 +23,11 @@ pub struct Call {
     pub search_groups: u32,
     /// Threads per workgroup of whoever consumes the pairs by indirect dispatch.
     pub consumer_group: u32,
+    /// Only pairs whose smaller index is in `window_begin..window_end` are counted and written, so that a result
+    /// larger than the output can be taken in parts.
+    pub window_begin: u32,
+    /// The end of that window.
+    pub window_end: u32,
 }
 
 /// The result besides the pairs, as it lies in the outcome buffer.

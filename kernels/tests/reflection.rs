@@ -112,7 +112,9 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             raster_ratio,
             species,
             search_groups,
-            consumer_group
+            consumer_group,
+            window_begin,
+            window_end
         }),
         layout!(Outcome {
             found_lo,

@@ -1,4 +1,5 @@
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use lazygrid_kernels::kernel::GROUP;
 use lazygrid_kernels::layout::{Call, Outcome};
@@ -67,7 +68,7 @@ pub enum Count<'a> {
 }
 
 /// Spheres that are on the GPU already.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct GpuSpheres<'a> {
     /// `x, y, z, r` as four `f32` per sphere; `STORAGE` usage.
     pub spheres: &'a wgpu::Buffer,
@@ -75,6 +76,14 @@ pub struct GpuSpheres<'a> {
     pub count: Count<'a>,
     /// A `u32` species id per sphere, where the settings have interactions; `STORAGE` usage.
     pub species: Option<&'a wgpu::Buffer>,
+    /// Only pairs whose smaller index lies in here are counted and written; [`GpuSpheres::ALL`] for all of them.
+    /// So a result larger than the output can be taken in parts.
+    pub window: Range<u32>,
+}
+
+impl GpuSpheres<'_> {
+    /// The window that every pair is in.
+    pub const ALL: Range<u32> = 0..u32::MAX;
 }
 
 /// Finds overlapping pairs of spheres in GPU buffers and leaves them in GPU buffers.
@@ -268,6 +277,8 @@ impl GpuDetector {
             species: self.settings.interactions.as_ref().map_or(0, Interactions::species),
             search_groups: prepared.plan.search_groups,
             consumer_group: self.settings.consumer_group,
+            window_begin: input.window.start,
+            window_end: input.window.end,
         };
         let count = match input.count {
             Count::Host(_) => None,

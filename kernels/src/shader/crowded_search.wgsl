@@ -41,14 +41,15 @@ fn run_end(key: u32, begin: u32) -> u32 {
     return low;
 }
 
-// Bits of the owned pairs among `hits`.
+// Bits of the pairs among `hits` that this cell owns and that are asked for.
 fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
     var left = hits;
     var owned = 0u;
     while (left != 0u) {
         let k = firstTrailingBit(left);
         left &= left - 1u;
-        owned |= select(0u, 1u << k, is_owned(object, tile_objects[first + k]));
+        let other = tile_objects[first + k];
+        owned |= select(0u, 1u << k, is_owned(object, other) && is_wanted(object, other));
     }
     return owned;
 }

@@ -33,7 +33,7 @@ fn naive_search(at: Builtins) {
         var row: Row;
         row.object = block * GROUP + place.lane;
         var row_used = false;
-        if (row.object < count) {
+        if (row.object < count && is_in_window(row.object)) {
             row.sphere = spheres[row.object];
             row_used = is_accepted(row.object, row.sphere);
 #ifdef SPECIES

@@ -37,7 +37,7 @@ fn object_at(entry: u32, block: u32) -> u32 {
 }
 
 fn is_entry_pair(object: u32, sphere: vec4<f32>, other_object: u32, other: u32, block: u32) -> bool {
-    if (!is_owned(object, other_object)) {
+    if (!is_owned(object, other_object) || !is_wanted(object, other_object)) {
         return false;
     }
     var other_sphere: vec4<f32>;

@@ -11,3 +11,8 @@ fn index_of(object: u32) -> u32 {
 fn is_owned(object: u32, other: u32) -> bool {
     return ((object | other) >> 29u) == 7u;
 }
+
+// Whether the pair is among those asked for.
+fn is_wanted(object: u32, other: u32) -> bool {
+    return is_in_window(min(index_of(object), index_of(other)));
+}

@@ -17,6 +17,10 @@ struct Call {
     search_groups: u32,
     // Threads per workgroup of whoever consumes the pairs by indirect dispatch.
     consumer_group: u32,
+    // Only pairs whose smaller index is in window_begin..window_end are counted and written, so that a result
+    // larger than the output can be taken in parts.
+    window_begin: u32,
+    window_end: u32,
 }
 
 // Bounds of all valid spheres, their widened radii included. Floats in an order-preserving encoding.

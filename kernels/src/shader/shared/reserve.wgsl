@@ -9,6 +9,10 @@ fn pairs_reserve(count: u32) -> u32 {
     return select(first, 0xffffffffu, atomicLoad(&outcome.found_hi) != 0u);
 }
 
+fn is_in_window(smaller: u32) -> bool {
+    return smaller >= call.window_begin && smaller < call.window_end;
+}
+
 fn pair_write(place: u32, a: u32, b: u32) {
     if (place < call.pair_capacity) {
         pairs[place] = vec2(min(a, b), max(a, b));
