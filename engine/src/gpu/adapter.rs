@@ -1,3 +1,5 @@
+use std::sync::{Arc, OnceLock};
+
 use super::GpuError;
 
 /// A GPU, or a software rasteriser, that can run the engine.
@@ -42,6 +44,7 @@ pub struct OwnDevice {
     pub queue: wgpu::Queue,
     /// What it runs on.
     pub adapter: AdapterSummary,
+    lost: Arc<OnceLock<String>>,
 }
 
 impl OwnDevice {
@@ -69,8 +72,25 @@ impl OwnDevice {
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| {
             GpuError::NoDevice { adapter: summary.name.clone(), reason: error.to_string() }
         })?;
+        let lost = Arc::new(OnceLock::new());
+        let losing = Arc::clone(&lost);
+        device.set_device_lost_callback(move |reason, message| {
+            // The first reason is the one that counts.
+            let _ = losing.set(format!("{reason:?}: {message}"));
+        });
         log::info!("GPU adapter: {} ({}, {})", summary.name, summary.api, summary.driver);
-        Ok(Self { device, queue, adapter: summary })
+        Ok(Self { device, queue, adapter: summary, lost })
+    }
+}
+
+impl OwnDevice {
+    /// # Errors
+    /// [`GpuError::DeviceLost`] once the driver has said so.
+    pub(crate) fn check_lost(&self) -> Result<(), GpuError> {
+        match self.lost.get() {
+            Some(reason) => Err(GpuError::DeviceLost { reason: reason.clone() }),
+            None => Ok(()),
+        }
     }
 }
 

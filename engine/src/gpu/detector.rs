@@ -194,6 +194,16 @@ impl GpuDetector {
         Ok(())
     }
 
+    /// How many pairs the output of the next call holds.
+    pub fn pair_capacity(&self) -> u32 {
+        self.settings.pair_capacity
+    }
+
+    /// Whether calls need species ids.
+    pub fn has_interactions(&self) -> bool {
+        self.tables.is_some()
+    }
+
     /// Changes how many pairs the output holds; the output is allocated anew by the next call.
     pub fn set_pair_capacity(&mut self, pairs: u32) {
         self.settings.pair_capacity = pairs;

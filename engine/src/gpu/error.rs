@@ -59,6 +59,20 @@ pub enum GpuError {
         /// How long was waited.
         seconds: u64,
     },
+    /// As many calls are in flight as a session can hold, or the ticket is of a call that failed.
+    #[error("{calls} calls are in flight, or this one failed; finish a call before beginning the next")]
+    Busy {
+        /// How many may be in flight.
+        calls: usize,
+    },
+    /// A list would hold more pairs than allowed. The count is exact; nothing was truncated.
+    #[error("{found} pairs are more than the limit of {limit} for a list; count them, or take them in parts")]
+    TooManyPairs {
+        /// How many pairs there are.
+        found: u64,
+        /// The limit that was set.
+        limit: u64,
+    },
     /// A buffer that was handed over does not fit what was asked for.
     #[error("the `{what}` buffer has {size} bytes where {needed} are needed{usage}")]
     Buffer {

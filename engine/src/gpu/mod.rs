@@ -2,16 +2,19 @@
 //!
 //! [`GpuDetector`] records into a caller's encoder on a caller's device: spheres in GPU buffers in, pairs in GPU
 //! buffers out, with no submit, poll or readback in between. [`RadixSort`] and [`PrefixScan`] are its building
-//! blocks. What a call allocates and dispatches comes from [`plan`], a pure function.
+//! blocks, [`GpuSession`] carries spheres and pairs between host and device. What a call allocates and dispatches comes from [`plan`], a pure function.
 
 mod adapter;
 mod detector;
 mod error;
+mod mapping;
 mod pipelines;
 mod plan;
 mod primitives;
 mod recording;
 mod scope;
+mod session;
+mod slot;
 
 pub use adapter::{AdapterSummary, OwnDevice, adapters, wanted_features};
 pub use detector::{Count, GpuDetector, GpuSettings, GpuSpheres, read_outcome};
@@ -19,4 +22,5 @@ pub use error::GpuError;
 pub use lazygrid_kernels::layout::Outcome;
 pub use plan::{DeviceLimits, Phase, Plan, Request, Resource, Slot, Stage, plan};
 pub use primitives::{PrefixScan, RadixSort, Sorted};
+pub use session::{GpuSession, Ticket};
 pub use wgpu;

@@ -1,0 +1,91 @@
+//! Waiting for a staging buffer, by blocking or as a future.
+
+use std::future::Future;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll, Waker};
+use std::time::Duration;
+
+use super::GpuError;
+
+/// How the caller waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wait {
+    /// In this thread.
+    Blocking,
+    /// In a thread of its own that wakes the task; wgpu makes progress on native devices only when it is polled.
+    Async,
+}
+
+/// The answer to one `map_async`.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Mapping(Arc<Mutex<State>>);
+
+#[derive(Debug, Default)]
+struct State {
+    answer: Option<Result<(), GpuError>>,
+    waker: Option<Waker>,
+}
+
+impl Mapping {
+    /// Asks for `buffer` to be mapped when all work submitted so far is done.
+    pub(crate) fn request(buffer: &wgpu::Buffer) -> Self {
+        let mapping = Self::default();
+        let answer = mapping.clone();
+        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
+            answer.answer(result.map_err(|_| GpuError::DeviceLost { reason: "no readback".to_owned() }));
+        });
+        mapping
+    }
+
+    /// Waits for the answer.
+    pub(crate) async fn finished(
+        self,
+        device: &wgpu::Device,
+        submission: wgpu::SubmissionIndex,
+        timeout: Duration,
+        wait: Wait,
+    ) -> Result<(), GpuError> {
+        let device = device.clone();
+        let waiting = self.clone();
+        let poll = move || {
+            let until =
+                wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(timeout) };
+            if let Err(error) = device.poll(until) {
+                let seconds = timeout.as_secs();
+                waiting.answer(Err(match error {
+                    wgpu::PollError::Timeout => GpuError::Timeout { seconds },
+                    other => GpuError::Validation { what: "waiting", reason: other.to_string() },
+                }));
+            }
+        };
+        match wait {
+            Wait::Blocking => poll(),
+            Wait::Async => drop(std::thread::spawn(poll)),
+        }
+        self.await
+    }
+
+    fn answer(&self, answer: Result<(), GpuError>) {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        state.answer.get_or_insert(answer);
+        if let Some(waker) = state.waker.take() {
+            waker.wake();
+        }
+    }
+}
+
+impl Future for Mapping {
+    type Output = Result<(), GpuError>;
+
+    fn poll(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match state.answer.take() {
+            Some(answer) => Poll::Ready(answer),
+            None => {
+                state.waker = Some(context.waker().clone());
+                Poll::Pending
+            }
+        }
+    }
+}

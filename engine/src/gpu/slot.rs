@@ -1,0 +1,132 @@
+use bytemuck::Pod;
+use lazygrid_kernels::{Pair, Sphere, Spheres};
+
+use super::GpuError;
+use super::adapter::OwnDevice;
+use super::scope::scoped;
+
+/// Bytes before the pairs in a staging buffer: the outcome, and the ticks of the phases from [`TICKS_AT`] on.
+const PAIRS_AT: u64 = 128;
+const TICKS_AT: u64 = 64;
+
+/// One call in flight: its input on the device and the way back.
+#[derive(Debug, Default)]
+pub(crate) struct Slot {
+    pub(crate) count: u32,
+    pub(crate) spheres: Option<wgpu::Buffer>,
+    pub(crate) species: Option<wgpu::Buffer>,
+    staging: Option<wgpu::Buffer>,
+    rows: Vec<Sphere>,
+}
+
+impl Slot {
+    /// Brings the input to the device.
+    pub(crate) fn upload(&mut self, own: &OwnDevice, spheres: Spheres<'_>) -> Result<(), GpuError> {
+        self.count = spheres.len() as u32;
+        match spheres.as_rows() {
+            Some(rows) => write(own, &mut self.spheres, "spheres", rows)?,
+            None => {
+                self.rows.clear();
+                self.rows.extend(spheres.iter());
+                write(own, &mut self.spheres, "spheres", &self.rows)?;
+            }
+        }
+        match spheres.species() {
+            Some(species) => write(own, &mut self.species, "species", species),
+            None => Ok(()),
+        }
+    }
+
+    /// Room for the way back of `pairs` pairs.
+    pub(crate) fn staging(&mut self, own: &OwnDevice, pairs: u64) -> Result<wgpu::Buffer, GpuError> {
+        let needed = PAIRS_AT + pairs * 8;
+        if let Some(staging) = self.staging.as_ref().filter(|staging| staging.size() >= needed) {
+            return Ok(staging.clone());
+        }
+        let size = PAIRS_AT + pairs.next_power_of_two() * 8;
+        let staging = scoped(&own.device, "staging", size, || {
+            own.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("lazygrid::staging"),
+                size,
+                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        })?;
+        Ok(self.staging.insert(staging).clone())
+    }
+
+    pub(crate) fn device_bytes(&self) -> u64 {
+        [&self.spheres, &self.species, &self.staging].into_iter().flatten().map(wgpu::Buffer::size).sum()
+    }
+}
+
+/// Pairs that a staging buffer has room for.
+pub(crate) fn staged_pairs(staging: &wgpu::Buffer) -> u64 {
+    (staging.size() - PAIRS_AT) / 8
+}
+
+/// Records the way back: outcome, ticks where there are any, and the first `pairs` pairs.
+pub(crate) fn copy_back(
+    encoder: &mut wgpu::CommandEncoder,
+    from: [Option<&wgpu::Buffer>; 3],
+    staging: &wgpu::Buffer,
+    pairs: u64,
+) {
+    let [outcome, ticks, list] = from;
+    for (source, at, most) in [(outcome, 0, TICKS_AT), (ticks, TICKS_AT, TICKS_AT), (list, PAIRS_AT, pairs * 8)] {
+        if let Some(source) = source {
+            let bytes = source.size().min(most);
+            if bytes > 0 {
+                encoder.copy_buffer_to_buffer(source, 0, staging, at, bytes);
+            }
+        }
+    }
+}
+
+/// What came back.
+pub(crate) struct Returned<'a>(pub(crate) &'a [u8]);
+
+impl Returned<'_> {
+    pub(crate) fn outcome(&self) -> Result<super::Outcome, GpuError> {
+        super::read_outcome(self.0)
+    }
+
+    /// Pairs of (begin, end) ticks.
+    pub(crate) fn ticks(&self) -> Vec<[u64; 2]> {
+        bytemuck::pod_collect_to_vec(&self.0[TICKS_AT as usize..PAIRS_AT as usize])
+    }
+
+    pub(crate) fn append_pairs(&self, count: usize, pairs: &mut Vec<Pair>) {
+        let at = PAIRS_AT as usize;
+        pairs.extend_from_slice(bytemuck::cast_slice(&self.0[at..at + count * size_of::<Pair>()]));
+    }
+}
+
+fn write<T: Pod>(
+    own: &OwnDevice,
+    buffer: &mut Option<wgpu::Buffer>,
+    what: &'static str,
+    data: &[T],
+) -> Result<(), GpuError> {
+    let bytes: &[u8] = bytemuck::cast_slice(data);
+    let needed = bytes.len() as u64;
+    let limit = own.device.limits().max_storage_buffer_binding_size.min(own.device.limits().max_buffer_size);
+    if needed > limit {
+        let remedy = "split the spheres or take a device with a larger limit";
+        return Err(GpuError::LimitExceeded { what: "the sphere buffer", needed, limit, remedy });
+    }
+    let size = needed.next_power_of_two().clamp(16, limit);
+    scoped(&own.device, what, size, || {
+        let fitting = buffer.take().filter(|buffer| buffer.size() >= needed);
+        let target = fitting.unwrap_or_else(|| {
+            own.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(what),
+                size,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        });
+        own.queue.write_buffer(&target, 0, bytes);
+        *buffer = Some(target);
+    })
+}
