@@ -115,3 +115,46 @@ fn npy_header(kind: &str, shape: &str) -> [u8; NPY_HEADER] {
 
 /// Long enough for any shape of two 64-bit numbers; a multiple of 64, as the format asks.
 const NPY_HEADER: usize = 128;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headers_have_one_length_whatever_the_shape() {
+        for shape in ["(0, 2)".to_owned(), format!("({}, 2)", u64::MAX), format!("({},)", u64::MAX)] {
+            let header = npy_header("u8", &shape);
+            let text = std::str::from_utf8(&header[10..]).unwrap();
+            assert!(text.contains(&format!("'shape': {shape}, }} ")), "{text}");
+            assert!(text.ends_with(" \n"));
+        }
+    }
+
+    #[test]
+    fn a_draft_appears_when_it_is_published_and_not_before() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.csv");
+        std::fs::write(&path, "old").unwrap();
+        let mut draft = Draft::create(&path).unwrap();
+        draft.put(|out| out.write_all(b"new")).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+        draft.publish().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "new");
+        drop(Draft::create(&path).unwrap());
+        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_full_disk_is_an_error_and_leaves_nothing() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.npy");
+        let temporary = NamedTempFile::new_in(directory.path()).unwrap().into_temp_path();
+        let full = File::options().write(true).open("/dev/full").unwrap();
+        let mut draft = Draft { path: path.clone(), temporary, out: BufWriter::new(full) };
+        draft.put(|out| out.write_all(b"fits the buffer")).unwrap();
+        let error = draft.publish().unwrap_err().to_string();
+        assert_eq!(error, format!("{}: cannot write: No space left on device (os error 28)", path.display()));
+        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
+    }
+}
