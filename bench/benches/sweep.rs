@@ -49,26 +49,29 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     args.options = args.options.shrunk();
     println!("{}\n", provenance());
-    for &what in &args.what {
-        match what {
-            What::Tau => tau(&args)?,
-            What::RasterRatio => raster_ratio(&args)?,
-            What::Crossover => crossover(&args)?,
-        }
-    }
-    Ok(())
+    // Inside a pool of that size: a pool per detector would add the way to its thread and back to every call.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
+    Ok(pool
+        .install(|| args.what.iter().try_for_each(|&what| sweep(&args, what).map_err(|e| e.to_string())))?)
 }
 
-fn config(args: &Args, algorithm: Algorithm) -> Config {
-    let config = Config::default().backend(Backend::Cpu).order(Order::Unordered);
-    config.algorithm(algorithm).threads(args.threads)
+fn sweep(args: &Args, what: What) -> Result<(), Box<dyn Error>> {
+    match what {
+        What::Tau => tau(args),
+        What::RasterRatio => raster_ratio(args),
+        What::Crossover => crossover(args),
+    }
+}
+
+fn config(algorithm: Algorithm) -> Config {
+    Config::default().backend(Backend::Cpu).order(Order::Unordered).algorithm(algorithm)
 }
 
 fn tau(args: &Args) -> Result<(), Box<dyn Error>> {
     let contenders: Vec<Contender> = args
         .tau
         .iter()
-        .map(|&tau| Contender::list(tau.to_string(), config(args, Algorithm::RecursiveGrid).tau(tau)))
+        .map(|&tau| Contender::list(tau.to_string(), config(Algorithm::RecursiveGrid).tau(tau)))
         .collect();
     println!("### recursive-grid over τ, ns per sphere and step\n\n{}", table(args, &contenders)?);
     Ok(())
@@ -79,7 +82,7 @@ fn raster_ratio(args: &Args) -> Result<(), Box<dyn Error>> {
         let contenders: Vec<Contender> = args
             .raster_ratio
             .iter()
-            .map(|&ratio| Contender::list(ratio.to_string(), config(args, algorithm).raster_ratio(ratio)))
+            .map(|&ratio| Contender::list(ratio.to_string(), config(algorithm).raster_ratio(ratio)))
             .collect();
         println!(
             "### {algorithm} over the raster ratio, ns per sphere and step\n\n{}",
@@ -103,7 +106,7 @@ fn table(args: &Args, contenders: &[Contender]) -> Result<String, Box<dyn Error>
 
 fn crossover(args: &Args) -> Result<(), Box<dyn Error>> {
     let contenders: Vec<Contender> =
-        Algorithm::CPU.iter().map(|&a| Contender::list(a.name(), config(args, a))).collect();
+        Algorithm::CPU.iter().map(|&a| Contender::list(a.name(), config(a))).collect();
     let mut rows = vec![];
     for &scene in &args.options.scene {
         for &n in &args.sizes {
