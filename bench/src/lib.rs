@@ -1,3 +1,10 @@
 //! What the `lazygrid` command, the tests and the benchmarks share.
 
+pub mod measure;
+pub mod read;
 pub mod scenes;
+pub mod write;
+
+mod error;
+
+pub use error::{At, Error, Place};

@@ -5,11 +5,14 @@ use std::sync::atomic::{AtomicU32, AtomicU64};
 use lazygrid_kernels::{Algorithm, Pair, Spheres};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use crate::array_grid::ArrayGrid;
 use crate::canonical::Canonical;
 use crate::cell_list::CellList;
 use crate::columns::Columns;
 use crate::contact::Rule;
+use crate::hash_grid::HashGrid;
 use crate::neighbors::Lists;
+use crate::recursive_grid::RecursiveGrid;
 use crate::sink::{Consume, Count, Output, To, Written};
 use crate::survey::{Survey, check};
 use crate::{Error, Neighbors, Order, Report, Settings, Simd, choice, naive};
@@ -29,6 +32,9 @@ struct State {
     report: Report,
     columns: Columns,
     cell_list: CellList,
+    hash_grid: HashGrid,
+    array_grid: ArrayGrid,
+    recursive_grid: RecursiveGrid,
     canonical: Canonical,
     spare: Vec<Vec<Pair>>,
     pairs: Vec<Pair>,
@@ -66,6 +72,9 @@ impl HostDetector {
             report,
             columns: Columns::default(),
             cell_list: CellList::default(),
+            hash_grid: HashGrid::default(),
+            array_grid: ArrayGrid::default(),
+            recursive_grid: RecursiveGrid::default(),
             canonical: Canonical::default(),
             spare: Vec::new(),
             pairs: Vec::new(),
@@ -141,8 +150,12 @@ impl HostDetector {
 
     /// An upper estimate of the bytes held for `spheres` spheres, besides the result.
     pub fn memory_for(&self, spheres: u64) -> u64 {
+        let ratio = self.settings.raster_ratio;
         match self.settings.algorithm {
             Algorithm::Naive => spheres * Columns::BYTES_PER_SPHERE,
+            Algorithm::HashGrid => HashGrid::memory_for(spheres, ratio),
+            Algorithm::ArrayGrid => ArrayGrid::memory_for(spheres, ratio),
+            Algorithm::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio),
             _ => CellList::memory_for(spheres),
         }
     }
@@ -181,22 +194,28 @@ impl HostDetector {
 
 impl State {
     fn build(&mut self, input: &Input<'_>) -> Result<(), Error> {
-        let Self { report, columns, cell_list, .. } = self;
+        let Self { report, columns, cell_list, hash_grid, array_grid, recursive_grid, .. } = self;
         match report.algorithm {
             Algorithm::Naive => {
                 report.time("gather", || columns.gather(&input.rule, 0..input.survey.spheres as u32));
             }
+            Algorithm::HashGrid => hash_grid.build(input, report),
+            Algorithm::ArrayGrid => array_grid.build(input, report),
+            Algorithm::RecursiveGrid => recursive_grid.build(input, report),
             _ => cell_list.build(input, report),
         }
         Ok(())
     }
 
     fn search<'o, O: Output>(&mut self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
-        let Self { report, columns, cell_list, .. } = self;
+        let Self { report, columns, cell_list, hash_grid, array_grid, recursive_grid, .. } = self;
         match report.algorithm {
             Algorithm::Naive => {
                 report.time("search", || naive::search(input.simd, columns, &input.rule, output))
             }
+            Algorithm::HashGrid => report.time("search", || hash_grid.search(input, output)),
+            Algorithm::ArrayGrid => report.time("search", || array_grid.search(input, output)),
+            Algorithm::RecursiveGrid => report.time("search", || recursive_grid.search(input, output)),
             _ => report.time("search", || cell_list.search(input, output)),
         }
     }

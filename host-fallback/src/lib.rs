@@ -5,20 +5,30 @@
 
 pub mod choice;
 
+mod array_grid;
 mod canonical;
+mod cell;
 mod cell_list;
 mod columns;
 mod contact;
+mod cover;
 mod detector;
+mod entries;
 mod error;
+mod hash_grid;
+#[cfg(test)]
+mod judged;
 mod naive;
 mod neighbors;
+mod radix;
+mod recursive_grid;
 mod report;
 mod scatter;
 mod settings;
 mod simd;
 mod sink;
 mod survey;
+mod workspace;
 
 pub use detector::HostDetector;
 pub use error::Error;

@@ -160,3 +160,29 @@ fn lens(d: f64, a: f64, b: f64) -> f64 {
         (a + b - d).powi(2) * (d * d + 2.0 * d * (a + b) - 3.0 * (a - b).powi(2)) / (16.0 * d)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CLOUDS: [Cloud; 2] = [Cloud::Ball { radius: 3.0 }, Cloud::Normal { sigma: 1.5 }];
+
+    #[test]
+    fn the_chance_about_a_point_averages_to_the_chance_of_a_pair() {
+        for cloud in CLOUDS {
+            for reach in [0.1, 1.0, 2.5, 4.0, 5.9] {
+                let (mean, whole) = (cloud.average(|d| cloud.hit_at(d, reach)), cloud.hit(reach));
+                assert!((mean / whole - 1.0).abs() < 1e-4, "{cloud:?}, reach {reach}: {mean}, {whole}");
+            }
+        }
+    }
+
+    #[test]
+    fn two_spheres_are_a_coin_toss() {
+        for cloud in CLOUDS {
+            let p = cloud.hit(2.0);
+            let two = pairs(&[Class { count: 2.0, radius: 1.0 }], cloud);
+            assert!((two.mean - p).abs() < 1e-12 && (two.variance - p * (1.0 - p)).abs() < 1e-12, "{two:?}");
+        }
+    }
+}

@@ -1,7 +1,10 @@
 use super::*;
 
 fn brute_force(spheres: &[Sphere]) -> u64 {
-    let hit = |a: &Sphere, b: &Sphere| a.center.distance_squared(b.center) <= (a.radius + b.radius).powi(2);
+    let hit = |a: &Sphere, b: &Sphere| {
+        let reach = f64::from(a.radius) + f64::from(b.radius);
+        a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= reach * reach
+    };
     (0..spheres.len()).map(|i| spheres[i + 1..].iter().filter(|b| hit(&spheres[i], b)).count() as u64).sum()
 }
 

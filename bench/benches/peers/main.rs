@@ -1,0 +1,211 @@
+//! lazygrid beside parry3d, one thread beside two, and large inputs beside larger ones. Markdown on standard
+//! output, every single value in a CSV file on request.
+//!
+//! `cargo bench -p lazygrid-bench --bench peers -- --mode running --scene equal --n 100000 --rounds 9`
+#![allow(clippy::print_stdout)]
+
+mod parry;
+mod sizes;
+
+use std::error::Error;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::{Parser, ValueEnum};
+use lazygrid::{Algorithm, Backend, Config, Order};
+use lazygrid_bench::measure::{Contender, Options, Plan, Timing, compare, markdown, provenance};
+
+/// Above this many spheres the naive detector is left out: its time grows with the square.
+const NAIVE_LIMIT: usize = 20_000;
+
+#[derive(Parser)]
+#[command(about = "lazygrid beside parry3d, exact pairs checked equal before any time is reported")]
+struct Args {
+    /// What to compare, separated by commas
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Mode::Running, Mode::Scratch])]
+    mode: Vec<Mode>,
+    /// Algorithms, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = ALGORITHMS)]
+    algorithm: Vec<Algorithm>,
+    /// What lazygrid gives back, separated by commas
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Output::List, Output::Unordered, Output::Count])]
+    output: Vec<Output>,
+    /// Also write every value as CSV
+    #[arg(long)]
+    csv: Option<PathBuf>,
+    /// Measure one detector's time and memory in this process, for `--mode sizes`
+    #[arg(long, hide = true)]
+    child: bool,
+    #[command(flatten)]
+    options: Options,
+}
+
+const ALGORITHMS: [Algorithm; 6] = [
+    Algorithm::CellList,
+    Algorithm::ArrayGrid,
+    Algorithm::RecursiveGrid,
+    Algorithm::HashGrid,
+    Algorithm::Naive,
+    Algorithm::Auto,
+];
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Mode {
+    /// A simulation: one detector, or one tree, kept from step to step; one thread.
+    Running,
+    /// One call from arbitrary order; one thread.
+    Scratch,
+    /// One thread beside two.
+    Threads,
+    /// Time and memory per sphere as the number of spheres grows; one thread.
+    Sizes,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Output {
+    /// The list in canonical order.
+    List,
+    /// The list in any order.
+    Unordered,
+    /// The number only.
+    Count,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = Args::parse();
+    if args.child {
+        return sizes::child(&args);
+    }
+    if args.options.is_quick() {
+        args.mode = Mode::value_variants().into();
+    }
+    args.options = args.options.shrunk();
+    println!("{}\n", provenance());
+    let mut csv = String::from("mode,scene,n,contender,round,ns_per_sphere_and_step\n");
+    for &mode in &args.mode {
+        if mode == Mode::Sizes {
+            sizes::run(&args)?;
+            continue;
+        }
+        for plan in args.options.plans() {
+            let plan = plan_for(mode, plan);
+            let timings = compare(&plan, &contenders(mode, &args, plan.n))?;
+            if args.options.is_quick() {
+                println!(
+                    "{mode:?}, {}: {} searches agree on {} pairs",
+                    plan.scene,
+                    timings.len(),
+                    timings[0].pairs
+                );
+                continue;
+            }
+            println!("{}", heading(mode, &plan));
+            match mode {
+                Mode::Threads => println!("{}", threads_table(&timings)),
+                _ => println!("{}{}", peers_table(&timings), grids_line(&timings)),
+            }
+            append(&mut csv, mode, &plan, &timings)?;
+        }
+    }
+    if let Some(path) = &args.csv {
+        std::fs::write(path, csv)?;
+    }
+    Ok(())
+}
+
+fn plan_for(mode: Mode, plan: Plan) -> Plan {
+    // From scratch a step tells no more than a round.
+    if mode == Mode::Scratch { Plan { fresh: true, steps: 1, ..plan } } else { plan }
+}
+
+fn heading(mode: Mode, plan: &Plan) -> String {
+    let Plan { scene, n, seed, rounds, steps, .. } = plan;
+    let what = match mode {
+        Mode::Running => "kept from step to step, one thread",
+        Mode::Scratch => "from scratch, one thread",
+        Mode::Threads => "kept from step to step, one thread and two",
+        Mode::Sizes => "growing input",
+    };
+    format!(
+        "### {scene}, {n} spheres, {what} ({rounds} rounds of {steps} steps after one to warm up, seed {seed})\n"
+    )
+}
+
+fn contenders(mode: Mode, args: &Args, n: usize) -> Vec<Contender> {
+    let mut contenders = match mode {
+        Mode::Running => parry::running(),
+        Mode::Scratch => parry::scratch(),
+        Mode::Threads | Mode::Sizes => vec![],
+    };
+    let threads: &[usize] = if mode == Mode::Threads { &[1, 2] } else { &[1] };
+    for &algorithm in args.algorithm.iter().filter(|&&a| a != Algorithm::Naive || n <= NAIVE_LIMIT) {
+        for &output in &args.output {
+            contenders.extend(threads.iter().map(|&threads| contender(algorithm, output, threads)));
+        }
+    }
+    contenders
+}
+
+fn config(algorithm: Algorithm, output: Output, threads: usize) -> Config {
+    let order = if output == Output::List { Order::Canonical } else { Order::Unordered };
+    Config::default().backend(Backend::Cpu).algorithm(algorithm).threads(threads).order(order)
+}
+
+fn contender(algorithm: Algorithm, output: Output, threads: usize) -> Contender {
+    let config = config(algorithm, output, threads);
+    match output {
+        Output::List => Contender::list(algorithm.name(), config),
+        Output::Unordered => Contender::list(format!("{algorithm}, unordered"), config),
+        Output::Count => Contender::count(format!("{algorithm}, count"), config),
+    }
+}
+
+/// Every contender beside the fastest tuning of parry.
+fn peers_table(timings: &[Timing]) -> String {
+    let trees = timings.iter().filter(|t| t.name.starts_with("parry3d"));
+    let best = trees.min_by(|a, b| a.median().total_cmp(&b.median()));
+    let row = |timing: &Timing| {
+        let ratio = best.map_or_else(String::new, |best| best.over(timing).to_string());
+        let chosen = if timing.name.starts_with("auto") { timing.note.clone() } else { String::new() };
+        vec![timing.name.clone(), format!("{:.1}", timing.median()), ratio, timing.pairs.to_string(), chosen]
+    };
+    let tree = best.map_or("parry3d", |t| t.name.as_str());
+    let faster = format!("times as fast as {tree} (range)");
+    markdown(
+        &["search", "ns per sphere and step", &faster, "pairs", "chosen"],
+        &timings.iter().map(row).collect::<Vec<_>>(),
+    )
+}
+
+/// The two grids of the paper beside each other.
+fn grids_line(timings: &[Timing]) -> String {
+    let find = |algorithm: Algorithm| timings.iter().find(|t| t.name == algorithm.name());
+    match (find(Algorithm::ArrayGrid), find(Algorithm::RecursiveGrid)) {
+        (Some(array), Some(recursive)) => {
+            format!("\nrecursive-grid is {} times as fast as array-grid.\n", array.over(recursive))
+        }
+        _ => String::new(),
+    }
+}
+
+fn threads_table(timings: &[Timing]) -> String {
+    let row = |pair: &[Timing]| {
+        let [one, two] = pair else { return vec![] };
+        let nanos = |t: &Timing| format!("{:.1}", t.median());
+        vec![one.name.clone(), nanos(one), nanos(two), one.over(two).to_string()]
+    };
+    markdown(
+        &["search", "one thread, ns per sphere and step", "two threads", "times as fast (range)"],
+        &timings.chunks(2).map(row).collect::<Vec<_>>(),
+    )
+}
+
+fn append(csv: &mut String, mode: Mode, plan: &Plan, timings: &[Timing]) -> Result<(), std::fmt::Error> {
+    let mode = mode.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
+    for timing in timings {
+        for (round, nanos) in timing.nanos.iter().enumerate() {
+            writeln!(csv, "{mode},{},{},\"{}\",{round},{nanos}", plan.scene, plan.n, timing.name)?;
+        }
+    }
+    Ok(())
+}

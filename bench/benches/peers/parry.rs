@@ -1,0 +1,132 @@
+//! parry3d's bounding volume hierarchy, used as its documentation advises, in several tunings.
+
+use std::error::Error;
+
+use lazygrid::{Pair, Sphere};
+use lazygrid_bench::measure::{Contender, Found, Search};
+use parry3d::bounding_volume::Aabb;
+use parry3d::math::Vector;
+use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
+
+/// What happens to the tree at every step before it is traversed.
+#[derive(Clone, Copy, Debug)]
+enum Upkeep {
+    /// Leaves are written with their exact boxes and all inner boxes follow; the tree's shape stays.
+    Refit,
+    /// As `Refit`, but a leaf is written only when its sphere has left its box, which is larger on each side by
+    /// this share of the radius.
+    Fat(f32),
+    /// As `Refit`, then a small part of the tree is rebuilt.
+    Optimize,
+    /// As `Refit`, but every so many steps the whole tree is rebuilt.
+    Rebuild(u32),
+}
+
+/// The tunings for a tree that lives from step to step.
+pub(crate) fn running() -> Vec<Contender> {
+    [
+        ("refit", Upkeep::Refit),
+        ("refit, margin", Upkeep::Fat(0.2)),
+        ("refit, optimised", Upkeep::Optimize),
+        ("refit, rebuilt every 10", Upkeep::Rebuild(10)),
+    ]
+    .map(|(name, upkeep)| Contender::new(format!("parry3d {name}"), move || Ok(Living::new(upkeep))))
+    .into()
+}
+
+/// The two ways to build a tree from nothing.
+pub(crate) fn scratch() -> Vec<Contender> {
+    [("binned", BvhBuildStrategy::Binned), ("PLOC", BvhBuildStrategy::Ploc)]
+        .map(|(name, strategy)| {
+            Contender::new(format!("parry3d {name}"), move || Ok(Built { strategy, pairs: vec![] }))
+        })
+        .into()
+}
+
+/// A tree kept from step to step.
+struct Living {
+    upkeep: Upkeep,
+    step: u32,
+    tree: Bvh,
+    workspace: BvhWorkspace,
+    pairs: Vec<Pair>,
+}
+
+impl Living {
+    fn new(upkeep: Upkeep) -> Self {
+        let (tree, workspace) = (Bvh::new(), BvhWorkspace::default());
+        Self { upkeep, step: 0, tree, workspace, pairs: vec![] }
+    }
+}
+
+impl Search for Living {
+    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        let margin = if let Upkeep::Fat(margin) = self.upkeep { margin } else { 0.0 };
+        if self.step == 0 {
+            self.tree = build(spheres, BvhBuildStrategy::Binned);
+        }
+        for (index, sphere) in (0..).zip(spheres) {
+            self.tree.insert_or_update_partially(aabb(sphere), index, margin * sphere.radius);
+        }
+        self.tree.refit(&mut self.workspace);
+        self.step += 1;
+        match self.upkeep {
+            Upkeep::Optimize => self.tree.optimize_incremental(&mut self.workspace),
+            Upkeep::Rebuild(period) if self.step.is_multiple_of(period) => {
+                self.tree.rebuild(&mut self.workspace, BvhBuildStrategy::Binned);
+                self.tree.refit(&mut self.workspace);
+            }
+            _ => {}
+        }
+        query(&self.tree, &mut self.workspace, spheres, &mut self.pairs);
+        Ok(Found::Pairs(&self.pairs))
+    }
+}
+
+/// A tree built for one answer.
+struct Built {
+    strategy: BvhBuildStrategy,
+    pairs: Vec<Pair>,
+}
+
+impl Search for Built {
+    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        let tree = build(spheres, self.strategy);
+        query(&tree, &mut BvhWorkspace::default(), spheres, &mut self.pairs);
+        Ok(Found::Pairs(&self.pairs))
+    }
+}
+
+fn build(spheres: &[Sphere], strategy: BvhBuildStrategy) -> Bvh {
+    Bvh::from_iter(strategy, spheres.iter().map(aabb).enumerate())
+}
+
+/// The tree's candidates, tested exactly.
+fn query(tree: &Bvh, workspace: &mut BvhWorkspace, spheres: &[Sphere], pairs: &mut Vec<Pair>) {
+    pairs.clear();
+    tree.traverse_bvtt_single_tree::<false>(workspace, &mut |i, j| {
+        let (a, b) = (&spheres[i as usize], &spheres[j as usize]);
+        if touch(a, b) {
+            pairs.push(Pair::new(i, j));
+        }
+    });
+}
+
+/// The exact test of all lazygrid detectors: in `f64`, which is needed only next to tangency.
+#[inline]
+fn touch(a: &Sphere, b: &Sphere) -> bool {
+    let reach = a.radius + b.radius;
+    let gap = a.center.distance_squared(b.center) - reach * reach;
+    if gap.abs() > 1e-6 * reach * reach {
+        return gap < 0.0;
+    }
+    let reach = f64::from(a.radius) + f64::from(b.radius);
+    a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= reach * reach
+}
+
+/// The box of a sphere, a few ulp larger, as its own rounding might lose a pair in contact.
+fn aabb(sphere: &Sphere) -> Aabb {
+    let center = Vector::from(sphere.center.to_array());
+    let far = sphere.center.abs().max_element() + sphere.radius;
+    Aabb::from_half_extents(center, Vector::splat(sphere.radius + far * f32::EPSILON))
+}

@@ -1,0 +1,123 @@
+//! Time and memory per sphere as the number of spheres grows. Each figure comes from a process of its own,
+//! whose peak of resident memory is the detector's.
+
+use std::error::Error;
+use std::process::Command;
+use std::time::Instant;
+
+use lazygrid::{Algorithm, Detector};
+use lazygrid_bench::measure::{Spread, markdown};
+use lazygrid_bench::scenes::Scene;
+
+use crate::{Args, NAIVE_LIMIT, Output, config};
+
+/// What a child process measured.
+#[derive(Clone, Copy)]
+struct Sample {
+    nanos: f64,
+    /// Peak bytes per sphere besides spheres and result; NaN where the system does not tell.
+    bytes: f64,
+    /// The detector's own upper estimate of the same.
+    estimate: f64,
+}
+
+/// Runs the children of all scenes, algorithms and sizes, sizes interleaved, and prints a table.
+pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
+    let mut rows = vec![];
+    for &scene in &args.options.scene {
+        for &algorithm in &args.algorithm {
+            let sizes = args.options.n.iter().copied();
+            let sizes: Vec<usize> =
+                sizes.filter(|&n| algorithm != Algorithm::Naive || n <= NAIVE_LIMIT).collect();
+            let mut samples = vec![vec![]; sizes.len()];
+            for _ in 0..args.options.rounds {
+                for (k, &n) in sizes.iter().enumerate() {
+                    samples[k].push(spawn(args, scene, algorithm, n)?);
+                }
+            }
+            for (k, &n) in sizes.iter().enumerate() {
+                let over_first: Vec<f64> =
+                    samples[k].iter().zip(&samples[0]).map(|(s, first)| s.nanos / first.nanos).collect();
+                let median = |of: fn(&Sample) -> f64| {
+                    let values: Vec<f64> = samples[k].iter().map(of).collect();
+                    format!("{:.1}", Spread::of(&values).median)
+                };
+                rows.push(vec![
+                    scene.to_string(),
+                    algorithm.to_string(),
+                    n.to_string(),
+                    median(|s| s.nanos),
+                    Spread::of(&over_first).to_string(),
+                    median(|s| s.bytes),
+                    median(|s| s.estimate),
+                ]);
+            }
+        }
+    }
+    let header = [
+        "scene",
+        "algorithm",
+        "spheres",
+        "ns per sphere and step",
+        "over the first size (range)",
+        "bytes per sphere besides input and result",
+        "bytes by `memory_for`",
+    ];
+    if args.options.is_quick() {
+        println!("Sizes: {} kinds of child process answered", rows.len());
+        return Ok(());
+    }
+    println!("### Growing input, one thread, list in canonical order\n\n{}", markdown(&header, &rows));
+    Ok(())
+}
+
+fn spawn(args: &Args, scene: Scene, algorithm: Algorithm, n: usize) -> Result<Sample, Box<dyn Error>> {
+    let options = &args.options;
+    let mut command = Command::new(std::env::current_exe()?);
+    command.args(["--child", "--scene", scene.name(), "--algorithm", algorithm.name()]);
+    command.args(["--n", &n.to_string(), "--steps", &options.steps.to_string()]);
+    command.args(["--seed", &options.seed.to_string()]);
+    let output = command.output()?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let values: Vec<f64> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
+    match values[..] {
+        [nanos, bytes, estimate] => Ok(Sample { nanos, bytes, estimate }),
+        _ => {
+            let reason = String::from_utf8_lossy(&output.stderr);
+            Err(format!("{algorithm} at {n} spheres of {scene}: {}, {reason}", output.status).into())
+        }
+    }
+}
+
+/// Prints nanoseconds, bytes and estimated bytes per sphere of one scene, algorithm and size.
+pub(crate) fn child(args: &Args) -> Result<(), Box<dyn Error>> {
+    let options = &args.options;
+    let (scene, n, algorithm) = (options.scene[0], options.n[0], args.algorithm[0]);
+    let mut spheres = scene.spheres(n, options.seed);
+    let mut detector = Detector::new(config(algorithm, Output::List, 1))?;
+    let before = resident("VmRSS");
+    // Makes the peak start anew from the present.
+    let reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
+    let mut result = detector.pairs(&spheres)?.len();
+    let mut nanos = vec![];
+    for step in 0..options.steps as u32 {
+        Scene::advance(&mut spheres, options.seed, step);
+        let start = Instant::now();
+        let pairs = detector.pairs(&spheres)?.len();
+        nanos.push(start.elapsed().as_nanos() as f64 / n as f64);
+        result = result.max(pairs);
+    }
+    let peak = if reset { resident("VmHWM") } else { f64::NAN };
+    let bytes = (peak - before - 8.0 * result as f64) / n as f64;
+    let estimate = detector.memory_for(n as u64) as f64 / n as f64;
+    println!("{} {bytes} {estimate}", Spread::of(&nanos).median);
+    Ok(())
+}
+
+/// A line of `/proc/self/status` in bytes; NaN where there is none.
+fn resident(name: &str) -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'));
+    let kib = line.and_then(|rest| rest.split_whitespace().next()?.parse::<f64>().ok());
+    kib.map_or(f64::NAN, |kib| kib * 1024.0)
+}

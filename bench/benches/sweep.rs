@@ -1,0 +1,140 @@
+//! Where the defaults come from: τ and the raster ratio of the paper's grids, and the number of spheres at which
+//! one algorithm overtakes another. Markdown on standard output.
+//!
+//! `cargo bench -p lazygrid-bench --bench sweep -- --what tau --scene burst --n 100000`
+#![allow(clippy::print_stdout)]
+
+use std::error::Error;
+
+use clap::{Parser, ValueEnum};
+use lazygrid::{Algorithm, Backend, Config, Order};
+use lazygrid_bench::measure::{Contender, Options, Plan, compare, markdown, provenance};
+
+#[derive(Parser)]
+#[command(about = "Times of the CPU algorithms over their settings and over the number of spheres")]
+struct Args {
+    /// What to vary, separated by commas
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [What::Tau, What::RasterRatio, What::Crossover])]
+    what: Vec<What>,
+    /// Values of τ, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [4, 8, 16, 32, 64, 128, 256])]
+    tau: Vec<u32>,
+    /// Raster ratios, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0])]
+    raster_ratio: Vec<f32>,
+    /// Numbers of spheres of the crossover, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [10, 30, 100, 200, 300, 500, 1000, 2000, 5000, 20_000])]
+    sizes: Vec<usize>,
+    /// Threads
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+    #[command(flatten)]
+    options: Options,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum What {
+    /// τ of the recursive grid.
+    Tau,
+    /// Cell edge over largest diameter, for the three grids of the paper.
+    RasterRatio,
+    /// All algorithms as the number of spheres grows.
+    Crossover,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = Args::parse();
+    if args.options.is_quick() {
+        args.sizes = vec![0, 1, 10, 100];
+    }
+    args.options = args.options.shrunk();
+    println!("{}\n", provenance());
+    // Inside a pool of that size: a pool per detector would add the way to its thread and back to every call.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
+    Ok(pool
+        .install(|| args.what.iter().try_for_each(|&what| sweep(&args, what).map_err(|e| e.to_string())))?)
+}
+
+fn sweep(args: &Args, what: What) -> Result<(), Box<dyn Error>> {
+    match what {
+        What::Tau => tau(args),
+        What::RasterRatio => raster_ratio(args),
+        What::Crossover => crossover(args),
+    }
+}
+
+fn config(algorithm: Algorithm) -> Config {
+    Config::default().backend(Backend::Cpu).order(Order::Unordered).algorithm(algorithm)
+}
+
+fn tau(args: &Args) -> Result<(), Box<dyn Error>> {
+    let contenders: Vec<Contender> = args
+        .tau
+        .iter()
+        .map(|&tau| Contender::list(tau.to_string(), config(Algorithm::RecursiveGrid).tau(tau)))
+        .collect();
+    println!("### recursive-grid over τ, ns per sphere and step\n\n{}", table(args, &contenders)?);
+    Ok(())
+}
+
+fn raster_ratio(args: &Args) -> Result<(), Box<dyn Error>> {
+    for algorithm in [Algorithm::ArrayGrid, Algorithm::HashGrid, Algorithm::RecursiveGrid] {
+        let contenders: Vec<Contender> = args
+            .raster_ratio
+            .iter()
+            .map(|&ratio| Contender::list(ratio.to_string(), config(algorithm).raster_ratio(ratio)))
+            .collect();
+        println!(
+            "### {algorithm} over the raster ratio, ns per sphere and step\n\n{}",
+            table(args, &contenders)?
+        );
+    }
+    Ok(())
+}
+
+/// One row per scene and number of spheres, one column per contender, the fastest in bold.
+fn table(args: &Args, contenders: &[Contender]) -> Result<String, Box<dyn Error>> {
+    let mut rows = vec![];
+    for plan in args.options.plans() {
+        let mut row = vec![plan.scene.to_string(), plan.n.to_string()];
+        row.extend(fastest_in_bold(&plan, contenders)?);
+        rows.push(row);
+    }
+    let names = contenders.iter().map(|c| c.name.as_str());
+    Ok(markdown(&["scene", "spheres"].into_iter().chain(names).collect::<Vec<_>>(), &rows))
+}
+
+fn crossover(args: &Args) -> Result<(), Box<dyn Error>> {
+    let contenders: Vec<Contender> =
+        Algorithm::CPU.iter().map(|&a| Contender::list(a.name(), config(a))).collect();
+    let mut rows = vec![];
+    for &scene in &args.options.scene {
+        for &n in &args.sizes {
+            // As many calls as make a round long enough to time.
+            let steps = if args.options.is_quick() {
+                2
+            } else {
+                (100_000 / n.max(1)).clamp(args.options.steps, 1000)
+            };
+            let Options { rounds, seed, .. } = args.options;
+            let plan = Plan { scene, n, seed, rounds, steps, fresh: false };
+            let mut row = vec![scene.to_string(), n.to_string()];
+            row.extend(fastest_in_bold(&plan, &contenders)?);
+            rows.push(row);
+        }
+    }
+    let names = contenders.iter().map(|c| c.name.as_str());
+    let header: Vec<&str> = ["scene", "spheres"].into_iter().chain(names).collect();
+    println!(
+        "### Algorithms over the number of spheres, ns per sphere and step\n\n{}",
+        markdown(&header, &rows)
+    );
+    Ok(())
+}
+
+fn fastest_in_bold(plan: &Plan, contenders: &[Contender]) -> Result<Vec<String>, Box<dyn Error>> {
+    let medians: Vec<f64> = compare(plan, contenders)?.iter().map(|t| t.median()).collect();
+    let fastest = medians.iter().copied().fold(f64::INFINITY, f64::min);
+    let cell = |m: f64| if m == fastest { format!("**{m:.1}**") } else { format!("{m:.1}") };
+    Ok(medians.into_iter().map(cell).collect())
+}

@@ -1,0 +1,190 @@
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Parser, Subcommand};
+use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order};
+use lazygrid_bench::read::{Format, Options};
+use lazygrid_bench::scenes::Scene;
+use lazygrid_bench::write::{SphereFormat, TableFormat};
+
+/// All pairs of overlapping spheres.
+#[derive(Debug, Parser)]
+#[command(name = "lazygrid", version, arg_required_else_help = true)]
+#[command(after_help = "Exit code: 0 done; 1 bad input or failure; 2 wrong usage. \
+                        RUST_LOG=info says more on standard error.")]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Find the overlapping pairs of the spheres in a file
+    Detect(Detect),
+    /// Write a scene to a file
+    Generate(Generate),
+    /// List what can run here
+    Devices,
+    /// Write a completion script for a shell to standard output
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Finds the overlapping pairs of the spheres in a file: those whose centres are at most the sum of their radii
+/// apart. Prints how many spheres and pairs there are, what was chosen and why, and the time of each phase.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Formats:
+  csv      a header with x,y,z and r or radius in any order, optionally species
+  npy      a NumPy array of shape (n, 4), f32 or f64: x, y, z, radius
+  xyz      plain (radii from --radius) or extended, with a radius column
+  lammps   text dumps with x y z (or xu, xs, xsu) and radius or diameter; species by type
+  smoldyn  output of listmols (radii from --radius)
+
+Output:
+  pairs.csv  rows i,j;  pairs.npy  an array of shape (n, 2), u32; zero-based, i < j, by i, then j.
+  With --neighbors, every pair stands twice in near.csv, and near.npy becomes two files,
+  near.offsets.npy (u64) and near.indices.npy (u32): the neighbours of sphere k are
+  indices[offsets[k]:offsets[k+1]].
+  More pairs than --max-pairs are streamed to the file, without a list in memory.
+  Files appear when they are complete; {frame} in the name stands for the number of the frame.
+
+Examples:
+  lazygrid detect pour.dump
+  lazygrid detect burst.lst --radius acid=0.1 --radius base=0.15 --radius salt=0.2 -o pairs.csv
+  lazygrid detect run.lammpstrj --frame 3 -o pairs.npy
+  lazygrid detect run.xyz --json | jq .pairs")]
+pub(crate) struct Detect {
+    /// The file with the spheres
+    pub(crate) file: PathBuf,
+    /// Its format [default: by extension, else by content]
+    #[arg(long, value_parser = one_of(Format::ALL.map(Format::name)).try_map(|name| name.parse::<Format>()))]
+    pub(crate) format: Option<Format>,
+    /// The radius of a species, by name or by LAMMPS type; wins over a radius in the file. May be repeated
+    #[arg(long = "radius", value_name = "SPECIES=R", value_parser = radius)]
+    pub(crate) radii: Vec<(String, f32)>,
+    /// Where to run
+    #[arg(long, default_value_t, value_parser = one_of(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
+    pub(crate) backend: Backend,
+    /// How to search; eager-grid and lazy-grid are GPU algorithms
+    #[arg(long, default_value_t, value_parser = one_of(Algorithm::ALL.map(Algorithm::name)).try_map(|name| name.parse::<Algorithm>()))]
+    pub(crate) algorithm: Algorithm,
+    /// Split a cell when it holds more smaller spheres than this [default: the engine's]
+    #[arg(long, value_name = "N")]
+    pub(crate) tau: Option<u32>,
+    /// Cell edge as a multiple of the largest diameter, 0.5 to 16 [default: the engine's]
+    #[arg(long, value_name = "RATIO", value_parser = raster_ratio)]
+    pub(crate) raster_ratio: Option<f32>,
+    /// Threads of the CPU [default: all]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
+    /// Write the pairs to this file, .csv or .npy
+    #[arg(long, short, value_name = "PATH", value_parser = PathWith(TableFormat::from_extension, ".csv or .npy"))]
+    pub(crate) output: Option<(PathBuf, TableFormat)>,
+    /// Do not sort the pairs
+    #[arg(long, conflicts_with_all = ["count", "neighbors"])]
+    pub(crate) unordered: bool,
+    /// Only count the pairs, in memory that does not depend on their number
+    #[arg(long, conflicts_with_all = ["output", "neighbors"])]
+    pub(crate) count: bool,
+    /// Find neighbour lists instead of pairs
+    #[arg(long)]
+    pub(crate) neighbors: bool,
+    /// The most pairs to hold in memory [default: 2^29]
+    #[arg(long, value_name = "N")]
+    pub(crate) max_pairs: Option<u64>,
+    /// Print one JSON object per frame, each on a line of its own
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Only this frame of the file; the first is 0 [default: all]
+    #[arg(long, value_name = "K")]
+    pub(crate) frame: Option<usize>,
+}
+
+/// Writes a scene, the same on every machine for the same seed.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  lazygrid generate five-sizes -n 1000000 --seed 7 --output five-sizes.npy")]
+pub(crate) struct Generate {
+    /// The scene
+    #[arg(value_parser = one_of(Scene::ALL.map(Scene::name)).try_map(|name| name.parse::<Scene>()))]
+    pub(crate) scene: Scene,
+    /// How many spheres
+    #[arg(short = 'n', long = "spheres", value_name = "N", value_parser = clap::value_parser!(u64).range(..=MAX_SPHERES))]
+    pub(crate) spheres: u64,
+    /// The seed of the random numbers
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Move every sphere K times, each time by a tenth of its radius in a random direction
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    pub(crate) step: u32,
+    /// The file to write, .npy, .csv or .xyz
+    #[arg(long, short, value_name = "PATH", value_parser = PathWith(SphereFormat::from_extension, ".npy, .csv or .xyz"))]
+    pub(crate) output: (PathBuf, SphereFormat),
+}
+
+impl Detect {
+    pub(crate) fn options(&self) -> Options {
+        Options { format: self.format, radii: self.radii.iter().cloned().collect() }
+    }
+
+    pub(crate) fn config(&self) -> Config {
+        let order = if self.unordered { Order::Unordered } else { Order::Canonical };
+        let config = Config::default().backend(self.backend).algorithm(self.algorithm).order(order);
+        let config = with(config, self.tau, Config::tau);
+        let config = with(config, self.raster_ratio, Config::raster_ratio);
+        let config = with(config, self.threads.map(NonZeroUsize::get), Config::threads);
+        with(config, self.max_pairs, Config::max_pairs)
+    }
+}
+
+fn with<T>(config: Config, value: Option<T>, set: impl FnOnce(Config, T) -> Config) -> Config {
+    match value {
+        Some(value) => set(config, value),
+        None => config,
+    }
+}
+
+fn one_of<const N: usize>(names: [&'static str; N]) -> PossibleValuesParser {
+    PossibleValuesParser::new(names)
+}
+
+fn radius(text: &str) -> Result<(String, f32), String> {
+    let (species, radius) = text.rsplit_once('=').ok_or("expected SPECIES=R, such as acid=0.1")?;
+    match f32::from_str(radius) {
+        Ok(radius) if radius.is_finite() && radius >= 0.0 => Ok((species.to_owned(), radius)),
+        _ => Err(format!("the radius '{radius}' must be a finite number that is not negative")),
+    }
+}
+
+fn raster_ratio(text: &str) -> Result<f32, String> {
+    let ratio = f32::from_str(text).ok().filter(|ratio| (0.5..=16.0).contains(ratio));
+    ratio.ok_or_else(|| "expected a number from 0.5 to 16".to_owned())
+}
+
+/// Parses a path whose extension tells a format; the text says which there are.
+#[derive(Clone)]
+struct PathWith<T>(fn(&Path) -> Option<T>, &'static str);
+
+impl<T: Clone + Send + Sync + 'static> TypedValueParser for PathWith<T> {
+    type Value = (PathBuf, T);
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        _: Option<&clap::Arg>,
+        value: &std::ffi::OsStr,
+    ) -> Result<Self::Value, clap::Error> {
+        let path = PathBuf::from(value);
+        match (self.0)(&path) {
+            Some(format) => Ok((path, format)),
+            None => {
+                let message = format!("'{}' does not end in {}\n", path.display(), self.1);
+                Err(clap::Error::raw(clap::error::ErrorKind::ValueValidation, message).with_cmd(command))
+            }
+        }
+    }
+}

@@ -1,0 +1,23 @@
+use lazygrid::Sphere;
+use lazygrid_bench::scenes::Scene;
+use lazygrid_bench::write;
+
+use crate::args::Generate;
+use crate::failure::Failure;
+use crate::progress;
+
+/// Writes a scene after some moves.
+pub(crate) fn run(args: &Generate) -> Result<(), Failure> {
+    let n = args.spheres as usize;
+    // The scene would end the program where memory is refused.
+    Vec::<Sphere>::new().try_reserve_exact(n).map_err(|_| Failure::NoMemory { spheres: args.spheres })?;
+    let spinner = progress::working("generating", n);
+    let mut spheres = args.scene.spheres(n, args.seed);
+    for step in 0..args.step {
+        Scene::advance(&mut spheres, args.seed, step);
+    }
+    let (path, format) = &args.output;
+    write::spheres(path, *format, &spheres)?;
+    spinner.finish_and_clear();
+    Ok(())
+}

@@ -1,0 +1,97 @@
+use std::fmt::{self, Write};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use lazygrid::Report;
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+/// What is said about one frame.
+pub(crate) struct Summary {
+    pub(crate) frame: usize,
+    /// The simulator's number of the time step.
+    pub(crate) step: Option<i64>,
+    pub(crate) report: Report,
+    /// How many species were met so far; 0 where the file has none.
+    pub(crate) species: usize,
+    /// Reading and writing, besides the phases of the search.
+    pub(crate) read: Duration,
+    pub(crate) write: Option<Duration>,
+    pub(crate) output: Option<PathBuf>,
+}
+
+/// The object of `--json`. Scripts depend on these names.
+#[derive(Serialize)]
+struct Object<'a> {
+    frame: usize,
+    step: Option<i64>,
+    spheres: u64,
+    pairs: u64,
+    backend: &'a str,
+    adapter: Option<&'a str>,
+    algorithm: &'a str,
+    reason: &'a str,
+    /// Seconds by name, in the order of the work.
+    phases: Map<String, Value>,
+}
+
+impl Summary {
+    /// One line of JSON.
+    pub(crate) fn json(&self) -> String {
+        let report = &self.report;
+        let object = Object {
+            frame: self.frame,
+            step: self.step,
+            spheres: report.spheres,
+            pairs: report.pairs,
+            backend: report.backend.name(),
+            adapter: report.adapter.as_deref(),
+            algorithm: report.algorithm.name(),
+            reason: &report.reason,
+            phases: self.phases().map(|(name, time)| (name.to_owned(), time.as_secs_f64().into())).collect(),
+        };
+        // Strings, numbers and string keys only: nothing that JSON cannot hold.
+        let mut line = serde_json::to_string(&object).unwrap_or_default();
+        line.push('\n');
+        line
+    }
+
+    fn phases(&self) -> impl Iterator<Item = (&'static str, Duration)> {
+        let search = self.report.phases.iter().map(|phase| (phase.name, phase.time));
+        std::iter::once(("read", self.read)).chain(search).chain(self.write.map(|time| ("write", time)))
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let report = &self.report;
+        let mut row = |name: &str, value: &dyn fmt::Display| writeln!(f, "{name:<11}{value}");
+        match self.step {
+            Some(step) => row("frame", &format_args!("{} (step {step})", self.frame))?,
+            None => row("frame", &self.frame)?,
+        }
+        match self.species {
+            0 => row("spheres", &report.spheres)?,
+            species => row("spheres", &format_args!("{} of {species} species", report.spheres))?,
+        }
+        row("pairs", &report.pairs)?;
+        row("algorithm", &report.algorithm)?;
+        match &report.adapter {
+            Some(adapter) => row("backend", &format_args!("{} ({adapter})", report.backend))?,
+            None => row("backend", &report.backend)?,
+        }
+        row("why", &report.reason)?;
+        if let Some(output) = &self.output {
+            row("output", &output.display())?;
+        }
+        let total: Duration = self.phases().map(|(_, time)| time).sum();
+        let mut title = "time";
+        for (name, time) in self.phases().chain([("total", total)]) {
+            let mut shown = String::new();
+            write!(shown, "{time:.2?}")?;
+            writeln!(f, "{title:<11}{name:<10}{shown:>10}")?;
+            title = "";
+        }
+        Ok(())
+    }
+}

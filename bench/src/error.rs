@@ -1,0 +1,176 @@
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use thiserror::Error;
+
+/// Where in a file something is wrong.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The file, as it was named.
+    pub path: Arc<Path>,
+    /// Where in it.
+    pub at: At,
+}
+
+/// A position in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum At {
+    /// The file as a whole.
+    File,
+    /// A line of a text file; the first is 1.
+    Line(u64),
+    /// A row of an array; the first is 0, as in the pairs that refer to it.
+    Row(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        match self.at {
+            At::File => Ok(()),
+            At::Line(line) => write!(f, ", line {line}"),
+            At::Row(row) => write!(f, ", row {row}"),
+        }
+    }
+}
+
+/// Why a file could not be read or written. Every message names the file, the line or row, and the offending text.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The system refused to open or read the file.
+    #[error("{}: cannot read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The system refused to create or write the file. What was there before is untouched.
+    #[error("{}: cannot write: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Neither the name nor the first lines tell the format.
+    #[error(
+        "{}: neither the name nor the content tells the format; say --format csv, npy, xyz, lammps or smoldyn",
+        path.display()
+    )]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Something else stands where the format wants something.
+    #[error("{place}: expected {expected}, found {found}")]
+    Syntax {
+        /// Where.
+        place: Place,
+        /// What the format wants.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
+    /// A field that is not a number.
+    #[error("{place}: {column} '{text}' is not a number")]
+    Number {
+        /// Where.
+        place: Place,
+        /// The column's name.
+        column: String,
+        /// The field.
+        text: String,
+    },
+    /// A number that no sphere can have.
+    #[error("{place}: {column} is {value}; {rule}")]
+    Value {
+        /// Where.
+        place: Place,
+        /// The column's name.
+        column: String,
+        /// The number as it is written.
+        value: String,
+        /// What is allowed.
+        rule: &'static str,
+    },
+    /// The file has no radii and none was given for this species.
+    #[error("{place}: no radius column and no radius for {}", remedy(species.as_deref()))]
+    NoRadius {
+        /// Where.
+        place: Place,
+        /// The species, if the file names one.
+        species: Option<String>,
+    },
+    /// The file ends inside a frame.
+    #[error("{place}: the file ends after {found} of {expected} {what}")]
+    Truncated {
+        /// Where the file ends.
+        place: Place,
+        /// What is counted.
+        what: &'static str,
+        /// How many there are.
+        found: u64,
+        /// How many the file says there are.
+        expected: u64,
+    },
+    /// A Smoldyn molecule is listed twice: several listings in one file, and nothing marks where one ends.
+    #[error(
+        "{place}: molecule {serial} is listed a second time, first on line {first}; several listings in one \
+         file cannot be told apart: write one file per listing (Smoldyn's `incrementfile`)"
+    )]
+    RepeatedMolecule {
+        /// Where the molecule comes again.
+        place: Place,
+        /// Its serial number.
+        serial: String,
+        /// The line of its first occurrence.
+        first: u64,
+    },
+    /// A line so long that the file is hardly a text file.
+    #[error("{place}: the line is longer than {limit} bytes; is this a text file?")]
+    LineTooLong {
+        /// Where.
+        place: Place,
+        /// The longest line that is read.
+        limit: usize,
+    },
+    /// More spheres in a frame than indices or memory.
+    #[error("{place}: no room for {spheres} spheres ({limit}); split the file")]
+    TooManySpheres {
+        /// Where.
+        place: Place,
+        /// How many there are.
+        spheres: u64,
+        /// What limits them.
+        limit: &'static str,
+    },
+}
+
+fn remedy(species: Option<&str>) -> String {
+    match species {
+        Some(name) => format!("species '{name}'; give it with --radius '{name}=R'"),
+        None => "spheres without species; add a radius column".to_owned(),
+    }
+}
+
+/// The offending bytes as short, printable text.
+pub(crate) fn excerpt(bytes: &[u8]) -> String {
+    const LONGEST: usize = 60;
+    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(LONGEST)]);
+    let mut shown: String = text.chars().flat_map(printable).collect();
+    if bytes.len() > LONGEST {
+        shown.push('…');
+    }
+    shown
+}
+
+/// A control character would let a file write to the terminal.
+fn printable(c: char) -> impl Iterator<Item = char> {
+    let escaped = c.is_control().then(|| c.escape_default());
+    let plain = (!c.is_control()).then_some(c);
+    escaped.into_iter().flatten().chain(plain)
+}

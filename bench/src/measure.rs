@@ -1,0 +1,322 @@
+//! How benchmarks compare ways to find pairs: the same spheres for all, answers checked before any time is
+//! reported, rounds interleaved, ratios taken within rounds.
+
+mod options;
+mod present;
+
+use std::error::Error;
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use lazygrid::{Config, Detector, Pair, Sphere};
+
+use crate::scenes::Scene;
+
+pub use options::Options;
+pub use present::{Spread, markdown, provenance};
+
+/// A contender that takes longer than this for one step runs only the last step of each round.
+const SLOW_STEP: Duration = Duration::from_millis(800);
+
+/// What a search found.
+#[derive(Clone, Copy, Debug)]
+pub enum Found<'a> {
+    /// Every pair once, in any order.
+    Pairs(&'a [Pair]),
+    /// How many pairs there are.
+    Count(u64),
+}
+
+/// A way to find the overlapping pairs of moving spheres, with what it keeps from step to step.
+pub trait Search {
+    /// The pairs of these spheres: those of the last call, a little moved.
+    ///
+    /// # Errors
+    /// Whatever the search refuses or lacks.
+    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>>;
+
+    /// What is worth saying about the last call beside its time; empty if nothing is.
+    fn note(&self) -> String {
+        String::new()
+    }
+}
+
+/// Makes a search.
+pub type Make = Box<dyn Fn() -> Result<Box<dyn Search>, Box<dyn Error>>>;
+
+/// A kind of search.
+pub struct Contender {
+    /// Its name in tables.
+    pub name: String,
+    /// Makes one that has seen no spheres yet.
+    pub make: Make,
+}
+
+impl Contender {
+    /// A contender from its name and what makes it.
+    pub fn new<S: Search + 'static>(
+        name: impl Into<String>,
+        make: impl Fn() -> Result<S, Box<dyn Error>> + 'static,
+    ) -> Self {
+        Self { name: name.into(), make: Box::new(move || Ok(Box::new(make()?))) }
+    }
+
+    /// A lazygrid detector that lists pairs.
+    pub fn list(name: impl Into<String>, config: Config) -> Self {
+        Self::new(name, move || Ok(List(Detector::new(config.clone())?)))
+    }
+
+    /// A lazygrid detector that only counts pairs.
+    pub fn count(name: impl Into<String>, config: Config) -> Self {
+        Self::new(name, move || Ok(Count(Detector::new(config.clone())?)))
+    }
+}
+
+struct List(Detector);
+
+impl Search for List {
+    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        Ok(Found::Pairs(self.0.pairs(spheres)?))
+    }
+
+    fn note(&self) -> String {
+        self.0.report().algorithm.to_string()
+    }
+}
+
+struct Count(Detector);
+
+impl Search for Count {
+    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        Ok(Found::Count(self.0.count(spheres)?))
+    }
+
+    fn note(&self) -> String {
+        self.0.report().algorithm.to_string()
+    }
+}
+
+/// The spheres of a comparison and how often they move.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan {
+    /// Which scene.
+    pub scene: Scene,
+    /// How many spheres.
+    pub n: usize,
+    /// Seed of the scene and of all steps.
+    pub seed: u64,
+    /// Rounds that count; one more comes first to warm up.
+    pub rounds: usize,
+    /// Steps of each contender in each round, at least one.
+    pub steps: usize,
+    /// Whether each step is given a new search, which knows nothing of earlier steps.
+    pub fresh: bool,
+}
+
+/// The time of one contender.
+#[derive(Clone, Debug)]
+pub struct Timing {
+    /// The contender's name.
+    pub name: String,
+    /// Nanoseconds per sphere and step, one value per round.
+    pub nanos: Vec<f64>,
+    /// The contender's own note on its last step.
+    pub note: String,
+    /// Pairs at the last step.
+    pub pairs: u64,
+}
+
+impl Timing {
+    /// Median of the rounds, in nanoseconds per sphere and step.
+    pub fn median(&self) -> f64 {
+        Spread::of(&self.nanos).median
+    }
+
+    /// How many times as long as `other` this one takes, round by round.
+    pub fn over(&self, other: &Self) -> Spread {
+        let ratios: Vec<f64> = self.nanos.iter().zip(&other.nanos).map(|(a, b)| a / b).collect();
+        Spread::of(&ratios)
+    }
+}
+
+/// Number of pairs and a sum over them that does not depend on their order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Digest {
+    pairs: u64,
+    sum: Option<u64>,
+}
+
+impl Digest {
+    fn of(found: &Found<'_>) -> Self {
+        match found {
+            Found::Count(pairs) => Self { pairs: *pairs, sum: None },
+            Found::Pairs(pairs) => {
+                let sum = pairs.iter().fold(0, |sum: u64, p| sum.wrapping_add(scramble(p.i, p.j)));
+                Self { pairs: pairs.len() as u64, sum: Some(sum) }
+            }
+        }
+    }
+
+    fn agrees(&self, other: &Self) -> bool {
+        self.pairs == other.pairs && (self.sum.is_none() || other.sum.is_none() || self.sum == other.sum)
+    }
+}
+
+/// The finaliser of SplitMix64, so that sums of different pair sets do not coincide by arithmetic.
+fn scramble(i: u32, j: u32) -> u64 {
+    let mut x = (u64::from(i) << 32 | u64::from(j)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// Runs all contenders through the same motion, round by round, and returns their times in the same order.
+/// Every answer of every step is compared, by number and checksum, with that of the first contender to list
+/// pairs; neither that nor the motion is timed.
+///
+/// # Errors
+/// Where a search fails or two answers differ.
+pub fn compare(plan: &Plan, contenders: &[Contender]) -> Result<Vec<Timing>, Box<dyn Error>> {
+    let mut lanes = contenders.iter().map(Lane::new).collect::<Result<Vec<_>, _>>()?;
+    let mut motion = Motion::new(plan);
+    // Where every contender finds the spheres at every step, as it would in a simulation.
+    let mut now = motion.frames[0].clone();
+    for round in 0..=plan.rounds {
+        let frames = motion.next_round();
+        let mut expected = vec![None; frames.len()];
+        // Each round starts with another contender, so that none always profits from its predecessor.
+        for turn in 0..lanes.len() {
+            let k = (turn + round) % lanes.len();
+            lanes[k].play(plan, frames, &mut expected, &mut now)?;
+        }
+    }
+    Ok(lanes.into_iter().map(Lane::timing).collect())
+}
+
+/// The spheres, step after step.
+struct Motion {
+    seed: u64,
+    step: u32,
+    frames: Vec<Vec<Sphere>>,
+}
+
+impl Motion {
+    fn new(plan: &Plan) -> Self {
+        let start = plan.scene.spheres(plan.n, plan.seed);
+        Self { seed: plan.seed, step: 0, frames: vec![start; plan.steps.max(1)] }
+    }
+
+    /// The frames of the next round; the last one is where the round after it starts.
+    fn next_round(&mut self) -> &[Vec<Sphere>] {
+        let mut last = self.frames[self.frames.len() - 1].clone();
+        for frame in &mut self.frames {
+            Scene::advance(&mut last, self.seed, self.step);
+            self.step += 1;
+            frame.copy_from_slice(&last);
+        }
+        &self.frames
+    }
+}
+
+/// One contender on its way through the rounds.
+struct Lane<'a> {
+    contender: &'a Contender,
+    search: Box<dyn Search>,
+    slow: bool,
+    timing: Timing,
+}
+
+impl<'a> Lane<'a> {
+    fn new(contender: &'a Contender) -> Result<Self, Box<dyn Error>> {
+        let timing = Timing { name: contender.name.clone(), nanos: vec![], note: String::new(), pairs: 0 };
+        Ok(Self { contender, search: (contender.make)()?, slow: false, timing })
+    }
+
+    fn play(
+        &mut self,
+        plan: &Plan,
+        frames: &[Vec<Sphere>],
+        expected: &mut [Option<Digest>],
+        now: &mut [Sphere],
+    ) -> Result<(), Box<dyn Error>> {
+        let mut total = Duration::ZERO;
+        let mut played = 0;
+        for (k, frame) in frames.iter().enumerate() {
+            if self.slow && k + 1 < frames.len() {
+                continue;
+            }
+            now.copy_from_slice(frame);
+            if plan.fresh {
+                self.search = (self.contender.make)()?;
+            }
+            let start = Instant::now();
+            let found = black_box(self.search.run(black_box(now))?);
+            let time = start.elapsed();
+            let digest = Digest::of(&found);
+            let judge = expected[k].get_or_insert(digest);
+            if !digest.agrees(judge) {
+                return Err(format!(
+                    "{} found {digest:?} where {judge:?} was found before it: {} of {}, step {k} of a round",
+                    self.timing.name, plan.scene, plan.n
+                )
+                .into());
+            }
+            if judge.sum.is_none() {
+                *judge = digest;
+            }
+            self.timing.pairs = digest.pairs;
+            self.slow |= time > SLOW_STEP;
+            total += time;
+            played += 1;
+        }
+        self.timing.nanos.push(total.as_nanos() as f64 / f64::from(played) / plan.n.max(1) as f64);
+        Ok(())
+    }
+
+    fn timing(self) -> Timing {
+        // The first round warmed up.
+        let nanos = self.timing.nanos[1..].to_vec();
+        Timing { nanos, note: self.search.note(), ..self.timing }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Fixed(Vec<Pair>);
+
+    impl Search for Fixed {
+        fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+            Ok(Found::Pairs(&self.0))
+        }
+    }
+
+    fn fixed(pairs: &'static [[u32; 2]]) -> Contender {
+        Contender::new("fixed", || Ok(Fixed(pairs.iter().map(|&[i, j]| Pair::new(i, j)).collect())))
+    }
+
+    const PLAN: Plan = Plan { scene: Scene::Equal, n: 10, seed: 1, rounds: 3, steps: 2, fresh: false };
+
+    #[test]
+    fn order_does_not_matter_but_the_set_does() {
+        let timings = compare(&PLAN, &[fixed(&[[0, 1], [2, 3]]), fixed(&[[2, 3], [0, 1]])]);
+        let timings = timings.expect("the same set");
+        assert_eq!((timings[0].nanos.len(), timings[1].pairs), (3, 2));
+        let wrong = compare(&PLAN, &[fixed(&[[0, 1], [2, 3]]), fixed(&[[0, 2], [1, 3]])]);
+        assert!(wrong.is_err_and(|e| e.to_string().contains("equal of 10")));
+        assert!(compare(&PLAN, &[fixed(&[[0, 1]]), fixed(&[])]).is_err());
+    }
+
+    #[test]
+    fn ratios_are_taken_within_rounds() {
+        let timing = |nanos: &[f64]| Timing {
+            name: String::new(),
+            nanos: nanos.to_vec(),
+            note: String::new(),
+            pairs: 0,
+        };
+        let ratio = timing(&[2.0, 40.0, 6.0]).over(&timing(&[1.0, 20.0, 2.0]));
+        assert_eq!(ratio, Spread { median: 2.0, low: 2.0, high: 3.0 });
+    }
+}

@@ -1,0 +1,49 @@
+use clap::Args;
+
+use super::Plan;
+use crate::scenes::Scene;
+
+/// The options that all benchmark programs share.
+#[derive(Args, Clone, Debug)]
+pub struct Options {
+    /// Scenes, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [Scene::Equal, Scene::FiveSizes, Scene::Burst])]
+    pub scene: Vec<Scene>,
+    /// Numbers of spheres, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [100_000])]
+    pub n: Vec<usize>,
+    /// Rounds that count; one more comes first to warm up
+    #[arg(long, default_value_t = 9)]
+    pub rounds: usize,
+    /// Steps of every contender in every round
+    #[arg(long, default_value_t = 10)]
+    pub steps: usize,
+    /// Seed of the spheres and their motion
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Check the answers at a tiny size instead of measuring; also without `--bench`, which `cargo bench` passes
+    #[arg(long)]
+    pub quick: bool,
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+impl Options {
+    /// Whether answers are to be checked and times do not matter.
+    pub fn is_quick(&self) -> bool {
+        self.quick || !self.bench
+    }
+
+    /// Replaces sizes and repetitions by tiny ones where only answers are to be checked.
+    pub fn shrunk(self) -> Self {
+        if self.is_quick() { Self { n: vec![300], rounds: 1, steps: 2, ..self } } else { self }
+    }
+
+    /// A plan for each scene and number of spheres.
+    pub fn plans(&self) -> Vec<Plan> {
+        let Self { rounds, steps, seed, .. } = *self;
+        let of =
+            |scene: Scene| self.n.iter().map(move |&n| Plan { scene, n, seed, rounds, steps, fresh: false });
+        self.scene.iter().flat_map(|&scene| of(scene)).collect()
+    }
+}

@@ -1,0 +1,206 @@
+//! LAMMPS text dumps (`dump custom`): any number of frames, columns by name.
+//!
+//! Positions are `x y z`, unwrapped `xu yu zu`, or fractions of the box `xs ys zs` and `xsu ysu zsu`; sizes are
+//! `radius` or `diameter`; species are `type`, or `element` where there is no `type`. The order is the file's.
+
+use super::columns::{Column, Columns};
+use super::lines::{Line, Lines};
+use super::species::Species;
+use super::{Frame, RESERVE, Source};
+use crate::error::Error;
+
+pub(super) struct Lammps {
+    lines: Lines,
+}
+
+/// What a frame's head says before its atoms.
+#[derive(Default)]
+struct Head {
+    begun: bool,
+    step: Option<i64>,
+    atoms: Option<u64>,
+    bounds: Option<Bounds>,
+}
+
+/// The simulation box: a corner and the three edges from it.
+struct Bounds {
+    corner: [f64; 3],
+    edges: [[f64; 3]; 3],
+}
+
+impl Lammps {
+    pub(super) fn new(source: Source) -> Self {
+        Self { lines: Lines::new(source) }
+    }
+
+    pub(super) fn next_frame(&mut self, species: &mut Species) -> Result<Option<Frame>, Error> {
+        let mut head = Head::default();
+        while let Some(line) = self.lines.next()? {
+            head.begun = true;
+            match line.bytes.strip_prefix(b"ITEM: ").map(<[u8]>::trim_ascii) {
+                Some(b"TIMESTEP") => head.step = Some(self.step()?),
+                Some(b"NUMBER OF ATOMS") => head.atoms = Some(self.atoms()?),
+                Some(b"UNITS" | b"TIME") => drop(self.head_line()?),
+                Some(item) if item.starts_with(b"BOX BOUNDS") => {
+                    let style = Style::of(item);
+                    head.bounds = Some(self.bounds(style)?);
+                }
+                Some(item) if item.starts_with(b"ATOMS") => {
+                    let Some(atoms) = head.atoms else {
+                        return Err(line.unexpected("ITEM: NUMBER OF ATOMS before the atoms"));
+                    };
+                    let columns = columns(line, species)?;
+                    if columns.has(Column::Scaled(0)) && head.bounds.is_none() {
+                        return Err(line.unexpected("ITEM: BOX BOUNDS before scaled coordinates"));
+                    }
+                    return self.atoms_of(head, atoms, &columns, species).map(Some);
+                }
+                _ => return Err(line.unexpected("ITEM: TIMESTEP, NUMBER OF ATOMS, BOX BOUNDS or ATOMS")),
+            }
+        }
+        match head.begun {
+            true => Err(Error::Truncated {
+                place: self.lines.place(),
+                what: "frame heads",
+                found: 0,
+                expected: 1,
+            }),
+            false => Ok(None),
+        }
+    }
+
+    fn atoms_of(
+        &mut self,
+        head: Head,
+        atoms: u64,
+        columns: &Columns,
+        species: &mut Species,
+    ) -> Result<Frame, Error> {
+        let scaled = columns.has(Column::Scaled(0));
+        let mut frame = Frame { step: head.step, ..Frame::with_capacity(atoms.min(RESERVE)) };
+        for found in 0..atoms {
+            let line = self.lines.required("atoms", found, atoms)?;
+            let mut row = columns.row(line, line.words())?;
+            if let Some(bounds) = head.bounds.as_ref().filter(|_| scaled) {
+                row.center = bounds.place(line, row.scaled)?;
+            }
+            frame.push(line, row, species)?;
+        }
+        Ok(frame)
+    }
+
+    fn head_line(&mut self) -> Result<Line<'_>, Error> {
+        self.lines.required("lines of the frame's head", 0, 1)
+    }
+
+    fn step(&mut self) -> Result<i64, Error> {
+        let line = self.head_line()?;
+        lexical_core::parse(line.bytes.trim_ascii()).map_err(|_| line.unexpected("the time step"))
+    }
+
+    fn atoms(&mut self) -> Result<u64, Error> {
+        self.head_line()?.count("the number of atoms")
+    }
+
+    fn bounds(&mut self, style: Style) -> Result<Bounds, Error> {
+        let mut rows = [[0.0; 4]; 3];
+        for row in &mut rows {
+            let line = self.head_line()?;
+            let mut words = line.words();
+            for value in &mut row[..style.width()] {
+                let word = words.next().ok_or_else(|| line.unexpected("the bounds of the box"))?;
+                *value = line.number("box bound", word)?;
+            }
+        }
+        Ok(style.bounds(rows))
+    }
+}
+
+/// The ways in which dumps describe the box.
+#[derive(Clone, Copy)]
+enum Style {
+    /// `low high`, once per axis.
+    Orthogonal,
+    /// `low high tilt`: the bounding box of a box whose edges are tilted by xy, xz and yz.
+    Tilted,
+    /// `x y z origin`: one edge per line, and one coordinate of the corner.
+    Edges,
+}
+
+impl Style {
+    fn of(item: &[u8]) -> Self {
+        match &item[b"BOX BOUNDS".len()..] {
+            rest if rest.starts_with(b" xy xz yz") => Self::Tilted,
+            rest if rest.starts_with(b" abc origin") => Self::Edges,
+            _ => Self::Orthogonal,
+        }
+    }
+
+    fn width(self) -> usize {
+        match self {
+            Self::Orthogonal => 2,
+            Self::Tilted => 3,
+            Self::Edges => 4,
+        }
+    }
+
+    fn bounds(self, rows: [[f64; 4]; 3]) -> Bounds {
+        if let Self::Edges = self {
+            return Bounds { corner: rows.map(|row| row[3]), edges: rows.map(|[x, y, z, _]| [x, y, z]) };
+        }
+        // The third column is zero in an orthogonal box.
+        let [xy, xz, yz] = rows.map(|row| row[2]);
+        let tilts = [[0.0, xy, xz, xy + xz], [0.0, yz, 0.0, yz], [0.0; 4]];
+        let bound = |axis: usize, side: usize| {
+            let pick = if side == 0 { f64::min } else { f64::max };
+            rows[axis][side] - tilts[axis].into_iter().fold(0.0, pick)
+        };
+        let corner = [bound(0, 0), bound(1, 0), bound(2, 0)];
+        let length = |axis: usize| bound(axis, 1) - corner[axis];
+        Bounds { corner, edges: [[length(0), 0.0, 0.0], [xy, length(1), 0.0], [xz, yz, length(2)]] }
+    }
+}
+
+impl Bounds {
+    /// The position at these fractions of the edges.
+    fn place(&self, line: Line<'_>, scaled: [f64; 3]) -> Result<[f32; 3], Error> {
+        let mut center = [0.0; 3];
+        for (axis, (coordinate, name)) in center.iter_mut().zip(["x", "y", "z"]).enumerate() {
+            let steps = self.edges.iter().zip(scaled).map(|(edge, part)| edge[axis] * part);
+            let value = self.corner[axis] + steps.sum::<f64>();
+            *coordinate = value as f32;
+            if !coordinate.is_finite() {
+                let rule = "values must be finite 32-bit floating-point numbers";
+                return Err(line.refuse(name, value.to_string().as_bytes(), rule));
+            }
+        }
+        Ok(center)
+    }
+}
+
+/// The columns of `ITEM: ATOMS id type x y z radius`. Where a dump has a value in several forms, the first of
+/// those named at the top of this file is taken.
+fn columns(header: Line<'_>, species: &Species) -> Result<Columns, Error> {
+    let names: Vec<_> =
+        header.words().skip(2).map(|name| String::from_utf8_lossy(name).into_owned()).collect();
+    let has = |wanted: &&str| names.iter().any(|name| name == wanted);
+    let positions = [["x", "y", "z"], ["xu", "yu", "zu"], ["xs", "ys", "zs"], ["xsu", "ysu", "zsu"]];
+    let position = positions.iter().find(|axes| axes.iter().all(&has)).unwrap_or(&positions[0]);
+    let scaled = position[0].starts_with("xs");
+    let size = ["radius", "diameter"].into_iter().find(has);
+    let kind = ["type", "element"].into_iter().find(has);
+    let columns = Columns::new(names.iter().map(|name| {
+        let name = name.as_str();
+        let meaning = match position.iter().position(|&axis| axis == name) {
+            Some(axis) if scaled => Column::Scaled(axis),
+            Some(axis) => Column::Axis(axis),
+            None if Some(name) == kind => Column::Species,
+            None if Some(name) == size && name == "radius" => Column::Radius,
+            None if Some(name) == size => Column::Diameter,
+            None => Column::Other,
+        };
+        (name.to_owned(), meaning)
+    }));
+    columns.check(header, species)?;
+    Ok(columns)
+}

@@ -1,0 +1,88 @@
+use std::collections::{BTreeMap, HashMap};
+
+/// Radii by species name, for files that have no radii. They win over a radius column.
+pub type Radii = BTreeMap<String, f32>;
+
+/// The species of a file: names in the order they are first met, their ids, and the radii given for them.
+///
+/// A name with a state in brackets, `acid(solution)`, takes the radius of its bare name `acid` unless it has
+/// one itself.
+#[derive(Clone, Debug, Default)]
+pub struct Species {
+    names: Vec<String>,
+    radii: Vec<Option<f32>>,
+    ids: HashMap<Box<[u8]>, u32>,
+    given: Radii,
+    last: Option<(Box<[u8]>, u32)>,
+}
+
+impl Species {
+    pub(super) fn new(given: Radii) -> Self {
+        Self { given, ..Self::default() }
+    }
+
+    /// The names by id.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The radii that were given for names which no sphere has: probably a misspelling.
+    pub fn unused_radii(&self) -> impl Iterator<Item = &str> {
+        let met = |given: &str| self.names.iter().any(|name| name == given || bare(name) == given);
+        self.given.keys().map(String::as_str).filter(move |given| !met(given))
+    }
+
+    /// Whether radii were given by species.
+    pub(super) fn any_given(&self) -> bool {
+        !self.given.is_empty()
+    }
+
+    /// The id of a name, and the radius given for it.
+    pub(super) fn intern(&mut self, name: &[u8]) -> (u32, Option<f32>) {
+        // Neighbouring rows mostly have the same species, so that most rows need no hashing.
+        let id = match &self.last {
+            Some((last, id)) if **last == *name => *id,
+            _ => {
+                let id = self.ids.get(name).copied().unwrap_or_else(|| self.add(name));
+                self.last = Some((name.into(), id));
+                id
+            }
+        };
+        (id, self.radii[id as usize])
+    }
+
+    fn add(&mut self, bytes: &[u8]) -> u32 {
+        let name = String::from_utf8_lossy(bytes).into_owned();
+        // A frame has fewer than 2³² spheres and each adds at most one name.
+        let id = self.names.len() as u32;
+        self.radii.push(self.given.get(&name).or_else(|| self.given.get(bare(&name))).copied());
+        self.names.push(name);
+        self.ids.insert(bytes.into(), id);
+        id
+    }
+}
+
+/// `acid` of `acid(solution)`.
+fn bare(name: &str) -> &str {
+    match name.split_once('(') {
+        Some((bare, state)) if state.ends_with(')') => bare,
+        _ => name,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_state_has_its_own_radius_or_that_of_the_bare_name() {
+        let given = [("acid", 0.1), ("acid(front)", 0.2), ("salt", 0.3)].map(|(n, r)| (n.to_owned(), r));
+        let mut species = Species::new(given.into());
+        assert_eq!(species.intern(b"acid(solution)"), (0, Some(0.1)));
+        assert_eq!(species.intern(b"acid(front)"), (1, Some(0.2)));
+        assert_eq!(species.intern(b"water"), (2, None));
+        assert_eq!(species.intern(b"acid(solution)"), (0, Some(0.1)));
+        assert_eq!(species.names(), ["acid(solution)", "acid(front)", "water"]);
+        assert_eq!(species.unused_radii().collect::<Vec<_>>(), ["salt"]);
+    }
+}

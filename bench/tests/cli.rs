@@ -1,0 +1,314 @@
+//! The built command from outside: what it prints, what it writes, and with which exit code.
+
+mod command;
+
+use std::fs;
+use std::path::Path;
+
+use command::{Run, Scratch, data, lazygrid, npy, table};
+use lazygrid::{Pair, Sphere};
+use lazygrid_bench::read::{Frames, Options};
+use lazygrid_bench::scenes::Scene;
+use serde_json::Value;
+
+const SMOLDYN: [&str; 6] = ["--radius", "acid=0.1", "--radius", "base=0.15", "--radius", "salt=0.2"];
+
+/// The judge: every pair tested in `f64`.
+fn brute_force(spheres: &[Sphere]) -> Vec<[u32; 2]> {
+    let touch = |a: &Sphere, b: &Sphere| {
+        let d = a
+            .center
+            .to_array()
+            .into_iter()
+            .zip(b.center.to_array())
+            .map(|(p, q)| f64::from(p) - f64::from(q));
+        d.map(|d| d * d).sum::<f64>() <= (f64::from(a.radius) + f64::from(b.radius)).powi(2)
+    };
+    let indices = 0..spheres.len();
+    let pairs = indices.flat_map(|i| (i + 1..spheres.len()).map(move |j| [i, j]));
+    pairs.filter(|&[i, j]| touch(&spheres[i], &spheres[j])).map(|pair| pair.map(|k| k as u32)).collect()
+}
+
+fn read(path: &Path) -> Vec<Sphere> {
+    Frames::open(path, Options::default()).unwrap().next().unwrap().unwrap().spheres
+}
+
+/// Two frames of 2 and 3 spheres in contact, with 1 and 3 pairs.
+const TWO_FRAMES: &str = "2\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n2 0 0 1\n\
+                          3\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n1 0 0 1\n0 1 0 1\n";
+
+#[test]
+fn the_lammps_file_has_its_pairs() {
+    let run = lazygrid(["detect", &data("lammps-pour.dump")]).succeeds();
+    for line in
+        ["frame      0 (step 3000)", "spheres    15208 of 3 species", "pairs      3072", "backend    cpu"]
+    {
+        assert!(run.out.lines().any(|l| l == line), "no '{line}' in\n{}", run.out);
+    }
+    for phase in ["read", "search", "total"] {
+        assert!(run.out.lines().any(|l| l.get(11..).is_some_and(|l| l.starts_with(phase))), "{}", run.out);
+    }
+    assert_eq!(run.err, "");
+}
+
+#[test]
+fn the_smoldyn_file_has_its_pairs_with_every_algorithm() {
+    for algorithm in ["auto", "naive", "hash-grid", "array-grid", "recursive-grid", "cell-list"] {
+        let file = data("smoldyn-burst.lst");
+        let args = ["detect", &file, "--json", "--algorithm", algorithm];
+        let object = lazygrid(args.iter().chain(&SMOLDYN)).succeeds().json();
+        assert_eq!((&object["spheres"], &object["pairs"]), (&10_623.into(), &35_236.into()), "{algorithm}");
+        assert!(algorithm == "auto" || object["algorithm"] == algorithm);
+    }
+}
+
+#[test]
+fn json_has_the_documented_fields() {
+    let object = lazygrid(["detect", &data("lammps-pour.dump"), "--json"]).succeeds().json();
+    let Value::Object(map) = &object else { panic!("not an object: {object}") };
+    let names: Vec<_> = map.keys().map(String::as_str).collect();
+    let documented =
+        ["frame", "step", "spheres", "pairs", "backend", "adapter", "algorithm", "reason", "phases"];
+    assert_eq!(names, documented);
+    assert_eq!(object["step"], 3000);
+    assert_eq!(object["pairs"], 3072);
+    assert_eq!(object["backend"], "cpu");
+    assert_eq!(object["adapter"], Value::Null);
+    assert!(object["reason"].as_str().unwrap().contains("GPU"));
+    let phases = object["phases"].as_object().unwrap();
+    assert!(phases.contains_key("read") && !phases.contains_key("write"));
+    assert!(phases.values().all(|seconds| seconds.as_f64().is_some_and(|s| (0.0..60.0).contains(&s))));
+}
+
+#[test]
+fn every_scene_goes_through_every_format() {
+    let scratch = Scratch::new();
+    for scene in Scene::ALL {
+        let spheres = scene.spheres(400, 7);
+        let expected = brute_force(&spheres);
+        for extension in ["npy", "csv", "xyz"] {
+            let file = scratch.path(&format!("{scene}.{extension}"));
+            let pairs = scratch.path("pairs.npy");
+            let name = scene.name();
+            lazygrid(["generate", name, "-n", "400", "--seed", "7", "--output", &file]).succeeds();
+            assert_eq!(read(Path::new(&file)), spheres, "{file}");
+            lazygrid(["detect", &file, "--output", &pairs]).succeeds();
+            let (shape, found) = npy::<2>(&pairs, "<u4");
+            assert_eq!(found, expected, "{file}");
+            assert_eq!(shape, format!("({}, 2)", expected.len()));
+        }
+    }
+}
+
+#[test]
+fn generate_moves_as_the_benchmarks_do() {
+    let scratch = Scratch::new();
+    let file = scratch.path("moved.npy");
+    lazygrid(["generate", "equal", "-n", "50", "--seed", "3", "--step", "2", "-o", &file]).succeeds();
+    let mut spheres = Scene::Equal.spheres(50, 3);
+    Scene::advance(&mut spheres, 3, 0);
+    Scene::advance(&mut spheres, 3, 1);
+    assert_eq!(read(Path::new(&file)), spheres);
+}
+
+#[test]
+fn pairs_are_the_same_in_every_file_and_for_every_thread_count() {
+    let scratch = Scratch::new();
+    let [file, npy_path, csv_path] = ["burst.npy", "pairs.npy", "pairs.csv"].map(|name| scratch.path(name));
+    lazygrid(["generate", "burst", "-n", "3000", "-o", &file]).succeeds();
+    let spheres = read(Path::new(&file));
+    let expected: Vec<_> = lazygrid::detect(&spheres).unwrap().iter().map(|&Pair { i, j }| [i, j]).collect();
+    assert!(expected.len() > 10_000);
+    // A limit below the number of pairs makes the command stream them.
+    for extra in [&[][..], &["--threads", "1"], &["--threads", "7"], &["--max-pairs", "1000"]] {
+        for path in [&npy_path, &csv_path] {
+            let object =
+                lazygrid(["detect", &file, "--json", "-o", path].iter().chain(extra)).succeeds().json();
+            assert_eq!(object["pairs"], expected.len(), "{extra:?}");
+            assert!(object["phases"]["write"].is_number());
+        }
+        assert_eq!(npy::<2>(&npy_path, "<u4").1, expected, "{extra:?}");
+        assert_eq!(table(&csv_path), expected, "{extra:?}");
+    }
+    for extra in [&[][..], &["--max-pairs", "1000"]] {
+        lazygrid(["detect", &file, "--unordered", "-o", &npy_path].iter().chain(extra)).succeeds();
+        let mut unordered = npy::<2>(&npy_path, "<u4").1;
+        unordered.sort_unstable();
+        assert_eq!(unordered, expected);
+    }
+    let count = lazygrid(["detect", &file, "--count", "--max-pairs", "1000", "--json"]).succeeds().json();
+    assert_eq!(count["pairs"], expected.len());
+}
+
+#[test]
+fn neighbors_are_the_pairs_both_ways() {
+    let scratch = Scratch::new();
+    let [file, npy_path, csv_path] = ["burst.npy", "near.npy", "near.csv"].map(|name| scratch.path(name));
+    lazygrid(["generate", "burst", "-n", "300", "-o", &file]).succeeds();
+    let mut both: Vec<_> =
+        brute_force(&read(Path::new(&file))).into_iter().flat_map(|[i, j]| [[i, j], [j, i]]).collect();
+    both.sort_unstable();
+    for path in [&npy_path, &csv_path] {
+        let object = lazygrid(["detect", &file, "--neighbors", "--json", "-o", path]).succeeds().json();
+        assert_eq!(object["pairs"], both.len() / 2);
+    }
+    assert_eq!(table(&csv_path), both);
+    let (shape, offsets) = npy::<2>(&scratch.path("near.offsets.npy"), "<u8");
+    let (_, indices) = npy::<1>(&scratch.path("near.indices.npy"), "<u4");
+    assert_eq!(shape, "(301,)");
+    assert!(!Path::new(&npy_path).exists());
+    // The high halves of the 64-bit offsets are zero.
+    let offsets: Vec<_> = offsets.into_iter().map(|[low, high]| (low as usize, high).0).collect();
+    let lists = offsets
+        .windows(2)
+        .enumerate()
+        .flat_map(|(k, w)| indices[w[0]..w[1]].iter().map(move |&[j]| [k as u32, j]));
+    assert_eq!(lists.collect::<Vec<_>>(), both);
+    lazygrid(["detect", &file, "--neighbors"]).succeeds();
+}
+
+#[test]
+fn several_frames_are_told_apart() {
+    let scratch = Scratch::new();
+    let file = scratch.write("two.xyz", TWO_FRAMES);
+    let objects: Vec<Value> = lazygrid(["detect", &file, "--json"]).succeeds().json_lines();
+    let seen: Vec<_> =
+        objects.iter().map(|o| [&o["frame"], &o["spheres"], &o["pairs"]].map(Value::to_string)).collect();
+    assert_eq!(seen, [["0", "2", "1"], ["1", "3", "3"]]);
+
+    let second = lazygrid(["detect", &file, "--json", "--frame", "1"]).succeeds().json();
+    assert_eq!((&second["frame"], &second["pairs"]), (&1.into(), &3.into()));
+    let absent = lazygrid(["detect", &file, "--frame", "2"]).fails();
+    assert!(absent.err.contains("there is no frame 2; frames are counted from 0 and the file has 2"));
+
+    let output = scratch.path("pairs-{frame}.csv");
+    lazygrid(["detect", &file, "-o", &output]).succeeds();
+    assert_eq!(table(&scratch.path("pairs-0.csv")), [[0, 1]]);
+    assert_eq!(table(&scratch.path("pairs-1.csv")), [[0, 1], [0, 2], [1, 2]]);
+    let output = scratch.path("second.csv");
+    lazygrid(["detect", &file, "--frame", "1", "-o", &output]).succeeds();
+    assert_eq!(table(&output).len(), 3);
+
+    let before = scratch.names();
+    let run = lazygrid(["detect", &file, "-o", &scratch.path("all.csv")]).fails();
+    assert!(run.err.contains("several frames") && run.err.contains("--frame"), "{}", run.err);
+    assert_eq!(scratch.names(), before);
+}
+
+#[test]
+fn bad_input_is_named_and_leaves_no_output() {
+    let scratch = Scratch::new();
+    let pour = fs::read_to_string(data("lammps-pour.dump")).unwrap();
+    let lines: Vec<_> = pour.lines().collect();
+    let cut = lines[..5000].join("\n");
+    let nan = pour.replacen("-9.9391", "nan", 1);
+    let mut burst = fs::read_to_string(data("smoldyn-burst.lst")).unwrap();
+    burst += burst.lines().next().map(str::to_owned).unwrap().as_str();
+    let second = TWO_FRAMES.replacen("0 1 0 1", "0 1 0 -1", 1);
+    for (name, content, message) in [
+        ("a.csv", "x,y,z,r\n1,2,3,4\n5,6,seven,8\n", "a.csv, line 3: z 'seven' is not a number"),
+        ("b.csv", "x,y,z,r\n1,2,3,4\n5,6,7,1e40\n", "b.csv, line 3: r is 1e40; values must be finite"),
+        ("a.dump", cut.as_str(), "a.dump, line 5000: the file ends after 4991 of 15208 atoms"),
+        ("b.dump", nan.as_str(), "b.dump, line 11: y is nan; values must be finite"),
+        (
+            "a.lst",
+            burst.as_str(),
+            "a.lst, line 10624: molecule 18661 is listed a second time, first on line 1",
+        ),
+        ("a.npy", "\u{93}NUMPY", "a.npy: expected a NumPy array, found other content"),
+        ("a.xyz", second.as_str(), "a.xyz, line 9: radius is -1; radii must not be negative"),
+        ("b.xyz", "", "b.xyz: the file has no frame"),
+        ("a.txt", "hello", "a.txt: neither the name nor the content tells the format"),
+    ] {
+        let file = scratch.write(name, content);
+        let before = scratch.names();
+        let run = lazygrid(["detect", &file, "-o", &scratch.path("out.npy")].iter().chain(&SMOLDYN)).fails();
+        assert!(run.err.lines().last().unwrap().contains(message), "{message}\nis not in\n{}", run.err);
+        assert_eq!(scratch.names(), before);
+    }
+    assert!(lazygrid(["detect", &scratch.path("absent.csv")]).fails().err.contains("No such file"));
+}
+
+#[test]
+fn the_seeds_of_the_fuzz_targets_are_valid_files() {
+    let seeds = fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../fuzz/seeds")).unwrap();
+    let files: Vec<_> = seeds.map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(files.len(), 6);
+    for file in files {
+        lazygrid([Path::new("detect"), &file, Path::new("--radius=A=1"), Path::new("--radius=1=2")])
+            .succeeds();
+    }
+}
+
+#[test]
+fn failures_name_their_remedy() {
+    let scratch = Scratch::new();
+    let pour = data("lammps-pour.dump");
+    let many = lazygrid(["detect", &pour, "--max-pairs", "100"]).fails();
+    assert!(many.err.contains("3072 pairs are more than the limit of 100") && many.err.contains("--count"));
+    let gpu = lazygrid(["detect", &pour, "--backend", "gpu"]).fails();
+    assert!(gpu.err.contains("not available") && gpu.err.contains("cpu"), "{}", gpu.err);
+    let nowhere = scratch.path("absent/pairs.npy");
+    let run = lazygrid(["detect", &pour, "-o", &nowhere]).fails();
+    assert!(run.err.contains("cannot write") && run.err.contains(&nowhere), "{}", run.err);
+    let misspelt = lazygrid(["detect", &pour, "--radius", "4=1"]).succeeds();
+    assert!(misspelt.err.contains("no sphere is of species '4'"), "{}", misspelt.err);
+}
+
+#[test]
+fn a_radius_by_type_wins_over_the_column() {
+    let object =
+        lazygrid(["detect", &data("lammps-pour.dump"), "--json", "--radius", "1=0"]).succeeds().json();
+    assert!(object["pairs"].as_u64().unwrap() < 3072);
+}
+
+#[test]
+fn wrong_usage_is_told_apart_from_failure() {
+    let pour = data("lammps-pour.dump");
+    for args in [
+        &[][..],
+        &["detect"],
+        &["invent"],
+        &["detect", &pour, "--format", "pdb"],
+        &["detect", &pour, "--radius", "acid"],
+        &["detect", &pour, "--radius", "acid=-1"],
+        &["detect", &pour, "--radius", "acid=inf"],
+        &["detect", &pour, "--algorithm", "magic"],
+        &["detect", &pour, "--backend", "cpu", "--algorithm", "lazy-grid"],
+        &["detect", &pour, "--raster-ratio", "99"],
+        &["detect", &pour, "--threads", "0"],
+        &["detect", &pour, "--tau", "many"],
+        &["detect", &pour, "--output", "pairs.txt"],
+        &["detect", &pour, "--count", "--output", "pairs.csv"],
+        &["detect", &pour, "--count", "--neighbors"],
+        &["detect", &pour, "--unordered", "--neighbors"],
+        &["generate", "equal", "--output", "a.npy"],
+        &["generate", "equal", "-n", "5", "--output", "a.dump"],
+        &["generate", "equal", "-n", "4294967295", "--output", "a.npy"],
+        &["generate", "cube", "-n", "5", "--output", "a.npy"],
+        &["completions", "basic"],
+    ] {
+        let run = lazygrid(args);
+        assert_eq!(run.code, Some(2), "{args:?}: {}", run.err);
+        assert!(!run.err.is_empty() && run.out.is_empty(), "{args:?}");
+    }
+}
+
+#[test]
+fn help_completions_and_devices() {
+    for command in [&["--help"][..], &["detect", "--help"], &["generate", "--help"], &["devices", "--help"]] {
+        assert!(lazygrid(command).succeeds().out.contains("Usage: lazygrid"));
+    }
+    assert!(lazygrid(["detect", "--help"]).succeeds().out.contains("lazygrid detect pour.dump"));
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        assert!(lazygrid(["completions", shell]).succeeds().out.contains("raster-ratio"), "{shell}");
+    }
+    let devices = lazygrid(["devices"]).succeeds().out;
+    assert!(devices.starts_with("cpu  ") && devices.contains("\ngpu  "), "{devices}");
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_failure() {
+    let run = Run::with_closed_output(["completions", "zsh"]);
+    assert_eq!((run.code, run.err.as_str()), (Some(0), ""));
+}

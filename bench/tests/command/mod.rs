@@ -1,0 +1,130 @@
+//! Running the command, and reading what it wrote without the crate's own readers.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+use std::ffi::OsStr;
+use std::fs;
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// What a run of the command did.
+pub(crate) struct Run {
+    pub(crate) code: Option<i32>,
+    pub(crate) out: String,
+    pub(crate) err: String,
+}
+
+fn command(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lazygrid"));
+    command.args(args).env_remove("RUST_LOG").stdin(Stdio::null());
+    command
+}
+
+/// Runs `lazygrid` with these arguments.
+pub(crate) fn lazygrid(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
+    command(args).output().unwrap().into()
+}
+
+impl From<Output> for Run {
+    fn from(output: Output) -> Self {
+        let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+        Self { code: output.status.code(), out, err }
+    }
+}
+
+impl Run {
+    /// Runs with a standard output that nobody reads.
+    pub(crate) fn with_closed_output(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Self {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        command(args)
+            .stdout(writer)
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap()
+            .wait_with_output()
+            .unwrap()
+            .into()
+    }
+
+    pub(crate) fn succeeds(self) -> Self {
+        assert_eq!(self.code, Some(0), "{}", self.err);
+        self
+    }
+
+    /// Fails as for bad input: one line on standard error, nothing of a panic.
+    pub(crate) fn fails(self) -> Self {
+        assert_eq!(self.code, Some(1), "{}", self.err);
+        assert!(self.err.lines().last().is_some_and(|line| line.starts_with("error: ")), "{}", self.err);
+        self
+    }
+
+    pub(crate) fn json(&self) -> Value {
+        let mut objects = self.json_lines();
+        assert_eq!(objects.len(), 1, "{}", self.out);
+        objects.remove(0)
+    }
+
+    pub(crate) fn json_lines(&self) -> Vec<Value> {
+        self.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    }
+}
+
+/// A file of `tests/data`.
+pub(crate) fn data(name: &str) -> String {
+    format!("{}/../tests/data/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A directory that goes away with the test.
+pub(crate) struct Scratch(TempDir);
+
+impl Scratch {
+    pub(crate) fn new() -> Self {
+        Self(TempDir::new().unwrap())
+    }
+
+    pub(crate) fn path(&self, name: &str) -> String {
+        self.0.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    pub(crate) fn write(&self, name: &str, content: &str) -> String {
+        let path = self.path(name);
+        fs::write(&path, content).unwrap();
+        path
+    }
+
+    /// The names of all files, temporary ones included.
+    pub(crate) fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.0.path()).unwrap();
+        let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort_unstable();
+        names
+    }
+}
+
+/// The shape and the 32-bit words of a NumPy file, `N` in a row.
+pub(crate) fn npy<const N: usize>(path: &str, kind: &str) -> (String, Vec<[u32; N]>) {
+    let bytes = fs::read(path).unwrap();
+    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+    let end = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    assert!(end.is_multiple_of(64) && bytes[end - 1] == b'\n');
+    let header = std::str::from_utf8(&bytes[10..end]).unwrap();
+    let start = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ");
+    let shape = header.strip_prefix(&start).unwrap().trim_end().strip_suffix(", }").unwrap();
+    let words: Vec<_> =
+        bytes[end..].chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect();
+    let (rows, []) = words.as_chunks::<N>() else { panic!("{} words in rows of {N}", words.len()) };
+    (shape.to_owned(), rows.to_vec())
+}
+
+/// The rows of a table `i,j`.
+pub(crate) fn table(path: &str) -> Vec<[u32; 2]> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some("i,j"));
+    let row = |line: &str| {
+        let (i, j) = line.split_once(',').unwrap();
+        [i.parse().unwrap(), j.parse().unwrap()]
+    };
+    lines.map(row).collect()
+}

@@ -1,0 +1,31 @@
+//! What every target does with its bytes.
+
+use std::io::Cursor;
+
+use lazygrid_bench::read::{Format, Frames, Options};
+
+/// Reads `bytes` as a file of known and of unknown length. Whatever they are, there is no panic, every sphere is
+/// valid, there are no more of them than bytes, and nothing follows an error.
+pub fn read(format: Option<Format>, bytes: &[u8]) {
+    let radii = [("A".to_owned(), 1.0), ("1".to_owned(), 0.5)];
+    for length in [None, Some(bytes.len() as u64)] {
+        let options = Options { format, radii: radii.clone().into() };
+        let Ok(frames) = Frames::new("fuzz", Cursor::new(bytes.to_vec()), length, options) else { continue };
+        let (mut spheres, mut failed) = (0, false);
+        for frame in frames {
+            assert!(!failed, "a frame after an error");
+            match frame {
+                Ok(frame) => {
+                    spheres += frame.spheres.len();
+                    assert!(frame.spheres.iter().all(|sphere| sphere.is_valid()));
+                    assert!(frame.species.is_none_or(|ids| ids.len() == frame.spheres.len()));
+                }
+                Err(error) => {
+                    failed = true;
+                    assert!(error.to_string().starts_with("fuzz"));
+                }
+            }
+        }
+        assert!(spheres <= bytes.len());
+    }
+}

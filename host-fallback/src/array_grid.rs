@@ -1,0 +1,113 @@
+//! The paper's ArrayGrid: an array of (cell, sphere) entries for every cell that a sphere overlaps, sorted by cell.
+
+use rayon::prelude::*;
+
+use crate::cell::{Batch, Crowd};
+use crate::detector::Input;
+use crate::entries::{Entries, Packing, Visit, cells_of_piece, run_end};
+use crate::radix::{Entry, Key};
+use crate::report::Report;
+use crate::sink::{Output, Sink};
+use crate::workspace::Workspaces;
+
+/// Entries per piece of work: their spheres' columns take 40 KiB.
+const PIECE: usize = 1 << 11;
+/// A cell with more entries than this is compared in tiles, by several threads if need be.
+const CROWDED: usize = PIECE;
+
+/// The structure and its buffers, which survive between calls.
+#[derive(Debug, Default)]
+pub(crate) struct ArrayGrid {
+    entries: Entries,
+    batches: Workspaces<Batch>,
+    crowds: Workspaces<Crowd>,
+}
+
+impl ArrayGrid {
+    /// Builds for these spheres.
+    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
+        self.entries.build(input, report);
+    }
+
+    /// Finds all pairs.
+    pub(crate) fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
+        self.entries.visit(Search { grid: self, input, output })
+    }
+
+    /// An upper estimate of the bytes held for `spheres` spheres.
+    pub(crate) fn memory_for(spheres: u64, ratio: f32) -> u64 {
+        Entries::memory_for(spheres, ratio)
+    }
+}
+
+struct Search<'s, 'o, O> {
+    grid: &'s ArrayGrid,
+    input: &'s Input<'s>,
+    output: &'o O,
+}
+
+impl<'o, O: Output> Visit for Search<'_, 'o, O> {
+    type Result = O::Sink<'o>;
+
+    fn visit<K: Key>(self, entries: &[Entry<K>], _: Packing) -> O::Sink<'o> {
+        let Self { grid, input, output } = self;
+        let piece = |sink: O::Sink<'o>, piece: usize| match sink.stopped() {
+            true => sink,
+            false => grid.batches.lend(|batch| {
+                let entries = cells_of_piece(entries, piece, PIECE);
+                cells(grid, entries, batch, (input, output, sink))
+            }),
+        };
+        (0..entries.len().div_ceil(PIECE))
+            .into_par_iter()
+            .fold(|| output.open(), piece)
+            .reduce(|| output.open(), Sink::merge)
+    }
+}
+
+/// Compares inside all cells of `entries`, one after the other.
+fn cells<'o, K: Key, O: Output>(
+    grid: &ArrayGrid,
+    entries: &[Entry<K>],
+    batch: &mut Batch,
+    (input, output, mut sink): (&Input<'_>, &'o O, O::Sink<'o>),
+) -> O::Sink<'o> {
+    let mut from = 0;
+    while from < entries.len() {
+        let to = run_end(entries, from);
+        let run = &entries[from..to];
+        from = to;
+        if run.len() <= CROWDED {
+            batch.push(run);
+        } else {
+            batch.search(input, &mut sink);
+            sink = grid.crowds.lend(|crowd| crowd.within(input, run, (output, sink)));
+        }
+    }
+    batch.search(input, &mut sink);
+    sink
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::Algorithm;
+
+    use crate::Settings;
+    use crate::judged::{judge, judge_shared};
+
+    fn settings(raster_ratio: f32) -> Settings {
+        Settings { algorithm: Algorithm::ArrayGrid, raster_ratio, ..Settings::default() }
+    }
+
+    #[test]
+    fn agrees_with_all_pairs() {
+        for ratio in [0.5, 1.0, 1.5, 3.0, 16.0] {
+            judge(&settings(ratio));
+        }
+    }
+
+    #[test]
+    fn threads_share_the_work() {
+        judge_shared(&settings(Settings::RASTER_RATIO));
+    }
+}

@@ -1,0 +1,234 @@
+//! Comparisons inside a cell: which of its spheres meet, by class, so that every pair is the business of one cell.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::columns::Columns;
+use crate::contact::{Rule, scan};
+use crate::detector::Input;
+use crate::entries::CLASS_BITS;
+use crate::radix::{Entry, Key};
+use crate::simd::{Task, Vector};
+use crate::sink::{Output, Sink};
+
+/// How many classes there are.
+const CLASSES: usize = 1 << CLASS_BITS;
+/// For each class, the classes from itself on whose pairs with it belong to the cell.
+const LATER: [&[Range<usize>]; CLASSES] =
+    [&[7..8], &[6..8], &[5..6, 7..8], &[4..8], &[7..8], &[6..8], &[7..8], &[7..8]];
+/// For each class, all classes whose pairs with it belong to the cell.
+const ANY: [&[Range<usize>]; CLASSES] = [
+    &[7..8],
+    &[6..8],
+    &[5..6, 7..8],
+    &[4..8],
+    &[3..4, 7..8],
+    &[2..4, 6..8],
+    &[1..2, 3..4, 5..6, 7..8],
+    &[0..8],
+];
+/// Spheres per tile side, so that what a tile loops over stays in the first-level cache's reach.
+const TILE: usize = 1024;
+/// Spheres that one row of tiles compares with at most: a unit of work for a thread.
+const ROW: usize = 1 << 15;
+/// Comparisons from which a cell's rows are spread over threads, about 0.1 ms.
+const SPREAD: usize = 1 << 20;
+
+/// Where each class starts among the spheres of a cell, and where the last one ends.
+type Starts = [u32; CLASSES + 1];
+
+/// Where each class starts among entries sorted by class, when the first is at `from`.
+fn starts<K: Key>(run: &[Entry<K>], from: usize) -> Starts {
+    let mut starts = [from as u32; CLASSES + 1];
+    for entry in run {
+        starts[entry.class() + 1] += 1;
+    }
+    for class in 1..=CLASSES {
+        starts[class] += starts[class - 1] - from as u32;
+    }
+    starts
+}
+
+/// Whether classes make any pair of these the cell's own.
+pub(crate) fn owns_pairs<K: Key>(run: &[Entry<K>]) -> bool {
+    run.len() > 1 && run.iter().fold(0, |all, entry| all | entry.class()) == CLASSES - 1
+}
+
+fn range(starts: &Starts, classes: &Range<usize>) -> Range<usize> {
+    starts[classes.start] as usize..starts[classes.end] as usize
+}
+
+/// Small cells, gathered so that their spheres are fetched together and compared in one go.
+#[derive(Debug, Default)]
+pub(crate) struct Batch {
+    ids: Vec<u32>,
+    cells: Vec<Starts>,
+    columns: Columns,
+}
+
+impl Batch {
+    /// Adds the entries of one cell, sorted by class.
+    #[inline]
+    pub(crate) fn push<K: Key>(&mut self, run: &[Entry<K>]) {
+        if owns_pairs(run) {
+            self.cells.push(starts(run, self.ids.len()));
+            self.ids.extend(run.iter().map(|entry| entry.id));
+        }
+    }
+
+    /// How many spheres wait.
+    pub(crate) fn len(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// Compares inside every cell, and empties the batch.
+    pub(crate) fn search<S: Sink>(&mut self, input: &Input<'_>, sink: &mut S) {
+        let Self { ids, cells, columns } = self;
+        columns.gather(&input.rule, ids.iter().copied());
+        input.simd.run(Cells { columns, rule: &input.rule, cells, sink });
+        ids.clear();
+        cells.clear();
+    }
+}
+
+struct Cells<'c, S> {
+    columns: &'c Columns,
+    rule: &'c Rule<'c>,
+    cells: &'c [Starts],
+    sink: &'c mut S,
+}
+
+impl<S: Sink> Task for Cells<'_, S> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run<V: Vector>(self, vector: V) {
+        let Self { columns, rule, cells, sink } = self;
+        for starts in cells {
+            for (class, later) in LATER.iter().enumerate() {
+                for at in range(starts, &(class..class + 1)) {
+                    for classes in *later {
+                        let run = range(starts, classes);
+                        let run = run.start.max(at + 1)..run.end;
+                        if !run.is_empty() {
+                            scan(vector, (columns, rule), at, run, sink);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A crowded cell, whose comparisons are cut into tiles.
+#[derive(Debug, Default)]
+pub(crate) struct Crowd {
+    columns: Columns,
+    rows: Vec<Row>,
+}
+
+/// Some spheres and a range of others, none of them earlier, to compare them with.
+#[derive(Clone, Debug)]
+struct Row {
+    of: Range<usize>,
+    with: Range<usize>,
+}
+
+impl Crowd {
+    /// Compares inside one cell, whose entries are sorted by class.
+    pub(crate) fn within<'o, K: Key, O: Output>(
+        &mut self,
+        input: &Input<'_>,
+        run: &[Entry<K>],
+        (output, sink): (&'o O, O::Sink<'o>),
+    ) -> O::Sink<'o> {
+        if !owns_pairs(run) {
+            return sink;
+        }
+        self.rows.clear();
+        self.columns.gather(&input.rule, run.iter().map(|entry| entry.id));
+        let starts = starts(run, 0);
+        self.plan(&starts, &starts, &LATER);
+        self.search(input, output, sink)
+    }
+
+    /// Compares the spheres `large` of one cell with each other and with its other spheres `small`; the entries of
+    /// both are sorted by class.
+    pub(crate) fn among<'o, O: Output>(
+        &mut self,
+        input: &Input<'_>,
+        (large, small): (&[Entry<u32>], &[Entry<u32>]),
+        (output, sink): (&'o O, O::Sink<'o>),
+    ) -> O::Sink<'o> {
+        self.rows.clear();
+        let ids = |k: usize| if k < large.len() { large[k].id } else { small[k - large.len()].id };
+        self.columns.gather(&input.rule, (0..large.len() + small.len()).map(ids));
+        let (first, second) = (starts(large, 0), starts(small, large.len()));
+        self.plan(&first, &first, &LATER);
+        self.plan(&first, &second, &ANY);
+        self.search(input, output, sink)
+    }
+
+    /// Adds rows for every class of `of` with its partners among those of `with`.
+    fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[Range<usize>]; CLASSES]) {
+        for (class, partners) in partners.iter().enumerate() {
+            for partners in *partners {
+                let (of, with) = (range(of, &(class..class + 1)), range(with, partners));
+                for tile in pieces(of, TILE) {
+                    let with = with.start.max(tile.start)..with.end;
+                    self.rows.extend(pieces(with, ROW).map(|with| Row { of: tile.clone(), with }));
+                }
+            }
+        }
+    }
+
+    fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O, mut sink: O::Sink<'o>) -> O::Sink<'o> {
+        let compare = |mut sink: O::Sink<'o>, row: &Row| {
+            if !sink.stopped() {
+                let sink = &mut sink;
+                input.simd.run(Tiles { columns: &self.columns, rule: &input.rule, row, sink });
+            }
+            sink
+        };
+        let comparisons: usize = self.rows.iter().map(|row| row.of.len() * row.with.len()).sum();
+        if comparisons < SPREAD {
+            return self.rows.iter().fold(sink, compare);
+        }
+        let rows = self.rows.par_iter().with_max_len(1);
+        let rest = rows.fold(|| output.open(), compare).reduce(|| output.open(), Sink::merge);
+        sink = sink.merge(rest);
+        sink
+    }
+}
+
+/// Cuts a range into pieces of at most `size`.
+fn pieces(range: Range<usize>, size: usize) -> impl Iterator<Item = Range<usize>> {
+    let end = range.end;
+    range.step_by(size).map(move |from| from..end.min(from + size))
+}
+
+struct Tiles<'t, S> {
+    columns: &'t Columns,
+    rule: &'t Rule<'t>,
+    row: &'t Row,
+    sink: &'t mut S,
+}
+
+impl<S: Sink> Task for Tiles<'_, S> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run<V: Vector>(self, vector: V) {
+        let Self { columns, rule, row, sink } = self;
+        for tile in pieces(row.with.clone(), TILE) {
+            for at in row.of.clone() {
+                // Spheres of one class meet among themselves: each only those later than itself.
+                let run = tile.start.max(at + 1)..tile.end;
+                if !run.is_empty() {
+                    scan(vector, (columns, rule), at, run, sink);
+                }
+            }
+        }
+    }
+}

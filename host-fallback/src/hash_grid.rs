@@ -1,0 +1,217 @@
+//! The paper's HashGrid: a hash table with separate chaining, in which every sphere hangs under every cell it
+//! overlaps. Only occupied cells cost memory; cells of one hash share a chain and are told apart by coordinates.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use glam::UVec3;
+use rayon::prelude::*;
+
+use crate::cell::{Batch, Crowd};
+use crate::cover::{Cover, Raster};
+use crate::detector::Input;
+use crate::entries::{accumulate, most_cells};
+use crate::radix::Entry;
+use crate::report::Report;
+use crate::scatter::split_at;
+use crate::sink::{Output, Sink};
+use crate::workspace::Workspaces;
+
+/// Spheres per piece of the passes that count and insert.
+const PIECE: usize = 1 << 14;
+/// Chains per piece of the search.
+const CHAINS: usize = 1 << 11;
+/// Spheres gathered before they are compared.
+const BATCH: usize = 1 << 11;
+/// The end of a chain.
+const END: u32 = u32::MAX;
+
+/// The table and its buffers, which survive between calls.
+#[derive(Debug, Default)]
+pub(crate) struct HashGrid {
+    /// The last entry inserted in each chain.
+    heads: Vec<AtomicU32>,
+    entries: Vec<Linked>,
+    offsets: Vec<usize>,
+    workspaces: Workspaces<Workspace>,
+}
+
+/// A sphere in a cell, and the entry before it in its chain.
+#[derive(Clone, Copy, Debug, Default)]
+struct Linked {
+    cell: UVec3,
+    class: u32,
+    id: u32,
+    next: u32,
+}
+
+#[derive(Debug, Default)]
+struct Workspace {
+    chain: Vec<(UVec3Key, Entry<u32>)>,
+    run: Vec<Entry<u32>>,
+    batch: Batch,
+    crowd: Crowd,
+}
+
+/// A cell's coordinates as something to sort by.
+type UVec3Key = [u32; 3];
+
+impl HashGrid {
+    /// Builds for these spheres: counts the entries, sizes the table, inserts.
+    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
+        let raster = report.time("count", || self.count(input));
+        let total = self.offsets.last().copied().unwrap_or(0);
+        report.time("insert", || {
+            let chains = total.next_power_of_two().max(2);
+            self.heads.resize_with(chains, AtomicU32::default);
+            self.heads.par_iter_mut().for_each(|head| *head.get_mut() = END);
+            self.entries.resize(total, Linked::default());
+            self.insert(input, &raster);
+        });
+        log::trace!("{total} entries");
+    }
+
+    /// Counts entries, piece by piece, in cells large enough that 32 bits number the entries.
+    fn count(&mut self, input: &Input<'_>) -> Raster {
+        let mut raster = Raster::new(&input.survey, input.settings.raster_ratio);
+        loop {
+            let count =
+                |piece| spheres(input, piece).map(|id| cover(input, &raster, id).cells()).sum::<usize>();
+            let pieces = input.survey.spheres.div_ceil(PIECE);
+            (0..pieces).into_par_iter().map(count).collect_into_vec(&mut self.offsets);
+            if accumulate(&mut self.offsets) < END as usize {
+                return raster;
+            }
+            raster = Raster::of_edge(2.0 * raster.edge());
+        }
+    }
+
+    /// Hangs every entry at the head of its chain; threads swap heads without locks.
+    fn insert(&mut self, input: &Input<'_>, raster: &Raster) {
+        let Self { heads, entries, offsets, .. } = self;
+        let ends = offsets.iter().copied();
+        let shift = shift(heads.len());
+        split_at(entries, ends).into_par_iter().enumerate().for_each(|(piece, target)| {
+            let mut number = if piece == 0 { 0 } else { offsets[piece - 1] as u32 };
+            let mut slots = target.iter_mut();
+            for id in spheres(input, piece) {
+                cover(input, raster, id).for_each(|cell, class| {
+                    if let Some(slot) = slots.next() {
+                        let next = heads[chain_of(cell, shift)].swap(number, Relaxed);
+                        *slot = Linked { cell, class: u32::from(class), id, next };
+                        number += 1;
+                    }
+                });
+            }
+        });
+    }
+
+    /// Finds all pairs.
+    pub(crate) fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
+        let piece = |sink: O::Sink<'o>, heads: &[AtomicU32]| match sink.stopped() {
+            true => sink,
+            false => self.workspaces.lend(|workspace| self.chains(heads, workspace, (input, output, sink))),
+        };
+        self.heads.par_chunks(CHAINS).fold(|| output.open(), piece).reduce(|| output.open(), Sink::merge)
+    }
+
+    /// Compares inside all cells of some chains.
+    fn chains<'o, O: Output>(
+        &self,
+        heads: &[AtomicU32],
+        workspace: &mut Workspace,
+        (input, output, mut sink): (&Input<'_>, &'o O, O::Sink<'o>),
+    ) -> O::Sink<'o> {
+        let Workspace { chain, run, batch, crowd } = workspace;
+        for head in heads {
+            self.collect(head.load(Relaxed), chain);
+            for cell in chain.chunk_by(|a, b| a.0 == b.0) {
+                if cell.len() < 2 {
+                    continue;
+                }
+                run.clear();
+                run.extend(cell.iter().map(|&(_, entry)| entry));
+                if run.len() > BATCH {
+                    batch.search(input, &mut sink);
+                    sink = crowd.within(input, run, (output, sink));
+                } else {
+                    batch.push(run);
+                }
+            }
+            if batch.len() > BATCH {
+                batch.search(input, &mut sink);
+            }
+        }
+        batch.search(input, &mut sink);
+        sink
+    }
+
+    /// Gathers a chain, ordered by cell, class and sphere: the order in which threads inserted must not show.
+    fn collect(&self, head: u32, chain: &mut Vec<(UVec3Key, Entry<u32>)>) {
+        chain.clear();
+        let mut at = head;
+        while at != END {
+            let Linked { cell, class, id, next } = self.entries[at as usize];
+            chain.push((cell.to_array(), Entry { key: class, id }));
+            at = next;
+        }
+        if chain.len() > 1 {
+            chain.sort_unstable_by_key(|&(cell, entry)| (cell, entry.key, entry.id));
+        }
+    }
+
+    /// An upper estimate of the bytes held for `spheres` spheres.
+    pub(crate) fn memory_for(spheres: u64, ratio: f32) -> u64 {
+        let entries = spheres * most_cells(ratio);
+        entries * size_of::<Linked>() as u64 + entries.next_power_of_two() * size_of::<AtomicU32>() as u64
+    }
+}
+
+fn spheres(input: &Input<'_>, piece: usize) -> Range<u32> {
+    (piece * PIECE) as u32..input.survey.spheres.min((piece + 1) * PIECE) as u32
+}
+
+#[inline(always)]
+fn cover(input: &Input<'_>, raster: &Raster, id: u32) -> Cover {
+    let (center, radius) = input.rule.effective(id);
+    raster.cover(center, radius)
+}
+
+/// How far a 64-bit hash is moved down to number `chains` chains, a power of two and at least 2.
+fn shift(chains: usize) -> u32 {
+    u64::BITS - chains.trailing_zeros()
+}
+
+/// The chain of a cell: multiplications by odd constants, of which the upper bits are well mixed.
+#[inline(always)]
+fn chain_of(cell: UVec3, shift: u32) -> usize {
+    let [x, y, z] = cell.to_array().map(u64::from);
+    let mixed = x.wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        ^ y.wrapping_mul(0xC2B2_AE3D_27D4_EB4F)
+        ^ z.wrapping_mul(0x1656_67B1_9E37_79F9);
+    (mixed.wrapping_mul(0xFF51_AFD7_ED55_8CCD) >> shift) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::Algorithm;
+
+    use crate::Settings;
+    use crate::judged::{judge, judge_shared};
+
+    fn settings(raster_ratio: f32) -> Settings {
+        Settings { algorithm: Algorithm::HashGrid, raster_ratio, ..Settings::default() }
+    }
+
+    #[test]
+    fn agrees_with_all_pairs() {
+        for ratio in [0.5, 1.0, 1.5, 3.0, 16.0] {
+            judge(&settings(ratio));
+        }
+    }
+
+    #[test]
+    fn threads_share_the_work() {
+        judge_shared(&settings(Settings::RASTER_RATIO));
+    }
+}

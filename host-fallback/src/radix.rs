@@ -1,0 +1,173 @@
+//! A stable radix sort of (key, sphere) entries on all threads, least significant digit first.
+//!
+//! Every pass reads the entries in pieces: each piece counts its digits, one prefix sum over (digit, piece) gives
+//! every piece its places, and each piece moves its entries. Only bits that keys can have are looked at, and a pass
+//! in which all digits agree moves nothing. The result does not depend on the number of threads.
+
+use rayon::prelude::*;
+
+use crate::scatter::Disjoint;
+
+/// Entries per piece at least, 512 KiB of narrow ones: far more than there are digits to count.
+const PIECE: usize = 1 << 16;
+/// Pieces at most: their counts are summed by one thread.
+const MAX_PIECES: usize = 64;
+/// Bits per digit at most: the write positions and the lines they point to stay in the second-level cache.
+const DIGIT: u32 = 11;
+
+/// A number to sort by.
+pub(crate) trait Key: Copy + Ord + Default + Send + Sync + From<u32> {
+    /// Moves the bits up by less than the width of the type and puts others in the room made.
+    fn append(self, low: u32, bits: u32) -> Self;
+    /// Moves the bits down by less than the width of the type.
+    fn without(self, bits: u32) -> Self;
+    /// The lowest 32 bits.
+    fn low(self) -> u32;
+}
+
+macro_rules! key {
+    ($type:ty) => {
+        impl Key for $type {
+            #[inline(always)]
+            fn append(self, low: u32, bits: u32) -> Self {
+                self << bits | Self::from(low)
+            }
+
+            #[inline(always)]
+            fn without(self, bits: u32) -> Self {
+                self >> bits
+            }
+
+            #[inline(always)]
+            fn low(self) -> u32 {
+                self as u32
+            }
+        }
+    };
+}
+
+key!(u32);
+key!(u128);
+
+/// A sphere under a key.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Entry<K> {
+    pub(crate) key: K,
+    pub(crate) id: u32,
+}
+
+/// Entries to be sorted, and the buffers for it, which survive between calls.
+#[derive(Debug, Default)]
+pub(crate) struct Radix<K> {
+    pub(crate) entries: Vec<Entry<K>>,
+    spare: Vec<Entry<K>>,
+    counts: Vec<usize>,
+}
+
+impl<K: Key> Radix<K> {
+    /// Bytes per entry, in both buffers.
+    pub(crate) const BYTES_PER_ENTRY: u64 = 2 * size_of::<Entry<K>>() as u64;
+
+    /// Sorts the entries by keys that are below 2^`bits`; those of equal keys stay in order.
+    pub(crate) fn sort(&mut self, bits: u32) {
+        self.spare.resize(self.entries.len(), Entry::default());
+        let passes = bits.div_ceil(DIGIT);
+        let mut shift = 0;
+        for pass in 0..passes {
+            let width = (bits - shift).div_ceil(passes - pass);
+            if self.pass(shift, width) {
+                std::mem::swap(&mut self.entries, &mut self.spare);
+            }
+            shift += width;
+        }
+    }
+
+    /// Moves the entries to `spare` by one digit; `false` where that would move nothing.
+    fn pass(&mut self, shift: u32, width: u32) -> bool {
+        let Self { entries, spare, counts } = self;
+        let Some(first) = entries.first() else { return false };
+        let digits = 1 << width;
+        let digit = |key: K| key.without(shift).low() as usize & (digits - 1);
+        let piece = entries.len().div_ceil(MAX_PIECES).max(PIECE);
+        counts.clear();
+        counts.resize(entries.len().div_ceil(piece) * digits, 0);
+        let count = |(counts, piece): (&mut [usize], &[Entry<K>])| {
+            for entry in piece {
+                counts[digit(entry.key)] += 1;
+            }
+        };
+        each(counts.par_chunks_mut(digits).zip(entries.par_chunks(piece)), count);
+        let alike: usize = counts.iter().skip(digit(first.key)).step_by(digits).sum();
+        if alike == entries.len() {
+            return false;
+        }
+
+        let mut at = 0;
+        for digit in 0..digits {
+            for place in counts.iter_mut().skip(digit).step_by(digits) {
+                at += std::mem::replace(place, at);
+            }
+        }
+        let target = Disjoint::new(spare);
+        let scatter = |(places, piece): (&mut [usize], &[Entry<K>])| {
+            for &entry in piece {
+                let place = &mut places[digit(entry.key)];
+                // SAFETY: the exclusive prefix sums over (digit, piece) give every entry a place of its own below
+                // their number, the length of `spare`.
+                unsafe { target.write(*place, entry) };
+                *place += 1;
+            }
+        };
+        each(counts.par_chunks_mut(digits).zip(entries.par_chunks(piece)), scatter);
+        true
+    }
+}
+
+/// Does the pieces; a single one on this thread, since small sorts are many and waking others costs more.
+fn each<I: IndexedParallelIterator>(pieces: I, work: impl Fn(I::Item) + Sync + Send) {
+    let least = if pieces.len() == 1 { usize::MAX } else { 1 };
+    pieces.with_min_len(least).for_each(work);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(bits: u32, keys: Vec<u128>) {
+        let mut wide = Radix::<u128>::default();
+        wide.entries = (0..).zip(&keys).map(|(id, &key)| Entry { key, id }).collect();
+        let mut expected = wide.entries.clone();
+        expected.sort_by_key(|entry| entry.key);
+        if bits <= 32 {
+            let mut narrow = Radix::<u32>::default();
+            narrow.entries = wide.entries.iter().map(|e| Entry { key: e.key as u32, id: e.id }).collect();
+            narrow.sort(bits);
+            let sorted: Vec<_> =
+                narrow.entries.iter().map(|e| Entry { key: u128::from(e.key), id: e.id }).collect();
+            assert!(sorted == expected, "{} narrow entries of {bits} bits", keys.len());
+        }
+        wide.sort(bits);
+        assert!(wide.entries == expected, "{} wide entries of {bits} bits", keys.len());
+    }
+
+    #[test]
+    fn agrees_with_a_sequential_stable_sort() {
+        for len in [0, 1, 2, 1000, PIECE - 1, PIECE, PIECE + 1, 3 * PIECE + 17] {
+            for bits in [1, 3, 11, 12, 29, 32, 99] {
+                let mut state = len as u128 + 1;
+                let mut random = || {
+                    state = state.wrapping_mul(0x2360_ED05_1FC6_5DA4_4385_DF64_9FCC_F645).wrapping_add(1);
+                    state >> (128 - bits)
+                };
+                check(bits, (0..len).map(|_| random()).collect());
+            }
+        }
+    }
+
+    #[test]
+    fn equal_keys_stay_in_order() {
+        check(32, vec![0xFFFF_FFFF; 2 * PIECE + 1]);
+        check(99, (0..2 * PIECE as u128).map(|k| (k & 1) << 98).collect());
+        check(0, vec![0; 5]);
+    }
+}

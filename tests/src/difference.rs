@@ -1,0 +1,140 @@
+use lazygrid::Pair;
+
+use crate::Scenario;
+
+/// How far from the definition a result may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tolerance {
+    /// Not at all: the CPU path.
+    Exact,
+    /// Pairs within 4 ulp of tangency, relative to the squared reach, may fall either way: the GPU path.
+    Tangent,
+}
+
+impl Tolerance {
+    /// Whether a pair may as well be missing, or be there.
+    fn allows(self, scenario: &Scenario, pair: Pair) -> bool {
+        const FOUR_ULP: f64 = 4.0 * f32::EPSILON as f64;
+        let (i, j) = (pair.i as usize, pair.j as usize);
+        match (self, scenario.reach(i, j)) {
+            (Self::Exact, _) | (_, None) => false,
+            (Self::Tangent, Some(reach)) => {
+                (scenario.distance_squared(i, j) - reach * reach).abs() <= FOUR_ULP * reach * reach
+            }
+        }
+    }
+}
+
+/// Compares pairs, in any order, with the `expected` ones in canonical order.
+///
+/// # Errors
+/// A description of what differs: how many pairs are missing, extra, duplicate or malformed, and the first of
+/// each kind with its spheres and the gap between them.
+pub fn difference(
+    scenario: &Scenario,
+    found: &[Pair],
+    expected: &[Pair],
+    tolerance: Tolerance,
+) -> Result<(), String> {
+    let spheres = scenario.spheres.len() as u32;
+    let malformed = found.iter().filter(|p| p.i >= p.j || p.j >= spheres).copied().collect::<Vec<_>>();
+    if let Some(first) = malformed.first() {
+        return Err(format!("{} malformed pairs of {spheres} spheres, first {first:?}", malformed.len()));
+    }
+    let mut sorted = found.to_vec();
+    sorted.sort_unstable();
+    let twice: Vec<Pair> = sorted.windows(2).filter(|w| w[0] == w[1]).map(|w| w[0]).collect();
+    sorted.dedup();
+    let not_in = |those: &[Pair], these: &[Pair]| -> Vec<Pair> {
+        let absent = these.iter().filter(|p| those.binary_search(p).is_err());
+        absent.filter(|&&p| !tolerance.allows(scenario, p)).copied().collect()
+    };
+    let (missing, extra) = (not_in(&sorted, expected), not_in(expected, &sorted));
+    if missing.is_empty() && extra.is_empty() && twice.is_empty() {
+        return Ok(());
+    }
+    let mut text = format!("{} pairs found where {} are expected", found.len(), expected.len());
+    for (kind, pairs) in [("missing", missing), ("extra", extra), ("duplicate", twice)] {
+        if let Some(&first) = pairs.first() {
+            text += &format!("; {} {kind}, first {}", pairs.len(), describe(scenario, first));
+        }
+    }
+    Err(text)
+}
+
+fn describe(scenario: &Scenario, pair: Pair) -> String {
+    let (i, j) = (pair.i as usize, pair.j as usize);
+    let sphere = |k: usize| {
+        let s = scenario.spheres[k];
+        format!("{k}: [{:?}, {:?}, {:?}, {:?}]", s.center.x, s.center.y, s.center.z, s.radius)
+    };
+    let distance = scenario.distance_squared(i, j).sqrt();
+    let gap = scenario.reach(i, j).map_or("never a pair".to_owned(), |r| format!("gap {:e}", distance - r));
+    format!("{} and {}, {gap}", sphere(i), sphere(j))
+}
+
+/// A digest of a set of pairs, the same for any order of them; duplicates count.
+pub fn checksum(pairs: &[Pair]) -> u64 {
+    // The finaliser of SplitMix64: pairs that differ in one bit differ in half of the digest's.
+    let mix = |pair: &Pair| {
+        let mut x = u64::from(pair.i) << 32 | u64::from(pair.j);
+        x = (x ^ x >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        x = (x ^ x >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        x ^ x >> 31
+    };
+    pairs.iter().map(mix).fold(0, u64::wrapping_add)
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid::Sphere;
+
+    use super::*;
+
+    fn pairs(of: &[(u32, u32)]) -> Vec<Pair> {
+        of.iter().map(|&(i, j)| Pair { i, j }).collect()
+    }
+
+    /// What is wrong with a result for unit spheres at these places along a line.
+    fn verdict(places: &[f32], found: &[(u32, u32)], tolerance: Tolerance) -> Result<(), String> {
+        let row: Vec<_> = places.iter().map(|&x| Sphere::new([x, 0.0, 0.0], 1.0)).collect();
+        let scenario = Scenario::from(row);
+        difference(&scenario, &pairs(found), &scenario.oracle(), tolerance)
+    }
+
+    #[test]
+    fn every_kind_of_error_is_seen() {
+        let exact = |found: &[(u32, u32)]| verdict(&[0.0, 2.0, 4.0, 6.0], found, Tolerance::Exact);
+        let fails = |found, word| exact(found).is_err_and(|text| text.contains(word));
+        assert_eq!(exact(&[(2, 3), (0, 1), (1, 2)]), Ok(()));
+        assert!(fails(&[(0, 1), (2, 3)], "1 missing, first 1: [2.0, 0.0, 0.0, 1.0] and 2:"));
+        assert!(fails(&[(0, 1), (1, 2), (1, 3), (2, 3)], "1 extra, first 1:"));
+        assert!(fails(&[(0, 1), (1, 2), (2, 3), (1, 2)], "1 duplicate, first 1:"));
+        assert!(fails(&[(0, 1), (2, 1), (2, 3)], "1 malformed"));
+        assert!(fails(&[(0, 1), (1, 2), (2, 3), (3, 4)], "1 malformed"));
+        assert!(fails(&[(0, 1), (1, 1), (2, 3)], "1 malformed"));
+    }
+
+    #[test]
+    fn only_near_tangency_is_excused() {
+        use Tolerance::{Exact, Tangent};
+        let [none, one] = [&[][..], &[(0, 1)]];
+        assert_eq!(verdict(&[0.0, 2.0], none, Tangent), Ok(()));
+        assert!(verdict(&[0.0, 2.0], none, Exact).is_err());
+        // A unit in the last place of 2 moves the squared distance by 2 ulp, relative to the squared reach.
+        let ulp = 2.0 * f32::EPSILON;
+        assert_eq!(verdict(&[0.0, 2.0 + ulp], one, Tangent), Ok(()));
+        assert!(verdict(&[0.0, 2.0 + ulp], one, Exact).is_err());
+        assert!(verdict(&[0.0, 2.0 + 3.0 * ulp], one, Tangent).is_err());
+        assert!(verdict(&[0.0, 2.0 - 3.0 * ulp], none, Tangent).is_err());
+        assert!(verdict(&[0.0, 2.0], &[(0, 1), (0, 1)], Tangent).is_err());
+    }
+
+    #[test]
+    fn a_checksum_depends_on_pairs_and_not_on_their_order() {
+        let [a, b] = [[(0, 1), (2, 3)], [(2, 3), (0, 1)]].map(|p| checksum(&pairs(&p)));
+        assert_eq!(a, b);
+        assert_ne!(a, checksum(&pairs(&[(0, 1), (2, 3), (2, 3)])));
+        assert_ne!(a, checksum(&pairs(&[(0, 3), (2, 1)])));
+    }
+}

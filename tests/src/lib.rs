@@ -1,0 +1,16 @@
+//! What the tests in `suite/` share.
+//!
+//! * [`Scenario`] — spheres, perhaps with species, and the [oracle](Scenario::oracle): a plain double loop;
+//! * [`Subject`] — one way to run a detector; [`Subject::all`] is the list that a new backend joins;
+//! * [`difference`] — compares a result with the expected pairs and explains the first wrong one;
+//! * [`adversary`] — generators of spheres that are hard on grids, with shrinking.
+
+pub mod adversary;
+
+mod difference;
+mod scenario;
+mod subject;
+
+pub use difference::{Tolerance, checksum, difference};
+pub use scenario::{Mixture, Scenario};
+pub use subject::{Subject, THREADS, in_pool};

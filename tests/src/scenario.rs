@@ -1,0 +1,136 @@
+use lazygrid::{Config, InputError, Interaction, Interactions, Pair, Sphere, Spheres};
+
+/// An input, and what it takes to say which pairs it has.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scenario {
+    /// The spheres.
+    pub spheres: Vec<Sphere>,
+    /// Their species; `None`: all that touch are pairs.
+    pub mixture: Option<Mixture>,
+}
+
+/// Species, and what makes two of them a pair.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mixture {
+    /// One id per sphere.
+    pub species: Vec<u32>,
+    /// The lower triangle of the table, row by row: `rows[a][b]` for `b ≤ a`.
+    pub rows: Vec<Vec<Interaction>>,
+}
+
+impl Mixture {
+    /// What makes `a` and `b` a pair.
+    fn between(&self, a: u32, b: u32) -> Interaction {
+        self.rows[a.max(b) as usize][a.min(b) as usize]
+    }
+
+    /// The same as the library's table.
+    fn interactions(&self) -> Result<Interactions, InputError> {
+        let mut table = Interactions::new(self.rows.len() as u32, Interaction::Never)?;
+        for (a, row) in self.rows.iter().enumerate() {
+            for (b, &interaction) in row.iter().enumerate() {
+                table.set(a as u32, b as u32, interaction)?;
+            }
+        }
+        Ok(table)
+    }
+}
+
+impl From<Vec<Sphere>> for Scenario {
+    fn from(spheres: Vec<Sphere>) -> Self {
+        Self { spheres, mixture: None }
+    }
+}
+
+impl Scenario {
+    /// The input of a detector.
+    pub fn view(&self) -> Spheres<'_> {
+        let spheres = Spheres::from(&self.spheres);
+        match &self.mixture {
+            None => spheres,
+            Some(mixture) => spheres.with_species(&mixture.species).expect("a species id per sphere"),
+        }
+    }
+
+    /// `config` with this scenario's interactions.
+    pub fn config(&self, config: Config) -> Config {
+        match &self.mixture {
+            None => config,
+            Some(mixture) => config.interactions(mixture.interactions().expect("a valid table")),
+        }
+    }
+
+    /// The largest centre distance at which two spheres are a pair; `None` where they never are.
+    pub fn reach(&self, i: usize, j: usize) -> Option<f64> {
+        let interaction = match &self.mixture {
+            None => Interaction::Touch,
+            Some(mixture) => mixture.between(mixture.species[i], mixture.species[j]),
+        };
+        match interaction {
+            Interaction::Never => None,
+            Interaction::Touch => Some(f64::from(self.spheres[i].radius) + f64::from(self.spheres[j].radius)),
+            Interaction::Within(distance) => Some(f64::from(distance)),
+        }
+    }
+
+    /// The squared distance of two centres.
+    pub fn distance_squared(&self, i: usize, j: usize) -> f64 {
+        let (a, b) = (self.spheres[i].center, self.spheres[j].center);
+        let (dx, dy, dz) = (difference(a.x, b.x), difference(a.y, b.y), difference(a.z, b.z));
+        dx * dx + dy * dy + dz * dz
+    }
+
+    /// All pairs in canonical order, as the contract defines them. As simple as can be, because it judges the
+    /// judge.
+    pub fn oracle(&self) -> Vec<Pair> {
+        let mut pairs = Vec::new();
+        for i in 0..self.spheres.len() {
+            for j in i + 1..self.spheres.len() {
+                if self.reach(i, j).is_some_and(|reach| self.distance_squared(i, j) <= reach * reach) {
+                    pairs.push(Pair { i: i as u32, j: j as u32 });
+                }
+            }
+        }
+        pairs
+    }
+}
+
+fn difference(a: f32, b: f32) -> f64 {
+    f64::from(a) - f64::from(b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pairs(spheres: &[[f32; 4]]) -> Vec<(u32, u32)> {
+        let scenario = Scenario::from(spheres.iter().map(|&s| s.into()).collect::<Vec<_>>());
+        scenario.oracle().iter().map(|p| (p.i, p.j)).collect()
+    }
+
+    #[test]
+    fn the_oracle_by_hand() {
+        assert_eq!(pairs(&[]), []);
+        assert_eq!(pairs(&[[0.0, 0.0, 0.0, 1.0]]), []);
+        let touching = [[0.0, 0.0, 0.0, 1.0], [3.0, 4.0, 0.0, 4.0], [0.0, 0.0, -1.5, 0.25]];
+        assert_eq!(pairs(&touching), [(0, 1)]);
+        let apart = [[0.0, 0.0, 0.0, 1.0], [3.0, 4.0, 0.0, 4.0_f32.next_down()]];
+        assert_eq!(pairs(&apart), []);
+        let points = [[1.0, 2.0, 3.0, 0.0]; 3];
+        assert_eq!(pairs(&points), [(0, 1), (0, 2), (1, 2)]);
+        let vast = [[f32::MAX, 0.0, 0.0, f32::MAX], [-f32::MAX, 0.0, 0.0, f32::MAX], [0.0, 0.0, 0.0, 0.0]];
+        assert_eq!(pairs(&vast), [(0, 1), (0, 2), (1, 2)]);
+        let tiny = f32::from_bits(1);
+        let subnormal = [[0.0, 0.0, 0.0, tiny], [2.0 * tiny, 0.0, 0.0, tiny], [5.0 * tiny, 0.0, 0.0, tiny]];
+        assert_eq!(pairs(&subnormal), [(0, 1)]);
+    }
+
+    #[test]
+    fn species_decide_before_radii_do() {
+        let spheres = (0..4).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.75)).collect();
+        let rows = vec![vec![Interaction::Never], vec![Interaction::Within(3.0), Interaction::Touch]];
+        let scenario = Scenario { spheres, mixture: Some(Mixture { species: vec![0, 0, 1, 1], rows }) };
+        let expected = [(0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(i, j)| Pair { i, j });
+        assert_eq!(scenario.oracle(), expected);
+    }
+}

@@ -1,0 +1,100 @@
+use std::fmt;
+use std::sync::LazyLock;
+
+use lazygrid::{Algorithm, Backend, Config, Detector, Order, Pair};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::{Scenario, Tolerance, difference};
+
+/// The numbers of threads that every CPU detector is run with: none to share with, a few, and more than cores.
+pub const THREADS: [usize; 3] = [1, 2, 7];
+
+/// One way to run a detector: what the suite's every scenario is given to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Subject {
+    /// Where it runs.
+    pub backend: Backend,
+    /// Which detector.
+    pub algorithm: Algorithm,
+    /// How many threads the CPU path has.
+    pub threads: usize,
+}
+
+impl Subject {
+    /// Every subject. A backend joins the suite here.
+    pub fn all() -> Vec<Self> {
+        let cpu = |algorithm| THREADS.map(|threads| Self { backend: Backend::Cpu, algorithm, threads });
+        Algorithm::CPU.into_iter().chain([Algorithm::Auto]).flat_map(cpu).collect()
+    }
+
+    /// The subjects on their fewest threads: one for each backend and algorithm.
+    pub fn each_algorithm() -> Vec<Self> {
+        Self::all().into_iter().filter(|subject| subject.threads == THREADS[0]).collect()
+    }
+
+    /// Settings that ask for this subject.
+    pub fn config(self) -> Config {
+        Config::default().backend(self.backend).algorithm(self.algorithm)
+    }
+
+    /// How far results may be from the definition.
+    pub fn tolerance(self) -> Tolerance {
+        match self.backend {
+            Backend::Cpu => Tolerance::Exact,
+            _ => Tolerance::Tangent,
+        }
+    }
+
+    /// Runs `work` with this subject's threads.
+    pub fn run<T: Send>(self, work: impl FnOnce() -> T + Send) -> T {
+        in_pool(self.threads, work)
+    }
+
+    /// Asks a new detector with these settings for the pairs.
+    ///
+    /// # Errors
+    /// The library's error, as text.
+    pub fn pairs(self, scenario: &Scenario, settings: Config) -> Result<Vec<Pair>, String> {
+        let config = scenario.config(settings).backend(self.backend).algorithm(self.algorithm);
+        self.run(|| {
+            let mut detector = Detector::new(config).map_err(|e| e.to_string())?;
+            detector.pairs(scenario.view()).map_err(|e| e.to_string())?;
+            Ok(detector.into_pairs())
+        })
+    }
+
+    /// Judges this subject, in both orders, on a scenario whose pairs are known.
+    ///
+    /// # Errors
+    /// What is wrong with its result.
+    pub fn judge(self, scenario: &Scenario, expected: &[Pair], settings: &Config) -> Result<(), String> {
+        for order in [Order::Canonical, Order::Unordered] {
+            let complain = |text: String| format!("{self}, {order:?}: {text}");
+            let found = self.pairs(scenario, settings.clone().order(order)).map_err(complain)?;
+            difference(scenario, &found, expected, self.tolerance()).map_err(complain)?;
+            if order == Order::Canonical && !found.is_sorted() {
+                return Err(complain("the pairs are not in canonical order".to_owned()));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Subject {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} on {} ({} threads)", self.algorithm, self.backend, self.threads)
+    }
+}
+
+/// Runs `work` in one of the suite's pools, which are made once: a pool per detector would cost more than most
+/// scenarios do.
+///
+/// # Panics
+/// Where `threads` is not one of [`THREADS`].
+pub fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    static POOLS: LazyLock<[ThreadPool; 3]> = LazyLock::new(|| {
+        THREADS.map(|n| ThreadPoolBuilder::new().num_threads(n).build().expect("threads of the system"))
+    });
+    let pool = THREADS.iter().position(|&n| n == threads).expect("one of THREADS");
+    POOLS[pool].install(work)
+}

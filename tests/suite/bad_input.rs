@@ -1,0 +1,136 @@
+//! Bad input is refused by index, value and number, whatever the algorithm and the question.
+
+use std::ops::ControlFlow;
+
+use lazygrid::{
+    Algorithm, Backend, Config, Detector, Error, InputError, Interaction, Interactions, Sphere, Spheres,
+};
+use lazygrid_host::Error as HostError;
+use lazygrid_tests::Subject;
+
+/// The error of every subject's every question about these spheres; they must all be the same.
+fn refusal(config: &Config, spheres: Spheres<'_>) -> Error {
+    let mut errors = Vec::new();
+    for subject in Subject::all() {
+        let config = config.clone().backend(subject.backend).algorithm(subject.algorithm);
+        let mut detector = Detector::new(config).expect("a detector");
+        subject.run(|| {
+            errors.push(detector.pairs(spheres).map(|_| ()).expect_err("pairs"));
+            errors.push(detector.count(spheres).map(|_| ()).expect_err("count"));
+            errors.push(detector.neighbors(spheres).map(|_| ()).expect_err("neighbors"));
+            let stream = detector.stream(spheres, 10, |_| ControlFlow::Continue(()));
+            errors.push(stream.map(|_| ()).expect_err("stream"));
+        });
+    }
+    let first = errors.swap_remove(0);
+    // As text, because NaN is not equal to itself.
+    errors.iter().for_each(|error| assert_eq!(format!("{error:?}"), format!("{first:?}")));
+    first
+}
+
+#[test]
+fn spheres_that_are_not_finite_or_negative() {
+    let good = Sphere::new([1.0, 2.0, 3.0], 0.5);
+    let bad = [
+        Sphere::new([f32::NAN, 0.0, 0.0], 1.0),
+        Sphere::new([0.0, f32::INFINITY, 0.0], 1.0),
+        Sphere::new([0.0, 0.0, f32::NEG_INFINITY], 1.0),
+        Sphere::new([0.0; 3], f32::NAN),
+        Sphere::new([0.0; 3], f32::INFINITY),
+        Sphere::new([0.0; 3], -1.0),
+        Sphere::new([0.0; 3], -f32::from_bits(1)),
+    ];
+    for wrong in bad {
+        for (n, places) in [(1, &[0][..]), (2, &[1]), (300, &[299]), (70_000, &[40_000, 40_001, 69_999])] {
+            let mut spheres = vec![good; n];
+            places.iter().for_each(|&at| spheres[at] = wrong);
+            let Error::Input(InputError::Sphere { index, sphere, count, total }) =
+                refusal(&Config::default(), (&spheres).into())
+            else {
+                panic!("another error")
+            };
+            assert_eq!((index, count, total), (places[0] as u32, places.len() as u64, n as u64));
+            assert_eq!(format!("{sphere:?}"), format!("{wrong:?}"));
+        }
+    }
+}
+
+#[test]
+fn the_message_names_index_value_and_number() {
+    let spheres = [[0.0, 0.0, 0.0, 1.0], [4.5, 0.0, 0.0, -2.5], [0.0, f32::NAN, 0.0, 1.0]];
+    let text = refusal(&Config::default(), spheres[..].into()).to_string();
+    for part in ["sphere 1", "4.5", "-2.5", "2 of 3"] {
+        assert!(text.contains(part), "'{part}' is not in: {text}");
+    }
+}
+
+#[test]
+fn zero_of_either_sign_is_good() {
+    let spheres = [[0.0, -0.0, 0.0, -0.0], [-0.0, 0.0, 0.0, 0.0]];
+    for subject in Subject::all() {
+        let mut detector = Detector::new(subject.config()).expect("a detector");
+        assert_eq!(detector.count(&spheres[..]), Ok(1), "{subject}");
+    }
+}
+
+#[test]
+fn species_that_are_missing_or_out_of_range() {
+    let spheres = vec![Sphere::new([0.0; 3], 1.0); 3];
+    let table = Interactions::new(2, Interaction::Touch).expect("a table");
+    let config = Config::default().interactions(table);
+    let spheres = Spheres::from(&spheres);
+    assert_eq!(refusal(&config, spheres), Error::Input(InputError::SpeciesMissing));
+    let ids = [0, 2, 9];
+    let outside = InputError::SpeciesId { index: Some(1), id: 2, count: 2 };
+    assert_eq!(refusal(&config, spheres.with_species(&ids).expect("three ids")), Error::Input(outside));
+}
+
+#[test]
+fn tables_that_make_no_sense() {
+    let species = Interactions::MAX_SPECIES + 1;
+    let too_many = InputError::SpeciesCount { count: species, limit: Interactions::MAX_SPECIES };
+    assert_eq!(Interactions::new(species, Interaction::Never), Err(too_many));
+    assert!(Interactions::new(Interactions::MAX_SPECIES, Interaction::Never).is_ok());
+    let mut table = Interactions::new(3, Interaction::Never).expect("a table");
+    let outside = InputError::SpeciesId { index: None, id: 3, count: 3 };
+    assert_eq!(table.set(1, 3, Interaction::Touch), Err(outside.clone()));
+    assert_eq!(table.set(3, 1, Interaction::Touch), Err(outside));
+    for distance in [-1.0, f32::NAN, f32::INFINITY] {
+        let refused = table.set(1, 2, Interaction::Within(distance));
+        assert!(matches!(refused, Err(InputError::Distance { a: 1, b: 2, .. })), "{refused:?}");
+        assert!(Interactions::new(1, Interaction::Within(distance)).is_err());
+    }
+    assert_eq!(table.get(1, 2), Interaction::Never);
+}
+
+#[test]
+fn columns_of_different_lengths() {
+    let (two, three) = (&[0.0_f32; 2][..], &[0.0_f32; 3][..]);
+    for (k, name) in [(1, "y"), (2, "z"), (3, "r")] {
+        let mut columns = [three; 4];
+        columns[k] = two;
+        let [x, y, z, r] = columns;
+        let error = Spheres::columns(x, y, z, r).expect_err("lengths differ");
+        assert_eq!(error, InputError::Lengths { what: name, length: 2, expected: 3 });
+    }
+    let spheres = Spheres::columns(three, three, three, three).expect("equal lengths");
+    for ids in [&[][..], &[0; 2], &[0; 4]] {
+        let error = spheres.with_species(ids).expect_err("lengths differ");
+        assert_eq!(error, InputError::Lengths { what: "species", length: ids.len(), expected: 3 });
+    }
+}
+
+#[test]
+fn settings_out_of_range() {
+    let refused = |config: Config| Detector::new(config.backend(Backend::Cpu)).expect_err("refused");
+    for ratio in [0.49, 16.01, f32::NAN, f32::INFINITY, -1.0] {
+        let error = refused(Config::default().raster_ratio(ratio));
+        assert!(matches!(error, Error::Host(HostError::Setting { name: "raster_ratio", .. })), "{error:?}");
+    }
+    let error = refused(Config::default().threads(0));
+    assert!(matches!(error, Error::Host(HostError::Setting { name: "threads", .. })), "{error:?}");
+    for algorithm in [Algorithm::EagerGrid, Algorithm::LazyGrid] {
+        let error = refused(Config::default().algorithm(algorithm));
+        assert_eq!(error, Error::NotOnBackend { algorithm, backend: Backend::Cpu });
+    }
+}

@@ -1,0 +1,59 @@
+//! Results far larger than memory are counted, refused or streamed, and nothing else.
+
+use std::ops::ControlFlow;
+
+use lazygrid::{Algorithm, Config, Detector, Error, Order, Sphere};
+use lazygrid_host::Error as HostError;
+use lazygrid_tests::Subject;
+
+fn coincident(n: usize) -> Vec<Sphere> {
+    vec![Sphere::new([1.0, -2.0, 3.0], 0.5); n]
+}
+
+#[test]
+fn half_a_million_coincident_spheres_are_counted_exactly() {
+    let spheres = coincident(500_000);
+    let mut detector = Detector::new(Config::default()).expect("a detector");
+    assert_eq!(detector.count(&spheres), Ok(124_999_750_000));
+    assert_eq!(detector.report().algorithm, Algorithm::CellList);
+}
+
+#[test]
+fn a_stream_of_half_a_million_coincident_spheres_can_be_stopped() {
+    let spheres = coincident(500_000);
+    let mut detector = Detector::new(Config::default().order(Order::Unordered)).expect("a detector");
+    let mut received = 0;
+    let handed = detector.stream(&spheres, 1000, |pairs| {
+        received += pairs.len() as u64;
+        if received >= 1_000_000 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert_eq!(handed, Ok(received));
+    assert!((1_000_000..1_001_000).contains(&received), "{received}");
+}
+
+#[test]
+fn a_list_of_too_many_pairs_is_refused_by_its_number() {
+    let (n, found) = (20_000, 199_990_000);
+    let limit = 1 << 20;
+    let spheres = coincident(n);
+    for subject in Subject::each_algorithm() {
+        let mut detector = Detector::new(subject.config().max_pairs(limit)).expect("a detector");
+        assert_eq!(detector.count(&spheres), Ok(found), "{subject}");
+        let Err(error) = detector.pairs(&spheres) else { panic!("{subject}: a list of {found} pairs") };
+        assert_eq!(error, Error::Host(HostError::TooManyPairs { found, limit }), "{subject}");
+        let text = error.to_string();
+        for part in ["199990000", "1048576", "max_pairs", "stream"] {
+            assert!(text.contains(part), "'{part}' is not in: {text}");
+        }
+    }
+}
+
+/// Coincident points are all exactly tangent, so every comparison takes the exact test.
+#[test]
+fn coincident_points_are_counted_exactly() {
+    let spheres = vec![Sphere::new([1e30, 0.0, -1e-30], 0.0); 10_000];
+    for subject in Subject::each_algorithm() {
+        let mut detector = Detector::new(subject.config()).expect("a detector");
+        assert_eq!(detector.count(&spheres), Ok(49_995_000), "{subject}");
+    }
+}

@@ -1,0 +1,12 @@
+//! Every detector × scenario × threads × order against the oracle.
+
+mod bad_input;
+mod expected;
+mod files;
+mod interactions;
+mod limits;
+mod properties;
+mod results;
+mod reuse;
+mod scenes;
+mod structure;

@@ -1,0 +1,129 @@
+//! Every subject gives the oracle's pairs for spheres that are hard on grids, whatever the settings.
+
+use std::fmt::Debug;
+
+use lazygrid::Config;
+use lazygrid_tests::{Scenario, Subject, adversary};
+use proptest::prelude::*;
+use proptest::sample::select;
+use proptest::test_runner::{RngSeed, TestCaseError, TestError, TestRunner};
+
+/// Runs `test` on a number of values: the same ones every time, so that a failure is nobody's bad luck.
+/// `PROPTEST_CASES` and `PROPTEST_RNG_SEED` ask for more and for others.
+pub(crate) fn check<S>(cases: u32, strategy: S, test: impl Fn(S::Value) -> Result<(), String>)
+where
+    S: Strategy,
+    S::Value: Debug,
+{
+    let mut config =
+        ProptestConfig { failure_persistence: None, max_shrink_iters: 5000, ..ProptestConfig::default() };
+    if std::env::var_os("PROPTEST_CASES").is_none() {
+        config.cases = cases;
+    }
+    if config.rng_seed == RngSeed::Random {
+        config.rng_seed = RngSeed::Fixed(20);
+    }
+    let result = TestRunner::new(config).run(&strategy, |value| test(value).map_err(TestCaseError::fail));
+    match result {
+        Ok(()) => {}
+        Err(TestError::Fail(reason, value)) => panic!("{reason}\nfor {value:?}"),
+        Err(TestError::Abort(reason)) => panic!("{reason}"),
+    }
+}
+
+/// Settings that may change the time but not the pairs.
+pub(crate) fn settings() -> impl Strategy<Value = Config> {
+    let tau = prop_oneof![select(vec![0, 1, 2, 8, 32, u32::MAX]), 0_u32..600];
+    let ratio = prop_oneof![select(vec![0.5_f32, 1.0, 1.5, 2.0, 16.0]), 0.5_f32..=16.0];
+    (tau, ratio).prop_map(|(tau, ratio)| Config::default().tau(tau).raster_ratio(ratio))
+}
+
+fn every_subject_agrees(spheres: adversary::Spheres) {
+    check(96, (spheres, settings()), |(spheres, settings)| {
+        let scenario = Scenario::from(spheres);
+        let expected = scenario.oracle();
+        Subject::all().into_iter().try_for_each(|subject| subject.judge(&scenario, &expected, &settings))
+    });
+}
+
+#[test]
+fn lattices_in_contact() {
+    every_subject_agrees(adversary::lattice());
+}
+
+#[test]
+fn duplicates() {
+    every_subject_agrees(adversary::duplicates());
+}
+
+#[test]
+fn one_giant_among_many_tiny() {
+    every_subject_agrees(adversary::giant());
+}
+
+#[test]
+fn sizes_over_powers_of_two() {
+    every_subject_agrees(adversary::powers_of_two());
+}
+
+#[test]
+fn lines_and_planes() {
+    every_subject_agrees(adversary::flat());
+}
+
+#[test]
+fn clusters_of_clusters() {
+    every_subject_agrees(adversary::clusters());
+}
+
+#[test]
+fn far_from_the_origin() {
+    every_subject_agrees(adversary::far());
+}
+
+#[test]
+fn any_floats() {
+    every_subject_agrees(adversary::any_floats());
+}
+
+#[test]
+fn any_magnitude_with_subnormals() {
+    every_subject_agrees(adversary::one_magnitude());
+}
+
+#[test]
+fn radii_whose_squares_overflow() {
+    every_subject_agrees(adversary::huge_radii());
+}
+
+#[test]
+fn crowded_boxes() {
+    every_subject_agrees(adversary::soup());
+}
+
+#[test]
+fn mixed_lists() {
+    every_subject_agrees(adversary::any_spheres());
+}
+
+#[test]
+fn permuted_spheres_have_permuted_pairs() {
+    let strategy = adversary::any_spheres().prop_flat_map(|spheres| {
+        let places: Vec<u32> = (0..spheres.len() as u32).collect();
+        (Just(spheres), Just(places).prop_shuffle())
+    });
+    check(64, strategy, |(spheres, places)| {
+        let permuted = Scenario::from(places.iter().map(|&at| spheres[at as usize]).collect::<Vec<_>>());
+        let original = Scenario::from(spheres);
+        for subject in Subject::each_algorithm() {
+            let back = subject
+                .pairs(&permuted, Config::default())?
+                .into_iter()
+                .map(|pair| lazygrid::Pair::new(places[pair.i as usize], places[pair.j as usize]));
+            let (back, direct) = (back.collect::<Vec<_>>(), subject.pairs(&original, Config::default())?);
+            let same = lazygrid_tests::difference(&original, &back, &direct, subject.tolerance());
+            same.map_err(|text| format!("{subject}: {text}"))?;
+        }
+        Ok(())
+    });
+}

@@ -1,0 +1,206 @@
+//! Counts, streams, neighbour lists and reports say the same as the list; layouts and threads do not matter.
+
+use std::ops::ControlFlow;
+
+use lazygrid::{Algorithm, Config, Detector, Error, Neighbors, Order, Pair, Spheres};
+use lazygrid_host::Error as HostError;
+use lazygrid_tests::{Scenario, Subject, THREADS, adversary, difference, in_pool};
+use proptest::prelude::*;
+use proptest::sample::select;
+
+use crate::properties::check;
+
+fn detector(subject: Subject, config: Config) -> Result<Detector, String> {
+    Detector::new(config.backend(subject.backend).algorithm(subject.algorithm)).map_err(|e| e.to_string())
+}
+
+/// What a stream hands over, and the lengths of its chunks.
+fn streamed(detector: &mut Detector, scenario: &Scenario, chunk: usize) -> Result<Vec<Pair>, String> {
+    let (mut all, mut longest) = (Vec::new(), 0);
+    let handed = detector.stream(scenario.view(), chunk, |pairs| {
+        longest = longest.max(pairs.len());
+        all.extend_from_slice(pairs);
+        ControlFlow::Continue(())
+    });
+    let handed = handed.map_err(|e| e.to_string())?;
+    if handed != all.len() as u64 {
+        return Err(format!("stream says {handed} pairs and handed over {}", all.len()));
+    }
+    if longest > chunk.max(1) {
+        return Err(format!("a chunk of {longest} pairs where {chunk} were asked for"));
+    }
+    Ok(all)
+}
+
+fn small_spheres() -> impl Strategy<Value = Scenario> {
+    adversary::any_spheres().prop_map(|mut spheres| {
+        spheres.truncate(120);
+        spheres.into()
+    })
+}
+
+#[test]
+fn count_equals_the_list() {
+    check(96, adversary::any_spheres(), |spheres| {
+        let scenario = Scenario::from(spheres);
+        let expected = scenario.oracle().len() as u64;
+        for subject in Subject::all() {
+            let mut detector = detector(subject, Config::default().max_pairs(0))?;
+            let count = subject.run(|| detector.count(scenario.view())).map_err(|e| e.to_string())?;
+            let report = detector.report();
+            let reported = (report.spheres, report.pairs);
+            if count != expected || reported != (scenario.spheres.len() as u64, expected) {
+                return Err(format!(
+                    "{subject}: counted {count}, reported {reported:?}, expected {expected}"
+                ));
+            }
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn too_many_pairs_names_the_exact_number() {
+    check(64, (small_spheres(), any::<proptest::sample::Index>()), |(scenario, limit)| {
+        let found = scenario.oracle().len() as u64;
+        let limit = limit.index(found as usize + 2) as u64;
+        for (subject, order) in subjects_and_orders() {
+            let mut detector = detector(subject, Config::default().max_pairs(limit).order(order))?;
+            let list = subject.run(|| detector.pairs(scenario.view()).map(<[Pair]>::len));
+            let expected = match found > limit {
+                true => Err(Error::Host(HostError::TooManyPairs { found, limit })),
+                false => Ok(found as usize),
+            };
+            let neighbors = detector.neighbors(scenario.view()).map(|n| n.indices.len() / 2);
+            if list != expected || neighbors != expected {
+                return Err(format!("{subject}: {list:?} and {neighbors:?} instead of {expected:?}"));
+            }
+        }
+        Ok(())
+    });
+}
+
+fn subjects_and_orders() -> impl Iterator<Item = (Subject, Order)> {
+    let orders = [Order::Canonical, Order::Unordered];
+    Subject::all().into_iter().flat_map(move |subject| orders.map(|order| (subject, order)))
+}
+
+#[test]
+fn a_stream_equals_the_list() {
+    let limits = select(vec![0, 1, 2, 7, 100, u64::MAX]);
+    let chunks = select(vec![0, 1, 3, 64, usize::MAX]);
+    check(64, (small_spheres(), limits, chunks), |(scenario, limit, chunk)| {
+        let expected = scenario.oracle();
+        for (subject, order) in subjects_and_orders() {
+            let mut detector = detector(subject, Config::default().max_pairs(limit).order(order))?;
+            let found = subject.run(|| streamed(&mut detector, &scenario, chunk))?;
+            difference(&scenario, &found, &expected, subject.tolerance())
+                .map_err(|e| format!("{subject}: {e}"))?;
+            if order == Order::Canonical && !found.is_sorted() {
+                return Err(format!("{subject}: the stream is not in canonical order"));
+            }
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn break_stops_a_stream() {
+    let limits = select(vec![1, 10, u64::MAX]);
+    check(48, (small_spheres(), limits, 1_usize..50, 1_usize..5), |(scenario, limit, chunk, stop)| {
+        let expected = scenario.oracle();
+        for (subject, order) in subjects_and_orders() {
+            let mut detector = detector(subject, Config::default().max_pairs(limit).order(order))?;
+            let (mut calls, mut pairs) = (0, Vec::new());
+            let handed = subject.run(|| {
+                detector.stream(scenario.view(), chunk, |chunk| {
+                    calls += 1;
+                    pairs.extend_from_slice(chunk);
+                    if calls == stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                })
+            });
+            if calls > stop || handed != Ok(pairs.len() as u64) || pairs.len() > stop * chunk {
+                return Err(format!("{subject}: {handed:?} pairs in {calls} calls, to stop at {stop}"));
+            }
+            if order == Order::Canonical && pairs != expected[..pairs.len()] {
+                return Err(format!("{subject}: a broken stream is not the beginning of the list"));
+            }
+            let whole = subject.run(|| streamed(&mut detector, &scenario, chunk))?;
+            difference(&scenario, &whole, &expected, subject.tolerance())
+                .map_err(|e| format!("{subject}, after a break: {e}"))?;
+        }
+        Ok(())
+    });
+}
+
+/// The neighbour lists of these pairs, put together the simplest way.
+fn neighbor_lists(pairs: &[Pair], spheres: usize) -> Vec<Vec<u32>> {
+    let mut lists = vec![Vec::new(); spheres];
+    for pair in pairs {
+        lists[pair.i as usize].push(pair.j);
+        lists[pair.j as usize].push(pair.i);
+    }
+    lists.iter_mut().for_each(|list| list.sort_unstable());
+    lists
+}
+
+#[test]
+fn neighbors_equal_the_pairs() {
+    check(64, adversary::any_spheres(), |spheres| {
+        let scenario = Scenario::from(spheres);
+        let expected = neighbor_lists(&scenario.oracle(), scenario.spheres.len());
+        for (subject, order) in subjects_and_orders() {
+            let mut detector = detector(subject, Config::default().order(order))?;
+            let lists =
+                |n: Neighbors<'_>| -> Vec<Vec<u32>> { (0..n.len()).map(|k| n.of(k).to_vec()).collect() };
+            let found = subject.run(|| detector.neighbors(scenario.view()).map(lists));
+            if found.as_ref() != Ok(&expected) {
+                return Err(format!("{subject}: {found:?}, expected {expected:?}"));
+            }
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn rows_and_columns_are_the_same() {
+    check(64, adversary::mixture(adversary::any_spheres()), |scenario| {
+        let column = |k: usize| -> Vec<f32> {
+            scenario.spheres.iter().map(|s| [s.center.x, s.center.y, s.center.z, s.radius][k]).collect()
+        };
+        let [x, y, z, r] = [0, 1, 2, 3].map(column);
+        let rows: Vec<[f32; 4]> = (0..x.len()).map(|i| [x[i], y[i], z[i], r[i]]).collect();
+        let species = scenario.mixture.as_ref().map_or(&[][..], |mixture| &mixture.species);
+        for subject in Subject::each_algorithm() {
+            let mut detector = detector(subject, scenario.config(Config::default()))?;
+            let columns = Spheres::columns(&x, &y, &z, &r).map_err(|e| e.to_string())?;
+            for layout in [columns, Spheres::from(&rows)] {
+                let view = layout.with_species(species).map_err(|e| e.to_string())?;
+                let found = detector.pairs(view).map_err(|e| e.to_string())?;
+                difference(&scenario, found, &scenario.oracle(), subject.tolerance())?;
+            }
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn threads_of_its_own_or_of_the_caller() {
+    let scenario = Scenario::from(lazygrid_bench::scenes::Scene::FiveSizes.spheres(3000, 3));
+    let expected = scenario.oracle();
+    for algorithm in Algorithm::CPU {
+        for threads in THREADS {
+            let own = Config::default().algorithm(algorithm).threads(threads);
+            let mut detector = Detector::new(own).expect("threads");
+            assert_eq!(detector.pairs(scenario.view()).expect("pairs"), expected, "{algorithm}, {threads}");
+            let found = in_pool(1, || detector.count(scenario.view()));
+            assert_eq!(found, Ok(expected.len() as u64), "{algorithm}, {threads}, called from another pool");
+        }
+    }
+}
+
+#[test]
+fn detect_is_a_detector_with_default_settings() {
+    let scenario = Scenario::from(lazygrid_bench::scenes::Scene::Equal.spheres(2000, 4));
+    assert_eq!(lazygrid::detect(&scenario.spheres), Ok(scenario.oracle()));
+}

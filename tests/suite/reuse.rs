@@ -1,0 +1,106 @@
+//! One detector, call after call: what it keeps from the last call never shows in the next result.
+
+use std::ops::ControlFlow;
+
+use lazygrid::{Detector, Order};
+use lazygrid_tests::{Scenario, Subject, adversary, difference};
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+use crate::properties::{check, settings};
+
+/// What is asked of a detector.
+#[derive(Clone, Copy, Debug)]
+enum Call {
+    Pairs,
+    Count,
+    Neighbors,
+    Stream,
+}
+
+fn call() -> impl Strategy<Value = Call> {
+    prop_oneof![3 => Just(Call::Pairs), 1 => Just(Call::Count), 1 => Just(Call::Neighbors), 1 => Just(Call::Stream)]
+}
+
+fn ask(detector: &mut Detector, call: Call, scenario: &Scenario) -> Result<(), String> {
+    let (view, expected) = (scenario.view(), scenario.oracle());
+    let found = match call {
+        Call::Pairs => detector.pairs(view).map(|pairs| Some(pairs.to_vec())),
+        Call::Count => detector.count(view).map(|_| None),
+        Call::Neighbors => detector.neighbors(view).map(|_| None),
+        Call::Stream => {
+            let mut all = Vec::new();
+            let handed = detector.stream(view, 100, |pairs| {
+                all.extend_from_slice(pairs);
+                ControlFlow::Continue(())
+            });
+            handed.map(|_| Some(all))
+        }
+    };
+    let found = found.map_err(|e| e.to_string())?;
+    let reported = detector.report().pairs;
+    if reported != expected.len() as u64 {
+        return Err(format!("{reported} pairs reported, {} expected", expected.len()));
+    }
+    found.map_or(Ok(()), |found| difference(scenario, &found, &expected, lazygrid_tests::Tolerance::Exact))
+}
+
+#[test]
+fn any_sequence_of_inputs_and_calls() {
+    let calls = vec((adversary::any_spheres(), call()), 2..6);
+    check(96, (calls, settings(), any::<bool>()), |(calls, settings, unordered)| {
+        let order = if unordered { Order::Unordered } else { Order::Canonical };
+        for subject in Subject::each_algorithm() {
+            let config = settings.clone().order(order).backend(subject.backend).algorithm(subject.algorithm);
+            let mut detector = Detector::new(config).map_err(|e| e.to_string())?;
+            for (k, (spheres, call)) in calls.iter().enumerate() {
+                let scenario = Scenario::from(spheres.clone());
+                ask(&mut detector, *call, &scenario)
+                    .map_err(|text| format!("{subject}, call {k}: {text}"))?;
+            }
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn after_errors() {
+    let good = Scenario::from(lazygrid_bench::scenes::Scene::FiveSizes.spheres(1000, 9));
+    let mut bad = good.clone();
+    bad.spheres[10].radius = f32::NAN;
+    let dense = Scenario::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 400]);
+    for subject in Subject::each_algorithm() {
+        let limit = good.oracle().len() as u64;
+        let mut detector = Detector::new(subject.config().max_pairs(limit)).expect("a detector");
+        for _ in 0..2 {
+            assert!(detector.pairs(bad.view()).is_err(), "{subject}");
+            assert!(detector.pairs(dense.view()).is_err(), "{subject}");
+            for call in [Call::Pairs, Call::Neighbors, Call::Stream, Call::Count] {
+                ask(&mut detector, call, &good).unwrap_or_else(|text| panic!("{subject}, {call:?}: {text}"));
+            }
+        }
+    }
+}
+
+/// A detector's steps through a simulation: the case that starts from the last step's order.
+#[test]
+fn a_running_simulation() {
+    use lazygrid_bench::scenes::Scene;
+    for scene in Scene::ALL {
+        let mut scenario = Scenario::from(scene.spheres(1500, 21));
+        let mut detectors: Vec<(Subject, Detector)> = Subject::each_algorithm()
+            .into_iter()
+            .map(|subject| (subject, Detector::new(subject.config()).expect("a detector")))
+            .collect();
+        for step in 0..8 {
+            for (subject, detector) in &mut detectors {
+                ask(detector, Call::Pairs, &scenario)
+                    .unwrap_or_else(|text| panic!("{subject}, {scene}, step {step}: {text}"));
+            }
+            Scene::advance(&mut scenario.spheres, 21, step);
+            if step == 4 {
+                scenario.spheres.truncate(700);
+            }
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! The scenes of tests, benchmarks and figures, for every subject.
+
+use lazygrid::{Config, Detector, Order, Pair};
+use lazygrid_bench::scenes::Scene;
+use lazygrid_tests::{Scenario, Subject, difference};
+
+#[test]
+fn every_scene_against_the_oracle() {
+    for scene in Scene::ALL {
+        for (n, seed) in [(0, 1), (1, 1), (2, 1), (3, 1), (50, 2), (191, 3), (192, 4), (193, 5), (1000, 6)] {
+            let scenario = Scenario::from(scene.spheres(n, seed));
+            let expected = scenario.oracle();
+            for subject in Subject::all() {
+                let verdict = subject.judge(&scenario, &expected, &Config::default());
+                verdict.unwrap_or_else(|text| panic!("{scene}, {n} spheres, seed {seed}: {text}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn large_scenes_against_the_oracle_in_any_order_of_spheres() {
+    for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst, Scene::BurstLinear] {
+        let mut spheres = scene.spheres(12_000, 7);
+        for arrangement in ["shuffled", "along x", "largest first", "smallest first"] {
+            match arrangement {
+                "along x" => spheres.sort_by(|a, b| a.center.x.total_cmp(&b.center.x)),
+                "largest first" => spheres.sort_by(|a, b| b.radius.total_cmp(&a.radius)),
+                "smallest first" => spheres.sort_by(|a, b| a.radius.total_cmp(&b.radius)),
+                _ => {}
+            }
+            let scenario = Scenario::from(spheres.clone());
+            let expected = scenario.oracle();
+            for subject in Subject::all() {
+                let verdict = subject.judge(&scenario, &expected, &Config::default());
+                verdict.unwrap_or_else(|text| panic!("{scene}, {arrangement}: {text}"));
+            }
+        }
+    }
+}
+
+/// Large enough that the work falls into many pieces, which threads take in different orders.
+#[test]
+fn the_same_bytes_for_any_number_of_threads() {
+    let mut lists: Vec<((String, Order), Vec<Pair>)> = Vec::new();
+    for scene in [Scene::FiveSizes, Scene::Burst] {
+        let scenario = Scenario::from(scene.spheres(30_000, 8));
+        for order in [Order::Canonical, Order::Unordered] {
+            for subject in Subject::all() {
+                let kind = (format!("{} on {} at {scene}", subject.algorithm, subject.backend), order);
+                for repeat in 0..2 {
+                    let found = subject.pairs(&scenario, Config::default().order(order)).expect("pairs");
+                    match lists.iter().find(|(other, _)| *other == kind) {
+                        Some((_, first)) => {
+                            assert!(
+                                found == *first,
+                                "{subject}, {kind:?}, repeat {repeat}: not the same bytes"
+                            );
+                        }
+                        None => lists.push((kind.clone(), found)),
+                    }
+                }
+            }
+        }
+    }
+    let canonical: Vec<_> = lists.iter().filter(|((_, order), _)| *order == Order::Canonical).collect();
+    assert!(canonical.iter().all(|(_, list)| list.is_sorted()));
+}
+
+/// A detector that starts from the last step's order must not let it show in the order of the result.
+#[test]
+fn the_same_bytes_at_every_step_for_any_number_of_threads() {
+    for order in [Order::Canonical, Order::Unordered] {
+        let mut spheres = Scene::FiveSizes.spheres(20_000, 8);
+        let mut detectors: Vec<(Subject, Detector)> = Subject::all()
+            .into_iter()
+            .map(|subject| (subject, Detector::new(subject.config().order(order)).expect("a detector")))
+            .collect();
+        for step in 0..3 {
+            let mut first: Option<(Subject, Vec<Pair>)> = None;
+            for (subject, detector) in &mut detectors {
+                let found = subject.run(|| detector.pairs(&spheres).expect("pairs").to_vec());
+                match &first {
+                    Some((other, pairs)) if other.algorithm == subject.algorithm => {
+                        assert!(found == *pairs, "{subject} and {other} differ at step {step}, {order:?}");
+                    }
+                    _ => first = Some((*subject, found)),
+                }
+            }
+            Scene::advance(&mut spheres, 8, step);
+        }
+    }
+}
+
+/// A lattice in exact contact: as many pairs as the lattice has edges.
+#[test]
+fn a_full_lattice_has_its_edges() {
+    for (k, spacing) in [(2_usize, 1.0_f32), (9, 0.5), (21, 3.0)] {
+        let place = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing - 7.0 * spacing);
+        let spheres: Vec<_> =
+            (0..k * k * k).map(|at| lazygrid::Sphere::new(place(at), 0.5 * spacing)).collect();
+        let scenario = Scenario::from(spheres);
+        let edge = |i: usize, step: usize, along: usize| {
+            (along + 1 < k).then(|| Pair { i: i as u32, j: (i + step) as u32 })
+        };
+        let edges = (0..k * k * k).flat_map(|i| {
+            [edge(i, 1, i % k), edge(i, k, i / k % k), edge(i, k * k, i / k / k)].into_iter().flatten()
+        });
+        let expected: Vec<Pair> = edges.collect();
+        assert_eq!(expected.len(), 3 * k * k * (k - 1));
+        for subject in Subject::all() {
+            let found = subject.pairs(&scenario, Config::default()).expect("pairs");
+            difference(&scenario, &found, &expected, subject.tolerance())
+                .unwrap_or_else(|text| panic!("{subject}, {k}³: {text}"));
+        }
+    }
+}
