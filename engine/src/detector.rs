@@ -3,6 +3,7 @@ use std::ops::ControlFlow;
 use lazygrid_host::{HostDetector, Neighbors};
 use lazygrid_kernels::{Algorithm, Pair, Spheres};
 
+use crate::gpu::{self, DeviceDetector, OwnDevice};
 use crate::{Backend, Config, Error, Report};
 
 /// All pairs of overlapping spheres, in canonical order, with default settings.
@@ -21,8 +22,14 @@ pub fn detect<'a>(spheres: impl Into<Spheres<'a>>) -> Result<Vec<Pair>, Error> {
 /// the size of the input is allocated.
 #[derive(Debug)]
 pub struct Detector {
-    host: HostDetector,
+    engine: Engine,
     backend_reason: String,
+}
+
+#[derive(Debug)]
+enum Engine {
+    Host(Box<HostDetector>),
+    Device(Box<DeviceDetector>),
 }
 
 impl Detector {
@@ -30,22 +37,20 @@ impl Detector {
     ///
     /// # Errors
     /// [`Error::GpuUnavailable`] where the GPU is asked for by name and cannot be used;
-    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Host`] for a setting
-    /// outside its range.
+    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Host`] and
+    /// [`Error::Gpu`] for a setting outside its range.
     pub fn new(config: Config) -> Result<Self, Error> {
-        const NO_GPU: &str = "this version has no GPU engine";
-        let algorithm = config.settings.algorithm;
-        let gpu_only = matches!(algorithm, Algorithm::EagerGrid | Algorithm::LazyGrid);
-        let backend_reason = match config.backend {
-            Backend::Cpu if gpu_only => {
-                return Err(Error::NotOnBackend { algorithm, backend: Backend::Cpu });
-            }
-            Backend::Auto if !gpu_only => format!("CPU: {NO_GPU}"),
-            Backend::Cpu => "CPU: asked for".to_owned(),
-            _ => return Err(Error::GpuUnavailable { reason: NO_GPU.to_owned() }),
-        };
+        let settings = config.settings;
+        let (own, backend_reason) = choose(config.backend, settings.algorithm)?;
         log::info!("{backend_reason}");
-        Ok(Self { host: HostDetector::new(config.settings)?, backend_reason })
+        let engine = match own {
+            Some(own) => {
+                let device = DeviceDetector::new(own, settings, backend_reason.clone())?;
+                Engine::Device(Box::new(device))
+            }
+            None => Engine::Host(Box::new(HostDetector::new(settings)?)),
+        };
+        Ok(Self { engine, backend_reason })
     }
 
     /// The overlapping pairs, each once, in the order that was asked for. The slice lives until the next call.
@@ -54,7 +59,10 @@ impl Detector {
     /// [`Error::Input`] for spheres that are not finite, negative radii or unknown species, naming the first;
     /// [`Error::Host`] for more pairs than [`Config::max_pairs`], with the exact number, or no memory.
     pub fn pairs<'a>(&mut self, spheres: impl Into<Spheres<'a>>) -> Result<&[Pair], Error> {
-        Ok(self.host.pairs(spheres.into())?)
+        match &mut self.engine {
+            Engine::Host(host) => Ok(host.pairs(spheres.into())?),
+            Engine::Device(device) => device.pairs(spheres.into()),
+        }
     }
 
     /// The pairs as neighbour lists: for every sphere all it overlaps, ascending, each pair in both lists.
@@ -62,7 +70,10 @@ impl Detector {
     /// # Errors
     /// As [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, spheres: impl Into<Spheres<'a>>) -> Result<Neighbors<'_>, Error> {
-        Ok(self.host.neighbors(spheres.into())?)
+        match &mut self.engine {
+            Engine::Host(host) => Ok(host.neighbors(spheres.into())?),
+            Engine::Device(device) => device.neighbors(spheres.into()),
+        }
     }
 
     /// How many pairs there are. Needs no memory for them, so any number can be counted.
@@ -70,7 +81,10 @@ impl Detector {
     /// # Errors
     /// [`Error::Input`] as for [`pairs`](Self::pairs); [`Error::Host`] for no memory.
     pub fn count<'a>(&mut self, spheres: impl Into<Spheres<'a>>) -> Result<u64, Error> {
-        Ok(self.host.count(spheres.into())?)
+        match &mut self.engine {
+            Engine::Host(host) => Ok(host.count(spheres.into())?),
+            Engine::Device(device) => device.count(spheres.into()),
+        }
     }
 
     /// Hands the pairs to `consume` in chunks of at most `chunk` pairs, and returns how many were handed over.
@@ -91,12 +105,18 @@ impl Detector {
     where
         F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
     {
-        Ok(self.host.stream(spheres.into(), chunk, consume)?)
+        match &mut self.engine {
+            Engine::Host(host) => Ok(host.stream(spheres.into(), chunk, consume)?),
+            Engine::Device(device) => device.stream(spheres.into(), chunk, consume),
+        }
     }
 
     /// What the last call did and why; before the first call, what is known by then.
     pub fn report(&self) -> Report {
-        let host = self.host.report();
+        let host = match &self.engine {
+            Engine::Host(host) => host.report(),
+            Engine::Device(device) => return device.report().clone(),
+        };
         let reason = match host.reason.as_str() {
             "" => self.backend_reason.clone(),
             reason => format!("{}; {reason}", self.backend_reason),
@@ -114,11 +134,45 @@ impl Detector {
 
     /// An upper estimate of the bytes this detector holds for `spheres` spheres, besides the result.
     pub fn memory_for(&self, spheres: u64) -> u64 {
-        self.host.memory_for(spheres)
+        match &self.engine {
+            Engine::Host(host) => host.memory_for(spheres),
+            Engine::Device(device) => device.memory_for(spheres),
+        }
     }
 
     /// The pairs of the last call of [`pairs`](Self::pairs), without a copy.
     pub fn into_pairs(self) -> Vec<Pair> {
-        self.host.into_pairs()
+        match self.engine {
+            Engine::Host(host) => host.into_pairs(),
+            Engine::Device(device) => device.into_pairs(),
+        }
+    }
+}
+
+/// The device to run on, or none for the CPU, and why.
+fn choose(backend: Backend, algorithm: Algorithm) -> Result<(Option<OwnDevice>, String), Error> {
+    let needs_gpu = matches!(algorithm, Algorithm::EagerGrid | Algorithm::LazyGrid);
+    let on_gpu = matches!(algorithm, Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid);
+    let unavailable = |error: gpu::GpuError| Error::GpuUnavailable { reason: error.to_string() };
+    match backend {
+        Backend::Cpu if needs_gpu => Err(Error::NotOnBackend { algorithm, backend }),
+        Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
+        _ if needs_gpu => {
+            Err(Error::GpuUnavailable { reason: format!("this version has no kernels for {algorithm}") })
+        }
+        Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend }),
+        Backend::Gpu => {
+            let own = OwnDevice::shared(true).map_err(unavailable)?;
+            let reason = format!("GPU {}: asked for", own.adapter.name);
+            Ok((Some(own), reason))
+        }
+        Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
+        Backend::Auto => Ok(match OwnDevice::shared(false) {
+            Ok(own) => {
+                let reason = format!("GPU {}: a real GPU", own.adapter.name);
+                (Some(own), reason)
+            }
+            Err(error) => (None, format!("CPU: {error}")),
+        }),
     }
 }

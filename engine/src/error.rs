@@ -11,6 +11,9 @@ pub enum Error {
     /// The CPU path refused a setting, found more pairs than a list may hold, or got no memory.
     #[error(transparent)]
     Host(lazygrid_host::Error),
+    /// The GPU path failed, or the device cannot hold what was asked.
+    #[error(transparent)]
+    Gpu(crate::gpu::GpuError),
     /// The GPU was asked for by name and cannot be used. An explicit choice never falls back.
     #[error("the GPU backend is not available: {reason}; choose the `cpu` or `auto` backend")]
     GpuUnavailable {

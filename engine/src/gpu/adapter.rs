@@ -1,6 +1,7 @@
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::GpuError;
+use super::pipelines::Pipelines;
 
 /// A GPU, or a software rasteriser, that can run the engine.
 #[derive(Clone, Debug)]
@@ -44,6 +45,8 @@ pub struct OwnDevice {
     pub queue: wgpu::Queue,
     /// What it runs on.
     pub adapter: AdapterSummary,
+    /// Kernels compiled for it so far.
+    pub(crate) pipelines: Pipelines,
     lost: Arc<OnceLock<String>>,
 }
 
@@ -79,11 +82,28 @@ impl OwnDevice {
             let _ = losing.set(format!("{reason:?}: {message}"));
         });
         log::info!("GPU adapter: {} ({}, {})", summary.name, summary.api, summary.driver);
-        Ok(Self { device, queue, adapter: summary, lost })
+        let pipelines = Pipelines::new(&device);
+        Ok(Self { device, queue, adapter: summary, pipelines, lost })
     }
 }
 
 impl OwnDevice {
+    /// As [`open`](Self::open), but one device for the whole process, with its compiled kernels, until it is
+    /// lost. That there is no adapter is looked up once.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn shared(software: bool) -> Result<Self, GpuError> {
+        static SHARED: Mutex<[Option<Result<OwnDevice, GpuError>>; 2]> = Mutex::new([None, None]);
+        let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        match &shared[usize::from(software)] {
+            Some(Ok(own)) if own.check_lost().is_ok() => return Ok(own.clone()),
+            Some(Err(error @ GpuError::NoAdapter { .. })) => return Err(error.clone()),
+            _ => {}
+        }
+        shared[usize::from(software)].insert(Self::open(software)).clone()
+    }
+
     /// # Errors
     /// [`GpuError::DeviceLost`] once the driver has said so.
     pub(crate) fn check_lost(&self) -> Result<(), GpuError> {
@@ -91,6 +111,13 @@ impl OwnDevice {
             Some(reason) => Err(GpuError::DeviceLost { reason: reason.clone() }),
             None => Ok(()),
         }
+    }
+
+    /// The reason behind an error: on a lost device calls are refused for other reasons first.
+    pub(crate) fn reason(&self, error: GpuError) -> GpuError {
+        // A poll is what brings the news; its own failure adds nothing.
+        let _ = self.device.poll(wgpu::PollType::Poll);
+        self.check_lost().err().unwrap_or(error)
     }
 }
 

@@ -138,13 +138,21 @@ impl GpuDetector {
     /// # Errors
     /// [`GpuError::Setting`] and [`GpuError::NotOnGpu`] for settings; otherwise where the device refuses something.
     pub fn new(device: &wgpu::Device, settings: GpuSettings) -> Result<Self, GpuError> {
+        Self::with_pipelines(device, Pipelines::new(device), settings)
+    }
+
+    pub(crate) fn with_pipelines(
+        device: &wgpu::Device,
+        pipelines: Pipelines,
+        settings: GpuSettings,
+    ) -> Result<Self, GpuError> {
         check(&settings)?;
         let tables = settings.interactions.as_ref().map(|table| Tables::new(device, table)).transpose()?;
         let timer = (settings.timed && device.features().contains(wgpu::Features::TIMESTAMP_QUERY))
             .then(|| Timer::new(device));
         Ok(Self {
             device: device.clone(),
-            pipelines: Pipelines::new(device, settings.subgroups),
+            pipelines: if settings.subgroups { pipelines } else { pipelines.without_subgroups() },
             passes: pass_buffers(device)?,
             tables,
             prepared: None,
@@ -300,7 +308,7 @@ impl GpuDetector {
             Some(position) => position,
             None => {
                 let owned = Owned { passes: &self.passes, tables: self.tables.as_ref() };
-                let recording = prepared.bind(&self.device, &mut self.pipelines, &key, owned)?;
+                let recording = prepared.bind(&self.device, &self.pipelines, &key, owned)?;
                 prepared.recordings.truncate(KEPT_RECORDINGS - 1);
                 prepared.recordings.push_front((key, recording));
                 0
@@ -328,7 +336,7 @@ impl Prepared {
     fn bind(
         &self,
         device: &wgpu::Device,
-        pipelines: &mut Pipelines,
+        pipelines: &Pipelines,
         key: &Key,
         owned: Owned<'_>,
     ) -> Result<Recording, GpuError> {

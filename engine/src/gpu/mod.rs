@@ -6,6 +6,7 @@
 
 mod adapter;
 mod detector;
+mod device_detector;
 mod error;
 mod mapping;
 mod pipelines;
@@ -16,6 +17,7 @@ mod scope;
 mod session;
 mod slot;
 
+pub(crate) use device_detector::DeviceDetector;
 pub use adapter::{AdapterSummary, OwnDevice, adapters, wanted_features};
 pub use detector::{Count, GpuDetector, GpuSettings, GpuSpheres, read_outcome};
 pub use error::GpuError;

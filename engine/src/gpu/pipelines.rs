@@ -1,18 +1,21 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use lazygrid_kernels::kernel::{Access, Kernel, Variant};
 
 use super::GpuError;
 use super::scope::scoped;
 
-/// Compiled kernels of one device, each made when first needed.
-#[derive(Debug)]
+/// Compiled kernels of one device, each made when first needed. Clones share them.
+#[derive(Clone, Debug)]
 pub(crate) struct Pipelines {
     device: wgpu::Device,
     subgroups: Option<u32>,
-    compiled: HashMap<(&'static str, Variant), Pipeline>,
+    compiled: Arc<Mutex<Compiled>>,
 }
+
+type Compiled = HashMap<(&'static str, Variant), Pipeline>;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Pipeline {
@@ -21,23 +24,29 @@ pub(crate) struct Pipeline {
 }
 
 impl Pipelines {
-    /// With `allow_subgroups` subgroup operations are used where the device was made with them.
-    pub(crate) fn new(device: &wgpu::Device, allow_subgroups: bool) -> Self {
+    /// Subgroup operations are used where the device was made with them.
+    pub(crate) fn new(device: &wgpu::Device) -> Self {
         let offered = device.features().contains(wgpu::Features::SUBGROUP);
         let smallest = device.adapter_info().subgroup_min_size;
-        let subgroups = (allow_subgroups && offered && smallest >= 4).then_some(smallest);
+        let subgroups = (offered && smallest >= 4).then_some(smallest);
         // Ranking tables of small subgroups need more workgroup memory than some devices have.
         let memory = device.limits().max_compute_workgroup_storage_size;
         let fits = |size: &u32| Variant { subgroups: Some(*size), species: false }.workgroup_memory() <= memory;
-        Self { device: device.clone(), subgroups: subgroups.filter(fits), compiled: HashMap::new() }
+        Self { device: device.clone(), subgroups: subgroups.filter(fits), compiled: Arc::default() }
     }
 
     pub(crate) fn variant(&self, species: bool) -> Variant {
         Variant { subgroups: self.subgroups, species }
     }
 
-    pub(crate) fn get(&mut self, kernel: &'static Kernel, variant: Variant) -> Result<Pipeline, GpuError> {
-        match self.compiled.entry((kernel.name, kernel.reduced(variant))) {
+    /// The same kernels without subgroup operations.
+    pub(crate) fn without_subgroups(self) -> Self {
+        Self { subgroups: None, ..self }
+    }
+
+    pub(crate) fn get(&self, kernel: &'static Kernel, variant: Variant) -> Result<Pipeline, GpuError> {
+        let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
+        match compiled.entry((kernel.name, kernel.reduced(variant))) {
             Entry::Occupied(found) => Ok(found.get().clone()),
             Entry::Vacant(vacant) => {
                 let work = || compile(&self.device, kernel, variant);

@@ -35,7 +35,7 @@ impl RadixSort {
     /// Where the device refuses a small buffer.
     pub fn new(device: &wgpu::Device, subgroups: bool) -> Result<Self, GpuError> {
         let passes = pass_buffers(device)?;
-        Ok(Self { device: device.clone(), pipelines: Pipelines::new(device, subgroups), passes })
+        Ok(Self { device: device.clone(), pipelines: pipelines(device, subgroups), passes })
     }
 
     /// Records a sort of the first `count` keys by their lowest `bits` bits, rounded up to whole passes. The
@@ -63,7 +63,7 @@ impl RadixSort {
         let uniforms = &self.passes;
         let stages = sort_stages(count, passes).filter(|stage| stage.groups > 0);
         let recording =
-            Recording::new(&self.device, &mut self.pipelines, variant, stages, |stage, binding| {
+            Recording::new(&self.device, &self.pipelines, variant, stages, |stage, binding| {
                 let front = stage.pass as usize % 2;
                 match binding {
                     "digit_pass" => &uniforms[stage.pass as usize],
@@ -101,7 +101,7 @@ pub struct PrefixScan {
 impl PrefixScan {
     /// With `subgroups` their operations are used where the device was made with them.
     pub fn new(device: &wgpu::Device, subgroups: bool) -> Self {
-        Self { device: device.clone(), pipelines: Pipelines::new(device, subgroups) }
+        Self { device: device.clone(), pipelines: pipelines(device, subgroups) }
     }
 
     /// Records a scan of the first `count` values; returns the buffer that gets the total as (low, high).
@@ -120,7 +120,7 @@ impl PrefixScan {
         let lengths = constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&lengths))?;
         let variant = self.pipelines.variant(false);
         let stages = scan_stages(count, 0).into_iter().filter(|stage| stage.groups > 0);
-        Recording::new(&self.device, &mut self.pipelines, variant, stages, |_, binding| match binding {
+        Recording::new(&self.device, &self.pipelines, variant, stages, |_, binding| match binding {
             "lengths" => &lengths,
             "values" => values,
             "sums" => buffers.get(Slot::Sums),
@@ -129,4 +129,9 @@ impl PrefixScan {
         .encode(encoder);
         Ok(buffers.get(Slot::Total).clone())
     }
+}
+
+fn pipelines(device: &wgpu::Device, subgroups: bool) -> Pipelines {
+    let pipelines = Pipelines::new(device);
+    if subgroups { pipelines } else { pipelines.without_subgroups() }
 }

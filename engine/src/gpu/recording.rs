@@ -76,7 +76,7 @@ impl Recording {
     /// Binds what `resolve` names for each binding of each stage.
     pub(crate) fn new<'a>(
         device: &wgpu::Device,
-        pipelines: &mut Pipelines,
+        pipelines: &Pipelines,
         variant: Variant,
         stages: impl IntoIterator<Item = Stage>,
         resolve: impl Fn(&Stage, &str) -> &'a wgpu::Buffer,

@@ -63,7 +63,7 @@ impl GpuSession {
     pub fn new(own: OwnDevice, settings: GpuSettings) -> Result<Self, GpuError> {
         Ok(Self {
             raster_ratio: settings.raster_ratio,
-            detector: GpuDetector::new(&own.device, settings)?,
+            detector: GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)?,
             own,
             timeout: Duration::from_secs(600),
             slots: Default::default(),
@@ -125,7 +125,7 @@ impl GpuSession {
         if self.flights[slot].is_some() {
             return Err(GpuError::Busy { calls: SLOTS });
         }
-        self.slots[slot].upload(&self.own, spheres)?;
+        self.slots[slot].upload(&self.own, spheres).map_err(|error| self.own.reason(error))?;
         self.launch(number, GpuSpheres::ALL)?;
         self.begun += 1;
         Ok(Ticket { number })
@@ -279,6 +279,10 @@ impl GpuSession {
 
     /// Records and submits a call together with its way back.
     fn launch(&mut self, number: u64, window: Range<u32>) -> Result<(), GpuError> {
+        self.submit(number, window).map_err(|error| self.own.reason(error))
+    }
+
+    fn submit(&mut self, number: u64, window: Range<u32>) -> Result<(), GpuError> {
         let Self { own, detector, slots, expected, .. } = self;
         let slot = &mut slots[number as usize % SLOTS];
         let capacity = detector.pair_capacity();
