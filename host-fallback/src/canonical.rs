@@ -1,7 +1,7 @@
 //! Puts pairs in canonical order: by `i`, then `j`.
 //!
 //! One pass spreads the pairs over buckets of neighbouring `i`, small enough for the cache; each bucket is then
-//! ordered on its own, by counting `i` and sorting the short lists of `j`.
+//! ordered on its own by a radix sort of `j` and `i`.
 
 use lazygrid_kernels::Pair;
 use rayon::prelude::*;
@@ -17,6 +17,8 @@ const BUCKET: usize = 1 << 13;
 
 /// Indices per bucket at most, where [`MAX_BUCKETS`] allows: their counters stay in the cache.
 const MAX_WIDTH: usize = 1 << 15;
+/// Bits of `j` per pass: counters of 8 KiB beside a bucket of 64 KiB.
+const DIGIT: u32 = 11;
 
 /// Buffers that survive between calls.
 #[derive(Debug, Default)]
@@ -42,10 +44,10 @@ impl Canonical {
         let ends = self.starts[1..].iter().copied();
         let targets = split_at(out, ends.clone());
         let sources = split_at(&mut self.scratch, ends);
-        targets.into_par_iter().zip(sources).enumerate().for_each_init(
-            || vec![0_u32; width + 1],
-            |counts, (bucket, (target, source))| order_bucket(source, target, (bucket << shift) as u32, counts),
-        );
+        let largest = spheres.saturating_sub(1) as u32;
+        targets.into_par_iter().zip(sources).enumerate().for_each(|(bucket, (target, source))| {
+            order_bucket(source, target, ((bucket << shift) as u32, width as u32), largest);
+        });
     }
 
     /// Moves the pairs to `scratch`, bucket by bucket, and notes where each bucket starts.
@@ -81,28 +83,37 @@ impl Canonical {
     }
 }
 
-/// Orders one bucket whose `i` start at `first`; `counts` is zero on entry and on return.
-fn order_bucket(source: &[Pair], target: &mut [Pair], first: u32, counts: &mut [u32]) {
+/// Orders one bucket, whose `i` start at `first`, from `source` into `target`: a stable counting sort for each digit
+/// of `j`, then one for `i`. An even number of passes before the last leaves the bucket where the last one reads it.
+fn order_bucket(source: &mut [Pair], target: &mut [Pair], (first, width): (u32, u32), largest_j: u32) {
+    let bits = 32 - largest_j.leading_zeros();
+    let passes = bits.div_ceil(DIGIT).next_multiple_of(2).max(2);
+    let digit = bits.div_ceil(passes);
+    let mask = (1_u32 << digit) - 1;
+    let mut counts = vec![0; 1 << digit];
+    for pass in (0..passes).step_by(2) {
+        let (low, high) = (pass * digit, (pass + 1) * digit);
+        counting_sort(source, target, &mut counts, |pair| pair.j >> low & mask);
+        counting_sort(target, source, &mut counts, |pair| pair.j.checked_shr(high).unwrap_or(0) & mask);
+    }
+    counting_sort(source, target, &mut vec![0; width as usize], |pair| pair.i - first);
+}
+
+/// One stable pass; `key` is below the number of `counts`, which are zero on entry and on return.
+fn counting_sort(source: &[Pair], target: &mut [Pair], counts: &mut [u32], key: impl Fn(&Pair) -> u32) {
     for pair in source {
-        counts[(pair.i - first) as usize + 1] += 1;
+        counts[key(pair) as usize] += 1;
     }
-    for k in 1..counts.len() {
-        counts[k] += counts[k - 1];
+    let mut at = 0;
+    for count in counts.iter_mut() {
+        at += std::mem::replace(count, at);
     }
-    for &pair in source {
-        let slot = &mut counts[(pair.i - first) as usize];
-        target[*slot as usize] = pair;
+    for pair in source {
+        let slot = &mut counts[key(pair) as usize];
+        target[*slot as usize] = *pair;
         *slot += 1;
     }
-    // Every count has moved to the end of its list, which is where the next one starts.
-    let mut start = 0;
-    for end in counts.iter_mut() {
-        let end = std::mem::take(end) as usize;
-        if end > start + 1 {
-            target[start..end].sort_unstable_by_key(|pair| pair.j);
-        }
-        start = start.max(end);
-    }
+    counts.fill(0);
 }
 
 #[cfg(test)]

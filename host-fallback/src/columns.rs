@@ -2,43 +2,91 @@ use crate::contact::Rule;
 use crate::simd::MAX_LANES;
 
 /// Spheres as columns, in the order a detector wants them, padded so that a whole vector can be loaded at any of
-/// them. `id` is the index in the input; `r` the effective radius, which is the radius where no interaction
-/// distances are set.
+/// them.
+///
+/// Invariant: every column has `len + MAX_LANES` values; only [`Columns::resize`] changes lengths.
 #[derive(Debug, Default)]
 pub(crate) struct Columns {
-    pub(crate) x: Vec<f32>,
-    pub(crate) y: Vec<f32>,
-    pub(crate) z: Vec<f32>,
-    pub(crate) r: Vec<f32>,
-    pub(crate) id: Vec<u32>,
+    x: Vec<f32>,
+    y: Vec<f32>,
+    z: Vec<f32>,
+    r: Vec<f32>,
+    id: Vec<u32>,
     len: usize,
+}
+
+/// The columns to be written: `x`, `y`, `z`, the effective radius (the radius itself where no interaction distances
+/// are set) and the index in the input.
+pub(crate) struct ColumnsMut<'c> {
+    pub(crate) xyzr: [&'c mut [f32]; 4],
+    pub(crate) id: &'c mut [u32],
 }
 
 impl Columns {
     pub(crate) const BYTES_PER_SPHERE: u64 = 20;
+    /// The padding's.
+    pub(crate) const BYTES: u64 = Self::BYTES_PER_SPHERE * MAX_LANES as u64;
 
     pub(crate) fn len(&self) -> usize {
         self.len
     }
 
-    /// Makes room for `len` spheres; what is there is overwritten by the caller.
-    pub(crate) fn resize(&mut self, len: usize) {
+    /// Makes room for `len` spheres, which the caller is to write.
+    pub(crate) fn resize(&mut self, len: usize) -> ColumnsMut<'_> {
+        let Self { x, y, z, r, id, .. } = self;
+        let xyzr = [x, y, z, r].map(|column| {
+            resize(column, len + MAX_LANES);
+            &mut column[..len]
+        });
+        resize(id, len + MAX_LANES);
         self.len = len;
-        let padded = len + MAX_LANES;
-        for column in [&mut self.x, &mut self.y, &mut self.z, &mut self.r] {
-            column.resize(padded, 0.0);
-        }
-        self.id.resize(padded, 0);
+        ColumnsMut { xyzr, id: &mut id[..len] }
     }
 
     /// Fills the columns with the spheres of these ids.
     pub(crate) fn gather(&mut self, rule: &Rule<'_>, ids: impl ExactSizeIterator<Item = u32>) {
-        self.resize(ids.len());
+        let ColumnsMut { xyzr: [x, y, z, r], id: column } = self.resize(ids.len());
         for (at, id) in ids.enumerate() {
             let (center, radius) = rule.effective(id);
-            (self.x[at], self.y[at], self.z[at]) = (center.x, center.y, center.z);
-            self.r[at] = radius;
-            self.id[at] = id;
+            (x[at], y[at], z[at]) = (center.x, center.y, center.z);
+            (r[at], column[at]) = (radius, id);
         }
     }
+
+    /// The index in the input of the sphere at `at`.
+    #[inline(always)]
+    pub(crate) fn id(&self, at: usize) -> u32 {
+        self.id[at]
+    }
+
+    /// Centre and effective radius of the sphere at `at`.
+    #[inline(always)]
+    pub(crate) fn sphere(&self, at: usize) -> [f32; 4] {
+        self.lanes::<1>(at).map(|[value]| *value)
+    }
+
+    /// `N` values of each of `x`, `y`, `z`, `r` from `base` on, with padding behind the last sphere.
+    #[inline(always)]
+    pub(crate) fn lanes<const N: usize>(&self, base: usize) -> [&[f32; N]; 4] {
+        const { assert!(N <= MAX_LANES) };
+        assert!(base <= self.len, "a load starts at a sphere");
+        // SAFETY: by the invariant each column has `len + MAX_LANES` values, and `base + N` is no more.
+        let lanes = |column: &Vec<f32>| unsafe { &*column.as_ptr().add(base).cast::<[f32; N]>() };
+        [lanes(&self.x), lanes(&self.y), lanes(&self.z), lanes(&self.r)]
+    }
+
+    /// The ids that go with [`lanes`](Self::lanes).
+    #[inline(always)]
+    pub(crate) fn ids<const N: usize>(&self, base: usize) -> &[u32; N] {
+        const { assert!(N <= MAX_LANES) };
+        assert!(base <= self.len, "a load starts at a sphere");
+        // SAFETY: as in `lanes`.
+        unsafe { &*self.id.as_ptr().add(base).cast::<[u32; N]>() }
+    }
+}
+
+/// Changes a buffer's length without the spare room that growing by doubling would leave: sizes repeat.
+pub(crate) fn resize<T: Copy + Default>(buffer: &mut Vec<T>, len: usize) {
+    buffer.reserve_exact(len.saturating_sub(buffer.len()));
+    buffer.resize(len, T::default());
 }

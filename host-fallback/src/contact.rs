@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::Vec3;
-use lazygrid_kernels::{Interaction, Interactions, Reach, Spheres};
+use lazygrid_kernels::{Interaction, Interactions, Reach, Sphere, Spheres};
 
 use crate::columns::Columns;
 use crate::simd::Vector;
@@ -46,6 +46,12 @@ impl<'a> Rule<'a> {
         self.spheres
     }
 
+    /// The spheres as rows whose radii are the effective ones, where that is what they are.
+    #[inline(always)]
+    pub(crate) fn plain_rows(&self) -> Option<&'a [Sphere]> {
+        if self.is_plain() { self.spheres.as_rows() } else { None }
+    }
+
     /// Whether touching alone decides, so that a certain contact needs no further question.
     #[inline(always)]
     fn is_plain(&self) -> bool {
@@ -85,7 +91,7 @@ impl<'a> Rule<'a> {
         while open != 0 {
             let lane = open.trailing_zeros();
             open &= open - 1;
-            if self.pairs(columns.id[at], columns.id[base + lane as usize]) {
+            if self.pairs(columns.id(at), columns.id(base + lane as usize)) {
                 hits |= 1 << lane;
             }
         }
@@ -108,7 +114,7 @@ pub(crate) fn scan<V: Vector, S: Sink>(
     run: Range<usize>,
     sink: &mut S,
 ) {
-    let query = vector.query(columns, at);
+    let query = vector.query(columns.sphere(at));
     let mut base = run.start;
     while base < run.end {
         let live = u32::MAX >> (32 - V::LANES.min(run.end - base));

@@ -75,7 +75,8 @@ impl Raster {
     #[inline(always)]
     pub(crate) fn cover(&self, center: Vec3, radius: f32) -> Cover {
         let (low, high) = self.bounds(center, radius);
-        let counted = |at: DVec3| (at.floor() + f64::from(MIDDLE)).as_uvec3();
+        // Rounding down after the addition: the cast alone does it. (A `floor` is a call where the target lacks one.)
+        let counted = |at: DVec3| (at + f64::from(MIDDLE)).as_uvec3();
         let mut cover = Cover { low: counted(low), high: counted(high) };
         let far = self.is_far(center);
         if far.any() {

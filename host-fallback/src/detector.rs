@@ -14,7 +14,7 @@ use crate::hash_grid::HashGrid;
 use crate::neighbors::Lists;
 use crate::recursive_grid::RecursiveGrid;
 use crate::sink::{Consume, Count, Output, To, Written};
-use crate::survey::{Survey, check};
+use crate::survey::{Survey, check_species};
 use crate::{Error, Neighbors, Order, Report, Settings, Simd, choice, naive};
 
 /// Finds overlapping pairs on the CPU, call after call, reusing its buffers.
@@ -175,9 +175,9 @@ impl HostDetector {
         let task = || {
             state.report = Report { spheres: spheres.len() as u64, ..Report::default() };
             let interactions = settings.interactions.as_ref();
-            state.report.time("check", || check(spheres, interactions))?;
+            check_species(spheres, interactions)?;
             let rule = Rule::new(spheres, interactions);
-            let survey = state.report.time("survey", || Survey::of(&rule));
+            let survey = state.report.time("survey", || Survey::of(&rule))?;
             let (algorithm, reason) = choice::choose(settings.algorithm, &survey);
             log::debug!("{reason}");
             (state.report.algorithm, state.report.reason) = (algorithm, reason);

@@ -36,4 +36,4 @@ pub use neighbors::Neighbors;
 pub use report::{Phase, Report};
 pub use settings::{Order, Settings};
 pub use simd::Simd;
-pub use survey::{CLASSES, Class, Survey, check};
+pub use survey::{CLASSES, Class, Survey, check, check_species};

@@ -275,7 +275,8 @@ impl<'o, O: Output> Search<'_, 'o, O> {
         let cover = |entry: &Entry<u32>| {
             let (center, radius) = self.input.rule.effective(entry.id);
             let (low, high) = cell.local(self.grid.entries.raster.bounds(center, radius));
-            let clip = |at: DVec3| (at * parts).floor().clamp(DVec3::ZERO, DVec3::splat(parts - 1.0));
+            let last = DVec3::splat(parts - 1.0);
+            let clip = |at: DVec3| (at * parts).max(DVec3::ZERO).min(last).as_i64vec3().as_dvec3();
             (clip(low), clip(high))
         };
         let (mut first, mut last) = (DVec3::INFINITY, DVec3::ZERO);

@@ -65,6 +65,9 @@ impl Simd {
 }
 
 /// Work that is compiled once per vector width, with that width's instructions throughout.
+///
+/// Only what is inlined into [`Task::run`] takes on the instructions: its callees are `#[inline(always)]`, and none
+/// of them passes a closure to a function that is not.
 pub(crate) trait Task {
     type Result;
     /// Must be `#[inline(always)]`, so that it takes on the features of its caller.
@@ -80,7 +83,8 @@ pub(crate) trait Vector: Copy {
     /// Squared distances and squared sums of radii.
     type Gaps: Copy;
 
-    fn query(self, columns: &Columns, at: usize) -> Self::Query;
+    /// A sphere from its centre and radius.
+    fn query(self, sphere: [f32; 4]) -> Self::Query;
     /// Compares with the spheres at `base..base + LANES`, which may reach into the padding.
     fn gaps(self, columns: &Columns, base: usize, query: Self::Query) -> Self::Gaps;
     /// Lanes that may be pairs: all that are, and those inside the band.
@@ -99,14 +103,13 @@ impl Vector for Portable {
     type Gaps = ([f32; 8], [f32; 8]);
 
     #[inline(always)]
-    fn query(self, c: &Columns, at: usize) -> [f32; 4] {
-        [c.x[at], c.y[at], c.z[at], c.r[at]]
+    fn query(self, sphere: [f32; 4]) -> [f32; 4] {
+        sphere
     }
 
     #[inline(always)]
-    fn gaps(self, c: &Columns, base: usize, q: [f32; 4]) -> Self::Gaps {
-        let (x, y) = (&c.x[base..base + 8], &c.y[base..base + 8]);
-        let (z, r) = (&c.z[base..base + 8], &c.r[base..base + 8]);
+    fn gaps(self, columns: &Columns, base: usize, q: [f32; 4]) -> Self::Gaps {
+        let [x, y, z, r] = columns.lanes::<8>(base);
         let (mut d2, mut s2) = ([0.0; 8], [0.0; 8]);
         for k in 0..8 {
             let (dx, dy, dz, s) = (x[k] - q[0], y[k] - q[1], z[k] - q[2], r[k] + q[3]);
@@ -151,33 +154,26 @@ mod x86 {
         task.run(Avx2(()))
     }
 
-    /// The `N` values from `base` on; one comparison guards the load of a whole vector.
-    #[inline(always)]
-    fn lanes<const N: usize>(column: &[f32], base: usize) -> &[f32; N] {
-        let Some(lanes) = column[base..].first_chunk() else { panic!("a column is padded by a vector's width") };
-        lanes
-    }
-
     impl Vector for Avx512 {
         const LANES: usize = 16;
         type Query = [__m512; 4];
         type Gaps = (__m512, __m512);
 
         #[inline(always)]
-        fn query(self, c: &Columns, at: usize) -> [__m512; 4] {
+        fn query(self, [x, y, z, r]: [f32; 4]) -> [__m512; 4] {
             // SAFETY: `self` proves AVX-512F.
-            [&c.x, &c.y, &c.z, &c.r].map(|column| unsafe { _mm512_set1_ps(column[at]) })
+            unsafe { [_mm512_set1_ps(x), _mm512_set1_ps(y), _mm512_set1_ps(z), _mm512_set1_ps(r)] }
         }
 
         #[inline(always)]
-        fn gaps(self, c: &Columns, base: usize, q: [__m512; 4]) -> Self::Gaps {
-            // SAFETY: `self` proves AVX-512F, and `lanes` that sixteen values can be read.
+        fn gaps(self, columns: &Columns, base: usize, q: [__m512; 4]) -> Self::Gaps {
+            let [x, y, z, r] = columns.lanes::<16>(base);
+            // SAFETY: `self` proves AVX-512F; each column's sixteen values are a reference's.
             unsafe {
-                let load = |column: &[f32]| _mm512_loadu_ps(lanes::<16>(column, base).as_ptr());
-                let dx = _mm512_sub_ps(load(&c.x), q[0]);
-                let dy = _mm512_sub_ps(load(&c.y), q[1]);
-                let dz = _mm512_sub_ps(load(&c.z), q[2]);
-                let s = _mm512_add_ps(load(&c.r), q[3]);
+                let dx = _mm512_sub_ps(_mm512_loadu_ps(x.as_ptr()), q[0]);
+                let dy = _mm512_sub_ps(_mm512_loadu_ps(y.as_ptr()), q[1]);
+                let dz = _mm512_sub_ps(_mm512_loadu_ps(z.as_ptr()), q[2]);
+                let s = _mm512_add_ps(_mm512_loadu_ps(r.as_ptr()), q[3]);
                 let d2 = _mm512_fmadd_ps(dx, dx, _mm512_fmadd_ps(dy, dy, _mm512_mul_ps(dz, dz)));
                 (d2, _mm512_mul_ps(s, s))
             }
@@ -208,20 +204,20 @@ mod x86 {
         type Gaps = (__m256, __m256);
 
         #[inline(always)]
-        fn query(self, c: &Columns, at: usize) -> [__m256; 4] {
+        fn query(self, [x, y, z, r]: [f32; 4]) -> [__m256; 4] {
             // SAFETY: `self` proves AVX2.
-            [&c.x, &c.y, &c.z, &c.r].map(|column| unsafe { _mm256_set1_ps(column[at]) })
+            unsafe { [_mm256_set1_ps(x), _mm256_set1_ps(y), _mm256_set1_ps(z), _mm256_set1_ps(r)] }
         }
 
         #[inline(always)]
-        fn gaps(self, c: &Columns, base: usize, q: [__m256; 4]) -> Self::Gaps {
-            // SAFETY: `self` proves AVX2 and FMA, and `lanes` that eight values can be read.
+        fn gaps(self, columns: &Columns, base: usize, q: [__m256; 4]) -> Self::Gaps {
+            let [x, y, z, r] = columns.lanes::<8>(base);
+            // SAFETY: `self` proves AVX2 and FMA; each column's eight values are a reference's.
             unsafe {
-                let load = |column: &[f32]| _mm256_loadu_ps(lanes::<8>(column, base).as_ptr());
-                let dx = _mm256_sub_ps(load(&c.x), q[0]);
-                let dy = _mm256_sub_ps(load(&c.y), q[1]);
-                let dz = _mm256_sub_ps(load(&c.z), q[2]);
-                let s = _mm256_add_ps(load(&c.r), q[3]);
+                let dx = _mm256_sub_ps(_mm256_loadu_ps(x.as_ptr()), q[0]);
+                let dy = _mm256_sub_ps(_mm256_loadu_ps(y.as_ptr()), q[1]);
+                let dz = _mm256_sub_ps(_mm256_loadu_ps(z.as_ptr()), q[2]);
+                let s = _mm256_add_ps(_mm256_loadu_ps(r.as_ptr()), q[3]);
                 let d2 = _mm256_fmadd_ps(dx, dx, _mm256_fmadd_ps(dy, dy, _mm256_mul_ps(dz, dz)));
                 (d2, _mm256_mul_ps(s, s))
             }

@@ -24,7 +24,7 @@ pub(crate) trait Sink: Send {
     fn hits(&mut self, columns: &Columns, at: usize, base: usize, lanes: u32) {
         let mut open = lanes;
         while open != 0 {
-            self.pair(columns.id[at], columns.id[base + open.trailing_zeros() as usize]);
+            self.pair(columns.id(at), columns.id(base + open.trailing_zeros() as usize));
             open &= open - 1;
         }
     }

@@ -1,13 +1,15 @@
 //! One pass over the input: is it valid, where does it lie, which sizes does it have?
 
 use glam::Vec3;
-use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Spheres};
+use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Sphere, Spheres};
 use rayon::prelude::*;
 
 use crate::contact::Rule;
 
 /// Spheres per piece of the pass.
 const PIECE: usize = 1 << 15;
+/// Tables that take turns in counting.
+const TABLES: usize = 4;
 /// One class per binary exponent of `f32`.
 pub const CLASSES: usize = 256;
 
@@ -50,27 +52,48 @@ impl Survey {
         self.classes.iter().copied().enumerate().rev().filter(|(_, class)| class.count > 0)
     }
 
-    /// Surveys spheres that were checked.
-    pub(crate) fn of(rule: &Rule<'_>) -> Self {
-        let n = rule.spheres().len();
-        let survey = (0..n.div_ceil(PIECE))
+    /// Checks and surveys the spheres of `rule`, whose species ids are checked already.
+    ///
+    /// # Errors
+    /// [`InputError::Sphere`] for the first that is not valid.
+    pub(crate) fn of(rule: &Rule<'_>) -> Result<Self, InputError> {
+        let spheres = rule.spheres();
+        let n = spheres.len();
+        let (survey, suspect) = (0..n.div_ceil(PIECE))
             .into_par_iter()
-            .map(|piece| Self::piece(rule, piece * PIECE, n.min((piece + 1) * PIECE)))
-            .reduce(Self::empty, Self::merge);
-        Self { spheres: n, ..survey }
+            .map(|piece| {
+                let range = piece * PIECE..n.min((piece + 1) * PIECE);
+                match rule.plain_rows() {
+                    Some(rows) => Self::piece(rows[range].iter().map(|sphere| (*sphere, sphere.radius))),
+                    None => Self::piece(range.map(|i| (spheres.get(i), rule.effective(i as u32).1))),
+                }
+            })
+            .reduce(|| (Self::empty(), false), |(a, p), (b, q)| (a.merge(b), p | q));
+        if suspect {
+            check(spheres)?;
+        }
+        Ok(Self { spheres: n, ..survey })
     }
 
-    fn piece(rule: &Rule<'_>, from: usize, to: usize) -> Self {
-        let mut survey = Self::empty();
-        for id in from..to {
-            let (center, radius) = rule.effective(id as u32);
-            survey.min = survey.min.min(center);
-            survey.max = survey.max.max(center);
-            let class = &mut survey.classes[Self::class_of(radius)];
+    /// Surveys one piece; also tells whether it may hold a sphere that is not valid.
+    fn piece(spheres: impl Iterator<Item = (Sphere, f32)>) -> (Self, bool) {
+        let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        // Turned into NaN by anything not finite, without a branch per sphere; sums that overflow only look so.
+        let (mut poison, mut least) = (0.0, 0.0_f32);
+        // Several tables, because equal radii would otherwise wait for each other's counter.
+        let mut tables = [[Class::default(); CLASSES]; TABLES];
+        for (k, (sphere, radius)) in spheres.enumerate() {
+            min = min.min(sphere.center);
+            max = max.max(sphere.center);
+            poison += (sphere.center.element_sum() + sphere.radius) * 0.0;
+            least = least.min(sphere.radius);
+            let class = &mut tables[k % TABLES][Self::class_of(radius)];
             class.count += 1;
             class.largest = class.largest.max(radius);
         }
-        survey
+        let own = Self { spheres: 0, min, max, classes: tables[0] };
+        let survey = tables[1..].iter().fold(own, |all, &classes| all.merge(Self { classes, ..Self::empty() }));
+        (survey, poison != 0.0 || least < 0.0)
     }
 
     fn empty() -> Self {
@@ -89,20 +112,27 @@ impl Survey {
     }
 }
 
-/// Refuses what no detector can answer: too many spheres, values that are not finite, negative radii, species
-/// outside the table.
+/// Refuses spheres that are not valid.
 ///
 /// # Errors
-/// The [`InputError`] that names the first offender.
-pub fn check(spheres: Spheres<'_>, interactions: Option<&Interactions>) -> Result<(), InputError> {
+/// [`InputError::Sphere`], which names the first and counts all.
+pub fn check(spheres: Spheres<'_>) -> Result<(), InputError> {
     let total = spheres.len() as u64;
-    if total > MAX_SPHERES {
-        return Err(InputError::TooManySpheres { count: total });
+    match find(spheres.len(), |i| !spheres.get(i).is_valid()) {
+        (Some(index), count) => {
+            Err(InputError::Sphere { index, sphere: spheres.get(index as usize), count, total })
+        }
+        (None, _) => Ok(()),
     }
-    let (first, count) = find(spheres.len(), |i| !spheres.get(i).is_valid());
-    if let Some(index) = first {
-        let sphere = spheres.get(index as usize);
-        return Err(InputError::Sphere { index, sphere, count, total });
+}
+
+/// Refuses more spheres than indices, and species outside the table.
+///
+/// # Errors
+/// [`InputError::TooManySpheres`], [`InputError::SpeciesMissing`] or [`InputError::SpeciesId`] for the first.
+pub fn check_species(spheres: Spheres<'_>, interactions: Option<&Interactions>) -> Result<(), InputError> {
+    if spheres.len() as u64 > MAX_SPHERES {
+        return Err(InputError::TooManySpheres { count: spheres.len() as u64 });
     }
     let Some(table) = interactions else { return Ok(()) };
     let ids = spheres.species().ok_or(InputError::SpeciesMissing)?;
@@ -130,8 +160,6 @@ fn find(n: usize, bad: impl Fn(usize) -> bool + Sync) -> (Option<u32>, u64) {
 
 #[cfg(test)]
 mod tests {
-    use lazygrid_kernels::Sphere;
-
     use super::*;
 
     #[test]
@@ -140,7 +168,7 @@ mod tests {
         spheres[70_001].radius = f32::NAN;
         spheres[40_000].center.y = f32::INFINITY;
         spheres[99_999].radius = -1.0;
-        let Err(InputError::Sphere { index, count, total, .. }) = check((&spheres).into(), None) else {
+        let Err(InputError::Sphere { index, count, total, .. }) = Survey::of(&Rule::new((&spheres).into(), None)) else {
             panic!("bad spheres were accepted")
         };
         assert_eq!((index, count, total), (40_000, 3, 100_000));
@@ -150,7 +178,7 @@ mod tests {
     fn classes_count_every_sphere_once() {
         let radii = [0.0, 1e-40, 0.5, 0.99, 1.0, 1.5, 3.0e38];
         let spheres: Vec<_> = radii.iter().map(|&r| Sphere::new([r, -r, 0.0], r)).collect();
-        let survey = Survey::of(&Rule::new((&spheres).into(), None));
+        let survey = Survey::of(&Rule::new((&spheres).into(), None)).expect("all are valid");
         assert_eq!(survey.classes.iter().map(|c| c.count).sum::<u32>(), 7);
         assert_eq!(survey.classes[0].count, 2);
         assert_eq!(survey.classes[Survey::class_of(1.0)], Class { count: 2, largest: 1.5 });

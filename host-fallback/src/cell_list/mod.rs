@@ -13,10 +13,14 @@ mod raster;
 mod search;
 mod sort;
 
+use glam::Vec3;
+
+use crate::Survey;
 use crate::columns::Columns;
 use crate::detector::Input;
 use crate::report::Report;
 use crate::sink::Output;
+use crate::survey::CLASSES;
 use crowding::Crowding;
 use levels::{CELLS_PER_SPHERE, Levels};
 use raster::Raster;
@@ -47,34 +51,44 @@ struct Placed {
     members: std::ops::Range<usize>,
 }
 
+/// Where each sphere belongs in the table.
+#[derive(Clone, Copy)]
+struct Places<'p> {
+    levels: &'p [Placed],
+    of_class: &'p [u8; CLASSES],
+}
+
+impl Places<'_> {
+    /// How many entries the table has.
+    fn cells(&self) -> usize {
+        self.levels.last().map_or(0, |level| level.base + level.raster.cells() as usize)
+    }
+
+    /// The table entry of a sphere.
+    #[inline(always)]
+    fn cell_of(&self, center: Vec3, radius: f32) -> u32 {
+        let level = &self.levels[usize::from(self.of_class[Survey::class_of(radius)])];
+        (level.base + level.raster.index(level.raster.cell_of(center))) as u32
+    }
+}
+
 impl CellList {
     /// Plans and builds for these spheres.
     pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
+        let Survey { min, max, .. } = input.survey;
         let plan = report.time("plan", || Levels::plan(&input.survey, &Crowding::sample(input)));
         let (mut base, mut from) = (0, 0);
         self.levels.clear();
         for level in &plan.levels {
-            let bounds = (input.survey.min, input.survey.max);
             let most = ((level.spheres as f32 * CELLS_PER_SPHERE) as u64).min(MAX_CELLS);
-            let raster = Raster::new(level.edge, bounds, level.largest, most);
-            let to = from + level.spheres as usize;
-            let cells = raster.cells() as usize;
-            log::trace!("level of {} spheres: edge {}, raster {}", level.spheres, level.edge, raster.size);
+            let raster = Raster::new(level.edge, (min, max), level.largest, most);
+            log::trace!("level of {} spheres: edge {}, raster {:?}", level.spheres, level.edge, raster.size);
+            let (cells, to) = (raster.cells() as usize, from + level.spheres as usize);
             self.levels.push(Placed { raster, base, members: from..to });
             (base, from) = (base + cells, to);
         }
-        let Self { levels, columns, starts, sorter } = self;
-        report.time("sort", || {
-            sorter.sort(
-                input,
-                |center, radius| {
-                    let level = &levels[plan.of_class[crate::Survey::class_of(radius)] as usize];
-                    (level.base + level.raster.index(level.raster.cell_of(center))) as u32
-                },
-                base,
-                (columns, starts),
-            );
-        });
+        let places = Places { levels: &self.levels, of_class: &plan.of_class };
+        report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts));
     }
 
     /// Finds all pairs.

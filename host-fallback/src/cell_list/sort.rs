@@ -7,9 +7,12 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::columns::Columns;
+use super::Places;
+use crate::columns::{Columns, ColumnsMut, resize};
+use crate::contact::Rule;
 use crate::detector::Input;
 use crate::scatter::{Disjoint, split_at};
+use crate::simd::{Task, Vector};
 
 /// Spheres per piece of the first pass.
 const PIECE: usize = 1 << 16;
@@ -37,64 +40,56 @@ pub(super) struct Sorter {
 impl Sorter {
     pub(super) const BYTES_PER_SPHERE: u64 = 4 + size_of::<Entry>() as u64;
 
-    /// Fills `columns` with the spheres sorted by `key`, which is below `cells`, and `starts[k]` with the place of
-    /// the first sphere of cell `k` or later, for `k` up to and including `cells`.
+    /// Fills `columns` with the spheres sorted by cell, and `starts[k]` with the place of the first sphere of cell
+    /// `k` or later, for `k` up to and including the number of cells.
     pub(super) fn sort(
         &mut self,
         input: &Input<'_>,
-        key: impl Fn(Vec3, f32) -> u32 + Sync,
-        cells: usize,
-        (columns, starts): (&mut Columns, &mut Vec<u32>),
+        places: Places<'_>,
+        columns: &mut Columns,
+        starts: &mut Vec<u32>,
     ) {
-        let n = input.survey.spheres;
+        let (n, cells) = (input.survey.spheres, places.cells());
         let wanted = (n / BUCKET).next_power_of_two().min(MAX_BUCKETS);
         let shift = cells.div_ceil(wanted).next_power_of_two().trailing_zeros();
         let buckets = cells.div_ceil(1 << shift).max(1);
-        self.keys.resize(n, 0);
-        self.entries.resize(n, Entry::default());
-        columns.resize(n);
+        resize(&mut self.keys, n);
+        resize(&mut self.entries, n);
         starts.clear();
-        starts.resize(cells + 1, 0);
+        resize(starts, cells + 1);
 
-        let ends = self.spread(input, key, (shift, buckets));
-        let [x, y, z, r] = [&mut columns.x, &mut columns.y, &mut columns.z, &mut columns.r]
-            .map(|column| split_at(&mut column[..n], ends.iter().copied()));
-        let id = split_at(&mut columns.id[..n], ends.iter().copied());
-        let ends_of_cells = (1..=buckets).map(|k| cells.min(k << shift));
-        let starts = split_at(&mut starts[1..], ends_of_cells);
-        let sources = split_at(&mut self.entries, ends.iter().copied());
-        let places = x.into_par_iter().zip(y).zip(z).zip(r).zip(id);
-        sources.into_par_iter().zip(starts).zip(places).enumerate().for_each(
-            |(bucket, ((source, starts), ((((x, y), z), r), id)))| {
+        let ends = self.spread(input, places, (shift, buckets));
+        let ColumnsMut { xyzr, id } = columns.resize(n);
+        let [x, y, z, r] = xyzr.map(|column| split_at(column, ends.iter().copied()));
+        let id = split_at(id, ends.iter().copied());
+        let cells = split_at(&mut starts[1..], (1..=buckets).map(|k| cells.min(k << shift)));
+        let entries = split_at(&mut self.entries, ends.iter().copied());
+        let columns = x.into_par_iter().zip(y).zip(z).zip(r).zip(id);
+        entries.into_par_iter().zip(cells).zip(columns).enumerate().for_each(
+            |(bucket, ((entries, cells), ((((x, y), z), r), id)))| {
                 let first = bucket << shift;
-                let offset = ends[bucket] - source.len();
-                count(source, first, starts);
-                for entry in source.iter() {
-                    let slot = &mut starts[entry.key as usize - first];
-                    let at = *slot as usize;
-                    *slot += 1;
+                count(entries, first, cells);
+                for entry in entries.iter() {
+                    let next = &mut cells[entry.key as usize - first];
+                    let at = *next as usize;
+                    *next += 1;
                     (x[at], y[at], z[at]) = (entry.center.x, entry.center.y, entry.center.z);
                     (r[at], id[at]) = (entry.radius, entry.id);
                 }
-                // Each count has moved to the end of its cell, which is where the next cell starts.
-                starts.iter_mut().for_each(|end| *end += offset as u32);
+                // Each has moved to the end of its cell, which is where the next cell starts.
+                let before = (ends[bucket] - entries.len()) as u32;
+                cells.iter_mut().for_each(|end| *end += before);
             },
         );
     }
 
     /// The first pass; returns where each bucket ends.
-    fn spread(
-        &mut self,
-        input: &Input<'_>,
-        key: impl Fn(Vec3, f32) -> u32 + Sync,
-        (shift, buckets): (u32, usize),
-    ) -> Vec<usize> {
+    fn spread(&mut self, input: &Input<'_>, places: Places<'_>, (shift, buckets): (u32, usize)) -> Vec<usize> {
         let counted = self.keys.par_chunks_mut(PIECE).enumerate().map(|(piece, keys)| {
+            input.simd.run(Keys { rule: &input.rule, places, first: piece * PIECE, keys });
             let mut counts = vec![0_u32; buckets];
-            for (k, slot) in keys.iter_mut().enumerate() {
-                let (center, radius) = input.rule.effective((piece * PIECE + k) as u32);
-                *slot = key(center, radius);
-                counts[(*slot >> shift) as usize] += 1;
+            for key in keys {
+                counts[(*key >> shift) as usize] += 1;
             }
             counts
         });
@@ -110,27 +105,68 @@ impl Sorter {
 
         let entries = Disjoint::new(&mut self.entries);
         self.keys.par_chunks(PIECE).zip(offsets).enumerate().for_each(|(piece, (keys, mut next))| {
-            for (k, &key) in keys.iter().enumerate() {
-                let id = (piece * PIECE + k) as u32;
-                let (center, radius) = input.rule.effective(id);
+            let mut place = |key: u32, id: usize, (center, radius): (Vec3, f32)| {
                 let slot = &mut next[(key >> shift) as usize];
                 // SAFETY: the exclusive prefix sums over (bucket, piece) give every sphere a slot of its own below
                 // their number, the length of `entries`.
-                unsafe { entries.write(*slot as usize, Entry { center, radius, id, key }) };
+                unsafe { entries.write(*slot as usize, Entry { center, radius, id: id as u32, key }) };
                 *slot += 1;
+            };
+            let ids = piece * PIECE..;
+            match input.rule.plain_rows() {
+                Some(rows) => {
+                    let rows = &rows[ids.start..];
+                    for ((&key, id), sphere) in keys.iter().zip(ids).zip(rows) {
+                        place(key, id, (sphere.center, sphere.radius));
+                    }
+                }
+                None => {
+                    for (&key, id) in keys.iter().zip(ids) {
+                        place(key, id, input.rule.effective(id as u32));
+                    }
+                }
             }
         });
         ends
     }
 }
 
+/// Finds the cells of the spheres from `first` on.
+struct Keys<'k> {
+    rule: &'k Rule<'k>,
+    places: Places<'k>,
+    first: usize,
+    keys: &'k mut [u32],
+}
+
+impl Task for Keys<'_> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run<V: Vector>(self, _: V) {
+        match self.rule.plain_rows() {
+            Some(rows) => {
+                for (key, sphere) in self.keys.iter_mut().zip(&rows[self.first..]) {
+                    *key = self.places.cell_of(sphere.center, sphere.radius);
+                }
+            }
+            None => {
+                for (key, id) in self.keys.iter_mut().zip(self.first..) {
+                    let (center, radius) = self.rule.effective(id as u32);
+                    *key = self.places.cell_of(center, radius);
+                }
+            }
+        }
+    }
+}
+
 /// Turns the cells of one bucket into where their spheres start, counted from the bucket's first sphere.
-fn count(source: &[Entry], first: usize, starts: &mut [u32]) {
-    for entry in source {
-        starts[entry.key as usize - first] += 1;
+fn count(entries: &[Entry], first: usize, cells: &mut [u32]) {
+    for entry in entries {
+        cells[entry.key as usize - first] += 1;
     }
     let mut at = 0;
-    for start in starts {
-        at += std::mem::replace(start, at);
+    for cell in cells {
+        at += std::mem::replace(cell, at);
     }
 }
