@@ -39,69 +39,76 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What was allocated since the start of a measurement.
+/// What was allocated since the start of a measurement. Counters are shared by all threads, so that the test that
+/// measures excludes all others.
 struct Measurement {
     live: usize,
-    /// Counters are shared by all threads, so one measurement excludes all others.
     _alone: MutexGuard<'static, ()>,
 }
 
 impl Measurement {
-    fn start() -> Self {
+    fn alone() -> Self {
         static ALONE: Mutex<()> = Mutex::new(());
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-        let measurement = Self { live: LIVE.load(SeqCst), _alone: alone };
-        measurement.restart();
-        measurement
+        Self { live: 0, _alone: alone }
     }
 
-    /// Forgets peaks and totals but not what was live at the start.
-    fn restart(&self) {
-        PEAK.store(LIVE.load(SeqCst), SeqCst);
+    /// Starts again.
+    fn start(&mut self) {
+        self.live = LIVE.load(SeqCst);
+        PEAK.store(self.live, SeqCst);
         TOTAL.store(0, SeqCst);
         LARGEST.store(0, SeqCst);
     }
 
-    /// Bytes allocated since the start and not given back.
+    /// The most bytes allocated at any time, besides those that were already.
+    fn peak(&self) -> usize {
+        PEAK.load(SeqCst).saturating_sub(self.live)
+    }
+
+    /// The bytes allocated now, besides those that were already.
     fn held(&self) -> usize {
         LIVE.load(SeqCst).saturating_sub(self.live)
     }
 
-    /// The most bytes held at any time.
-    fn peak(&self) -> usize {
-        PEAK.load(SeqCst).saturating_sub(self.live)
+    /// All bytes ever allocated, and the most at once.
+    fn total_and_largest(&self) -> (usize, usize) {
+        (TOTAL.load(SeqCst), LARGEST.load(SeqCst))
     }
 }
 
-const SCENES: [Scene; 3] = [Scene::Equal, Scene::FiveSizes, Scene::Burst];
+/// What a detector may hold whatever the number of spheres, besides what it announces: reports, plans, padding.
+const FIXED: usize = 16 << 10;
 
 #[test]
 fn a_second_call_allocates_nothing_of_the_size_of_the_input() {
-    const N: usize = 100_000;
-    for scene in SCENES {
-        let mut spheres = scene.spheres(N, 31);
-        for subject in Subject::all().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
-            let measurement = Measurement::start();
+    const N: usize = 200_000;
+    let mut measurement = Measurement::alone();
+    for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
+        let spheres = scene.spheres(N, 31);
+        let grids = |s: &Subject| s.algorithm != Algorithm::Naive && s.threads != 2;
+        for subject in Subject::all().into_iter().filter(grids) {
             let mut detector = Detector::new(subject.config()).expect("a detector");
-            subject.run(|| {
-                detector.pairs(&spheres).expect("pairs");
-                detector.neighbors(&spheres).expect("neighbors");
-                measurement.restart();
-                detector.pairs(&spheres).expect("pairs");
+            let mut ask = || {
                 detector.neighbors(&spheres).expect("neighbors");
                 detector.count(&spheres).expect("a count");
-            });
-            let (largest, total) = (LARGEST.load(SeqCst), TOTAL.load(SeqCst));
-            println!("{subject} {scene}: largest {largest}, total {total}");
+                detector.pairs(&spheres).expect("pairs").len()
+            };
+            subject.run(&mut ask);
+            measurement.start();
+            let pairs = subject.run(&mut ask);
+            let (total, largest) = measurement.total_and_largest();
             assert!(largest < N, "{subject}, {scene}: one allocation of {largest} bytes");
-            assert!(total < 4 * N, "{subject}, {scene}: {total} bytes allocated in all");
+            // Pieces of work have counters of their own, and threads that steal work make more of them.
+            let most = if subject.threads == 1 { 16 * N + 2 * pairs } else { 32 * N + 4 * pairs };
+            assert!(total < most, "{subject}, {scene}: {total} bytes in all where {most} are plenty");
         }
-        Scene::advance(&mut spheres, 31, 0);
     }
 }
 
 #[test]
-fn memory_for_is_an_upper_bound_of_what_is_held() {
+fn memory_for_is_an_upper_bound() {
+    let mut measurement = Measurement::alone();
     for scene in Scene::ALL {
         for n in [0, 1, 100, 5000, 50_000] {
             let n = if scene == Scene::Point { n / 10 } else { n };
@@ -111,16 +118,11 @@ fn memory_for_is_an_upper_bound_of_what_is_held() {
                     continue;
                 }
                 in_pool(subject.threads, || ());
-                let measurement = Measurement::start();
+                measurement.start();
                 let mut detector = Detector::new(subject.config()).expect("a detector");
                 subject.run(|| detector.count(&spheres)).expect("a count");
-                let (held, peak, bound) =
-                    (measurement.held(), measurement.peak(), detector.memory_for(n as u64));
-                println!("{subject} {scene} {n}: held {held}, peak {peak}, bound {bound}");
-                assert!(
-                    held as u64 <= bound,
-                    "{subject}, {scene}, {n}: {held} bytes held, {bound} announced"
-                );
+                let (peak, bound) = (measurement.peak(), detector.memory_for(n as u64) as usize + FIXED);
+                assert!(peak <= bound, "{subject}, {scene}, {n}: {peak} bytes where {bound} are announced");
             }
         }
     }
@@ -128,26 +130,30 @@ fn memory_for_is_an_upper_bound_of_what_is_held() {
 
 #[test]
 fn memory_for_is_an_upper_bound_for_a_growing_input() {
+    let mut measurement = Measurement::alone();
     let spheres = Scene::FiveSizes.spheres(60_000, 33);
     for subject in Subject::each_algorithm().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
-        let measurement = Measurement::start();
+        measurement.start();
         let mut detector = Detector::new(subject.config()).expect("a detector");
-        subject.run(|| {
+        let held = subject.run(|| {
             for n in (40_000..=60_000).step_by(2000) {
                 detector.count(&spheres[..n]).expect("a count");
             }
+            // Growing itself needs the old and the new buffer for a moment; what counts is what stays.
+            measurement.held()
         });
-        let (held, bound) = (measurement.held(), detector.memory_for(60_000));
-        assert!(held as u64 <= bound, "{subject}: {held} bytes held, {bound} announced");
+        let bound = detector.memory_for(60_000) as usize + FIXED;
+        assert!(held <= bound, "{subject}: {held} bytes held where {bound} are announced");
     }
 }
 
 /// A stream of two hundred million pairs, within the memory of the detector and some chunks for each thread.
 #[test]
 fn a_stream_needs_no_memory_for_its_pairs() {
+    let mut measurement = Measurement::alone();
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 20_000];
     for subject in Subject::all() {
-        let measurement = Measurement::start();
+        measurement.start();
         let mut detector = Detector::new(subject.config().order(Order::Unordered)).expect("a detector");
         let mut chunks = 0;
         let handed = subject.run(|| {
@@ -164,10 +170,11 @@ fn a_stream_needs_no_memory_for_its_pairs() {
 
 #[test]
 fn a_refused_list_stays_within_its_limit() {
+    let mut measurement = Measurement::alone();
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 8000];
     let limit = 1 << 20;
     for subject in Subject::all() {
-        let measurement = Measurement::start();
+        measurement.start();
         let mut detector = Detector::new(Config::max_pairs(subject.config(), limit)).expect("a detector");
         assert!(subject.run(|| detector.pairs(&spheres).is_err()), "{subject}");
         let bound = detector.memory_for(8000) as usize + 8 * limit as usize + (16 << 20);
