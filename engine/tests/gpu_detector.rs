@@ -119,6 +119,8 @@ fn scenes() -> Vec<(&'static str, Vec<Sphere>)> {
         ("squares underflow", tiny(1e-25).collect()),
         ("subnormal", tiny(1e-39).collect()),
         ("huge radii", vec![Sphere::new([3e38, 0.0, 0.0], 3e38), Sphere::new([-3e38, 0.0, 0.0], 3.4e38)]),
+        ("one at the largest float", vec![Sphere::new([f32::MAX; 3], 0.0)]),
+        ("corners of space", [f32::MAX, -f32::MAX, f32::MAX, 0.0].map(|x| Sphere::new([x, -x, x], 1.0)).to_vec()),
         ("negative zero", vec![Sphere::new([-0.0; 3], -0.0), Sphere::new([0.0; 3], 0.0)]),
     ]
 }

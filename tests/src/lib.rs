@@ -8,6 +8,7 @@
 pub mod adversary;
 
 mod difference;
+mod gpu;
 mod scenario;
 mod subject;
 

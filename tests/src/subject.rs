@@ -24,7 +24,8 @@ impl Subject {
     /// Every subject. A backend joins the suite here.
     pub fn all() -> Vec<Self> {
         let cpu = |algorithm| THREADS.map(|threads| Self { backend: Backend::Cpu, algorithm, threads });
-        Algorithm::CPU.into_iter().chain([Algorithm::Auto]).flat_map(cpu).collect()
+        let on_cpu = Algorithm::CPU.into_iter().chain([Algorithm::Auto]).flat_map(cpu);
+        on_cpu.chain(crate::gpu::subjects()).collect()
     }
 
     /// The subjects on their fewest threads: one for each backend and algorithm.

@@ -37,6 +37,8 @@ pub struct GpuSettings {
 impl GpuSettings {
     /// The smallest raster ratio with which no sphere overlaps more than two cells per axis.
     pub const MIN_RASTER_RATIO: f32 = 1.5;
+    /// The largest raster ratio.
+    pub const MAX_RASTER_RATIO: f32 = 16.0;
 }
 
 impl Default for GpuSettings {
@@ -407,7 +409,7 @@ impl Timer {
 }
 
 fn check(settings: &GpuSettings) -> Result<(), GpuError> {
-    if !(GpuSettings::MIN_RASTER_RATIO..=16.0).contains(&settings.raster_ratio) {
+    if !(GpuSettings::MIN_RASTER_RATIO..=GpuSettings::MAX_RASTER_RATIO).contains(&settings.raster_ratio) {
         let value = settings.raster_ratio.to_string();
         let range = "on the GPU choose between 1.5 and 16";
         return Err(GpuError::Setting { name: "raster_ratio", value, range });

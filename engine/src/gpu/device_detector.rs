@@ -116,7 +116,8 @@ impl DeviceDetector {
         self.report.spheres = spheres.len() as u64;
         self.report.pairs = 0;
         let start = Instant::now();
-        lazygrid_host::check(spheres, self.settings.interactions.as_ref())?;
+        lazygrid_host::check_species(spheres, self.settings.interactions.as_ref())?;
+        lazygrid_host::check(spheres)?;
         self.report.phases.push(Phase { name: "check", time: start.elapsed() });
         let start = Instant::now();
         let ticket = self.session.begin(spheres)?;

@@ -221,6 +221,11 @@ impl GpuSession {
                 return Ok(outcome);
             }
             ratio *= 2.0;
+            if ratio > GpuSettings::MAX_RASTER_RATIO {
+                let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
+                let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");
+                return Err(GpuError::LimitExceeded { what, needed: outcome.entries(), limit, remedy });
+            }
             log::info!("{} entries do not fit: repeating with raster ratio {ratio}", outcome.entries());
             self.pairs.clear();
             let relaunched = self.detector.set_raster_ratio(ratio).and_then(|()| self.launch(number, GpuSpheres::ALL));

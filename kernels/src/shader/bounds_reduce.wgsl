@@ -60,9 +60,9 @@ fn bounds_reduce(at: Builtins) {
         let sphere = spheres[index];
         if (is_accepted(index, sphere)) {
             let radius = effective_radius(index, sphere);
-            let widened = widened_radius(sphere, radius);
-            low = min(low, ordered(sphere.xyz - widened));
-            high = max(high, ordered(sphere.xyz + widened));
+            let box = box_of(sphere, radius);
+            low = min(low, ordered(box.low));
+            high = max(high, ordered(box.high));
             radius_min = min(radius_min, bitcast<u32>(radius));
             radius_max = max(radius_max, bitcast<u32>(radius));
         } else {

@@ -53,9 +53,9 @@ fn entries_emit(at: Builtins) {
     if (index < grid.spheres) {
         let sphere = spheres[index];
         if (is_accepted(index, sphere)) {
-            let widened = widened_radius(sphere, effective_radius(index, sphere));
-            first = cell_of(sphere.xyz - widened);
-            last = max(first, cell_of(sphere.xyz + widened));
+            let box = box_of(sphere, effective_radius(index, sphere));
+            first = cell_of(box.low);
+            last = max(first, cell_of(box.high));
             let span = last - first + vec3(1u);
             count = span.x * span.y * span.z;
         }

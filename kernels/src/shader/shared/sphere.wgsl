@@ -8,8 +8,20 @@ fn is_valid(sphere: vec4<f32>) -> bool {
         && bitcast<u32>(sphere.w) <= 0x80000000u;
 }
 
-// Half extent of a sphere's box on each axis: a few ulp more than the radius, so that two spheres which any
-// rounding of the distance test accepts always share a cell.
-fn widened_radius(sphere: vec4<f32>, radius: f32) -> vec3<f32> {
-    return vec3(radius) + (abs(sphere.xyz) + vec3(radius)) * 0x1p-21;
+// Corners of boxes stay this side of infinity.
+const FARTHEST: f32 = 0x1.fffffcp+127;
+
+// A sphere's box with a few ulp to spare, so that two spheres which any rounding of the distance test accepts
+// always share a cell.
+struct Box {
+    low: vec3<f32>,
+    high: vec3<f32>,
+}
+
+fn box_of(sphere: vec4<f32>, radius: f32) -> Box {
+    let half = vec3(radius) + (abs(sphere.xyz) + vec3(radius)) * 0x1p-21;
+    return Box(
+        clamp(sphere.xyz - half, vec3(-FARTHEST), vec3(FARTHEST)),
+        clamp(sphere.xyz + half, vec3(-FARTHEST), vec3(FARTHEST)),
+    );
 }

@@ -1,0 +1,29 @@
+use std::env;
+
+use lazygrid::gpu::{GpuError, OwnDevice};
+use lazygrid::{Algorithm, Backend};
+
+use crate::{Subject, THREADS};
+
+/// The algorithms that have GPU kernels.
+const ALGORITHMS: [Algorithm; 3] = [Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::Auto];
+
+/// The GPU's subjects: none, with a word on standard error, where there is no adapter.
+///
+/// # Panics
+/// Where there is none although `LAZYGRID_REQUIRE_GPU` is set, or where it cannot be used.
+pub(crate) fn subjects() -> Vec<Subject> {
+    match OwnDevice::shared(true) {
+        Ok(_) => ALGORITHMS
+            .map(|algorithm| Subject { backend: Backend::Gpu, algorithm, threads: THREADS[0] })
+            .to_vec(),
+        Err(error @ GpuError::NoAdapter { .. }) if env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => {
+            #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+            {
+                eprintln!("without the GPU: {error}");
+            }
+            Vec::new()
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
