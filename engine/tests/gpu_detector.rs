@@ -30,7 +30,11 @@ fn detect_with(own: &OwnDevice, detector: &mut GpuDetector, input: &GpuSpheres<'
 fn detect(own: &OwnDevice, detector: &mut GpuDetector, spheres: &[Sphere]) -> Found {
     let buffer = upload(own, spheres);
     let count = Count::Host(spheres.len() as u32);
-    detect_with(own, detector, &GpuSpheres { spheres: &buffer, count, species: None, window: GpuSpheres::ALL })
+    detect_with(
+        own,
+        detector,
+        &GpuSpheres { spheres: &buffer, count, species: None, window: GpuSpheres::ALL },
+    )
 }
 
 /// How far a pair is from tangency, in units of the squared reach; `(distance², reach²)` in f64.
@@ -53,7 +57,12 @@ fn judge(scene: &str, spheres: &[Sphere], pairs: &[Pair], reach: impl Fn(usize, 
                 let tolerance = 4.0 * f64::from(f32::EPSILON) * limit;
                 (distance <= limit, (distance - limit).abs() <= tolerance && limit > 0.0)
             });
-            assert!(found == wanted || tangent, "{scene}: {pair:?} {} {}", spheres[i].radius, spheres[j].radius);
+            assert!(
+                found == wanted || tangent,
+                "{scene}: {pair:?} {} {}",
+                spheres[i].radius,
+                spheres[j].radius
+            );
         }
     }
     assert_eq!(given.next(), None, "{scene}: not a pair i < j below n");
@@ -91,9 +100,9 @@ fn scenes() -> Vec<(&'static str, Vec<Sphere>)> {
     let mut crowds = cloud(10, 700, 0.5, |_| 0.02);
     crowds.extend(moved(cloud(11, 600, 0.5, |_| 0.02), 7.0));
     crowds.extend(cloud(12, 300, 100.0, |_| 0.02));
-    let tiny = |scale: f32| cloud(13, 300, 1.0, |_| 0.1).into_iter().map(move |s| {
-        Sphere::new(s.center * scale, s.radius * scale)
-    });
+    let tiny = |scale: f32| {
+        cloud(13, 300, 1.0, |_| 0.1).into_iter().map(move |s| Sphere::new(s.center * scale, s.radius * scale))
+    };
     vec![
         ("empty", vec![]),
         ("one", vec![Sphere::new([1.0; 3], 1.0)]),
@@ -120,7 +129,10 @@ fn scenes() -> Vec<(&'static str, Vec<Sphere>)> {
         ("subnormal", tiny(1e-39).collect()),
         ("huge radii", vec![Sphere::new([3e38, 0.0, 0.0], 3e38), Sphere::new([-3e38, 0.0, 0.0], 3.4e38)]),
         ("one at the largest float", vec![Sphere::new([f32::MAX; 3], 0.0)]),
-        ("corners of space", [f32::MAX, -f32::MAX, f32::MAX, 0.0].map(|x| Sphere::new([x, -x, x], 1.0)).to_vec()),
+        (
+            "corners of space",
+            [f32::MAX, -f32::MAX, f32::MAX, 0.0].map(|x| Sphere::new([x, -x, x], 1.0)).to_vec(),
+        ),
         ("negative zero", vec![Sphere::new([-0.0; 3], -0.0), Sphere::new([0.0; 3], 0.0)]),
     ]
 }
@@ -186,8 +198,11 @@ fn bad_spheres_are_quarantined_and_counted() {
         let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
         let found = detect(&own, &mut detector, &spheres);
         assert_eq!(found.outcome.quarantined, bad.len() as u32, "{algorithm}");
-        let shifted: Vec<_> =
-            found.pairs.iter().map(|p| Pair { i: p.i - bad.len() as u32, j: p.j - bad.len() as u32 }).collect();
+        let shifted: Vec<_> = found
+            .pairs
+            .iter()
+            .map(|p| Pair { i: p.i - bad.len() as u32, j: p.j - bad.len() as u32 })
+            .collect();
         judge("quarantine", &good, &shifted, touching(&good));
         let all_bad = detect(&own, &mut detector, &bad.map(Sphere::from));
         assert_eq!((all_bad.outcome.found(), all_bad.outcome.quarantined), (0, bad.len() as u32));
@@ -212,7 +227,11 @@ fn the_number_of_spheres_may_come_from_a_buffer() {
         }
         let count = upload(&own, &[4000_u32]);
         let count = Count::Buffer { buffer: &count, at_most: 3000 };
-        let found = detect_with(&own, &mut detector, &GpuSpheres { spheres: &buffer, count, species: None, window: GpuSpheres::ALL });
+        let found = detect_with(
+            &own,
+            &mut detector,
+            &GpuSpheres { spheres: &buffer, count, species: None, window: GpuSpheres::ALL },
+        );
         assert_eq!((found.outcome.spheres, found.outcome.overflow), (4000, Outcome::SPHERES));
     }
 }
@@ -228,8 +247,12 @@ fn interactions_decide_what_is_a_pair() {
     table.set(2, 2, Interaction::Touch).expect("in range");
     table.set(2, 1, Interaction::Within(0.01)).expect("in range");
     let buffers = (upload(&own, &spheres), upload(&own, &species));
-    let input =
-        GpuSpheres { spheres: &buffers.0, count: Count::Host(2500), species: Some(&buffers.1), window: GpuSpheres::ALL };
+    let input = GpuSpheres {
+        spheres: &buffers.0,
+        count: Count::Host(2500),
+        species: Some(&buffers.1),
+        window: GpuSpheres::ALL,
+    };
     for algorithm in ALGORITHMS {
         for subgroups in [false, true] {
             let settings =
@@ -266,7 +289,8 @@ fn what_does_not_fit_is_refused_with_the_remedy() {
     let mut detector = GpuDetector::new(&own.device, settings(Algorithm::ArrayGrid, true)).expect("made");
     let buffer = upload(&own, &[Sphere::zeroed(); 10]);
     let mut encoder = own.device.create_command_encoder(&Default::default());
-    let too_short = GpuSpheres { spheres: &buffer, count: Count::Host(11), species: None, window: GpuSpheres::ALL };
+    let too_short =
+        GpuSpheres { spheres: &buffer, count: Count::Host(11), species: None, window: GpuSpheres::ALL };
     let error = detector.encode(&mut encoder, &too_short).expect_err("11 do not fit into 10");
     assert_eq!(error, GpuError::Buffer { what: "spheres", size: 160, needed: 176, usage: "" });
     let with_species = GpuSpheres { count: Count::Host(2), species: Some(&buffer), ..too_short.clone() };

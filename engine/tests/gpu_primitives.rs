@@ -48,8 +48,7 @@ fn check_sort(own: &OwnDevice, sort: &mut RadixSort, keys: &[u32], bits: u32) {
     let count = keys.len();
     let payload: Vec<u32> = (0..count as u32).collect();
     let input = Sorted { keys: upload(own, keys), payload: upload(own, &payload) };
-    let sorted =
-        submit(own, |encoder| sort.encode(encoder, &input, count as u32, bits)).expect("recorded");
+    let sorted = submit(own, |encoder| sort.encode(encoder, &input, count as u32, bits)).expect("recorded");
     let mut expected = payload;
     let mask = u32::MAX >> (32 - bits);
     expected.sort_by_key(|&index| keys[index as usize] & mask);

@@ -40,7 +40,13 @@ fn lists_counts_neighbours_and_streams_agree_with_the_cpu() {
             assert_eq!(detector.count(&spheres).expect("counted"), wanted.len() as u64);
             let lists = detector.neighbors(&spheres).expect("found");
             let of_each: Vec<Pair> = (0..n)
-                .flat_map(|k| lists.of(k).iter().filter(move |&&j| j as usize > k).map(move |&j| Pair { i: k as u32, j }))
+                .flat_map(|k| {
+                    lists
+                        .of(k)
+                        .iter()
+                        .filter(move |&&j| j as usize > k)
+                        .map(move |&j| Pair { i: k as u32, j })
+                })
                 .collect();
             assert!(of_each == wanted && lists.indices.len() == 2 * wanted.len());
             let mut streamed = Vec::new();
@@ -62,7 +68,9 @@ fn lists_counts_neighbours_and_streams_agree_with_the_cpu() {
 fn columns_are_taken_as_well_as_rows() {
     let Some(_) = device() else { return };
     let spheres = cloud(1, 5000, 10);
-    let column = |k: usize| -> Vec<f32> { spheres.iter().map(|s| s.center.to_array().get(k).copied().unwrap_or(s.radius)).collect() };
+    let column = |k: usize| -> Vec<f32> {
+        spheres.iter().map(|s| s.center.to_array().get(k).copied().unwrap_or(s.radius)).collect()
+    };
     let [x, y, z, r] = [0, 1, 2, 3].map(column);
     let columns = Spheres::columns(&x, &y, &z, &r).expect("one length");
     assert_eq!(gpu(Config::default()).pairs(columns).expect("found"), expected(&spheres));
@@ -118,8 +126,7 @@ fn two_calls_overlap_and_a_third_waits_its_turn() {
         assert_eq!(pairs, expected(&scenes[k - 1]));
         before = next;
     }
-    let mut pairs =
-        pollster::block_on(session.finish_async(before, u64::MAX)).expect("found").to_vec();
+    let mut pairs = pollster::block_on(session.finish_async(before, u64::MAX)).expect("found").to_vec();
     pairs.sort_unstable();
     assert_eq!(pairs, expected(&scenes[5]));
 }
@@ -145,8 +152,7 @@ fn a_lost_device_is_an_error_and_a_new_detector_works() {
 fn unordered_lists_have_the_same_pairs() {
     let Some(_) = device() else { return };
     let spheres = cloud(4, 10_000, 20);
-    let mut pairs =
-        gpu(Config::default().order(Order::Unordered)).pairs(&spheres).expect("found").to_vec();
+    let mut pairs = gpu(Config::default().order(Order::Unordered)).pairs(&spheres).expect("found").to_vec();
     pairs.sort_unstable();
     assert_eq!(pairs, expected(&spheres));
 }

@@ -25,9 +25,7 @@ fn each_shader(mut check: impl FnMut(&'static Kernel, Variant, &Module, &ModuleI
                 Capabilities::SUBGROUP | Capabilities::SUBGROUP_BARRIER,
             )
             .validate(&module)
-            .unwrap_or_else(|error| {
-                panic!("{} {variant:?}: {}", kernel.name, error.emit_to_string(&source))
-            });
+            .unwrap_or_else(|error| panic!("{} {variant:?}: {}", kernel.name, error.emit_to_string(&source)));
             check(kernel, variant, &module, &info);
         }
     }

@@ -6,7 +6,9 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum GpuError {
     /// No adapter answered.
-    #[error("no GPU adapter was found ({reason}); install a Vulkan, Metal or DirectX 12 driver, or use the CPU")]
+    #[error(
+        "no GPU adapter was found ({reason}); install a Vulkan, Metal or DirectX 12 driver, or use the CPU"
+    )]
     NoAdapter {
         /// What was asked and what came back.
         reason: String,
@@ -32,7 +34,9 @@ pub enum GpuError {
         remedy: &'static str,
     },
     /// The device has no memory left.
-    #[error("the device has no room for {bytes} bytes ({what}); use fewer spheres or a smaller pair capacity")]
+    #[error(
+        "the device has no room for {bytes} bytes ({what}); use fewer spheres or a smaller pair capacity"
+    )]
     OutOfMemory {
         /// What it was for.
         what: &'static str,
@@ -54,7 +58,9 @@ pub enum GpuError {
         reason: String,
     },
     /// The device did not finish in time.
-    #[error("the device did not finish within {seconds} seconds; use fewer spheres per call or raise the time-out")]
+    #[error(
+        "the device did not finish within {seconds} seconds; use fewer spheres per call or raise the time-out"
+    )]
     Timeout {
         /// How long was waited.
         seconds: u64,

@@ -49,8 +49,7 @@ impl Mapping {
         let device = device.clone();
         let waiting = self.clone();
         let poll = move || {
-            let until =
-                wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(timeout) };
+            let until = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(timeout) };
             if let Err(error) = device.poll(until) {
                 let seconds = timeout.as_secs();
                 waiting.answer(Err(match error {

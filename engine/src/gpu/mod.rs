@@ -17,9 +17,9 @@ mod scope;
 mod session;
 mod slot;
 
-pub(crate) use device_detector::DeviceDetector;
 pub use adapter::{AdapterSummary, OwnDevice, adapters, wanted_features};
 pub use detector::{Count, GpuDetector, GpuSettings, GpuSpheres, read_outcome};
+pub(crate) use device_detector::DeviceDetector;
 pub use error::GpuError;
 pub use lazygrid_kernels::layout::Outcome;
 pub use plan::{DeviceLimits, Phase, Plan, Request, Resource, Slot, Stage, plan};

@@ -31,7 +31,8 @@ impl Pipelines {
         let subgroups = (offered && smallest >= 4).then_some(smallest);
         // Ranking tables of small subgroups need more workgroup memory than some devices have.
         let memory = device.limits().max_compute_workgroup_storage_size;
-        let fits = |size: &u32| Variant { subgroups: Some(*size), species: false }.workgroup_memory() <= memory;
+        let fits =
+            |size: &u32| Variant { subgroups: Some(*size), species: false }.workgroup_memory() <= memory;
         Self { device: device.clone(), subgroups: subgroups.filter(fits), compiled: Arc::default() }
     }
 

@@ -353,7 +353,9 @@ fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), GpuErr
     for &(slot, needed) in &plan.buffers {
         if needed > limit {
             let (what, remedy) = match slot {
-                Slot::Pairs => ("the pair buffer", "use a smaller pair capacity and take the result in parts"),
+                Slot::Pairs => {
+                    ("the pair buffer", "use a smaller pair capacity and take the result in parts")
+                }
                 _ => ("a buffer for entries", remedy),
             };
             return Err(GpuError::LimitExceeded { what, needed, limit, remedy });
@@ -367,7 +369,12 @@ fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), GpuErr
     let limit = limits.storage_buffers.into();
     if needed > limit {
         let remedy = "request the adapter's own limits when making the device";
-        return Err(GpuError::LimitExceeded { what: "a kernel's number of storage buffers", needed, limit, remedy });
+        return Err(GpuError::LimitExceeded {
+            what: "a kernel's number of storage buffers",
+            needed,
+            limit,
+            remedy,
+        });
     }
     Ok(())
 }

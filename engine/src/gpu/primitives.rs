@@ -62,21 +62,20 @@ impl RadixSort {
         let variant = self.pipelines.variant(false);
         let uniforms = &self.passes;
         let stages = sort_stages(count, passes).filter(|stage| stage.groups > 0);
-        let recording =
-            Recording::new(&self.device, &self.pipelines, variant, stages, |stage, binding| {
-                let front = stage.pass as usize % 2;
-                match binding {
-                    "digit_pass" => &uniforms[stage.pass as usize],
-                    "lengths" => &lengths,
-                    "keys" => keys[front],
-                    "payload" => payload[front],
-                    "sorted_keys" => keys[1 - front],
-                    "sorted_payload" => payload[1 - front],
-                    "sums" => buffers.get(Slot::Sums),
-                    "total" => buffers.get(Slot::Total),
-                    _ => buffers.get(Slot::Counts),
-                }
-            })?;
+        let recording = Recording::new(&self.device, &self.pipelines, variant, stages, |stage, binding| {
+            let front = stage.pass as usize % 2;
+            match binding {
+                "digit_pass" => &uniforms[stage.pass as usize],
+                "lengths" => &lengths,
+                "keys" => keys[front],
+                "payload" => payload[front],
+                "sorted_keys" => keys[1 - front],
+                "sorted_payload" => payload[1 - front],
+                "sums" => buffers.get(Slot::Sums),
+                "total" => buffers.get(Slot::Total),
+                _ => buffers.get(Slot::Counts),
+            }
+        })?;
         recording.encode(encoder);
         let last = if count == 0 { 0 } else { passes as usize % 2 };
         Ok(Sorted { keys: keys[last].clone(), payload: payload[last].clone() })

@@ -175,7 +175,9 @@ impl GpuSession {
             let _ = consume(&mut self.pairs);
             return Ok(());
         }
-        pollster::block_on(self.windows(ticket.number, outcome.found(), Wait::Blocking, |pairs| consume(pairs)))
+        pollster::block_on(
+            self.windows(ticket.number, outcome.found(), Wait::Blocking, |pairs| consume(pairs)),
+        )
     }
 
     async fn collect(&mut self, ticket: Ticket, limit: u64, wait: Wait) -> Result<(), GpuError> {
@@ -228,7 +230,8 @@ impl GpuSession {
             }
             log::info!("{} entries do not fit: repeating with raster ratio {ratio}", outcome.entries());
             self.pairs.clear();
-            let relaunched = self.detector.set_raster_ratio(ratio).and_then(|()| self.launch(number, GpuSpheres::ALL));
+            let relaunched =
+                self.detector.set_raster_ratio(ratio).and_then(|()| self.launch(number, GpuSpheres::ALL));
             self.detector.set_raster_ratio(self.raster_ratio)?;
             relaunched?;
         }
@@ -321,7 +324,8 @@ impl GpuSession {
         self.time("wait", start.elapsed());
         let start = Instant::now();
         let view = staging.slice(..).get_mapped_range();
-        let view = view.map_err(|error| GpuError::Validation { what: "readback", reason: error.to_string() })?;
+        let view =
+            view.map_err(|error| GpuError::Validation { what: "readback", reason: error.to_string() })?;
         let returned = Returned(&view);
         let outcome = returned.outcome()?;
         if outcome.found() <= staged.min(capacity.into()) {

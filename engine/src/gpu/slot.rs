@@ -73,7 +73,9 @@ pub(crate) fn copy_back(
     pairs: u64,
 ) {
     let [outcome, ticks, list] = from;
-    for (source, at, most) in [(outcome, 0, TICKS_AT), (ticks, TICKS_AT, TICKS_AT), (list, PAIRS_AT, pairs * 8)] {
+    for (source, at, most) in
+        [(outcome, 0, TICKS_AT), (ticks, TICKS_AT, TICKS_AT), (list, PAIRS_AT, pairs * 8)]
+    {
         if let Some(source) = source {
             let bytes = source.size().min(most);
             if bytes > 0 {

@@ -1,0 +1,90 @@
+//! Many spheres in one call, and many calls one after another.
+
+mod common;
+
+use std::time::Duration;
+
+use common::{Random, device};
+use lazygrid::gpu::{GpuSession, GpuSettings, OwnDevice};
+use lazygrid::{Backend, Config, Detector, Sphere, Spheres};
+
+fn uniform(seed: u64, n: usize, edge: f32, radius: f32) -> Vec<Sphere> {
+    let mut random = Random(seed);
+    (0..n).map(|_| Sphere::new([0; 3].map(|_| random.unit() * edge), radius)).collect()
+}
+
+fn count_on_cpu(detector: &mut Detector, spheres: &[Sphere]) -> u64 {
+    detector.count(spheres).expect("valid")
+}
+
+fn cpu() -> Detector {
+    Detector::new(Config::default().backend(Backend::Cpu)).expect("the CPU")
+}
+
+/// Spheres within rounding of tangency may fall either way; a few in ten million pairs do.
+fn agree(gpu: u64, cpu: u64) -> bool {
+    gpu.abs_diff(cpu) <= 2 + cpu / 1_000_000
+}
+
+#[test]
+fn four_million_spheres_in_one_call() {
+    let Some(own) = device() else { return };
+    let n = 4_000_000;
+    // A twentieth of the box is filled.
+    let edge = (n as f32 * 4.188_79 * 0.125 / 0.05).cbrt();
+    let spheres = uniform(1, n, edge, 0.5);
+    let mut session = GpuSession::new(own, GpuSettings::default()).expect("made");
+    let ticket = session.begin(Spheres::from(&spheres)).expect("fits");
+    let mut found = session.finish(ticket, u64::MAX).expect("found").to_vec();
+    found.sort_unstable();
+    let mut detector = cpu();
+    let expected = detector.pairs(&spheres).expect("valid");
+    let differing = found.iter().filter(|pair| expected.binary_search(pair).is_err()).count();
+    assert!(agree(found.len() as u64, expected.len() as u64), "{} {}", found.len(), expected.len());
+    assert!(differing <= 2 + expected.len() / 1_000_000, "{differing}");
+}
+
+/// `LAZYGRID_SOAK` sets the number of steps; CI and a release run 20 000.
+#[test]
+fn soak_of_changing_sizes_and_shapes() {
+    let Some(own) = device() else { return };
+    let steps = std::env::var("LAZYGRID_SOAK").ok().and_then(|text| text.parse().ok()).unwrap_or(400_u64);
+    let mut session = GpuSession::new(own.clone(), GpuSettings::default()).expect("made");
+    session.set_timeout(Duration::from_secs(60));
+    let mut detector = cpu();
+    let mut memory = None;
+    for step in 0..steps {
+        let spheres = scene(step);
+        let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+        let found = session.finish_count(ticket).expect("counted");
+        if step % 100 == 0 {
+            let expected = count_on_cpu(&mut detector, &spheres);
+            assert!(agree(found, expected), "step {step}: {found} instead of {expected}");
+        }
+        // By then both calls in flight have seen the largest size.
+        if step == steps / 4 {
+            memory = Some(held(&own, &session));
+        }
+    }
+    let before = memory.expect("there are steps");
+    let after = held(&own, &session);
+    assert!(after <= before, "{before:?} bytes grew to {after:?}");
+}
+
+/// Spheres, boxes, crowds and points of changing number.
+fn scene(step: u64) -> Vec<Sphere> {
+    let mut random = Random(step);
+    let n = if step % 11 == 3 { 5000 } else { (random.word() % 5000) as usize };
+    match step % 4 {
+        0 => uniform(step, n, 20.0, 0.5),
+        1 => uniform(step, n, 1000.0, 0.5),
+        2 => uniform(step, n % 600, 0.5, 0.25),
+        _ => (0..n).map(|k| Sphere::new([k as f32 * 0.75, 0.0, 0.0], random.unit())).collect(),
+    }
+}
+
+/// What the device has allocated, and what the session holds of it.
+fn held(own: &OwnDevice, session: &GpuSession) -> (u64, u64) {
+    let allocated = own.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes);
+    (allocated, session.held_bytes())
+}
