@@ -96,14 +96,18 @@ fn simulator_device() -> Result<(wgpu::Device, wgpu::Queue), Box<dyn Error>> {
 /// Equal spheres that fill a twentieth of a cube, placed by a small hash.
 fn simulator_spheres(device: &wgpu::Device, queue: &wgpu::Queue) -> wgpu::Buffer {
     let edge = (f64::from(SPHERES) * 4.19 * 0.125 / 0.05).cbrt() as f32;
-    let unit = |k: u32| {
-        (k.wrapping_mul(0x9e37_79b9) ^ k.rotate_left(13).wrapping_mul(0x85eb_ca6b)) as f32 / 2_f32.powi(32)
-    };
     let spheres: Vec<Sphere> =
         (0..SPHERES).map(|k| Sphere::new([1, 2, 3].map(|axis| unit(3 * k + axis) * edge), 0.5)).collect();
     let buffer = buffer(device, "spheres", u64::from(SPHERES) * 16, wgpu::BufferUsages::COPY_DST);
     queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&spheres));
     buffer
+}
+
+/// A number in 0..1 that looks random: an integer hash of `k`.
+fn unit(k: u32) -> f32 {
+    let k = (k ^ (k >> 16)).wrapping_mul(0x7feb_352d);
+    let k = (k ^ (k >> 15)).wrapping_mul(0x846c_a68b);
+    ((k ^ (k >> 16)) >> 8) as f32 / (1 << 24) as f32
 }
 
 fn buffer(device: &wgpu::Device, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {

@@ -46,15 +46,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let OwnDevice { device, queue, adapter, .. } = OwnDevice::open(true)?;
 
     let radius = (0.05 / (4.19 * f64::from(spheres))).cbrt() as f32;
-    let unit = |k: u32| k.wrapping_mul(0x9e37_79b9) as f32 / 2_f32.powi(32);
-    let start: Vec<Sphere> = (0..spheres)
-        .map(|k| {
-            Sphere::new(
-                [unit(3 * k), unit((3 * k + 1).rotate_left(7)), unit((3 * k + 2).rotate_left(17))],
-                radius,
-            )
-        })
-        .collect();
+    let start: Vec<Sphere> =
+        (0..spheres).map(|k| Sphere::new([1, 2, 3].map(|axis| unit(3 * k + axis)), radius)).collect();
     let positions = buffer(&device, u64::from(spheres) * 16);
     let total = buffer(&device, 16);
     queue.write_buffer(&positions, 0, bytemuck::cast_slice(&start));
@@ -92,6 +85,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         seconds * 1e3 / f64::from(steps.max(1)),
     )?;
     Ok(())
+}
+
+/// A number in 0..1 that looks random: an integer hash of `k`.
+fn unit(k: u32) -> f32 {
+    let k = (k ^ (k >> 16)).wrapping_mul(0x7feb_352d);
+    let k = (k ^ (k >> 15)).wrapping_mul(0x846c_a68b);
+    ((k ^ (k >> 16)) >> 8) as f32 / (1 << 24) as f32
 }
 
 fn buffer(device: &wgpu::Device, size: u64) -> wgpu::Buffer {

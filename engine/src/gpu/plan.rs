@@ -187,7 +187,7 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
         pairs: request.pairs,
         entries: 0,
         key_bits: 0,
-        search_groups: SEARCH_GROUPS.min(limits.groups_per_dimension),
+        search_groups: 0,
         buffers: vec![
             (Slot::Bounds, BOUNDS_BYTES),
             (Slot::Grid, GRID_BYTES),
@@ -201,6 +201,10 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
         plan.key_bits = key_bits(request.spheres);
         plan.buffers.extend(entry_buffers(plan.entries));
     }
+    // No more workgroups than there can be pairs of blocks.
+    let blocks = plan.entries.max(plan.spheres).div_ceil(k::GROUP);
+    let shares = blocks.saturating_mul(blocks).max(1);
+    plan.search_groups = SEARCH_GROUPS.min(limits.groups_per_dimension).min(shares);
     plan.stages = stages(&plan);
     check(&plan, request.species != 0, limits)?;
     Ok(plan)

@@ -15,15 +15,13 @@ pub(crate) fn scoped<T>(
     let result = work();
     // The futures are ready at once on native devices.
     let errors = [internal, validation, memory].map(|scope| pollster::block_on(scope.pop()));
-    for error in errors.into_iter().flatten() {
-        return Err(match error {
-            wgpu::Error::OutOfMemory { .. } => GpuError::OutOfMemory { what, bytes },
-            wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
-                lost_or_refused(what, description)
-            }
-        });
+    match errors.into_iter().flatten().next() {
+        None => Ok(result),
+        Some(wgpu::Error::OutOfMemory { .. }) => Err(GpuError::OutOfMemory { what, bytes }),
+        Some(wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. }) => {
+            Err(lost_or_refused(what, description))
+        }
     }
-    Ok(result)
 }
 
 fn lost_or_refused(what: &'static str, reason: String) -> GpuError {
