@@ -9,7 +9,7 @@ use super::GpuError;
 /// Up to this many spheres all pairs are tested: the grid's fixed number of dispatches costs more.
 const NAIVE_SPHERES: u32 = 4096;
 /// Workgroups of the searches that share out their work: enough to fill today's largest devices several times.
-const SEARCH_GROUPS: u32 = 4096;
+const SEARCH_GROUPS: u32 = 2048;
 /// The most entries: their number and the counters of a sort stay in 32 bits with room to spare.
 const MAX_ENTRIES: u64 = 1 << 30;
 /// The fewest key bits: folding needs three per axis.
