@@ -8,7 +8,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::array_grid::ArrayGrid;
 use crate::canonical::Canonical;
 use crate::cell_list::CellList;
-use crate::columns::Columns;
+use crate::columns::{Columns, reserve};
 use crate::contact::Rule;
 use crate::hash_grid::HashGrid;
 use crate::neighbors::Lists;
@@ -197,12 +197,13 @@ impl State {
         let Self { report, columns, cell_list, hash_grid, array_grid, recursive_grid, .. } = self;
         match report.algorithm {
             Algorithm::Naive => {
+                columns.reserve(input.survey.spheres)?;
                 report.time("gather", || columns.gather(&input.rule, 0..input.survey.spheres as u32));
             }
             Algorithm::HashGrid => hash_grid.build(input, report),
             Algorithm::ArrayGrid => array_grid.build(input, report),
             Algorithm::RecursiveGrid => recursive_grid.build(input, report),
-            _ => cell_list.build(input, report),
+            _ => cell_list.build(input, report)?,
         }
         Ok(())
     }
@@ -230,17 +231,20 @@ impl State {
     }
 
     /// Moves collected chunks into `pairs` and keeps their memory.
-    fn arrange(&mut self, mut chunks: Vec<Vec<Pair>>, order: Order, spheres: usize) {
+    fn arrange(&mut self, mut chunks: Vec<Vec<Pair>>, order: Order, spheres: usize) -> Result<(), Error> {
         let Self { report, canonical, pairs, .. } = self;
         report.time("order", || match order {
             Order::Canonical => canonical.order(&chunks, spheres, pairs),
             Order::Unordered => {
                 pairs.clear();
+                reserve(pairs, chunks.iter().map(Vec::len).sum(), "pairs")?;
                 chunks.iter().for_each(|chunk| pairs.extend_from_slice(chunk));
+                Ok(())
             }
-        });
+        })?;
         chunks.iter_mut().for_each(Vec::clear);
         self.spare.append(&mut chunks);
+        Ok(())
     }
 
     fn list(&mut self, input: &Input<'_>, order: Order) -> Result<(), Error> {
@@ -251,8 +255,7 @@ impl State {
             self.spare.clear();
             return Err(Error::TooManyPairs { found, limit });
         }
-        self.arrange(chunks, order, input.survey.spheres);
-        Ok(())
+        self.arrange(chunks, order, input.survey.spheres)
     }
 
     /// Streams as the threads find.
@@ -268,7 +271,7 @@ impl State {
         let (found, chunks) = self.collect(input, limit, 0..u32::MAX);
         let spheres = input.survey.spheres;
         if found <= limit {
-            self.arrange(chunks, Order::Canonical, spheres);
+            self.arrange(chunks, Order::Canonical, spheres)?;
             let _ = consume(&self.pairs);
             return Ok(());
         }
@@ -287,7 +290,7 @@ impl State {
             };
             let to = from + counts[from..].iter().take_while(fits).count().max(1);
             let (_, chunks) = self.collect(input, u64::MAX, from as u32..to as u32);
-            self.arrange(chunks, Order::Canonical, spheres);
+            self.arrange(chunks, Order::Canonical, spheres)?;
             if consume(&self.pairs).is_break() {
                 break;
             }

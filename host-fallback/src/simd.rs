@@ -4,6 +4,10 @@
 //! here; what lies inside it is left to the exact test of [`Rule`](crate::contact::Rule). So vector width, fused
 //! multiply-adds and the order of operations cannot change a result.
 
+use std::ops::Range;
+
+use lazygrid_kernels::Pair;
+
 use crate::columns::Columns;
 
 /// The most lanes of any vector; columns are padded by this many so that a load at their end stays inside.
@@ -91,6 +95,80 @@ pub(crate) trait Vector: Copy {
     fn possible(self, gaps: Self::Gaps) -> u32;
     /// Lanes that touch without doubt.
     fn certain(self, gaps: Self::Gaps) -> u32;
+    /// The cell of the point `center + offset`, cut to the raster. Monotone along each axis, and the same operations
+    /// in the same order for every width.
+    fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
+    /// On which axes, as bits, the cell of `center - reach` lies before `cell`, and that of `center + reach` behind it.
+    fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2];
+    /// Appends those runs whose bits are set in `wanted` and which are not empty once they begin no earlier than the
+    /// sphere behind `at`.
+    fn append(self, jobs: &mut Jobs, at: u32, starts: &[u32; MAX_LANES], ends: &[u32; MAX_LANES], wanted: u32);
+    /// Writes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes` to the front of
+    /// `pairs`; what stands behind them is then of no meaning. Returns how many there are.
+    fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
+}
+
+/// From coordinates to cells, for `x`, `y` and `z`; the fourth lane only fills a vector.
+#[derive(Clone, Debug)]
+pub(crate) struct Axes {
+    /// Cells per unit length.
+    pub(crate) per_length: [f64; 4],
+    /// The cell coordinates of the lowest corner.
+    pub(crate) origin: [f64; 4],
+    /// The highest cell of each axis, at most `i32::MAX`.
+    pub(crate) last: [f64; 4],
+}
+
+/// Runs of spheres that are found but not compared yet: sphere `at` against those at `start..end`.
+///
+/// How many rows a sphere has to look at, and how many of them are empty, no branch predictor can tell. So finding
+/// runs is kept apart from comparing: it appends without a branch.
+pub(crate) struct Jobs {
+    at: [u32; Self::ROOM],
+    start: [u32; Self::ROOM],
+    end: [u32; Self::ROOM],
+    len: usize,
+}
+
+impl Jobs {
+    /// 6 KiB in all, a small part of the first-level cache.
+    const ROOM: usize = 512;
+    /// The most before they must be worked off.
+    const FULL: usize = Self::ROOM - MAX_LANES;
+
+    pub(crate) fn new() -> Self {
+        Self { at: [0; Self::ROOM], start: [0; Self::ROOM], end: [0; Self::ROOM], len: 0 }
+    }
+
+    /// Whether there may be no room for the runs of another vector.
+    #[inline(always)]
+    pub(crate) fn is_full(&self) -> bool {
+        self.len >= Self::FULL
+    }
+
+    /// Appends one run, if it is wanted and not empty. They must not be full.
+    #[inline(always)]
+    pub(crate) fn push(&mut self, at: u32, run: Range<u32>, wanted: bool) {
+        let len = self.len % Self::ROOM;
+        (self.at[len], self.start[len], self.end[len]) = (at, run.start, run.end);
+        self.len = len + usize::from(wanted & (run.start < run.end));
+    }
+
+    /// The sphere and the run of job `k`.
+    #[inline(always)]
+    pub(crate) fn get(&self, k: usize) -> (usize, Range<usize>) {
+        (self.at[k] as usize, self.start[k] as usize..self.end[k] as usize)
+    }
+
+    #[inline(always)]
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    #[inline(always)]
+    pub(crate) fn clear(&mut self) {
+        self.len = 0;
+    }
 }
 
 /// Plain loops over eight lanes.
@@ -128,13 +206,62 @@ impl Vector for Portable {
     fn certain(self, (d2, s2): Self::Gaps) -> u32 {
         (0..8).fold(0, |mask, k| mask | u32::from(d2[k] < s2[k] * (1.0 - BAND) - FLOOR) << k)
     }
+
+    #[inline(always)]
+    fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
+        let mut cell = [0; 4];
+        for axis in 0..3 {
+            let at = (f64::from(center[axis]) + offset) * axes.per_length[axis] - axes.origin[axis];
+            cell[axis] = at.max(0.0).min(axes.last[axis]) as u32;
+        }
+        cell
+    }
+
+    #[inline(always)]
+    fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
+        let (low, high) = (self.cell(axes, center, -reach), self.cell(axes, center, reach));
+        let bits = |side: fn(u32, u32) -> bool, at: [u32; 4]| {
+            (0..3).fold(0, |bits, axis| bits | u32::from(side(at[axis], cell[axis])) << axis)
+        };
+        [bits(|a, b| a < b, low), bits(|a, b| a > b, high)]
+    }
+
+    #[inline(always)]
+    fn append(self, jobs: &mut Jobs, at: u32, starts: &[u32; MAX_LANES], ends: &[u32; MAX_LANES], wanted: u32) {
+        append(jobs, at, starts, ends, wanted);
+    }
+
+    #[inline(always)]
+    fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
+        pack(id, ids, lanes, pairs)
+    }
+}
+
+/// Appending run by run; five are the most that anybody wants.
+#[inline(always)]
+fn append(jobs: &mut Jobs, at: u32, starts: &[u32; MAX_LANES], ends: &[u32; MAX_LANES], wanted: u32) {
+    for row in 0..5 {
+        jobs.push(at, starts[row].max(at + 1)..ends[row], wanted >> row & 1 != 0);
+    }
+}
+
+/// Packing lane by lane.
+#[inline(always)]
+fn pack(id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
+    let (mut open, mut packed) = (lanes, 0);
+    while open != 0 {
+        pairs[packed % MAX_LANES] = Pair::new(id, ids[open.trailing_zeros() as usize % MAX_LANES]);
+        packed += 1;
+        open &= open - 1;
+    }
+    packed
 }
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use std::arch::x86_64::*;
 
-    use super::{BAND, Columns, FLOOR, Task, Vector};
+    use super::{Axes, BAND, Columns, FLOOR, Jobs, MAX_LANES, Pair, Task, Vector};
 
     /// Proof that AVX-512F is there; made only by [`with_avx512`].
     #[derive(Clone, Copy)]
@@ -143,6 +270,42 @@ mod x86 {
     /// Proof that AVX2 and FMA are there; made only by [`with_avx2`].
     #[derive(Clone, Copy)]
     pub(crate) struct Avx2(());
+
+    /// One cell with AVX.
+    ///
+    /// # Safety
+    /// The processor must have AVX2.
+    #[inline(always)]
+    unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
+        let mut cell = [0; 4];
+        // SAFETY: AVX2 by the caller's promise; each array read or written has the vector's size.
+        unsafe {
+            let at = _mm256_add_pd(_mm256_cvtps_pd(_mm_setr_ps(x, y, z, 0.0)), _mm256_set1_pd(offset));
+            let at = _mm256_mul_pd(at, _mm256_loadu_pd(axes.per_length.as_ptr()));
+            let at = _mm256_sub_pd(at, _mm256_loadu_pd(axes.origin.as_ptr()));
+            let at = _mm256_max_pd(at, _mm256_setzero_pd());
+            let at = _mm256_min_pd(at, _mm256_loadu_pd(axes.last.as_ptr()));
+            _mm_storeu_si128(cell.as_mut_ptr().cast(), _mm256_cvttpd_epi32(at));
+        }
+        cell
+    }
+
+    /// Both sides with AVX2.
+    ///
+    /// # Safety
+    /// The processor must have AVX2.
+    #[inline(always)]
+    unsafe fn sides(axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
+        // SAFETY: AVX2 by the caller's promise; each array is one vector long. Cells fit an `i32`.
+        unsafe {
+            let own = _mm_loadu_si128(cell.as_ptr().cast());
+            let low = _mm_loadu_si128(self::cell(axes, center, -reach).as_ptr().cast());
+            let high = _mm_loadu_si128(self::cell(axes, center, reach).as_ptr().cast());
+            let (before, behind) = (_mm_cmpgt_epi32(own, low), _mm_cmpgt_epi32(high, own));
+            let bits = [_mm_movemask_ps(_mm_castsi128_ps(before)), _mm_movemask_ps(_mm_castsi128_ps(behind))];
+            [bits[0] as u32, bits[1] as u32]
+        }
+    }
 
     #[target_feature(enable = "avx512f,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     pub(super) fn with_avx512<T: Task>(task: T) -> T::Result {
@@ -196,6 +359,60 @@ mod x86 {
                 u32::from(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(d2, bound))
             }
         }
+
+        #[inline(always)]
+        fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
+            // SAFETY: `self` proves AVX2.
+            unsafe { cell(axes, center, offset) }
+        }
+
+        #[inline(always)]
+        fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
+            // SAFETY: `self` proves AVX2.
+            unsafe { sides(axes, center, reach, cell) }
+        }
+
+        #[inline(always)]
+        fn append(
+            self,
+            jobs: &mut Jobs,
+            at: u32,
+            starts: &[u32; MAX_LANES],
+            ends: &[u32; MAX_LANES],
+            wanted: u32,
+        ) {
+            // SAFETY: `self` proves AVX-512F; `starts` and `ends` are one vector long, and the columns of `jobs` have
+            // room for one behind `len`, which the assertion holds below `FULL`.
+            unsafe {
+                assert!(jobs.len < Jobs::FULL, "jobs are worked off before they are full");
+                let starts = _mm512_loadu_si512(starts.as_ptr().cast());
+                let starts = _mm512_max_epu32(starts, _mm512_set1_epi32(at as i32 + 1));
+                let ends = _mm512_loadu_si512(ends.as_ptr().cast());
+                let runs = _mm512_cmplt_epu32_mask(starts, ends) & wanted as __mmask16;
+                let len = jobs.len;
+                _mm512_storeu_si512(jobs.at.as_mut_ptr().add(len).cast(), _mm512_set1_epi32(at as i32));
+                _mm512_storeu_si512(jobs.start.as_mut_ptr().add(len).cast(), _mm512_maskz_compress_epi32(runs, starts));
+                _mm512_storeu_si512(jobs.end.as_mut_ptr().add(len).cast(), _mm512_maskz_compress_epi32(runs, ends));
+                jobs.len = len + runs.count_ones() as usize;
+            }
+        }
+
+        #[inline(always)]
+        fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
+            // SAFETY: `self` proves AVX-512F; `ids` is one vector long and `pairs` two.
+            unsafe {
+                let (id, ids) = (_mm512_set1_epi32(id as i32), _mm512_loadu_si512(ids.as_ptr().cast()));
+                let lanes = lanes as __mmask16;
+                let small = _mm512_maskz_compress_epi32(lanes, _mm512_min_epu32(id, ids));
+                let large = _mm512_maskz_compress_epi32(lanes, _mm512_max_epu32(id, ids));
+                let low = _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+                let high = _mm512_add_epi32(low, _mm512_set1_epi32(8));
+                let out: *mut __m512i = pairs.as_mut_ptr().cast();
+                _mm512_storeu_si512(out, _mm512_permutex2var_epi32(small, low, large));
+                _mm512_storeu_si512(out.add(1), _mm512_permutex2var_epi32(small, high, large));
+            }
+            lanes.count_ones() as usize
+        }
     }
 
     impl Vector for Avx2 {
@@ -239,6 +456,35 @@ mod x86 {
                 let bound = _mm256_fmsub_ps(s2, _mm256_set1_ps(1.0 - BAND), _mm256_set1_ps(FLOOR));
                 _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(d2, bound)) as u32
             }
+        }
+
+        #[inline(always)]
+        fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
+            // SAFETY: `self` proves AVX2.
+            unsafe { cell(axes, center, offset) }
+        }
+
+        #[inline(always)]
+        fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
+            // SAFETY: `self` proves AVX2.
+            unsafe { sides(axes, center, reach, cell) }
+        }
+
+        #[inline(always)]
+        fn append(
+            self,
+            jobs: &mut Jobs,
+            at: u32,
+            starts: &[u32; MAX_LANES],
+            ends: &[u32; MAX_LANES],
+            wanted: u32,
+        ) {
+            super::append(jobs, at, starts, ends, wanted);
+        }
+
+        #[inline(always)]
+        fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
+            super::pack(id, ids, lanes, pairs)
         }
     }
 }

@@ -103,7 +103,7 @@ fn morton(at: DVec3) -> u64 {
         v = (v | v << 4) & 0x10C3_0C30_C30C_30C3;
         (v | v << 2) & 0x1249_2492_4924_9249
     };
-    spread(at.x) | spread(at.y) << 1 | spread(at.z) << 2
+    spread(at.x) | (spread(at.y) << 1) | (spread(at.z) << 2)
 }
 
 /// How many pairs of the sorted sample share a cell at `depth` halvings.

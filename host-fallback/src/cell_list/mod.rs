@@ -13,12 +13,11 @@ mod raster;
 mod search;
 mod sort;
 
-use glam::Vec3;
-
-use crate::Survey;
+use crate::{Error, Survey};
 use crate::columns::Columns;
 use crate::detector::Input;
 use crate::report::Report;
+use crate::simd::Vector;
 use crate::sink::Output;
 use crate::survey::CLASSES;
 use crowding::Crowding;
@@ -66,15 +65,18 @@ impl Places<'_> {
 
     /// The table entry of a sphere.
     #[inline(always)]
-    fn cell_of(&self, center: Vec3, radius: f32) -> u32 {
+    fn cell_of<V: Vector>(&self, vector: V, [x, y, z, radius]: [f32; 4]) -> u32 {
         let level = &self.levels[usize::from(self.of_class[Survey::class_of(radius)])];
-        (level.base + level.raster.index(level.raster.cell_of(center))) as u32
+        (level.base + level.raster.index(level.raster.cell_of(vector, [x, y, z]))) as u32
     }
 }
 
 impl CellList {
     /// Plans and builds for these spheres.
-    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
         let Survey { min, max, .. } = input.survey;
         let plan = report.time("plan", || Levels::plan(&input.survey, &Crowding::sample(input)));
         let (mut base, mut from) = (0, 0);
@@ -88,7 +90,11 @@ impl CellList {
             (base, from) = (base + cells, to);
         }
         let places = Places { levels: &self.levels, of_class: &plan.of_class };
-        report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts));
+        report.time("sort", || {
+            self.sorter.reserve((from, base), &mut self.columns, &mut self.starts)?;
+            self.sorter.sort(input, places, &mut self.columns, &mut self.starts);
+            Ok(())
+        })
     }
 
     /// Finds all pairs.
