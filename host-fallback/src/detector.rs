@@ -28,7 +28,6 @@ pub struct HostDetector {
 /// All that survives between calls, apart from the pool, in which the rest of the work runs.
 #[derive(Debug)]
 struct State {
-    simd: Simd,
     report: Report,
     columns: Columns,
     cell_list: CellList,
@@ -64,11 +63,9 @@ impl HostDetector {
                 Some(built.map_err(|e| Error::Threads { threads, reason: e.to_string() })?)
             }
         };
-        let simd = Simd::detect();
-        log::debug!("vector code: {simd:?}");
+        log::debug!("vector code: {:?}", settings.simd);
         let report = Report { algorithm: settings.algorithm, ..Report::default() };
         let state = State {
-            simd,
             report,
             columns: Columns::default(),
             cell_list: CellList::default(),
@@ -181,7 +178,7 @@ impl HostDetector {
             let (algorithm, reason) = choice::choose(settings.algorithm, &survey);
             log::debug!("{reason}");
             (state.report.algorithm, state.report.reason) = (algorithm, reason);
-            let input = Input { rule, survey, settings, simd: state.simd };
+            let input = Input { rule, survey, settings, simd: settings.simd };
             state.build(&input)?;
             work(state, &input)
         };
@@ -222,7 +219,12 @@ impl State {
     }
 
     /// Collects at most `limit` pairs with `i` in `window`; returns how many there are and the chunks.
-    fn collect(&mut self, input: &Input<'_>, limit: u64, window: std::ops::Range<u32>) -> (u64, Vec<Vec<Pair>>) {
+    fn collect(
+        &mut self,
+        input: &Input<'_>,
+        limit: u64,
+        window: std::ops::Range<u32>,
+    ) -> (u64, Vec<Vec<Pair>>) {
         let list = To::List { limit, kept: AtomicU64::new(0) };
         let output = Written { window, ..Written::new(list, std::mem::take(&mut self.spare)) };
         let (found, chunks) = self.search(input, &output).finish();

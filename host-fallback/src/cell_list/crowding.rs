@@ -90,7 +90,7 @@ fn sample_size(n: usize) -> usize {
 fn sample_index(k: usize, size: usize, n: usize) -> usize {
     let (from, to) = (k * n / size, (k + 1) * n / size);
     let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
-    from + (mixed * (to - from) as u64 >> 32) as usize
+    from + ((mixed * (to - from) as u64) >> 32) as usize
 }
 
 /// Interleaves the bits of three coordinates below 2²¹.

@@ -194,7 +194,11 @@ mod tests {
                 for &p in &points {
                     for &q in &points {
                         let near = (p.as_dvec3() - q.as_dvec3()).length() <= 2.5;
-                        let held = holds(&raster, raster.block(Portable, [p.x, p.y, p.z, 0.5]), raster.cell_of(Portable, q.to_array()));
+                        let held = holds(
+                            &raster,
+                            raster.block(Portable, [p.x, p.y, p.z, 0.5]),
+                            raster.cell_of(Portable, q.to_array()),
+                        );
                         assert!(held || !near, "{p} loses {q}, folded {}", raster.folded);
                     }
                 }

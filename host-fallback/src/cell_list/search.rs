@@ -24,10 +24,7 @@ pub(super) fn search<'o, O: Output>(list: &CellList, input: &Input<'_>, output: 
         }
         sink
     };
-    (0..n.div_ceil(PIECE))
-        .into_par_iter()
-        .fold(|| output.open(), piece)
-        .reduce(|| output.open(), Sink::merge)
+    (0..n.div_ceil(PIECE)).into_par_iter().fold(|| output.open(), piece).reduce(|| output.open(), Sink::merge)
 }
 
 struct Piece<'p, S> {
@@ -77,8 +74,7 @@ struct Around {
 impl Around {
     /// Which of the rows a sphere must visit, by the axes on which it reaches beyond its cell: bit 0 of the index for
     /// towards lower `y`, bit 1 for higher `y`, bit 2 for higher `z`.
-    const WANTED: [u32; 8] =
-        [0b00001, 0b00001, 0b00011, 0b00011, 0b01001, 0b01101, 0b11011, 0b11111];
+    const WANTED: [u32; 8] = [0b00001, 0b00001, 0b00011, 0b00011, 0b01001, 0b01101, 0b11011, 0b11111];
 
     #[inline(always)]
     fn new<V: Vector>(vector: V, list: &CellList, level: &Placed, at: usize) -> Self {

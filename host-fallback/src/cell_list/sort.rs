@@ -105,7 +105,12 @@ impl Sorter {
     }
 
     /// The first pass; returns where each bucket ends.
-    fn spread(&mut self, input: &Input<'_>, places: Places<'_>, (shift, buckets): (u32, usize)) -> Vec<usize> {
+    fn spread(
+        &mut self,
+        input: &Input<'_>,
+        places: Places<'_>,
+        (shift, buckets): (u32, usize),
+    ) -> Vec<usize> {
         let counted = self.keys.par_chunks_mut(PIECE).enumerate().map(|(piece, keys)| {
             input.simd.run(Keys { rule: &input.rule, places, first: piece * PIECE, keys });
             let mut counts = vec![0_u32; buckets];
