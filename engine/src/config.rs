@@ -1,7 +1,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use lazygrid_host::Settings;
+use lazygrid_host::{Settings, Simd};
 use lazygrid_kernels::{Algorithm, Interactions};
 
 use crate::Order;
@@ -84,6 +84,12 @@ impl Config {
     /// Threads of the CPU path. Default: the rayon pool of the caller; with a number, a pool of its own.
     pub fn threads(mut self, threads: usize) -> Self {
         self.settings.threads = Some(threads);
+        self
+    }
+
+    /// The widest vector code of the CPU path, where the processor has it. Default: the widest there is.
+    pub fn simd(mut self, simd: Simd) -> Self {
+        self.settings.simd = simd;
         self
     }
 

@@ -39,7 +39,7 @@ mod report;
 pub use config::{Backend, Config};
 pub use detector::{Detector, detect};
 pub use error::Error;
-pub use lazygrid_host::{Neighbors, Order, Phase};
+pub use lazygrid_host::{Neighbors, Order, Phase, Simd};
 pub use lazygrid_kernels::{
     Algorithm, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach, Sphere, Spheres,
 };

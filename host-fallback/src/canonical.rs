@@ -6,10 +6,12 @@
 use lazygrid_kernels::Pair;
 use rayon::prelude::*;
 
+use crate::Error;
+use crate::columns::reserve;
 use crate::scatter::{Disjoint, split_at};
 
-/// Pairs per piece of a pass.
-const PIECE: usize = 1 << 16;
+/// Pieces of the first pass at most: enough for any number of threads, few enough for a counter per piece and bucket.
+const PIECES: usize = 128;
 /// The most buckets: their write positions stay in the second-level cache.
 const MAX_BUCKETS: usize = 1 << 11;
 /// Pairs per bucket aimed at, 64 KiB.
@@ -17,7 +19,7 @@ const BUCKET: usize = 1 << 13;
 
 /// Indices per bucket at most, where [`MAX_BUCKETS`] allows: their counters stay in the cache.
 const MAX_WIDTH: usize = 1 << 15;
-/// Bits of `j` per pass: counters of 8 KiB beside a bucket of 64 KiB.
+/// Bits per pass at most: counters of 8 KiB beside a bucket of 64 KiB.
 const DIGIT: u32 = 11;
 
 /// Buffers that survive between calls.
@@ -29,8 +31,18 @@ pub(crate) struct Canonical {
 
 impl Canonical {
     /// Writes the pairs of `chunks` to `out` in canonical order; indices are below `spheres`.
-    pub(crate) fn order(&mut self, chunks: &[Vec<Pair>], spheres: usize, out: &mut Vec<Pair>) {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn order(
+        &mut self,
+        chunks: &[Vec<Pair>],
+        spheres: usize,
+        out: &mut Vec<Pair>,
+    ) -> Result<(), Error> {
         let total: usize = chunks.iter().map(Vec::len).sum();
+        reserve(&mut self.scratch, total, "ordering pairs")?;
+        reserve(out, total, "pairs")?;
         let buckets = (total / BUCKET).max(spheres / MAX_WIDTH).next_power_of_two().min(MAX_BUCKETS);
         let width = spheres.div_ceil(buckets).max(1).next_power_of_two();
         let shift = width.trailing_zeros();
@@ -38,23 +50,24 @@ impl Canonical {
         self.scratch.resize(total, Pair::default());
         out.resize(total, Pair::default());
 
-        let pieces: Vec<&[Pair]> = chunks.iter().flat_map(|chunk| chunk.chunks(PIECE)).collect();
+        let pieces: Vec<&[Vec<Pair>]> = chunks.chunks(chunks.len().div_ceil(PIECES).max(1)).collect();
         self.spread(&pieces, shift, buckets);
 
         let ends = self.starts[1..].iter().copied();
         let targets = split_at(out, ends.clone());
         let sources = split_at(&mut self.scratch, ends);
-        let largest = spheres.saturating_sub(1) as u32;
+        let bits = (shift, usize::BITS - spheres.saturating_sub(1).leading_zeros());
         targets.into_par_iter().zip(sources).enumerate().for_each(|(bucket, (target, source))| {
-            order_bucket(source, target, ((bucket << shift) as u32, width as u32), largest);
+            order_bucket(source, target, (bucket << shift) as u32, bits);
         });
+        Ok(())
     }
 
     /// Moves the pairs to `scratch`, bucket by bucket, and notes where each bucket starts.
-    fn spread(&mut self, pieces: &[&[Pair]], shift: u32, buckets: usize) {
-        let count = |piece: &&[Pair]| {
+    fn spread(&mut self, pieces: &[&[Vec<Pair>]], shift: u32, buckets: usize) {
+        let count = |piece: &&[Vec<Pair>]| {
             let mut counts = vec![0_usize; buckets];
-            for pair in *piece {
+            for pair in piece.iter().flatten() {
                 counts[(pair.i >> shift) as usize] += 1;
             }
             counts
@@ -72,7 +85,7 @@ impl Canonical {
 
         let scratch = Disjoint::new(&mut self.scratch);
         pieces.par_iter().zip(offsets).for_each(|(piece, mut next)| {
-            for &pair in *piece {
+            for &pair in piece.iter().flatten() {
                 let slot = &mut next[(pair.i >> shift) as usize];
                 // SAFETY: the exclusive prefix sums over (bucket, piece) give every pair a slot of its own below
                 // `total`, the length of `scratch`.
@@ -83,37 +96,34 @@ impl Canonical {
     }
 }
 
-/// Orders one bucket, whose `i` start at `first`, from `source` into `target`: a stable counting sort for each digit
-/// of `j`, then one for `i`. An even number of passes before the last leaves the bucket where the last one reads it.
-fn order_bucket(source: &mut [Pair], target: &mut [Pair], (first, width): (u32, u32), largest_j: u32) {
-    let bits = 32 - largest_j.leading_zeros();
-    let passes = bits.div_ceil(DIGIT).next_multiple_of(2).max(2);
-    let digit = bits.div_ceil(passes);
-    let mask = (1_u32 << digit) - 1;
-    let mut counts = vec![0; 1 << digit];
-    for pass in (0..passes).step_by(2) {
-        let (low, high) = (pass * digit, (pass + 1) * digit);
-        counting_sort(source, target, &mut counts, |pair| pair.j >> low & mask);
-        counting_sort(target, source, &mut counts, |pair| pair.j.checked_shr(high).unwrap_or(0) & mask);
+/// Orders one bucket, whose `i` start at `first`, into `target`: a radix sort of `i - first` and `j`, digit by digit
+/// from the lowest.
+fn order_bucket(source: &mut [Pair], target: &mut [Pair], first: u32, (i_bits, j_bits): (u32, u32)) {
+    let passes = (i_bits + j_bits).div_ceil(DIGIT).max(1);
+    let digit = (i_bits + j_bits).div_ceil(passes);
+    let mut counts = vec![0_u32; 1 << digit];
+    let (mut from, mut to) = (&mut *source, &mut *target);
+    for pass in 0..passes {
+        let key = |pair: &Pair| {
+            let key = (u64::from(pair.i - first) << j_bits) | u64::from(pair.j);
+            (key >> (pass * digit)) as usize & ((1 << digit) - 1)
+        };
+        from.iter().for_each(|pair| counts[key(pair)] += 1);
+        let mut at = 0;
+        for count in &mut counts {
+            at += std::mem::replace(count, at);
+        }
+        for pair in from.iter() {
+            let slot = &mut counts[key(pair)];
+            to[*slot as usize] = *pair;
+            *slot += 1;
+        }
+        counts.fill(0);
+        (from, to) = (to, from);
     }
-    counting_sort(source, target, &mut vec![0; width as usize], |pair| pair.i - first);
-}
-
-/// One stable pass; `key` is below the number of `counts`, which are zero on entry and on return.
-fn counting_sort(source: &[Pair], target: &mut [Pair], counts: &mut [u32], key: impl Fn(&Pair) -> u32) {
-    for pair in source {
-        counts[key(pair) as usize] += 1;
+    if passes % 2 == 0 {
+        target.copy_from_slice(source);
     }
-    let mut at = 0;
-    for count in counts.iter_mut() {
-        at += std::mem::replace(count, at);
-    }
-    for pair in source {
-        let slot = &mut counts[key(pair) as usize];
-        target[*slot as usize] = *pair;
-        *slot += 1;
-    }
-    counts.fill(0);
 }
 
 #[cfg(test)]
@@ -126,7 +136,7 @@ mod tests {
         expected.sort_unstable();
         let (mut canonical, mut out) = (Canonical::default(), Vec::new());
         for _ in 0..2 {
-            canonical.order(&chunks, spheres as usize, &mut out);
+            canonical.order(&chunks, spheres as usize, &mut out).expect("there is memory");
             assert_eq!(out, expected);
         }
     }

@@ -35,11 +35,31 @@ const ROW: usize = 1 << 15;
 /// Comparisons from which a cell's rows are spread over threads, about 0.1 ms.
 const SPREAD: usize = 1 << 20;
 
+/// A sphere in a cell.
+pub(crate) trait Occupant {
+    /// Its index in the input.
+    fn id(&self) -> u32;
+    /// On which axes the cell is its lowest, one bit per axis.
+    fn class(&self) -> usize;
+}
+
+impl<K: Key> Occupant for Entry<K> {
+    #[inline(always)]
+    fn id(&self) -> u32 {
+        self.id
+    }
+
+    #[inline(always)]
+    fn class(&self) -> usize {
+        self.key.low() as usize & (CLASSES - 1)
+    }
+}
+
 /// Where each class starts among the spheres of a cell, and where the last one ends.
 type Starts = [u32; CLASSES + 1];
 
 /// Where each class starts among entries sorted by class, when the first is at `from`.
-fn starts<K: Key>(run: &[Entry<K>], from: usize) -> Starts {
+fn starts(run: &[impl Occupant], from: usize) -> Starts {
     let mut starts = [from as u32; CLASSES + 1];
     for entry in run {
         starts[entry.class() + 1] += 1;
@@ -51,7 +71,7 @@ fn starts<K: Key>(run: &[Entry<K>], from: usize) -> Starts {
 }
 
 /// Whether classes make any pair of these the cell's own.
-pub(crate) fn owns_pairs<K: Key>(run: &[Entry<K>]) -> bool {
+pub(crate) fn owns_pairs(run: &[impl Occupant]) -> bool {
     run.len() > 1 && run.iter().fold(0, |all, entry| all | entry.class()) == CLASSES - 1
 }
 
@@ -70,10 +90,10 @@ pub(crate) struct Batch {
 impl Batch {
     /// Adds the entries of one cell, sorted by class.
     #[inline]
-    pub(crate) fn push<K: Key>(&mut self, run: &[Entry<K>]) {
+    pub(crate) fn push(&mut self, run: &[impl Occupant]) {
         if owns_pairs(run) {
             self.cells.push(starts(run, self.ids.len()));
-            self.ids.extend(run.iter().map(|entry| entry.id));
+            self.ids.extend(run.iter().map(Occupant::id));
         }
     }
 
@@ -137,17 +157,17 @@ struct Row {
 
 impl Crowd {
     /// Compares inside one cell, whose entries are sorted by class.
-    pub(crate) fn within<'o, K: Key, O: Output>(
+    pub(crate) fn within<'o, O: Output>(
         &mut self,
         input: &Input<'_>,
-        run: &[Entry<K>],
+        run: &[impl Occupant],
         (output, sink): (&'o O, O::Sink<'o>),
     ) -> O::Sink<'o> {
         if !owns_pairs(run) {
             return sink;
         }
         self.rows.clear();
-        self.columns.gather(&input.rule, run.iter().map(|entry| entry.id));
+        self.columns.gather(&input.rule, run.iter().map(Occupant::id));
         let starts = starts(run, 0);
         self.plan(&starts, &starts, &LATER);
         self.search(input, output, sink)
@@ -158,11 +178,11 @@ impl Crowd {
     pub(crate) fn among<'o, O: Output>(
         &mut self,
         input: &Input<'_>,
-        (large, small): (&[Entry<u32>], &[Entry<u32>]),
+        (large, small): (&[impl Occupant], &[impl Occupant]),
         (output, sink): (&'o O, O::Sink<'o>),
     ) -> O::Sink<'o> {
         self.rows.clear();
-        let ids = |k: usize| if k < large.len() { large[k].id } else { small[k - large.len()].id };
+        let ids = |k: usize| if k < large.len() { large[k].id() } else { small[k - large.len()].id() };
         self.columns.gather(&input.rule, (0..large.len() + small.len()).map(ids));
         let (first, second) = (starts(large, 0), starts(small, large.len()));
         self.plan(&first, &first, &LATER);

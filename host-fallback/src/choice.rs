@@ -4,20 +4,61 @@ use lazygrid_kernels::Algorithm;
 
 use crate::Survey;
 
-/// Below this many spheres all pairs are tested: building any structure costs more.
-pub const NAIVE_BELOW: usize = 192;
+/// Below this many spheres of one size class all pairs are tested: sampling, sorting and looking around cost more.
+/// Measured with `cargo bench --bench sweep -- --what crossover`; a wrong value costs some microseconds.
+pub const NAIVE_BELOW: usize = 400;
+/// So many spheres more for every size class, since each makes the cell list's plan dearer.
+pub const NAIVE_PER_CLASS: usize = 80;
 
 /// The algorithm for spheres of this survey where `asked` leaves it open, and why.
 pub fn choose(asked: Algorithm, survey: &Survey) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return (asked, format!("{asked}: asked for"));
     }
-    let n = survey.spheres;
-    if n < NAIVE_BELOW {
-        let reason = format!("naive: {n} spheres are fewer than {NAIVE_BELOW}");
-        return (Algorithm::Naive, reason);
+    let (n, classes) = (survey.spheres, survey.occupied().count());
+    let crossover = NAIVE_BELOW + NAIVE_PER_CLASS * classes;
+    let sizes = if classes == 1 { "1 size class" } else { &format!("{classes} size classes") };
+    if n < crossover {
+        (Algorithm::Naive, format!("naive: {n} spheres in {sizes} are fewer than {crossover}"))
+    } else {
+        (Algorithm::CellList, format!("cell-list: {n} spheres in {sizes}, {crossover} or more"))
     }
-    let classes = survey.occupied().count();
-    let plural = if classes == 1 { "" } else { "s" };
-    (Algorithm::CellList, format!("cell-list: {n} spheres in {classes} size class{plural}", plural = if plural.is_empty() { "" } else { "es" }))
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::Sphere;
+
+    use super::*;
+    use crate::contact::Rule;
+
+    fn chosen(n: usize, radii: &[f32]) -> Algorithm {
+        let spheres: Vec<_> = (0..n).map(|k| Sphere::new([k as f32; 3], radii[k % radii.len()])).collect();
+        let survey = Survey::of(&Rule::new((&spheres).into(), None)).expect("all are valid");
+        choose(Algorithm::Auto, &survey).0
+    }
+
+    #[test]
+    fn few_spheres_are_compared_all_with_all_and_many_sorted_into_cells() {
+        for (n, radii, expected) in [
+            (0, &[1.0][..], Algorithm::Naive),
+            (1, &[1.0], Algorithm::Naive),
+            (479, &[1.0], Algorithm::Naive),
+            (480, &[1.0], Algorithm::CellList),
+            (480, &[1.0, 0.1], Algorithm::Naive),
+            (560, &[1.0, 0.1], Algorithm::CellList),
+            (100_000, &[1.0, 0.1, 0.0], Algorithm::CellList),
+        ] {
+            assert_eq!(chosen(n, radii), expected, "{n} spheres of radii {radii:?}");
+        }
+    }
+
+    #[test]
+    fn what_was_asked_for_is_never_overruled() {
+        let spheres = [Sphere::default()];
+        let survey = Survey::of(&Rule::new((&spheres).into(), None)).expect("all are valid");
+        for asked in Algorithm::CPU {
+            assert_eq!(choose(asked, &survey).0, asked);
+        }
+    }
 }

@@ -1,3 +1,4 @@
+use crate::Error;
 use crate::contact::Rule;
 use crate::simd::MAX_LANES;
 
@@ -24,11 +25,21 @@ pub(crate) struct ColumnsMut<'c> {
 
 impl Columns {
     pub(crate) const BYTES_PER_SPHERE: u64 = 20;
-    /// The padding's.
-    pub(crate) const BYTES: u64 = Self::BYTES_PER_SPHERE * MAX_LANES as u64;
 
     pub(crate) fn len(&self) -> usize {
         self.len
+    }
+
+    /// Sees to it that [`resize`](Self::resize) will have the memory for `len` spheres.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn reserve(&mut self, len: usize) -> Result<(), Error> {
+        let Self { x, y, z, r, id, .. } = self;
+        for column in [x, y, z, r] {
+            reserve(column, len + MAX_LANES, "columns of spheres")?;
+        }
+        reserve(id, len + MAX_LANES, "columns of spheres")
     }
 
     /// Makes room for `len` spheres, which the caller is to write.
@@ -83,6 +94,16 @@ impl Columns {
         // SAFETY: as in `lanes`.
         unsafe { &*self.id.as_ptr().add(base).cast::<[u32; N]>() }
     }
+}
+
+/// Makes room for `len` values, or says that there is no memory for them.
+///
+/// # Errors
+/// [`Error::OutOfMemory`], with `what` the values are.
+pub(crate) fn reserve<T>(buffer: &mut Vec<T>, len: usize, what: &'static str) -> Result<(), Error> {
+    let more = len.saturating_sub(buffer.len());
+    let refused = |_| Error::OutOfMemory { what, bytes: (len * size_of::<T>()) as u64 };
+    buffer.try_reserve_exact(more).map_err(refused)
 }
 
 /// Changes a buffer's length without the spare room that growing by doubling would leave: sizes repeat.

@@ -127,7 +127,7 @@ pub(crate) fn scan<V: Vector, S: Sink>(
                 false => rule.decide(columns, at, base, Lanes { certain, possible }),
             };
             if hits != 0 {
-                sink.hits(columns, at, base, hits);
+                sink.hits(vector, columns.id(at), columns.ids(base), hits);
             }
         }
         base += V::LANES;

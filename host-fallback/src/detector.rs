@@ -8,7 +8,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::array_grid::ArrayGrid;
 use crate::canonical::Canonical;
 use crate::cell_list::CellList;
-use crate::columns::Columns;
+use crate::columns::{Columns, reserve};
 use crate::contact::Rule;
 use crate::hash_grid::HashGrid;
 use crate::neighbors::Lists;
@@ -28,7 +28,6 @@ pub struct HostDetector {
 /// All that survives between calls, apart from the pool, in which the rest of the work runs.
 #[derive(Debug)]
 struct State {
-    simd: Simd,
     report: Report,
     columns: Columns,
     cell_list: CellList,
@@ -64,11 +63,9 @@ impl HostDetector {
                 Some(built.map_err(|e| Error::Threads { threads, reason: e.to_string() })?)
             }
         };
-        let simd = Simd::detect();
-        log::debug!("vector code: {simd:?}");
+        log::debug!("vector code: {:?}", settings.simd);
         let report = Report { algorithm: settings.algorithm, ..Report::default() };
         let state = State {
-            simd,
             report,
             columns: Columns::default(),
             cell_list: CellList::default(),
@@ -181,7 +178,7 @@ impl HostDetector {
             let (algorithm, reason) = choice::choose(settings.algorithm, &survey);
             log::debug!("{reason}");
             (state.report.algorithm, state.report.reason) = (algorithm, reason);
-            let input = Input { rule, survey, settings, simd: state.simd };
+            let input = Input { rule, survey, settings, simd: settings.simd };
             state.build(&input)?;
             work(state, &input)
         };
@@ -197,12 +194,13 @@ impl State {
         let Self { report, columns, cell_list, hash_grid, array_grid, recursive_grid, .. } = self;
         match report.algorithm {
             Algorithm::Naive => {
+                columns.reserve(input.survey.spheres)?;
                 report.time("gather", || columns.gather(&input.rule, 0..input.survey.spheres as u32));
             }
             Algorithm::HashGrid => hash_grid.build(input, report),
             Algorithm::ArrayGrid => array_grid.build(input, report),
             Algorithm::RecursiveGrid => recursive_grid.build(input, report),
-            _ => cell_list.build(input, report),
+            _ => cell_list.build(input, report)?,
         }
         Ok(())
     }
@@ -221,7 +219,12 @@ impl State {
     }
 
     /// Collects at most `limit` pairs with `i` in `window`; returns how many there are and the chunks.
-    fn collect(&mut self, input: &Input<'_>, limit: u64, window: std::ops::Range<u32>) -> (u64, Vec<Vec<Pair>>) {
+    fn collect(
+        &mut self,
+        input: &Input<'_>,
+        limit: u64,
+        window: std::ops::Range<u32>,
+    ) -> (u64, Vec<Vec<Pair>>) {
         let list = To::List { limit, kept: AtomicU64::new(0) };
         let output = Written { window, ..Written::new(list, std::mem::take(&mut self.spare)) };
         let (found, chunks) = self.search(input, &output).finish();
@@ -230,17 +233,20 @@ impl State {
     }
 
     /// Moves collected chunks into `pairs` and keeps their memory.
-    fn arrange(&mut self, mut chunks: Vec<Vec<Pair>>, order: Order, spheres: usize) {
+    fn arrange(&mut self, mut chunks: Vec<Vec<Pair>>, order: Order, spheres: usize) -> Result<(), Error> {
         let Self { report, canonical, pairs, .. } = self;
         report.time("order", || match order {
             Order::Canonical => canonical.order(&chunks, spheres, pairs),
             Order::Unordered => {
                 pairs.clear();
+                reserve(pairs, chunks.iter().map(Vec::len).sum(), "pairs")?;
                 chunks.iter().for_each(|chunk| pairs.extend_from_slice(chunk));
+                Ok(())
             }
-        });
+        })?;
         chunks.iter_mut().for_each(Vec::clear);
         self.spare.append(&mut chunks);
+        Ok(())
     }
 
     fn list(&mut self, input: &Input<'_>, order: Order) -> Result<(), Error> {
@@ -251,8 +257,7 @@ impl State {
             self.spare.clear();
             return Err(Error::TooManyPairs { found, limit });
         }
-        self.arrange(chunks, order, input.survey.spheres);
-        Ok(())
+        self.arrange(chunks, order, input.survey.spheres)
     }
 
     /// Streams as the threads find.
@@ -268,7 +273,7 @@ impl State {
         let (found, chunks) = self.collect(input, limit, 0..u32::MAX);
         let spheres = input.survey.spheres;
         if found <= limit {
-            self.arrange(chunks, Order::Canonical, spheres);
+            self.arrange(chunks, Order::Canonical, spheres)?;
             let _ = consume(&self.pairs);
             return Ok(());
         }
@@ -287,7 +292,7 @@ impl State {
             };
             let to = from + counts[from..].iter().take_while(fits).count().max(1);
             let (_, chunks) = self.collect(input, u64::MAX, from as u32..to as u32);
-            self.arrange(chunks, Order::Canonical, spheres);
+            self.arrange(chunks, Order::Canonical, spheres)?;
             if consume(&self.pairs).is_break() {
                 break;
             }

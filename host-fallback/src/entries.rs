@@ -19,11 +19,6 @@ impl<K: Key> Entry<K> {
     pub(crate) fn cell(self) -> K {
         self.key.without(CLASS_BITS)
     }
-
-    #[inline(always)]
-    pub(crate) fn class(self) -> usize {
-        self.key.low() as usize & ((1 << CLASS_BITS) - 1)
-    }
 }
 
 /// How a cell's coordinates are packed into a key: counted from the lowest cell, in as many bits as the highest
@@ -135,19 +130,25 @@ pub(crate) fn most_cells(ratio: f32) -> u64 {
 }
 
 /// Writes an entry for every cell that each of `n` spheres overlaps, sphere by sphere. `sphere` tells what the `k`-th
-/// covers, the most that its classes can have, and its id.
+/// covers, the most that its classes can have, and its id; where there are many it is asked twice, to count first.
 pub(crate) fn fill<K: Key>(
     n: usize,
     sphere: impl Fn(usize) -> (Cover, u8, u32) + Sync,
     packing: Packing,
     (radix, offsets): (&mut Radix<K>, &mut Vec<usize>),
 ) {
-    let Radix { entries, .. } = radix;
+    let entries = &mut radix.entries;
+    if n <= PIECE {
+        entries.clear();
+        for (cover, most, id) in (0..n).map(sphere) {
+            cover.for_each(|cell, class| entries.push(Entry { key: packing.key(cell, class & most), id }));
+        }
+        return;
+    }
     let range = |piece: usize| piece * PIECE..n.min((piece + 1) * PIECE);
     let count = |piece| range(piece).map(|k| sphere(k).0.cells()).sum::<usize>();
     (0..n.div_ceil(PIECE)).into_par_iter().map(count).collect_into_vec(offsets);
-    let total = accumulate(offsets);
-    entries.resize(total, Entry::default());
+    entries.resize(accumulate(offsets), Entry::default());
     let targets = split_at(entries, offsets.iter().copied());
     targets.into_par_iter().enumerate().for_each(|(piece, target)| {
         let mut slots = target.iter_mut();

@@ -28,7 +28,9 @@ pub enum Error {
         bytes: u64,
     },
     /// The algorithm runs on the GPU only.
-    #[error("{0} is a GPU algorithm; on the CPU choose auto, naive, hash-grid, array-grid, recursive-grid or cell-list")]
+    #[error(
+        "{0} is a GPU algorithm; on the CPU choose auto, naive, hash-grid, array-grid, recursive-grid or cell-list"
+    )]
     NotOnCpu(Algorithm),
     /// A setting outside its range.
     #[error("{name} = {value} is out of range; {range}")]

@@ -14,7 +14,7 @@
 use glam::{DVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::cell::{Batch, Crowd, owns_pairs};
+use crate::cell::{Batch, Crowd, Occupant, owns_pairs};
 use crate::cover::{Cover, Raster};
 use crate::detector::Input;
 use crate::entries::{Entries, Packing, Visit, cells_of_piece, fill, run_end};
@@ -49,47 +49,86 @@ struct Workspace {
     split: Split,
 }
 
-/// The spheres of a crowded cell, and the finer entries of the small ones.
+/// The spheres of a crowded cell, both kinds sorted by class, and the finer entries of the small ones.
 #[derive(Debug, Default)]
 struct Split {
-    large: Vec<Entry<u32>>,
-    small: Vec<Entry<u32>>,
+    large: Vec<Member>,
+    small: Vec<Member>,
     finer: Radix<u32>,
     offsets: Vec<usize>,
 }
 
+/// A sphere of a crowded cell.
+#[derive(Clone, Copy, Debug)]
+struct Member {
+    center: Vec3,
+    radius: f32,
+    id: u32,
+    class: u8,
+}
+
+impl Occupant for Member {
+    fn id(&self) -> u32 {
+        self.id
+    }
+
+    fn class(&self) -> usize {
+        self.class.into()
+    }
+}
+
 impl Split {
     /// Starts with the spheres of a run, all of them small.
-    fn start<K: Key>(&mut self, run: &[Entry<K>]) {
+    fn start(&mut self, input: &Input<'_>, run: &[impl Occupant]) {
         self.small.clear();
-        self.small.extend(run.iter().map(|entry| Entry { key: entry.class() as u32, id: entry.id }));
+        self.small.extend(run.iter().map(|entry| {
+            let (center, radius) = input.rule.effective(entry.id());
+            Member { center, radius, id: entry.id(), class: entry.class() as u8 }
+        }));
     }
 
-    /// Moves those that are large out of the small ones.
-    fn part(&mut self, is_large: impl Fn(u32) -> bool) {
+    /// Moves those with a radius above `limit` out of the small ones.
+    fn part(&mut self, limit: f64) {
         let Self { large, small, .. } = self;
         large.clear();
-        small.retain(|&entry| {
-            let moves = is_large(entry.id);
-            if moves {
-                large.push(entry);
-            }
-            !moves
-        });
+        let is_large = |member: &mut Member| f64::from(member.radius) > limit;
+        large.extend(small.extract_if(.., is_large));
     }
 
-    /// Makes them all large, sorted by class.
+    /// Makes them all large.
     fn join(&mut self) {
-        self.large.append(&mut self.small);
-        self.large.sort_unstable_by_key(|entry| (entry.key, entry.id));
+        if self.large.is_empty() {
+            std::mem::swap(&mut self.large, &mut self.small);
+        } else {
+            self.large.append(&mut self.small);
+            self.large.sort_unstable_by_key(|member| (member.class, member.id));
+        }
     }
+
+    /// The corners of the box around the small spheres' centres, and the largest of their radii.
+    fn extent(&self) -> Extent {
+        let empty = Extent { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY, radius: 0.0 };
+        self.small.iter().fold(empty, |extent, member| Extent {
+            min: extent.min.min(member.center),
+            max: extent.max.max(member.center),
+            radius: extent.radius.max(member.radius),
+        })
+    }
+}
+
+/// Where the centres of some spheres lie, and the largest of their radii.
+#[derive(Clone, Copy, Debug)]
+struct Extent {
+    min: Vec3,
+    max: Vec3,
+    radius: f32,
 }
 
 /// What to do with the small spheres of a crowded cell.
 enum Step {
     /// Split the cell into this many parts per axis, a power of two.
     Into(f64),
-    /// Compare those larger than this with all, and look again.
+    /// Compare those of a radius above this with all, and look again.
     Settle(f64),
     /// Compare all with each other: no finer raster tells them apart.
     Stop,
@@ -98,35 +137,41 @@ enum Step {
 /// A cell of some level: how to get from cells of the top raster to cells of its own size, counted from its corner.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
-    /// The top cell; `None` on an axis on which all its spheres have one coordinate.
-    top: [Option<f64>; 3],
+    /// The top cell.
+    top: DVec3,
     /// How many cells of this size a top cell has per axis, a power of two.
     fineness: f64,
+    /// The same, but zero on an axis on which all spheres of the top cell have one coordinate.
+    scale: DVec3,
     /// This cell, counted from the top cell's corner.
     corner: DVec3,
 }
 
 impl Cell {
-    /// Where the box around a sphere starts and ends, in cells of this size from this one's corner.
-    ///
-    /// Clipped to the cell, this is monotone, so that the larger of two lower bounds never lies above either upper
-    /// bound; and a coordinate keeps its place when the cell is split again, since all but the first subtraction are
-    /// exact inside the cell.
-    #[inline(always)]
-    fn local(&self, (low, high): (DVec3, DVec3)) -> (DVec3, DVec3) {
-        let mut local = (DVec3::ZERO, DVec3::ZERO);
-        for axis in 0..3 {
-            if let Some(top) = self.top[axis] {
-                local.0[axis] = (low[axis] - top) * self.fineness - self.corner[axis];
-                local.1[axis] = (high[axis] - top) * self.fineness - self.corner[axis];
-            }
-        }
-        local
+    fn top(cell: UVec3) -> Self {
+        let corner = Raster::corner(cell);
+        let top = DVec3::from_array(corner.map(|at| at.unwrap_or(0.0)));
+        let scale = DVec3::from_array(corner.map(|at| f64::from(u8::from(at.is_some()))));
+        Self { top, fineness: 1.0, scale, corner: DVec3::ZERO }
     }
 
-    /// One of the cells that this one is split into.
+    /// One of the cells that this one is split into, `parts` per axis.
     fn finer(&self, parts: f64, at: DVec3) -> Self {
-        Self { top: self.top, fineness: self.fineness * parts, corner: self.corner * parts + at }
+        let (fineness, scale) = (self.fineness * parts, self.scale * parts);
+        Self { top: self.top, fineness, scale, corner: self.corner * parts + at }
+    }
+
+    /// In which of the `parts` finer cells per axis a coordinate of the top raster lies; the first or the last where
+    /// it lies outside this cell.
+    ///
+    /// This is monotone, so that the larger of two lower bounds never lies above either upper bound; and a
+    /// coordinate keeps its place when the cell is split again, since all but the first subtraction are exact inside
+    /// the cell.
+    #[inline(always)]
+    fn part(&self, at: DVec3, parts: f64) -> DVec3 {
+        let at = ((at - self.top) * self.scale - self.corner) * parts;
+        // Not `floor`, which is a call where the target lacks it.
+        at.max(DVec3::ZERO).min(DVec3::splat(parts - 1.0)).map(|k| k as u64 as f64)
     }
 }
 
@@ -157,11 +202,7 @@ impl<'o, O: Output> Visit for Search<'_, 'o, O> {
     type Result = O::Sink<'o>;
 
     fn visit<K: Key>(self, entries: &[Entry<K>], packing: Packing) -> O::Sink<'o> {
-        let cell = |key: K| {
-            let top = Raster::corner(packing.cell(key));
-            Cell { top, fineness: 1.0, corner: DVec3::ZERO }
-        };
-        self.level(entries, cell, self.output.open())
+        self.level(entries, |key| Cell::top(packing.cell(key)), self.output.open())
     }
 }
 
@@ -195,17 +236,16 @@ impl<'o, O: Output> Search<'_, 'o, O> {
         cell: impl Fn(K) -> Cell,
         (workspace, mut sink): (&mut Workspace, O::Sink<'o>),
     ) -> O::Sink<'o> {
-        let tau = (self.input.settings.tau as usize).min(PIECE);
         let mut from = 0;
         while from < entries.len() {
             let to = run_end(entries, from);
             let run = &entries[from..to];
             from = to;
-            if run.len() <= tau {
+            if run.len() <= self.tau().min(PIECE) {
                 workspace.batch.push(run);
             } else if owns_pairs(run) {
                 workspace.batch.search(self.input, &mut sink);
-                workspace.split.start(run);
+                workspace.split.start(self.input, run);
                 sink = self.crowded(cell(run[0].key), workspace, sink);
             }
             if workspace.batch.len() > PIECE {
@@ -216,14 +256,20 @@ impl<'o, O: Output> Search<'_, 'o, O> {
         sink
     }
 
-    /// Finds the pairs of the cell whose many spheres are `small` in the workspace.
+    fn tau(&self) -> usize {
+        self.input.settings.tau as usize
+    }
+
+    /// Finds the pairs of the cell whose many spheres are the small ones in the workspace.
     fn crowded(&self, cell: Cell, workspace: &mut Workspace, mut sink: O::Sink<'o>) -> O::Sink<'o> {
         let Workspace { split, crowd, .. } = workspace;
-        let mut limit = self.edge(&cell) / 2.0;
+        let edge = self.grid.entries.raster.edge() / cell.fineness;
+        let mut limit = edge / 4.0;
         loop {
-            split.part(|id| self.diameter(id) > limit);
-            let few = split.small.len() <= self.input.settings.tau as usize;
-            let step = if few { Step::Stop } else { self.step(&cell, &split.small) };
+            split.part(limit);
+            let extent = split.extent();
+            let few = split.small.len() <= self.tau();
+            let step = if few { Step::Stop } else { step(&cell, edge, split.small.len(), &extent) };
             if let Step::Stop = step {
                 split.join();
             }
@@ -232,69 +278,53 @@ impl<'o, O: Output> Search<'_, 'o, O> {
             }
             match step {
                 Step::Stop => return sink,
-                Step::Settle(diameter) => limit = diameter,
-                Step::Into(parts) => return self.split(&cell, parts, (split, sink)),
+                Step::Settle(radius) => limit = radius,
+                Step::Into(parts) => return self.split(&cell, (parts, extent), (split, sink)),
             }
         }
     }
 
-    fn edge(&self, cell: &Cell) -> f64 {
-        self.grid.entries.raster.edge() / cell.fineness
-    }
-
-    fn diameter(&self, id: u32) -> f64 {
-        2.0 * f64::from(self.input.rule.effective(id).1)
-    }
-
-    /// Decides by the sizes, the extent and the number of the small spheres.
-    fn step(&self, cell: &Cell, small: &[Entry<u32>]) -> Step {
-        let (mut min, mut max, mut radius) = (Vec3::INFINITY, Vec3::NEG_INFINITY, 0.0_f32);
-        for entry in small {
-            let (center, r) = self.input.rule.effective(entry.id);
-            (min, max, radius) = (min.min(center), max.max(center), radius.max(r));
-        }
-        let extent = (max.as_dvec3() - min.as_dvec3()).max_element();
-        if extent == 0.0 {
-            return Step::Stop;
-        }
-        let (edge, diameter) = (self.edge(cell), 2.0 * f64::from(radius));
-        let by_count = (small.len() as f64 / PER_CELL).log2() / 3.0;
-        let by_count = by_count.ceil().clamp(1.0, MAX_HALVINGS) + (edge / extent).log2().floor().max(0.0);
-        let by_size = (edge / diameter).log2().floor();
-        let halvings = by_count.min(by_size).max(1.0);
-        if by_size < by_count && edge / halvings.exp2() > extent {
-            return Step::Settle(diameter / 2.0);
-        }
-        let most = (MAX_FINENESS / (cell.corner.max_element() + 1.0)).log2().floor();
-        if most < 1.0 { Step::Stop } else { Step::Into(halvings.min(most).exp2()) }
-    }
-
     /// Splits a cell for its small spheres.
-    fn split(&self, cell: &Cell, parts: f64, (split, sink): (&mut Split, O::Sink<'o>)) -> O::Sink<'o> {
+    fn split(
+        &self,
+        cell: &Cell,
+        (parts, extent): (f64, Extent),
+        (split, sink): (&mut Split, O::Sink<'o>),
+    ) -> O::Sink<'o> {
         let Split { small, finer, offsets, .. } = split;
-        let cover = |entry: &Entry<u32>| {
-            let (center, radius) = self.input.rule.effective(entry.id);
-            let (low, high) = cell.local(self.grid.entries.raster.bounds(center, radius));
-            let last = DVec3::splat(parts - 1.0);
-            let clip = |at: DVec3| (at * parts).max(DVec3::ZERO).min(last).as_i64vec3().as_dvec3();
-            (clip(low), clip(high))
-        };
-        let (mut first, mut last) = (DVec3::INFINITY, DVec3::ZERO);
-        for entry in &*small {
-            let (low, high) = cover(entry);
-            (first, last) = (first.min(low), last.max(high));
-        }
+        let raster = &self.grid.entries.raster;
+        // One cell more on either side, for what rounding may do.
+        let first = cell.part(raster.bounds(extent.min, extent.radius).0, parts) - 1.0;
+        let last = cell.part(raster.bounds(extent.max, extent.radius).1, parts) + 1.0;
         let packing = Packing::new(UVec3::ZERO, (last - first).as_uvec3());
-        let item = |k: usize| {
-            let (low, high) = cover(&small[k]);
-            let cover = Cover { low: (low - first).as_uvec3(), high: (high - first).as_uvec3() };
-            (cover, small[k].class() as u8, small[k].id)
+        let sphere = |k: usize| {
+            let member = &small[k];
+            let (low, high) = raster.bounds(member.center, member.radius);
+            let within = |at| (cell.part(at, parts) - first).as_uvec3();
+            (Cover { low: within(low), high: within(high) }, member.class, member.id)
         };
-        fill(small.len(), item, packing, (finer, offsets));
+        fill(small.len(), sphere, packing, (finer, offsets));
         finer.sort(packing.bits());
         let cell = |key: u32| cell.finer(parts, first + packing.cell(key).as_dvec3());
         self.level(&finer.entries, cell, sink)
     }
+}
+
+/// Decides by the number, the extent and the sizes of the small spheres in a cell of this edge.
+fn step(cell: &Cell, edge: f64, count: usize, extent: &Extent) -> Step {
+    let wide = (extent.max.as_dvec3() - extent.min.as_dvec3()).max_element();
+    if wide == 0.0 {
+        return Step::Stop;
+    }
+    let by_count = ((count as f64 / PER_CELL).log2() / 3.0).ceil().clamp(1.0, MAX_HALVINGS);
+    let by_count = by_count + (edge / wide).log2().floor().max(0.0);
+    let by_size = (edge / (2.0 * f64::from(extent.radius))).log2().floor();
+    let halvings = by_count.min(by_size).max(1.0);
+    if by_size < by_count && edge / halvings.exp2() > wide {
+        return Step::Settle(f64::from(extent.radius) / 2.0);
+    }
+    let most = (MAX_FINENESS / (cell.corner.max_element() + 1.0)).log2().floor();
+    if most < 1.0 { Step::Stop } else { Step::Into(halvings.min(most).exp2()) }
 }
 
 #[cfg(test)]

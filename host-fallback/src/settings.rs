@@ -1,6 +1,6 @@
 use lazygrid_kernels::{Algorithm, Interactions};
 
-use crate::Error;
+use crate::{Error, Simd};
 
 /// The order of a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,6 +20,8 @@ pub struct Settings {
     pub algorithm: Algorithm,
     /// The order of results.
     pub order: Order,
+    /// The widest vector code to use, where the processor has it.
+    pub simd: Simd,
     /// Threads of a pool of the detector's own; `None` runs in the rayon pool of the caller.
     pub threads: Option<usize>,
     /// A cell of the recursive grid is split when it holds more smaller spheres than this.
@@ -62,6 +64,7 @@ impl Default for Settings {
         Self {
             algorithm: Algorithm::Auto,
             order: Order::Canonical,
+            simd: Simd::detect(),
             threads: None,
             tau: Self::TAU,
             raster_ratio: Self::RASTER_RATIO,

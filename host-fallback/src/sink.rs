@@ -5,11 +5,11 @@
 
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lazygrid_kernels::Pair;
 
-use crate::columns::Columns;
+use crate::simd::{MAX_LANES, Vector};
 
 /// Pairs per buffer of a thread, 64 KiB: far below a core's cache, far above the cost of handing it on.
 const CHUNK: usize = 8192;
@@ -19,12 +19,12 @@ pub(crate) trait Sink: Send {
     /// Takes one pair, in either order.
     fn pair(&mut self, i: u32, j: u32);
 
-    /// Takes the pairs of the sphere at `at` with those at `base + lane`, for the set bits of `lanes`.
-    #[inline]
-    fn hits(&mut self, columns: &Columns, at: usize, base: usize, lanes: u32) {
+    /// Takes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes`.
+    #[inline(always)]
+    fn hits<V: Vector>(&mut self, _: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32) {
         let mut open = lanes;
         while open != 0 {
-            self.pair(columns.id(at), columns.id(base + open.trailing_zeros() as usize));
+            self.pair(id, ids[open.trailing_zeros() as usize % MAX_LANES]);
             open &= open - 1;
         }
     }
@@ -65,8 +65,8 @@ impl Sink for Counter {
         self.0 += 1;
     }
 
-    #[inline]
-    fn hits(&mut self, _: &Columns, _: usize, _: usize, lanes: u32) {
+    #[inline(always)]
+    fn hits<V: Vector>(&mut self, _: V, _: u32, _: &[u32; MAX_LANES], lanes: u32) {
         self.0 += u64::from(lanes.count_ones());
     }
 
@@ -109,6 +109,11 @@ impl<'c> Written<'c> {
         self.spare.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Whether a list has passed its limit.
+    fn is_too_long(&self) -> bool {
+        matches!(&self.to, To::List { limit, kept } if kept.load(Relaxed) > *limit)
+    }
+
     /// Disposes of a chunk; `Some` gives it back to be kept.
     fn dispose(&self, mut chunk: Vec<Pair>) -> Option<Vec<Pair>> {
         match &self.to {
@@ -119,7 +124,7 @@ impl<'c> Written<'c> {
                 }
             }
             To::Consumer(consume) => {
-                let mut consume = consume.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut consume = lock(consume);
                 if !self.stop.load(Relaxed) && consume(&chunk).is_break() {
                     self.stop.store(true, Relaxed);
                 }
@@ -131,7 +136,7 @@ impl<'c> Written<'c> {
             }
         }
         chunk.clear();
-        self.spare.lock().unwrap_or_else(PoisonError::into_inner).push(chunk);
+        lock(&self.spare).push(chunk);
         None
     }
 }
@@ -143,7 +148,7 @@ impl<'c> Output for Written<'c> {
         Self: 'o;
 
     fn open(&self) -> Writer<'_, 'c> {
-        Writer { output: self, found: 0, chunk: Vec::new(), chunks: Vec::new() }
+        Writer { output: self, found: 0, chunk: Vec::new(), len: 0, counting: false, chunks: Vec::new() }
     }
 }
 
@@ -151,7 +156,11 @@ impl<'c> Output for Written<'c> {
 pub(crate) struct Writer<'o, 'c> {
     output: &'o Written<'c>,
     found: u64,
+    /// Empty, or [`CHUNK`] pairs of which `len` are taken.
     chunk: Vec<Pair>,
+    len: usize,
+    /// Set once the list is known to be too long: from then on pairs are only counted.
+    counting: bool,
     chunks: Vec<Vec<Pair>>,
 }
 
@@ -162,21 +171,34 @@ impl Writer<'_, '_> {
         (self.found, self.chunks)
     }
 
+    /// Room for the pairs of one comparison.
+    #[inline(always)]
+    fn room(&mut self) -> &mut [Pair; MAX_LANES] {
+        if self.chunk.len() < self.len + MAX_LANES {
+            self.renew();
+        }
+        let room = self.chunk[self.len..].first_chunk_mut();
+        room.expect("a new chunk has room")
+    }
+
     #[cold]
+    #[inline(never)]
     fn renew(&mut self) {
         self.flush();
-        let spare = self.output.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        self.chunk = spare.unwrap_or_else(|| Vec::with_capacity(CHUNK));
+        self.chunk = lock(&self.output.spare).pop().unwrap_or_default();
+        self.chunk.resize(CHUNK, Pair::default());
     }
 
     fn flush(&mut self) {
         let mut chunk = std::mem::take(&mut self.chunk);
+        chunk.truncate(std::mem::take(&mut self.len));
         if self.output.window != (0..u32::MAX) {
             chunk.retain(|pair| self.output.window.contains(&pair.i));
         }
         if chunk.capacity() > 0 {
             self.found += chunk.len() as u64;
             self.chunks.extend(self.output.dispose(chunk));
+            self.counting = self.output.is_too_long();
         }
     }
 }
@@ -184,21 +206,39 @@ impl Writer<'_, '_> {
 impl Sink for Writer<'_, '_> {
     #[inline]
     fn pair(&mut self, i: u32, j: u32) {
-        if self.chunk.len() == self.chunk.capacity() {
-            self.renew();
+        if self.counting {
+            self.found += 1;
+        } else {
+            self.room()[0] = Pair::new(i, j);
+            self.len += 1;
         }
-        self.chunk.push(Pair::new(i, j));
     }
 
-    fn merge(mut self, mut later: Self) -> Self {
+    #[inline(always)]
+    fn hits<V: Vector>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32) {
+        if self.counting {
+            self.found += u64::from(lanes.count_ones());
+        } else {
+            self.len += vector.pack(id, ids, lanes, self.room());
+        }
+    }
+
+    fn merge(mut self, later: Self) -> Self {
         self.flush();
-        self.found += later.found;
-        self.chunks.append(&mut later.chunks);
-        self.chunk = std::mem::take(&mut later.chunk);
+        let Self { found, mut chunks, chunk, len, counting, .. } = later;
+        self.found += found;
+        self.counting |= counting;
+        self.chunks.append(&mut chunks);
+        (self.chunk, self.len) = (chunk, len);
         self
     }
 
     fn stopped(&self) -> bool {
         self.output.stop.load(Relaxed)
     }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // What the mutexes guard is whole after every statement, so a panic elsewhere leaves nothing half done.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

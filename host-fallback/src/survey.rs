@@ -92,7 +92,8 @@ impl Survey {
             class.largest = class.largest.max(radius);
         }
         let own = Self { spheres: 0, min, max, classes: tables[0] };
-        let survey = tables[1..].iter().fold(own, |all, &classes| all.merge(Self { classes, ..Self::empty() }));
+        let survey =
+            tables[1..].iter().fold(own, |all, &classes| all.merge(Self { classes, ..Self::empty() }));
         (survey, poison != 0.0 || least < 0.0)
     }
 
@@ -168,7 +169,9 @@ mod tests {
         spheres[70_001].radius = f32::NAN;
         spheres[40_000].center.y = f32::INFINITY;
         spheres[99_999].radius = -1.0;
-        let Err(InputError::Sphere { index, count, total, .. }) = Survey::of(&Rule::new((&spheres).into(), None)) else {
+        let Err(InputError::Sphere { index, count, total, .. }) =
+            Survey::of(&Rule::new((&spheres).into(), None))
+        else {
             panic!("bad spheres were accepted")
         };
         assert_eq!((index, count, total), (40_000, 3, 100_000));

@@ -204,3 +204,25 @@ fn detect_is_a_detector_with_default_settings() {
     let scenario = Scenario::from(lazygrid_bench::scenes::Scene::Equal.spheres(2000, 4));
     assert_eq!(lazygrid::detect(&scenario.spheres), Ok(scenario.oracle()));
 }
+
+#[test]
+fn a_report_says_what_ran_and_why() {
+    for n in [0, 100, 5000] {
+        let spheres = lazygrid_bench::scenes::Scene::FiveSizes.spheres(n, 4);
+        for subject in Subject::all() {
+            let mut detector = Detector::new(subject.config()).expect("a detector");
+            assert_eq!(detector.report().algorithm, subject.algorithm);
+            let pairs = detector.pairs(&spheres).expect("pairs").len() as u64;
+            let report = detector.report();
+            assert_eq!((report.spheres, report.pairs), (n as u64, pairs), "{subject}");
+            assert!(Algorithm::CPU.contains(&report.algorithm), "{subject}: {report:?}");
+            assert!(
+                [Algorithm::Auto, report.algorithm].contains(&subject.algorithm),
+                "{subject}: {report:?}"
+            );
+            assert_eq!(report.backend, subject.backend);
+            assert!(report.reason.contains(report.algorithm.name()), "{subject}: {}", report.reason);
+            assert!(!report.phases.is_empty(), "{subject}");
+        }
+    }
+}

@@ -90,7 +90,7 @@ fn sample_size(n: usize) -> usize {
 fn sample_index(k: usize, size: usize, n: usize) -> usize {
     let (from, to) = (k * n / size, (k + 1) * n / size);
     let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
-    from + (mixed * (to - from) as u64 >> 32) as usize
+    from + ((mixed * (to - from) as u64) >> 32) as usize
 }
 
 /// Interleaves the bits of three coordinates below 2²¹.
@@ -103,7 +103,7 @@ fn morton(at: DVec3) -> u64 {
         v = (v | v << 4) & 0x10C3_0C30_C30C_30C3;
         (v | v << 2) & 0x1249_2492_4924_9249
     };
-    spread(at.x) | spread(at.y) << 1 | spread(at.z) << 2
+    spread(at.x) | (spread(at.y) << 1) | (spread(at.z) << 2)
 }
 
 /// How many pairs of the sorted sample share a cell at `depth` halvings.

@@ -13,14 +13,13 @@ mod raster;
 mod search;
 mod sort;
 
-use glam::Vec3;
-
-use crate::Survey;
 use crate::columns::Columns;
 use crate::detector::Input;
 use crate::report::Report;
+use crate::simd::Vector;
 use crate::sink::Output;
 use crate::survey::CLASSES;
+use crate::{Error, Survey};
 use crowding::Crowding;
 use levels::{CELLS_PER_SPHERE, Levels};
 use raster::Raster;
@@ -66,15 +65,18 @@ impl Places<'_> {
 
     /// The table entry of a sphere.
     #[inline(always)]
-    fn cell_of(&self, center: Vec3, radius: f32) -> u32 {
+    fn cell_of<V: Vector>(&self, vector: V, [x, y, z, radius]: [f32; 4]) -> u32 {
         let level = &self.levels[usize::from(self.of_class[Survey::class_of(radius)])];
-        (level.base + level.raster.index(level.raster.cell_of(center))) as u32
+        (level.base + level.raster.index(level.raster.cell_of(vector, [x, y, z]))) as u32
     }
 }
 
 impl CellList {
     /// Plans and builds for these spheres.
-    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
         let Survey { min, max, .. } = input.survey;
         let plan = report.time("plan", || Levels::plan(&input.survey, &Crowding::sample(input)));
         let (mut base, mut from) = (0, 0);
@@ -88,7 +90,11 @@ impl CellList {
             (base, from) = (base + cells, to);
         }
         let places = Places { levels: &self.levels, of_class: &plan.of_class };
-        report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts));
+        report.time("sort", || {
+            self.sorter.reserve((from, base), &mut self.columns, &mut self.starts)?;
+            self.sorter.sort(input, places, &mut self.columns, &mut self.starts);
+            Ok(())
+        })
     }
 
     /// Finds all pairs.
@@ -100,5 +106,58 @@ impl CellList {
     pub(crate) fn memory_for(spheres: u64) -> u64 {
         let cells = (CELLS_PER_SPHERE as u64 * spheres).max(64);
         spheres * (Columns::BYTES_PER_SPHERE + Sorter::BYTES_PER_SPHERE) + 4 * cells
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::{Algorithm, Pair, Sphere};
+
+    use crate::{HostDetector, Order, Settings, Simd};
+
+    fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
+        let settings = Settings { algorithm, simd, order: Order::Canonical, ..Settings::default() };
+        let mut detector = HostDetector::new(settings).expect("the settings are in range");
+        detector.pairs(spheres.into()).expect("the spheres are valid").to_vec()
+    }
+
+    /// Spheres of sizes down to `2^-sizes` with edges of the scene at `spread`, from a fixed sequence.
+    fn scattered(n: u32, sizes: u32, spread: f32) -> Vec<Sphere> {
+        let mut state = 7_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1 << 24) as f32 - 0.5
+        };
+        (0..n)
+            .map(|k| {
+                let center = [random(), random(), random()].map(|x| spread * x * x.abs());
+                Sphere::new(center, 0.5_f32.powi((k % (sizes + 1)) as i32))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn every_vector_width_finds_what_all_pairs_find() {
+        for (n, sizes, spread) in [(0, 0, 1.0), (1, 0, 1.0), (17, 0, 9.0), (3000, 0, 60.0), (3000, 9, 40.0)] {
+            let spheres = scattered(n, sizes, spread);
+            let expected = pairs(&spheres, Algorithm::Naive, Simd::Portable);
+            for simd in [Simd::Portable, Simd::Avx2, Simd::Avx512] {
+                assert_eq!(pairs(&spheres, Algorithm::Naive, simd), expected, "naive, {n}, {simd:?}");
+                assert_eq!(pairs(&spheres, Algorithm::CellList, simd), expected, "{n}, {simd:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_folded_table_finds_what_all_pairs_find() {
+        let mut spheres = scattered(2000, 3, 30.0);
+        for (k, sphere) in spheres.iter_mut().enumerate() {
+            // Clumps far apart: the bounds hold far more cells than the table may have.
+            let clump = (k % 5) as f32;
+            sphere.center += glam::Vec3::new(1e6 * clump, -1e5 * clump, 3e4 * (clump - 2.0));
+        }
+        let expected = pairs(&spheres, Algorithm::Naive, Simd::Portable);
+        assert!(expected.len() > 1000);
+        assert_eq!(pairs(&spheres, Algorithm::CellList, Simd::detect()), expected);
     }
 }

@@ -5,6 +5,8 @@
 
 use glam::{DVec3, Vec3};
 
+use crate::simd::{Axes, Vector};
+
 /// Below this many cells from the origin `f64` still counts single cells; farther out two different `f32`
 /// coordinates lie 2²⁵ cells apart or more, so that only equal ones can meet.
 const COUNTABLE: f64 = (1_u64 << 50) as f64;
@@ -14,15 +16,12 @@ const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 /// The cells of one level.
 #[derive(Clone, Debug)]
 pub(crate) struct Raster {
-    /// Cells per unit length along `x`, `y` and `z`; the fourth lane of all that follows only fills a vector.
-    per_length: [f64; 4],
-    /// The cell coordinates of the lowest corner.
-    origin: [f64; 4],
-    /// The highest cell along each axis.
-    last: [f64; 4],
+    axes: Axes,
     /// Cells per axis.
     pub(crate) size: [u32; 3],
     pub(crate) folded: bool,
+    /// Whether two spheres of the level in reach of each other always lie in the same or in adjoining cells.
+    pub(crate) adjoining: bool,
     /// The largest effective radius of the level, and what rounding may add to it.
     reach: f64,
 }
@@ -54,14 +53,13 @@ impl Raster {
         let slack = if folded { 0.0 } else { f64::from(far) * ROUNDING };
         let reach = f64::from(largest) * (1.0 + 1e-9) + slack;
         let last = size.map(|cells| f64::from(cells - 1));
-        Self {
+        let axes = Axes {
             per_length: [per_length, per_length, per_length, 0.0],
             origin: [origin.x, origin.y, origin.z, 0.0],
             last: [last[0], last[1], last[2], 0.0],
-            size,
-            folded,
-            reach,
-        }
+        };
+        let adjoining = !folded && (f64::from(largest) + reach) * (1.0 + 1e-6) <= edge;
+        Self { axes, size, folded, adjoining, reach }
     }
 
     /// How many table entries the raster has.
@@ -71,11 +69,12 @@ impl Raster {
 
     /// The cell of a centre.
     #[inline(always)]
-    pub(crate) fn cell_of(&self, center: Vec3) -> [u32; 3] {
+    pub(crate) fn cell_of<V: Vector>(&self, vector: V, [x, y, z]: [f32; 3]) -> [u32; 3] {
         if self.folded {
-            return self.fold_at(center);
+            return self.fold_at(x, y, z);
         }
-        self.plain_cell([f64::from(center.x), f64::from(center.y), f64::from(center.z), 0.0])
+        let [x, y, z, _] = vector.cell(&self.axes, [x, y, z], 0.0);
+        [x, y, z]
     }
 
     /// The table entry of a cell.
@@ -90,46 +89,37 @@ impl Raster {
     /// Not folded: lower and upper corner come from the same monotone expression as [`cell_of`](Self::cell_of),
     /// from coordinates moved outwards by more than rounding can move them; cut to the raster.
     #[inline(always)]
-    pub(crate) fn block(&self, [x, y, z, r]: [f32; 4]) -> Block {
+    pub(crate) fn block<V: Vector>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> Block {
         if self.folded {
-            return self.folded_block(Vec3::new(x, y, z), r);
+            return self.folded_block(x, y, z, r);
         }
         let reach = f64::from(r) + self.reach;
-        let center = [f64::from(x), f64::from(y), f64::from(z), 0.0];
-        let (mut low, mut high) = ([0.0; 4], [0.0; 4]);
-        for k in 0..4 {
-            low[k] = center[k] - reach;
-            high[k] = center[k] + reach;
-        }
-        Block { first: self.plain_cell(low), last: self.plain_cell(high) }
+        let low = vector.cell(&self.axes, [x, y, z], -reach);
+        let high = vector.cell(&self.axes, [x, y, z], reach);
+        Block { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
     }
 
-    /// The cell of a point in a raster that is not folded, cut to the raster. Monotone along each axis.
+    /// On which axes, as bits, the cells in reach of a sphere of this level in `cell` go beyond it: downwards and
+    /// upwards. Not for folded rasters.
     #[inline(always)]
-    fn plain_cell(&self, point: [f64; 4]) -> [u32; 3] {
-        let mut cell = [0; 4];
-        for k in 0..4 {
-            let at = point[k] * self.per_length[k] - self.origin[k];
-            let at = if at > 0.0 { at } else { 0.0 };
-            let at = if at < self.last[k] { at } else { self.last[k] };
-            // SAFETY: `at` lies in 0..=last, whatever the point, and a raster has no more cells than fit an `i32`.
-            cell[k] = unsafe { at.to_int_unchecked::<i32>() };
-        }
-        [cell[0] as u32, cell[1] as u32, cell[2] as u32]
+    pub(crate) fn sides<V: Vector>(&self, vector: V, [x, y, z, r]: [f32; 4], cell: [u32; 3]) -> [u32; 2] {
+        let reach = f64::from(r) + self.reach;
+        vector.sides(&self.axes, [x, y, z], reach, [cell[0], cell[1], cell[2], 0])
     }
 
+    // Scalar arguments: a centre in memory would slow down the callers that never fold.
     #[inline(never)]
-    fn folded_block(&self, center: Vec3, radius: f32) -> Block {
-        let own = self.fold_at(center);
+    fn folded_block(&self, x: f32, y: f32, z: f32, radius: f32) -> Block {
+        let (center, own) = ([x, y, z], self.fold_at(x, y, z));
         let (mut first, mut last) = (own, own);
         for axis in 0..3 {
             let x = f64::from(center[axis]);
-            if (x * self.per_length[axis]).abs() >= COUNTABLE {
+            if (x * self.axes.per_length[axis]).abs() >= COUNTABLE {
                 continue;
             }
             let reach = f64::from(radius) + self.reach + x.abs() * ROUNDING;
-            let low = ((x - reach) * self.per_length[axis]).floor();
-            let high = ((x + reach) * self.per_length[axis]).floor();
+            let low = ((x - reach) * self.axes.per_length[axis]).floor();
+            let high = ((x + reach) * self.axes.per_length[axis]).floor();
             first[axis] = modulo(low, self.size[axis]);
             last[axis] = first[axis] + (high - low).min(f64::from(self.size[axis] - 1)) as u32;
         }
@@ -137,9 +127,10 @@ impl Raster {
     }
 
     #[inline(never)]
-    fn fold_at(&self, center: Vec3) -> [u32; 3] {
+    fn fold_at(&self, x: f32, y: f32, z: f32) -> [u32; 3] {
+        let center = [x, y, z];
         [0, 1, 2].map(|axis| {
-            let at = f64::from(center[axis]) * self.per_length[axis];
+            let at = f64::from(center[axis]) * self.axes.per_length[axis];
             if at.abs() < COUNTABLE {
                 modulo(at.floor(), self.size[axis])
             } else {
@@ -175,6 +166,7 @@ fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::Portable;
 
     /// Whether the block holds the cell, on a folded or a plain raster.
     fn holds(raster: &Raster, block: Block, cell: [u32; 3]) -> bool {
@@ -202,7 +194,11 @@ mod tests {
                 for &p in &points {
                     for &q in &points {
                         let near = (p.as_dvec3() - q.as_dvec3()).length() <= 2.5;
-                        let held = holds(&raster, raster.block([p.x, p.y, p.z, 0.5]), raster.cell_of(q));
+                        let held = holds(
+                            &raster,
+                            raster.block(Portable, [p.x, p.y, p.z, 0.5]),
+                            raster.cell_of(Portable, q.to_array()),
+                        );
                         assert!(held || !near, "{p} loses {q}, folded {}", raster.folded);
                     }
                 }
@@ -215,7 +211,7 @@ mod tests {
         let center = Vec3::new(-1e-30, 1.0_f32.next_down(), -1.0_f32.next_down());
         let raster = Raster::new(1.0, (center, center), 0.0, 64);
         assert_eq!(raster.cells(), 1);
-        assert_eq!(raster.cell_of(center), [0; 3]);
+        assert_eq!(raster.cell_of(Portable, center.to_array()), [0; 3]);
     }
 
     #[test]

@@ -8,13 +8,11 @@ use super::raster::Block;
 use super::{CellList, Placed};
 use crate::contact::{Rule, scan};
 use crate::detector::Input;
-use crate::simd::{Task, Vector};
+use crate::simd::{Jobs, MAX_LANES, Task, Vector};
 use crate::sink::{Output, Sink};
 
 /// Spheres per piece of work: some tens of microseconds where space is not crowded.
 const PIECE: usize = 1 << 10;
-/// Runs in the queue: 3 KiB, a small part of the first-level cache.
-const QUEUE: usize = 256;
 
 /// Finds all pairs of the list, piece by piece over the threads.
 pub(super) fn search<'o, O: Output>(list: &CellList, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
@@ -26,10 +24,7 @@ pub(super) fn search<'o, O: Output>(list: &CellList, input: &Input<'_>, output: 
         }
         sink
     };
-    (0..n.div_ceil(PIECE))
-        .into_par_iter()
-        .fold(|| output.open(), piece)
-        .reduce(|| output.open(), Sink::merge)
+    (0..n.div_ceil(PIECE)).into_par_iter().fold(|| output.open(), piece).reduce(|| output.open(), Sink::merge)
 }
 
 struct Piece<'p, S> {
@@ -45,65 +40,128 @@ impl<S: Sink> Task for Piece<'_, S> {
     #[inline(always)]
     fn run<V: Vector>(self, vector: V) {
         let Self { list, rule, range, sink } = self;
-        let mut queue = Queue { vector, list, rule, sink, jobs: [Job::default(); QUEUE], len: 0 };
+        let mut finder = Finder { vector, list, rule, sink, jobs: Jobs::new() };
         for (k, level) in list.levels.iter().enumerate() {
-            for at in range.start.max(level.members.start)..range.end.min(level.members.end) {
-                // At its own level a sphere meets the later ones only, so that each pair is met once.
-                queue.look_around(level, at, at + 1);
-                for coarser in &list.levels[..k] {
-                    queue.look_around(coarser, at, 0);
+            let members = range.start.max(level.members.start)..range.end.min(level.members.end);
+            let coarser = &list.levels[..k];
+            if level.raster.adjoining {
+                finder.cell_by_cell(level, coarser, members);
+            } else {
+                for at in members {
+                    finder.level(level, at, at + 1);
+                    finder.coarser(coarser, at);
                 }
             }
         }
-        queue.drain();
+        finder.work();
     }
 }
 
-/// Sphere `at` against the run of spheres `start..end`.
-#[derive(Clone, Copy, Default)]
-struct Job {
-    at: u32,
-    start: u32,
-    end: u32,
+/// The cells around one cell, in a raster whose cells are wide enough that nothing beyond the next is in reach.
+///
+/// Five rows of cells matter: the cell's own, and the four next to it that come later in the table. Rows outside the
+/// raster are replaced by some inside; no sphere asks for them.
+struct Around {
+    cell: [u32; 3],
+    /// The end of the cell's spheres.
+    end: usize,
+    /// Where each row's cell `x` starts, and where its cell `x - 1` starts.
+    starts: [[u32; MAX_LANES]; 2],
+    /// Where each row's cell `x` ends, and where its cell `x + 1` ends.
+    ends: [[u32; MAX_LANES]; 2],
 }
 
-/// Runs that are found but not compared yet.
-///
-/// How many rows a sphere has to look at, and how many of them are empty, no branch predictor can tell. So finding
-/// runs is kept apart from comparing: it appends without a branch, an empty run being overwritten by the next.
-struct Queue<'p, V, S> {
+impl Around {
+    /// Which of the rows a sphere must visit, by the axes on which it reaches beyond its cell: bit 0 of the index for
+    /// towards lower `y`, bit 1 for higher `y`, bit 2 for higher `z`.
+    const WANTED: [u32; 8] = [0b00001, 0b00001, 0b00011, 0b00011, 0b01001, 0b01101, 0b11011, 0b11111];
+
+    #[inline(always)]
+    fn new<V: Vector>(vector: V, list: &CellList, level: &Placed, at: usize) -> Self {
+        let [x, y, z, _] = list.columns.sphere(at);
+        let cell = level.raster.cell_of(vector, [x, y, z]);
+        let [size_x, size_y, size_z] = level.raster.size;
+        let own = level.base + level.raster.index(cell);
+        let lower_y = if cell[1] > 0 { size_x as usize } else { 0 };
+        let higher_y = if cell[1] + 1 < size_y { size_x as usize } else { 0 };
+        let higher_z = if cell[2] + 1 < size_z { (size_x * size_y) as usize } else { 0 };
+        let rows = [own, own + higher_y, own + higher_z - lower_y, own + higher_z, own + higher_z + higher_y];
+        let mut around = Self { cell, end: 0, starts: [[0; MAX_LANES]; 2], ends: [[0; MAX_LANES]; 2] };
+        for (row, first) in rows.into_iter().enumerate() {
+            let starts = &list.starts[first..first + 3];
+            around.starts[0][row] = starts[0];
+            around.starts[1][row] = list.starts[first.saturating_sub(1)];
+            around.ends[0][row] = starts[1];
+            around.ends[1][row] = starts[2];
+        }
+        around.end = around.ends[0][0] as usize;
+        around
+    }
+}
+
+/// Finds runs, and compares them when there are enough.
+struct Finder<'p, V, S> {
     vector: V,
     list: &'p CellList,
     rule: &'p Rule<'p>,
     sink: &'p mut S,
-    jobs: [Job; QUEUE],
-    len: usize,
+    jobs: Jobs,
 }
 
-impl<V: Vector, S: Sink> Queue<'_, V, S> {
-    /// Queues the runs of `level` within reach of the sphere at `at`, without what lies before place `from`.
+impl<V: Vector, S: Sink> Finder<'_, V, S> {
+    /// Looks around the spheres at `members`, one cell after another: spheres of one cell have the same cells around
+    /// them. At its own level a sphere meets the later ones only, so that each pair is met once.
     #[inline(always)]
-    fn look_around(&mut self, level: &Placed, at: usize, from: usize) {
-        let block = level.raster.block(self.list.columns.sphere(at));
+    fn cell_by_cell(&mut self, level: &Placed, coarser: &[Placed], members: Range<usize>) {
+        let mut at = members.start;
+        while at < members.end {
+            let around = Around::new(self.vector, self.list, level, at);
+            let end = around.end.min(members.end);
+            for at in at..end {
+                self.work_if_full();
+                let sphere = self.list.columns.sphere(at);
+                let [before, behind] = level.raster.sides(self.vector, sphere, around.cell);
+                let wanted = Around::WANTED[(before >> 1 & 1 | behind & 0b110) as usize];
+                let starts = &around.starts[(before & 1) as usize];
+                let ends = &around.ends[(behind & 1) as usize];
+                self.vector.append(&mut self.jobs, at as u32, starts, ends, wanted);
+                self.coarser(coarser, at);
+            }
+            at = end;
+        }
+    }
+
+    /// Finds what is in reach of the sphere at `at` on coarser levels.
+    #[inline(always)]
+    fn coarser(&mut self, levels: &[Placed], at: usize) {
+        for level in levels {
+            self.level(level, at, 0);
+        }
+    }
+
+    /// Finds what is in reach of the sphere at `at` on any level, without what lies before place `from`.
+    #[inline(always)]
+    fn level(&mut self, level: &Placed, at: usize, from: usize) {
+        let block = level.raster.block(self.vector, self.list.columns.sphere(at));
         let count = block.count();
         if level.raster.folded || count[1] > 2 || count[2] > 2 {
             return self.rows(level, block, (at, from));
         }
-        if self.len > QUEUE - 4 {
-            self.drain();
-        }
+        self.work_if_full();
         let [size_x, size_y, _] = level.raster.size.map(|k| k as usize);
         let [width, more_y, more_z] = [count[0] as usize, count[1] as usize - 1, count[2] as usize - 1];
-        let row = level.base + level.raster.index(block.first);
+        let first = level.base + level.raster.index(block.first);
         let (next_y, next_z) = (size_x * more_y, size_x * size_y * more_z);
-        // A second row that is the first again gets no cells.
-        self.push(at, row, width, from);
-        self.push(at, row + next_y, width * more_y, from);
-        self.push(at, row + next_z, width * more_z, from);
-        self.push(at, row + next_y + next_z, width * more_y * more_z, from);
+        let rows = [first, first + next_y, first + next_z, first + next_y + next_z];
+        // A second row that is the first again is left out.
+        let wanted = [true, more_y > 0, more_z > 0, (more_y > 0) & (more_z > 0)];
+        for (row, wanted) in rows.into_iter().zip(wanted) {
+            let start = self.list.starts[row].max(from as u32);
+            self.jobs.push(at as u32, start..self.list.starts[row + width], wanted);
+        }
     }
 
-    /// Queues the rows of any block. Where the raster wraps around, no axis is followed for longer than it is, so no
+    /// Finds the rows of any block. Where the raster wraps around, no axis is followed for longer than it is, so no
     /// row is met twice.
     #[inline(always)]
     fn rows(&mut self, level: &Placed, block: Block, (at, from): (usize, usize)) {
@@ -111,33 +169,32 @@ impl<V: Vector, S: Sink> Queue<'_, V, S> {
         let before = count[0].min(size[0] - first[0]);
         for z in 0..count[2] {
             for y in 0..count[1] {
-                if self.len > QUEUE - 4 {
-                    self.drain();
-                }
+                self.work_if_full();
                 let (y, z) = ((first[1] + y) % size[1], (first[2] + z) % size[2]);
                 let row = level.base + level.raster.index([0, y, z]);
-                self.push(at, row + first[0] as usize, before as usize, from);
-                self.push(at, row, (count[0] - before) as usize, from);
+                for cells in [first[0]..first[0] + before, 0..count[0] - before] {
+                    let start = self.list.starts[row + cells.start as usize].max(from as u32);
+                    let end = self.list.starts[row + cells.end as usize];
+                    self.jobs.push(at as u32, start..end, true);
+                }
             }
         }
     }
 
-    /// Queues the spheres in `count` cells from `first` on, those before place `from` left out. There must be room.
     #[inline(always)]
-    fn push(&mut self, at: usize, first: usize, count: usize, from: usize) {
-        let start = self.list.starts[first].max(from as u32);
-        let end = self.list.starts[first + count];
-        self.jobs[self.len & (QUEUE - 1)] = Job { at: at as u32, start, end };
-        self.len += usize::from(start < end);
+    fn work_if_full(&mut self) {
+        if self.jobs.is_full() {
+            self.work();
+        }
     }
 
-    /// Compares what is queued.
+    /// Compares what was found.
     #[inline(always)]
-    fn drain(&mut self) {
-        for job in &self.jobs[..self.len.min(QUEUE)] {
-            let run = job.start as usize..job.end as usize;
-            scan(self.vector, (&self.list.columns, self.rule), job.at as usize, run, self.sink);
+    fn work(&mut self) {
+        for k in 0..self.jobs.len() {
+            let (at, run) = self.jobs.get(k);
+            scan(self.vector, (&self.list.columns, self.rule), at, run, self.sink);
         }
-        self.len = 0;
+        self.jobs.clear();
     }
 }

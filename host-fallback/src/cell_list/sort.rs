@@ -8,7 +8,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Places;
-use crate::columns::{Columns, ColumnsMut, resize};
+use crate::Error;
+use crate::columns::{Columns, ColumnsMut, reserve, resize};
 use crate::contact::Rule;
 use crate::detector::Input;
 use crate::scatter::{Disjoint, split_at};
@@ -40,8 +41,27 @@ pub(super) struct Sorter {
 impl Sorter {
     pub(super) const BYTES_PER_SPHERE: u64 = 4 + size_of::<Entry>() as u64;
 
+    /// Sees to it that [`sort`](Self::sort) will have the memory.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(super) fn reserve(
+        &mut self,
+        (spheres, cells): (usize, usize),
+        columns: &mut Columns,
+        starts: &mut Vec<u32>,
+    ) -> Result<(), Error> {
+        reserve(&mut self.keys, spheres, "cells of spheres")?;
+        reserve(&mut self.entries, spheres, "sorting spheres")?;
+        reserve(starts, cells + Self::BEHIND, "the table of cells")?;
+        columns.reserve(spheres)
+    }
+
+    /// Entries of `starts` behind those of the cells.
+    pub(super) const BEHIND: usize = 3;
+
     /// Fills `columns` with the spheres sorted by cell, and `starts[k]` with the place of the first sphere of cell
-    /// `k` or later, for `k` up to and including the number of cells.
+    /// `k` or later, for `k` up to and including the number of cells; the rest of `starts` is their end as well.
     pub(super) fn sort(
         &mut self,
         input: &Input<'_>,
@@ -56,13 +76,13 @@ impl Sorter {
         resize(&mut self.keys, n);
         resize(&mut self.entries, n);
         starts.clear();
-        resize(starts, cells + 1);
+        resize(starts, cells + Self::BEHIND);
 
         let ends = self.spread(input, places, (shift, buckets));
         let ColumnsMut { xyzr, id } = columns.resize(n);
         let [x, y, z, r] = xyzr.map(|column| split_at(column, ends.iter().copied()));
         let id = split_at(id, ends.iter().copied());
-        let cells = split_at(&mut starts[1..], (1..=buckets).map(|k| cells.min(k << shift)));
+        let cells = split_at(&mut starts[1..=cells], (1..=buckets).map(|k| cells.min(k << shift)));
         let entries = split_at(&mut self.entries, ends.iter().copied());
         let columns = x.into_par_iter().zip(y).zip(z).zip(r).zip(id);
         entries.into_par_iter().zip(cells).zip(columns).enumerate().for_each(
@@ -81,10 +101,16 @@ impl Sorter {
                 cells.iter_mut().for_each(|end| *end += before);
             },
         );
+        starts[1 + places.cells()..].fill(n as u32);
     }
 
     /// The first pass; returns where each bucket ends.
-    fn spread(&mut self, input: &Input<'_>, places: Places<'_>, (shift, buckets): (u32, usize)) -> Vec<usize> {
+    fn spread(
+        &mut self,
+        input: &Input<'_>,
+        places: Places<'_>,
+        (shift, buckets): (u32, usize),
+    ) -> Vec<usize> {
         let counted = self.keys.par_chunks_mut(PIECE).enumerate().map(|(piece, keys)| {
             input.simd.run(Keys { rule: &input.rule, places, first: piece * PIECE, keys });
             let mut counts = vec![0_u32; buckets];
@@ -143,17 +169,17 @@ impl Task for Keys<'_> {
     type Result = ();
 
     #[inline(always)]
-    fn run<V: Vector>(self, _: V) {
+    fn run<V: Vector>(self, vector: V) {
         match self.rule.plain_rows() {
             Some(rows) => {
                 for (key, sphere) in self.keys.iter_mut().zip(&rows[self.first..]) {
-                    *key = self.places.cell_of(sphere.center, sphere.radius);
+                    *key = self.places.cell_of(vector, bytemuck::cast(*sphere));
                 }
             }
             None => {
                 for (key, id) in self.keys.iter_mut().zip(self.first..) {
                     let (center, radius) = self.rule.effective(id as u32);
-                    *key = self.places.cell_of(center, radius);
+                    *key = self.places.cell_of(vector, [center.x, center.y, center.z, radius]);
                 }
             }
         }

@@ -1,0 +1,201 @@
+//! One sphere against several: the vector code of every detector.
+//!
+//! The comparison is a filter in `f32` with an error band around tangency. What lies clear of the band is decided
+//! here; what lies inside it is left to the exact test of [`Rule`](crate::contact::Rule). So vector width, fused
+//! multiply-adds and the order of operations cannot change a result.
+
+use lazygrid_kernels::Pair;
+
+use crate::columns::Columns;
+pub(crate) use jobs::Jobs;
+pub(crate) use portable::Portable;
+
+mod jobs;
+mod portable;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+/// The most lanes of any vector; columns are padded by this many so that a load at their end stays inside.
+pub(crate) const MAX_LANES: usize = 16;
+
+/// Relative half-width of the band left to the exact test. Rounding in `f32` moves `d²` against `(ri + rj)²` by at
+/// most 4 ulp, 2⁻²¹; twice that is safe and still leaves one comparison in 10⁶ to the exact test.
+const BAND: f32 = 1.0 / (1 << 20) as f32;
+/// Absolute half-width of the band: below it products underflow and relative error says nothing.
+const FLOOR: f32 = f32::MIN_POSITIVE;
+
+/// The widest vector code this processor has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Simd {
+    /// 16 lanes, x86-64 with AVX-512F.
+    Avx512,
+    /// 8 lanes, x86-64 with AVX2 and FMA.
+    Avx2,
+    /// 8 lanes as plain loops, which the compiler vectorises as the target allows.
+    Portable,
+}
+
+impl Simd {
+    /// Looks at the processor.
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx2") {
+                return Self::Avx512;
+            }
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                return Self::Avx2;
+            }
+        }
+        Self::Portable
+    }
+
+    /// Runs `task` with this width, or the portable one where the processor lacks it.
+    pub(crate) fn run<T: Task>(self, task: T) -> T::Result {
+        match self.min_supported() {
+            // SAFETY: `min_supported` returns a width only after seeing its features on this processor.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => unsafe { x86::with_avx512(task) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => unsafe { x86::with_avx2(task) },
+            _ => task.run(Portable),
+        }
+    }
+
+    /// Detection is cached by the standard library, so asking again costs a load.
+    fn min_supported(self) -> Self {
+        match (self, Self::detect()) {
+            (Self::Portable, _) | (_, Self::Portable) => Self::Portable,
+            (Self::Avx512, Self::Avx512) => Self::Avx512,
+            _ => Self::Avx2,
+        }
+    }
+}
+
+/// Work that is compiled once per vector width, with that width's instructions throughout.
+///
+/// Only what is inlined into [`Task::run`] takes on the instructions: its callees are `#[inline(always)]`, and none
+/// of them passes a closure to a function that is not.
+pub(crate) trait Task {
+    type Result;
+    /// Must be `#[inline(always)]`, so that it takes on the features of its caller.
+    fn run<V: Vector>(self, vector: V) -> Self::Result;
+}
+
+/// A vector width. A value of the type is proof that the processor has it.
+pub(crate) trait Vector: Copy {
+    /// Spheres per comparison, at most [`MAX_LANES`].
+    const LANES: usize;
+    /// One sphere in every lane.
+    type Query: Copy;
+    /// Squared distances and squared sums of radii.
+    type Gaps: Copy;
+
+    /// A sphere from its centre and radius.
+    fn query(self, sphere: [f32; 4]) -> Self::Query;
+    /// Compares with the spheres at `base..base + LANES`, which may reach into the padding.
+    fn gaps(self, columns: &Columns, base: usize, query: Self::Query) -> Self::Gaps;
+    /// Lanes that may be pairs: all that are, and those inside the band.
+    fn possible(self, gaps: Self::Gaps) -> u32;
+    /// Lanes that touch without doubt.
+    fn certain(self, gaps: Self::Gaps) -> u32;
+    /// The cell of the point `center + offset`, cut to the raster. Monotone along each axis, and the same operations
+    /// in the same order for every width.
+    fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
+    /// On which axes, as bits, the cell of `center - reach` lies before `cell`, and that of `center + reach` behind it.
+    fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2];
+    /// Appends those runs whose bits are set in `wanted` and which are not empty once they begin no earlier than the
+    /// sphere behind `at`.
+    fn append(
+        self,
+        jobs: &mut Jobs,
+        at: u32,
+        starts: &[u32; MAX_LANES],
+        ends: &[u32; MAX_LANES],
+        wanted: u32,
+    );
+    /// Writes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes` to the front of
+    /// `pairs`; what stands behind them is then of no meaning. Returns how many there are.
+    fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
+}
+
+/// From coordinates to cells, for `x`, `y` and `z`; the fourth lane only fills a vector.
+#[derive(Clone, Debug)]
+pub(crate) struct Axes {
+    /// Cells per unit length.
+    pub(crate) per_length: [f64; 4],
+    /// The cell coordinates of the lowest corner.
+    pub(crate) origin: [f64; 4],
+    /// The highest cell of each axis, at most `i32::MAX`.
+    pub(crate) last: [f64; 4],
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AXES: Axes = Axes {
+        per_length: [0.7, 0.7, 0.7, 0.0],
+        origin: [-30.0, 2.0, 1e6, 0.0],
+        last: [90.0, 5.0, 7.0, 0.0],
+    };
+    const POINTS: [[f32; 3]; 5] = [
+        [0.0; 3],
+        [-1e-30, 3.0, 1_428_573.0],
+        [f32::MAX, f32::MIN, f32::MIN_POSITIVE],
+        [20.5, 8.571_428, 1_428_571.5],
+        [-42.857_14, 4.285_714, 1_428_580.0],
+    ];
+    const IDS: [u32; MAX_LANES] = [3, 9, 0, u32::MAX - 2, 7, 8, 1, 2, 40, 30, 20, 10, 11, 12, 13, 6];
+    const LANES: [u32; 6] = [0, 1, 0x8000, 0xffff, 0x5a5a, 0x0ff0];
+
+    /// Everything a vector width computes besides distances, which the detectors' tests compare.
+    struct Everything;
+
+    impl Task for Everything {
+        type Result = Vec<u32>;
+
+        #[inline(always)]
+        fn run<V: Vector>(self, vector: V) -> Vec<u32> {
+            let mut all = Vec::new();
+            for point in POINTS {
+                for offset in [0.0, 1.5, -1.5, 1e10] {
+                    all.extend(vector.cell(&AXES, point, offset));
+                }
+                all.extend(vector.sides(&AXES, point, 2.0, vector.cell(&AXES, point, 0.0)));
+            }
+            let mut pairs = [Pair::default(); MAX_LANES];
+            for lanes in LANES {
+                let count = vector.pack(5, &IDS, lanes, &mut pairs);
+                all.extend(pairs[..count].iter().flat_map(|pair| [pair.i, pair.j]));
+            }
+            let (mut starts, mut ends) = ([0; MAX_LANES], [0; MAX_LANES]);
+            starts[..5].copy_from_slice(&[4, 20, 30, 41, 50]);
+            ends[..5].copy_from_slice(&[9, 20, 35, 41, 60]);
+            let mut jobs = Jobs::new();
+            for wanted in 0..32 {
+                for at in [0, 6, 8, 70] {
+                    if jobs.is_full() {
+                        jobs.clear();
+                    }
+                    vector.append(&mut jobs, at, &starts, &ends, wanted);
+                    all.push(jobs.len() as u32);
+                }
+            }
+            for k in 0..jobs.len() {
+                let (at, run) = jobs.get(k);
+                all.extend([at as u32, run.start as u32, run.end as u32]);
+            }
+            all
+        }
+    }
+
+    #[test]
+    fn all_widths_agree() {
+        let expected = Simd::Portable.run(Everything);
+        for simd in [Simd::Avx2, Simd::Avx512] {
+            assert_eq!(simd.run(Everything), expected, "{simd:?}, on {:?}", Simd::detect());
+        }
+    }
+}

@@ -1,0 +1,103 @@
+use lazygrid_kernels::Pair;
+
+use super::{Axes, BAND, FLOOR, Jobs, MAX_LANES, Vector};
+use crate::columns::Columns;
+
+/// Plain loops over eight lanes.
+#[derive(Clone, Copy)]
+pub(crate) struct Portable;
+
+impl Vector for Portable {
+    const LANES: usize = 8;
+    type Query = [f32; 4];
+    type Gaps = ([f32; 8], [f32; 8]);
+
+    #[inline(always)]
+    fn query(self, sphere: [f32; 4]) -> [f32; 4] {
+        sphere
+    }
+
+    #[inline(always)]
+    fn gaps(self, columns: &Columns, base: usize, q: [f32; 4]) -> Self::Gaps {
+        let [x, y, z, r] = columns.lanes::<8>(base);
+        let (mut d2, mut s2) = ([0.0; 8], [0.0; 8]);
+        for k in 0..8 {
+            let (dx, dy, dz, s) = (x[k] - q[0], y[k] - q[1], z[k] - q[2], r[k] + q[3]);
+            d2[k] = dx * dx + dy * dy + dz * dz;
+            s2[k] = s * s;
+        }
+        (d2, s2)
+    }
+
+    #[inline(always)]
+    fn possible(self, (d2, s2): Self::Gaps) -> u32 {
+        (0..8).fold(0, |mask, k| mask | u32::from(d2[k] <= s2[k] * (1.0 + BAND) + FLOOR) << k)
+    }
+
+    #[inline(always)]
+    fn certain(self, (d2, s2): Self::Gaps) -> u32 {
+        (0..8).fold(0, |mask, k| mask | u32::from(d2[k] < s2[k] * (1.0 - BAND) - FLOOR) << k)
+    }
+
+    #[inline(always)]
+    fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
+        let mut cell = [0; 4];
+        for axis in 0..3 {
+            let at = (f64::from(center[axis]) + offset) * axes.per_length[axis] - axes.origin[axis];
+            cell[axis] = at.max(0.0).min(axes.last[axis]) as u32;
+        }
+        cell
+    }
+
+    #[inline(always)]
+    fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
+        let (low, high) = (self.cell(axes, center, -reach), self.cell(axes, center, reach));
+        let bits = |side: fn(u32, u32) -> bool, at: [u32; 4]| {
+            (0..3).fold(0, |bits, axis| bits | u32::from(side(at[axis], cell[axis])) << axis)
+        };
+        [bits(|a, b| a < b, low), bits(|a, b| a > b, high)]
+    }
+
+    #[inline(always)]
+    fn append(
+        self,
+        jobs: &mut Jobs,
+        at: u32,
+        starts: &[u32; MAX_LANES],
+        ends: &[u32; MAX_LANES],
+        wanted: u32,
+    ) {
+        append(jobs, at, starts, ends, wanted);
+    }
+
+    #[inline(always)]
+    fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
+        pack(id, ids, lanes, pairs)
+    }
+}
+
+/// Appending run by run; five are the most that anybody wants.
+#[inline(always)]
+pub(super) fn append(
+    jobs: &mut Jobs,
+    at: u32,
+    starts: &[u32; MAX_LANES],
+    ends: &[u32; MAX_LANES],
+    wanted: u32,
+) {
+    for row in 0..5 {
+        jobs.push(at, starts[row].max(at + 1)..ends[row], wanted >> row & 1 != 0);
+    }
+}
+
+/// Packing lane by lane.
+#[inline(always)]
+pub(super) fn pack(id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
+    let (mut open, mut packed) = (lanes, 0);
+    while open != 0 {
+        pairs[packed % MAX_LANES] = Pair::new(id, ids[open.trailing_zeros() as usize % MAX_LANES]);
+        packed += 1;
+        open &= open - 1;
+    }
+    packed
+}

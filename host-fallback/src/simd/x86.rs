@@ -1,0 +1,237 @@
+use std::arch::x86_64::*;
+
+use lazygrid_kernels::Pair;
+
+use super::{Axes, BAND, FLOOR, Jobs, MAX_LANES, Task, Vector, portable};
+use crate::columns::Columns;
+
+/// Proof that AVX-512F is there; made only by [`with_avx512`].
+#[derive(Clone, Copy)]
+pub(crate) struct Avx512(());
+
+/// Proof that AVX2 and FMA are there; made only by [`with_avx2`].
+#[derive(Clone, Copy)]
+pub(crate) struct Avx2(());
+
+/// One cell with AVX.
+///
+/// # Safety
+/// The processor must have AVX2.
+#[inline(always)]
+unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
+    let mut cell = [0; 4];
+    // SAFETY: AVX2 by the caller's promise; each array read or written has the vector's size.
+    unsafe {
+        let at = _mm256_add_pd(_mm256_cvtps_pd(_mm_setr_ps(x, y, z, 0.0)), _mm256_set1_pd(offset));
+        let at = _mm256_mul_pd(at, _mm256_loadu_pd(axes.per_length.as_ptr()));
+        let at = _mm256_sub_pd(at, _mm256_loadu_pd(axes.origin.as_ptr()));
+        let at = _mm256_max_pd(at, _mm256_setzero_pd());
+        let at = _mm256_min_pd(at, _mm256_loadu_pd(axes.last.as_ptr()));
+        _mm_storeu_si128(cell.as_mut_ptr().cast(), _mm256_cvttpd_epi32(at));
+    }
+    cell
+}
+
+/// Both sides with AVX2.
+///
+/// # Safety
+/// The processor must have AVX2.
+#[inline(always)]
+unsafe fn sides(axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
+    // SAFETY: AVX2 by the caller's promise; each array is one vector long. Cells fit an `i32`.
+    unsafe {
+        let own = _mm_loadu_si128(cell.as_ptr().cast());
+        let low = _mm_loadu_si128(self::cell(axes, center, -reach).as_ptr().cast());
+        let high = _mm_loadu_si128(self::cell(axes, center, reach).as_ptr().cast());
+        let (before, behind) = (_mm_cmpgt_epi32(own, low), _mm_cmpgt_epi32(high, own));
+        let bits = [_mm_movemask_ps(_mm_castsi128_ps(before)), _mm_movemask_ps(_mm_castsi128_ps(behind))];
+        [bits[0] as u32, bits[1] as u32]
+    }
+}
+
+#[target_feature(enable = "avx512f,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+pub(super) fn with_avx512<T: Task>(task: T) -> T::Result {
+    task.run(Avx512(()))
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+pub(super) fn with_avx2<T: Task>(task: T) -> T::Result {
+    task.run(Avx2(()))
+}
+
+impl Vector for Avx512 {
+    const LANES: usize = 16;
+    type Query = [__m512; 4];
+    type Gaps = (__m512, __m512);
+
+    #[inline(always)]
+    fn query(self, [x, y, z, r]: [f32; 4]) -> [__m512; 4] {
+        // SAFETY: `self` proves AVX-512F.
+        unsafe { [_mm512_set1_ps(x), _mm512_set1_ps(y), _mm512_set1_ps(z), _mm512_set1_ps(r)] }
+    }
+
+    #[inline(always)]
+    fn gaps(self, columns: &Columns, base: usize, q: [__m512; 4]) -> Self::Gaps {
+        let [x, y, z, r] = columns.lanes::<16>(base);
+        // SAFETY: `self` proves AVX-512F; each column's sixteen values are a reference's.
+        unsafe {
+            let dx = _mm512_sub_ps(_mm512_loadu_ps(x.as_ptr()), q[0]);
+            let dy = _mm512_sub_ps(_mm512_loadu_ps(y.as_ptr()), q[1]);
+            let dz = _mm512_sub_ps(_mm512_loadu_ps(z.as_ptr()), q[2]);
+            let s = _mm512_add_ps(_mm512_loadu_ps(r.as_ptr()), q[3]);
+            let d2 = _mm512_fmadd_ps(dx, dx, _mm512_fmadd_ps(dy, dy, _mm512_mul_ps(dz, dz)));
+            (d2, _mm512_mul_ps(s, s))
+        }
+    }
+
+    #[inline(always)]
+    fn possible(self, (d2, s2): Self::Gaps) -> u32 {
+        // SAFETY: `self` proves AVX-512F.
+        unsafe {
+            let bound = _mm512_fmadd_ps(s2, _mm512_set1_ps(1.0 + BAND), _mm512_set1_ps(FLOOR));
+            u32::from(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(d2, bound))
+        }
+    }
+
+    #[inline(always)]
+    fn certain(self, (d2, s2): Self::Gaps) -> u32 {
+        // SAFETY: `self` proves AVX-512F.
+        unsafe {
+            let bound = _mm512_fmsub_ps(s2, _mm512_set1_ps(1.0 - BAND), _mm512_set1_ps(FLOOR));
+            u32::from(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(d2, bound))
+        }
+    }
+
+    #[inline(always)]
+    fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
+        // SAFETY: `self` proves AVX2.
+        unsafe { cell(axes, center, offset) }
+    }
+
+    #[inline(always)]
+    fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
+        // SAFETY: `self` proves AVX2.
+        unsafe { sides(axes, center, reach, cell) }
+    }
+
+    #[inline(always)]
+    fn append(
+        self,
+        jobs: &mut Jobs,
+        at: u32,
+        starts: &[u32; MAX_LANES],
+        ends: &[u32; MAX_LANES],
+        wanted: u32,
+    ) {
+        // SAFETY: `self` proves AVX-512F; `starts` and `ends` are one vector long, and the columns of `jobs` have
+        // room for one behind `len`, which the assertion holds below `FULL`.
+        unsafe {
+            assert!(jobs.len < Jobs::FULL, "jobs are worked off before they are full");
+            let starts = _mm512_loadu_si512(starts.as_ptr().cast());
+            let starts = _mm512_max_epu32(starts, _mm512_set1_epi32(at as i32 + 1));
+            let ends = _mm512_loadu_si512(ends.as_ptr().cast());
+            let runs = _mm512_cmplt_epu32_mask(starts, ends) & wanted as __mmask16;
+            let len = jobs.len;
+            _mm512_storeu_si512(jobs.at.as_mut_ptr().add(len).cast(), _mm512_set1_epi32(at as i32));
+            _mm512_storeu_si512(
+                jobs.start.as_mut_ptr().add(len).cast(),
+                _mm512_maskz_compress_epi32(runs, starts),
+            );
+            _mm512_storeu_si512(
+                jobs.end.as_mut_ptr().add(len).cast(),
+                _mm512_maskz_compress_epi32(runs, ends),
+            );
+            jobs.len = len + runs.count_ones() as usize;
+        }
+    }
+
+    #[inline(always)]
+    fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
+        // SAFETY: `self` proves AVX-512F; `ids` is one vector long and `pairs` two.
+        unsafe {
+            let (id, ids) = (_mm512_set1_epi32(id as i32), _mm512_loadu_si512(ids.as_ptr().cast()));
+            let lanes = lanes as __mmask16;
+            let small = _mm512_maskz_compress_epi32(lanes, _mm512_min_epu32(id, ids));
+            let large = _mm512_maskz_compress_epi32(lanes, _mm512_max_epu32(id, ids));
+            let low = _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+            let high = _mm512_add_epi32(low, _mm512_set1_epi32(8));
+            let out: *mut __m512i = pairs.as_mut_ptr().cast();
+            _mm512_storeu_si512(out, _mm512_permutex2var_epi32(small, low, large));
+            _mm512_storeu_si512(out.add(1), _mm512_permutex2var_epi32(small, high, large));
+        }
+        lanes.count_ones() as usize
+    }
+}
+
+impl Vector for Avx2 {
+    const LANES: usize = 8;
+    type Query = [__m256; 4];
+    type Gaps = (__m256, __m256);
+
+    #[inline(always)]
+    fn query(self, [x, y, z, r]: [f32; 4]) -> [__m256; 4] {
+        // SAFETY: `self` proves AVX2.
+        unsafe { [_mm256_set1_ps(x), _mm256_set1_ps(y), _mm256_set1_ps(z), _mm256_set1_ps(r)] }
+    }
+
+    #[inline(always)]
+    fn gaps(self, columns: &Columns, base: usize, q: [__m256; 4]) -> Self::Gaps {
+        let [x, y, z, r] = columns.lanes::<8>(base);
+        // SAFETY: `self` proves AVX2 and FMA; each column's eight values are a reference's.
+        unsafe {
+            let dx = _mm256_sub_ps(_mm256_loadu_ps(x.as_ptr()), q[0]);
+            let dy = _mm256_sub_ps(_mm256_loadu_ps(y.as_ptr()), q[1]);
+            let dz = _mm256_sub_ps(_mm256_loadu_ps(z.as_ptr()), q[2]);
+            let s = _mm256_add_ps(_mm256_loadu_ps(r.as_ptr()), q[3]);
+            let d2 = _mm256_fmadd_ps(dx, dx, _mm256_fmadd_ps(dy, dy, _mm256_mul_ps(dz, dz)));
+            (d2, _mm256_mul_ps(s, s))
+        }
+    }
+
+    #[inline(always)]
+    fn possible(self, (d2, s2): Self::Gaps) -> u32 {
+        // SAFETY: `self` proves AVX2 and FMA.
+        unsafe {
+            let bound = _mm256_fmadd_ps(s2, _mm256_set1_ps(1.0 + BAND), _mm256_set1_ps(FLOOR));
+            _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(d2, bound)) as u32
+        }
+    }
+
+    #[inline(always)]
+    fn certain(self, (d2, s2): Self::Gaps) -> u32 {
+        // SAFETY: `self` proves AVX2 and FMA.
+        unsafe {
+            let bound = _mm256_fmsub_ps(s2, _mm256_set1_ps(1.0 - BAND), _mm256_set1_ps(FLOOR));
+            _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(d2, bound)) as u32
+        }
+    }
+
+    #[inline(always)]
+    fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
+        // SAFETY: `self` proves AVX2.
+        unsafe { cell(axes, center, offset) }
+    }
+
+    #[inline(always)]
+    fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
+        // SAFETY: `self` proves AVX2.
+        unsafe { sides(axes, center, reach, cell) }
+    }
+
+    #[inline(always)]
+    fn append(
+        self,
+        jobs: &mut Jobs,
+        at: u32,
+        starts: &[u32; MAX_LANES],
+        ends: &[u32; MAX_LANES],
+        wanted: u32,
+    ) {
+        portable::append(jobs, at, starts, ends, wanted);
+    }
+
+    #[inline(always)]
+    fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
+        portable::pack(id, ids, lanes, pairs)
+    }
+}
