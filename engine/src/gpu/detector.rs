@@ -1,11 +1,10 @@
 use std::collections::VecDeque;
-use std::ops::Range;
 
-use lazygrid_kernels::kernel::GROUP;
 use lazygrid_kernels::layout::{Call, Outcome};
-use lazygrid_kernels::{Algorithm, Interaction, Interactions};
+use lazygrid_kernels::{Interaction, Interactions};
 
 use super::GpuError;
+use super::input::{Count, GpuSettings, GpuSpheres, check, check_buffer};
 use super::pipelines::Pipelines;
 use super::plan::{DeviceLimits, Phase, Plan, Request, Resource, Slot, plan};
 use super::primitives::pass_buffers;
@@ -13,80 +12,6 @@ use super::recording::{Buffers, Recording, constant_buffer};
 
 /// Recordings kept for callers that alternate between a few buffers.
 const KEPT_RECORDINGS: usize = 4;
-
-/// What a [`GpuDetector`] is asked to do.
-#[derive(Clone, Debug)]
-pub struct GpuSettings {
-    /// `Auto`, `Naive` or `ArrayGrid`. Default: `Auto`, decided by the number of spheres a call may have.
-    pub algorithm: Algorithm,
-    /// Pairs that the output buffer holds. Default: 2²⁰ (8 MiB). More are counted but not written.
-    pub pair_capacity: u32,
-    /// Cell edge as a multiple of the largest diameter, 1.5 to 16. Default: 2, for 3.4 entries per sphere.
-    pub raster_ratio: f32,
-    /// Which species pair, and at which distance; `None`: all that touch.
-    pub interactions: Option<Interactions>,
-    /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
-    pub consumer_group: u32,
-    /// Whether subgroup operations are used where the device was made with them. Default: yes.
-    pub subgroups: bool,
-    /// Whether phases are timed where the device was made with timestamp queries. Each then has a pass of its
-    /// own, which costs some microseconds. Default: no.
-    pub timed: bool,
-}
-
-impl GpuSettings {
-    /// The smallest raster ratio with which no sphere overlaps more than two cells per axis.
-    pub const MIN_RASTER_RATIO: f32 = 1.5;
-    /// The largest raster ratio.
-    pub const MAX_RASTER_RATIO: f32 = 16.0;
-}
-
-impl Default for GpuSettings {
-    fn default() -> Self {
-        Self {
-            algorithm: Algorithm::Auto,
-            pair_capacity: 1 << 20,
-            raster_ratio: 2.0,
-            interactions: None,
-            consumer_group: GROUP,
-            subgroups: true,
-            timed: false,
-        }
-    }
-}
-
-/// How many spheres a call has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Count<'a> {
-    /// Known to the host.
-    Host(u32),
-    /// The first `u32` of a buffer with `STORAGE` usage, read on the GPU.
-    Buffer {
-        /// The buffer.
-        buffer: &'a wgpu::Buffer,
-        /// The most it may say; more set [`Outcome::SPHERES`] in the overflow flag.
-        at_most: u32,
-    },
-}
-
-/// Spheres that are on the GPU already.
-#[derive(Clone, Debug)]
-pub struct GpuSpheres<'a> {
-    /// `x, y, z, r` as four `f32` per sphere; `STORAGE` usage.
-    pub spheres: &'a wgpu::Buffer,
-    /// How many there are.
-    pub count: Count<'a>,
-    /// A `u32` species id per sphere, where the settings have interactions; `STORAGE` usage.
-    pub species: Option<&'a wgpu::Buffer>,
-    /// Only pairs whose smaller index lies in here are counted and written; [`GpuSpheres::ALL`] for all of them.
-    /// So a result larger than the output can be taken in parts.
-    pub window: Range<u32>,
-}
-
-impl GpuSpheres<'_> {
-    /// The window that every pair is in.
-    pub const ALL: Range<u32> = 0..u32::MAX;
-}
 
 /// Finds overlapping pairs of spheres in GPU buffers and leaves them in GPU buffers.
 ///
@@ -406,31 +331,6 @@ impl Timer {
         });
         Self { queries, ticks }
     }
-}
-
-fn check(settings: &GpuSettings) -> Result<(), GpuError> {
-    if !(GpuSettings::MIN_RASTER_RATIO..=GpuSettings::MAX_RASTER_RATIO).contains(&settings.raster_ratio) {
-        let value = settings.raster_ratio.to_string();
-        let range = "on the GPU choose between 1.5 and 16";
-        return Err(GpuError::Setting { name: "raster_ratio", value, range });
-    }
-    if settings.consumer_group == 0 {
-        let range = "choose the consumer's workgroup size";
-        return Err(GpuError::Setting { name: "consumer_group", value: "0".into(), range });
-    }
-    match settings.algorithm {
-        Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid => Ok(()),
-        other => Err(GpuError::NotOnGpu(other)),
-    }
-}
-
-fn check_buffer(what: &'static str, buffer: &wgpu::Buffer, needed: u64) -> Result<(), GpuError> {
-    let storage = buffer.usage().contains(wgpu::BufferUsages::STORAGE);
-    if buffer.size() < needed || !storage {
-        let usage = if storage { "" } else { ", with STORAGE usage" };
-        return Err(GpuError::Buffer { what, size: buffer.size(), needed, usage });
-    }
-    Ok(())
 }
 
 /// What a call found, read from a copy of the outcome buffer.

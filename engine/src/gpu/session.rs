@@ -7,7 +7,8 @@ use lazygrid_kernels::{Algorithm, Pair, Spheres};
 
 use super::GpuError;
 use super::adapter::{AdapterSummary, OwnDevice};
-use super::detector::{Count, GpuDetector, GpuSettings, GpuSpheres};
+use super::detector::GpuDetector;
+use super::input::{Count, GpuSettings, GpuSpheres};
 use super::mapping::{Mapping, Wait};
 use super::plan::Phase;
 use super::scope::scoped;

@@ -1,0 +1,76 @@
+use super::*;
+
+const LAVAPIPE: DeviceLimits = DeviceLimits {
+    storage_binding: 128 << 20,
+    buffer: (1 << 31) - 1,
+    groups_per_dimension: 65_535,
+    storage_buffers: 32,
+};
+const H200: DeviceLimits = DeviceLimits { storage_binding: (1 << 31) - 4, buffer: 4_292_870_144, ..LAVAPIPE };
+
+fn request(spheres: u32, pairs: u32) -> Request {
+    Request { spheres, pairs, algorithm: Algorithm::ArrayGrid, species: 0 }
+}
+
+#[test]
+fn plans_fit_their_devices_or_say_why_not() {
+    for limits in [LAVAPIPE, H200] {
+        for spheres in [0, 1, 2, 255, 256, 257, 1 << 20, 4_000_000, 8 << 20, 100_000_000, u32::MAX] {
+            match plan(&request(spheres, 1 << 20), &limits) {
+                Ok(plan) => {
+                    assert!(plan.buffers.iter().all(|(_, bytes)| (1..=limits.bytes()).contains(bytes)));
+                    assert!(plan.entries >= spheres && u64::from(plan.entries) <= 8 * u64::from(spheres));
+                    for stage in &plan.stages {
+                        let [x, y] = flattened(stage.groups, &limits);
+                        assert!(x <= 65_535 && y <= 65_535, "{stage:?}");
+                        assert!(u64::from(x) * u64::from(y) >= u64::from(stage.groups));
+                    }
+                }
+                Err(GpuError::LimitExceeded { needed, limit, .. }) => {
+                    assert!(needed > limit, "{spheres}: {needed} {limit}");
+                    assert!(u64::from(spheres) * 16 > limits.bytes(), "{spheres} should fit");
+                }
+                Err(other) => panic!("{spheres}: {other}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn four_million_spheres_have_room_for_all_entries_on_lavapipe() {
+    assert_eq!(plan(&request(4_000_000, 1 << 20), &LAVAPIPE).expect("fits").entries, 32_000_000);
+}
+
+#[test]
+fn a_pair_buffer_beyond_the_limit_is_refused() {
+    let error = plan(&request(100, 1 << 25), &LAVAPIPE).expect_err("268 MB");
+    assert!(matches!(error, GpuError::LimitExceeded { what: "the pair buffer", .. }), "{error}");
+}
+
+#[test]
+fn passes_follow_the_spheres() {
+    let bits = [2, 1000, 65_535, 65_536, 1_000_000, 10_000_000, 16_777_216, u32::MAX].map(key_bits);
+    assert_eq!(bits, [16, 16, 16, 24, 24, 24, 32, 32]);
+}
+
+#[test]
+fn every_binding_has_a_resource_and_sort_passes_alternate() {
+    let plan = plan(&Request { species: 2, ..request(10_000_000, 1) }, &H200).expect("fits");
+    let variant = k::Variant { subgroups: None, species: true };
+    for stage in &plan.stages {
+        let resources: Vec<_> =
+            stage.kernel.bindings(variant).map(|b| plan.resource(stage, b.name)).collect();
+        for (position, resource) in resources.iter().enumerate() {
+            assert!(!resources[..position].contains(resource), "{stage:?} binds {resource:?} twice");
+        }
+    }
+    let last = plan.stages.iter().rfind(|s| s.kernel == &k::RADIX_SCATTER).expect("sorts");
+    let search = plan.stages.iter().find(|s| s.kernel == &k::RUNS_SEARCH).expect("searches");
+    assert_eq!(plan.resource(last, "sorted_keys"), plan.resource(search, "keys"));
+}
+
+#[test]
+fn the_largest_raster_ratio_of_entries_is_refused_without_room_for_one_each() {
+    let small = DeviceLimits { storage_binding: 1 << 20, ..LAVAPIPE };
+    assert!(matches!(plan(&request(1 << 20, 1), &small), Err(GpuError::LimitExceeded { .. })));
+}
