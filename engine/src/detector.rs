@@ -3,7 +3,7 @@ use std::ops::ControlFlow;
 use lazygrid_host::{HostDetector, Neighbors};
 use lazygrid_kernels::{Algorithm, Pair, Spheres};
 
-use crate::gpu::{self, DeviceDetector, OwnDevice};
+use crate::gpu::{self, DeviceDetector, GpuDevice};
 use crate::{Backend, Config, Error, Report};
 
 /// All pairs of overlapping spheres, in canonical order, with default settings.
@@ -150,7 +150,7 @@ impl Detector {
 }
 
 /// The device to run on, or none for the CPU, and why.
-fn choose(backend: Backend, algorithm: Algorithm) -> Result<(Option<OwnDevice>, String), Error> {
+fn choose(backend: Backend, algorithm: Algorithm) -> Result<(Option<GpuDevice>, String), Error> {
     let needs_gpu = matches!(algorithm, Algorithm::EagerGrid | Algorithm::LazyGrid);
     let on_gpu = matches!(algorithm, Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid);
     let unavailable = |error: gpu::GpuError| Error::GpuUnavailable { reason: error.to_string() };
@@ -162,12 +162,12 @@ fn choose(backend: Backend, algorithm: Algorithm) -> Result<(Option<OwnDevice>, 
         }
         Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend }),
         Backend::Gpu => {
-            let own = OwnDevice::shared(true).map_err(unavailable)?;
+            let own = GpuDevice::shared(true).map_err(unavailable)?;
             let reason = format!("GPU {}: asked for", own.adapter.name);
             Ok((Some(own), reason))
         }
         Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
-        Backend::Auto => Ok(match OwnDevice::shared(false) {
+        Backend::Auto => Ok(match GpuDevice::shared(false) {
             Ok(own) => {
                 let reason = format!("GPU {}: a real GPU", own.adapter.name);
                 (Some(own), reason)

@@ -4,7 +4,7 @@ mod common;
 
 use bytemuck::Zeroable;
 use common::{Random, device, download, submit, upload};
-use lazygrid::gpu::{Count, GpuDetector, GpuError, GpuSettings, GpuSpheres, Outcome, OwnDevice};
+use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuError, GpuSettings, GpuSpheres, Outcome, wgpu};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Sphere};
 
 const ALGORITHMS: [Algorithm; 2] = [Algorithm::Naive, Algorithm::ArrayGrid];
@@ -18,7 +18,7 @@ struct Found {
     pairs: Vec<Pair>,
 }
 
-fn detect_with(own: &OwnDevice, detector: &mut GpuDetector, input: &GpuSpheres<'_>) -> Found {
+fn detect_with(own: &GpuDevice, detector: &mut GpuDetector, input: &GpuSpheres<'_>) -> Found {
     submit(own, |encoder| detector.encode(encoder, input)).expect("recorded");
     let outcome = download::<Outcome>(own, detector.outcome().expect("recorded"), 1)[0];
     let written = outcome.found().min(detector.plan().expect("planned").pairs.into()) as usize;
@@ -27,7 +27,7 @@ fn detect_with(own: &OwnDevice, detector: &mut GpuDetector, input: &GpuSpheres<'
     Found { outcome, pairs }
 }
 
-fn detect(own: &OwnDevice, detector: &mut GpuDetector, spheres: &[Sphere]) -> Found {
+fn detect(own: &GpuDevice, detector: &mut GpuDetector, spheres: &[Sphere]) -> Found {
     let buffer = upload(own, spheres);
     let count = Count::Host(spheres.len() as u32);
     detect_with(
@@ -324,4 +324,47 @@ fn windows_part_the_result() {
         }
         judge("windows", &spheres, &all, touching(&spheres));
     }
+}
+
+#[test]
+fn species_outside_the_table_are_quarantined() {
+    let Some(own) = device() else { return };
+    let spheres = vec![Sphere::new([1.0; 3], 0.5); 400];
+    let species: Vec<u32> = (0..400).map(|k| k % 4).collect();
+    let table = Interactions::new(2, Interaction::Touch).expect("small");
+    let buffers = (upload(&own, &spheres), upload(&own, &species));
+    let (spheres, count, species) = (&buffers.0, Count::Host(400), Some(&buffers.1));
+    for algorithm in ALGORITHMS {
+        let settings = GpuSettings { interactions: Some(table.clone()), ..settings(algorithm, true) };
+        let mut detector = GpuDetector::new(&own.device, settings).expect("made");
+        let input = GpuSpheres { spheres, count, species, window: GpuSpheres::ALL };
+        let found = detect_with(&own, &mut detector, &input);
+        assert_eq!((found.outcome.quarantined, found.outcome.found()), (200, 200 * 199 / 2), "{algorithm}");
+    }
+}
+
+#[test]
+fn a_host_application_with_default_limits_and_no_features() {
+    if device().is_none() {
+        return;
+    }
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = pollster::block_on(instance.request_adapter(&Default::default())).expect("one is there");
+    let (device, queue) =
+        pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).expect("defaults");
+    device.on_uncaptured_error(std::sync::Arc::new(|error: wgpu::Error| panic!("leaked: {error}")));
+    let lent = GpuDevice::lent(&device, &queue);
+    let spheres = cloud(30, 2500, 12.0, |_| 0.4);
+    for algorithm in ALGORITHMS {
+        let settings = GpuSettings { timed: true, ..settings(algorithm, true) };
+        let mut detector = GpuDetector::new(&device, settings).expect("made");
+        assert!(detector.ticks().is_none(), "timestamps were not requested");
+        let found = detect(&lent, &mut detector, &spheres);
+        judge("default limits", &spheres, &found.pairs, touching(&spheres));
+    }
+    let table = Interactions::new(2, Interaction::Touch).expect("small");
+    let settings = GpuSettings { interactions: Some(table), ..settings(Algorithm::ArrayGrid, true) };
+    let mut detector = GpuDetector::new(&device, settings).expect("made");
+    let error = detector.reserve(1000).expect_err("ten storage buffers where the default is eight");
+    assert!(matches!(error, GpuError::LimitExceeded { needed: 10, limit: 8, .. }), "{error}");
 }

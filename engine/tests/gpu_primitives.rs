@@ -3,12 +3,12 @@
 mod common;
 
 use common::{Random, device, download, submit, upload};
-use lazygrid::gpu::{OwnDevice, PrefixScan, RadixSort, Sorted};
+use lazygrid::gpu::{GpuDevice, PrefixScan, RadixSort, Sorted};
 
 /// Around a workgroup, a tile, and what one dimension of a dispatch holds.
 const SIZES: [usize; 10] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 300_000, 65_535 * 256 + 1];
 
-fn scan_on(own: &OwnDevice, scan: &mut PrefixScan, values: &[u32]) -> (Vec<u32>, u64) {
+fn scan_on(own: &GpuDevice, scan: &mut PrefixScan, values: &[u32]) -> (Vec<u32>, u64) {
     let buffer = upload(own, values);
     let total = submit(own, |encoder| scan.encode(encoder, &buffer, values.len() as u32)).expect("recorded");
     let total = download::<u32>(own, &total, 2);
@@ -44,7 +44,7 @@ fn scan_agrees_with_a_running_sum() {
     }
 }
 
-fn check_sort(own: &OwnDevice, sort: &mut RadixSort, keys: &[u32], bits: u32) {
+fn check_sort(own: &GpuDevice, sort: &mut RadixSort, keys: &[u32], bits: u32) {
     let count = keys.len();
     let payload: Vec<u32> = (0..count as u32).collect();
     let input = Sorted { keys: upload(own, keys), payload: upload(own, &payload) };

@@ -5,7 +5,7 @@ mod common;
 use std::time::Duration;
 
 use common::{Random, device};
-use lazygrid::gpu::{GpuSession, GpuSettings, OwnDevice};
+use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings};
 use lazygrid::{Backend, Config, Detector, Sphere, Spheres};
 
 fn uniform(seed: u64, n: usize, edge: f32, radius: f32) -> Vec<Sphere> {
@@ -84,7 +84,7 @@ fn scene(step: u64) -> Vec<Sphere> {
 }
 
 /// What the device has allocated, and what the session holds of it.
-fn held(own: &OwnDevice, session: &GpuSession) -> (u64, u64) {
+fn held(own: &GpuDevice, session: &GpuSession) -> (u64, u64) {
     let allocated = own.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes);
     (allocated, session.held_bytes())
 }

@@ -1,6 +1,6 @@
 use std::env;
 
-use lazygrid::gpu::{GpuError, OwnDevice};
+use lazygrid::gpu::{GpuError, GpuDevice};
 use lazygrid::{Algorithm, Backend};
 
 use crate::{Subject, THREADS};
@@ -13,7 +13,7 @@ const ALGORITHMS: [Algorithm; 3] = [Algorithm::Naive, Algorithm::ArrayGrid, Algo
 /// # Panics
 /// Where there is none although `LAZYGRID_REQUIRE_GPU` is set, or where it cannot be used.
 pub(crate) fn subjects() -> Vec<Subject> {
-    match OwnDevice::shared(true) {
+    match GpuDevice::shared(true) {
         Ok(_) => ALGORITHMS
             .map(|algorithm| Subject { backend: Backend::Gpu, algorithm, threads: THREADS[0] })
             .to_vec(),

@@ -36,10 +36,10 @@ pub fn adapters() -> Vec<AdapterSummary> {
     enumerate().iter().map(summary).collect()
 }
 
-/// A device of our own, and what it runs on.
+/// A device, our own or a host application's, and what it runs on.
 #[derive(Clone, Debug)]
-pub struct OwnDevice {
-    /// The device, with the adapter's own limits.
+pub struct GpuDevice {
+    /// The device.
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,
@@ -50,7 +50,7 @@ pub struct OwnDevice {
     lost: Arc<OnceLock<String>>,
 }
 
-impl OwnDevice {
+impl GpuDevice {
     /// Opens the best adapter: a discrete GPU before an integrated one, and hardware before software, which is
     /// taken only where `software` allows it.
     ///
@@ -87,14 +87,25 @@ impl OwnDevice {
     }
 }
 
-impl OwnDevice {
+impl GpuDevice {
+    /// A host application's device. Its handlers are left alone; that it was lost shows in other errors.
+    pub fn lent(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
+        Self {
+            adapter: summarize(device.adapter_info(), &device.limits(), device.features()),
+            pipelines: Pipelines::new(device),
+            device: device.clone(),
+            queue: queue.clone(),
+            lost: Arc::default(),
+        }
+    }
+
     /// As [`open`](Self::open), but one device for the whole process, with its compiled kernels, until it is
     /// lost. That there is no adapter is looked up once.
     ///
     /// # Errors
     /// As [`open`](Self::open).
     pub fn shared(software: bool) -> Result<Self, GpuError> {
-        static SHARED: Mutex<[Option<Result<OwnDevice, GpuError>>; 2]> = Mutex::new([None, None]);
+        static SHARED: Mutex<[Option<Result<GpuDevice, GpuError>>; 2]> = Mutex::new([None, None]);
         let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
         match &shared[usize::from(software)] {
             Some(Ok(own)) if own.check_lost().is_ok() => return Ok(own.clone()),
@@ -143,9 +154,10 @@ fn enumerate() -> Vec<wgpu::Adapter> {
 }
 
 fn summary(adapter: &wgpu::Adapter) -> AdapterSummary {
-    let info = adapter.get_info();
-    let limits = adapter.limits();
-    let features = adapter.features();
+    summarize(adapter.get_info(), &adapter.limits(), adapter.features())
+}
+
+fn summarize(info: wgpu::AdapterInfo, limits: &wgpu::Limits, features: wgpu::Features) -> AdapterSummary {
     AdapterSummary {
         driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
         api: info.backend.to_string(),

@@ -5,7 +5,7 @@ use lazygrid_host::{Neighbors, Order, Phase, Settings};
 use lazygrid_kernels::{Pair, Spheres};
 use rayon::slice::ParallelSliceMut;
 
-use super::{GpuError, GpuSession, GpuSettings, OwnDevice};
+use super::{GpuDevice, GpuError, GpuSession, GpuSettings};
 use crate::{Backend, Error, Report};
 
 /// The GPU side of a `Detector`: checks like the CPU path, works in a session, and orders on the host.
@@ -20,7 +20,7 @@ pub(crate) struct DeviceDetector {
 }
 
 impl DeviceDetector {
-    pub(crate) fn new(own: OwnDevice, settings: Settings, reason: String) -> Result<Self, Error> {
+    pub(crate) fn new(own: GpuDevice, settings: Settings, reason: String) -> Result<Self, Error> {
         let gpu = GpuSettings {
             algorithm: settings.algorithm,
             raster_ratio: settings.raster_ratio.max(GpuSettings::MIN_RASTER_RATIO),

@@ -18,7 +18,7 @@ mod scope;
 mod session;
 mod slot;
 
-pub use adapter::{AdapterSummary, OwnDevice, adapters, wanted_features};
+pub use adapter::{AdapterSummary, GpuDevice, adapters, wanted_features};
 pub use detector::{GpuDetector, read_outcome};
 pub(crate) use device_detector::DeviceDetector;
 pub use error::GpuError;

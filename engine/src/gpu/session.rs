@@ -6,7 +6,7 @@ use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Pair, Spheres};
 
 use super::GpuError;
-use super::adapter::{AdapterSummary, OwnDevice};
+use super::adapter::{AdapterSummary, GpuDevice};
 use super::detector::GpuDetector;
 use super::input::{Count, GpuSettings, GpuSpheres};
 use super::mapping::{Mapping, Wait};
@@ -19,13 +19,13 @@ const SLOTS: usize = 2;
 /// Pairs that the first call brings back together with their number.
 const FIRST_PAIRS: u64 = 1 << 12;
 
-/// Host in, host out on a device of our own: uploads, detects, reads back, and repeats what did not fit.
+/// Host in, host out: uploads, detects, reads back, and repeats what did not fit.
 ///
 /// Two calls may be in flight: [`begin`](Self::begin) one while the other is worked on, so that upload, detection
 /// and readback overlap. The input is not checked here; spheres that are not finite pair with nothing.
 #[derive(Debug)]
 pub struct GpuSession {
-    own: OwnDevice,
+    own: GpuDevice,
     detector: GpuDetector,
     raster_ratio: f32,
     timeout: Duration,
@@ -61,7 +61,7 @@ impl GpuSession {
     ///
     /// # Errors
     /// As [`GpuDetector::new`].
-    pub fn new(own: OwnDevice, settings: GpuSettings) -> Result<Self, GpuError> {
+    pub fn new(own: GpuDevice, settings: GpuSettings) -> Result<Self, GpuError> {
         Ok(Self {
             raster_ratio: settings.raster_ratio,
             detector: GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)?,

@@ -2,7 +2,7 @@ use bytemuck::Pod;
 use lazygrid_kernels::{Pair, Sphere, Spheres};
 
 use super::GpuError;
-use super::adapter::OwnDevice;
+use super::adapter::GpuDevice;
 use super::scope::scoped;
 
 /// Bytes before the pairs in a staging buffer: the outcome, and the ticks of the phases from [`TICKS_AT`] on.
@@ -21,7 +21,7 @@ pub(crate) struct Slot {
 
 impl Slot {
     /// Brings the input to the device.
-    pub(crate) fn upload(&mut self, own: &OwnDevice, spheres: Spheres<'_>) -> Result<(), GpuError> {
+    pub(crate) fn upload(&mut self, own: &GpuDevice, spheres: Spheres<'_>) -> Result<(), GpuError> {
         self.count = spheres.len() as u32;
         match spheres.as_rows() {
             Some(rows) => write(own, &mut self.spheres, "spheres", rows)?,
@@ -38,7 +38,7 @@ impl Slot {
     }
 
     /// Room for the way back of `pairs` pairs.
-    pub(crate) fn staging(&mut self, own: &OwnDevice, pairs: u64) -> Result<wgpu::Buffer, GpuError> {
+    pub(crate) fn staging(&mut self, own: &GpuDevice, pairs: u64) -> Result<wgpu::Buffer, GpuError> {
         let needed = PAIRS_AT + pairs * 8;
         if let Some(staging) = self.staging.as_ref().filter(|staging| staging.size() >= needed) {
             return Ok(staging.clone());
@@ -105,7 +105,7 @@ impl Returned<'_> {
 }
 
 fn write<T: Pod>(
-    own: &OwnDevice,
+    own: &GpuDevice,
     buffer: &mut Option<wgpu::Buffer>,
     what: &'static str,
     data: &[T],

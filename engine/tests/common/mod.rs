@@ -5,11 +5,11 @@
 use std::time::Duration;
 
 use bytemuck::Pod;
-use lazygrid::gpu::{GpuError, OwnDevice, wgpu};
+use lazygrid::gpu::{GpuDevice, GpuError, wgpu};
 
 /// The device to test on. Without one the test says why and is skipped, unless `LAZYGRID_REQUIRE_GPU` is set.
-pub(crate) fn device() -> Option<OwnDevice> {
-    match OwnDevice::open(true) {
+pub(crate) fn device() -> Option<GpuDevice> {
+    match GpuDevice::open(true) {
         Ok(own) => Some(own),
         Err(error @ GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => {
             #[expect(clippy::print_stderr, reason = "a skipped test says why")]
@@ -22,7 +22,7 @@ pub(crate) fn device() -> Option<OwnDevice> {
     }
 }
 
-pub(crate) fn upload<T: Pod>(own: &OwnDevice, data: &[T]) -> wgpu::Buffer {
+pub(crate) fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> wgpu::Buffer {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     let buffer = own.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("test input"),
@@ -34,7 +34,7 @@ pub(crate) fn upload<T: Pod>(own: &OwnDevice, data: &[T]) -> wgpu::Buffer {
     buffer
 }
 
-pub(crate) fn download<T: Pod>(own: &OwnDevice, buffer: &wgpu::Buffer, count: usize) -> Vec<T> {
+pub(crate) fn download<T: Pod>(own: &GpuDevice, buffer: &wgpu::Buffer, count: usize) -> Vec<T> {
     if count == 0 {
         return Vec::new();
     }
@@ -52,7 +52,7 @@ pub(crate) fn download<T: Pod>(own: &OwnDevice, buffer: &wgpu::Buffer, count: us
     bytemuck::pod_collect_to_vec(&staging.slice(..).get_mapped_range().expect("mapped"))
 }
 
-pub(crate) fn submit<R>(own: &OwnDevice, record: impl FnOnce(&mut wgpu::CommandEncoder) -> R) -> R {
+pub(crate) fn submit<R>(own: &GpuDevice, record: impl FnOnce(&mut wgpu::CommandEncoder) -> R) -> R {
     let mut encoder = own.device.create_command_encoder(&Default::default());
     let result = record(&mut encoder);
     own.queue.submit([encoder.finish()]);
