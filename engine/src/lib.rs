@@ -28,6 +28,9 @@
 //! # Ok::<(), lazygrid::Error>(())
 //! ```
 //!
+//! A simulation that lives on the GPU hands over its own device, encoder and buffers: see [`gpu`] and the examples
+//! `embedded` and `service`.
+//!
 //! Data flows one way: spheres → choice → plan → detector → pairs. ARCHITECTURE.md says which file does what.
 
 mod config;
