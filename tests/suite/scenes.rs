@@ -21,7 +21,7 @@ fn every_scene_against_the_oracle() {
 #[test]
 fn large_scenes_against_the_oracle_in_any_order_of_spheres() {
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst, Scene::BurstLinear] {
-        let mut spheres = scene.spheres(12_000, 7);
+        let mut spheres = scene.spheres(8_000, 7);
         for arrangement in ["shuffled", "along x", "largest first", "smallest first"] {
             match arrangement {
                 "along x" => spheres.sort_by(|a, b| a.center.x.total_cmp(&b.center.x)),
@@ -44,7 +44,7 @@ fn large_scenes_against_the_oracle_in_any_order_of_spheres() {
 fn the_same_bytes_for_any_number_of_threads() {
     let mut lists: Vec<((String, Order), Vec<Pair>)> = Vec::new();
     for scene in [Scene::FiveSizes, Scene::Burst] {
-        let scenario = Scenario::from(scene.spheres(30_000, 8));
+        let scenario = Scenario::from(scene.spheres(20_000, 8));
         for order in [Order::Canonical, Order::Unordered] {
             for subject in Subject::all() {
                 let kind = (format!("{} on {} at {scene}", subject.algorithm, subject.backend), order);

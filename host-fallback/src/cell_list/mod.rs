@@ -150,11 +150,13 @@ mod tests {
 
     #[test]
     fn a_folded_table_finds_what_all_pairs_find() {
+        // A chain across space: its bounds hold far more cells than the table may have, and its links cross every
+        // seam of the fold.
+        let mut at = glam::Vec3::new(-700.0, 400.0, 90.0);
         let mut spheres = scattered(2000, 3, 30.0);
-        for (k, sphere) in spheres.iter_mut().enumerate() {
-            // Clumps far apart: the bounds hold far more cells than the table may have.
-            let clump = (k % 5) as f32;
-            sphere.center += glam::Vec3::new(1e6 * clump, -1e5 * clump, 3e4 * (clump - 2.0));
+        for sphere in &mut spheres {
+            at += sphere.center.abs() * 0.1 + 0.05;
+            sphere.center = at;
         }
         let expected = pairs(&spheres, Algorithm::Naive, Simd::Portable);
         assert!(expected.len() > 1000);
