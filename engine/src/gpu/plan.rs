@@ -10,8 +10,9 @@ use super::GpuError;
 const NAIVE_SPHERES: u32 = 4096;
 /// Workgroups of the searches that share out their work: enough to fill today's largest devices.
 const SEARCH_GROUPS: u32 = 2048;
-/// The same where workgroups run on CPU cores, for which empty ones are dear.
-const SOFTWARE_SEARCH_GROUPS: u32 = 64;
+/// Tiles that one workgroup of the naive search compares with: bounds the turns of its loops, which lavapipe ends
+/// after 65 535.
+const NAIVE_TILES: u32 = 64;
 /// The most entries: their number and the counters of a sort stay in 32 bits with room to spare.
 const MAX_ENTRIES: u64 = 1 << 30;
 /// The fewest key bits: folding needs three per axis.
@@ -28,8 +29,6 @@ pub struct DeviceLimits {
     pub groups_per_dimension: u32,
     /// Storage buffers that one kernel may bind.
     pub storage_buffers: u32,
-    /// Whether it is hardware, not a software rasteriser.
-    pub is_hardware: bool,
 }
 
 impl DeviceLimits {
@@ -41,7 +40,6 @@ impl DeviceLimits {
             buffer: limits.max_buffer_size,
             groups_per_dimension: limits.max_compute_workgroups_per_dimension,
             storage_buffers: limits.max_storage_buffers_per_shader_stage,
-            is_hardware: device.adapter_info().device_type != wgpu::DeviceType::Cpu,
         }
     }
 
@@ -209,8 +207,13 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
     // No more workgroups than there can be pairs of blocks.
     let blocks = plan.entries.max(plan.spheres).div_ceil(k::GROUP);
     let shares = blocks.saturating_mul(blocks).max(1);
-    let filling = if limits.is_hardware { SEARCH_GROUPS } else { SOFTWARE_SEARCH_GROUPS };
-    plan.search_groups = filling.min(limits.groups_per_dimension).min(shares);
+    plan.search_groups = match algorithm {
+        Algorithm::Naive => {
+            blocks.saturating_mul(blocks.div_ceil(NAIVE_TILES)).max(SEARCH_GROUPS.min(shares))
+        }
+        _ => SEARCH_GROUPS.min(shares),
+    };
+    plan.search_groups = plan.search_groups.min(limits.groups_per_dimension);
     plan.stages = stages(&plan);
     check(&plan, request.species != 0, limits)?;
     Ok(plan)

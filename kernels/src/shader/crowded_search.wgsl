@@ -43,15 +43,13 @@ fn run_end(key: u32, begin: u32) -> u32 {
 
 // Bits of the pairs among `hits` that this cell owns and that are asked for.
 fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
-    var left = hits;
     var owned = 0u;
-    while (left != 0u) {
-        let k = firstTrailingBit(left);
-        left &= left - 1u;
+    // Of fixed length, so that it is unrolled: lavapipe ends an invocation's loops after 65 535 turns in all.
+    for (var k = 0u; k < 32u; k++) {
         let other = tile_objects[first + k];
         owned |= select(0u, 1u << k, is_owned(object, other) && is_wanted(object, other));
     }
-    return owned;
+    return owned & hits;
 }
 
 @compute @workgroup_size(256)

@@ -5,10 +5,8 @@ const LAVAPIPE: DeviceLimits = DeviceLimits {
     buffer: (1 << 31) - 1,
     groups_per_dimension: 65_535,
     storage_buffers: 32,
-    is_hardware: false,
 };
-const H200: DeviceLimits =
-    DeviceLimits { storage_binding: (1 << 31) - 4, buffer: 4_292_870_144, is_hardware: true, ..LAVAPIPE };
+const H200: DeviceLimits = DeviceLimits { storage_binding: (1 << 31) - 4, buffer: 4_292_870_144, ..LAVAPIPE };
 
 fn request(spheres: u32, pairs: u32) -> Request {
     Request { spheres, pairs, algorithm: Algorithm::ArrayGrid, species: 0 }
