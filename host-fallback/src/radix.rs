@@ -135,13 +135,13 @@ mod tests {
     use super::*;
 
     fn check(bits: u32, keys: Vec<u128>) {
-        let mut wide = Radix::<u128>::default();
-        wide.entries = (0..).zip(&keys).map(|(id, &key)| Entry { key, id }).collect();
+        let entries = (0..).zip(&keys).map(|(id, &key)| Entry { key, id }).collect();
+        let mut wide = Radix::<u128> { entries, ..Radix::default() };
         let mut expected = wide.entries.clone();
         expected.sort_by_key(|entry| entry.key);
         if bits <= 32 {
-            let mut narrow = Radix::<u32>::default();
-            narrow.entries = wide.entries.iter().map(|e| Entry { key: e.key as u32, id: e.id }).collect();
+            let entries = wide.entries.iter().map(|e| Entry { key: e.key as u32, id: e.id }).collect();
+            let mut narrow = Radix::<u32> { entries, ..Radix::default() };
             narrow.sort(bits);
             let sorted: Vec<_> =
                 narrow.entries.iter().map(|e| Entry { key: u128::from(e.key), id: e.id }).collect();
