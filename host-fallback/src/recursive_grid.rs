@@ -313,7 +313,9 @@ impl<'o, O: Output> Search<'_, 'o, O> {
 /// Decides by the number, the extent and the sizes of the small spheres in a cell of this edge.
 fn step(cell: &Cell, edge: f64, count: usize, extent: &Extent) -> Step {
     let wide = (extent.max.as_dvec3() - extent.min.as_dvec3()).max_element();
-    if wide == 0.0 {
+    // Centres of a cell's small spheres lie within an edge and a half; farther ones are here by rounding, and no split
+    // parts them.
+    if wide == 0.0 || wide > 2.0 * edge {
         return Step::Stop;
     }
     let by_count = ((count as f64 / PER_CELL).log2() / 3.0).ceil().clamp(1.0, MAX_HALVINGS);
