@@ -30,7 +30,8 @@ fn brute_force(spheres: &[Sphere]) -> Vec<[u32; 2]> {
 }
 
 fn read(path: &Path) -> Vec<Sphere> {
-    Frames::open(path, Options::default()).unwrap().next().unwrap().unwrap().spheres
+    let mut frames = Frames::open(path, Options::default()).expect("a file of frames");
+    frames.next().expect("a frame").expect("a valid frame").spheres
 }
 
 /// Two frames of 2 and 3 spheres in contact, with 1 and 3 pairs.

@@ -14,19 +14,21 @@ use crate::sink::{Output, Sink};
 
 /// How many classes there are.
 const CLASSES: usize = 1 << CLASS_BITS;
+/// Neighbouring classes: the first, and the one behind the last.
+type Classes = (usize, usize);
 /// For each class, the classes from itself on whose pairs with it belong to the cell.
-const LATER: [&[Range<usize>]; CLASSES] =
-    [&[7..8], &[6..8], &[5..6, 7..8], &[4..8], &[7..8], &[6..8], &[7..8], &[7..8]];
+const LATER: [&[Classes]; CLASSES] =
+    [&[(7, 8)], &[(6, 8)], &[(5, 6), (7, 8)], &[(4, 8)], &[(7, 8)], &[(6, 8)], &[(7, 8)], &[(7, 8)]];
 /// For each class, all classes whose pairs with it belong to the cell.
-const ANY: [&[Range<usize>]; CLASSES] = [
-    &[7..8],
-    &[6..8],
-    &[5..6, 7..8],
-    &[4..8],
-    &[3..4, 7..8],
-    &[2..4, 6..8],
-    &[1..2, 3..4, 5..6, 7..8],
-    &[0..8],
+const ANY: [&[Classes]; CLASSES] = [
+    &[(7, 8)],
+    &[(6, 8)],
+    &[(5, 6), (7, 8)],
+    &[(4, 8)],
+    &[(3, 4), (7, 8)],
+    &[(2, 4), (6, 8)],
+    &[(1, 2), (3, 4), (5, 6), (7, 8)],
+    &[(0, 8)],
 ];
 /// Spheres per tile side, so that what a tile loops over stays in the first-level cache's reach.
 const TILE: usize = 1024;
@@ -75,8 +77,8 @@ pub(crate) fn owns_pairs(run: &[impl Occupant]) -> bool {
     run.len() > 1 && run.iter().fold(0, |all, entry| all | entry.class()) == CLASSES - 1
 }
 
-fn range(starts: &Starts, classes: &Range<usize>) -> Range<usize> {
-    starts[classes.start] as usize..starts[classes.end] as usize
+fn range(starts: &Starts, (first, end): Classes) -> Range<usize> {
+    starts[first] as usize..starts[end] as usize
 }
 
 /// Small cells, gathered so that their spheres are fetched together and compared in one go.
@@ -127,8 +129,8 @@ impl<S: Sink> Task for Cells<'_, S> {
         let Self { columns, rule, cells, sink } = self;
         for starts in cells {
             for (class, later) in LATER.iter().enumerate() {
-                for at in range(starts, &(class..class + 1)) {
-                    for classes in *later {
+                for at in range(starts, (class, class + 1)) {
+                    for &classes in *later {
                         let run = range(starts, classes);
                         let run = run.start.max(at + 1)..run.end;
                         if !run.is_empty() {
@@ -191,10 +193,10 @@ impl Crowd {
     }
 
     /// Adds rows for every class of `of` with its partners among those of `with`.
-    fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[Range<usize>]; CLASSES]) {
+    fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[Classes]; CLASSES]) {
         for (class, partners) in partners.iter().enumerate() {
-            for partners in *partners {
-                let (of, with) = (range(of, &(class..class + 1)), range(with, partners));
+            for &partners in *partners {
+                let (of, with) = (range(of, (class, class + 1)), range(with, partners));
                 for tile in pieces(of, TILE) {
                     let with = with.start.max(tile.start)..with.end;
                     self.rows.extend(pieces(with, ROW).map(|with| Row { of: tile.clone(), with }));
@@ -248,6 +250,24 @@ impl<S: Sink> Task for Tiles<'_, S> {
                 if !run.is_empty() {
                     scan(vector, (columns, rule), at, run, sink);
                 }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn partners_are_the_classes_that_have_all_bits_together() {
+        for class in 0..CLASSES {
+            let among =
+                |ranges: &[Classes], other| ranges.iter().any(|&(from, to)| from <= other && other < to);
+            for other in 0..CLASSES {
+                let own = class | other == CLASSES - 1;
+                assert_eq!(among(ANY[class], other), own, "any of {class} and {other}");
+                assert_eq!(among(LATER[class], other), own && other >= class, "later of {class} and {other}");
             }
         }
     }

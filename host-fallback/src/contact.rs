@@ -59,7 +59,7 @@ impl<'a> Rule<'a> {
     }
 
     /// Centre and effective radius of sphere `id`.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn effective(&self, id: u32) -> (Vec3, f32) {
         let sphere = self.spheres.get(id as usize);
         let radius = match &self.species {

@@ -163,9 +163,13 @@ impl HashGrid {
     /// An upper estimate of the bytes held for `spheres` spheres.
     pub(crate) fn memory_for(spheres: u64, ratio: f32) -> u64 {
         let entries = spheres * most_cells(ratio);
-        entries * size_of::<Linked>() as u64 + entries.next_power_of_two() * size_of::<AtomicU32>() as u64
+        let table = entries.next_power_of_two() * size_of::<AtomicU32>() as u64;
+        entries * size_of::<Linked>() as u64 + table + spheres * GATHERED
     }
 }
+
+/// Bytes per sphere of a chain that is fetched, ordered and put into columns; one chain may hold all spheres.
+const GATHERED: u64 = 96;
 
 fn spheres(input: &Input<'_>, piece: usize) -> Range<u32> {
     (piece * PIECE) as u32..input.survey.spheres.min((piece + 1) * PIECE) as u32

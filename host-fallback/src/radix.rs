@@ -12,8 +12,10 @@ use crate::scatter::Disjoint;
 const PIECE: usize = 1 << 16;
 /// Pieces at most: their counts are summed by one thread.
 const MAX_PIECES: usize = 64;
-/// Bits per digit at most: the write positions and the lines they point to stay in the second-level cache.
-const DIGIT: u32 = 11;
+/// Bits per digit: few enough that the lines which a pass writes to stay in the first-level cache.
+const DIGIT: u32 = 8;
+/// How many digits there are.
+const DIGITS: usize = 1 << DIGIT;
 
 /// A number to sort by.
 pub(crate) trait Key: Copy + Ord + Default + Send + Sync + From<u32> {
@@ -61,7 +63,8 @@ pub(crate) struct Entry<K> {
 pub(crate) struct Radix<K> {
     pub(crate) entries: Vec<Entry<K>>,
     spare: Vec<Entry<K>>,
-    counts: Vec<usize>,
+    /// By piece and digit: first how many there are, then where the next one goes.
+    counts: Vec<[usize; DIGITS]>,
 }
 
 impl<K: Key> Radix<K> {
@@ -71,54 +74,52 @@ impl<K: Key> Radix<K> {
     /// Sorts the entries by keys that are below 2^`bits`; those of equal keys stay in order.
     pub(crate) fn sort(&mut self, bits: u32) {
         self.spare.resize(self.entries.len(), Entry::default());
-        let passes = bits.div_ceil(DIGIT);
-        let mut shift = 0;
-        for pass in 0..passes {
-            let width = (bits - shift).div_ceil(passes - pass);
-            if self.pass(shift, width) {
+        for shift in (0..bits).step_by(DIGIT as usize) {
+            if self.pass(shift) {
                 std::mem::swap(&mut self.entries, &mut self.spare);
             }
-            shift += width;
         }
     }
 
     /// Moves the entries to `spare` by one digit; `false` where that would move nothing.
-    fn pass(&mut self, shift: u32, width: u32) -> bool {
+    fn pass(&mut self, shift: u32) -> bool {
         let Self { entries, spare, counts } = self;
         let Some(first) = entries.first() else { return false };
-        let digits = 1 << width;
-        let digit = |key: K| key.without(shift).low() as usize & (digits - 1);
+        let digit = |key: K| key.without(shift).low() as usize % DIGITS;
         let piece = entries.len().div_ceil(MAX_PIECES).max(PIECE);
-        counts.clear();
-        counts.resize(entries.len().div_ceil(piece) * digits, 0);
-        let count = |(counts, piece): (&mut [usize], &[Entry<K>])| {
+        counts.resize(entries.len().div_ceil(piece), [0; DIGITS]);
+        // Counters on the stack: the compiler then knows that entries are none of them.
+        let count = |(counts, piece): (&mut [usize; DIGITS], &[Entry<K>])| {
+            let mut own = [0; DIGITS];
             for entry in piece {
-                counts[digit(entry.key)] += 1;
+                own[digit(entry.key)] += 1;
             }
+            *counts = own;
         };
-        each(counts.par_chunks_mut(digits).zip(entries.par_chunks(piece)), count);
-        let alike: usize = counts.iter().skip(digit(first.key)).step_by(digits).sum();
+        each(counts.par_iter_mut().zip(entries.par_chunks(piece)), count);
+        let alike: usize = counts.iter().map(|counts| counts[digit(first.key)]).sum();
         if alike == entries.len() {
             return false;
         }
 
         let mut at = 0;
-        for digit in 0..digits {
-            for place in counts.iter_mut().skip(digit).step_by(digits) {
-                at += std::mem::replace(place, at);
+        for digit in 0..DIGITS {
+            for counts in &mut *counts {
+                at += std::mem::replace(&mut counts[digit], at);
             }
         }
         let target = Disjoint::new(spare);
-        let scatter = |(places, piece): (&mut [usize], &[Entry<K>])| {
+        let scatter = |(places, piece): (&mut [usize; DIGITS], &[Entry<K>])| {
+            let mut own = *places;
             for &entry in piece {
-                let place = &mut places[digit(entry.key)];
+                let place = &mut own[digit(entry.key)];
                 // SAFETY: the exclusive prefix sums over (digit, piece) give every entry a place of its own below
                 // their number, the length of `spare`.
                 unsafe { target.write(*place, entry) };
                 *place += 1;
             }
         };
-        each(counts.par_chunks_mut(digits).zip(entries.par_chunks(piece)), scatter);
+        each(counts.par_iter_mut().zip(entries.par_chunks(piece)), scatter);
         true
     }
 }
@@ -134,13 +135,13 @@ mod tests {
     use super::*;
 
     fn check(bits: u32, keys: Vec<u128>) {
-        let mut wide = Radix::<u128>::default();
-        wide.entries = (0..).zip(&keys).map(|(id, &key)| Entry { key, id }).collect();
+        let entries = (0..).zip(&keys).map(|(id, &key)| Entry { key, id }).collect();
+        let mut wide = Radix::<u128> { entries, ..Radix::default() };
         let mut expected = wide.entries.clone();
         expected.sort_by_key(|entry| entry.key);
         if bits <= 32 {
-            let mut narrow = Radix::<u32>::default();
-            narrow.entries = wide.entries.iter().map(|e| Entry { key: e.key as u32, id: e.id }).collect();
+            let entries = wide.entries.iter().map(|e| Entry { key: e.key as u32, id: e.id }).collect();
+            let mut narrow = Radix::<u32> { entries, ..Radix::default() };
             narrow.sort(bits);
             let sorted: Vec<_> =
                 narrow.entries.iter().map(|e| Entry { key: u128::from(e.key), id: e.id }).collect();

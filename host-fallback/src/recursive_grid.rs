@@ -27,7 +27,7 @@ use crate::workspace::Workspaces;
 const PIECE: usize = 1 << 11;
 /// Spheres per finer cell aimed at where the largest of them would allow smaller cells. Fewer mean more entries,
 /// more mean more comparisons.
-const PER_CELL: f64 = 4.0;
+const PER_CELL: f64 = 16.0;
 /// Halvings of a cell in one split at most, so that 32 bits hold a finer cell's key.
 const MAX_HALVINGS: f64 = 7.0;
 /// Finer cells per axis from the corner of a top cell on at most: `f64` must tell them apart exactly. Only spheres
@@ -171,7 +171,7 @@ impl Cell {
     fn part(&self, at: DVec3, parts: f64) -> DVec3 {
         let at = ((at - self.top) * self.scale - self.corner) * parts;
         // Not `floor`, which is a call where the target lacks it.
-        at.max(DVec3::ZERO).min(DVec3::splat(parts - 1.0)).map(|k| k as u64 as f64)
+        at.max(DVec3::ZERO).min(DVec3::splat(parts - 1.0)).map(|k| k as i64 as f64)
     }
 }
 
@@ -313,7 +313,9 @@ impl<'o, O: Output> Search<'_, 'o, O> {
 /// Decides by the number, the extent and the sizes of the small spheres in a cell of this edge.
 fn step(cell: &Cell, edge: f64, count: usize, extent: &Extent) -> Step {
     let wide = (extent.max.as_dvec3() - extent.min.as_dvec3()).max_element();
-    if wide == 0.0 {
+    // Centres of a cell's small spheres lie within an edge and a half; farther ones are here by rounding, and no split
+    // parts them.
+    if wide == 0.0 || wide > 2.0 * edge {
         return Step::Stop;
     }
     let by_count = ((count as f64 / PER_CELL).log2() / 3.0).ceil().clamp(1.0, MAX_HALVINGS);

@@ -35,10 +35,12 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// τ by default: see the sweep in README.md.
-    pub const TAU: u32 = 32;
-    /// Raster ratio by default: see the sweep in README.md.
-    pub const RASTER_RATIO: f32 = 1.5;
+    /// τ by default. A vector compares 16 spheres at once, so that comparing a few hundred with each other costs less
+    /// than a split; less makes crowded scenes slower, more changes little until cells hold thousands.
+    pub const TAU: u32 = 512;
+    /// Raster ratio by default. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform
+    /// scenes are fastest between 4 and 8, crowded ones in the array grid between 1 and 1.5.
+    pub const RASTER_RATIO: f32 = 4.0;
     /// 2²⁹ pairs, a list of 4 GiB.
     pub const MAX_PAIRS: u64 = 1 << 29;
 

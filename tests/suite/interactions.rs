@@ -1,6 +1,6 @@
 //! Species masks and interaction distances.
 
-use lazygrid::{Config, Interaction};
+use lazygrid::{Config, Interaction, Interactions};
 use lazygrid_tests::{Mixture, Scenario, Subject, adversary};
 
 use crate::properties::{check, settings};
@@ -66,4 +66,21 @@ fn ids_without_a_table() {
         let found = detector.pairs(view).map_err(|e| e.to_string())?;
         if found != scenario.oracle() { Err("the ids changed the pairs".to_owned()) } else { Ok(()) }
     });
+}
+
+/// Two effective radii reach as far as the distance they stand for, also where half of it cannot be represented.
+#[test]
+fn effective_radii_reach_every_distance() {
+    let subnormal = f32::from_bits(1);
+    let distances = [0.0, subnormal, 3.0 * subnormal, f32::MIN_POSITIVE.next_up(), 0.1, 1.0, f32::MAX];
+    for (k, &far) in distances.iter().enumerate() {
+        for &near in &distances[..=k] {
+            let mut table = Interactions::new(3, Interaction::Never).expect("a table");
+            table.set(0, 1, Interaction::Within(near)).expect("a distance");
+            table.set(0, 2, Interaction::Within(far)).expect("a distance");
+            table.set(1, 1, Interaction::Touch).expect("two species");
+            let [a, b, c] = [0, 1, 2].map(|species| f64::from(table.reach(species).effective_radius(0.25)));
+            assert!(a + b >= f64::from(near) && a + c >= f64::from(far) && b >= 0.25, "{near:e}, {far:e}");
+        }
+    }
 }

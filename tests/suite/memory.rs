@@ -1,4 +1,5 @@
-//! What detectors hold and allocate, seen by the allocator itself.
+//! What detectors hold and allocate, seen by the allocator itself. Mostly on one thread: how many workspaces more
+//! threads need depends on who gets to run.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
@@ -7,7 +8,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lazygrid::{Algorithm, Config, Detector, Order, Sphere};
 use lazygrid_bench::scenes::Scene;
-use lazygrid_tests::{Subject, in_pool};
+use lazygrid_tests::Subject;
 
 /// The system's allocator, counting.
 struct Counting;
@@ -86,8 +87,7 @@ fn a_second_call_allocates_nothing_of_the_size_of_the_input() {
     let mut measurement = Measurement::alone();
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
         let spheres = scene.spheres(N, 31);
-        let grids = |s: &Subject| s.algorithm != Algorithm::Naive && s.threads != 2;
-        for subject in Subject::all().into_iter().filter(grids) {
+        for subject in Subject::each_algorithm().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
             let mut detector = Detector::new(subject.config()).expect("a detector");
             let mut ask = || {
                 detector.neighbors(&spheres).expect("neighbors");
@@ -99,8 +99,8 @@ fn a_second_call_allocates_nothing_of_the_size_of_the_input() {
             let pairs = subject.run(&mut ask);
             let (total, largest) = measurement.total_and_largest();
             assert!(largest < N, "{subject}, {scene}: one allocation of {largest} bytes");
-            // Pieces of work have counters of their own, and threads that steal work make more of them.
-            let most = if subject.threads == 1 { 16 * N + 2 * pairs } else { 32 * N + 4 * pairs };
+            // Pieces of work have counters of their own.
+            let most = 16 * N + 2 * pairs;
             assert!(total < most, "{subject}, {scene}: {total} bytes in all where {most} are plenty");
         }
     }
@@ -113,11 +113,10 @@ fn memory_for_is_an_upper_bound() {
         for n in [0, 1, 100, 5000, 50_000] {
             let n = if scene == Scene::Point { n / 10 } else { n };
             let spheres = scene.spheres(n, 32);
-            for subject in Subject::all() {
+            for subject in Subject::each_algorithm() {
                 if subject.algorithm == Algorithm::Naive && n > 10_000 {
                     continue;
                 }
-                in_pool(subject.threads, || ());
                 measurement.start();
                 let mut detector = Detector::new(subject.config()).expect("a detector");
                 subject.run(|| detector.count(&spheres)).expect("a count");

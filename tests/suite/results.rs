@@ -133,6 +133,27 @@ fn break_stops_a_stream() {
     });
 }
 
+/// Long enough that every thread has many chunks to hand over.
+#[test]
+fn break_stops_a_long_stream() {
+    let scenario = Scenario::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 1500]);
+    for (subject, order) in subjects_and_orders() {
+        for limit in [50_000, u64::MAX] {
+            let mut detector =
+                detector(subject, Config::default().max_pairs(limit).order(order)).expect("a detector");
+            let mut calls = 0;
+            let handed = subject.run(|| {
+                detector.stream(scenario.view(), 1000, |_| {
+                    calls += 1;
+                    if calls == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                })
+            });
+            assert_eq!(calls, 3, "{subject}, {order:?}");
+            assert!(handed.is_ok_and(|handed| handed <= 3000), "{subject}, {order:?}");
+        }
+    }
+}
+
 /// The neighbour lists of these pairs, put together the simplest way.
 fn neighbor_lists(pairs: &[Pair], spheres: usize) -> Vec<Vec<u32>> {
     let mut lists = vec![Vec::new(); spheres];

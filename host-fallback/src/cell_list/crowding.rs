@@ -67,11 +67,8 @@ impl Crowding {
 
     /// Mean number of spheres, itself included, in the cube of this edge around a sphere.
     pub(crate) fn mean(&self, log_edge: f32) -> f32 {
-        let depth = self.top - log_edge;
-        let last = self.log_mean.len() - 1;
-        let log_mean = if !(depth > 0.0) {
-            self.log_mean[0]
-        } else if depth >= last as f32 {
+        let (depth, last) = ((self.top - log_edge).max(0.0), self.log_mean.len() - 1);
+        let log_mean = if depth >= last as f32 {
             self.log_mean[last] - self.slope * (depth - last as f32)
         } else {
             let (k, part) = (depth as usize, depth.fract());

@@ -7,7 +7,7 @@
 
 use super::crowding::Crowding;
 use crate::Survey;
-use crate::survey::CLASSES;
+use crate::survey::{CLASSES, Class};
 
 /// Estimated time to look up one row of cells and start comparing, in nanoseconds.
 const ROW: f32 = 8.0;
@@ -21,6 +21,9 @@ pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
 const STEPS: f32 = 2.0;
 /// Candidate edges per level at most.
 const EDGES: usize = 24;
+
+/// Groups of size classes that are told apart at most.
+const MAX_GROUPS: usize = 20;
 
 /// The levels of one cell list, coarsest first.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +48,7 @@ pub(crate) struct Level {
 struct Candidate {
     cost: f32,
     log_edge: f32,
-    /// Number of classes before this level; the best plan for those precedes it.
+    /// Number of groups before this level; the best plan for those precedes it.
     from: usize,
 }
 
@@ -53,12 +56,16 @@ impl Levels {
     /// The cheapest levels for the sizes in `survey` at this crowding.
     pub(crate) fn plan(survey: &Survey, crowding: &Crowding) -> Self {
         let classes: Vec<_> = survey.occupied().collect();
-        let counts: Vec<f32> = classes.iter().map(|(_, class)| class.count as f32).collect();
-        let radii: Vec<f32> = classes.iter().map(|(_, class)| class.largest).collect();
+        // Neighbouring classes count as one where there are very many: planning grows with the cube of their number.
+        let groups: Vec<&[(usize, Class)]> =
+            classes.chunks(classes.len().div_ceil(MAX_GROUPS).max(1)).collect();
+        let count = |group: &&[(usize, Class)]| group.iter().map(|(_, class)| class.count as f32).sum();
+        let counts: Vec<f32> = groups.iter().map(count).collect();
+        let radii: Vec<f32> = groups.iter().map(|group| group[0].1.largest).collect();
         let model = Model { counts, radii, total: survey.spheres as f32, crowding };
 
         let mut best: Vec<Candidate> = vec![Candidate { cost: 0.0, log_edge: 0.0, from: 0 }];
-        for to in 1..=classes.len() {
+        for to in 1..=groups.len() {
             let candidates = (0..to).map(|from| {
                 let (cost, log_edge) = model.level(from, to);
                 Candidate { cost: best[from].cost + cost, log_edge, from }
@@ -69,18 +76,19 @@ impl Levels {
 
         let mut plan = Self { levels: Vec::new(), of_class: [0; CLASSES] };
         let mut bounds = Vec::new();
-        let mut to = classes.len();
+        let mut to = groups.len();
         while to > 0 {
             bounds.push((best[to].from..to, best[to].log_edge));
             to = best[to].from;
         }
         for (level, (range, log_edge)) in bounds.into_iter().rev().enumerate() {
-            for &(class, _) in &classes[range.clone()] {
+            let members = groups[range].concat();
+            for &(class, _) in &members {
                 plan.of_class[class] = level as u8;
             }
             plan.levels.push(Level {
-                spheres: classes[range.clone()].iter().map(|(_, class)| class.count).sum(),
-                largest: classes[range.start].1.largest,
+                spheres: members.iter().map(|(_, class)| class.count).sum(),
+                largest: members[0].1.largest,
                 edge: f64::from(log_edge).exp2(),
             });
         }
@@ -90,7 +98,7 @@ impl Levels {
 
 /// The cost estimate.
 struct Model<'c> {
-    /// Spheres and largest radius of each occupied class, the largest class first.
+    /// Spheres and largest radius of each group of classes, the largest first.
     counts: Vec<f32>,
     radii: Vec<f32>,
     total: f32,
@@ -135,5 +143,67 @@ impl Model<'_> {
             cost += self.counts[class] * each;
         }
         cost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::Sphere;
+
+    use super::*;
+    use crate::contact::Rule;
+    use crate::detector::Input;
+    use crate::{Settings, Simd};
+
+    /// The plan for spheres on a lattice of this spacing whose radii take turns.
+    fn plan(n: u32, spacing: f32, radii: &[f32]) -> Levels {
+        let side = f64::from(n).cbrt().ceil() as u32;
+        let spheres: Vec<_> = (0..n)
+            .map(|k| {
+                let cell = [k % side, k / side % side, k / side / side];
+                let radius = radii[(k.wrapping_mul(2_654_435_761) >> 8) as usize % radii.len()];
+                Sphere::new(cell.map(|at| spacing * at as f32), radius)
+            })
+            .collect();
+        let rule = Rule::new((&spheres).into(), None);
+        let survey = Survey::of(&rule).expect("all are valid");
+        let settings = Settings::default();
+        let input = Input { rule, survey, settings: &settings, simd: Simd::detect() };
+        Levels::plan(&input.survey, &Crowding::sample(&input))
+    }
+
+    #[test]
+    fn equal_spheres_share_one_level_of_cells_about_as_wide_as_their_reach() {
+        let plan = plan(100_000, 4.0, &[1.0]);
+        assert_eq!(plan.levels.len(), 1);
+        assert_eq!((plan.levels[0].spheres, plan.levels[0].largest), (100_000, 1.0));
+        assert!((4.0..=20.0).contains(&plan.levels[0].edge), "{:?}", plan.levels);
+    }
+
+    #[test]
+    fn sizes_share_a_level_where_few_are_met_and_not_where_many_are() {
+        let sparse = plan(50_000, 4.0, &[1.0, 0.5, 0.25]);
+        assert_eq!(sparse.levels.len(), 1, "{:?}", sparse.levels);
+        let mut radii = [0.01; 100];
+        radii[7] = 64.0;
+        let crowded = plan(50_000, 1.0, &radii);
+        assert_eq!(crowded.levels.len(), 2, "{:?}", crowded.levels);
+        assert_eq!(crowded.of_class[Survey::class_of(64.0)], 0);
+        assert_eq!(crowded.of_class[Survey::class_of(0.01)], 1);
+    }
+
+    #[test]
+    fn every_sphere_has_a_level_whatever_the_sizes() {
+        let radii: Vec<f32> = (0..250).map(|k| 2.0_f32.powi(k - 125)).collect();
+        for (n, spacing) in [(1, 1.0), (2, 0.0), (3000, 0.0), (3000, 1e-30), (3000, 1e30)] {
+            for radii in [&[0.0][..], &[1.0], &radii] {
+                let plan = plan(n, spacing, radii);
+                assert_eq!(plan.levels.iter().map(|level| level.spheres).sum::<u32>(), n);
+                assert!(plan.levels.len() <= MAX_GROUPS);
+                for level in &plan.levels {
+                    assert!(level.edge > 0.0 && level.edge.is_finite(), "{level:?}");
+                }
+            }
+        }
     }
 }

@@ -13,10 +13,14 @@ const COUNTABLE: f64 = (1_u64 << 50) as f64;
 /// How far rounding can move a coordinate, relative to the largest: some units in the last place of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 
+/// How far rounding can move a sum of coordinates in `f32`, relative to the largest, and more: 2⁻²⁰.
+const SINGLE_ROUNDING: f64 = 1.0 / (1_u64 << 20) as f64;
+
 /// The cells of one level.
 #[derive(Clone, Debug)]
 pub(crate) struct Raster {
     axes: Axes,
+    edge: f64,
     /// Cells per axis.
     pub(crate) size: [u32; 3],
     pub(crate) folded: bool,
@@ -59,7 +63,7 @@ impl Raster {
             last: [last[0], last[1], last[2], 0.0],
         };
         let adjoining = !folded && (f64::from(largest) + reach) * (1.0 + 1e-6) <= edge;
-        Self { axes, size, folded, adjoining, reach }
+        Self { axes, edge, size, folded, adjoining, reach }
     }
 
     /// How many table entries the raster has.
@@ -99,12 +103,24 @@ impl Raster {
         Block { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
     }
 
-    /// On which axes, as bits, the cells in reach of a sphere of this level in `cell` go beyond it: downwards and
-    /// upwards. Not for folded rasters.
+    /// Between which bounds a sphere of `cell` must lie, its radius included, to reach no lower and no higher cell
+    /// along each axis; none where there is no such cell. Not for folded rasters.
+    ///
+    /// The bounds are moved inwards by far more than rounding in `f32` can move the coordinates compared with them.
     #[inline(always)]
-    pub(crate) fn sides<V: Vector>(&self, vector: V, [x, y, z, r]: [f32; 4], cell: [u32; 3]) -> [u32; 2] {
-        let reach = f64::from(r) + self.reach;
-        vector.sides(&self.axes, [x, y, z], reach, [cell[0], cell[1], cell[2], 0])
+    pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
+        let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
+        for axis in 0..3 {
+            let lower = (f64::from(cell[axis]) + self.axes.origin[axis]) * self.edge;
+            let slack = (lower.abs() + self.edge + self.reach) * SINGLE_ROUNDING;
+            if cell[axis] > 0 {
+                low[axis] = (lower + self.reach + slack) as f32;
+            }
+            if cell[axis] + 1 < self.size[axis] {
+                high[axis] = (lower + self.edge - self.reach - slack) as f32;
+            }
+        }
+        (low, high)
     }
 
     // Scalar arguments: a centre in memory would slow down the callers that never fold.

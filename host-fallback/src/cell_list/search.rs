@@ -8,7 +8,7 @@ use super::raster::Block;
 use super::{CellList, Placed};
 use crate::contact::{Rule, scan};
 use crate::detector::Input;
-use crate::simd::{Jobs, MAX_LANES, Task, Vector};
+use crate::simd::{Around, Jobs, MAX_LANES, Task, Vector};
 use crate::sink::{Output, Sink};
 
 /// Spheres per piece of work: some tens of microseconds where space is not crowded.
@@ -57,46 +57,24 @@ impl<S: Sink> Task for Piece<'_, S> {
     }
 }
 
-/// The cells around one cell, in a raster whose cells are wide enough that nothing beyond the next is in reach.
-///
-/// Five rows of cells matter: the cell's own, and the four next to it that come later in the table. Rows outside the
-/// raster are replaced by some inside; no sphere asks for them.
-struct Around {
-    cell: [u32; 3],
-    /// The end of the cell's spheres.
-    end: usize,
-    /// Where each row's cell `x` starts, and where its cell `x - 1` starts.
-    starts: [[u32; MAX_LANES]; 2],
-    /// Where each row's cell `x` ends, and where its cell `x + 1` ends.
-    ends: [[u32; MAX_LANES]; 2],
-}
-
-impl Around {
-    /// Which of the rows a sphere must visit, by the axes on which it reaches beyond its cell: bit 0 of the index for
-    /// towards lower `y`, bit 1 for higher `y`, bit 2 for higher `z`.
-    const WANTED: [u32; 8] = [0b00001, 0b00001, 0b00011, 0b00011, 0b01001, 0b01101, 0b11011, 0b11111];
-
-    #[inline(always)]
-    fn new<V: Vector>(vector: V, list: &CellList, level: &Placed, at: usize) -> Self {
-        let [x, y, z, _] = list.columns.sphere(at);
-        let cell = level.raster.cell_of(vector, [x, y, z]);
-        let [size_x, size_y, size_z] = level.raster.size;
-        let own = level.base + level.raster.index(cell);
-        let lower_y = if cell[1] > 0 { size_x as usize } else { 0 };
-        let higher_y = if cell[1] + 1 < size_y { size_x as usize } else { 0 };
-        let higher_z = if cell[2] + 1 < size_z { (size_x * size_y) as usize } else { 0 };
-        let rows = [own, own + higher_y, own + higher_z - lower_y, own + higher_z, own + higher_z + higher_y];
-        let mut around = Self { cell, end: 0, starts: [[0; MAX_LANES]; 2], ends: [[0; MAX_LANES]; 2] };
-        for (row, first) in rows.into_iter().enumerate() {
-            let starts = &list.starts[first..first + 3];
-            around.starts[0][row] = starts[0];
-            around.starts[1][row] = list.starts[first.saturating_sub(1)];
-            around.ends[0][row] = starts[1];
-            around.ends[1][row] = starts[2];
-        }
-        around.end = around.ends[0][0] as usize;
-        around
+/// What lies around the cell of the sphere at `at`, and where the cell's spheres end.
+#[inline(always)]
+fn around<V: Vector>(vector: V, list: &CellList, level: &Placed, at: usize) -> (Around, usize) {
+    let [x, y, z, _] = list.columns.sphere(at);
+    let cell = level.raster.cell_of(vector, [x, y, z]);
+    let [size_x, size_y, size_z] = level.raster.size;
+    let own = level.base + level.raster.index(cell);
+    let lower_y = if cell[1] > 0 { size_x as usize } else { 0 };
+    let higher_y = if cell[1] + 1 < size_y { size_x as usize } else { 0 };
+    let higher_z = if cell[2] + 1 < size_z { (size_x * size_y) as usize } else { 0 };
+    let rows = [own, own + higher_y, own + higher_z - lower_y, own + higher_z, own + higher_z + higher_y];
+    let (low, high) = level.raster.bounds(cell);
+    let mut around = Around { low, high, rows: [[0; 4]; 5] };
+    for (row, first) in rows.into_iter().enumerate() {
+        let starts = &list.starts[first..first + 3];
+        around.rows[row] = [list.starts[first.saturating_sub(1)], starts[0], starts[1], starts[2]];
     }
+    (around, around.rows[0][2] as usize)
 }
 
 /// Finds runs, and compares them when there are enough.
@@ -115,19 +93,19 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
     fn cell_by_cell(&mut self, level: &Placed, coarser: &[Placed], members: Range<usize>) {
         let mut at = members.start;
         while at < members.end {
-            let around = Around::new(self.vector, self.list, level, at);
-            let end = around.end.min(members.end);
-            for at in at..end {
+            let (around, end) = around(self.vector, self.list, level, at);
+            let end = end.min(members.end);
+            while at < end {
+                let count = MAX_LANES.min(end - at);
                 self.work_if_full();
-                let sphere = self.list.columns.sphere(at);
-                let [before, behind] = level.raster.sides(self.vector, sphere, around.cell);
-                let wanted = Around::WANTED[(before >> 1 & 1 | behind & 0b110) as usize];
-                let starts = &around.starts[(before & 1) as usize];
-                let ends = &around.ends[(behind & 1) as usize];
-                self.vector.append(&mut self.jobs, at as u32, starts, ends, wanted);
-                self.coarser(coarser, at);
+                self.vector.look_around(&self.list.columns, (at, count), &around, &mut self.jobs);
+                if !coarser.is_empty() {
+                    for at in at..at + count {
+                        self.coarser(coarser, at);
+                    }
+                }
+                at += count;
             }
-            at = end;
         }
     }
 

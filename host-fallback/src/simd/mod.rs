@@ -7,7 +7,7 @@
 use lazygrid_kernels::Pair;
 
 use crate::columns::Columns;
-pub(crate) use jobs::Jobs;
+pub(crate) use jobs::{Around, Jobs};
 pub(crate) use portable::Portable;
 
 mod jobs;
@@ -103,18 +103,9 @@ pub(crate) trait Vector: Copy {
     /// The cell of the point `center + offset`, cut to the raster. Monotone along each axis, and the same operations
     /// in the same order for every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
-    /// On which axes, as bits, the cell of `center - reach` lies before `cell`, and that of `center + reach` behind it.
-    fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2];
-    /// Appends those runs whose bits are set in `wanted` and which are not empty once they begin no earlier than the
-    /// sphere behind `at`.
-    fn append(
-        self,
-        jobs: &mut Jobs,
-        at: u32,
-        starts: &[u32; MAX_LANES],
-        ends: &[u32; MAX_LANES],
-        wanted: u32,
-    );
+    /// Appends the runs that some spheres of one cell have to be compared with, five for each sphere at most.
+    /// `spheres` says where they start and how many they are, at most [`MAX_LANES`]. Runs begin no earlier than the sphere behind their own.
+    fn look_around(self, columns: &Columns, spheres: (usize, usize), around: &Around, jobs: &mut Jobs);
     /// Writes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes` to the front of
     /// `pairs`; what stands behind them is then of no meaning. Returns how many there are.
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
@@ -133,7 +124,10 @@ pub(crate) struct Axes {
 
 #[cfg(test)]
 mod tests {
+    use lazygrid_kernels::Sphere;
+
     use super::*;
+    use crate::contact::Rule;
 
     const AXES: Axes = Axes {
         per_length: [0.7, 0.7, 0.7, 0.0],
@@ -163,29 +157,31 @@ mod tests {
                 for offset in [0.0, 1.5, -1.5, 1e10] {
                     all.extend(vector.cell(&AXES, point, offset));
                 }
-                all.extend(vector.sides(&AXES, point, 2.0, vector.cell(&AXES, point, 0.0)));
             }
             let mut pairs = [Pair::default(); MAX_LANES];
             for lanes in LANES {
                 let count = vector.pack(5, &IDS, lanes, &mut pairs);
                 all.extend(pairs[..count].iter().flat_map(|pair| [pair.i, pair.j]));
             }
-            let (mut starts, mut ends) = ([0; MAX_LANES], [0; MAX_LANES]);
-            starts[..5].copy_from_slice(&[4, 20, 30, 41, 50]);
-            ends[..5].copy_from_slice(&[9, 20, 35, 41, 60]);
+            let mut columns = Columns::default();
+            let spheres: Vec<_> =
+                (0..40).map(|k| Sphere::new([k as f32, 39.0 - k as f32, 0.3], 0.5)).collect();
+            columns.gather(&Rule::new((&spheres).into(), None), 0..40);
             let mut jobs = Jobs::new();
-            for wanted in 0..32 {
-                for at in [0, 6, 8, 70] {
-                    if jobs.is_full() {
-                        jobs.clear();
-                    }
-                    vector.append(&mut jobs, at, &starts, &ends, wanted);
+            for count in [1, 2, 15, 16] {
+                for (low, high) in [(8.0, 12.0), (f32::NEG_INFINITY, 30.5), (20.0, f32::INFINITY)] {
+                    let rows =
+                        [[0, 0, 20, 25], [30, 31, 35, 40], [28, 30, 30, 30], [1, 1, 1, 2], [36, 36, 40, 40]];
+                    let around = Around { low: [low; 3], high: [high, high, 0.5], rows };
+                    jobs.clear();
+                    vector.look_around(&columns, (10, count), &around, &mut jobs);
+                    let mut found: Vec<_> = (0..jobs.len()).map(|k| jobs.get(k)).collect();
+                    found.sort_unstable_by_key(|(at, run)| (*at, run.start, run.end));
                     all.push(jobs.len() as u32);
+                    all.extend(
+                        found.iter().flat_map(|(at, run)| [*at, run.start, run.end]).map(|k| k as u32),
+                    );
                 }
-            }
-            for k in 0..jobs.len() {
-                let (at, run) = jobs.get(k);
-                all.extend([at as u32, run.start as u32, run.end as u32]);
             }
             all
         }

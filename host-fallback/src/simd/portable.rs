@@ -1,6 +1,6 @@
 use lazygrid_kernels::Pair;
 
-use super::{Axes, BAND, FLOOR, Jobs, MAX_LANES, Vector};
+use super::{Around, Axes, BAND, FLOOR, Jobs, MAX_LANES, Vector};
 use crate::columns::Columns;
 
 /// Plain loops over eight lanes.
@@ -50,24 +50,8 @@ impl Vector for Portable {
     }
 
     #[inline(always)]
-    fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
-        let (low, high) = (self.cell(axes, center, -reach), self.cell(axes, center, reach));
-        let bits = |side: fn(u32, u32) -> bool, at: [u32; 4]| {
-            (0..3).fold(0, |bits, axis| bits | u32::from(side(at[axis], cell[axis])) << axis)
-        };
-        [bits(|a, b| a < b, low), bits(|a, b| a > b, high)]
-    }
-
-    #[inline(always)]
-    fn append(
-        self,
-        jobs: &mut Jobs,
-        at: u32,
-        starts: &[u32; MAX_LANES],
-        ends: &[u32; MAX_LANES],
-        wanted: u32,
-    ) {
-        append(jobs, at, starts, ends, wanted);
+    fn look_around(self, columns: &Columns, spheres: (usize, usize), around: &Around, jobs: &mut Jobs) {
+        look_around(columns, spheres, around, jobs);
     }
 
     #[inline(always)]
@@ -76,17 +60,20 @@ impl Vector for Portable {
     }
 }
 
-/// Appending run by run; five are the most that anybody wants.
+/// Looking around sphere by sphere.
 #[inline(always)]
-pub(super) fn append(
-    jobs: &mut Jobs,
-    at: u32,
-    starts: &[u32; MAX_LANES],
-    ends: &[u32; MAX_LANES],
-    wanted: u32,
-) {
-    for row in 0..5 {
-        jobs.push(at, starts[row].max(at + 1)..ends[row], wanted >> row & 1 != 0);
+pub(super) fn look_around(columns: &Columns, (at, count): (usize, usize), around: &Around, jobs: &mut Jobs) {
+    let Around { low, high, rows } = around;
+    for at in at..at + count {
+        let [x, y, z, r] = columns.sphere(at);
+        let [lower_x, lower_y] = [x - r < low[0], y - r < low[1]];
+        let [higher_x, higher_y, higher_z] = [x + r > high[0], y + r > high[1], z + r > high[2]];
+        let (first, end) = (1 - usize::from(lower_x), 2 + usize::from(higher_x));
+        let wanted = [true, higher_y, higher_z & lower_y, higher_z, higher_z & higher_y];
+        jobs.push(at as u32, at as u32 + 1..rows[0][end], true);
+        for row in 1..rows.len() {
+            jobs.push(at as u32, rows[row][first]..rows[row][end], wanted[row]);
+        }
     }
 }
 

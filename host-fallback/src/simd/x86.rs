@@ -2,7 +2,7 @@ use std::arch::x86_64::*;
 
 use lazygrid_kernels::Pair;
 
-use super::{Axes, BAND, FLOOR, Jobs, MAX_LANES, Task, Vector, portable};
+use super::{Around, Axes, BAND, FLOOR, Jobs, MAX_LANES, Task, Vector, portable};
 use crate::columns::Columns;
 
 /// Proof that AVX-512F is there; made only by [`with_avx512`].
@@ -30,23 +30,6 @@ unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
         _mm_storeu_si128(cell.as_mut_ptr().cast(), _mm256_cvttpd_epi32(at));
     }
     cell
-}
-
-/// Both sides with AVX2.
-///
-/// # Safety
-/// The processor must have AVX2.
-#[inline(always)]
-unsafe fn sides(axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
-    // SAFETY: AVX2 by the caller's promise; each array is one vector long. Cells fit an `i32`.
-    unsafe {
-        let own = _mm_loadu_si128(cell.as_ptr().cast());
-        let low = _mm_loadu_si128(self::cell(axes, center, -reach).as_ptr().cast());
-        let high = _mm_loadu_si128(self::cell(axes, center, reach).as_ptr().cast());
-        let (before, behind) = (_mm_cmpgt_epi32(own, low), _mm_cmpgt_epi32(high, own));
-        let bits = [_mm_movemask_ps(_mm_castsi128_ps(before)), _mm_movemask_ps(_mm_castsi128_ps(behind))];
-        [bits[0] as u32, bits[1] as u32]
-    }
 }
 
 #[target_feature(enable = "avx512f,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
@@ -109,39 +92,44 @@ impl Vector for Avx512 {
     }
 
     #[inline(always)]
-    fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
-        // SAFETY: `self` proves AVX2.
-        unsafe { sides(axes, center, reach, cell) }
-    }
-
-    #[inline(always)]
-    fn append(
-        self,
-        jobs: &mut Jobs,
-        at: u32,
-        starts: &[u32; MAX_LANES],
-        ends: &[u32; MAX_LANES],
-        wanted: u32,
-    ) {
-        // SAFETY: `self` proves AVX-512F; `starts` and `ends` are one vector long, and the columns of `jobs` have
-        // room for one behind `len`, which the assertion holds below `FULL`.
+    fn look_around(self, columns: &Columns, (at, count): (usize, usize), around: &Around, jobs: &mut Jobs) {
+        assert!(!jobs.is_full() && count <= MAX_LANES, "there is room for the runs of a vector");
+        let [x, y, z, r] = columns.lanes::<16>(at);
+        let Around { low, high, rows } = around;
+        // SAFETY: `self` proves AVX-512F. Each array read is one vector long. `len` starts below `FULL` and grows by at
+        // most sixteen for each of five rows, so every vector is written inside the columns of `jobs`.
         unsafe {
-            assert!(jobs.len < Jobs::FULL, "jobs are worked off before they are full");
-            let starts = _mm512_loadu_si512(starts.as_ptr().cast());
-            let starts = _mm512_max_epu32(starts, _mm512_set1_epi32(at as i32 + 1));
-            let ends = _mm512_loadu_si512(ends.as_ptr().cast());
-            let runs = _mm512_cmplt_epu32_mask(starts, ends) & wanted as __mmask16;
-            let len = jobs.len;
-            _mm512_storeu_si512(jobs.at.as_mut_ptr().add(len).cast(), _mm512_set1_epi32(at as i32));
-            _mm512_storeu_si512(
-                jobs.start.as_mut_ptr().add(len).cast(),
-                _mm512_maskz_compress_epi32(runs, starts),
-            );
-            _mm512_storeu_si512(
-                jobs.end.as_mut_ptr().add(len).cast(),
-                _mm512_maskz_compress_epi32(runs, ends),
-            );
-            jobs.len = len + runs.count_ones() as usize;
+            let [x, y] = [_mm512_loadu_ps(x.as_ptr()), _mm512_loadu_ps(y.as_ptr())];
+            let [z, r] = [_mm512_loadu_ps(z.as_ptr()), _mm512_loadu_ps(r.as_ptr())];
+            let lower_x = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_sub_ps(x, r), _mm512_set1_ps(low[0]));
+            let lower_y = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_sub_ps(y, r), _mm512_set1_ps(low[1]));
+            let higher_x = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(_mm512_add_ps(x, r), _mm512_set1_ps(high[0]));
+            let higher_y = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(_mm512_add_ps(y, r), _mm512_set1_ps(high[1]));
+            let higher_z = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(_mm512_add_ps(z, r), _mm512_set1_ps(high[2]));
+            let live = (u32::MAX >> (32 - count)) as __mmask16;
+            let wanted = [live, higher_y, higher_z & lower_y, higher_z, higher_z & higher_y];
+
+            let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+            let ats = _mm512_add_epi32(_mm512_set1_epi32(at as i32), lanes);
+            let own = _mm512_add_epi32(ats, _mm512_set1_epi32(1));
+            let mut len = jobs.len;
+            for (row, &[lower, same, higher, end]) in rows.iter().enumerate() {
+                let (lower, same) = (_mm512_set1_epi32(lower as i32), _mm512_set1_epi32(same as i32));
+                let (higher, end) = (_mm512_set1_epi32(higher as i32), _mm512_set1_epi32(end as i32));
+                let starts = match row {
+                    0 => own,
+                    _ => _mm512_mask_blend_epi32(lower_x, same, lower),
+                };
+                let ends = _mm512_mask_blend_epi32(higher_x, higher, end);
+                let runs = _mm512_cmplt_epu32_mask(starts, ends) & wanted[row] & live;
+                let (to_at, to_start) = (jobs.at.as_mut_ptr().add(len), jobs.start.as_mut_ptr().add(len));
+                let to_end = jobs.end.as_mut_ptr().add(len);
+                _mm512_storeu_si512(to_at.cast(), _mm512_maskz_compress_epi32(runs, ats));
+                _mm512_storeu_si512(to_start.cast(), _mm512_maskz_compress_epi32(runs, starts));
+                _mm512_storeu_si512(to_end.cast(), _mm512_maskz_compress_epi32(runs, ends));
+                len += runs.count_ones() as usize;
+            }
+            jobs.len = len;
         }
     }
 
@@ -213,21 +201,8 @@ impl Vector for Avx2 {
     }
 
     #[inline(always)]
-    fn sides(self, axes: &Axes, center: [f32; 3], reach: f64, cell: [u32; 4]) -> [u32; 2] {
-        // SAFETY: `self` proves AVX2.
-        unsafe { sides(axes, center, reach, cell) }
-    }
-
-    #[inline(always)]
-    fn append(
-        self,
-        jobs: &mut Jobs,
-        at: u32,
-        starts: &[u32; MAX_LANES],
-        ends: &[u32; MAX_LANES],
-        wanted: u32,
-    ) {
-        portable::append(jobs, at, starts, ends, wanted);
+    fn look_around(self, columns: &Columns, spheres: (usize, usize), around: &Around, jobs: &mut Jobs) {
+        portable::look_around(columns, spheres, around, jobs);
     }
 
     #[inline(always)]
