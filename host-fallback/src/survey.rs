@@ -1,7 +1,8 @@
 //! One pass over the input: is it valid, where does it lie, which sizes does it have?
 
+use bytemuck::cast;
 use glam::Vec3;
-use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Sphere, Spheres};
+use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Spheres};
 use rayon::prelude::*;
 
 use crate::contact::Rule;
@@ -64,8 +65,10 @@ impl Survey {
             .map(|piece| {
                 let range = piece * PIECE..n.min((piece + 1) * PIECE);
                 match rule.plain_rows() {
-                    Some(rows) => Self::piece(rows[range].iter().map(|sphere| (*sphere, sphere.radius))),
-                    None => Self::piece(range.map(|i| (spheres.get(i), rule.effective(i as u32).1))),
+                    Some(rows) => {
+                        Self::piece(rows[range].iter().map(|sphere| (cast(*sphere), sphere.radius)))
+                    }
+                    None => Self::piece(range.map(|i| (cast(spheres.get(i)), rule.effective(i as u32).1))),
                 }
             })
             .reduce(|| (Self::empty(), false), |(a, p), (b, q)| (a.merge(b), p | q));
@@ -75,26 +78,31 @@ impl Survey {
         Ok(Self { spheres: n, ..survey })
     }
 
-    /// Surveys one piece; also tells whether it may hold a sphere that is not valid.
-    fn piece(spheres: impl Iterator<Item = (Sphere, f32)>) -> (Self, bool) {
-        let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        // Turned into NaN by anything not finite, without a branch per sphere; sums that overflow only look so.
-        let (mut poison, mut least) = (0.0, 0.0_f32);
+    /// Surveys one piece, given as rows `x, y, z, r` with their effective radii; also tells whether it may hold a
+    /// sphere that is not valid.
+    fn piece(spheres: impl Iterator<Item = ([f32; 4], f32)>) -> (Self, bool) {
+        let (mut min, mut max) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
+        // Turned into NaN by anything not finite, without a branch per sphere.
+        let mut poison = [0.0; 4];
         // Several tables, because equal radii would otherwise wait for each other's counter.
         let mut tables = [[Class::default(); CLASSES]; TABLES];
-        for (k, (sphere, radius)) in spheres.enumerate() {
-            min = min.min(sphere.center);
-            max = max.max(sphere.center);
-            poison += (sphere.center.element_sum() + sphere.radius) * 0.0;
-            least = least.min(sphere.radius);
+        for (k, (row, radius)) in spheres.enumerate() {
+            // Written so that each line is one vector instruction.
+            for lane in 0..4 {
+                min[lane] = if row[lane] < min[lane] { row[lane] } else { min[lane] };
+                max[lane] = if row[lane] > max[lane] { row[lane] } else { max[lane] };
+                poison[lane] += row[lane] * 0.0;
+            }
             let class = &mut tables[k % TABLES][Self::class_of(radius)];
             class.count += 1;
             class.largest = class.largest.max(radius);
         }
+        let suspect = poison != [0.0; 4] || min[3] < 0.0;
+        let (min, max) = (Vec3::new(min[0], min[1], min[2]), Vec3::new(max[0], max[1], max[2]));
         let own = Self { spheres: 0, min, max, classes: tables[0] };
         let survey =
             tables[1..].iter().fold(own, |all, &classes| all.merge(Self { classes, ..Self::empty() }));
-        (survey, poison != 0.0 || least < 0.0)
+        (survey, suspect)
     }
 
     fn empty() -> Self {
@@ -161,6 +169,8 @@ fn find(n: usize, bad: impl Fn(usize) -> bool + Sync) -> (Option<u32>, u64) {
 
 #[cfg(test)]
 mod tests {
+    use lazygrid_kernels::Sphere;
+
     use super::*;
 
     #[test]

@@ -80,7 +80,7 @@ impl Crowding {
 
 /// Enough that the mean of one sphere per cell shows as some dozens of coincidences, few enough to be cheap.
 fn sample_size(n: usize) -> usize {
-    n.min((8.0 * (n as f64).sqrt()) as usize).clamp(n.min(64), 1 << 16)
+    n.min((6.0 * (n as f64).sqrt()) as usize).clamp(n.min(64), 1 << 16)
 }
 
 /// The `k`-th of `size` indices below `n`: one from each stretch, at a place in it that follows no pattern.

@@ -66,7 +66,10 @@ impl Places<'_> {
     /// The table entry of a sphere.
     #[inline(always)]
     fn cell_of<V: Vector>(&self, vector: V, [x, y, z, radius]: [f32; 4]) -> u32 {
-        let level = &self.levels[usize::from(self.of_class[Survey::class_of(radius)])];
+        let level = match self.levels {
+            [only] => only,
+            levels => &levels[usize::from(self.of_class[Survey::class_of(radius)])],
+        };
         (level.base + level.raster.index(level.raster.cell_of(vector, [x, y, z]))) as u32
     }
 }
