@@ -306,6 +306,28 @@ fn help_completions_and_devices() {
     }
     let devices = lazygrid(["devices"]).succeeds().out;
     assert!(devices.starts_with("cpu  ") && devices.contains("\ngpu  "), "{devices}");
+    for adapter in lazygrid::gpu::adapters() {
+        let limit = format!("{} MiB per storage binding", adapter.storage_binding >> 20);
+        assert!(devices.contains(&adapter.name) && devices.contains(&limit), "{devices}");
+    }
+}
+
+#[test]
+fn the_gpu_finds_the_pairs_of_both_files() {
+    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
+        let run = lazygrid(["detect", &data("lammps-pour.dump"), "--backend", "gpu"]);
+        assert!(run.code != Some(0) && run.err.contains("no GPU adapter"), "{}", run.err);
+        return;
+    }
+    let pairs = |file: &str, options: &[&str]| {
+        let file = data(file);
+        let args = ["detect", &file, "--backend", "gpu", "--json"];
+        let object = lazygrid(args.iter().chain(options)).succeeds().json();
+        assert_eq!(object["backend"], "gpu");
+        object["pairs"].as_u64()
+    };
+    assert_eq!(pairs("lammps-pour.dump", &[]), Some(3072));
+    assert_eq!(pairs("smoldyn-burst.lst", &SMOLDYN), Some(35_236));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use common::{Random, device};
 use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings};
-use lazygrid::{Backend, Config, Detector, Sphere, Spheres};
+use lazygrid::{Algorithm, Backend, Config, Detector, Sphere, Spheres};
 
 fn uniform(seed: u64, n: usize, edge: f32, radius: f32) -> Vec<Sphere> {
     let mut random = Random(seed);
@@ -42,6 +42,34 @@ fn four_million_spheres_in_one_call() {
     let differing = found.iter().filter(|pair| expected.binary_search(pair).is_err()).count();
     assert!(agree(found.len() as u64, expected.len() as u64), "{} {}", found.len(), expected.len());
     assert!(differing <= 2 + expected.len() / 1_000_000, "{differing}");
+}
+
+/// Every pair of blocks has to be looked at, by invocations whose loops a software rasteriser may end early.
+#[test]
+fn sixty_thousand_coincident_spheres_are_counted_exactly() {
+    let Some(own) = device() else { return };
+    let spheres = vec![Sphere::new([1.0, -2.0, 3.0], 0.5); 60_000];
+    for algorithm in [Algorithm::Naive, Algorithm::ArrayGrid] {
+        let settings = GpuSettings { algorithm, ..GpuSettings::default() };
+        let mut session = GpuSession::new(own.clone(), settings).expect("made");
+        let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+        assert_eq!(session.finish_count(ticket), Ok(1_799_970_000), "{algorithm}");
+    }
+}
+
+/// As many as go into a few dozen crowded cells.
+#[test]
+fn three_hundred_thousand_crowded_spheres() {
+    let Some(own) = device() else { return };
+    let mut spheres = uniform(4, 300_000, 6.0, 0.1);
+    // Its size makes the cells large.
+    spheres.push(Sphere::new([3.0; 3], 1.0));
+    let settings = GpuSettings { algorithm: Algorithm::ArrayGrid, ..GpuSettings::default() };
+    let mut session = GpuSession::new(own, settings).expect("made");
+    let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+    let found = session.finish_count(ticket).expect("counted");
+    let expected = count_on_cpu(&mut cpu(), &spheres);
+    assert!(agree(found, expected), "{found} instead of {expected}");
 }
 
 /// `LAZYGRID_SOAK` sets the number of steps; CI and a release run 20 000.

@@ -132,6 +132,25 @@ fn two_calls_overlap_and_a_third_waits_its_turn() {
 }
 
 #[test]
+fn a_dropped_ticket_frees_its_place() {
+    let Some(own) = device() else { return };
+    let scenes: Vec<_> = (0..4).map(|k| cloud(k, 2000 + 500 * k as usize, 8)).collect();
+    let mut session = GpuSession::new(own, GpuSettings::default()).expect("made");
+    for dropped in [0, 1] {
+        let mut tickets: Vec<_> =
+            (0..2).map(|k| session.begin(Spheres::from(&scenes[k])).expect("begun")).collect();
+        assert!(session.begin(Spheres::from(&scenes[2])).is_err(), "two are in flight");
+        drop(tickets.remove(dropped));
+        let third = session.begin(Spheres::from(&scenes[3])).expect("there is room again");
+        for (ticket, scene) in [(third, 3), (tickets.remove(0), 1 - dropped)] {
+            let mut pairs = session.finish(ticket, u64::MAX).expect("found").to_vec();
+            pairs.sort_unstable();
+            assert_eq!(pairs, expected(&scenes[scene]));
+        }
+    }
+}
+
+#[test]
 fn a_lost_device_is_an_error_and_a_new_detector_works() {
     let Some(own) = device() else { return };
     let spheres = cloud(3, 1000, 8);

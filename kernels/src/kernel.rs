@@ -81,6 +81,17 @@ pub const MAX_ENTRY_OBJECTS: u64 = 1 << 29;
 /// Most entries per sphere: the raster is chosen so that no sphere overlaps more than two cells per axis.
 pub const MAX_ENTRIES_PER_SPHERE: u64 = 8;
 
+/// Turns that the loops of one invocation may take in all. Lavapipe ends them after 65 535, without a word.
+pub const MAX_TURNS: u32 = 16_000;
+/// Turns of the naive search per tile: of its eight parts each 32 tests and up to 32 pairs.
+pub const NAIVE_TURNS: u32 = 8 * (1 + 32 + 32);
+/// Turns of the crowded search per tile: the same, and whether this cell owns each of 32 pairs.
+pub const CROWDED_TURNS: u32 = 8 * (1 + 32 + 32 + 32);
+/// Tiles that one workgroup of the naive search may compare with.
+pub const NAIVE_TILES: u32 = MAX_TURNS / NAIVE_TURNS;
+/// Tiles that one workgroup of the crowded search may compare with, after looking for the end of a run.
+pub const CROWDED_TILES: u32 = (MAX_TURNS - u32::BITS) / CROWDED_TURNS;
+
 const RADIX_ITEMS: u32 = 8;
 const SCAN_ITEMS: u32 = 8;
 const SPHERES_PER_THREAD: u32 = 4;
@@ -174,6 +185,8 @@ kernels! {
         [uniform("call"), read("lengths"), read("keys"), read("objects"), read("spheres"), write("outcome"),
          write("pairs"), write("crowded")],
         species: [read("species"), read("table")];
+    /// Sizes the crowded search.
+    CROWDED_OPEN = "crowded_open", 1, subgroups: false, [write("outcome"), write("dispatch")], species: [];
     /// Pairs of entries far apart in a crowded run.
     CROWDED_SEARCH = "crowded_search", GROUP, subgroups: true,
         [uniform("call"), read("grid"), read("lengths"), read("keys"), read("objects"), read("spheres"),
@@ -189,7 +202,8 @@ kernels! {
 }
 
 /// Shared pieces of WGSL by the name in `#include`.
-const PIECES: [(&str, &str); 12] = [
+const PIECES: [(&str, &str); 13] = [
+    ("crowd", include_str!("shader/shared/crowd.wgsl")),
     ("digit_pass", include_str!("shader/shared/digit_pass.wgsl")),
     ("entry", include_str!("shader/shared/entry.wgsl")),
     ("group_scan", include_str!("shader/shared/group_scan.wgsl")),
@@ -246,8 +260,9 @@ impl Expansion {
         }
     }
 
-    fn constants(&self) -> [(&'static str, u32); 5] {
+    fn constants(&self) -> [(&'static str, u32); 6] {
         [
+            ("CROWDED_TILES", CROWDED_TILES),
             ("MAX_SUBGROUPS", GROUP / self.variant.subgroups.unwrap_or(GROUP).clamp(1, GROUP)),
             ("RADIX_ITEMS", RADIX_ITEMS),
             ("RADIX_SCRATCH", self.variant.radix_scratch()),

@@ -19,7 +19,7 @@ pub struct Call {
     pub raster_ratio: f32,
     /// Species of the interaction table; 0 without one.
     pub species: u32,
-    /// Workgroups of the two searches that share out their work evenly.
+    /// Workgroups of the naive search.
     pub search_groups: u32,
     /// Threads per workgroup of whoever consumes the pairs by indirect dispatch.
     pub consumer_group: u32,
@@ -56,8 +56,8 @@ pub struct Outcome {
     pub entries_hi: u32,
     /// Spheres that the call was given.
     pub spheres: u32,
-    /// Unused.
-    pub spare: u32,
+    /// The most tiles of entries that one of those blocks is compared with.
+    pub crowded_tiles: u32,
 }
 
 impl Outcome {

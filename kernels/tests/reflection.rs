@@ -126,7 +126,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             entries_lo,
             entries_hi,
             spheres,
-            spare
+            crowded_tiles
         }),
         layout!(Lengths { items, counters }),
     ];

@@ -64,6 +64,20 @@ impl Subject {
         })
     }
 
+    /// The list that this subject's other results are held against: the `expected` pairs, or its own list, itself
+    /// held against them, where pairs in tangency may fall either way.
+    ///
+    /// # Errors
+    /// What is wrong with its list.
+    pub fn own_pairs(self, scenario: &Scenario, expected: &[Pair]) -> Result<Vec<Pair>, String> {
+        if self.tolerance() == Tolerance::Exact {
+            return Ok(expected.to_vec());
+        }
+        let found = self.pairs(scenario, Config::default())?;
+        difference(scenario, &found, expected, self.tolerance()).map_err(|text| format!("{self}: {text}"))?;
+        Ok(found)
+    }
+
     /// Judges this subject, in both orders, on a scenario whose pairs are known.
     ///
     /// # Errors

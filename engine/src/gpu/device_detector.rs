@@ -100,8 +100,7 @@ impl DeviceDetector {
     fn list(&mut self, spheres: Spheres<'_>, order: Order) -> Result<(), Error> {
         let ticket = self.begin(spheres)?;
         self.session.finish(ticket, self.settings.max_pairs)?;
-        self.pairs.clear();
-        self.pairs.append(&mut self.session.take_pairs());
+        self.session.swap_pairs(&mut self.pairs);
         self.conclude(self.pairs.len() as u64);
         if order == Order::Canonical {
             let start = Instant::now();

@@ -8,13 +8,10 @@ use super::GpuError;
 
 /// Up to this many spheres all pairs are tested: the grid's fixed number of dispatches costs more.
 const NAIVE_SPHERES: u32 = 4096;
-/// Workgroups of the searches that share out their work: enough to fill today's largest devices.
-const SEARCH_GROUPS: u32 = 2048;
-/// Tiles that one workgroup of the naive search compares with: bounds the turns of its loops, which lavapipe ends
-/// after 65 535.
-const NAIVE_TILES: u32 = 64;
-/// The most entries: their number and the counters of a sort stay in 32 bits with room to spare.
-const MAX_ENTRIES: u64 = 1 << 30;
+/// Workgroups of the naive search where there is work for them: enough to fill today's largest devices.
+const SEARCH_GROUPS: u64 = 2048;
+/// The most entries: even if all are in one cell, the crowded search shares them out over one dimension.
+const MAX_ENTRIES: u64 = 65_535 * (k::CROWDED_TILES * k::GROUP) as u64;
 /// The fewest key bits: folding needs three per axis.
 const MIN_KEY_BITS: u32 = 16;
 
@@ -87,6 +84,8 @@ pub enum Slot {
     Total,
     /// Blocks of entries for the crowded search.
     Crowded,
+    /// Workgroups of the crowded search.
+    Dispatch,
 }
 
 /// What a kernel's binding is bound to.
@@ -145,6 +144,8 @@ pub struct Stage {
     pub kernel: &'static Kernel,
     /// How many workgroups, before they are laid out in two dimensions.
     pub groups: u32,
+    /// Whether their number is instead found on the device, in [`Slot::Dispatch`].
+    pub indirect: bool,
     /// Which part of the call it belongs to.
     pub phase: Phase,
     /// Which radix pass it belongs to; 0 outside the sort.
@@ -164,7 +165,7 @@ pub struct Plan {
     pub entries: u32,
     /// Bits of a cell's key; 0 for naive.
     pub key_bits: u32,
-    /// Workgroups of the searches that share out their work.
+    /// Workgroups of the naive search; 0 without it.
     pub search_groups: u32,
     /// The buffers and their bytes.
     pub buffers: Vec<(Slot, u64)>,
@@ -203,17 +204,9 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
         plan.entries = entry_capacity(request.spheres, limits)?;
         plan.key_bits = key_bits(request.spheres);
         plan.buffers.extend(entry_buffers(plan.entries));
+    } else {
+        plan.search_groups = naive_groups(request.spheres, limits)?;
     }
-    // No more workgroups than there can be pairs of blocks.
-    let blocks = plan.entries.max(plan.spheres).div_ceil(k::GROUP);
-    let shares = blocks.saturating_mul(blocks).max(1);
-    plan.search_groups = match algorithm {
-        Algorithm::Naive => {
-            blocks.saturating_mul(blocks.div_ceil(NAIVE_TILES)).max(SEARCH_GROUPS.min(shares))
-        }
-        _ => SEARCH_GROUPS.min(shares),
-    };
-    plan.search_groups = plan.search_groups.min(limits.groups_per_dimension);
     plan.stages = stages(&plan);
     check(&plan, request.species != 0, limits)?;
     Ok(plan)
@@ -228,6 +221,25 @@ impl Plan {
     /// Radix passes of the sort.
     pub fn passes(&self) -> u32 {
         self.key_bits.div_ceil(k::DIGIT_BITS)
+    }
+
+    /// The most turns that all loops of one invocation of a stage take together.
+    pub fn turns(&self, stage: &Stage) -> u64 {
+        // Loops over what one thread reads, over subgroups, and over 256 samples on three axes.
+        const FIXED: u64 = 1024;
+        let kernel = stage.kernel;
+        if kernel == &k::NAIVE_SEARCH {
+            let blocks = self.spheres.div_ceil(k::GROUP).max(1);
+            let shares = (self.search_groups / blocks).clamp(1, blocks);
+            u64::from(blocks.div_ceil(shares)) * u64::from(k::NAIVE_TURNS)
+        } else if kernel == &k::CROWDED_SEARCH {
+            u64::from(k::CROWDED_TILES * k::CROWDED_TURNS + u32::BITS)
+        } else if kernel == &k::SCAN_SPINE {
+            let tiles = Lengths::for_sort(self.entries).counters.div_ceil(k::SCAN_TILE);
+            FIXED * u64::from(tiles.div_ceil(k::SCAN_TILE)) / 32
+        } else {
+            FIXED
+        }
     }
 
     /// The buffer behind a binding's name at a stage.
@@ -259,6 +271,7 @@ impl Plan {
             "sums" => Slot::Sums,
             "total" => Slot::Total,
             "crowded" => Slot::Crowded,
+            "dispatch" => Slot::Dispatch,
             other => unreachable!("no kernel binds `{other}`"),
         })
     }
@@ -274,7 +287,7 @@ pub(super) fn flattened(groups: u32, limits: &DeviceLimits) -> [u32; 2] {
 pub(super) fn sort_stages(items: u32, passes: u32) -> impl Iterator<Item = Stage> {
     let tiles = items.div_ceil(k::RADIX_TILE);
     (0..passes).flat_map(move |pass| {
-        let stage = move |kernel, groups| Stage { kernel, groups, phase: Phase::Sort, pass };
+        let stage = move |kernel, groups| Stage { kernel, groups, indirect: false, phase: Phase::Sort, pass };
         let [reduce, spine, spread] = scan_stages(tiles * (1 << k::DIGIT_BITS), pass);
         [stage(&k::RADIX_COUNT, tiles), reduce, spine, spread, stage(&k::RADIX_SCATTER, tiles)]
     })
@@ -283,12 +296,12 @@ pub(super) fn sort_stages(items: u32, passes: u32) -> impl Iterator<Item = Stage
 /// The stages of an exclusive scan of at most `values` values.
 pub(super) fn scan_stages(values: u32, pass: u32) -> [Stage; 3] {
     let tiles = values.div_ceil(k::SCAN_TILE);
-    let stage = |kernel, groups| Stage { kernel, groups, phase: Phase::Sort, pass };
+    let stage = |kernel, groups| Stage { kernel, groups, indirect: false, phase: Phase::Sort, pass };
     [stage(&k::SCAN_REDUCE, tiles), stage(&k::SCAN_SPINE, 1), stage(&k::SCAN_SPREAD, tiles)]
 }
 
 /// The buffers for entries and their sort.
-pub(super) fn entry_buffers(entries: u32) -> [(Slot, u64); 9] {
+pub(super) fn entry_buffers(entries: u32) -> [(Slot, u64); 10] {
     let counters = Lengths::for_sort(entries).counters;
     [
         (Slot::Lengths, size_of::<Lengths>() as u64),
@@ -300,6 +313,7 @@ pub(super) fn entry_buffers(entries: u32) -> [(Slot, u64); 9] {
         (Slot::Sums, bytes_of(counters.div_ceil(k::SCAN_TILE), 8)),
         (Slot::Total, 16),
         (Slot::Crowded, bytes_of(entries.div_ceil(k::GROUP), 4)),
+        (Slot::Dispatch, 16),
     ]
 }
 
@@ -320,6 +334,19 @@ fn entry_capacity(spheres: u32, limits: &DeviceLimits) -> Result<u32, GpuError> 
     Ok(entries as u32)
 }
 
+/// So many workgroups that none compares with more than [`k::NAIVE_TILES`] tiles, and that the device is busy.
+fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, GpuError> {
+    let blocks = u64::from(spheres.div_ceil(k::GROUP)).max(1);
+    let needed = (blocks * blocks.div_ceil(k::NAIVE_TILES.into())).max(SEARCH_GROUPS.min(blocks * blocks));
+    let limit = u64::from(limits.groups_per_dimension).pow(2).min(u32::MAX.into());
+    if needed > limit {
+        let (what, remedy) = ("the number of workgroups for all pairs", "choose array-grid");
+        return Err(GpuError::LimitExceeded { what, needed, limit, remedy });
+    }
+    // Below 2³² by the limit.
+    Ok(needed as u32)
+}
+
 /// As many key bits as the spheres could occupy cells, in whole digits. A raster with more cells is folded.
 fn key_bits(spheres: u32) -> u32 {
     let bits = u32::BITS - spheres.max(2).leading_zeros();
@@ -332,7 +359,7 @@ fn bytes_of(count: u32, size: u64) -> u64 {
 }
 
 fn stages(plan: &Plan) -> Vec<Stage> {
-    let stage = |kernel, groups, phase| Stage { kernel, groups, phase, pass: 0 };
+    let stage = |kernel, groups, phase| Stage { kernel, groups, indirect: false, phase, pass: 0 };
     let mut stages = vec![
         stage(&k::CALL_BEGIN, 1, Phase::Survey),
         stage(&k::BOUNDS_REDUCE, plan.spheres.div_ceil(k::BOUNDS_TILE), Phase::Survey),
@@ -345,7 +372,8 @@ fn stages(plan: &Plan) -> Vec<Stage> {
         stages.push(stage(&k::ENTRIES_CLOSE, 1, Phase::Entries));
         stages.extend(sort_stages(plan.entries, plan.passes()));
         stages.push(stage(&k::RUNS_SEARCH, plan.entries.div_ceil(k::GROUP), Phase::Search));
-        stages.push(stage(&k::CROWDED_SEARCH, plan.search_groups, Phase::Search));
+        stages.push(stage(&k::CROWDED_OPEN, 1, Phase::Search));
+        stages.push(Stage { indirect: true, ..stage(&k::CROWDED_SEARCH, 1, Phase::Search) });
     }
     stages.push(stage(&k::OUTCOME_FINISH, 1, Phase::Search));
     stages.retain(|stage| stage.groups > 0);

@@ -16,7 +16,7 @@ impl Buffers {
         let mut buffers = HashMap::new();
         for &(slot, size) in sizes {
             let mut usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-            if slot == Slot::Outcome {
+            if matches!(slot, Slot::Outcome | Slot::Dispatch) {
                 usage |= wgpu::BufferUsages::INDIRECT;
             }
             if slot == Slot::Total {
@@ -68,8 +68,16 @@ pub(crate) struct Recording {
 struct Step {
     pipeline: wgpu::ComputePipeline,
     bindings: wgpu::BindGroup,
-    groups: [u32; 2],
+    groups: Groups,
     phase: Phase,
+}
+
+/// How many workgroups a step has.
+#[derive(Debug)]
+enum Groups {
+    Fixed([u32; 2]),
+    /// What this buffer says by then.
+    Indirect(wgpu::Buffer),
 }
 
 impl Recording {
@@ -99,7 +107,10 @@ impl Recording {
                     entries: &entries,
                 })
             })?;
-            let groups = flattened(stage.groups, &limits);
+            let groups = match stage.indirect {
+                false => Groups::Fixed(flattened(stage.groups, &limits)),
+                true => Groups::Indirect(resolve(&stage, "dispatch").clone()),
+            };
             steps.push(Step { pipeline: compiled.pipeline, bindings, groups, phase: stage.phase });
         }
         Ok(Self { steps })
@@ -132,6 +143,9 @@ impl Step {
     fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bindings, &[]);
-        pass.dispatch_workgroups(self.groups[0], self.groups[1], 1);
+        match &self.groups {
+            Groups::Fixed([x, y]) => pass.dispatch_workgroups(*x, *y, 1),
+            Groups::Indirect(buffer) => pass.dispatch_workgroups_indirect(buffer, 0),
+        }
     }
 }

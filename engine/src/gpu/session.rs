@@ -1,4 +1,5 @@
 use std::ops::{ControlFlow, Range};
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
 use lazygrid_host::Phase as Timing;
@@ -32,17 +33,20 @@ pub struct GpuSession {
     slots: [Slot; SLOTS],
     begun: u64,
     flights: [Option<Flight>; SLOTS],
+    tickets: [Weak<()>; SLOTS],
     expected: u64,
     pairs: Vec<Pair>,
     timings: Vec<Timing>,
     last: Outcome,
 }
 
-/// A call that was begun and is to be finished.
+/// A call that was begun and is to be finished. Dropping it gives the call up and makes room for another.
 #[derive(Debug, PartialEq, Eq)]
 #[must_use = "the result comes with `finish`"]
 pub struct Ticket {
     number: u64,
+    /// Seen by the session to be gone.
+    _held: Arc<()>,
 }
 
 /// Work on its way back.
@@ -54,6 +58,13 @@ struct Flight {
     mapping: Mapping,
     staged: u64,
     capacity: u32,
+}
+
+impl Drop for Flight {
+    /// Whether it landed or was given up: the staging buffer is used again.
+    fn drop(&mut self) {
+        self.staging.unmap();
+    }
 }
 
 impl GpuSession {
@@ -70,6 +81,7 @@ impl GpuSession {
             slots: Default::default(),
             begun: 0,
             flights: Default::default(),
+            tickets: Default::default(),
             expected: FIRST_PAIRS,
             pairs: Vec::new(),
             timings: Vec::new(),
@@ -121,15 +133,22 @@ impl GpuSession {
     /// # Errors
     /// [`GpuError::Busy`] with two calls in flight already; otherwise as [`GpuDetector::encode`].
     pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, GpuError> {
-        let number = self.begun;
-        let slot = number as usize % SLOTS;
-        if self.flights[slot].is_some() {
-            return Err(GpuError::Busy { calls: SLOTS });
+        for (flight, ticket) in self.flights.iter_mut().zip(&self.tickets) {
+            if ticket.strong_count() == 0 {
+                *flight = None;
+            }
         }
-        self.slots[slot].upload(&self.own, spheres).map_err(|error| self.own.reason(error))?;
+        let slot_of = |number: u64| number as usize % SLOTS;
+        let mut numbers = self.begun..self.begun + SLOTS as u64;
+        let Some(number) = numbers.find(|&number| self.flights[slot_of(number)].is_none()) else {
+            return Err(GpuError::Busy { calls: SLOTS });
+        };
+        self.slots[slot_of(number)].upload(&self.own, spheres).map_err(|error| self.own.reason(error))?;
         self.launch(number, GpuSpheres::ALL)?;
-        self.begun += 1;
-        Ok(Ticket { number })
+        self.begun = number + 1;
+        let held = Arc::new(());
+        self.tickets[slot_of(number)] = Arc::downgrade(&held);
+        Ok(Ticket { number, _held: held })
     }
 
     /// The pairs of a call, unordered; repeats it with more room where they did not fit. The slice lives until
@@ -315,21 +334,23 @@ impl GpuSession {
     /// Waits for what was launched and appends its pairs, if all of them came back.
     async fn land(&mut self, number: u64, wait: Wait) -> Result<Outcome, GpuError> {
         let flight = self.flights[number as usize % SLOTS].take().filter(|flight| flight.number == number);
-        let Some(Flight { submission, staging, mapping, staged, capacity, .. }) = flight else {
+        let Some(flight) = flight else {
             return Err(GpuError::Busy { calls: SLOTS });
         };
         let start = Instant::now();
-        let finished = mapping.finished(&self.own.device, submission, self.timeout, wait).await;
+        let waiting = flight.mapping.clone();
+        let submission = flight.submission.clone();
+        let finished = waiting.finished(&self.own.device, submission, self.timeout, wait).await;
         self.own.check_lost()?;
         finished?;
         self.time("wait", start.elapsed());
         let start = Instant::now();
-        let view = staging.slice(..).get_mapped_range();
+        let view = flight.staging.slice(..).get_mapped_range();
         let view =
             view.map_err(|error| GpuError::Validation { what: "readback", reason: error.to_string() })?;
         let returned = Returned(&view);
         let outcome = returned.outcome()?;
-        if outcome.found() <= staged.min(capacity.into()) {
+        if outcome.found() <= flight.staged.min(flight.capacity.into()) {
             returned.append_pairs(outcome.found() as usize, &mut self.pairs);
         }
         if self.detector.ticks().is_some() {
@@ -339,7 +360,7 @@ impl GpuSession {
             }
         }
         drop(view);
-        staging.unmap();
+        drop(flight);
         self.time("read", start.elapsed());
         Ok(outcome)
     }
@@ -351,8 +372,8 @@ impl GpuSession {
         }
     }
 
-    /// Moves the pairs of the last call out.
-    pub fn take_pairs(&mut self) -> Vec<Pair> {
-        std::mem::take(&mut self.pairs)
+    /// Moves the pairs of the last call out, and a list in whose memory the next call may use.
+    pub fn swap_pairs(&mut self, pairs: &mut Vec<Pair>) {
+        std::mem::swap(&mut self.pairs, pairs);
     }
 }

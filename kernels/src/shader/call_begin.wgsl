@@ -24,6 +24,7 @@ fn call_begin() {
     atomicStore(&outcome.overflow, select(0u, 4u, given > call.spheres));
     atomicStore(&outcome.quarantined, 0u);
     atomicStore(&outcome.crowded, 0u);
+    atomicStore(&outcome.crowded_tiles, 0u);
     atomicStore(&outcome.entries_lo, 0u);
     atomicStore(&outcome.entries_hi, 0u);
     atomicStore(&outcome.spheres, given);

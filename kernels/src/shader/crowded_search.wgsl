@@ -1,5 +1,6 @@
 // Pairs of entries more than NEAR places apart in one run: each workgroup takes a listed block of 256 entries
-// and a share of the tiles that follow, so that a single crowded cell keeps the whole device busy.
+// and a share of the tiles that follow, so that a single crowded cell keeps the whole device busy and no invocation
+// takes more turns than some devices allow.
 #include layout
 #include place
 
@@ -19,6 +20,7 @@
 #include overlap
 #include reserve_lane
 #include entry
+#include crowd
 #include tile
 
 const GROUP: u32 = 256u;
@@ -26,25 +28,9 @@ const GROUP: u32 = 256u;
 // Where the objects of the tile begin, all taken together.
 var<workgroup> tile_firsts: atomic<u32>;
 
-// One past the last entry of the run with this key, which begins before `from`.
-fn run_end(key: u32, begin: u32) -> u32 {
-    var low = begin;
-    var high = lengths.items;
-    while (low < high) {
-        let middle = low + (high - low) / 2u;
-        if (keys[middle] == key) {
-            low = middle + 1u;
-        } else {
-            high = middle;
-        }
-    }
-    return low;
-}
-
 // Bits of the pairs among `hits` that this cell owns and that are asked for.
 fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
     var owned = 0u;
-    // Of fixed length, so that it is unrolled: lavapipe ends an invocation's loops after 65 535 turns in all.
     for (var k = 0u; k < 32u; k++) {
         let other = tile_objects[first + k];
         owned |= select(0u, 1u << k, is_owned(object, other) && is_wanted(object, other));
@@ -56,58 +42,59 @@ fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
 fn crowded_search(at: Builtins) {
     let place = place_of(at);
     let blocks = atomicLoad(&outcome.crowded);
-    if (blocks == 0u) {
+    let listed = at.group.y + at.group.z * MAX_GROUPS;
+    if (listed >= blocks) {
         return;
     }
-    let splits = max(call.search_groups / blocks, 1u);
-    for (var work = place.group; work < blocks * splits; work += call.search_groups) {
-        let block = crowded[work / splits];
-        let entry = block + place.lane;
-        let key = keys[block + GROUP - 1u];
-        let start = block + NEAR + 1u;
-        let end = run_end(key, block + GROUP);
-        let row_used = keys[entry] == key && entry + NEAR + 1u < end;
-        var row: Row;
-        row.object = objects[entry];
-        row.sphere = spheres[index_of(row.object)];
+    let per_share = tiles_per_share(blocks, atomicLoad(&outcome.crowded_tiles));
+    let block = crowded[listed];
+    let key = keys[block + GROUP - 1u];
+    let start = block + NEAR + 1u;
+    let end = run_end(key, block + GROUP);
+    let share = start + at.group.x * per_share * GROUP;
+    let share_end = min(end, share + per_share * GROUP);
+    let entry = block + place.lane;
+    let row_used = keys[entry] == key && entry + NEAR + 1u < end;
+    var row: Row;
+    row.object = objects[entry];
+    row.sphere = spheres[index_of(row.object)];
 #ifdef SPECIES
-        row.species = species[index_of(row.object)];
+    row.species = species[index_of(row.object)];
 #endif
-        for (var column = start + (work % splits) * GROUP; column < end; column += splits * GROUP) {
-            workgroupBarrier();
-            if (place.lane == 0u) {
-                atomicStore(&tile_firsts, 0u);
-            }
-            workgroupBarrier();
-            if (column + place.lane < end) {
-                let object = objects[column + place.lane];
-                atomicOr(&tile_firsts, object);
-                tile_objects[place.lane] = object;
-                tile[place.lane] = spheres[index_of(object)];
+    for (var column = share; column < share_end; column += GROUP) {
+        workgroupBarrier();
+        if (place.lane == 0u) {
+            atomicStore(&tile_firsts, 0u);
+        }
+        workgroupBarrier();
+        if (column + place.lane < end) {
+            let object = objects[column + place.lane];
+            atomicOr(&tile_firsts, object);
+            tile_objects[place.lane] = object;
+            tile[place.lane] = spheres[index_of(object)];
 #ifdef SPECIES
-                tile_species[place.lane] = species[index_of(object)];
+            tile_species[place.lane] = species[index_of(object)];
 #endif
+        }
+        workgroupBarrier();
+        // In the first tile only partners beyond the near ones, which end farther on for later threads.
+        let begin = select(0u, place.lane, column == start);
+        let finish = min(GROUP, end - column);
+        // Where many objects share several cells, all but one of these cells are passed over here.
+        let row_owns = row_used && is_owned(row.object, atomicLoad(&tile_firsts));
+        for (var first = 0u; first < GROUP; first += 32u) {
+            let window = tile_window(first, begin, finish);
+            var hits = 0u;
+            if (row_owns && window != 0u) {
+                hits = owned_hits(row.object, first, tile_hits(row, first) & window);
             }
-            workgroupBarrier();
-            // In the first tile only partners beyond the near ones, which end farther on for later threads.
-            let begin = select(0u, place.lane, column == start);
-            let finish = min(GROUP, end - column);
-            // Where many objects share several cells, all but one of these cells are passed over here.
-            let row_owns = row_used && is_owned(row.object, atomicLoad(&tile_firsts));
-            for (var first = 0u; first < GROUP; first += 32u) {
-                let window = tile_window(first, begin, finish);
-                var hits = 0u;
-                if (row_owns && window != 0u) {
-                    hits = owned_hits(row.object, first, tile_hits(row, first) & window);
-                }
-                if (some_lane(hits != 0u)) {
-                    var at_pair = pairs_reserve_lane(countOneBits(hits), place);
-                    while (hits != 0u && at_pair < call.pair_capacity) {
-                        let k = firstTrailingBit(hits);
-                        hits &= hits - 1u;
-                        pair_write(at_pair, index_of(row.object), index_of(tile_objects[first + k]));
-                        at_pair += 1u;
-                    }
+            if (some_lane(hits != 0u)) {
+                var at_pair = pairs_reserve_lane(countOneBits(hits), place);
+                while (hits != 0u && at_pair < call.pair_capacity) {
+                    let k = firstTrailingBit(hits);
+                    hits &= hits - 1u;
+                    pair_write(at_pair, index_of(row.object), index_of(tile_objects[first + k]));
+                    at_pair += 1u;
                 }
             }
         }

@@ -1,4 +1,5 @@
-// All pairs: each workgroup takes 256 spheres and a share of the tiles of those with larger indices.
+// All pairs: each workgroup takes 256 spheres and a share of the tiles of those with larger indices. There are so
+// many workgroups that no invocation takes more turns than some devices allow.
 #include layout
 #include place
 #include sphere
@@ -28,52 +29,54 @@ fn naive_search(at: Builtins) {
     let count = grid.spheres;
     let blocks = (count + GROUP - 1u) / GROUP;
     let splits = clamp(call.search_groups / max(blocks, 1u), 1u, max(blocks, 1u));
-    for (var work = place.group; work < blocks * splits; work += call.search_groups) {
-        let block = work / splits;
-        var row: Row;
-        row.object = block * GROUP + place.lane;
-        var row_used = false;
-        if (row.object < count && is_in_window(row.object)) {
-            row.sphere = spheres[row.object];
-            row_used = is_accepted(row.object, row.sphere);
+    let block = place.group / splits;
+    let first_row = block * GROUP;
+    if (block >= blocks || first_row >= call.window_end || first_row + (GROUP - 1u) < call.window_begin) {
+        return;
+    }
+    var row: Row;
+    row.object = first_row + place.lane;
+    var row_used = false;
+    if (row.object < count && is_in_window(row.object)) {
+        row.sphere = spheres[row.object];
+        row_used = is_accepted(row.object, row.sphere);
 #ifdef SPECIES
-            row.species = min(species[row.object], call.species - 1u);
+        row.species = min(species[row.object], call.species - 1u);
 #endif
+    }
+    for (var column = block + place.group % splits; column < blocks; column += splits) {
+        workgroupBarrier();
+        if (place.lane < 8u) {
+            atomicStore(&tile_valid[place.lane], 0u);
         }
-        for (var column = block + work % splits; column < blocks; column += splits) {
-            workgroupBarrier();
-            if (place.lane < 8u) {
-                atomicStore(&tile_valid[place.lane], 0u);
-            }
-            workgroupBarrier();
-            let other = column * GROUP + place.lane;
-            if (other < count) {
-                let sphere = spheres[other];
-                tile[place.lane] = sphere;
+        workgroupBarrier();
+        let other = column * GROUP + place.lane;
+        if (other < count) {
+            let sphere = spheres[other];
+            tile[place.lane] = sphere;
 #ifdef SPECIES
-                tile_species[place.lane] = min(species[other], call.species - 1u);
+            tile_species[place.lane] = min(species[other], call.species - 1u);
 #endif
-                if (is_accepted(other, sphere)) {
-                    atomicOr(&tile_valid[place.lane / 32u], 1u << (place.lane % 32u));
-                }
+            if (is_accepted(other, sphere)) {
+                atomicOr(&tile_valid[place.lane / 32u], 1u << (place.lane % 32u));
             }
-            workgroupBarrier();
-            // In the block's own tile only larger indices.
-            let begin = select(0u, place.lane + 1u, column == block);
-            for (var first = 0u; first < GROUP; first += 32u) {
-                let window = tile_window(first, begin, GROUP) & atomicLoad(&tile_valid[first / 32u]);
-                var hits = 0u;
-                if (row_used && window != 0u) {
-                    hits = tile_hits(row, first) & window;
-                }
-                if (some_lane(hits != 0u)) {
-                    var at_pair = pairs_reserve_lane(countOneBits(hits), place);
-                    while (hits != 0u && at_pair < call.pair_capacity) {
-                        let k = firstTrailingBit(hits);
-                        hits &= hits - 1u;
-                        pair_write(at_pair, row.object, column * GROUP + first + k);
-                        at_pair += 1u;
-                    }
+        }
+        workgroupBarrier();
+        // In the block's own tile only larger indices.
+        let begin = select(0u, place.lane + 1u, column == block);
+        for (var first = 0u; first < GROUP; first += 32u) {
+            let window = tile_window(first, begin, GROUP) & atomicLoad(&tile_valid[first / 32u]);
+            var hits = 0u;
+            if (row_used && window != 0u) {
+                hits = tile_hits(row, first) & window;
+            }
+            if (some_lane(hits != 0u)) {
+                var at_pair = pairs_reserve_lane(countOneBits(hits), place);
+                while (hits != 0u && at_pair < call.pair_capacity) {
+                    let k = firstTrailingBit(hits);
+                    hits &= hits - 1u;
+                    pair_write(at_pair, row.object, column * GROUP + first + k);
+                    at_pair += 1u;
                 }
             }
         }

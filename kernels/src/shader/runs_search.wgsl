@@ -139,5 +139,8 @@ fn runs_search(at: Builtins) {
     }
     if (place.lane == 0u && atomicLoad(&group_far) != 0u) {
         crowded[atomicAdd(&outcome.crowded, 1u)] = block;
+        // Of the block's runs only the last goes on so far.
+        let beyond = run_end(block_keys[GROUP - 1u], block + GROUP) - (block + NEAR + 1u);
+        atomicMax(&outcome.crowded_tiles, (beyond + GROUP - 1u) / GROUP);
     }
 }

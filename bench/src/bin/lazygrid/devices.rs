@@ -1,6 +1,7 @@
 use std::fmt::Write;
 use std::thread::available_parallelism;
 
+use lazygrid::gpu::{AdapterSummary, adapters};
 use lazygrid::{Backend, Config, Detector};
 use lazygrid_host::Simd;
 
@@ -16,9 +17,34 @@ pub(crate) fn run() -> Result<(), Failure> {
         Simd::Portable => "portable vectors, 8 lanes",
     };
     let mut text = format!("cpu  {threads} threads, {vectors}\n");
-    if let Err(error) = Detector::new(Config::default().backend(Backend::Gpu)) {
+    let found = adapters();
+    found.iter().for_each(|adapter| text += &described(adapter));
+    if found.is_empty()
+        && let Err(error) = Detector::new(Config::default().backend(Backend::Gpu))
+    {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "gpu  none: {error}");
     }
     print(text)
+}
+
+fn described(adapter: &AdapterSummary) -> String {
+    let kind = if adapter.is_hardware { "hardware" } else { "software" };
+    let subgroups = match (adapter.has_subgroups, adapter.subgroup_sizes) {
+        (false, _) => "no subgroups".to_owned(),
+        (true, [least, most]) if least == most => format!("subgroups of {least}"),
+        (true, [least, most]) => format!("subgroups of {least} to {most}"),
+    };
+    let timestamps = if adapter.has_timestamps { "timestamps" } else { "no timestamps" };
+    format!(
+        "gpu  {}, {kind}\n     {} by {}, {subgroups}, {timestamps}\n     \
+         {} MiB per storage binding, {} MiB per buffer, {} KiB per workgroup, {} workgroups per dimension\n",
+        adapter.name,
+        adapter.driver,
+        adapter.api,
+        adapter.storage_binding >> 20,
+        adapter.buffer >> 20,
+        adapter.workgroup_memory >> 10,
+        adapter.groups_per_dimension,
+    )
 }

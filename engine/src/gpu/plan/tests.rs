@@ -74,3 +74,32 @@ fn the_largest_raster_ratio_of_entries_is_refused_without_room_for_one_each() {
     let small = DeviceLimits { storage_binding: 1 << 20, ..LAVAPIPE };
     assert!(matches!(plan(&request(1 << 20, 1), &small), Err(GpuError::LimitExceeded { .. })));
 }
+
+#[test]
+fn no_invocation_takes_more_turns_than_its_share() {
+    let sizes = (0..=24).flat_map(|k| [(1 << k) - 1, 1 << k, (1 << k) + 1, 3 << k >> 1]);
+    for spheres in sizes.filter(|&n: &u32| n <= 1 << 24) {
+        for limits in [LAVAPIPE, H200] {
+            for algorithm in [Algorithm::Naive, Algorithm::ArrayGrid] {
+                let Ok(plan) = plan(&Request { algorithm, ..request(spheres, 1) }, &limits) else {
+                    assert!(u64::from(spheres) * 16 > limits.bytes(), "{spheres} should fit");
+                    continue;
+                };
+                for stage in &plan.stages {
+                    let turns = plan.turns(stage);
+                    assert!(turns <= k::MAX_TURNS.into(), "{algorithm}, {spheres}: {turns} in {stage:?}");
+                }
+                let tiles = plan.entries.div_ceil(k::GROUP);
+                assert!(tiles.div_ceil(k::CROWDED_TILES) <= limits.groups_per_dimension);
+            }
+        }
+    }
+}
+
+#[test]
+fn all_pairs_of_too_many_spheres_are_refused() {
+    let request = Request { algorithm: Algorithm::Naive, ..request(100_000_000, 1) };
+    let error = plan(&request, &H200).expect_err("4.9 · 10¹¹ tiles");
+    let GpuError::LimitExceeded { needed, limit, remedy, .. } = error else { panic!("{error}") };
+    assert!(needed > limit && remedy.contains("array-grid"), "{needed} {limit}");
+}

@@ -16,3 +16,18 @@ fn is_owned(object: u32, other: u32) -> bool {
 fn is_wanted(object: u32, other: u32) -> bool {
     return is_in_window(min(index_of(object), index_of(other)));
 }
+
+// One past the last entry of the run with this key, which begins at or before `begin`.
+fn run_end(key: u32, begin: u32) -> u32 {
+    var low = begin;
+    var high = lengths.items;
+    while (low < high) {
+        let middle = low + (high - low) / 2u;
+        if (keys[middle] == key) {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}

@@ -13,7 +13,7 @@ struct Call {
     raster_ratio: f32,
     // Species of the interaction table; 0 without one.
     species: u32,
-    // Workgroups of the two searches that share out their work evenly.
+    // Workgroups of the naive search.
     search_groups: u32,
     // Threads per workgroup of whoever consumes the pairs by indirect dispatch.
     consumer_group: u32,
@@ -67,7 +67,8 @@ struct Outcome {
     entries_lo: atomic<u32>,
     entries_hi: atomic<u32>,
     spheres: atomic<u32>,
-    spare: atomic<u32>,
+    // The most tiles that one of those blocks is compared with.
+    crowded_tiles: atomic<u32>,
 }
 
 // How many keys there are to sort and how many values to scan.

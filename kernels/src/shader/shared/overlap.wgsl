@@ -7,6 +7,13 @@ fn scaled_up(value: f32) -> f32 {
     return value * 0x1p100;
 }
 
+// Scales by 2^-70, smaller values to nothing. By way of the exponent: of a multiplication, compilers make one of the
+// difference or sum instead, which may be infinite.
+fn scaled_down(value: f32) -> f32 {
+    let bits = bitcast<u32>(value);
+    return select(0.0, bitcast<f32>(bits - (70u << 23u)), (bits & 0x7f800000u) > (70u << 23u));
+}
+
 // The difference of two coordinates, times 2^100, where it is known to be below 2^-40.
 fn scaled_difference(a: f32, b: f32) -> f32 {
     if (max(abs(a), abs(b)) < 0x1p20) {
@@ -18,8 +25,12 @@ fn scaled_difference(a: f32, b: f32) -> f32 {
 // Whether the centres are at most `reach.x + reach.y` apart, where squares would overflow or underflow.
 fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>, large: bool) -> bool {
     if (large) {
-        let d = a * 0x1p-70 - b * 0x1p-70;
-        let s = reach.x * 0x1p-70 + reach.y * 0x1p-70;
+        let d = vec3(
+            scaled_down(a.x) - scaled_down(b.x),
+            scaled_down(a.y) - scaled_down(b.y),
+            scaled_down(a.z) - scaled_down(b.z),
+        );
+        let s = scaled_down(reach.x) + scaled_down(reach.y);
         return dot(d, d) <= s * s;
     }
     let d = vec3(scaled_difference(a.x, b.x), scaled_difference(a.y, b.y), scaled_difference(a.z, b.z));

@@ -19,7 +19,8 @@ struct Box {
 }
 
 fn box_of(sphere: vec4<f32>, radius: f32) -> Box {
-    let half = vec3(radius) + (abs(sphere.xyz) + vec3(radius)) * 0x1p-21;
+    // Summed after scaling: the largest float and a radius of half its ulp would be infinite together.
+    let half = vec3(radius) + (abs(sphere.xyz) * 0x1p-21 + vec3(radius * 0x1p-21));
     return Box(
         clamp(sphere.xyz - half, vec3(-FARTHEST), vec3(FARTHEST)),
         clamp(sphere.xyz + half, vec3(-FARTHEST), vec3(FARTHEST)),
