@@ -60,7 +60,9 @@ pub enum InputError {
         limit: u32,
     },
     /// An interaction table is set but the spheres carry no species ids.
-    #[error("interactions are set but the spheres have no species ids; add them with `Spheres::with_species`")]
+    #[error(
+        "interactions are set but the spheres have no species ids; add them with `Spheres::with_species`"
+    )]
     SpeciesMissing,
     /// An interaction distance that is negative or not finite.
     #[error("the interaction distance {distance} of species {a} and {b} must be finite and not negative")]
