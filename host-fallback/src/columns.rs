@@ -1,3 +1,6 @@
+use bytemuck::Zeroable;
+use bytemuck::allocation::try_zeroed_vec;
+
 use crate::Error;
 use crate::contact::Rule;
 use crate::simd::MAX_LANES;
@@ -96,17 +99,28 @@ impl Columns {
     }
 }
 
-/// Makes room for `len` values, or says that there is no memory for them.
+/// A growing buffer gets room for one part in this many beyond what is asked for.
+pub(crate) const GROWTH: usize = 8;
+
+/// Makes room for `len` values, which are then of no meaning, or says that there is no memory for them.
+///
+/// New memory comes zeroed from the system and is not touched here: the threads that write it first also spread the
+/// cost of its pages.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`], with `what` the values are.
-pub(crate) fn reserve<T>(buffer: &mut Vec<T>, len: usize, what: &'static str) -> Result<(), Error> {
-    let more = len.saturating_sub(buffer.len());
-    let refused = |_| Error::OutOfMemory { what, bytes: (len * size_of::<T>()) as u64 };
-    buffer.try_reserve_exact(more).map_err(refused)
+pub(crate) fn reserve<T: Zeroable>(buffer: &mut Vec<T>, len: usize, what: &'static str) -> Result<(), Error> {
+    if buffer.capacity() < len {
+        // A buffer that grows once is likely to grow again, a little, as particles are added step by step.
+        let room = if buffer.capacity() == 0 { len } else { len + len / GROWTH };
+        drop(std::mem::take(buffer));
+        let refused = |()| Error::OutOfMemory { what, bytes: (room * size_of::<T>()) as u64 };
+        *buffer = try_zeroed_vec(room).map_err(refused)?;
+    }
+    Ok(())
 }
 
-/// Changes a buffer's length without the spare room that growing by doubling would leave: sizes repeat.
+/// Changes a buffer's length, without more room than that where [`reserve`] has not made it.
 pub(crate) fn resize<T: Copy + Default>(buffer: &mut Vec<T>, len: usize) {
     buffer.reserve_exact(len.saturating_sub(buffer.len()));
     buffer.resize(len, T::default());

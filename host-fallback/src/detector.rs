@@ -149,7 +149,7 @@ impl HostDetector {
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let ratio = self.settings.raster_ratio;
         match self.settings.algorithm {
-            Algorithm::Naive => spheres * Columns::BYTES_PER_SPHERE,
+            Algorithm::Naive => spheres * (Columns::BYTES_PER_SPHERE + 4),
             Algorithm::HashGrid => HashGrid::memory_for(spheres, ratio),
             Algorithm::ArrayGrid => ArrayGrid::memory_for(spheres, ratio),
             Algorithm::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio),
@@ -238,8 +238,8 @@ impl State {
         report.time("order", || match order {
             Order::Canonical => canonical.order(&chunks, spheres, pairs),
             Order::Unordered => {
-                pairs.clear();
                 reserve(pairs, chunks.iter().map(Vec::len).sum(), "pairs")?;
+                pairs.clear();
                 chunks.iter().for_each(|chunk| pairs.extend_from_slice(chunk));
                 Ok(())
             }

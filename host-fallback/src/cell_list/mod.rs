@@ -13,7 +13,7 @@ mod raster;
 mod search;
 mod sort;
 
-use crate::columns::Columns;
+use crate::columns::{Columns, GROWTH};
 use crate::detector::Input;
 use crate::report::Report;
 use crate::simd::Vector;
@@ -108,7 +108,8 @@ impl CellList {
     /// An upper estimate of the bytes held for `spheres` spheres.
     pub(crate) fn memory_for(spheres: u64) -> u64 {
         let cells = (CELLS_PER_SPHERE as u64 * spheres).max(64);
-        spheres * (Columns::BYTES_PER_SPHERE + Sorter::BYTES_PER_SPHERE) + 4 * cells
+        let bytes = spheres * (Columns::BYTES_PER_SPHERE + Sorter::BYTES_PER_SPHERE) + 4 * cells;
+        bytes + bytes / GROWTH as u64
     }
 }
 

@@ -4,6 +4,7 @@
 //! the input outgrows it. Buckets are few enough for the first pass to keep their ends in cache, and small enough
 //! for the second to happen in cache. Both passes are stable, so the order is the same for any number of threads.
 
+use bytemuck::Zeroable;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -23,7 +24,8 @@ const BUCKET: usize = 1 << 11;
 const MAX_BUCKETS: usize = 1 << 11;
 
 /// A sphere on its way to its place.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Zeroable)]
+#[repr(C)]
 struct Entry {
     center: Vec3,
     radius: f32,
