@@ -57,13 +57,13 @@ fn sixty_thousand_coincident_spheres_are_counted_exactly() {
     }
 }
 
-/// As many as go into a few dozen crowded cells.
+/// Thousands in each of about a hundred cells.
 #[test]
 fn three_hundred_thousand_crowded_spheres() {
     let Some(own) = device() else { return };
     let mut spheres = uniform(4, 300_000, 6.0, 0.1);
     // Its size makes the cells large.
-    spheres.push(Sphere::new([3.0; 3], 1.0));
+    spheres.push(Sphere::new([3.0; 3], 0.4));
     let settings = GpuSettings { algorithm: Algorithm::ArrayGrid, ..GpuSettings::default() };
     let mut session = GpuSession::new(own, settings).expect("made");
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");

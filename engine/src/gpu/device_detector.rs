@@ -17,6 +17,7 @@ pub(crate) struct DeviceDetector {
     offsets: Vec<u64>,
     indices: Vec<u32>,
     report: Report,
+    backend_reason: String,
 }
 
 impl DeviceDetector {
@@ -34,11 +35,12 @@ impl DeviceDetector {
             backend: Backend::Gpu,
             adapter: Some(own.adapter.name.clone()),
             algorithm: settings.algorithm,
-            reason,
+            reason: reason.clone(),
             phases: Vec::new(),
         };
         let session = GpuSession::new(own, gpu)?;
-        Ok(Self { session, settings, pairs: Vec::new(), offsets: Vec::new(), indices: Vec::new(), report })
+        let (pairs, offsets, indices) = Default::default();
+        Ok(Self { session, settings, pairs, offsets, indices, report, backend_reason: reason })
     }
 
     pub(crate) fn pairs(&mut self, spheres: Spheres<'_>) -> Result<&[Pair], Error> {
@@ -126,7 +128,10 @@ impl DeviceDetector {
 
     fn conclude(&mut self, found: u64) {
         self.report.pairs = found;
-        self.report.algorithm = self.session.algorithm();
+        let algorithm = self.session.algorithm();
+        let why = if self.settings.algorithm == algorithm { "asked for" } else { "by the number of spheres" };
+        self.report.algorithm = algorithm;
+        self.report.reason = format!("{}; {algorithm}: {why}", self.backend_reason);
         self.report.phases.extend_from_slice(self.session.timings());
     }
 
