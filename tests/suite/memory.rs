@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use lazygrid::{Algorithm, Config, Detector, Order, Sphere};
+use lazygrid::{Algorithm, Backend, Config, Detector, Order, Sphere};
 use lazygrid_bench::scenes::Scene;
 use lazygrid_tests::Subject;
 
@@ -78,6 +78,11 @@ impl Measurement {
     }
 }
 
+/// Subjects whose memory this allocator sees all of: a GPU's is its driver's.
+fn on_cpu(subjects: Vec<Subject>) -> impl Iterator<Item = Subject> {
+    subjects.into_iter().filter(|subject| subject.backend == Backend::Cpu)
+}
+
 /// What a detector may hold whatever the number of spheres, besides what it announces: reports, plans, padding.
 const FIXED: usize = 16 << 10;
 
@@ -87,7 +92,7 @@ fn a_second_call_allocates_nothing_of_the_size_of_the_input() {
     let mut measurement = Measurement::alone();
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
         let spheres = scene.spheres(N, 31);
-        for subject in Subject::each_algorithm().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
+        for subject in on_cpu(Subject::each_algorithm()).filter(|s| s.algorithm != Algorithm::Naive) {
             let mut detector = Detector::new(subject.config()).expect("a detector");
             let mut ask = || {
                 detector.neighbors(&spheres).expect("neighbors");
@@ -113,7 +118,7 @@ fn memory_for_is_an_upper_bound() {
         for n in [0, 1, 100, 5000, 50_000] {
             let n = if scene == Scene::Point { n / 10 } else { n };
             let spheres = scene.spheres(n, 32);
-            for subject in Subject::each_algorithm() {
+            for subject in on_cpu(Subject::each_algorithm()) {
                 if subject.algorithm == Algorithm::Naive && n > 10_000 {
                     continue;
                 }
@@ -131,7 +136,7 @@ fn memory_for_is_an_upper_bound() {
 fn memory_for_is_an_upper_bound_for_a_growing_input() {
     let mut measurement = Measurement::alone();
     let spheres = Scene::FiveSizes.spheres(60_000, 33);
-    for subject in Subject::each_algorithm().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
+    for subject in on_cpu(Subject::each_algorithm()).filter(|s| s.algorithm != Algorithm::Naive) {
         measurement.start();
         let mut detector = Detector::new(subject.config()).expect("a detector");
         let held = subject.run(|| {
@@ -151,7 +156,7 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
 fn a_stream_needs_no_memory_for_its_pairs() {
     let mut measurement = Measurement::alone();
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 20_000];
-    for subject in Subject::all() {
+    for subject in on_cpu(Subject::all()) {
         measurement.start();
         let mut detector = Detector::new(subject.config().order(Order::Unordered)).expect("a detector");
         let mut chunks = 0;
@@ -172,7 +177,7 @@ fn a_refused_list_stays_within_its_limit() {
     let mut measurement = Measurement::alone();
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 8000];
     let limit = 1 << 20;
-    for subject in Subject::all() {
+    for subject in on_cpu(Subject::all()) {
         measurement.start();
         let mut detector = Detector::new(Config::max_pairs(subject.config(), limit)).expect("a detector");
         assert!(subject.run(|| detector.pairs(&spheres).is_err()), "{subject}");
