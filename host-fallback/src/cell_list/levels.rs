@@ -10,7 +10,7 @@ use crate::Survey;
 use crate::survey::{CLASSES, Class};
 
 /// Estimated time to look up one row of cells and start comparing, in nanoseconds.
-const ROW: f32 = 8.0;
+const ROW: f32 = 14.0;
 /// Estimated time to compare with one sphere of a long run, in nanoseconds.
 const COMPARE: f32 = 0.2;
 /// Estimated time per table entry, which must be cleared and summed, in nanoseconds.
