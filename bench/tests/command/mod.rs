@@ -16,7 +16,12 @@ pub(crate) struct Run {
 
 fn command(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_lazygrid"));
-    command.args(args).env_remove("RUST_LOG").stdin(Stdio::null());
+    // Without a run-time directory some Vulkan layers complain on standard error.
+    command
+        .args(args)
+        .env("XDG_RUNTIME_DIR", std::env::temp_dir())
+        .env_remove("RUST_LOG")
+        .stdin(Stdio::null());
     command
 }
 
