@@ -47,3 +47,8 @@ pub use lazygrid_kernels::{
     Algorithm, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach, Sphere, Spheres,
 };
 pub use report::Report;
+
+/// The examples of README.md, as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;

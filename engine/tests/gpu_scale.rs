@@ -72,7 +72,7 @@ fn three_hundred_thousand_crowded_spheres() {
     assert!(agree(found, expected), "{found} instead of {expected}");
 }
 
-/// `LAZYGRID_SOAK` sets the number of steps; CI and a release run 20 000.
+/// `LAZYGRID_SOAK` sets the number of steps; a release is worth 20 000.
 #[test]
 fn soak_of_changing_sizes_and_shapes() {
     let Some(own) = device() else { return };
