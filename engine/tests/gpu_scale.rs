@@ -102,7 +102,10 @@ fn soak_of_changing_sizes_and_shapes() {
             assert!(agree(found, expected), "step {step}: {found} instead of {expected}");
         }
         let now = held(&own, &session);
-        assert!(now[0] <= before[0] + SLACK && now[1] <= before[1], "step {step}: {before:?} grew to {now:?}");
+        assert!(
+            now[0] <= before[0] + SLACK && now[1] <= before[1],
+            "step {step}: {before:?} grew to {now:?}"
+        );
     }
 }
 

@@ -1,7 +1,7 @@
 use std::collections::VecDeque;
 
 use lazygrid_kernels::layout::{Call, Outcome};
-use lazygrid_kernels::{Interaction, Interactions};
+use lazygrid_kernels::{Algorithm, Interaction, Interactions};
 
 use super::GpuError;
 use super::input::{Count, GpuSettings, GpuSpheres, check, check_buffer};
@@ -9,6 +9,7 @@ use super::pipelines::Pipelines;
 use super::plan::{DeviceLimits, Phase, Plan, Request, Resource, Slot, plan};
 use super::primitives::pass_buffers;
 use super::recording::{Buffers, Recording, constant_buffer};
+use crate::choice;
 
 /// Recordings kept for callers that alternate between a few buffers.
 const KEPT_RECORDINGS: usize = 4;
@@ -102,12 +103,9 @@ impl GpuDetector {
     /// As [`memory_for`](Self::memory_for).
     pub fn plan_for(&self, spheres: u32) -> Result<Plan, GpuError> {
         let species = self.settings.interactions.as_ref().map_or(0, Interactions::species);
-        let request = Request {
-            spheres,
-            pairs: self.settings.pair_capacity,
-            algorithm: self.settings.algorithm,
-            species,
-        };
+        let GpuSettings { algorithm, crossover, pair_capacity: pairs, .. } = self.settings;
+        let (algorithm, _) = choice::algorithm(algorithm, (spheres, 1), (crossover, "given"));
+        let request = Request { spheres, pairs, algorithm, species };
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
@@ -118,13 +116,15 @@ impl GpuDetector {
     /// [`GpuError::LimitExceeded`], [`GpuError::OutOfMemory`], or where the device is lost.
     pub fn reserve(&mut self, spheres: u32) -> Result<(), GpuError> {
         let wanted = self.plan_for(spheres)?;
-        // What was prepared for more spheres serves fewer, whichever algorithm `Auto` would take for them.
-        let fits = |p: &Prepared| p.plan.spheres >= spheres && p.plan.pairs == wanted.pairs;
-        if !self.prepared.as_ref().is_some_and(fits) {
-            // Released first, so that old and new need not fit side by side.
-            self.prepared = None;
-            let buffers = Buffers::allocate(&self.device, &wanted.buffers)?;
-            self.prepared = Some(Prepared { plan: wanted, buffers, recordings: VecDeque::new() });
+        // Buffers for more spheres serve fewer: those of a grid also all pairs.
+        match &mut self.prepared {
+            Some(prepared) if prepared.buffers.have_room_for(&wanted.buffers) => prepared.plan = wanted,
+            _ => {
+                // Released first, so that old and new need not fit side by side.
+                self.prepared = None;
+                let buffers = Buffers::allocate(&self.device, &wanted.buffers)?;
+                self.prepared = Some(Prepared { plan: wanted, buffers, recordings: VecDeque::new() });
+            }
         }
         Ok(())
     }
@@ -142,6 +142,17 @@ impl GpuDetector {
     /// Changes how many pairs the output holds; the output is allocated anew by the next call.
     pub fn set_pair_capacity(&mut self, pairs: u32) {
         self.settings.pair_capacity = pairs;
+    }
+
+    /// Changes which algorithm later calls use; see [`GpuSettings::algorithm`].
+    ///
+    /// # Errors
+    /// [`GpuError::NotOnGpu`] for one without kernels.
+    pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), GpuError> {
+        let settings = GpuSettings { algorithm, ..self.settings.clone() };
+        check(&settings)?;
+        self.settings = settings;
+        Ok(())
     }
 
     /// Changes the cell edge; see [`GpuSettings::raster_ratio`].

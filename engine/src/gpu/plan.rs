@@ -6,8 +6,6 @@ use lazygrid_kernels::layout::{BOUNDS_BYTES, GRID_BYTES, Lengths, Outcome};
 
 use super::GpuError;
 
-/// Up to this many spheres all pairs are tested: the grid's fixed number of dispatches costs more.
-const NAIVE_SPHERES: u32 = 4096;
 /// Workgroups of the naive search where there is work for them: enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
 /// The most entries: even if all are in one cell, the crowded search shares them out over one dimension.
@@ -53,7 +51,7 @@ pub struct Request {
     pub spheres: u32,
     /// Pairs that the output is to hold.
     pub pairs: u32,
-    /// `Auto`, `Naive` or `ArrayGrid`.
+    /// One of [`Algorithm::GPU`]: what `Auto` means is settled before.
     pub algorithm: Algorithm,
     /// Species of the interaction table; 0 without one.
     pub species: u32,
@@ -155,7 +153,7 @@ pub struct Stage {
 /// Everything one call needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Never `Auto`.
+    /// What was asked for.
     pub algorithm: Algorithm,
     /// Spheres it is made for.
     pub spheres: u32,
@@ -180,8 +178,6 @@ pub struct Plan {
 /// algorithm without kernels.
 pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> {
     let algorithm = match request.algorithm {
-        Algorithm::Auto if request.spheres <= NAIVE_SPHERES => Algorithm::Naive,
-        Algorithm::Auto => Algorithm::ArrayGrid,
         named @ (Algorithm::Naive | Algorithm::ArrayGrid) => named,
         other => return Err(GpuError::NotOnGpu(other)),
     };

@@ -36,6 +36,8 @@ pub struct GpuSession {
     tickets: [Weak<()>; SLOTS],
     expected: u64,
     pairs: Vec<Pair>,
+    /// Used where pairs come in windows, to put them together.
+    gathered: Vec<Pair>,
     timings: Vec<Timing>,
     last: Outcome,
 }
@@ -84,6 +86,7 @@ impl GpuSession {
             tickets: Default::default(),
             expected: FIRST_PAIRS,
             pairs: Vec::new(),
+            gathered: Vec::new(),
             timings: Vec::new(),
             last: Outcome::default(),
         })
@@ -97,6 +100,14 @@ impl GpuSession {
     /// What it runs on.
     pub fn adapter(&self) -> &AdapterSummary {
         &self.own.adapter
+    }
+
+    /// Changes which algorithm the calls use that are begun from now on; see [`GpuSettings::algorithm`].
+    ///
+    /// # Errors
+    /// [`GpuError::NotOnGpu`] for one without kernels.
+    pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), GpuError> {
+        self.detector.set_algorithm(algorithm)
     }
 
     /// The algorithm of the last call; `Auto` before the first.
@@ -221,14 +232,15 @@ impl GpuSession {
             self.settle(number, wait).await?;
             return Ok(());
         }
-        let mut all = Vec::new();
-        self.windows(number, found, wait, |pairs| {
+        let mut all = std::mem::take(&mut self.gathered);
+        all.clear();
+        let gathered = self.windows(number, found, wait, |pairs| {
             all.append(pairs);
             ControlFlow::Continue(())
-        })
-        .await?;
-        self.pairs = all;
-        Ok(())
+        });
+        let result = gathered.await;
+        self.gathered = std::mem::replace(&mut self.pairs, all);
+        result
     }
 
     /// Waits for a call and appends the pairs that came back; repeats it with a coarser raster where the entries
