@@ -9,6 +9,7 @@ use super::pipelines::Pipelines;
 use super::plan::{DeviceLimits, Phase, Plan, Request, Resource, Slot, plan};
 use super::primitives::pass_buffers;
 use super::recording::{Buffers, Recording, constant_buffer};
+use super::scope::scoped;
 use crate::choice;
 
 /// Recordings kept for callers that alternate between a few buffers.
@@ -77,7 +78,8 @@ impl GpuDetector {
         check(&settings)?;
         let tables = settings.interactions.as_ref().map(|table| Tables::new(device, table)).transpose()?;
         let timer = (settings.timed && device.features().contains(wgpu::Features::TIMESTAMP_QUERY))
-            .then(|| Timer::new(device));
+            .then(|| scoped(device, "timestamps", 0, || Timer::new(device)))
+            .transpose()?;
         Ok(Self {
             device: device.clone(),
             pipelines: if settings.subgroups { pipelines } else { pipelines.without_subgroups() },

@@ -55,6 +55,7 @@ pub struct Ticket {
 #[derive(Debug)]
 struct Flight {
     number: u64,
+    device: wgpu::Device,
     submission: wgpu::SubmissionIndex,
     staging: wgpu::Buffer,
     mapping: Mapping,
@@ -65,7 +66,8 @@ struct Flight {
 impl Drop for Flight {
     /// Whether it landed or was given up: the staging buffer is used again.
     fn drop(&mut self) {
-        self.staging.unmap();
+        // On a device that is gone there is nothing left to unmap, and nobody to be told.
+        let _ = scoped(&self.device, "unmapping", 0, || self.staging.unmap());
     }
 }
 
@@ -77,7 +79,8 @@ impl GpuSession {
     pub fn new(own: GpuDevice, settings: GpuSettings) -> Result<Self, GpuError> {
         Ok(Self {
             raster_ratio: settings.raster_ratio,
-            detector: GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)?,
+            detector: GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)
+                .map_err(|error| own.reason(error))?,
             own,
             timeout: Duration::from_secs(600),
             slots: Default::default(),
@@ -249,7 +252,7 @@ impl GpuSession {
         self.timings.clear();
         let mut ratio = self.raster_ratio;
         loop {
-            let outcome = self.land(number, wait).await?;
+            let outcome = self.land(number, wait).await.map_err(|error| self.own.reason(error))?;
             self.last = outcome;
             if outcome.overflow & Outcome::ENTRIES == 0 {
                 return Ok(outcome);
@@ -329,16 +332,19 @@ impl GpuSession {
         let staged = (*expected).min(capacity.into());
         let staging = slot.staging(own, staged)?;
         let Some(spheres) = slot.spheres.clone() else { return Ok(()) };
-        let mut encoder = own.device.create_command_encoder(&Default::default());
+        let mut encoder =
+            scoped(&own.device, "an encoder", 0, || own.device.create_command_encoder(&Default::default()))?;
         let species = slot.species.as_ref().filter(|_| detector.has_interactions());
         let input = GpuSpheres { spheres: &spheres, count: Count::Host(slot.count), species, window };
         detector.encode(&mut encoder, &input)?;
         let staged = staged.min(staged_pairs(&staging));
         copy_back(&mut encoder, [detector.outcome(), detector.ticks(), detector.pairs()], &staging, staged);
-        let submission = scoped(&own.device, "a call", 0, || own.queue.submit([encoder.finish()]))?;
+        let (submission, mapping) = scoped(&own.device, "a call", 0, || {
+            (own.queue.submit([encoder.finish()]), Mapping::request(&staging))
+        })?;
         own.check_lost()?;
-        let mapping = Mapping::request(&staging);
-        let flight = Flight { number, submission, staging, mapping, staged, capacity };
+        let device = own.device.clone();
+        let flight = Flight { number, device, submission, staging, mapping, staged, capacity };
         self.flights[number as usize % SLOTS] = Some(flight);
         Ok(())
     }
