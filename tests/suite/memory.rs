@@ -93,6 +93,10 @@ fn a_second_call_allocates_nothing_of_the_size_of_the_input() {
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
         let spheres = scene.spheres(N, 31);
         for subject in Subject::each_algorithm().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
+            // What the host allocates for the GPU depends on numbers only, and software takes long for the others.
+            if subject.backend == Backend::Gpu && scene != Scene::Equal {
+                continue;
+            }
             let mut detector = Detector::new(subject.config()).expect("a detector");
             let mut ask = || {
                 detector.neighbors(&spheres).expect("neighbors");

@@ -34,7 +34,7 @@ impl Crossover {
     pub const HARDWARE: Self = Self { naive_below: 10_000, per_class: 0 };
     /// Assumed of a software adapter that was not measured: what `lazygrid calibrate` says of Mesa's llvmpipe on two
     /// cores, rounded.
-    pub const SOFTWARE: Self = Self { naive_below: 3_000, per_class: 0 };
+    pub const SOFTWARE: Self = Self { naive_below: 500, per_class: 0 };
 
     /// For spheres of so many size classes.
     pub fn of(self, classes: usize) -> u32 {
