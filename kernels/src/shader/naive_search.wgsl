@@ -1,5 +1,6 @@
 // All pairs: each workgroup takes 256 spheres and a share of the tiles of those with larger indices. There are so
-// many workgroups that no invocation takes more turns than some devices allow.
+// many workgroups that no invocation takes more turns than some devices allow. Its loops run without a guard against
+// endless ones: whoever changes one proves anew, where the shader is compiled, that it ends.
 #include layout
 #include place
 #include sphere
