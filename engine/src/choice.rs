@@ -27,11 +27,11 @@ pub(crate) fn backend<D>(
         Err(error) => Err(Error::GpuUnavailable { reason: error.to_string() }),
     };
     match asked {
+        Backend::Cpu if !on_cpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
+        Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
         _ if !on_cpu && !on_gpu => {
             Err(Error::GpuUnavailable { reason: format!("this version has no kernels for {algorithm}") })
         }
-        Backend::Cpu if !on_cpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
-        Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
         Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
         Backend::Gpu => insist("asked for", open(true)),
         Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
@@ -108,8 +108,9 @@ mod tests {
 
     #[test]
     fn backends() {
-        use Algorithm::{ArrayGrid, Auto, CellList, Naive};
+        use Algorithm::{ArrayGrid, Auto, CellList, LazyGrid, Naive};
         let cpu_only = || Error::NotOnBackend { algorithm: CellList, backend: Backend::Gpu };
+        let gpu_only = || Error::NotOnBackend { algorithm: LazyGrid, backend: Backend::Cpu };
         let unavailable = || Error::GpuUnavailable { reason: NONE.to_string() };
         for (asked, algorithm, machine, expected) in [
             (Backend::Auto, Auto, "gpu", Ok("GPU gpu: a real GPU")),
@@ -123,6 +124,7 @@ mod tests {
             (Backend::Gpu, Naive, "gpu", Ok("GPU gpu: asked for")),
             (Backend::Gpu, Auto, "none", Err(unavailable())),
             (Backend::Gpu, CellList, "gpu", Err(cpu_only())),
+            (Backend::Cpu, LazyGrid, "gpu", Err(gpu_only())),
         ] {
             let found = backend(asked, algorithm, open(machine));
             let case = format!("{asked}, {algorithm}, {machine}: {found:?}");
