@@ -65,7 +65,9 @@ pub enum InputError {
     )]
     SpeciesMissing,
     /// A length of a periodic axis that is no length.
-    #[error("the length {length} of the periodic axis {axis} must be finite and above 0; leave an unbounded axis out")]
+    #[error(
+        "the length {length} of the periodic axis {axis} must be finite and above 0; leave an unbounded axis out"
+    )]
     Period {
         /// Which axis: `x`, `y` or `z`.
         axis: char,

@@ -132,7 +132,11 @@ mod tests {
                 }
                 let wrapped = wrap(x, length);
                 assert!(2 * whole(wrapped).abs() <= whole(length), "{x:e} in {length:e}: {wrapped:e}");
-                assert_eq!((whole(x) - whole(wrapped)) % whole(length), 0, "{x:e} in {length:e}: {wrapped:e}");
+                assert_eq!(
+                    (whole(x) - whole(wrapped)) % whole(length),
+                    0,
+                    "{x:e} in {length:e}: {wrapped:e}"
+                );
             }
         }
     }
@@ -152,7 +156,8 @@ mod tests {
     #[test]
     fn lengths_that_are_none_are_refused_by_axis() {
         for length in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-            let Err(InputError::Period { axis, .. }) = Space::periodic([None, Some(length), Some(0.0)]) else {
+            let Err(InputError::Period { axis, .. }) = Space::periodic([None, Some(length), Some(0.0)])
+            else {
                 panic!("a box of length {length} was accepted")
             };
             assert_eq!(axis, 'y');
