@@ -1,3 +1,5 @@
+//! Spheres in periodic spaces: the plain loops that judge detectors there, and strategies that shrink.
+
 use lazygrid::{Backend, Config, Pair, Space, Sphere};
 use proptest::collection::vec;
 use proptest::prelude::*;
