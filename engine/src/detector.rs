@@ -152,14 +152,11 @@ impl Detector {
 /// The device to run on, or none for the CPU, and why.
 fn choose(backend: Backend, algorithm: Algorithm) -> Result<(Option<GpuDevice>, String), Error> {
     let needs_gpu = matches!(algorithm, Algorithm::EagerGrid | Algorithm::LazyGrid);
-    let on_gpu = matches!(algorithm, Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid);
+    let on_gpu = needs_gpu || matches!(algorithm, Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid);
     let unavailable = |error: gpu::GpuError| Error::GpuUnavailable { reason: error.to_string() };
     match backend {
         Backend::Cpu if needs_gpu => Err(Error::NotOnBackend { algorithm, backend }),
         Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
-        _ if needs_gpu => {
-            Err(Error::GpuUnavailable { reason: format!("this version has no kernels for {algorithm}") })
-        }
         Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend }),
         Backend::Gpu => {
             let own = GpuDevice::shared(true).map_err(unavailable)?;
@@ -167,6 +164,11 @@ fn choose(backend: Backend, algorithm: Algorithm) -> Result<(Option<GpuDevice>, 
             Ok((Some(own), reason))
         }
         Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
+        Backend::Auto if needs_gpu => {
+            let own = GpuDevice::shared(true).map_err(unavailable)?;
+            let reason = format!("GPU {}: {algorithm} runs there only", own.adapter.name);
+            Ok((Some(own), reason))
+        }
         Backend::Auto => Ok(match GpuDevice::shared(false) {
             Ok(own) => {
                 let reason = format!("GPU {}: a real GPU", own.adapter.name);

@@ -7,7 +7,8 @@ use common::{Random, device, download, submit, upload};
 use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuError, GpuSettings, GpuSpheres, Outcome, wgpu};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Sphere};
 
-const ALGORITHMS: [Algorithm; 2] = [Algorithm::Naive, Algorithm::ArrayGrid];
+const ALGORITHMS: [Algorithm; 4] =
+    [Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid];
 
 fn settings(algorithm: Algorithm, subgroups: bool) -> GpuSettings {
     GpuSettings { algorithm, subgroups, ..GpuSettings::default() }

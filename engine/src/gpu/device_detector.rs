@@ -25,6 +25,7 @@ impl DeviceDetector {
         let gpu = GpuSettings {
             algorithm: settings.algorithm,
             raster_ratio: settings.raster_ratio.max(GpuSettings::MIN_RASTER_RATIO),
+            tau: settings.tau,
             interactions: settings.interactions.clone(),
             timed: true,
             ..GpuSettings::default()
