@@ -40,15 +40,14 @@ impl Detector {
     /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Host`] and
     /// [`Error::Gpu`] for a setting outside its range.
     pub fn new(config: Config) -> Result<Self, Error> {
-        let settings = config.settings;
-        let (own, backend_reason) = choose(config.backend, settings.algorithm)?;
+        let (own, backend_reason) = choose(config.backend, config.settings.algorithm)?;
         log::info!("{backend_reason}");
         let engine = match own {
             Some(own) => {
-                let device = DeviceDetector::new(own, settings, backend_reason.clone())?;
+                let device = DeviceDetector::new(own, config, backend_reason.clone())?;
                 Engine::Device(Box::new(device))
             }
-            None => Engine::Host(Box::new(HostDetector::new(settings)?)),
+            None => Engine::Host(Box::new(HostDetector::new(config.settings)?)),
         };
         Ok(Self { engine, backend_reason })
     }
