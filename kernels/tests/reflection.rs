@@ -153,7 +153,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             let TypeInner::Struct { members, span } = &ty.inner else { continue };
             let name = ty.name.as_deref().expect("a named structure");
             if name == "Bounds" {
-                let of = |name: &str| members.iter().find(|m| m.name.as_deref() == Some(name)).expect(name).offset;
+                let of =
+                    |name: &str| members.iter().find(|m| m.name.as_deref() == Some(name)).expect(name).offset;
                 let shader = ["low_x", "high_x", "radius_min", "radius_max", "depths", "descending"].map(of);
                 let rust = [
                     offset_of!(Bounds, low),

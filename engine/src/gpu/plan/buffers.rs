@@ -59,7 +59,6 @@ pub enum Resource {
     Table,
 }
 
-
 /// The buffers of a call that every algorithm has.
 pub(super) fn call_buffers(pairs: u32) -> [(Slot, u64); 4] {
     [
