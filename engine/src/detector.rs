@@ -41,15 +41,16 @@ impl Detector {
     /// is asked for by name in a periodic space; [`Error::Host`] and
     /// [`Error::Gpu`] for a setting outside its range.
     pub fn new(config: Config) -> Result<Self, Error> {
+        let (own, backend_reason) = choose(config.backend, config.settings.algorithm)?;
         let settings = config.settings;
         let (own, backend_reason) = choose(config.backend, &settings)?;
         log::info!("{backend_reason}");
         let engine = match own {
             Some(own) => {
-                let device = DeviceDetector::new(own, settings, backend_reason.clone())?;
+                let device = DeviceDetector::new(own, config, backend_reason.clone())?;
                 Engine::Device(Box::new(device))
             }
-            None => Engine::Host(Box::new(HostDetector::new(settings)?)),
+            None => Engine::Host(Box::new(HostDetector::new(config.settings)?)),
         };
         Ok(Self { engine, backend_reason })
     }
@@ -154,14 +155,11 @@ impl Detector {
 fn choose(backend: Backend, settings: &Settings) -> Result<(Option<GpuDevice>, String), Error> {
     let (algorithm, periodic) = (settings.algorithm, settings.space.is_periodic());
     let needs_gpu = matches!(algorithm, Algorithm::EagerGrid | Algorithm::LazyGrid);
-    let on_gpu = matches!(algorithm, Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid);
+    let on_gpu = needs_gpu || matches!(algorithm, Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid);
     let unavailable = |error: gpu::GpuError| Error::GpuUnavailable { reason: error.to_string() };
     match backend {
         Backend::Cpu if needs_gpu => Err(Error::NotOnBackend { algorithm, backend }),
         Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
-        _ if needs_gpu => {
-            Err(Error::GpuUnavailable { reason: format!("this version has no kernels for {algorithm}") })
-        }
         Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend }),
         Backend::Gpu if periodic => Err(Error::PeriodicOnGpu),
         Backend::Gpu => {
@@ -170,6 +168,11 @@ fn choose(backend: Backend, settings: &Settings) -> Result<(Option<GpuDevice>, S
             Ok((Some(own), reason))
         }
         Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
+        Backend::Auto if needs_gpu => {
+            let own = GpuDevice::shared(true).map_err(unavailable)?;
+            let reason = format!("GPU {}: {algorithm} runs there only", own.adapter.name);
+            Ok((Some(own), reason))
+        }
         Backend::Auto if periodic => Ok((None, "CPU: periodic spaces run there only".to_owned())),
         Backend::Auto => Ok(match GpuDevice::shared(false) {
             Ok(own) => {

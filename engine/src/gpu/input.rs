@@ -12,12 +12,15 @@ use super::{GpuDetector, Outcome};
 /// What a [`GpuDetector`] is asked to do.
 #[derive(Clone, Debug)]
 pub struct GpuSettings {
-    /// `Auto`, `Naive` or `ArrayGrid`. Default: `Auto`, decided by the number of spheres a call may have.
+    /// `Auto`, `Naive`, `ArrayGrid`, `EagerGrid` or `LazyGrid`. Default: `Auto`, decided by the number of spheres a call may have.
     pub algorithm: Algorithm,
     /// Pairs that the output buffer holds. Default: 2²⁰ (8 MiB). More are counted but not written.
     pub pair_capacity: u32,
     /// Cell edge as a multiple of the largest diameter, 1.5 to 16. Default: 2, for 3.4 entries per sphere.
     pub raster_ratio: f32,
+    /// τ: in LazyGrid the smaller spheres of a cell go to a finer level only where they are more than this (Stroobant
+    /// et al., section 3.2). Default: [`GpuSettings::TAU`].
+    pub tau: u32,
     /// Which species pair, and at which distance; `None`: all that touch.
     pub interactions: Option<Interactions>,
     /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
@@ -30,6 +33,10 @@ pub struct GpuSettings {
 }
 
 impl GpuSettings {
+    /// τ by default.
+    pub const TAU: u32 = 32;
+    /// Raster ratio by default.
+    pub const RASTER_RATIO: f32 = 2.0;
     /// The smallest raster ratio with which no sphere overlaps more than two cells per axis.
     pub const MIN_RASTER_RATIO: f32 = 1.5;
     /// The largest raster ratio.
@@ -41,7 +48,8 @@ impl Default for GpuSettings {
         Self {
             algorithm: Algorithm::Auto,
             pair_capacity: 1 << 20,
-            raster_ratio: 2.0,
+            raster_ratio: Self::RASTER_RATIO,
+            tau: Self::TAU,
             interactions: None,
             consumer_group: GROUP,
             subgroups: true,
@@ -95,7 +103,11 @@ pub(super) fn check(settings: &GpuSettings) -> Result<(), GpuError> {
         return Err(GpuError::Setting { name: "consumer_group", value: "0".into(), range });
     }
     match settings.algorithm {
-        Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid => Ok(()),
+        Algorithm::Auto
+        | Algorithm::Naive
+        | Algorithm::ArrayGrid
+        | Algorithm::EagerGrid
+        | Algorithm::LazyGrid => Ok(()),
         other => Err(GpuError::NotOnGpu(other)),
     }
 }
