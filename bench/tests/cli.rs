@@ -5,7 +5,7 @@ mod command;
 use std::fs;
 use std::path::Path;
 
-use command::{Run, Scratch, data, lazygrid, npy, table};
+use command::{Run, Scratch, data, lazygrid, lazygrid_with_cache, npy, table};
 use lazygrid::{Pair, Sphere};
 use lazygrid_bench::read::{Frames, Options};
 use lazygrid_bench::scenes::Scene;
@@ -314,7 +314,13 @@ fn wrong_usage_is_told_apart_from_failure() {
 
 #[test]
 fn help_completions_and_devices() {
-    for command in [&["--help"][..], &["detect", "--help"], &["generate", "--help"], &["devices", "--help"]] {
+    for command in [
+        &["--help"][..],
+        &["detect", "--help"],
+        &["generate", "--help"],
+        &["devices", "--help"],
+        &["calibrate", "--help"],
+    ] {
         assert!(lazygrid(command).succeeds().out.contains("Usage: lazygrid"));
     }
     assert!(lazygrid(["detect", "--help"]).succeeds().out.contains("lazygrid detect pour.dump"));
@@ -345,6 +351,50 @@ fn the_gpu_finds_the_pairs_of_both_files() {
     };
     assert_eq!(pairs("lammps-pour.dump", &[]), Some(3072));
     assert_eq!(pairs("smoldyn-burst.lst", &SMOLDYN), Some(35_236));
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn what_was_calibrated_is_kept_and_used() {
+    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
+        assert!(lazygrid(["calibrate"]).fails().err.contains("no GPU adapter"));
+        return;
+    }
+    let (scratch, pour) = (Scratch::new(), data("lammps-pour.dump"));
+    let cache = scratch.path("cache");
+    let reason = || {
+        let run = lazygrid_with_cache(&cache, &["detect", &pour, "--backend", "gpu", "--json"]).succeeds();
+        (run.json()["reason"].as_str().unwrap().to_owned(), run.err)
+    };
+    let (assumed, warning) = reason();
+    assert!(assumed.contains("not measured on this") && warning.is_empty(), "{assumed} {warning}");
+
+    let file = scratch.path("cache/lazygrid/calibration.json");
+    let run = lazygrid_with_cache(&cache, &["calibrate"]).succeeds();
+    assert!(run.out.contains(&lazygrid::gpu::adapters()[0].name) && run.out.contains(&file), "{}", run.out);
+    let kept: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    let below = kept["calibrations"][0]["naive_below"].as_u64().unwrap();
+    let (measured, _) = reason();
+    assert!(measured.contains("(measured on this adapter)"), "{measured}");
+    // Three size classes.
+    let at = below + 2 * kept["calibrations"][0]["per_class"].as_u64().unwrap();
+    assert!(measured.contains(&format!(" {at} ")), "{measured}, {kept}");
+
+    // Of another version or driver it says nothing.
+    let other = fs::read_to_string(&file).unwrap().replace(env!("CARGO_PKG_VERSION"), "0.0.0");
+    fs::write(&file, other).unwrap();
+    assert!(reason().0.contains("not measured on this"));
+    // Measuring again replaces it.
+    lazygrid_with_cache(&cache, &["calibrate"]).succeeds();
+    let kept: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    assert_eq!(kept["calibrations"].as_array().unwrap().len(), 1);
+
+    fs::write(&file, "{\"calibrations\": [{").unwrap();
+    let (assumed, warning) = reason();
+    assert!(assumed.contains("not measured on this") && warning.contains(&file), "{assumed} {warning}");
+    let nowhere = scratch.write("file", "");
+    let run = lazygrid_with_cache(&nowhere, &["calibrate"]).fails();
+    assert!(run.err.contains("cannot write") && run.err.contains(&nowhere), "{}", run.err);
 }
 
 #[test]

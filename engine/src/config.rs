@@ -5,6 +5,7 @@ use lazygrid_host::{Settings, Simd};
 use lazygrid_kernels::{Algorithm, Interactions, Space};
 
 use crate::Order;
+use crate::gpu::Calibration;
 
 /// Where the work is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -63,6 +64,7 @@ pub struct Config {
     /// τ and raster ratio where they were asked for; else each backend has its own.
     pub(crate) tau: Option<u32>,
     pub(crate) raster_ratio: Option<f32>,
+    pub(crate) calibrations: Vec<Calibration>,
 }
 
 impl Config {
@@ -75,6 +77,13 @@ impl Config {
     /// Which detector. Default: [`Algorithm::Auto`], chosen per call.
     pub fn algorithm(mut self, algorithm: Algorithm) -> Self {
         self.settings.algorithm = algorithm;
+        self
+    }
+
+    /// What was measured on GPUs, for `Auto` to choose by. Those of other adapters are passed over; of several of one
+    /// adapter the last counts. Default: none, and the crossover is assumed.
+    pub fn calibration(mut self, measured: impl IntoIterator<Item = Calibration>) -> Self {
+        self.calibrations.extend(measured);
         self
     }
 

@@ -1,10 +1,10 @@
 use std::ops::ControlFlow;
 
-use lazygrid_host::{HostDetector, Neighbors, Settings};
-use lazygrid_kernels::{Algorithm, Pair, Spheres};
+use lazygrid_host::{HostDetector, Neighbors};
+use lazygrid_kernels::{Pair, Spheres};
 
-use crate::gpu::{self, DeviceDetector, GpuDevice};
-use crate::{Backend, Config, Error, Report};
+use crate::gpu::{DeviceDetector, GpuDevice};
+use crate::{Backend, Config, Error, Report, choice};
 
 /// All pairs of overlapping spheres, in canonical order, with default settings.
 ///
@@ -41,15 +41,16 @@ impl Detector {
     /// is asked for by name in a periodic space; [`Error::Host`] and
     /// [`Error::Gpu`] for a setting outside its range.
     pub fn new(config: Config) -> Result<Self, Error> {
-        let (own, backend_reason) = choose(config.backend, config.settings.algorithm)?;
-        let settings = config.settings;
-        let (own, backend_reason) = choose(config.backend, &settings)?;
+        let open = |software| GpuDevice::shared(software).map(|own| (own.adapter.name.clone(), own));
+        let backend = match config.backend {
+            Backend::Gpu if config.settings.space.is_periodic() => return Err(Error::PeriodicOnGpu),
+            Backend::Auto if config.settings.space.is_periodic() => Backend::Cpu,
+            backend => backend,
+        };
+        let (own, backend_reason) = choice::backend(backend, config.settings.algorithm, open)?;
         log::info!("{backend_reason}");
         let engine = match own {
-            Some(own) => {
-                let device = DeviceDetector::new(own, config, backend_reason.clone())?;
-                Engine::Device(Box::new(device))
-            }
+            Some(own) => Engine::Device(Box::new(DeviceDetector::new(own, config, backend_reason.clone())?)),
             None => Engine::Host(Box::new(HostDetector::new(config.settings)?)),
         };
         Ok(Self { engine, backend_reason })
@@ -148,38 +149,5 @@ impl Detector {
             Engine::Host(host) => host.into_pairs(),
             Engine::Device(device) => device.into_pairs(),
         }
-    }
-}
-
-/// The device to run on, or none for the CPU, and why.
-fn choose(backend: Backend, settings: &Settings) -> Result<(Option<GpuDevice>, String), Error> {
-    let (algorithm, periodic) = (settings.algorithm, settings.space.is_periodic());
-    let needs_gpu = matches!(algorithm, Algorithm::EagerGrid | Algorithm::LazyGrid);
-    let on_gpu = needs_gpu || matches!(algorithm, Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid);
-    let unavailable = |error: gpu::GpuError| Error::GpuUnavailable { reason: error.to_string() };
-    match backend {
-        Backend::Cpu if needs_gpu => Err(Error::NotOnBackend { algorithm, backend }),
-        Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
-        Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend }),
-        Backend::Gpu if periodic => Err(Error::PeriodicOnGpu),
-        Backend::Gpu => {
-            let own = GpuDevice::shared(true).map_err(unavailable)?;
-            let reason = format!("GPU {}: asked for", own.adapter.name);
-            Ok((Some(own), reason))
-        }
-        Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
-        Backend::Auto if needs_gpu => {
-            let own = GpuDevice::shared(true).map_err(unavailable)?;
-            let reason = format!("GPU {}: {algorithm} runs there only", own.adapter.name);
-            Ok((Some(own), reason))
-        }
-        Backend::Auto if periodic => Ok((None, "CPU: periodic spaces run there only".to_owned())),
-        Backend::Auto => Ok(match GpuDevice::shared(false) {
-            Ok(own) => {
-                let reason = format!("GPU {}: a real GPU", own.adapter.name);
-                (Some(own), reason)
-            }
-            Err(error) => (None, format!("CPU: {error}")),
-        }),
     }
 }

@@ -33,6 +33,7 @@
 //!
 //! Data flows one way: spheres → choice → plan → detector → pairs. ARCHITECTURE.md says which file does what.
 
+mod choice;
 mod config;
 mod detector;
 mod error;

@@ -22,25 +22,24 @@ const MAX_WIDTH: usize = 1 << 15;
 /// Bits per pass at most: counters of 8 KiB beside a bucket of 64 KiB.
 const DIGIT: u32 = 11;
 
-/// Buffers that survive between calls.
+/// Puts pairs in canonical order, by `i`, then `j`, in buffers that survive between calls.
 #[derive(Debug, Default)]
-pub(crate) struct Canonical {
+pub struct Canonical {
     scratch: Vec<Pair>,
     starts: Vec<usize>,
 }
 
 impl Canonical {
-    /// Writes the pairs of `chunks` to `out` in canonical order; indices are below `spheres`.
+    /// Writes the pairs of `chunks` to `out` in canonical order. Indices must be below `spheres`. Threads share the
+    /// chunks out, so that a hundred are better than one.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(crate) fn order(
-        &mut self,
-        chunks: &[Vec<Pair>],
-        spheres: usize,
-        out: &mut Vec<Pair>,
-    ) -> Result<(), Error> {
-        let total: usize = chunks.iter().map(Vec::len).sum();
+    ///
+    /// # Panics
+    /// Where an `i` is far from below `spheres`.
+    pub fn order(&mut self, chunks: &[&[Pair]], spheres: usize, out: &mut Vec<Pair>) -> Result<(), Error> {
+        let total: usize = chunks.iter().map(|chunk| chunk.len()).sum();
         reserve(&mut self.scratch, total, "ordering pairs")?;
         reserve(out, total, "pairs")?;
         let buckets = (total / BUCKET).max(spheres / MAX_WIDTH).next_power_of_two().min(MAX_BUCKETS);
@@ -50,7 +49,7 @@ impl Canonical {
         self.scratch.resize(total, Pair::default());
         out.resize(total, Pair::default());
 
-        let pieces: Vec<&[Vec<Pair>]> = chunks.chunks(chunks.len().div_ceil(PIECES).max(1)).collect();
+        let pieces: Vec<&[&[Pair]]> = chunks.chunks(chunks.len().div_ceil(PIECES).max(1)).collect();
         self.spread(&pieces, shift, buckets);
 
         let ends = self.starts[1..].iter().copied();
@@ -64,10 +63,10 @@ impl Canonical {
     }
 
     /// Moves the pairs to `scratch`, bucket by bucket, and notes where each bucket starts.
-    fn spread(&mut self, pieces: &[&[Vec<Pair>]], shift: u32, buckets: usize) {
-        let count = |piece: &&[Vec<Pair>]| {
+    fn spread(&mut self, pieces: &[&[&[Pair]]], shift: u32, buckets: usize) {
+        let count = |piece: &&[&[Pair]]| {
             let mut counts = vec![0_usize; buckets];
-            for pair in piece.iter().flatten() {
+            for pair in piece.iter().copied().flatten() {
                 counts[(pair.i >> shift) as usize] += 1;
             }
             counts
@@ -85,7 +84,7 @@ impl Canonical {
 
         let scratch = Disjoint::new(&mut self.scratch);
         pieces.par_iter().zip(offsets).for_each(|(piece, mut next)| {
-            for &pair in piece.iter().flatten() {
+            for &pair in piece.iter().copied().flatten() {
                 let slot = &mut next[(pair.i >> shift) as usize];
                 // SAFETY: the exclusive prefix sums over (bucket, piece) give every pair a slot of its own below
                 // `total`, the length of `scratch`.
@@ -131,8 +130,8 @@ mod tests {
     use super::*;
 
     fn check(spheres: u32, pairs: Vec<Pair>, pieces: usize) {
-        let chunks: Vec<Vec<Pair>> = pairs.chunks(pieces).map(<[Pair]>::to_vec).collect();
-        let mut expected = pairs;
+        let chunks: Vec<&[Pair]> = pairs.chunks(pieces).collect();
+        let mut expected = pairs.clone();
         expected.sort_unstable();
         let (mut canonical, mut out) = (Canonical::default(), Vec::new());
         for _ in 0..2 {

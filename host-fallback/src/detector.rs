@@ -281,7 +281,10 @@ impl State {
     fn arrange(&mut self, mut chunks: Vec<Vec<Pair>>, order: Order, spheres: usize) -> Result<(), Error> {
         let Self { report, canonical, pairs, .. } = self;
         report.time("order", || match order {
-            Order::Canonical => canonical.order(&chunks, spheres, pairs),
+            Order::Canonical => {
+                let chunks: Vec<&[Pair]> = chunks.iter().map(Vec::as_slice).collect();
+                canonical.order(&chunks, spheres, pairs)
+            }
             Order::Unordered => {
                 reserve(pairs, chunks.iter().map(Vec::len).sum(), "pairs")?;
                 pairs.clear();

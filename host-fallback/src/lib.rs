@@ -30,10 +30,11 @@ mod sink;
 mod survey;
 mod workspace;
 
+pub use canonical::Canonical;
 pub use detector::HostDetector;
 pub use error::Error;
-pub use neighbors::Neighbors;
+pub use neighbors::{Lists, Neighbors};
 pub use report::{Phase, Report};
 pub use settings::{Order, Settings};
 pub use simd::Simd;
-pub use survey::{CLASSES, Class, Survey, check, check_species};
+pub use survey::{CLASSES, Class, Survey};

@@ -30,20 +30,23 @@ impl<'a> Neighbors<'a> {
     }
 }
 
-/// Buffers of neighbour lists that survive between calls.
+/// Turns pairs into neighbour lists, in buffers that survive between calls.
 #[derive(Debug, Default)]
-pub(crate) struct Lists {
+pub struct Lists {
     offsets: Vec<u64>,
     next: Vec<u64>,
     indices: Vec<u32>,
 }
 
 impl Lists {
-    /// Turns pairs in canonical order into lists.
+    /// The lists of `spheres` spheres from their pairs in canonical order.
     ///
     /// For each sphere the pairs in which it comes second are met before those in which it comes first, each kind
     /// ascending, so writing them in that order leaves every list sorted.
-    pub(crate) fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Neighbors<'_> {
+    ///
+    /// # Panics
+    /// Where an index is not below `spheres`.
+    pub fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Neighbors<'_> {
         self.offsets.clear();
         self.offsets.resize(spheres + 1, 0);
         for pair in pairs {

@@ -53,6 +53,16 @@ impl Survey {
         self.classes.iter().copied().enumerate().rev().filter(|(_, class)| class.count > 0)
     }
 
+    /// Checks and surveys the spheres.
+    ///
+    /// # Errors
+    /// [`InputError::TooManySpheres`], [`InputError::SpeciesMissing`], [`InputError::SpeciesId`] for the first species
+    /// outside the table, and [`InputError::Sphere`] for the first sphere that is not finite or has a negative radius.
+    pub fn new(spheres: Spheres<'_>, interactions: Option<&Interactions>) -> Result<Self, InputError> {
+        check_species(spheres, interactions)?;
+        Self::of(&Rule::new(spheres, interactions))
+    }
+
     /// Checks and surveys the spheres of `rule`, whose species ids are checked already.
     ///
     /// # Errors
@@ -125,7 +135,7 @@ impl Survey {
 ///
 /// # Errors
 /// [`InputError::Sphere`], which names the first and counts all.
-pub fn check(spheres: Spheres<'_>) -> Result<(), InputError> {
+pub(crate) fn check(spheres: Spheres<'_>) -> Result<(), InputError> {
     let total = spheres.len() as u64;
     match find(spheres.len(), |i| !spheres.get(i).is_valid()) {
         (Some(index), count) => {
@@ -139,7 +149,10 @@ pub fn check(spheres: Spheres<'_>) -> Result<(), InputError> {
 ///
 /// # Errors
 /// [`InputError::TooManySpheres`], [`InputError::SpeciesMissing`] or [`InputError::SpeciesId`] for the first.
-pub fn check_species(spheres: Spheres<'_>, interactions: Option<&Interactions>) -> Result<(), InputError> {
+pub(crate) fn check_species(
+    spheres: Spheres<'_>,
+    interactions: Option<&Interactions>,
+) -> Result<(), InputError> {
     if spheres.len() as u64 > MAX_SPHERES {
         return Err(InputError::TooManySpheres { count: spheres.len() as u64 });
     }

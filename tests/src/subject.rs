@@ -1,3 +1,4 @@
+use std::env;
 use std::fmt;
 use std::sync::LazyLock;
 
@@ -21,11 +22,19 @@ pub struct Subject {
 }
 
 impl Subject {
-    /// Every subject. A backend joins the suite here.
+    /// Every subject. A backend joins the suite here. `LAZYGRID_SUBJECTS=gpu` leaves out those of the CPU, which a
+    /// GPU's driver or its settings change nothing for.
+    ///
+    /// # Panics
+    /// Where `LAZYGRID_SUBJECTS` has another value, or a GPU that is required is missing.
     pub fn all() -> Vec<Self> {
         let cpu = |algorithm| THREADS.map(|threads| Self { backend: Backend::Cpu, algorithm, threads });
         let on_cpu = Algorithm::CPU.into_iter().chain([Algorithm::Auto]).flat_map(cpu);
-        on_cpu.chain(crate::gpu::subjects()).collect()
+        match env::var("LAZYGRID_SUBJECTS").as_deref() {
+            Err(_) => on_cpu.chain(crate::gpu::subjects()).collect(),
+            Ok("gpu") => crate::gpu::subjects(),
+            Ok(other) => panic!("LAZYGRID_SUBJECTS is {other}; the only subjects to choose are gpu"),
+        }
     }
 
     /// The subjects on their fewest threads: one for each backend and algorithm.

@@ -1,5 +1,6 @@
 //! LazyGrid refines some cells and settles others: whatever τ makes of them, the pairs are the same.
 
+use glam::Vec3;
 use lazygrid::{Algorithm, Backend, Config, Sphere};
 use lazygrid_bench::scenes::Scene;
 use lazygrid_tests::{Scenario, Subject};
@@ -49,7 +50,7 @@ fn one_to_twenty_sizes() {
 fn one_giant_among_grains() {
     let grains = Scene::Equal.spheres(1500, 13).into_iter();
     let mut spheres: Vec<Sphere> =
-        grains.map(|s| Sphere::new(s.center * 0.2 + [1_048_576.0, 0.0, 0.0].into(), s.radius)).collect();
+        grains.map(|s| Sphere::new(s.center * 0.2 + Vec3::new(1_048_576.0, 0.0, 0.0), s.radius)).collect();
     spheres.insert(700, Sphere::new([0.0; 3], 1_048_576.0));
     judge_for_any_tau("giant", spheres);
 }

@@ -92,13 +92,19 @@ fn a_second_call_allocates_nothing_of_the_size_of_the_input() {
     let mut measurement = Measurement::alone();
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
         let spheres = scene.spheres(N, 31);
-        for subject in on_cpu(Subject::each_algorithm()).filter(|s| s.algorithm != Algorithm::Naive) {
+        for subject in Subject::each_algorithm().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
+            // What the host allocates for the GPU depends on numbers only, and software takes long for the others.
+            if subject.backend == Backend::Gpu && scene != Scene::Equal {
+                continue;
+            }
             let mut detector = Detector::new(subject.config()).expect("a detector");
             let mut ask = || {
                 detector.neighbors(&spheres).expect("neighbors");
                 detector.count(&spheres).expect("a count");
                 detector.pairs(&spheres).expect("pairs").len()
             };
+            subject.run(&mut ask);
+            // Calls on the GPU take turns between two places for their input.
             subject.run(&mut ask);
             measurement.start();
             let pairs = subject.run(&mut ask);

@@ -30,6 +30,11 @@ pub(crate) fn lazygrid(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run
     command(args).output().unwrap().into()
 }
 
+/// Runs `lazygrid` with these arguments and a cache directory of its own (on Linux).
+pub(crate) fn lazygrid_with_cache(cache: &str, args: &[&str]) -> Run {
+    command(args).env("XDG_CACHE_HOME", cache).output().unwrap().into()
+}
+
 impl From<Output> for Run {
     fn from(output: Output) -> Self {
         let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());

@@ -2,6 +2,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::GpuError;
 use super::pipelines::Pipelines;
+use super::recording::constant_buffer;
 
 /// A GPU, or a software rasteriser, that can run the engine.
 #[derive(Clone, Debug)]
@@ -88,7 +89,7 @@ impl GpuDevice {
 }
 
 impl GpuDevice {
-    /// A host application's device. Its handlers are left alone; that it was lost shows in other errors.
+    /// A host application's device. Its handlers are left alone.
     pub fn lent(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         Self {
             adapter: summarize(device.adapter_info(), &device.limits(), device.features()),
@@ -108,7 +109,7 @@ impl GpuDevice {
         static SHARED: Mutex<[Option<Result<GpuDevice, GpuError>>; 2]> = Mutex::new([None, None]);
         let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
         match &shared[usize::from(software)] {
-            Some(Ok(own)) if own.check_lost().is_ok() => return Ok(own.clone()),
+            Some(Ok(own)) if own.probe().is_ok() => return Ok(own.clone()),
             Some(Err(error @ GpuError::NoAdapter { .. })) => return Err(error.clone()),
             _ => {}
         }
@@ -126,9 +127,19 @@ impl GpuDevice {
 
     /// The reason behind an error: on a lost device calls are refused for other reasons first.
     pub(crate) fn reason(&self, error: GpuError) -> GpuError {
+        self.probe().err().unwrap_or(error)
+    }
+
+    /// Whether the device still works. That it was lost is told late, and to a host application only for its own
+    /// device; but then it refuses even a small buffer.
+    fn probe(&self) -> Result<(), GpuError> {
         // A poll is what brings the news; its own failure adds nothing.
         let _ = self.device.poll(wgpu::PollType::Poll);
-        self.check_lost().err().unwrap_or(error)
+        self.check_lost()?;
+        match constant_buffer(&self.device, "a probe", &[0; 16]) {
+            Ok(_) | Err(GpuError::OutOfMemory { .. }) => Ok(()),
+            Err(error) => Err(GpuError::DeviceLost { reason: error.to_string() }),
+        }
     }
 }
 

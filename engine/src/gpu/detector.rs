@@ -1,7 +1,7 @@
 use std::collections::VecDeque;
 
 use lazygrid_kernels::layout::{Call, Outcome};
-use lazygrid_kernels::{Interaction, Interactions};
+use lazygrid_kernels::{Algorithm, Interaction, Interactions};
 
 use super::GpuError;
 use super::input::{Count, GpuSettings, GpuSpheres, check, check_buffer};
@@ -9,6 +9,8 @@ use super::pipelines::Pipelines;
 use super::plan::{DeviceLimits, Phase, Plan, Request, Resource, Slot, most_entries, plan};
 use super::primitives::pass_buffers;
 use super::recording::{Buffers, Recording, constant_buffer};
+use super::scope::scoped;
+use crate::choice;
 
 /// Recordings kept for callers that alternate between a few buffers.
 const KEPT_RECORDINGS: usize = 4;
@@ -78,7 +80,8 @@ impl GpuDetector {
         check(&settings)?;
         let tables = settings.interactions.as_ref().map(|table| Tables::new(device, table)).transpose()?;
         let timer = (settings.timed && device.features().contains(wgpu::Features::TIMESTAMP_QUERY))
-            .then(|| Timer::new(device));
+            .then(|| scoped(device, "timestamps", 0, || Timer::new(device)))
+            .transpose()?;
         Ok(Self {
             device: device.clone(),
             pipelines: if settings.subgroups { pipelines } else { pipelines.without_subgroups() },
@@ -105,13 +108,9 @@ impl GpuDetector {
     /// As [`memory_for`](Self::memory_for).
     pub fn plan_for(&self, spheres: u32) -> Result<Plan, GpuError> {
         let species = self.settings.interactions.as_ref().map_or(0, Interactions::species);
-        let request = Request {
-            spheres,
-            pairs: self.settings.pair_capacity,
-            entries: self.entry_capacity,
-            algorithm: self.settings.algorithm,
-            species,
-        };
+        let GpuSettings { algorithm, crossover, pair_capacity: pairs, .. } = self.settings;
+        let (algorithm, _) = choice::algorithm(algorithm, (spheres, 1), (crossover, "given"));
+        let request = Request { spheres, pairs, entries: self.entry_capacity, algorithm, species };
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
@@ -122,15 +121,15 @@ impl GpuDetector {
     /// [`GpuError::LimitExceeded`], [`GpuError::OutOfMemory`], or where the device is lost.
     pub fn reserve(&mut self, spheres: u32) -> Result<(), GpuError> {
         let wanted = self.plan_for(spheres)?;
-        // What was prepared for more spheres serves fewer, whichever algorithm `Auto` would take for them.
-        let fits = |p: &Prepared| {
-            p.plan.spheres >= spheres && p.plan.pairs == wanted.pairs && p.plan.entries >= wanted.entries
-        };
-        if !self.prepared.as_ref().is_some_and(fits) {
-            // Released first, so that old and new need not fit side by side.
-            self.prepared = None;
-            let buffers = Buffers::allocate(&self.device, &wanted.buffers)?;
-            self.prepared = Some(Prepared { plan: wanted, buffers, recordings: VecDeque::new() });
+        // Buffers for more spheres serve fewer: those of a grid also all pairs.
+        match &mut self.prepared {
+            Some(prepared) if prepared.buffers.have_room_for(&wanted.buffers) => prepared.plan = wanted,
+            _ => {
+                // Released first, so that old and new need not fit side by side.
+                self.prepared = None;
+                let buffers = Buffers::allocate(&self.device, &wanted.buffers)?;
+                self.prepared = Some(Prepared { plan: wanted, buffers, recordings: VecDeque::new() });
+            }
         }
         Ok(())
     }
@@ -158,6 +157,17 @@ impl GpuDetector {
         let fits = u32::try_from(wanted).ok().filter(|&wanted| u64::from(wanted) <= most);
         self.entry_capacity = fits.unwrap_or(self.entry_capacity);
         fits.is_some()
+    }
+
+    /// Changes which algorithm later calls use; see [`GpuSettings::algorithm`].
+    ///
+    /// # Errors
+    /// [`GpuError::NotOnGpu`] for one without kernels.
+    pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), GpuError> {
+        let settings = GpuSettings { algorithm, ..self.settings.clone() };
+        check(&settings)?;
+        self.settings = settings;
+        Ok(())
     }
 
     /// Changes the cell edge; see [`GpuSettings::raster_ratio`].

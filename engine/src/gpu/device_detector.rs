@@ -1,21 +1,24 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use lazygrid_host::{Neighbors, Order, Phase, Settings};
+use lazygrid_host::{Canonical, Lists, Neighbors, Order, Phase, Settings, Survey};
 use lazygrid_kernels::{Pair, Spheres};
-use rayon::slice::ParallelSliceMut;
 
-use super::{GpuDevice, GpuError, GpuSession, GpuSettings};
-use crate::{Backend, Config, Error, Report};
+use super::{Crossover, GpuDevice, GpuError, GpuSession, GpuSettings, Ticket};
+use crate::{Backend, Config, Error, Report, choice};
 
-/// The GPU side of a `Detector`: checks like the CPU path, works in a session, and orders on the host.
+/// Parts in which the threads that order a list share it out.
+const PARTS: usize = 128;
+
+/// The GPU side of a `Detector`: checks and chooses like the CPU path, works in a session, and orders on the host.
 #[derive(Debug)]
 pub(crate) struct DeviceDetector {
     session: GpuSession,
     settings: Settings,
+    crossover: (Crossover, &'static str),
+    canonical: Canonical,
+    lists: Lists,
     pairs: Vec<Pair>,
-    offsets: Vec<u64>,
-    indices: Vec<u32>,
     report: Report,
     backend_reason: String,
 }
@@ -23,9 +26,11 @@ pub(crate) struct DeviceDetector {
 impl DeviceDetector {
     pub(crate) fn new(own: GpuDevice, config: Config, reason: String) -> Result<Self, Error> {
         let settings = config.settings;
+        let crossover = choice::crossover(&config.calibrations, &own.adapter);
         let ratio = config.raster_ratio.unwrap_or(GpuSettings::RASTER_RATIO);
         let gpu = GpuSettings {
             algorithm: settings.algorithm,
+            crossover: crossover.0,
             raster_ratio: ratio.max(GpuSettings::MIN_RASTER_RATIO),
             tau: config.tau.unwrap_or(GpuSettings::TAU),
             interactions: settings.interactions.clone(),
@@ -42,8 +47,8 @@ impl DeviceDetector {
             phases: Vec::new(),
         };
         let session = GpuSession::new(own, gpu)?;
-        let (pairs, offsets, indices) = Default::default();
-        Ok(Self { session, settings, pairs, offsets, indices, report, backend_reason: reason })
+        let (canonical, lists, pairs) = Default::default();
+        Ok(Self { session, settings, crossover, canonical, lists, pairs, report, backend_reason: reason })
     }
 
     pub(crate) fn pairs(&mut self, spheres: Spheres<'_>) -> Result<&[Pair], Error> {
@@ -54,9 +59,9 @@ impl DeviceDetector {
     pub(crate) fn neighbors(&mut self, spheres: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
         self.list(spheres, Order::Canonical)?;
         let start = Instant::now();
-        self.fill_lists(spheres.len());
+        let neighbors = self.lists.fill(&self.pairs, spheres.len());
         self.report.phases.push(Phase { name: "neighbors", time: start.elapsed() });
-        Ok(Neighbors { offsets: &self.offsets, indices: &self.indices })
+        Ok(neighbors)
     }
 
     pub(crate) fn count(&mut self, spheres: Spheres<'_>) -> Result<u64, Error> {
@@ -73,11 +78,15 @@ impl DeviceDetector {
         mut consume: impl FnMut(&[Pair]) -> ControlFlow<()>,
     ) -> Result<u64, Error> {
         let ticket = self.begin(spheres)?;
-        let order = self.settings.order;
-        let mut handed = 0;
-        self.session.finish_in_parts(ticket, |pairs| {
-            if order == Order::Canonical {
-                pairs.par_sort_unstable();
+        let Self { session, settings, canonical, pairs: ordered, .. } = self;
+        let (mut handed, mut refused) = (0, None);
+        session.finish_in_parts(ticket, |pairs| {
+            if settings.order == Order::Canonical {
+                refused = canonical.order(&parts(pairs), spheres.len(), ordered).err();
+                std::mem::swap(pairs, ordered);
+            }
+            if refused.is_some() {
+                return ControlFlow::Break(());
             }
             for part in pairs.chunks(chunk.max(1)) {
                 handed += part.len() as u64;
@@ -86,7 +95,7 @@ impl DeviceDetector {
             ControlFlow::Continue(())
         })?;
         self.conclude(handed);
-        Ok(handed)
+        refused.map_or(Ok(handed), |error| Err(error.into()))
     }
 
     pub(crate) fn report(&self) -> &Report {
@@ -104,26 +113,36 @@ impl DeviceDetector {
 
     fn list(&mut self, spheres: Spheres<'_>, order: Order) -> Result<(), Error> {
         let ticket = self.begin(spheres)?;
-        self.session.finish(ticket, self.settings.max_pairs)?;
-        self.session.swap_pairs(&mut self.pairs);
-        self.conclude(self.pairs.len() as u64);
+        let found = self.session.finish(ticket, self.settings.max_pairs)?;
+        let (start, count) = (Instant::now(), found.len() as u64);
         if order == Order::Canonical {
-            let start = Instant::now();
-            self.pairs.par_sort_unstable();
-            self.report.phases.push(Phase { name: "order", time: start.elapsed() });
+            self.canonical.order(&parts(found), spheres.len(), &mut self.pairs)?;
+        } else {
+            self.session.swap_pairs(&mut self.pairs);
+        }
+        let ordering = start.elapsed();
+        self.conclude(count);
+        if order == Order::Canonical {
+            self.report.phases.push(Phase { name: "order", time: ordering });
         }
         Ok(())
     }
 
-    fn begin(&mut self, spheres: Spheres<'_>) -> Result<super::Ticket, Error> {
+    fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, Error> {
         self.report.phases.clear();
         self.report.spheres = spheres.len() as u64;
         self.report.pairs = 0;
         let start = Instant::now();
-        lazygrid_host::check_species(spheres, self.settings.interactions.as_ref())?;
-        lazygrid_host::check(spheres)?;
+        let survey = Survey::new(spheres, self.settings.interactions.as_ref())?;
         self.report.phases.push(Phase { name: "check", time: start.elapsed() });
+        // Below 2³² by the survey.
+        let load = (spheres.len() as u32, survey.occupied().count());
+        let (algorithm, reason) = choice::algorithm(self.settings.algorithm, load, self.crossover);
+        log::debug!("{reason}");
+        self.report.algorithm = algorithm;
+        self.report.reason = format!("{}; {reason}", self.backend_reason);
         let start = Instant::now();
+        self.session.set_algorithm(algorithm)?;
         let ticket = self.session.begin(spheres)?;
         self.report.phases.push(Phase { name: "upload", time: start.elapsed() });
         Ok(ticket)
@@ -131,35 +150,12 @@ impl DeviceDetector {
 
     fn conclude(&mut self, found: u64) {
         self.report.pairs = found;
-        let algorithm = self.session.algorithm();
-        let why = if self.settings.algorithm == algorithm { "asked for" } else { "by the number of spheres" };
-        self.report.algorithm = algorithm;
-        self.report.reason = format!("{}; {algorithm}: {why}", self.backend_reason);
         self.report.phases.extend_from_slice(self.session.timings());
     }
+}
 
-    /// As pairs come by `i`, then `j`, each sphere's list is ascending when those in which it comes second are
-    /// written before those in which it comes first.
-    fn fill_lists(&mut self, spheres: usize) {
-        let Self { pairs, offsets, indices, .. } = self;
-        offsets.clear();
-        offsets.resize(spheres + 1, 0);
-        for pair in pairs.iter() {
-            offsets[pair.i as usize + 1] += 1;
-            offsets[pair.j as usize + 1] += 1;
-        }
-        for k in 1..=spheres {
-            offsets[k] += offsets[k - 1];
-        }
-        let mut next = offsets[..spheres].to_vec();
-        indices.resize(2 * pairs.len(), 0);
-        let mut put = |of: u32, other: u32| {
-            indices[next[of as usize] as usize] = other;
-            next[of as usize] += 1;
-        };
-        pairs.iter().for_each(|pair| put(pair.j, pair.i));
-        pairs.iter().for_each(|pair| put(pair.i, pair.j));
-    }
+fn parts(pairs: &[Pair]) -> Vec<&[Pair]> {
+    pairs.chunks(pairs.len().div_ceil(PARTS).max(1)).collect()
 }
 
 impl From<GpuError> for Error {

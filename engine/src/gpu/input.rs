@@ -5,15 +5,18 @@ use std::ops::Range;
 use lazygrid_kernels::kernel::GROUP;
 use lazygrid_kernels::{Algorithm, Interactions};
 
-use super::GpuError;
+use super::{Crossover, GpuError};
 #[cfg(doc)]
 use super::{GpuDetector, Outcome};
 
 /// What a [`GpuDetector`] is asked to do.
 #[derive(Clone, Debug)]
 pub struct GpuSettings {
-    /// `Auto`, `Naive`, `ArrayGrid`, `EagerGrid` or `LazyGrid`. Default: `Auto`, decided by the number of spheres a call may have.
+    /// `Auto` or one of [`Algorithm::GPU`]. Default: `Auto`, decided by the number of spheres a call may have.
     pub algorithm: Algorithm,
+    /// Below how many spheres `Auto` tests all pairs; see [`calibrate`](super::calibrate). Radii that are on the GPU
+    /// are taken for one size class. Default: [`Crossover::HARDWARE`].
+    pub crossover: Crossover,
     /// Pairs that the output buffer holds. Default: 2²⁰ (8 MiB). More are counted but not written.
     pub pair_capacity: u32,
     /// Cell edge as a multiple of the largest diameter, 1.5 to 16. Default: 2, for 3.4 entries per sphere.
@@ -47,6 +50,7 @@ impl Default for GpuSettings {
     fn default() -> Self {
         Self {
             algorithm: Algorithm::Auto,
+            crossover: Crossover::HARDWARE,
             pair_capacity: 1 << 20,
             raster_ratio: Self::RASTER_RATIO,
             tau: Self::TAU,
@@ -103,11 +107,8 @@ pub(super) fn check(settings: &GpuSettings) -> Result<(), GpuError> {
         return Err(GpuError::Setting { name: "consumer_group", value: "0".into(), range });
     }
     match settings.algorithm {
-        Algorithm::Auto
-        | Algorithm::Naive
-        | Algorithm::ArrayGrid
-        | Algorithm::EagerGrid
-        | Algorithm::LazyGrid => Ok(()),
+        Algorithm::Auto => Ok(()),
+        named if Algorithm::GPU.contains(&named) => Ok(()),
         other => Err(GpuError::NotOnGpu(other)),
     }
 }

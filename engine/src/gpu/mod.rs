@@ -5,6 +5,7 @@
 //! blocks, [`GpuSession`] carries spheres and pairs between host and device. What a call allocates and dispatches comes from [`plan`], a pure function.
 
 mod adapter;
+mod calibration;
 mod detector;
 mod device_detector;
 mod error;
@@ -19,6 +20,7 @@ mod session;
 mod slot;
 
 pub use adapter::{AdapterSummary, GpuDevice, adapters, wanted_features};
+pub use calibration::{Calibration, Crossover, Sample, calibrate};
 pub use detector::{GpuDetector, read_outcome};
 pub(crate) use device_detector::DeviceDetector;
 pub use error::GpuError;

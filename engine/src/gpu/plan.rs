@@ -15,8 +15,6 @@ use stages::stages;
 pub use stages::{Phase, Stage};
 pub(super) use stages::{flattened, scan_stages, sort_stages};
 
-/// Up to this many spheres all pairs are tested: the grid's fixed number of dispatches costs more.
-const NAIVE_SPHERES: u32 = 4096;
 /// Workgroups of the naive search where there is work for them: enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
 /// The most entries: even if all are in one cell, the crowded search shares them out over one dimension.
@@ -66,7 +64,7 @@ pub struct Request {
     pub pairs: u32,
     /// Entries there is to be room for at least; 0 leaves it to the plan.
     pub entries: u32,
-    /// `Auto`, `Naive`, `ArrayGrid`, `EagerGrid` or `LazyGrid`.
+    /// One of [`Algorithm::GPU`]: what `Auto` means is settled before.
     pub algorithm: Algorithm,
     /// Species of the interaction table; 0 without one.
     pub species: u32,
@@ -87,7 +85,7 @@ pub enum Refinement {
 /// Everything one call needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Never `Auto`.
+    /// What was asked for.
     pub algorithm: Algorithm,
     /// Spheres it is made for.
     pub spheres: u32,
@@ -115,11 +113,7 @@ pub struct Plan {
 /// [`GpuError::LimitExceeded`] where a buffer cannot be bound on the device, [`GpuError::NotOnGpu`] for an
 /// algorithm without kernels.
 pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> {
-    let algorithm = match request.algorithm {
-        Algorithm::Auto if request.spheres <= NAIVE_SPHERES => Algorithm::Naive,
-        Algorithm::Auto => Algorithm::LazyGrid,
-        named => named,
-    };
+    let algorithm = request.algorithm;
     let refinement = match algorithm {
         Algorithm::Naive | Algorithm::ArrayGrid => Refinement::None,
         Algorithm::EagerGrid => Refinement::Every,

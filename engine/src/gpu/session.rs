@@ -36,6 +36,8 @@ pub struct GpuSession {
     tickets: [Weak<()>; SLOTS],
     expected: u64,
     pairs: Vec<Pair>,
+    /// Used where pairs come in windows, to put them together.
+    gathered: Vec<Pair>,
     timings: Vec<Timing>,
     last: Outcome,
 }
@@ -53,6 +55,7 @@ pub struct Ticket {
 #[derive(Debug)]
 struct Flight {
     number: u64,
+    device: wgpu::Device,
     submission: wgpu::SubmissionIndex,
     staging: wgpu::Buffer,
     mapping: Mapping,
@@ -63,7 +66,8 @@ struct Flight {
 impl Drop for Flight {
     /// Whether it landed or was given up: the staging buffer is used again.
     fn drop(&mut self) {
-        self.staging.unmap();
+        // On a device that is gone there is nothing left to unmap, and nobody to be told.
+        let _ = scoped(&self.device, "unmapping", 0, || self.staging.unmap());
     }
 }
 
@@ -75,7 +79,8 @@ impl GpuSession {
     pub fn new(own: GpuDevice, settings: GpuSettings) -> Result<Self, GpuError> {
         Ok(Self {
             raster_ratio: settings.raster_ratio,
-            detector: GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)?,
+            detector: GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)
+                .map_err(|error| own.reason(error))?,
             own,
             timeout: Duration::from_secs(600),
             slots: Default::default(),
@@ -84,6 +89,7 @@ impl GpuSession {
             tickets: Default::default(),
             expected: FIRST_PAIRS,
             pairs: Vec::new(),
+            gathered: Vec::new(),
             timings: Vec::new(),
             last: Outcome::default(),
         })
@@ -97,6 +103,14 @@ impl GpuSession {
     /// What it runs on.
     pub fn adapter(&self) -> &AdapterSummary {
         &self.own.adapter
+    }
+
+    /// Changes which algorithm the calls use that are begun from now on; see [`GpuSettings::algorithm`].
+    ///
+    /// # Errors
+    /// [`GpuError::NotOnGpu`] for one without kernels.
+    pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), GpuError> {
+        self.detector.set_algorithm(algorithm)
     }
 
     /// The algorithm of the last call; `Auto` before the first.
@@ -222,14 +236,15 @@ impl GpuSession {
             self.settle(number, GpuSpheres::ALL, wait).await?;
             return Ok(());
         }
-        let mut all = Vec::new();
-        self.windows(number, found, wait, |pairs| {
+        let mut all = std::mem::take(&mut self.gathered);
+        all.clear();
+        let gathered = self.windows(number, found, wait, |pairs| {
             all.append(pairs);
             ControlFlow::Continue(())
-        })
-        .await?;
-        self.pairs = all;
-        Ok(())
+        });
+        let result = gathered.await;
+        self.gathered = std::mem::replace(&mut self.pairs, all);
+        result
     }
 
     /// Waits for a call and appends the pairs that came back; repeats it with more room for entries, or
@@ -238,7 +253,7 @@ impl GpuSession {
         self.timings.clear();
         let mut ratio = self.raster_ratio;
         loop {
-            let outcome = self.land(number, wait).await?;
+            let outcome = self.land(number, wait).await.map_err(|error| self.own.reason(error))?;
             self.last = outcome;
             if outcome.overflow & Outcome::ENTRIES == 0 {
                 return Ok(outcome);
@@ -323,16 +338,19 @@ impl GpuSession {
         let staged = (*expected).min(capacity.into());
         let staging = slot.staging(own, staged)?;
         let Some(spheres) = slot.spheres.clone() else { return Ok(()) };
-        let mut encoder = own.device.create_command_encoder(&Default::default());
+        let mut encoder =
+            scoped(&own.device, "an encoder", 0, || own.device.create_command_encoder(&Default::default()))?;
         let species = slot.species.as_ref().filter(|_| detector.has_interactions());
         let input = GpuSpheres { spheres: &spheres, count: Count::Host(slot.count), species, window };
         detector.encode(&mut encoder, &input)?;
         let staged = staged.min(staged_pairs(&staging));
         copy_back(&mut encoder, [detector.outcome(), detector.ticks(), detector.pairs()], &staging, staged);
-        let submission = scoped(&own.device, "a call", 0, || own.queue.submit([encoder.finish()]))?;
+        let (submission, mapping) = scoped(&own.device, "a call", 0, || {
+            (own.queue.submit([encoder.finish()]), Mapping::request(&staging))
+        })?;
         own.check_lost()?;
-        let mapping = Mapping::request(&staging);
-        let flight = Flight { number, submission, staging, mapping, staged, capacity };
+        let device = own.device.clone();
+        let flight = Flight { number, device, submission, staging, mapping, staged, capacity };
         self.flights[number as usize % SLOTS] = Some(flight);
         Ok(())
     }

@@ -9,6 +9,8 @@ use lazygrid_bench::read::{Format, Options};
 use lazygrid_bench::scenes::Scene;
 use lazygrid_bench::write::{SphereFormat, TableFormat};
 
+use crate::cache;
+
 /// All pairs of overlapping spheres.
 #[derive(Debug, Parser)]
 #[command(name = "lazygrid", version, arg_required_else_help = true)]
@@ -27,6 +29,12 @@ pub(crate) enum Command {
     Generate(Generate),
     /// List what can run here
     Devices,
+    /// Measure from how many spheres on a grid beats all pairs on the GPU, for `detect` to choose by
+    #[command(
+        after_help = "The result is kept in the user's cache directory, as lazygrid/calibration.json, for the \
+                            adapter, its driver and this version; --json of `detect` says whether it was used."
+    )]
+    Calibrate,
     /// Write a completion script for a shell to standard output
     Completions {
         /// The shell
@@ -139,6 +147,7 @@ impl Detect {
         let order = if self.unordered { Order::Unordered } else { Order::Canonical };
         let config = Config::default().backend(self.backend).algorithm(self.algorithm).order(order);
         let config = with(config, self.periodic, Config::space);
+        let config = if self.backend == Backend::Cpu { config } else { config.calibration(cache::load()) };
         let config = with(config, self.tau, Config::tau);
         let config = with(config, self.raster_ratio, Config::raster_ratio);
         let config = with(config, self.threads.map(NonZeroUsize::get), Config::threads);

@@ -2,6 +2,7 @@ use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use lazygrid::gpu::GpuError;
 use thiserror::Error;
 
 /// Why the command did not do what it was asked for.
@@ -25,6 +26,10 @@ pub(crate) enum Failure {
     SeveralFrames { path: PathBuf },
     #[error("no memory for {spheres} spheres; generate fewer")]
     NoMemory { spheres: u64 },
+    #[error("calibration failed: {0}")]
+    Calibration(GpuError),
+    #[error("there is no place for the calibration; set HOME, or XDG_CACHE_HOME to a directory")]
+    NoCacheDirectory,
     #[error("cannot write to standard output: {0}")]
     Stdout(io::Error),
 }

@@ -1,6 +1,8 @@
 //! The `lazygrid` command: overlapping pairs of the spheres in a file.
 
 mod args;
+mod cache;
+mod calibrate;
 mod detect;
 mod devices;
 mod failure;
@@ -24,6 +26,7 @@ fn main() -> ExitCode {
         Command::Detect(args) => detect::run(&args),
         Command::Generate(args) => generate::run(&args),
         Command::Devices => devices::run(),
+        Command::Calibrate => calibrate::run(),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Args::command(), "lazygrid", &mut script);

@@ -1,0 +1,40 @@
+use std::fmt::Write;
+
+use lazygrid::gpu::{self, GpuDevice};
+
+use crate::failure::Failure;
+use crate::{cache, print};
+
+/// Measures on the GPU that `detect` would take, says what was seen, and keeps it for later runs.
+pub(crate) fn run() -> Result<(), Failure> {
+    let own = GpuDevice::shared(true).map_err(Failure::Calibration)?;
+    print(format!(
+        "{}\n{}\n\nsizes  spheres       naive        grid\n",
+        own.adapter.name, own.adapter.driver
+    ))?;
+    let mut printed = Ok(());
+    let measured = gpu::calibrate(&own, |sample| {
+        let mut row = format!("{:>5}{:>9}", sample.classes, sample.spheres);
+        for time in [sample.naive, sample.grid] {
+            let mut shown = String::new();
+            // Writing to a string cannot fail.
+            let _ = write!(shown, "{time:.2?}");
+            let _ = write!(row, "{shown:>12}");
+        }
+        if printed.is_ok() {
+            printed = print(row + "\n");
+        }
+    });
+    printed?;
+    let measured = measured.map_err(Failure::Calibration)?;
+    let path = cache::keep(&measured)?;
+    let gpu::Crossover { naive_below, per_class } = measured.crossover;
+    let further = match per_class {
+        0 => String::new(),
+        more => format!(", and {more} more for every further size class"),
+    };
+    print(format!(
+        "\nall pairs are tested of fewer than {naive_below} spheres{further}\nkept in {}\n",
+        path.display()
+    ))
+}

@@ -1,0 +1,215 @@
+//! Which backend runs, and which algorithm on a GPU: pure functions, each answer with its reason. The CPU path's own
+//! choice is in `lazygrid_host::choice`.
+
+use lazygrid_kernels::Algorithm;
+
+use crate::gpu::{Calibration, Crossover, GpuError};
+use crate::{Backend, Error};
+
+/// The algorithm of a GPU where there are too many spheres to test all pairs.
+pub(crate) const GRID: Algorithm = Algorithm::LazyGrid;
+
+/// The device to run on, as `open` gives it with its name, or none for the CPU; and why. `open` is told whether a
+/// software adapter will do, and is asked only where a GPU could run.
+///
+/// # Errors
+/// [`Error::NotOnBackend`] for an algorithm that the backend does not have, [`Error::GpuUnavailable`] where nothing
+/// but a GPU will do.
+pub(crate) fn backend<D>(
+    asked: Backend,
+    algorithm: Algorithm,
+    open: impl FnOnce(bool) -> Result<(String, D), GpuError>,
+) -> Result<(Option<D>, String), Error> {
+    let runs_on = |backend: &[Algorithm]| algorithm == Algorithm::Auto || backend.contains(&algorithm);
+    let (on_cpu, on_gpu) = (runs_on(&Algorithm::CPU), runs_on(&Algorithm::GPU));
+    let insist = |why: &str, open: Result<(String, D), GpuError>| match open {
+        Ok((name, device)) => Ok((Some(device), format!("GPU {name}: {why}"))),
+        Err(error) => Err(Error::GpuUnavailable { reason: error.to_string() }),
+    };
+    match asked {
+        _ if !on_cpu && !on_gpu => {
+            Err(Error::GpuUnavailable { reason: format!("this version has no kernels for {algorithm}") })
+        }
+        Backend::Cpu if !on_cpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
+        Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
+        Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
+        Backend::Gpu => insist("asked for", open(true)),
+        Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
+        Backend::Auto if !on_cpu => insist(&format!("{algorithm} runs there only"), open(true)),
+        Backend::Auto => Ok(match open(false) {
+            Ok((name, device)) => (Some(device), format!("GPU {name}: a real GPU")),
+            Err(error) => (None, format!("CPU: {error}")),
+        }),
+    }
+}
+
+/// Where all pairs and the grid cost the same on an adapter, and how that is known.
+pub(crate) fn crossover(
+    calibrations: &[Calibration],
+    adapter: &crate::gpu::AdapterSummary,
+) -> (Crossover, &'static str) {
+    let same = |known: &&Calibration| known.is_of(adapter);
+    match calibrations.iter().rev().find(same) {
+        Some(known) => (known.crossover, "measured on this adapter"),
+        None if adapter.is_hardware => {
+            (Crossover::HARDWARE, "assumed of a GPU, not measured on this adapter")
+        }
+        None => (Crossover::SOFTWARE, "assumed of a software adapter, not measured on this one"),
+    }
+}
+
+/// The algorithm of a call on a GPU where `asked` leaves it open, and why. `known` says how the crossover is known.
+pub(crate) fn algorithm(
+    asked: Algorithm,
+    (spheres, classes): (u32, usize),
+    (crossover, known): (Crossover, &str),
+) -> (Algorithm, String) {
+    if asked != Algorithm::Auto {
+        return (asked, format!("{asked}: asked for"));
+    }
+    let at = crossover.of(classes);
+    let sizes = if classes == 1 { "1 size class" } else { &format!("{classes} size classes") };
+    let (chosen, relation) = if spheres < at { (Algorithm::Naive, "fewer than") } else { (GRID, "at least") };
+    (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({known})"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::AdapterSummary;
+
+    const NONE: GpuError = GpuError::NoAdapter { reason: String::new() };
+
+    /// What a machine has: nothing, a software adapter, or a GPU.
+    fn open(machine: &str) -> impl FnOnce(bool) -> Result<(String, ()), GpuError> {
+        let found = machine.to_owned();
+        move |software| match found.as_str() {
+            "gpu" => Ok((found, ())),
+            "software" if software => Ok((found, ())),
+            _ => Err(NONE),
+        }
+    }
+
+    fn card() -> AdapterSummary {
+        AdapterSummary {
+            name: "Card".to_owned(),
+            driver: "driver 1".to_owned(),
+            api: "vulkan".to_owned(),
+            is_hardware: true,
+            subgroup_sizes: [32; 2],
+            has_subgroups: true,
+            has_timestamps: true,
+            storage_binding: 1 << 31,
+            buffer: 1 << 31,
+            workgroup_memory: 48 << 10,
+            groups_per_dimension: 65_535,
+        }
+    }
+
+    #[test]
+    fn backends() {
+        use Algorithm::{ArrayGrid, Auto, CellList, Naive};
+        let cpu_only = || Error::NotOnBackend { algorithm: CellList, backend: Backend::Gpu };
+        let unavailable = || Error::GpuUnavailable { reason: NONE.to_string() };
+        for (asked, algorithm, machine, expected) in [
+            (Backend::Auto, Auto, "gpu", Ok("GPU gpu: a real GPU")),
+            (Backend::Auto, ArrayGrid, "gpu", Ok("GPU gpu: a real GPU")),
+            (Backend::Auto, Auto, "software", Ok("CPU: no GPU adapter was found")),
+            (Backend::Auto, Auto, "none", Ok("CPU: no GPU adapter was found")),
+            (Backend::Auto, CellList, "gpu", Ok("CPU: cell-list runs there only")),
+            (Backend::Cpu, Auto, "gpu", Ok("CPU: asked for")),
+            (Backend::Cpu, Naive, "none", Ok("CPU: asked for")),
+            (Backend::Gpu, Auto, "software", Ok("GPU software: asked for")),
+            (Backend::Gpu, Naive, "gpu", Ok("GPU gpu: asked for")),
+            (Backend::Gpu, Auto, "none", Err(unavailable())),
+            (Backend::Gpu, CellList, "gpu", Err(cpu_only())),
+        ] {
+            let found = backend(asked, algorithm, open(machine));
+            let case = format!("{asked}, {algorithm}, {machine}: {found:?}");
+            match (found, expected) {
+                (Ok((device, reason)), Ok(expected)) => {
+                    assert!(
+                        reason.starts_with(expected) && device.is_some() == expected.starts_with("GPU"),
+                        "{case}"
+                    );
+                }
+                (found, expected) => assert_eq!(found.err(), expected.err(), "{case}"),
+            }
+        }
+    }
+
+    #[test]
+    fn an_algorithm_of_one_backend_is_found_there_or_refused() {
+        for algorithm in Algorithm::ALL.into_iter().filter(|a| *a != Algorithm::Auto) {
+            let (on_cpu, on_gpu) = (Algorithm::CPU.contains(&algorithm), Algorithm::GPU.contains(&algorithm));
+            assert_eq!(backend(Backend::Cpu, algorithm, open("gpu")).is_ok(), on_cpu, "{algorithm}");
+            assert_eq!(backend(Backend::Gpu, algorithm, open("gpu")).is_ok(), on_gpu, "{algorithm}");
+            let anywhere = backend(Backend::Auto, algorithm, open("software"));
+            assert_eq!(anywhere.is_ok(), on_cpu || on_gpu, "{algorithm}");
+            if let Ok((device, _)) = anywhere {
+                assert_eq!(
+                    device.is_some(),
+                    !on_cpu,
+                    "{algorithm}: software only where nothing else can run it"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn algorithms() {
+        let crossover = Crossover { naive_below: 10_000, per_class: 500 };
+        for (asked, spheres, classes, expected) in [
+            (Algorithm::Auto, 0, 0, Algorithm::Naive),
+            (Algorithm::Auto, 1, 1, Algorithm::Naive),
+            (Algorithm::Auto, 9_999, 1, Algorithm::Naive),
+            (Algorithm::Auto, 10_000, 1, GRID),
+            (Algorithm::Auto, 10_000, 2, Algorithm::Naive),
+            (Algorithm::Auto, 11_999, 5, Algorithm::Naive),
+            (Algorithm::Auto, 12_000, 5, GRID),
+            (Algorithm::Auto, u32::MAX, 256, GRID),
+            (Algorithm::Naive, 1_000_000, 1, Algorithm::Naive),
+            (Algorithm::ArrayGrid, 1, 1, Algorithm::ArrayGrid),
+        ] {
+            let (chosen, reason) = algorithm(asked, (spheres, classes), (crossover, "measured"));
+            assert_eq!(chosen, expected, "{asked}, {spheres} spheres, {classes} classes: {reason}");
+            assert!(reason.starts_with(chosen.name()), "{reason}");
+            assert_eq!(reason.contains("measured"), asked == Algorithm::Auto, "{reason}");
+        }
+        let (_, reason) = algorithm(Algorithm::Auto, (3000, 1), (crossover, "measured on this adapter"));
+        assert_eq!(
+            reason,
+            "naive: 3000 spheres in 1 size class are fewer than 10000 (measured on this adapter)"
+        );
+    }
+
+    #[test]
+    fn a_crossover_never_overflows() {
+        let crossover = Crossover { naive_below: u32::MAX, per_class: u32::MAX };
+        assert_eq!(crossover.of(256), u32::MAX);
+    }
+
+    #[test]
+    fn calibrations_are_of_one_adapter_driver_and_version() {
+        let adapter = card();
+        let measured = |adapter: &str, driver: &str, version: &str, naive_below| Calibration {
+            adapter: adapter.to_owned(),
+            driver: driver.to_owned(),
+            version: version.to_owned(),
+            crossover: Crossover { naive_below, per_class: 0 },
+        };
+        let version = env!("CARGO_PKG_VERSION");
+        let others = [
+            measured("Other card", "driver 1", version, 1),
+            measured("Card", "driver 2", version, 2),
+            measured("Card", "driver 1", "0.0.1", 3),
+        ];
+        let assumed = crossover(&others, &adapter);
+        assert!(assumed.0 == Crossover::HARDWARE && assumed.1.contains("not measured"), "{assumed:?}");
+        let software = AdapterSummary { is_hardware: false, ..adapter.clone() };
+        assert_eq!(crossover(&[], &software).0, Crossover::SOFTWARE);
+        let own = [4, 5].map(|naive_below| measured("Card", "driver 1", version, naive_below));
+        // The last word counts.
+        assert_eq!(crossover(&[&others[..], &own].concat(), &adapter).0.naive_below, 5);
+    }
+}

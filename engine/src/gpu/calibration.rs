@@ -1,0 +1,201 @@
+//! How many spheres it takes until a grid is faster than all pairs, measured on the device.
+
+use std::time::{Duration, Instant};
+
+use lazygrid_kernels::{Algorithm, Sphere, Spheres};
+
+use super::adapter::{AdapterSummary, GpuDevice};
+use super::input::GpuSettings;
+use super::{GpuError, GpuSession};
+use crate::choice::GRID;
+
+/// The numbers of spheres that are tried, until the grid is clearly faster.
+const SIZES: [u32; 10] = [256, 512, 1024, 2048, 4096, 8192, 16_384, 32_768, 65_536, 131_072];
+/// Rounds of which the fastest counts: whatever else a machine does only ever adds time.
+const ROUNDS: usize = 7;
+/// The grid is clearly faster when it takes less than this part of the time.
+const CLEARLY: f64 = 0.7;
+/// The size classes of the scenes that are measured: equal radii, and as in the paper's figure 3b.
+const CLASSES: [usize; 2] = [1, 5];
+/// The part of space that is filled.
+const DENSITY: f32 = 0.05;
+
+/// Below how many spheres testing all pairs is faster than a grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crossover {
+    /// For equal radii.
+    pub naive_below: u32,
+    /// So many spheres more for every further size class (radii of another binary exponent).
+    pub per_class: u32,
+}
+
+impl Crossover {
+    /// Assumed of a GPU that was not measured: the paper's, about 10⁴ on its card (section 4).
+    pub const HARDWARE: Self = Self { naive_below: 10_000, per_class: 0 };
+    /// Assumed of a software adapter that was not measured: what `lazygrid calibrate` says of Mesa's llvmpipe on two
+    /// cores, rounded.
+    pub const SOFTWARE: Self = Self { naive_below: 500, per_class: 0 };
+
+    /// For spheres of so many size classes.
+    pub fn of(self, classes: usize) -> u32 {
+        let further = u32::try_from(classes.saturating_sub(1)).unwrap_or(u32::MAX);
+        self.naive_below.saturating_add(self.per_class.saturating_mul(further))
+    }
+}
+
+/// A [`Crossover`] and what it holds for: one adapter, one driver, one version of this library. To be kept by the
+/// application and given to [`Config::calibration`](crate::Config::calibration); the library itself writes no file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Calibration {
+    /// The adapter's name.
+    pub adapter: String,
+    /// Its driver and the driver's version.
+    pub driver: String,
+    /// The version of this library.
+    pub version: String,
+    /// What was measured.
+    pub crossover: Crossover,
+}
+
+impl Calibration {
+    /// Whether it was measured on this adapter, with this driver and by this version.
+    pub fn is_of(&self, adapter: &AdapterSummary) -> bool {
+        let own = (adapter.name.as_str(), adapter.driver.as_str(), env!("CARGO_PKG_VERSION"));
+        (self.adapter.as_str(), self.driver.as_str(), self.version.as_str()) == own
+    }
+}
+
+/// What a calibration rests on: the fastest of some calls, spheres uploaded and the number of pairs read back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Sample {
+    /// How many size classes the radii have.
+    pub classes: usize,
+    /// How many spheres.
+    pub spheres: u32,
+    /// Time of all pairs.
+    pub naive: Duration,
+    /// Time of the grid that `Auto` takes for many spheres.
+    pub grid: Duration,
+}
+
+/// Measures where a grid overtakes all pairs on this device, which takes some seconds at most. What is measured is
+/// handed to `seen` as it comes.
+///
+/// # Errors
+/// Where the device fails.
+pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calibration, GpuError> {
+    let [one, five] = CLASSES.map(|classes| -> Result<u32, GpuError> {
+        let mut samples = Vec::new();
+        let [mut naive, mut grid] = [session(own, Algorithm::Naive)?, session(own, GRID)?];
+        for spheres in SIZES {
+            let scene = scene(spheres, classes);
+            let [mut naive_time, mut grid_time] = [Duration::MAX; 2];
+            for _ in 0..ROUNDS {
+                naive_time = naive_time.min(time(&mut naive, &scene)?);
+                grid_time = grid_time.min(time(&mut grid, &scene)?);
+            }
+            let sample = Sample { classes, spheres, naive: naive_time, grid: grid_time };
+            seen(&sample);
+            samples.push(sample);
+            if grid_time.as_secs_f64() < naive_time.as_secs_f64() * CLEARLY {
+                break;
+            }
+        }
+        Ok(crossing(&samples))
+    });
+    let (one, five) = (one?, five?);
+    let per_class = five.saturating_sub(one) / (CLASSES[1] - CLASSES[0]) as u32;
+    Ok(Calibration {
+        adapter: own.adapter.name.clone(),
+        driver: own.adapter.driver.clone(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        crossover: Crossover { naive_below: one, per_class },
+    })
+}
+
+fn session(own: &GpuDevice, algorithm: Algorithm) -> Result<GpuSession, GpuError> {
+    GpuSession::new(own.clone(), GpuSettings { algorithm, ..GpuSettings::default() })
+}
+
+fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, GpuError> {
+    let start = Instant::now();
+    let ticket = session.begin(Spheres::from(spheres))?;
+    session.finish_count(ticket)?;
+    Ok(start.elapsed())
+}
+
+/// The number of spheres from which on the grid is the faster, between two that were measured by interpolation of
+/// the logarithms; the first where it always is, beyond the last where it never is.
+fn crossing(samples: &[Sample]) -> u32 {
+    // How far ahead all pairs are; a power of the number of spheres between two samples.
+    let lead = |s: &Sample| (s.grid.as_secs_f64().max(1e-9) / s.naive.as_secs_f64().max(1e-9)).ln();
+    let Some(last) = samples.iter().rposition(|sample| lead(sample) > 0.0) else {
+        return samples.first().map_or(0, |first| first.spheres);
+    };
+    let Some(next) = samples.get(last + 1) else {
+        return samples[last].spheres.saturating_mul(2);
+    };
+    let (here, there) = (lead(&samples[last]), lead(next));
+    let [from, to] = [&samples[last], next].map(|sample| f64::from(sample.spheres).ln());
+    // Both are finite and of opposite sign, or the second is zero.
+    (from + (to - from) * here / (here - there)).exp().round() as u32
+}
+
+/// Spheres spread evenly over a cube, of radii 1, 1/2, 1/4, … in turn.
+fn scene(spheres: u32, classes: usize) -> Vec<Sphere> {
+    let radius = |k: usize| 0.5_f32.powi((k % classes) as i32);
+    let volume = (0..spheres as usize).map(|k| 4.188_79 * radius(k).powi(3)).sum::<f32>();
+    let edge = (volume / DENSITY).cbrt();
+    // Additive recurrence by powers of the root of x⁴ = x + 1: evenly spread, and the same everywhere.
+    const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2];
+    let place = |k: usize| STEPS.map(|step| (k as f64 * step).fract() as f32 * edge);
+    (0..spheres as usize).map(|k| Sphere::new(place(k), radius(k))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn samples(times: &[(u32, u64, u64)]) -> Vec<Sample> {
+        let sample = |&(spheres, naive, grid): &(u32, u64, u64)| Sample {
+            classes: 1,
+            spheres,
+            naive: Duration::from_micros(naive),
+            grid: Duration::from_micros(grid),
+        };
+        times.iter().map(sample).collect()
+    }
+
+    #[test]
+    fn a_crossing_lies_where_times_are_equal() {
+        for (times, expected) in [
+            (&[][..], 0..=0),
+            (&[(256, 20, 10)], 256..=256),
+            (&[(256, 10, 20), (512, 10, 20)], 1024..=1024),
+            (&[(1000, 100, 400), (2000, 400, 400)], 2000..=2000),
+            // All pairs grow with the square: equal at the geometric mean.
+            (&[(1000, 100, 200), (2000, 400, 200)], 1414..=1415),
+            // One slip of the clock before the crossing does not count.
+            (&[(1000, 300, 200), (2000, 100, 200), (4000, 400, 200)], 2828..=2829),
+            (&[(1000, 0, 0), (2000, 0, 0)], 1000..=1000),
+        ] {
+            let found = crossing(&samples(times));
+            assert!(expected.contains(&found), "{times:?}: {found}");
+        }
+    }
+
+    #[test]
+    fn scenes_fill_space_as_they_say() {
+        for classes in CLASSES {
+            let spheres = scene(10_000, classes);
+            let edge = spheres.iter().map(|s| s.center.x).fold(0.0, f32::max);
+            let volume: f32 = spheres.iter().map(|s| 4.188_79 * s.radius.powi(3)).sum();
+            assert!((volume / edge.powi(3) - DENSITY).abs() < 0.01, "{classes} classes");
+            let mut radii: Vec<u32> = spheres.iter().map(|s| s.radius.to_bits()).collect();
+            radii.sort_unstable();
+            radii.dedup();
+            assert_eq!(radii.len(), classes);
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! Devices that are lost in mid-run, and requests that are too large: a typed error, and the way on from there.
+//! The process shares one device, so that the tests that destroy it take turns.
+
+mod common;
+
+use std::ops::ControlFlow;
+use std::process::Command;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use common::{Random, device};
+use lazygrid::gpu::{GpuDevice, GpuError, GpuSession, GpuSettings, wgpu};
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, Pair, Sphere, Spheres};
+
+/// Whoever holds it has the shared device for itself.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn cloud(n: usize) -> Vec<Sphere> {
+    let mut random = Random(n as u64);
+    (0..n).map(|_| Sphere::new([0; 3].map(|_| (random.word() % 512) as f32 / 64.0), 0.25)).collect()
+}
+
+fn gpu() -> Detector {
+    Detector::new(Config::default().backend(Backend::Gpu)).expect("an adapter")
+}
+
+fn on_cpu(spheres: &[Sphere]) -> Vec<Pair> {
+    let mut detector = Detector::new(Config::default().backend(Backend::Cpu)).expect("the CPU");
+    detector.pairs(spheres).expect("valid").to_vec()
+}
+
+fn assert_lost<T>(result: Result<T, impl Into<Error>>) {
+    let error = result.err().expect("the device is gone").into();
+    assert!(matches!(error, Error::Gpu(GpuError::DeviceLost { .. })), "{error}");
+    assert!(error.to_string().contains("make a new device and a new detector"), "{error}");
+}
+
+#[test]
+fn calls_in_flight_when_the_device_goes_are_told_so() {
+    let Some(own) = device() else { return };
+    let spheres = cloud(3000);
+    let mut session = GpuSession::new(own.clone(), GpuSettings::default()).expect("made");
+    let tickets = [(); 2].map(|()| session.begin(Spheres::from(&spheres)).expect("begun"));
+    own.device.destroy();
+    for ticket in tickets {
+        assert_lost(session.finish(ticket, u64::MAX));
+    }
+    // Nor does it come back.
+    for _ in 0..2 {
+        match session.begin(Spheres::from(&spheres)) {
+            Ok(ticket) => assert_lost(session.finish_count(ticket)),
+            Err(error) => assert_lost::<()>(Err(error)),
+        }
+    }
+    assert_lost(GpuSession::new(own, GpuSettings::default()));
+}
+
+#[test]
+fn a_host_application_that_destroys_its_device_is_told_so() {
+    let Some(own) = device() else { return };
+    let lent = GpuDevice::lent(&own.device, &own.queue);
+    let spheres = cloud(3000);
+    let mut session = GpuSession::new(lent, GpuSettings::default()).expect("made");
+    let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+    own.device.destroy();
+    assert_lost(session.finish(ticket, u64::MAX));
+    match session.begin(Spheres::from(&spheres)) {
+        Ok(ticket) => assert_lost(session.finish_count(ticket)),
+        Err(error) => assert_lost::<()>(Err(error)),
+    }
+}
+
+#[test]
+fn a_new_detector_gives_the_same_answer() {
+    let Some(_) = device() else { return };
+    let _alone = alone();
+    let spheres = cloud(12_000);
+    let expected = on_cpu(&spheres);
+    let mut detector = gpu();
+    assert_eq!(detector.pairs(&spheres).expect("found"), expected);
+    GpuDevice::shared(true).expect("the detector's").device.destroy();
+    assert_lost(detector.pairs(&spheres));
+    assert_lost(detector.count(&spheres));
+    assert_lost(detector.neighbors(&spheres));
+    // The dead device is not handed out again.
+    let mut detector = gpu();
+    assert_eq!(detector.pairs(&spheres).expect("found"), expected);
+    assert_eq!(detector.count(&spheres).expect("counted"), expected.len() as u64);
+}
+
+#[test]
+fn a_stream_whose_device_goes_ends_with_the_error() {
+    let Some(_) = device() else { return };
+    let _alone = alone();
+    // More pairs than an output holds, so that the stream is several searches.
+    let spheres = vec![Sphere::new([1.0; 3], 0.5); 3000];
+    let mut detector = gpu();
+    let mut handed = 0;
+    let streamed = detector.stream(&spheres, 1 << 16, |pairs| {
+        if handed == 0 {
+            GpuDevice::shared(true).expect("the detector's").device.destroy();
+        }
+        handed += pairs.len();
+        ControlFlow::Continue(())
+    });
+    assert_lost(streamed);
+    assert!(0 < handed && handed < 3000 * 2999 / 2, "{handed}");
+    let mut again = 0;
+    let streamed = gpu().stream(&spheres, 1 << 16, |pairs| {
+        again += pairs.len();
+        ControlFlow::Continue(())
+    });
+    assert_eq!((streamed, again), (Ok(3000 * 2999 / 2), 3000 * 2999 / 2));
+}
+
+#[test]
+fn a_request_beyond_the_device_leaves_the_detector_usable() {
+    let Some(own) = device() else { return };
+    let _alone = alone();
+    let few = cloud(2000);
+    let expected = on_cpu(&few);
+    let mut detector = gpu();
+    for _ in 0..2 {
+        let many = vec![Sphere::default(); (own.adapter.storage_binding / 16) as usize + 1];
+        let Err(Error::Gpu(GpuError::LimitExceeded { needed, limit, .. })) = detector.count(&many) else {
+            panic!("{} spheres do not fit one binding", many.len())
+        };
+        assert!(needed > limit, "{needed} {limit}");
+        assert_eq!(detector.pairs(&few).expect("found"), expected);
+    }
+}
+
+/// Where a software adapter's memory is that of the process, the system can be told to grant no more of it. In a
+/// process of its own, as nothing else there could run.
+#[test]
+fn out_of_memory_leaves_the_detector_usable() {
+    let Some(own) = device() else { return };
+    let has_prlimit = cfg!(target_os = "linux") && Command::new("prlimit").arg("--version").output().is_ok();
+    if own.adapter.is_hardware || !has_prlimit {
+        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+        {
+            eprintln!("skipped: needs a software adapter on Linux, and prlimit");
+        }
+        return;
+    }
+    if std::env::var_os(IN_CHILD).is_some() {
+        return run_out_of_memory();
+    }
+    let child = Command::new(std::env::current_exe().expect("this test"))
+        .args(["--exact", "out_of_memory_leaves_the_detector_usable", "--nocapture"])
+        .env(IN_CHILD, "")
+        .output()
+        .expect("a process");
+    assert!(child.status.success(), "{}", String::from_utf8_lossy(&child.stderr));
+}
+
+const IN_CHILD: &str = "LAZYGRID_OUT_OF_MEMORY";
+
+fn run_out_of_memory() {
+    let (few, many) = (cloud(2000), vec![Sphere::default(); 1_000_000]);
+    let expected = on_cpu(&few);
+    let mut detector = Detector::new(Config::default().backend(Backend::Gpu).algorithm(Algorithm::ArrayGrid))
+        .expect("an adapter");
+    assert_eq!(detector.pairs(&few).expect("found"), expected);
+    let statm = std::fs::read_to_string("/proc/self/statm").expect("Linux");
+    let pages: u64 = statm.split(' ').next().and_then(|word| word.parse().ok()).expect("pages");
+    let (id, limit) = (std::process::id().to_string(), pages * 4096 + (100 << 20));
+    let allow = |bytes: &str| {
+        let done = Command::new("prlimit").args(["--pid", &id, &format!("--as={bytes}:")]).status();
+        assert!(done.expect("prlimit runs").success());
+    };
+    allow(&limit.to_string());
+    let refused = detector.count(&many);
+    allow("unlimited");
+    assert!(matches!(refused, Err(Error::Gpu(GpuError::OutOfMemory { .. }))), "{refused:?}");
+    assert_eq!(detector.pairs(&few).expect("found"), expected);
+}
