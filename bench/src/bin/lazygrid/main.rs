@@ -7,6 +7,7 @@ mod failure;
 mod generate;
 mod input;
 mod progress;
+mod simulate;
 mod summary;
 
 use std::io::{self, Write};
@@ -23,6 +24,7 @@ fn main() -> ExitCode {
     let result = match args.command {
         Command::Detect(args) => detect::run(&args),
         Command::Generate(args) => generate::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         Command::Devices => devices::run(),
         Command::Completions { shell } => {
             let mut script = Vec::new();
