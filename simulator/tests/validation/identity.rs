@@ -2,7 +2,7 @@
 
 use lazygrid::Algorithm;
 use lazygrid_sim::{
-    Boundary, Contact, Decay, Kind, Model, Particles, Reaction, Receiver, Shape, Simulation, State,
+    Axis, Boundary, Contact, Decay, Kind, Model, Particles, Reaction, Receiver, Shape, Simulation, State,
 };
 
 use crate::Row;
@@ -38,7 +38,13 @@ fn model() -> Model {
         decays: vec![Decay { name: "C -> B".to_owned(), reactant: 2, product: Some(1), rate: 1.0 }],
         transmitters: vec![burst(Shape::Point, &[(0, 100), (1, 100)]), late],
         receivers: vec![receiver(Kind::Absorbing, 2.5), receiver(Kind::Endpoint, -2.5)],
-        boundary: Boundary::reflecting([-3.0; 3], [3.0, 2.0, 2.5]),
+        boundary: Boundary {
+            axes: [
+                Axis::Reflecting { low: -3.0, high: 3.0 },
+                Axis::Periodic { low: -3.0, high: 2.0 },
+                Axis::Periodic { low: -3.0, high: 2.5 },
+            ],
+        },
         contact: Contact::Separate,
     }
 }
