@@ -1,4 +1,4 @@
-use std::num::NonZeroUsize;
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -27,6 +27,8 @@ pub(crate) enum Command {
     Detect(Detect),
     /// Write a scene to a file
     Generate(Generate),
+    /// Run a scenario of diffusing, reacting and colliding particles
+    Simulate(Simulate),
     /// List what can run here
     Devices,
     /// Measure from how many spheres on a grid beats all pairs on the GPU, for `detect` to choose by
@@ -137,6 +139,65 @@ pub(crate) struct Generate {
     #[arg(long, short, value_name = "PATH", value_parser = PathWith(SphereFormat::from_extension, ".npy, .csv or .xyz"))]
     pub(crate) output: (PathBuf, SphereFormat),
 }
+
+/// Runs a scenario: particles are released, diffuse, react, collide and are received. The result depends on the
+/// scenario and the seed alone.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Output, in the directory:
+  series.csv          a row after every so many steps: step, time, particles by species, reactions and decays so
+                      far, what receivers say by species, pairs and settled overlaps of the last step
+  frames.xyz          frames in extended XYZ, where the scenario asks for them
+  frame-000000000.npy frames as structured arrays: id, species, x, y, z, r
+  checkpoint          what --resume goes on from; also after Ctrl-C, which ends the run with exit code 130
+
+Examples:
+  lazygrid simulate simulator/scenarios/acid-base.toml
+  lazygrid simulate burst.toml --seed 7 --steps 500 --output seed-7
+  lazygrid simulate burst.toml --seed 7 --steps 1000 --output seed-7 --resume")]
+pub(crate) struct Simulate {
+    /// The scenario, a TOML file
+    pub(crate) scenario: PathBuf,
+    /// The directory to write to [default: the scenario's name without .toml]
+    #[arg(long, short, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    /// The seed of the random numbers [default: the scenario's]
+    #[arg(long, value_name = "S")]
+    pub(crate) seed: Option<u64>,
+    /// How many steps the run has in all [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) steps: Option<u32>,
+    /// Write a row of the series after every N steps [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) every: Option<NonZeroU32>,
+    /// Write a frame after every N steps [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) frames_every: Option<NonZeroU32>,
+    /// Write a checkpoint after every N steps besides that at the end [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) checkpoint_every: Option<NonZeroU32>,
+    /// Go on from the checkpoint in the output directory
+    #[arg(long, conflicts_with = "overwrite")]
+    pub(crate) resume: bool,
+    /// Replace the run that is in the output directory
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// How pairs are found, on the CPU; it does not change the result
+    #[arg(long, default_value_t, value_parser = one_of(ON_CPU.map(Algorithm::name)).try_map(|name| name.parse::<Algorithm>()))]
+    pub(crate) algorithm: Algorithm,
+    /// Threads of the CPU [default: all]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
+}
+
+/// What can find pairs for a simulation.
+const ON_CPU: [Algorithm; 6] = [
+    Algorithm::Auto,
+    Algorithm::Naive,
+    Algorithm::HashGrid,
+    Algorithm::ArrayGrid,
+    Algorithm::RecursiveGrid,
+    Algorithm::CellList,
+];
 
 impl Detect {
     pub(crate) fn options(&self) -> Options {
