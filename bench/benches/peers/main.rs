@@ -4,7 +4,6 @@
 //! `cargo bench -p lazygrid-bench --bench peers -- --mode running --scene equal --n 100000 --rounds 9`
 #![allow(clippy::print_stdout)]
 
-mod parry;
 mod sizes;
 
 use std::error::Error;
@@ -14,6 +13,7 @@ use std::path::PathBuf;
 use clap::{Parser, ValueEnum};
 use lazygrid::{Algorithm, Backend, Config, Order};
 use lazygrid_bench::measure::{Contender, Options, Plan, Timing, compare, markdown, provenance};
+use lazygrid_bench::peers::parry;
 
 /// Above this many spheres the naive detector is left out: its time grows with the square.
 const NAIVE_LIMIT: usize = 20_000;
