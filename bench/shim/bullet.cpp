@@ -103,6 +103,10 @@ World* lazygrid_bullet_new(float margin, int deferred) {
     }
 }
 
+int lazygrid_bullet_version() {
+    return btGetVersion();
+}
+
 void lazygrid_bullet_free(World* world) {
     delete world;
 }

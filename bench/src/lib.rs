@@ -1,5 +1,6 @@
 //! What the `lazygrid` command, the tests and the benchmarks share.
 
+pub mod figures;
 pub mod measure;
 pub mod peers;
 pub mod read;

@@ -1,6 +1,7 @@
 //! How benchmarks compare ways to find pairs: the same spheres for all, answers checked before any time is
 //! reported, rounds interleaved, ratios taken within rounds.
 
+pub mod memory;
 mod options;
 mod present;
 

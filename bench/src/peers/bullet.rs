@@ -27,6 +27,12 @@ pub fn running(name: impl Into<String>, tuning: Tuning) -> Contender {
     Contender::new(name, move || Bullet::new(tuning))
 }
 
+/// The version of Bullet's headers.
+pub fn version() -> String {
+    let version = lazygrid_bullet_version();
+    format!("{}.{:02}", version / 100, version % 100)
+}
+
 #[repr(C)]
 struct World {
     _private: [u8; 0],
@@ -34,6 +40,7 @@ struct World {
 
 unsafe extern "C" {
     fn lazygrid_bullet_new(margin: f32, deferred: c_int) -> *mut World;
+    safe fn lazygrid_bullet_version() -> c_int;
     fn lazygrid_bullet_free(world: *mut World);
     fn lazygrid_bullet_step(
         world: *mut World,
@@ -77,9 +84,8 @@ impl Search for Bullet {
         let (mut pairs, mut found) = (std::ptr::null(), 0);
         // SAFETY: `spheres` are `n` rows of four floats (`Sphere` is `repr(C)`), read during the call only, and as many
         // as there are proxies. `world` is alive and used by one thread at a time, as `self` is borrowed mutably.
-        let done = unsafe {
-            lazygrid_bullet_step(self.world.as_ptr(), spheres.as_ptr(), n, &mut pairs, &mut found)
-        };
+        let done =
+            unsafe { lazygrid_bullet_step(self.world.as_ptr(), spheres.as_ptr(), n, &mut pairs, &mut found) };
         if !done {
             return Err("Bullet ran out of memory".into());
         }

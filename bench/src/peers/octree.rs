@@ -147,10 +147,10 @@ impl Octree {
     /// One leaf around all spheres, with room for them to spread.
     fn rebuild(&mut self) {
         let none = Bounds { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
-        let all = self.boxes.iter().fold(none, |all, b| Bounds {
-            low: all.low.min(b.low),
-            high: all.high.max(b.high),
-        });
+        let all = self
+            .boxes
+            .iter()
+            .fold(none, |all, b| Bounds { low: all.low.min(b.low), high: all.high.max(b.high) });
         let middle = 0.5 * (all.low + all.high);
         let half = ROOM * 0.5 * (all.high - all.low).max_element().max(f32::MIN_POSITIVE);
         let cell = Bounds { low: middle - half, high: middle + half };

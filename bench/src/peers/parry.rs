@@ -25,9 +25,26 @@ enum Upkeep {
 /// The tunings for a tree that lives from step to step. Rebuilding it now and then is none of them: within a
 /// hundred steps of the scenes the refitted tree does not get worse by what that costs.
 pub fn running() -> Vec<Contender> {
-    [("refit", Upkeep::Refit), ("refit, margin", Upkeep::Fat(0.2)), ("refit, optimised", Upkeep::Optimize)]
-        .map(|(name, upkeep)| Contender::new(format!("parry3d {name}"), move || Ok(Living::new(upkeep))))
-        .into()
+    vec![
+        refitted("parry3d refit"),
+        with_margin("parry3d refit, margin"),
+        optimised("parry3d refit, optimised"),
+    ]
+}
+
+/// A tree that is refitted at every step.
+pub fn refitted(name: impl Into<String>) -> Contender {
+    Contender::new(name, || Ok(Living::new(Upkeep::Refit)))
+}
+
+/// The same, with boxes a fifth of the radius larger on every side.
+pub fn with_margin(name: impl Into<String>) -> Contender {
+    Contender::new(name, || Ok(Living::new(Upkeep::Fat(0.2))))
+}
+
+/// The same, a part of it rebuilt at every step.
+pub fn optimised(name: impl Into<String>) -> Contender {
+    Contender::new(name, || Ok(Living::new(Upkeep::Optimize)))
 }
 
 /// The two ways to build a tree from nothing.

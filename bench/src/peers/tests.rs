@@ -29,11 +29,13 @@ fn peers_agree_with_the_judge() {
 fn a_cloud_that_spreads_and_gathers() {
     let mut spheres = Scene::FiveSizes.spheres(4000, 5);
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
-    let searches = [Contender::list("naive", judge), octree::running(), cell_list::running(), sweep::running()];
+    let searches =
+        [Contender::list("naive", judge), octree::running(), cell_list::running(), sweep::running()];
     let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
     for factor in [1.0, 1.2, 1.5, 0.5, 0.5, 0.3, 1.0, 2.0, 1.4] {
         spheres.iter_mut().for_each(|sphere| sphere.center *= factor);
-        let digests: Vec<_> = searches.iter_mut().map(|s| crate::measure::Digest::of(&s.run(&spheres).unwrap())).collect();
+        let digests: Vec<_> =
+            searches.iter_mut().map(|s| crate::measure::Digest::of(&s.run(&spheres).unwrap())).collect();
         assert!(digests.iter().all(|d| d == &digests[0]), "factor {factor}: {digests:?}");
     }
 }

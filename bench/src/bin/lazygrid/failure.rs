@@ -25,6 +25,12 @@ pub(crate) enum Failure {
     SeveralFrames { path: PathBuf },
     #[error("no memory for {spheres} spheres; generate fewer")]
     NoMemory { spheres: u64 },
+    #[error("{0}")]
+    Figures(String),
+    #[error("{errors} measurements have a wrong answer or failed; {} names them", report.display())]
+    WrongAnswers { errors: usize, report: PathBuf },
+    #[error("{slower} measurements became slower and {broken} broke")]
+    Slower { slower: usize, broken: usize },
     #[error("cannot write to standard output: {0}")]
     Stdout(io::Error),
 }

@@ -1,9 +1,11 @@
 //! The `lazygrid` command: overlapping pairs of the spheres in a file.
 
 mod args;
+mod compare;
 mod detect;
 mod devices;
 mod failure;
+mod figures;
 mod generate;
 mod input;
 mod progress;
@@ -24,6 +26,9 @@ fn main() -> ExitCode {
         Command::Detect(args) => detect::run(&args),
         Command::Generate(args) => generate::run(&args),
         Command::Devices => devices::run(),
+        Command::Figures(args) => figures::run(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::MeasureMemory(args) => figures::measure_memory(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Args::command(), "lazygrid", &mut script);
