@@ -108,9 +108,10 @@ impl Engine {
         }
     }
 
-    /// Whether its time grows with the square of the number of spheres.
+    /// Whether its time grows with the square of the number of spheres, or nearly.
     pub(super) fn is_quadratic(self) -> bool {
-        matches!(self, Self::Cpu { algorithm: Algorithm::Naive, .. } | Self::Gpu(Algorithm::Naive))
+        let naive = Self::Cpu { algorithm: Algorithm::Naive, threads: None, tau: None, ratio: None };
+        self == naive || matches!(self, Self::Gpu(Algorithm::Naive) | Self::SortAndSweep)
     }
 
     /// Every engine by the name of the memory measurements, single-threaded.

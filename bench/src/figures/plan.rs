@@ -259,7 +259,8 @@ fn engines(figure: Figure) -> Vec<Engine> {
             cpu.into_iter().chain(gpu).collect()
         }
         Figure::F4 => {
-            let ours = [Algorithm::RecursiveGrid, Algorithm::Auto].map(|a| Engine::cpu(a, Some(1)));
+            // In a pool of one thread.
+            let ours = [Algorithm::RecursiveGrid, Algorithm::Auto].map(|a| Engine::cpu(a, None));
             let trees = [Engine::BulletAsShipped, Engine::BulletTuned, Engine::Parry];
             let more = [Engine::ParryMargin, Engine::ParryOptimised, Engine::PlainCellList];
             ours.into_iter().chain(trees).chain(more).collect()

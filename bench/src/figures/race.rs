@@ -19,6 +19,9 @@ use crate::peers::cell_list;
 /// Above this many spheres the reference is the plain cell list, itself held against the naive detector below.
 const NAIVE_REFERENCE: usize = 20_000;
 
+/// For how many times the time that it has an engine may go on until it has run often enough.
+const MORE: u32 = 3;
+
 /// Why a peer cannot take part.
 #[derive(Clone, Copy, Debug, Error)]
 #[error("{0}")]
@@ -45,7 +48,7 @@ impl Search for Nothing {
 pub(super) struct Limits {
     /// No more runs than this.
     pub(super) runs: usize,
-    /// Fewer only than this many if they take longer than `time`.
+    /// Fewer only where they take [`MORE`] times as long as they may.
     pub(super) at_least: usize,
     /// No further run after this much time.
     pub(super) time: Duration,
@@ -131,7 +134,8 @@ impl Lane {
 
     fn is_done(&self, limits: Limits) -> bool {
         let runs = self.row.wall.len();
-        self.search.is_none() || runs >= limits.runs || (runs >= limits.at_least && self.used >= limits.time)
+        let enough = runs >= limits.at_least || self.used >= MORE * limits.time;
+        self.search.is_none() || runs >= limits.runs || (enough && self.used >= limits.time)
     }
 
     fn run(&mut self, spheres: &[Sphere], warm_up: bool) {

@@ -5,9 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, UNIX_EPOCH};
 
+use rayon::ThreadPoolBuilder;
 use serde::{Deserialize, Serialize};
 
-use super::plan::{Motion, Point, Scale, Settings};
+use super::plan::{Figure, Motion, Point, Scale, Settings};
 use super::race::{Limits, Race};
 use super::row::{Results, Row, Status};
 use super::{Engine, Environment, burst, memory};
@@ -76,7 +77,7 @@ pub fn run(
         rows.extend(new);
     }
     report(&Progress { done: points.len(), points: points.len(), next: String::new(), left: Duration::ZERO });
-    let order = |row: &Row| super::Figure::ALL.iter().position(|figure| figure.name() == row.figure);
+    let order = |row: &Row| Figure::ALL.iter().position(|figure| figure.name() == row.figure);
     rows.sort_by_key(order);
     let seconds = started.elapsed().as_secs_f64();
     Ok(Results { environment, settings: settings.clone(), seconds, rows })
@@ -147,7 +148,12 @@ fn rows_of(
                 None => *spheres = point.scene.spheres(point.n, settings.seed),
                 Some(step) => Scene::advance(spheres, settings.seed, step as u32),
             };
-            race(Race::new(point, limits, left_out), sample)
+            let single = || race(Race::new(point, limits, left_out), sample).map_err(|e| e.to_string());
+            match point.figure {
+                // A pool per detector would add the way to its thread and back to every call.
+                Figure::F4 => Ok(ThreadPoolBuilder::new().num_threads(1).build()?.install(single)?),
+                _ => Ok(single()?),
+            }
         }
     }
 }
@@ -167,13 +173,14 @@ fn race(
     Ok(race.take_rows(None))
 }
 
-/// About how many seconds a run takes, from the largest smaller point of the same figure and scene.
+/// About how many seconds a run takes, from the largest smaller point of the same figure and scene and
+/// the slowest moment there.
 fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
     let name = engine.to_string();
     let same = earlier.iter().filter(|row| {
         row.figure == point.figure.name() && row.scene == point.scene.name() && row.engine == name
     });
-    let last = same.max_by_key(|row| row.n)?;
+    let last = same.max_by(|a, b| a.n.cmp(&b.n).then(a.median().total_cmp(&b.median())))?;
     if last.status == Status::LeftOut {
         return Some(f64::INFINITY);
     }

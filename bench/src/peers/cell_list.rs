@@ -10,7 +10,7 @@ use super::class::Class;
 use crate::measure::{Contender, Found, Search};
 
 /// Sizes of a class are within this factor of each other.
-const CLASS: f32 = 2.0;
+const CLASS: f32 = 4.0;
 /// The smallest spheres, and points, share the last of this many classes.
 const CLASSES: usize = 24;
 
@@ -48,6 +48,30 @@ impl Search for CellList {
         if self.spheres != spheres.len() {
             self.classify(spheres);
         }
+        self.find(spheres);
+        Ok(Found::Pairs(&self.pairs))
+    }
+}
+
+impl CellList {
+    fn find(&mut self, spheres: &[Sphere]) {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor was just asked whether it has what the function needs.
+            return unsafe { self.find_with_avx2(spheres) };
+        }
+        self.find_plainly(spheres);
+    }
+
+    /// The same code, for which the compiler may use wider vectors.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn find_with_avx2(&mut self, spheres: &[Sphere]) {
+        self.find_plainly(spheres);
+    }
+
+    #[inline(always)]
+    fn find_plainly(&mut self, spheres: &[Sphere]) {
         self.pairs.clear();
         for class in &mut self.classes {
             class.build(spheres);
@@ -58,6 +82,5 @@ impl Search for CellList {
                 class.pairs_with(finer, spheres, &mut self.pairs);
             }
         }
-        Ok(Found::Pairs(&self.pairs))
     }
 }

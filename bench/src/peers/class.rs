@@ -81,13 +81,13 @@ impl Class {
     }
 
     /// The cell of a point; what lies outside belongs to the border, which keeps neighbours neighbours.
-    #[inline]
+    #[inline(always)]
     fn cell(&self, point: Vec3) -> UVec3 {
         let cell = ((point - self.origin) * self.per_edge).max(Vec3::ZERO);
         cell.as_uvec3().min(self.cells - UVec3::ONE)
     }
 
-    #[inline]
+    #[inline(always)]
     fn key(&self, cell: UVec3) -> u32 {
         (cell.z * self.cells.y + cell.y) * self.cells.x + cell.x
     }
@@ -110,6 +110,7 @@ impl Class {
 
     /// All pairs within the class: each sphere with those behind it in its row of cells, and with the rows that
     /// come after its own.
+    #[inline(always)]
     pub(super) fn pairs_within(&self, spheres: &[Sphere], pairs: &mut Vec<Pair>) {
         for at in 0..self.order.len() {
             let sphere = self.at(at);
@@ -128,6 +129,7 @@ impl Class {
     }
 
     /// All pairs of this class with the spheres of a finer one.
+    #[inline(always)]
     pub(super) fn pairs_with(&self, finer: &Self, spheres: &[Sphere], pairs: &mut Vec<Pair>) {
         for at in 0..finer.order.len() {
             let sphere = finer.at(at);
@@ -140,11 +142,13 @@ impl Class {
         }
     }
 
+    #[inline(always)]
     fn at(&self, at: usize) -> Sphere {
         Sphere::new([self.x[at], self.y[at], self.z[at]], self.r[at])
     }
 
     /// The cells in which centres of this class that the sphere touches lie.
+    #[inline(always)]
     fn around(&self, sphere: &Sphere) -> (UVec3, UVec3) {
         // More than all rounding, here and in the cell of a centre.
         let reach = (sphere.radius + self.largest) * 1.0001 + sphere.center.abs().max_element() * 4e-7;
@@ -152,13 +156,14 @@ impl Class {
         (self.cell(sphere.center - reach), self.cell(sphere.center + reach))
     }
 
+    #[inline(always)]
     fn run(&self, y: u32, z: u32, low: u32, high: u32) -> std::ops::Range<usize> {
         let row = (z * self.cells.y + y) * self.cells.x;
         self.starts[(row + low) as usize] as usize..self.starts[(row + high) as usize + 1] as usize
     }
 
     /// Compares a sphere with a run of this class, `LANES` at a time.
-    #[inline]
+    #[inline(always)]
     fn compare(
         &self,
         sphere: &Sphere,
@@ -186,7 +191,7 @@ impl Class {
     }
 
     /// Which of the `LANES` spheres from `from` on touch, give or take rounding.
-    #[inline]
+    #[inline(always)]
     fn near(&self, sphere: &Sphere, from: usize) -> u32 {
         let lanes = from..from + LANES;
         let (x, y) = (&self.x[lanes.clone()], &self.y[lanes.clone()]);

@@ -1,6 +1,7 @@
 //! Figures 4 and 5: lazygrid beside others, and where the others are faster.
 
 use std::error::Error;
+use std::fmt;
 
 use super::super::plan::Figure;
 use super::super::row::{Row, Status};
@@ -20,7 +21,8 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
             "Every sphere moves by a tenth of its radius in a random direction at each step, up to 100 steps, fewer \
              where they take long. Bullet is the real library: one proxy per sphere, kept; as shipped, and with the \
              margin that suits the scene best. parry3d is what a Rust program would take. The plain cell list is the \
-             yardstick. Ratios are taken step by step; above 1, lazygrid is faster."
+             yardstick. Ratios are of all steps that both ran, as a tree with a \
+             margin is written, and slow, only now and then; above 1, lazygrid is faster."
                 .to_owned(),
         ],
         ..Section::default()
@@ -93,9 +95,9 @@ fn find<'a>(rows: &[&'a Row], engine: &str, n: usize) -> Option<&'a Row> {
 /// Nanoseconds per sphere and step.
 fn per_sphere(scene: &str, rows: &[&Row]) -> Table {
     let (engines, sizes) = (engines(rows), sizes(rows));
-    let shown = |row: &Row| format!("{:.0} ({})", row.median() * 1e9 / row.n as f64, row.wall.len());
+    let shown = |row: &Row| format!("{:.0} ({})", row.mean().0 * 1e9 / row.n as f64, row.wall.len());
     by_column(
-        format!("{scene}: median ns per sphere and step (steps run)"),
+        format!("{scene}: mean ns per sphere and step (steps run)"),
         &engines,
         &sizes.iter().map(|&n| (count(n), n)).collect::<Vec<_>>(),
         |engine, &n| find(rows, engine, n),
@@ -119,16 +121,30 @@ fn ratios(scene: &str, rows: &[&Row], ours: &str) -> Option<Table> {
         std::iter::once(Cell::plain(peer)).chain(sizes.iter().map(ratio)).collect()
     };
     Some(Table {
-        caption: format!("{scene}: {ours} is this many times as fast as (range over the steps)"),
+        caption: format!("{scene}: {ours} is this many times as fast as (range of single steps)"),
         header: std::iter::once("peer".to_owned()).chain(sizes.iter().map(|&n| count(n))).collect(),
         rows: peers.map(row).collect(),
     })
 }
 
-/// The time of `peer` over that of `ours`, run by run.
-fn over(peer: &Row, ours: &Row) -> Option<Spread> {
-    let ratios: Vec<f64> = peer.wall.iter().zip(&ours.wall).map(|(p, o)| p / o).collect();
-    (!ratios.is_empty()).then(|| Spread::of(&ratios))
+/// How many times as long `peer` took as `ours`.
+struct Times {
+    /// In all the steps that both ran: a tree that is written only now and then is slow only now and then.
+    total: f64,
+    by_step: Spread,
+}
+
+impl fmt::Display for Times {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.2} ({:.2}–{:.2})", self.total, self.by_step.low, self.by_step.high)
+    }
+}
+
+fn over(peer: &Row, ours: &Row) -> Option<Times> {
+    let both = || peer.wall.iter().zip(&ours.wall);
+    let ratios: Vec<f64> = both().map(|(p, o)| p / o).collect();
+    let (theirs, mine) = both().fold((0.0, 0.0), |(theirs, mine), (p, o)| (theirs + p, mine + o));
+    (!ratios.is_empty()).then(|| Times { total: theirs / mine, by_step: Spread::of(&ratios) })
 }
 
 /// A sentence for each place where somebody else is faster than lazygrid, or one that says that nobody is.
@@ -142,9 +158,9 @@ fn verdicts(what: &str, rows: &[&Row]) -> Vec<Note> {
         let same = |peer: &&&Row| peer.n == ours.n && peer.at == ours.at && peer.status == Status::Ok;
         for peer in rows.iter().filter(same).filter(|peer| !OURS.contains(&peer.engine.as_str())) {
             let Some(ratio) = over(peer, ours) else { continue };
-            if ratio.median < 1.0 {
+            if ratio.total < 1.0 {
                 let at = ours.at.map_or_else(String::new, |at| format!(" at {at} s"));
-                let (peer, n, times) = (&peer.engine, count(ours.n), 1.0 / ratio.median);
+                let (peer, n, times) = (&peer.engine, count(ours.n), 1.0 / ratio.total);
                 let ours = &ours.engine;
                 notes.push(format!("{what}, {n} spheres{at}: {peer} is {times:.2} × as fast as {ours}."));
             }
@@ -160,11 +176,11 @@ fn verdicts(what: &str, rows: &[&Row]) -> Vec<Note> {
 fn over_time(title: &str, rows: &[&Row]) -> Table {
     let moments = moments(rows);
     let mut table = by_column(
-        format!("{title}: median time of a search, by simulated time"),
+        format!("{title}: mean time of a search, by simulated time"),
         &engines(rows),
         &moments,
         |engine, &at| rows.iter().copied().find(|row| row.engine == engine && row.at == Some(at)),
-        |row| time(row.median()),
+        |row| time(row.mean().0),
     );
     let pairs = |&(_, at): &(String, f64)| {
         let found = rows.iter().find(|row| row.at == Some(at) && row.status == Status::Ok);
@@ -188,7 +204,7 @@ fn speed_up(title: &str, rows: &[&Row], ours: &str) -> Option<Table> {
     };
     let names = moments.iter().map(|(name, _)| name.clone());
     Some(Table {
-        caption: format!("{title}: {ours} is this many times as fast as (range)"),
+        caption: format!("{title}: {ours} is this many times as fast as (range of single steps)"),
         header: std::iter::once("peer".to_owned()).chain(names).collect(),
         rows: engines(rows).into_iter().filter(|engine| !OURS.contains(engine)).map(row).collect(),
     })

@@ -174,19 +174,19 @@ pub(super) fn cell(row: Option<&Row>, show: impl Fn(&Row) -> String) -> Cell {
     Cell { text, kind }
 }
 
-/// Marks the best of some measured cells.
-pub(super) fn mark_best(cells: &mut [Cell], rows: &[Option<&Row>]) {
-    let median = |row: &Option<&Row>| row.filter(|r| r.status == Status::Ok).map_or(f64::NAN, Row::median);
-    let medians: Vec<f64> = rows.iter().map(median).collect();
-    let best = medians.iter().copied().fold(f64::INFINITY, f64::min);
-    for (cell, median) in cells.iter_mut().zip(medians) {
-        if median == best && cell.kind == Kind::Plain {
+/// Marks the best of some measured cells, by what they show.
+pub(super) fn mark_best(cells: &mut [Cell], rows: &[Option<&Row>], by: fn(&Row) -> f64) {
+    let value = |row: &Option<&Row>| row.filter(|r| r.status == Status::Ok).map_or(f64::NAN, by);
+    let values: Vec<f64> = rows.iter().map(value).collect();
+    let best = values.iter().copied().fold(f64::INFINITY, f64::min);
+    for (cell, value) in cells.iter_mut().zip(values) {
+        if value == best && cell.kind == Kind::Plain {
             cell.kind = Kind::Best;
         }
     }
 }
 
-/// A table with one row per engine and one column per value of `columns`, the best of each column marked.
+/// A table of mean times with one row per engine and one column per value of `columns`, the best of each marked.
 pub(super) fn by_column<'a, T>(
     caption: String,
     engines: &[&str],
@@ -197,7 +197,7 @@ pub(super) fn by_column<'a, T>(
     let cells = |(_, column): &(String, T)| {
         let found: Vec<Option<&Row>> = engines.iter().map(|engine| find(engine, column)).collect();
         let mut cells: Vec<Cell> = found.iter().map(|row| cell(*row, &show)).collect();
-        mark_best(&mut cells, &found);
+        mark_best(&mut cells, &found, |row| row.mean().0);
         cells
     };
     let columns_of_cells: Vec<Vec<Cell>> = columns.iter().map(cells).collect();

@@ -71,7 +71,7 @@ fn table(figure: Figure, what: &str, rows: &[&Row]) -> Table {
         };
         let found: Vec<Option<&Row>> = values.iter().map(|&value| at(value)).collect();
         let mut cells: Vec<Cell> = found.iter().map(|row| cell(*row, shown)).collect();
-        mark_best(&mut cells, &found);
+        mark_best(&mut cells, &found, Row::median);
         std::iter::once(Cell::plain(engine)).chain(cells).collect()
     };
     let varied = figure.varied().unwrap_or_default();
