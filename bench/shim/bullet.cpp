@@ -89,7 +89,7 @@ void step(World& world, const Sphere* spheres, std::uint32_t n) {
 
 extern "C" {
 
-// A world without spheres; null where there is no memory. A negative margin leaves Bullet's own settings.
+// A world without spheres; null where there is no memory. A negative margin leaves Bullet's own.
 World* lazygrid_bullet_new(float margin, int deferred) {
     try {
         std::unique_ptr<World> world(new World());

@@ -51,7 +51,10 @@ fn the_smallest_size_of_everything() {
     }
     assert_eq!(read(folder.path(), "results.csv").lines().count(), rows.len() + 1);
     let page = read(folder.path(), "report.html");
-    assert!(page.contains("<svg") && page.contains("Figure 4") && !page.contains("src="), "not self-contained");
+    assert!(
+        page.contains("<svg") && page.contains("Figure 4") && !page.contains("src="),
+        "not self-contained"
+    );
     assert!(read(folder.path(), "RESULTS.md").contains("| engine |"));
     assert!(read(&folder.path().join("plots"), "figure-3a.svg").starts_with("<svg"));
 }

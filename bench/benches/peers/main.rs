@@ -53,6 +53,9 @@ const ALGORITHMS: [Algorithm; 6] = [
 enum Mode {
     /// A simulation: one detector, or one tree, kept from step to step; one thread.
     Running,
+    /// The settings of Bullet, kept from step to step; one thread.
+    #[cfg(feature = "bullet")]
+    Bullet,
     /// One call from arbitrary order; one thread.
     Scratch,
     /// One thread beside two.
@@ -122,6 +125,8 @@ fn heading(mode: Mode, plan: &Plan) -> String {
     let Plan { scene, n, seed, rounds, steps, .. } = plan;
     let what = match mode {
         Mode::Running => "kept from step to step, one thread",
+        #[cfg(feature = "bullet")]
+        Mode::Bullet => "kept from step to step, one thread",
         Mode::Scratch => "from scratch, one thread",
         Mode::Threads => "kept from step to step, one thread and two",
         Mode::Sizes => "growing input",
@@ -135,6 +140,8 @@ fn contenders(mode: Mode, args: &Args, n: usize) -> Vec<Contender> {
     let mut contenders = match mode {
         Mode::Running => parry::running(),
         Mode::Scratch => parry::scratch(),
+        #[cfg(feature = "bullet")]
+        Mode::Bullet => lazygrid_bench::peers::bullet::tunings(),
         Mode::Threads | Mode::Sizes => vec![],
     };
     let threads: &[usize] = if mode == Mode::Threads { &[1, 2] } else { &[1] };

@@ -24,7 +24,7 @@ pub enum Engine {
     Gpu(Algorithm),
     /// Bullet's `btDbvtBroadphase` as the library comes.
     BulletAsShipped,
-    /// The same with the margin and setting that were fastest for the scene.
+    /// The same with the margin that is fastest for the scene.
     BulletTuned,
     /// parry3d's tree, refitted at every step.
     Parry,
@@ -40,24 +40,14 @@ pub enum Engine {
     Octree,
 }
 
-/// Margins of Bullet's boxes that `BulletTuned` uses, in units of the largest radius. From
-/// `lazygrid figures --only 4` with each of 0.1, 0.2, 0.5 and 1: the fastest of them at most sizes.
-#[cfg(feature = "bullet")]
-fn bullet_margin(scene: Scene) -> f32 {
-    match scene {
-        Scene::Equal => 0.5,
-        _ => 0.2,
-    }
-}
-
 impl Engine {
     /// A CPU algorithm with its defaults.
     pub const fn cpu(algorithm: Algorithm, threads: Option<usize>) -> Self {
         Self::Cpu { algorithm, threads, tau: None, ratio: None }
     }
 
-    /// Makes the contender for a scene.
-    pub fn contender(self, scene: Scene) -> Contender {
+    /// Makes the contender for `n` spheres of a scene.
+    pub fn contender(self, scene: Scene, n: usize) -> Contender {
         let name = self.to_string();
         match self {
             Self::Cpu { .. } => Contender::list(name, self.config()),
@@ -65,7 +55,7 @@ impl Engine {
                 let config = Config::default().backend(Backend::Gpu).algorithm(algorithm);
                 Contender::list(name, config.order(Order::Unordered))
             }
-            Self::BulletAsShipped | Self::BulletTuned => self.bullet(scene),
+            Self::BulletAsShipped | Self::BulletTuned => self.bullet(scene, n),
             Self::Parry => parry::refitted(name),
             Self::ParryMargin => parry::with_margin(name),
             Self::ParryOptimised => parry::optimised(name),
@@ -86,14 +76,14 @@ impl Engine {
     }
 
     #[cfg(feature = "bullet")]
-    fn bullet(self, scene: Scene) -> Contender {
+    fn bullet(self, scene: Scene, n: usize) -> Contender {
         use crate::peers::bullet::{Tuning, running};
-        let tuned = Tuning { margin: Some(bullet_margin(scene)), ..Tuning::SHIPPED };
-        running(self.to_string(), if self == Self::BulletTuned { tuned } else { Tuning::SHIPPED })
+        let tuning = if self == Self::BulletTuned { Tuning::best(scene, n) } else { Tuning::SHIPPED };
+        running(self.to_string(), tuning)
     }
 
     #[cfg(not(feature = "bullet"))]
-    fn bullet(self, _: Scene) -> Contender {
+    fn bullet(self, _: Scene, _: usize) -> Contender {
         let refused = || Err::<super::race::Nothing, _>(super::race::Unavailable::BULLET.into());
         Contender::new(self.to_string(), refused)
     }

@@ -78,7 +78,7 @@ impl<'a> Race<'a> {
             let mut lane = Lane::new(point, engine);
             match left_out(engine) {
                 Some(reason) => lane.leave(Status::LeftOut, reason),
-                None => match (engine.contender(point.scene).make)() {
+                None => match (engine.contender(point.scene, point.n).make)() {
                     Ok(search) => lane.search = Some(search),
                     Err(error) => lane.fail(error.as_ref()),
                 },
@@ -232,5 +232,63 @@ fn is_refusal(error: &(dyn Error + 'static)) -> bool {
                 | GpuError::NotOnGpu(_)
         ),
         _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid::Pair;
+
+    use super::*;
+    use crate::figures::Figure;
+    use crate::figures::plan::Motion;
+    use crate::measure::Found;
+    use crate::scenes::Scene;
+
+    struct Liar(Vec<Pair>);
+
+    impl Search for Liar {
+        fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+            Ok(Found::Pairs(&self.0))
+        }
+    }
+
+    struct Broken;
+
+    impl Search for Broken {
+        fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+            Err(lazygrid::Error::GpuUnavailable { reason: "it is gone".into() }.into())
+        }
+    }
+
+    /// A wrong answer is an error whoever else agrees with it and whenever it comes, and others go on.
+    #[test]
+    fn a_wrong_answer_is_an_error() {
+        let point = Point {
+            figure: Figure::F3a,
+            scene: Scene::Equal,
+            n: 300,
+            motion: Motion::Fresh,
+            engines: vec![Engine::PlainCellList, Engine::Octree, Engine::Parry, Engine::SortAndSweep],
+            runs: 3,
+        };
+        let spheres = Scene::Equal.spheres(300, 1);
+        let limits = Limits { runs: 3, at_least: 3, time: Duration::ZERO };
+        let mut race = Race::new(&point, limits, |e| (e == Engine::SortAndSweep).then(|| "too slow".into()));
+        race.lanes[2].search = Some(Box::new(Broken));
+        race.frame(&spheres, true).expect("the reference works");
+        // As many pairs as there are, and another one in place of the last.
+        let mut pairs = lazygrid::detect(&spheres).expect("valid spheres");
+        let last = pairs.pop().expect("some pairs");
+        pairs.push(if last == Pair::new(298, 299) { Pair::new(0, 299) } else { Pair::new(298, 299) });
+        race.lanes[1].search = Some(Box::new(Liar(pairs)));
+        while !race.is_over() {
+            race.frame(&spheres, false).expect("the reference works");
+        }
+        let rows = race.take_rows(None);
+        let statuses: Vec<Status> = rows.iter().map(|row| row.status).collect();
+        assert_eq!(statuses, [Status::Ok, Status::Error, Status::NotAvailable, Status::LeftOut]);
+        assert!(rows[1].wall.is_empty() && rows[1].reason.contains("wrong answer"), "{}", rows[1].reason);
+        assert_eq!(rows[0].wall.len(), 3);
     }
 }

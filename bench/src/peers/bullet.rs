@@ -7,6 +7,7 @@ use std::ptr::NonNull;
 use lazygrid::{Pair, Sphere};
 
 use crate::measure::{Contender, Found, Search};
+use crate::scenes::Scene;
 
 /// How Bullet is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +21,26 @@ pub struct Tuning {
 impl Tuning {
     /// As the library comes.
     pub const SHIPPED: Self = Self { margin: None, deferred: false };
+
+    /// The fastest of [`tunings`] over a hundred steps, by
+    /// `cargo bench -p lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm cell-list --steps 100`:
+    /// a wide margin where few spheres or equal sizes keep the pairs of large boxes few.
+    pub fn best(scene: Scene, n: usize) -> Self {
+        let margin = if scene == Scene::Equal && n <= 30_000 { 1.0 } else { 0.5 };
+        Self { margin: Some(margin), deferred: false }
+    }
+}
+
+/// The tunings to choose from, besides as shipped. Margins are in units of the largest radius.
+pub fn tunings() -> Vec<Contender> {
+    let mut tunings = vec![running("Bullet as shipped", Tuning::SHIPPED)];
+    for margin in [0.1, 0.2, 0.3, 0.5, 1.0] {
+        for (name, deferred) in [("", false), (", deferred", true)] {
+            let tuning = Tuning { margin: Some(margin), deferred };
+            tunings.push(running(format!("Bullet, margin {margin}{name}"), tuning));
+        }
+    }
+    tunings
 }
 
 /// Bullet, set up like this.
@@ -61,8 +82,10 @@ struct Bullet {
 impl Bullet {
     fn new(tuning: Tuning) -> Result<Self, Box<dyn Error>> {
         // SAFETY: plain numbers go in; what comes out is owned by `Self` and freed once, in `drop`.
-        let world =
-            unsafe { lazygrid_bullet_new(tuning.margin.unwrap_or(-1.0), c_int::from(tuning.deferred)) };
+        let world = unsafe {
+            let margin = tuning.margin.unwrap_or(-1.0);
+            lazygrid_bullet_new(margin, tuning.deferred.into())
+        };
         let world = NonNull::new(world).ok_or("no memory for Bullet's broad phase")?;
         Ok(Self { world, proxies: None })
     }

@@ -15,10 +15,7 @@ fn peers_agree_with_the_judge() {
         contenders.extend([cell_list::running(), octree::running(), sweep::running()]);
         contenders.extend(parry::running());
         #[cfg(feature = "bullet")]
-        contenders.extend([
-            bullet::running("bullet", bullet::Tuning::SHIPPED),
-            bullet::running("bullet, deferred", bullet::Tuning { margin: Some(0.5), deferred: true }),
-        ]);
+        contenders.extend(bullet::tunings());
         let timings = compare(&plan, &contenders).unwrap_or_else(|e| panic!("{scene}: {e}"));
         assert!(timings[0].pairs > 0, "{scene}");
     }
