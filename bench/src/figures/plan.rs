@@ -190,7 +190,10 @@ impl Settings {
                 runs: self.runs.unwrap_or(self.runs_of(figure)),
             })
         };
-        scenes(figure).iter().flat_map(|&scene| of(scene)).collect()
+        let points = scenes(figure).iter().flat_map(|&scene| of(scene));
+        // A tree that keeps pairs of boxes takes tens of gigabytes for a million spheres of this scene.
+        let fits = |p: &Point| !(p.motion == Motion::Processes && p.scene == Scene::Burst && p.n > 100_000);
+        points.filter(fits).collect()
     }
 
     /// By default as many as the paper has.

@@ -26,7 +26,12 @@ impl Tuning {
     /// `cargo bench -p lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm cell-list --steps 100`:
     /// a wide margin where few spheres or equal sizes keep the pairs of large boxes few.
     pub fn best(scene: Scene, n: usize) -> Self {
-        let margin = if scene == Scene::Equal && n <= 30_000 { 1.0 } else { 0.5 };
+        let margin = match scene {
+            Scene::Equal if n <= 30_000 => 1.0,
+            Scene::Equal | Scene::FiveSizes => 0.5,
+            // Most spheres are far smaller than any margin that would do for the large ones.
+            _ => 0.05,
+        };
         Self { margin: Some(margin), deferred: false }
     }
 }

@@ -158,7 +158,7 @@ pub(crate) struct Figures {
     /// The most runs, or steps, of each engine at each point [default: as many as the paper's, fewer with --quick]
     #[arg(long, value_name = "N")]
     pub(crate) runs: Option<NonZeroUsize>,
-    /// About how many minutes it may take [default: 30, with --quick 2]
+    /// About how many minutes it may take [default: 30, with --quick 1.75]
     #[arg(long, value_name = "M", value_parser = minutes)]
     pub(crate) budget_minutes: Option<f64>,
 }

@@ -38,7 +38,7 @@ fn settings(args: &Figures) -> Settings {
         _ => Scale::Full,
     };
     let only = if args.only.is_empty() { Figure::ALL.to_vec() } else { args.only.clone() };
-    let minutes = args.budget_minutes.unwrap_or(if scale == Scale::Full { 30.0 } else { 2.0 });
+    let minutes = args.budget_minutes.unwrap_or(if scale == Scale::Full { 30.0 } else { 1.75 });
     Settings { scale, only, runs: args.runs.map(Into::into), minutes, seed: 1 }
 }
 

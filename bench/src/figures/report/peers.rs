@@ -11,7 +11,8 @@ use super::sections::{by_column, cell, count, engines, scenes, sizes, time};
 use crate::measure::Spread;
 
 /// Engines that are judged beside all others, by their names.
-const OURS: [&str; 3] = ["recursive-grid", "CPU path's own choice", "lazy-grid (GPU)"];
+const OURS: [&str; 4] =
+    ["recursive-grid", "CPU path's own choice", "lazy-grid (GPU)", "lazy-grid (software GPU)"];
 
 /// One thread, small moves: the trees that keep their structure, and grids that are built anew.
 pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
@@ -65,7 +66,7 @@ pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Er
         for ours in OURS {
             section.tables.extend(speed_up(&title, &rows, ours));
         }
-        section.notes.extend(verdicts(&title, &rows));
+        section.notes.extend(verdicts(&format!("burst of {title}"), &rows));
     }
     Ok(section)
 }
@@ -160,9 +161,11 @@ fn verdicts(what: &str, rows: &[&Row]) -> Vec<Note> {
             let Some(ratio) = over(peer, ours) else { continue };
             if ratio.total < 1.0 {
                 let at = ours.at.map_or_else(String::new, |at| format!(" at {at} s"));
-                let (peer, n, times) = (&peer.engine, count(ours.n), 1.0 / ratio.total);
+                // A burst already says how many there are.
+                let n = if at.is_empty() { format!(", {}", count(ours.n)) } else { String::new() };
+                let (peer, times) = (&peer.engine, 1.0 / ratio.total);
                 let ours = &ours.engine;
-                notes.push(format!("{what}, {n} spheres{at}: {peer} is {times:.2} × as fast as {ours}."));
+                notes.push(format!("{what}{n}{at}: {peer} is {times:.2} × as fast as {ours}."));
             }
         }
     }

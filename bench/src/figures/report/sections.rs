@@ -9,6 +9,7 @@ use super::{growth, peers, sweeps};
 
 /// The report of these results.
 pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
+    let results = &labelled(results);
     let mut sections = vec![environment(results)];
     sections.extend(errors(results));
     for figure in Figure::ALL {
@@ -27,6 +28,17 @@ pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
         sections.push(section);
     }
     Ok(Document { title: "lazygrid: results".to_owned(), sections })
+}
+
+/// The results, with engines on a software adapter named so.
+fn labelled(results: &Results) -> Results {
+    let mut results = results.clone();
+    if results.environment.adapter.as_ref().is_some_and(|adapter| !adapter.is_hardware) {
+        for row in &mut results.rows {
+            row.engine = row.engine.replace("(GPU)", "(software GPU)");
+        }
+    }
+    results
 }
 
 fn environment(results: &Results) -> Section {
