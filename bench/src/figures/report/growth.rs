@@ -66,7 +66,8 @@ fn series(rows: &[&Row], dashed: bool) -> Vec<Series> {
         points.map(|row| (row.n as f64, row.mean().0)).collect()
     };
     let name = |engine: &str| if dashed { format!("{engine}, equal") } else { engine.to_owned() };
-    engines(rows).into_iter().map(|e| Series { name: name(e), points: of(e), dashed }).collect()
+    let engines = engines(rows).into_iter().enumerate();
+    engines.map(|(colour, e)| Series { name: name(e), points: of(e), dashed, colour }).collect()
 }
 
 fn find<'a>(rows: &[&'a Row], engine: &str, n: usize) -> Option<&'a Row> {

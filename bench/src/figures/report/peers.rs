@@ -83,7 +83,13 @@ fn plot(
     };
     let series: Vec<Series> = engines(rows)
         .into_iter()
-        .map(|engine| Series { name: engine.to_owned(), points: of(engine), dashed: !OURS.contains(&engine) })
+        .enumerate()
+        .map(|(colour, engine)| Series {
+            name: engine.to_owned(),
+            points: of(engine),
+            dashed: !OURS.contains(&engine),
+            colour,
+        })
         .collect();
     let caption = format!("{}; both axes logarithmic, lazygrid's own solid.", axes.title);
     Ok(lines(axes, &series)?.map(|svg| Plot { name, caption, svg }))

@@ -51,8 +51,13 @@ fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Option<Plot>, Bo
         let measured = rows.iter().filter(|row| row.engine == engine && !row.wall.is_empty());
         measured.map(|row| (row.at.unwrap_or_default(), row.median())).collect()
     };
-    let line = |engine: &str| Series { name: engine.to_owned(), points: of(engine), dashed: false };
-    let series: Vec<Series> = engines(rows).into_iter().map(line).collect();
+    let line = |(colour, engine): (usize, &str)| Series {
+        name: engine.to_owned(),
+        points: of(engine),
+        dashed: false,
+        colour,
+    };
+    let series: Vec<Series> = engines(rows).into_iter().enumerate().map(line).collect();
     let caption = format!("{}; both axes logarithmic.", axes.title);
     Ok(lines(axes, &series)?.map(|svg| Plot { name, caption, svg }))
 }
