@@ -30,6 +30,7 @@
 //! ```
 
 pub mod boundary;
+pub mod checkpoint;
 pub mod contact;
 pub mod matching;
 pub mod model;
@@ -37,11 +38,15 @@ pub mod motion;
 pub mod normal;
 pub mod particles;
 pub mod philox;
+pub mod rate;
 pub mod reactions;
 pub mod receiver;
+pub mod run;
+pub mod scenario;
 pub mod transmitter;
 
 mod error;
+mod output;
 mod simulation;
 
 pub use boundary::{Axis, Boundary};

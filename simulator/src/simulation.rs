@@ -88,6 +88,7 @@ impl Simulation {
             None => None,
             Some(table) => {
                 let config = Config::default().backend(Backend::Cpu).algorithm(algorithm);
+                let config = config.space(model.boundary.space()?);
                 Some(Detector::new(config.order(Order::Unordered).interactions(table))?)
             }
         };

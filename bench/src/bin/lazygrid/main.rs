@@ -9,6 +9,7 @@ mod figures;
 mod generate;
 mod input;
 mod progress;
+mod simulate;
 mod summary;
 
 use std::io::{self, Write};
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
     let result = match args.command {
         Command::Detect(args) => detect::run(&args),
         Command::Generate(args) => generate::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         Command::Devices => devices::run(),
         Command::Figures(args) => figures::run(&args),
         Command::Compare(args) => compare::run(&args),
