@@ -8,7 +8,7 @@ use std::process::Command;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use common::{Random, device};
-use lazygrid::gpu::{GpuDevice, GpuError, GpuSession, GpuSettings, wgpu};
+use lazygrid::gpu::{GpuDevice, GpuError, GpuSession, GpuSettings};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Pair, Sphere, Spheres};
 
 /// Whoever holds it has the shared device for itself.

@@ -30,6 +30,12 @@ pub(crate) enum Failure {
     Calibration(GpuError),
     #[error("there is no place for the calibration; set HOME, or XDG_CACHE_HOME to a directory")]
     NoCacheDirectory,
+    #[error("{0}")]
+    Figures(String),
+    #[error("{errors} measurements have a wrong answer or failed; {} names them", report.display())]
+    WrongAnswers { errors: usize, report: PathBuf },
+    #[error("{slower} measurements became slower and {broken} broke")]
+    Slower { slower: usize, broken: usize },
     #[error(transparent)]
     Simulation(#[from] lazygrid_sim::Error),
     #[error("cannot listen for Ctrl-C: {0}")]
