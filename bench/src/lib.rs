@@ -1,6 +1,8 @@
 //! What the `lazygrid` command, the tests and the benchmarks share.
 
+pub mod figures;
 pub mod measure;
+pub mod peers;
 pub mod read;
 pub mod scenes;
 pub mod write;

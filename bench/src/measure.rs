@@ -1,6 +1,7 @@
 //! How benchmarks compare ways to find pairs: the same spheres for all, answers checked before any time is
 //! reported, rounds interleaved, ratios taken within rounds.
 
+pub mod memory;
 mod options;
 mod present;
 
@@ -8,7 +9,7 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use lazygrid::{Config, Detector, Pair, Sphere};
+use lazygrid::{Backend, Config, Detector, Pair, Phase, Sphere, gpu};
 
 use crate::scenes::Scene;
 
@@ -34,6 +35,16 @@ pub trait Search {
     /// # Errors
     /// Whatever the search refuses or lacks.
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>>;
+
+    /// Time of each phase of the last call; empty where the search does not tell them apart.
+    fn phases(&self) -> Vec<Phase> {
+        Vec::new()
+    }
+
+    /// Time the GPU was at work during the last call; `None` where it does not tell or there is none.
+    fn gpu_time(&self) -> Option<Duration> {
+        None
+    }
 
     /// What is worth saying about the last call beside its time; empty if nothing is.
     fn note(&self) -> String {
@@ -77,6 +88,17 @@ struct List(Detector);
 impl Search for List {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         Ok(Found::Pairs(self.0.pairs(spheres)?))
+    }
+
+    fn phases(&self) -> Vec<Phase> {
+        self.0.report().phases
+    }
+
+    fn gpu_time(&self) -> Option<Duration> {
+        let report = self.0.report();
+        let on_device = |phase: &&Phase| gpu::Phase::ALL.iter().any(|p| p.name() == phase.name);
+        let times: Vec<Duration> = report.phases.iter().filter(on_device).map(|p| p.time).collect();
+        (report.backend == Backend::Gpu && !times.is_empty()).then(|| times.iter().sum())
     }
 
     fn note(&self) -> String {
@@ -141,13 +163,16 @@ impl Timing {
 
 /// Number of pairs and a sum over them that does not depend on their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Digest {
-    pairs: u64,
-    sum: Option<u64>,
+pub struct Digest {
+    /// How many pairs there are.
+    pub pairs: u64,
+    /// The sum; none where pairs were only counted.
+    pub sum: Option<u64>,
 }
 
 impl Digest {
-    fn of(found: &Found<'_>) -> Self {
+    /// The digest of what a search found.
+    pub fn of(found: &Found<'_>) -> Self {
         match found {
             Found::Count(pairs) => Self { pairs: *pairs, sum: None },
             Found::Pairs(pairs) => {
@@ -157,7 +182,8 @@ impl Digest {
         }
     }
 
-    fn agrees(&self, other: &Self) -> bool {
+    /// Whether both are of the same set, as far as both know it.
+    pub fn agrees(&self, other: &Self) -> bool {
         self.pairs == other.pairs && (self.sum.is_none() || other.sum.is_none() || self.sum == other.sum)
     }
 }

@@ -7,7 +7,7 @@ use crate::gpu::{Calibration, Crossover, GpuError};
 use crate::{Backend, Error};
 
 /// The algorithm of a GPU where there are too many spheres to test all pairs.
-pub(crate) const GRID: Algorithm = Algorithm::ArrayGrid;
+pub(crate) const GRID: Algorithm = Algorithm::LazyGrid;
 
 /// The device to run on, as `open` gives it with its name, or none for the CPU; and why. `open` is told whether a
 /// software adapter will do, and is asked only where a GPU could run.

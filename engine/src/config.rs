@@ -2,7 +2,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use lazygrid_host::{Settings, Simd};
-use lazygrid_kernels::{Algorithm, Interactions};
+use lazygrid_kernels::{Algorithm, Interactions, Space};
 
 use crate::Order;
 use crate::gpu::Calibration;
@@ -61,6 +61,9 @@ impl FromStr for Backend {
 pub struct Config {
     pub(crate) backend: Backend,
     pub(crate) settings: Settings,
+    /// τ and raster ratio where they were asked for; else each backend has its own.
+    pub(crate) tau: Option<u32>,
+    pub(crate) raster_ratio: Option<f32>,
     pub(crate) calibrations: Vec<Calibration>,
 }
 
@@ -103,15 +106,19 @@ impl Config {
     }
 
     /// τ: a cell's smaller spheres go to a finer level only when they are more than this (paper, section 3.2).
-    /// Default: [`Settings::TAU`], from a measured sweep.
+    /// Default: [`Settings::TAU`] on the CPU, [`GpuSettings::TAU`](crate::gpu::GpuSettings::TAU) on the GPU, from
+    /// measured sweeps.
     pub fn tau(mut self, tau: u32) -> Self {
+        self.tau = Some(tau);
         self.settings.tau = tau;
         self
     }
 
-    /// Cell edge of the paper's grids as a multiple of the largest diameter, 0.5 to 16.
-    /// Default: [`Settings::RASTER_RATIO`], from a measured sweep.
+    /// Cell edge of the paper's grids as a multiple of the largest diameter, 0.5 to 16; at least 1.5 on the GPU.
+    /// Default: [`Settings::RASTER_RATIO`] on the CPU,
+    /// [`GpuSettings::RASTER_RATIO`](crate::gpu::GpuSettings::RASTER_RATIO) on the GPU, from measured sweeps.
     pub fn raster_ratio(mut self, ratio: f32) -> Self {
+        self.raster_ratio = Some(ratio);
         self.settings.raster_ratio = ratio;
         self
     }
@@ -126,6 +133,13 @@ impl Config {
     /// Which species pair, and at which distance. Spheres must then carry species ids.
     pub fn interactions(mut self, interactions: Interactions) -> Self {
         self.settings.interactions = Some(interactions);
+        self
+    }
+
+    /// The space the spheres live in. Default: [`Space::UNBOUNDED`]. Periodic spaces are for the CPU: with
+    /// [`Backend::Auto`] it is chosen, [`Backend::Gpu`] is refused.
+    pub fn space(mut self, space: Space) -> Self {
+        self.settings.space = space;
         self
     }
 }

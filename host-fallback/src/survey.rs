@@ -135,7 +135,7 @@ impl Survey {
 ///
 /// # Errors
 /// [`InputError::Sphere`], which names the first and counts all.
-fn check(spheres: Spheres<'_>) -> Result<(), InputError> {
+pub(crate) fn check(spheres: Spheres<'_>) -> Result<(), InputError> {
     let total = spheres.len() as u64;
     match find(spheres.len(), |i| !spheres.get(i).is_valid()) {
         (Some(index), count) => {

@@ -74,11 +74,15 @@ pub const RADIX_TILE: u32 = GROUP * RADIX_ITEMS;
 pub const SCAN_TILE: u32 = GROUP * SCAN_ITEMS;
 /// Spheres that one workgroup of `bounds_reduce` reads.
 pub const BOUNDS_TILE: u32 = GROUP * SPHERES_PER_THREAD;
+/// Counters that one workgroup of `density_clear` clears.
+pub const DENSITY_TILE: u32 = GROUP * SPHERES_PER_THREAD;
+/// Depths of a raster, cells at each half as wide as at the one before.
+pub const DEPTHS: u32 = 32;
 /// Bits of one radix digit.
 pub const DIGIT_BITS: u32 = 8;
 /// Most objects an entry can name: three bits of its word say where the object begins.
 pub const MAX_ENTRY_OBJECTS: u64 = 1 << 29;
-/// Most entries per sphere: the raster is chosen so that no sphere overlaps more than two cells per axis.
+/// Most entries per sphere and level: rasters are chosen so that no sphere overlaps more than two cells per axis.
 pub const MAX_ENTRIES_PER_SPHERE: u64 = 8;
 
 /// Turns that the loops of one invocation may take in all. Lavapipe ends them after 65 535, without a word.
@@ -157,10 +161,23 @@ kernels! {
     /// Chooses the raster.
     GRID_CONFIGURE = "grid_configure", GROUP, subgroups: false,
         [uniform("call"), read("spheres"), write("bounds"), write("grid")], species: [];
-    /// Writes one entry per overlapped cell.
-    ENTRIES_EMIT = "entries_emit", GROUP, subgroups: true,
-        [uniform("call"), read("grid"), read("spheres"), write("outcome"), write("keys"), write("objects")],
+    /// Clears the density table.
+    DENSITY_CLEAR = "density_clear", GROUP, subgroups: false,
+        [uniform("call"), read("grid"), write("density")], species: [];
+    /// Finds each sphere's depth and cells.
+    CELLS_FIND = "cells_find", GROUP, subgroups: false,
+        [uniform("call"), read("grid"), read("spheres"), write("bounds"), write("cells"), write("density")],
         species: [read("species"), read("reach")];
+    /// Counts the smaller spheres in cells of deeper levels.
+    LEVELS_REFINE = "levels_refine", GROUP, subgroups: false,
+        [uniform("call"), read("grid"), write("bounds"), read("cells"), write("density")], species: [];
+    /// Shares the keys out among the levels.
+    LEVELS_SETTLE = "levels_settle", DEPTHS, subgroups: false,
+        [uniform("call"), write("bounds"), write("grid")], species: [];
+    /// Writes one entry per overlapped cell and level.
+    ENTRIES_EMIT = "entries_emit", GROUP, subgroups: true,
+        [uniform("call"), read("grid"), read("cells"), write("density"), write("outcome"), write("keys"),
+         write("objects")], species: [];
     /// Settles how many entries there are.
     ENTRIES_CLOSE = "entries_close", 1, subgroups: false,
         [uniform("call"), write("outcome"), write("lengths")], species: [];
@@ -182,8 +199,8 @@ kernels! {
          write("sorted_keys"), write("sorted_payload")], species: [];
     /// Pairs of entries close together in a run.
     RUNS_SEARCH = "runs_search", GROUP, subgroups: false,
-        [uniform("call"), read("lengths"), read("keys"), read("objects"), read("spheres"), write("outcome"),
-         write("pairs"), write("crowded")],
+        [uniform("call"), read("grid"), read("lengths"), read("keys"), read("objects"), read("spheres"),
+         write("outcome"), write("pairs"), write("crowded")],
         species: [read("species"), read("table")];
     /// Sizes the crowded search.
     CROWDED_OPEN = "crowded_open", 1, subgroups: false, [write("outcome"), write("dispatch")], species: [];
@@ -202,13 +219,18 @@ kernels! {
 }
 
 /// Shared pieces of WGSL by the name in `#include`.
-const PIECES: [(&str, &str); 13] = [
+const PIECES: [(&str, &str); 18] = [
+    ("cells", include_str!("shader/shared/cells.wgsl")),
     ("crowd", include_str!("shader/shared/crowd.wgsl")),
+    ("density", include_str!("shader/shared/density.wgsl")),
+    ("density_add", include_str!("shader/shared/density_add.wgsl")),
     ("digit_pass", include_str!("shader/shared/digit_pass.wgsl")),
     ("entry", include_str!("shader/shared/entry.wgsl")),
+    ("fold", include_str!("shader/shared/fold.wgsl")),
     ("group_scan", include_str!("shader/shared/group_scan.wgsl")),
     ("layout", include_str!("shader/shared/layout.wgsl")),
     ("overlap", include_str!("shader/shared/overlap.wgsl")),
+    ("pairs", include_str!("shader/shared/pairs.wgsl")),
     ("place", include_str!("shader/shared/place.wgsl")),
     ("reach", include_str!("shader/shared/reach.wgsl")),
     ("reserve", include_str!("shader/shared/reserve.wgsl")),
@@ -218,7 +240,8 @@ const PIECES: [(&str, &str); 13] = [
     ("wide", include_str!("shader/shared/wide.wgsl")),
 ];
 
-/// Expands `#include piece`, `#ifdef NAME … #else … #endif` (not nested in one file) and `#{NAME}`.
+/// Expands `#include piece`, `#include piece argument`, `#ifdef NAME … #else … #endif` (not nested in one file) and
+/// `#{NAME}`; in an included piece `#{ARGUMENT}` is what was said behind its name.
 struct Expansion {
     variant: Variant,
 }
@@ -241,9 +264,11 @@ impl Expansion {
                 ("#else", _) => kept = !kept,
                 ("#endif", _) => kept = true,
                 _ if !kept => {}
-                ("#include", name) => {
+                ("#include", rest) => {
+                    let (name, argument) = rest.split_once(' ').unwrap_or((rest, ""));
                     let piece = PIECES.iter().find(|(piece, _)| *piece == name);
-                    self.append(piece.map_or("", |(_, source)| source), text);
+                    let source = piece.map_or("", |(_, source)| source).replace("#{ARGUMENT}", argument);
+                    self.append(&source, text);
                 }
                 // Writing to a string does not fail.
                 _ => drop(writeln!(text, "{line}")),

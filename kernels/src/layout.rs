@@ -28,6 +28,68 @@ pub struct Call {
     pub window_begin: u32,
     /// The end of that window.
     pub window_end: u32,
+    /// Which cells hand their smaller spheres down to the next level: 0 none, 1 all, 2 those with more than `tau`.
+    pub refinement: u32,
+    /// The most smaller spheres in a cell that is settled by brute force.
+    pub tau: u32,
+    /// Counters in either half of the density table, a power of two.
+    pub density_slots: u32,
+}
+
+/// What the spheres are like, as the device finds it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Bounds {
+    /// The lowest corner of all boxes, as integers in the order of the floats.
+    pub low: [u32; 3],
+    /// The highest corner, likewise.
+    pub high: [u32; 3],
+    /// Bits of the smallest effective radius.
+    pub radius_min: u32,
+    /// Bits of the largest effective radius.
+    pub radius_max: u32,
+    /// Depths that occur, a bit each.
+    pub depths: u32,
+    /// How many spheres of each depth go on below the first level.
+    pub descending: [u32; 32],
+}
+
+/// The share of the keys that belongs to the cells of one depth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Level {
+    /// Key bits of each axis.
+    pub bits: [u32; 3],
+    /// The first key.
+    pub base: u32,
+}
+
+/// The rasters, as the device chooses them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Grid {
+    /// Where cells of all levels have a corner.
+    pub origin: [f32; 3],
+    /// Cells of depth 0 per unit of length.
+    pub inverse_edge: f32,
+    /// The lowest cell of depth 0.
+    pub low: [i32; 3],
+    /// How many spheres the call has.
+    pub spheres: u32,
+    /// The highest cell of depth 0.
+    pub high: [i32; 3],
+    /// 1 when no distance test of the call can overflow or underflow.
+    pub ordinary: u32,
+    /// As in the call; 0 where one level turned out to do.
+    pub refinement: u32,
+    /// Depths that are levels, a bit each.
+    pub depths: u32,
+    /// Depths that have spheres, a bit each.
+    pub occupied: u32,
+    /// The key bit that marks passive entries, or 0.
+    pub passive: u32,
+    /// Keys of each depth.
+    pub levels: [Level; 32],
 }
 
 /// The result besides the pairs, as it lies in the outcome buffer.
@@ -97,8 +159,3 @@ impl Lengths {
         Self { items, counters: items.div_ceil(crate::kernel::RADIX_TILE) << crate::kernel::DIGIT_BITS }
     }
 }
-
-/// Bytes of the `Bounds` structure, which the host never looks into.
-pub const BOUNDS_BYTES: u64 = 32;
-/// Bytes of the `Grid` structure, which the host never looks into.
-pub const GRID_BYTES: u64 = 64;

@@ -3,7 +3,7 @@
 use std::mem::{offset_of, size_of};
 
 use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, Variant};
-use lazygrid_kernels::layout::{BOUNDS_BYTES, Call, GRID_BYTES, Lengths, Outcome};
+use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level, Outcome};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
@@ -112,8 +112,25 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             search_groups,
             consumer_group,
             window_begin,
-            window_end
+            window_end,
+            refinement,
+            tau,
+            density_slots
         }),
+        layout!(Grid {
+            origin,
+            inverse_edge,
+            low,
+            spheres,
+            high,
+            ordinary,
+            refinement,
+            depths,
+            occupied,
+            passive,
+            levels
+        }),
+        layout!(Level { bits, base }),
         layout!(Outcome {
             found_lo,
             found_hi,
@@ -130,14 +147,25 @@ fn rust_structures_have_the_layout_of_the_shaders() {
         }),
         layout!(Lengths { items, counters }),
     ];
-    let sizes = [("Bounds", BOUNDS_BYTES), ("Grid", GRID_BYTES)];
     let mut held = 0;
     each_shader(|kernel, _, module, _| {
         for (_, ty) in module.types.iter() {
             let TypeInner::Struct { members, span } = &ty.inner else { continue };
             let name = ty.name.as_deref().expect("a named structure");
-            if let Some((_, bytes)) = sizes.iter().find(|(rust, _)| *rust == name) {
-                assert_eq!(u64::from(*span), *bytes, "{name} in {}", kernel.name);
+            if name == "Bounds" {
+                let of =
+                    |name: &str| members.iter().find(|m| m.name.as_deref() == Some(name)).expect(name).offset;
+                let shader = ["low_x", "high_x", "radius_min", "radius_max", "depths", "descending"].map(of);
+                let rust = [
+                    offset_of!(Bounds, low),
+                    offset_of!(Bounds, high),
+                    offset_of!(Bounds, radius_min),
+                    offset_of!(Bounds, radius_max),
+                    offset_of!(Bounds, depths),
+                    offset_of!(Bounds, descending),
+                ];
+                assert_eq!(shader.map(|offset| offset as usize), rust, "in {}", kernel.name);
+                assert_eq!(*span as usize, size_of::<Bounds>());
                 held += 1;
             }
             if let Some((_, size, fields)) = layouts.iter().find(|(rust, ..)| *rust == name) {

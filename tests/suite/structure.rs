@@ -21,11 +21,12 @@ fn names_are_read_back() {
 }
 
 /// Crate by crate, the crates of this workspace that it may depend on outside its own tests.
-const LAYERS: [(&str, &[&str]); 5] = [
+const LAYERS: [(&str, &[&str]); 6] = [
     ("lazygrid-kernels", &[]),
     ("lazygrid-host", &["lazygrid-kernels"]),
     ("lazygrid", &["lazygrid-kernels", "lazygrid-host"]),
-    ("lazygrid-bench", &["lazygrid-kernels", "lazygrid-host", "lazygrid"]),
+    ("lazygrid-sim", &["lazygrid"]),
+    ("lazygrid-bench", &["lazygrid-kernels", "lazygrid-host", "lazygrid", "lazygrid-sim"]),
     ("lazygrid-tests", &["lazygrid-kernels", "lazygrid-host", "lazygrid", "lazygrid-bench"]),
 ];
 

@@ -4,7 +4,6 @@
 //! `cargo bench -p lazygrid-bench --bench peers -- --mode running --scene equal --n 100000 --rounds 9`
 #![allow(clippy::print_stdout)]
 
-mod parry;
 mod sizes;
 
 use std::error::Error;
@@ -14,6 +13,7 @@ use std::path::PathBuf;
 use clap::{Parser, ValueEnum};
 use lazygrid::{Algorithm, Backend, Config, Order};
 use lazygrid_bench::measure::{Contender, Options, Plan, Timing, compare, markdown, provenance};
+use lazygrid_bench::peers::parry;
 
 /// Above this many spheres the naive detector is left out: its time grows with the square.
 const NAIVE_LIMIT: usize = 20_000;
@@ -53,6 +53,9 @@ const ALGORITHMS: [Algorithm; 6] = [
 enum Mode {
     /// A simulation: one detector, or one tree, kept from step to step; one thread.
     Running,
+    /// The settings of Bullet, kept from step to step; one thread.
+    #[cfg(feature = "bullet")]
+    Bullet,
     /// One call from arbitrary order; one thread.
     Scratch,
     /// One thread beside two.
@@ -122,6 +125,8 @@ fn heading(mode: Mode, plan: &Plan) -> String {
     let Plan { scene, n, seed, rounds, steps, .. } = plan;
     let what = match mode {
         Mode::Running => "kept from step to step, one thread",
+        #[cfg(feature = "bullet")]
+        Mode::Bullet => "kept from step to step, one thread",
         Mode::Scratch => "from scratch, one thread",
         Mode::Threads => "kept from step to step, one thread and two",
         Mode::Sizes => "growing input",
@@ -135,6 +140,8 @@ fn contenders(mode: Mode, args: &Args, n: usize) -> Vec<Contender> {
     let mut contenders = match mode {
         Mode::Running => parry::running(),
         Mode::Scratch => parry::scratch(),
+        #[cfg(feature = "bullet")]
+        Mode::Bullet => lazygrid_bench::peers::bullet::tunings(),
         Mode::Threads | Mode::Sizes => vec![],
     };
     let threads: &[usize] = if mode == Mode::Threads { &[1, 2] } else { &[1] };

@@ -3,13 +3,12 @@
 
 use std::error::Error;
 use std::process::Command;
-use std::time::Instant;
 
 use lazygrid::{Algorithm, Detector};
-use lazygrid_bench::measure::{Spread, markdown};
+use lazygrid_bench::measure::{Spread, markdown, memory};
 use lazygrid_bench::scenes::Scene;
 
-use crate::{Args, NAIVE_LIMIT, Output, config};
+use crate::{Args, NAIVE_LIMIT, Output, config, contender};
 
 /// What a child process measured.
 #[derive(Clone, Copy)]
@@ -93,31 +92,10 @@ fn spawn(args: &Args, scene: Scene, algorithm: Algorithm, n: usize) -> Result<Sa
 pub(crate) fn child(args: &Args) -> Result<(), Box<dyn Error>> {
     let options = &args.options;
     let (scene, n, algorithm) = (options.scene[0], options.n[0], args.algorithm[0]);
-    let mut spheres = scene.spheres(n, options.seed);
-    let mut detector = Detector::new(config(algorithm, Output::List, 1))?;
-    let before = resident("VmRSS");
-    // Makes the peak start anew from the present.
-    let reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
-    let mut result = detector.pairs(&spheres)?.len();
-    let mut nanos = vec![];
-    for step in 0..options.steps as u32 {
-        Scene::advance(&mut spheres, options.seed, step);
-        let start = Instant::now();
-        let pairs = detector.pairs(&spheres)?.len();
-        nanos.push(start.elapsed().as_nanos() as f64 / n as f64);
-        result = result.max(pairs);
-    }
-    let peak = if reset { resident("VmHWM") } else { f64::NAN };
-    let bytes = (peak - before - 8.0 * result as f64) / n as f64;
+    let sample =
+        memory::sample(&contender(algorithm, Output::List, 1), scene, n, options.steps as u32, options.seed)?;
+    let detector = Detector::new(config(algorithm, Output::List, 1))?;
     let estimate = detector.memory_for(n as u64) as f64 / n as f64;
-    println!("{} {bytes} {estimate}", Spread::of(&nanos).median);
+    println!("{} {} {estimate}", sample.nanos, sample.bytes.unwrap_or(f64::NAN));
     Ok(())
-}
-
-/// A line of `/proc/self/status` in bytes; NaN where there is none.
-fn resident(name: &str) -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'));
-    let kib = line.and_then(|rest| rest.split_whitespace().next()?.parse::<f64>().ok());
-    kib.map_or(f64::NAN, |kib| kib * 1024.0)
 }

@@ -6,7 +6,7 @@ use lazygrid_kernels::{Algorithm, Interaction, Interactions};
 use super::GpuError;
 use super::input::{Count, GpuSettings, GpuSpheres, check, check_buffer};
 use super::pipelines::Pipelines;
-use super::plan::{DeviceLimits, Phase, Plan, Request, Resource, Slot, plan};
+use super::plan::{DeviceLimits, Phase, Plan, Request, Resource, Slot, most_entries, plan};
 use super::primitives::pass_buffers;
 use super::recording::{Buffers, Recording, constant_buffer};
 use super::scope::scoped;
@@ -24,6 +24,8 @@ const KEPT_RECORDINGS: usize = 4;
 pub struct GpuDetector {
     device: wgpu::Device,
     settings: GpuSettings,
+    /// Entries there is to be room for at least.
+    entry_capacity: u32,
     pipelines: Pipelines,
     passes: Vec<wgpu::Buffer>,
     tables: Option<Tables>,
@@ -88,6 +90,7 @@ impl GpuDetector {
             prepared: None,
             timer,
             settings,
+            entry_capacity: 0,
         })
     }
 
@@ -107,7 +110,7 @@ impl GpuDetector {
         let species = self.settings.interactions.as_ref().map_or(0, Interactions::species);
         let GpuSettings { algorithm, crossover, pair_capacity: pairs, .. } = self.settings;
         let (algorithm, _) = choice::algorithm(algorithm, (spheres, 1), (crossover, "given"));
-        let request = Request { spheres, pairs, algorithm, species };
+        let request = Request { spheres, pairs, entries: self.entry_capacity, algorithm, species };
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
@@ -144,6 +147,16 @@ impl GpuDetector {
     /// Changes how many pairs the output holds; the output is allocated anew by the next call.
     pub fn set_pair_capacity(&mut self, pairs: u32) {
         self.settings.pair_capacity = pairs;
+    }
+
+    /// Makes room for at least so many (cell, object) entries, as [`Outcome::entries`] tells after a call that had
+    /// too little, and for some more; the next call allocates anew. False where the device cannot hold them.
+    pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
+        let most = most_entries(&DeviceLimits::of(&self.device));
+        let wanted = entries.saturating_add(entries / 8).min(most.max(entries));
+        let fits = u32::try_from(wanted).ok().filter(|&wanted| u64::from(wanted) <= most);
+        self.entry_capacity = fits.unwrap_or(self.entry_capacity);
+        fits.is_some()
     }
 
     /// Changes which algorithm later calls use; see [`GpuSettings::algorithm`].
@@ -237,6 +250,9 @@ impl GpuDetector {
             consumer_group: self.settings.consumer_group,
             window_begin: input.window.start,
             window_end: input.window.end,
+            refinement: prepared.plan.refinement as u32,
+            tau: self.settings.tau,
+            density_slots: prepared.plan.density_slots,
         };
         let count = match input.count {
             Count::Host(_) => None,

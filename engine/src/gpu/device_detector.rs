@@ -27,10 +27,12 @@ impl DeviceDetector {
     pub(crate) fn new(own: GpuDevice, config: Config, reason: String) -> Result<Self, Error> {
         let settings = config.settings;
         let crossover = choice::crossover(&config.calibrations, &own.adapter);
+        let ratio = config.raster_ratio.unwrap_or(GpuSettings::RASTER_RATIO);
         let gpu = GpuSettings {
             algorithm: settings.algorithm,
             crossover: crossover.0,
-            raster_ratio: settings.raster_ratio.max(GpuSettings::MIN_RASTER_RATIO),
+            raster_ratio: ratio.max(GpuSettings::MIN_RASTER_RATIO),
+            tau: config.tau.unwrap_or(GpuSettings::TAU),
             interactions: settings.interactions.clone(),
             timed: true,
             ..GpuSettings::default()

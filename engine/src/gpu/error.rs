@@ -92,7 +92,7 @@ pub enum GpuError {
         usage: &'static str,
     },
     /// The algorithm has no GPU kernels.
-    #[error("{0} does not run on the GPU; choose auto, naive or array-grid")]
+    #[error("{0} does not run on the GPU; choose auto, naive, array-grid, eager-grid or lazy-grid")]
     NotOnGpu(Algorithm),
     /// A setting outside its range.
     #[error("{name} = {value} is out of range; {range}")]

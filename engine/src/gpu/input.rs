@@ -21,6 +21,9 @@ pub struct GpuSettings {
     pub pair_capacity: u32,
     /// Cell edge as a multiple of the largest diameter, 1.5 to 16. Default: 2, for 3.4 entries per sphere.
     pub raster_ratio: f32,
+    /// τ: in LazyGrid the smaller spheres of a cell go to a finer level only where they are more than this (Stroobant
+    /// et al., section 3.2). Default: [`GpuSettings::TAU`].
+    pub tau: u32,
     /// Which species pair, and at which distance; `None`: all that touch.
     pub interactions: Option<Interactions>,
     /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
@@ -33,6 +36,10 @@ pub struct GpuSettings {
 }
 
 impl GpuSettings {
+    /// τ by default.
+    pub const TAU: u32 = 32;
+    /// Raster ratio by default.
+    pub const RASTER_RATIO: f32 = 2.0;
     /// The smallest raster ratio with which no sphere overlaps more than two cells per axis.
     pub const MIN_RASTER_RATIO: f32 = 1.5;
     /// The largest raster ratio.
@@ -45,7 +52,8 @@ impl Default for GpuSettings {
             algorithm: Algorithm::Auto,
             crossover: Crossover::HARDWARE,
             pair_capacity: 1 << 20,
-            raster_ratio: 2.0,
+            raster_ratio: Self::RASTER_RATIO,
+            tau: Self::TAU,
             interactions: None,
             consumer_group: GROUP,
             subgroups: true,

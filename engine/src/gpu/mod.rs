@@ -26,7 +26,7 @@ pub(crate) use device_detector::DeviceDetector;
 pub use error::GpuError;
 pub use input::{Count, GpuSettings, GpuSpheres};
 pub use lazygrid_kernels::layout::Outcome;
-pub use plan::{DeviceLimits, Phase, Plan, Request, Resource, Slot, Stage, plan};
+pub use plan::{DeviceLimits, Phase, Plan, Refinement, Request, Resource, Slot, Stage, plan};
 pub use primitives::{PrefixScan, RadixSort, Sorted};
 pub use session::{GpuSession, Ticket};
 pub use wgpu;

@@ -1,17 +1,28 @@
 //! What one call will allocate and dispatch. Pure functions of sizes and limits: no device, no allocation.
 
+mod buffers;
+mod stages;
+
 use lazygrid_kernels::Algorithm;
-use lazygrid_kernels::kernel::{self as k, Kernel};
-use lazygrid_kernels::layout::{BOUNDS_BYTES, GRID_BYTES, Lengths, Outcome};
+use lazygrid_kernels::kernel as k;
+use lazygrid_kernels::layout::Lengths;
 
 use super::GpuError;
+pub(super) use buffers::entry_buffers;
+pub use buffers::{Resource, Slot};
+use buffers::{bytes_of, call_buffers, cell_buffers};
+use stages::stages;
+pub use stages::{Phase, Stage};
+pub(super) use stages::{flattened, scan_stages, sort_stages};
 
 /// Workgroups of the naive search where there is work for them: enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
 /// The most entries: even if all are in one cell, the crowded search shares them out over one dimension.
 const MAX_ENTRIES: u64 = 65_535 * (k::CROWDED_TILES * k::GROUP) as u64;
-/// The fewest key bits: folding needs three per axis.
+/// The fewest key bits: folding needs three per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
+/// Most counters in either half of the density table: so many stay in the caches of today's devices.
+const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 
 /// The limits of a device that bind a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,103 +62,24 @@ pub struct Request {
     pub spheres: u32,
     /// Pairs that the output is to hold.
     pub pairs: u32,
+    /// Entries there is to be room for at least; 0 leaves it to the plan.
+    pub entries: u32,
     /// One of [`Algorithm::GPU`]: what `Auto` means is settled before.
     pub algorithm: Algorithm,
     /// Species of the interaction table; 0 without one.
     pub species: u32,
 }
 
-/// A buffer that the detector owns.
+/// Which cells hand their smaller spheres down to the next level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Slot {
-    /// Bounds of the spheres.
-    Bounds,
-    /// The raster.
-    Grid,
-    /// Count, overflow flag, quarantine count and dispatch arguments.
-    Outcome,
-    /// The pairs.
-    Pairs,
-    /// How many entries there are.
-    Lengths,
-    /// Keys of the entries, two of them to sort to and fro.
-    Keys(bool),
-    /// Objects of the entries, likewise.
-    Objects(bool),
-    /// Digit counts of a radix pass.
-    Counts,
-    /// Sums of the tiles of a scan.
-    Sums,
-    /// Total of a scan.
-    Total,
-    /// Blocks of entries for the crowded search.
-    Crowded,
-    /// Workgroups of the crowded search.
-    Dispatch,
-}
-
-/// What a kernel's binding is bound to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Resource {
-    /// A buffer of the detector.
-    Own(Slot),
-    /// The spheres, from the caller.
-    Spheres,
-    /// The number of spheres, from the caller or the call's own.
-    Count,
-    /// Species ids, from the caller.
-    Species,
-    /// The uniform of this call.
-    Call,
-    /// The uniform of a radix pass.
-    Pass(u32),
-    /// Effective radii by species.
-    Reach,
-    /// The interaction table.
-    Table,
-}
-
-/// The parts of a call that are timed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Phase {
-    /// Bounds and raster.
-    Survey,
-    /// Entries of overlapped cells.
-    Entries,
-    /// Radix sort of the entries.
-    Sort,
-    /// Distance tests.
-    Search,
-}
-
-impl Phase {
-    /// Every phase in the order they run.
-    pub const ALL: [Self; 4] = [Self::Survey, Self::Entries, Self::Sort, Self::Search];
-
-    /// The name in lower case.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Survey => "survey",
-            Self::Entries => "entries",
-            Self::Sort => "sort",
-            Self::Search => "search",
-        }
-    }
-}
-
-/// One dispatch.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Stage {
-    /// What runs.
-    pub kernel: &'static Kernel,
-    /// How many workgroups, before they are laid out in two dimensions.
-    pub groups: u32,
-    /// Whether their number is instead found on the device, in [`Slot::Dispatch`].
-    pub indirect: bool,
-    /// Which part of the call it belongs to.
-    pub phase: Phase,
-    /// Which radix pass it belongs to; 0 outside the sort.
-    pub pass: u32,
+#[repr(u32)]
+pub enum Refinement {
+    /// None: there is one level.
+    None = 0,
+    /// All.
+    Every = 1,
+    /// Those with more than τ of them.
+    Dense = 2,
 }
 
 /// Everything one call needs.
@@ -163,6 +95,10 @@ pub struct Plan {
     pub entries: u32,
     /// Bits of a cell's key; 0 for naive.
     pub key_bits: u32,
+    /// Which cells are refined.
+    pub refinement: Refinement,
+    /// Counters in either half of the density table; 0 without one.
+    pub density_slots: u32,
     /// Workgroups of the naive search; 0 without it.
     pub search_groups: u32,
     /// The buffers and their bytes.
@@ -177,8 +113,11 @@ pub struct Plan {
 /// [`GpuError::LimitExceeded`] where a buffer cannot be bound on the device, [`GpuError::NotOnGpu`] for an
 /// algorithm without kernels.
 pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> {
-    let algorithm = match request.algorithm {
-        named @ (Algorithm::Naive | Algorithm::ArrayGrid) => named,
+    let algorithm = request.algorithm;
+    let refinement = match algorithm {
+        Algorithm::Naive | Algorithm::ArrayGrid => Refinement::None,
+        Algorithm::EagerGrid => Refinement::Every,
+        Algorithm::LazyGrid => Refinement::Dense,
         other => return Err(GpuError::NotOnGpu(other)),
     };
     let mut plan = Plan {
@@ -187,21 +126,22 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
         pairs: request.pairs,
         entries: 0,
         key_bits: 0,
+        refinement,
+        density_slots: 0,
         search_groups: 0,
-        buffers: vec![
-            (Slot::Bounds, BOUNDS_BYTES),
-            (Slot::Grid, GRID_BYTES),
-            (Slot::Outcome, size_of::<Outcome>() as u64),
-            (Slot::Pairs, bytes_of(request.pairs, 8)),
-        ],
+        buffers: call_buffers(request.pairs).to_vec(),
         stages: Vec::new(),
     };
-    if algorithm == Algorithm::ArrayGrid {
-        plan.entries = entry_capacity(request.spheres, limits)?;
-        plan.key_bits = key_bits(request.spheres);
-        plan.buffers.extend(entry_buffers(plan.entries));
-    } else {
+    if algorithm == Algorithm::Naive {
         plan.search_groups = naive_groups(request.spheres, limits)?;
+    } else {
+        plan.entries = entry_capacity(request, limits)?;
+        plan.key_bits = key_bits(request.spheres);
+        if refinement == Refinement::Dense {
+            plan.density_slots = density_slots(request.spheres);
+        }
+        plan.buffers.extend(cell_buffers(&plan));
+        plan.buffers.extend(entry_buffers(plan.entries));
     }
     plan.stages = stages(&plan);
     check(&plan, request.species != 0, limits)?;
@@ -233,6 +173,9 @@ impl Plan {
         } else if kernel == &k::SCAN_SPINE {
             let tiles = Lengths::for_sort(self.entries).counters.div_ceil(k::SCAN_TILE);
             FIXED * u64::from(tiles.div_ceil(k::SCAN_TILE)) / 32
+        } else if kernel == &k::ENTRIES_EMIT {
+            // At each level a look at eight cells, a scan over at most 64 subgroups, and eight entries.
+            u64::from(k::DEPTHS) * (1 + 8 + 64 + 8)
         } else {
             FIXED
         }
@@ -266,6 +209,8 @@ impl Plan {
             "counts" | "values" | "places" => Slot::Counts,
             "sums" => Slot::Sums,
             "total" => Slot::Total,
+            "cells" => Slot::Cells,
+            "density" => Slot::Density,
             "crowded" => Slot::Crowded,
             "dispatch" => Slot::Dispatch,
             other => unreachable!("no kernel binds `{other}`"),
@@ -273,56 +218,23 @@ impl Plan {
     }
 }
 
-/// Workgroups laid out over two dimensions. The last row may be longer than needed; kernels end early there.
-pub(super) fn flattened(groups: u32, limits: &DeviceLimits) -> [u32; 2] {
-    let rows = groups.div_ceil(limits.groups_per_dimension).max(1);
-    [groups.div_ceil(rows), rows]
+/// The most entries that a device can hold and search.
+pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
+    (limits.bytes() / 4).min(MAX_ENTRIES)
 }
 
-/// The stages of a stable radix sort of at most `items` keys by `passes` digits.
-pub(super) fn sort_stages(items: u32, passes: u32) -> impl Iterator<Item = Stage> {
-    let tiles = items.div_ceil(k::RADIX_TILE);
-    (0..passes).flat_map(move |pass| {
-        let stage = move |kernel, groups| Stage { kernel, groups, indirect: false, phase: Phase::Sort, pass };
-        let [reduce, spine, spread] = scan_stages(tiles * (1 << k::DIGIT_BITS), pass);
-        [stage(&k::RADIX_COUNT, tiles), reduce, spine, spread, stage(&k::RADIX_SCATTER, tiles)]
-    })
-}
-
-/// The stages of an exclusive scan of at most `values` values.
-pub(super) fn scan_stages(values: u32, pass: u32) -> [Stage; 3] {
-    let tiles = values.div_ceil(k::SCAN_TILE);
-    let stage = |kernel, groups| Stage { kernel, groups, indirect: false, phase: Phase::Sort, pass };
-    [stage(&k::SCAN_REDUCE, tiles), stage(&k::SCAN_SPINE, 1), stage(&k::SCAN_SPREAD, tiles)]
-}
-
-/// The buffers for entries and their sort.
-pub(super) fn entry_buffers(entries: u32) -> [(Slot, u64); 10] {
-    let counters = Lengths::for_sort(entries).counters;
-    [
-        (Slot::Lengths, size_of::<Lengths>() as u64),
-        (Slot::Keys(false), bytes_of(entries, 4)),
-        (Slot::Keys(true), bytes_of(entries, 4)),
-        (Slot::Objects(false), bytes_of(entries, 4)),
-        (Slot::Objects(true), bytes_of(entries, 4)),
-        (Slot::Counts, bytes_of(counters, 4)),
-        (Slot::Sums, bytes_of(counters.div_ceil(k::SCAN_TILE), 8)),
-        (Slot::Total, 16),
-        (Slot::Crowded, bytes_of(entries.div_ceil(k::GROUP), 4)),
-        (Slot::Dispatch, 16),
-    ]
-}
-
-/// Room for eight entries per sphere, the most there can be, or for as many as the device can bind. Then spheres
-/// that lie unluckily may need more: such a call says so in its overflow flag.
-fn entry_capacity(spheres: u32, limits: &DeviceLimits) -> Result<u32, GpuError> {
-    let most = u64::from(spheres) * k::MAX_ENTRIES_PER_SPHERE;
-    let entries = most.min(limits.bytes() / 4).min(MAX_ENTRIES);
+/// Room for eight entries per sphere, the most there can be at one level, or for as many as the device can bind. Mostly
+/// that serves several levels, as few spheres have as many as eight at each. Where it is not enough, the call says so
+/// in its overflow flag, and how many it needs. Room that is not used costs workgroups that find nothing to sort.
+fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, GpuError> {
+    let spheres = request.spheres;
+    let wanted = (u64::from(spheres) * k::MAX_ENTRIES_PER_SPHERE).max(request.entries.into());
+    let entries = wanted.min(most_entries(limits));
     if entries < u64::from(spheres) {
         return Err(GpuError::LimitExceeded {
             what: "the list of (cell, object) entries, at least one per sphere,",
             needed: u64::from(spheres) * 4,
-            limit: limits.bytes().min(MAX_ENTRIES * 4),
+            limit: most_entries(limits) * 4,
             remedy: "split the spheres",
         });
     }
@@ -349,31 +261,9 @@ fn key_bits(spheres: u32) -> u32 {
     bits.next_multiple_of(k::DIGIT_BITS).max(MIN_KEY_BITS)
 }
 
-/// Bytes of `count` items; never zero, as an empty buffer cannot be bound.
-fn bytes_of(count: u32, size: u64) -> u64 {
-    (u64::from(count) * size).max(16)
-}
-
-fn stages(plan: &Plan) -> Vec<Stage> {
-    let stage = |kernel, groups, phase| Stage { kernel, groups, indirect: false, phase, pass: 0 };
-    let mut stages = vec![
-        stage(&k::CALL_BEGIN, 1, Phase::Survey),
-        stage(&k::BOUNDS_REDUCE, plan.spheres.div_ceil(k::BOUNDS_TILE), Phase::Survey),
-        stage(&k::GRID_CONFIGURE, 1, Phase::Survey),
-    ];
-    if plan.algorithm == Algorithm::Naive {
-        stages.push(stage(&k::NAIVE_SEARCH, plan.search_groups, Phase::Search));
-    } else {
-        stages.push(stage(&k::ENTRIES_EMIT, plan.spheres.div_ceil(k::GROUP), Phase::Entries));
-        stages.push(stage(&k::ENTRIES_CLOSE, 1, Phase::Entries));
-        stages.extend(sort_stages(plan.entries, plan.passes()));
-        stages.push(stage(&k::RUNS_SEARCH, plan.entries.div_ceil(k::GROUP), Phase::Search));
-        stages.push(stage(&k::CROWDED_OPEN, 1, Phase::Search));
-        stages.push(Stage { indirect: true, ..stage(&k::CROWDED_SEARCH, 1, Phase::Search) });
-    }
-    stages.push(stage(&k::OUTCOME_FINISH, 1, Phase::Search));
-    stages.retain(|stage| stage.groups > 0);
-    stages
+/// About half as many counters as spheres, as most share their cells with others.
+fn density_slots(spheres: u32) -> u32 {
+    (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_DENSITY_SLOTS)
 }
 
 fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), GpuError> {

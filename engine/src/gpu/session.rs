@@ -190,7 +190,8 @@ impl GpuSession {
     /// Where the device fails.
     pub fn finish_count(&mut self, ticket: Ticket) -> Result<u64, GpuError> {
         self.pairs.clear();
-        pollster::block_on(self.settle(ticket.number, Wait::Blocking)).map(|outcome| outcome.found())
+        pollster::block_on(self.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking))
+            .map(|outcome| outcome.found())
     }
 
     /// Hands the pairs of a call over in parts whose smaller indices ascend from part to part; within a part they
@@ -204,7 +205,7 @@ impl GpuSession {
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), GpuError> {
         self.pairs.clear();
-        let outcome = pollster::block_on(self.settle(ticket.number, Wait::Blocking))?;
+        let outcome = pollster::block_on(self.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking))?;
         if outcome.found() == self.pairs.len() as u64 {
             let _ = consume(&mut self.pairs);
             return Ok(());
@@ -217,7 +218,7 @@ impl GpuSession {
     async fn collect(&mut self, ticket: Ticket, limit: u64, wait: Wait) -> Result<(), GpuError> {
         self.pairs.clear();
         let number = ticket.number;
-        let found = self.settle(number, wait).await?.found();
+        let found = self.settle(number, GpuSpheres::ALL, wait).await?.found();
         if found > limit {
             self.pairs.clear();
             return Err(GpuError::TooManyPairs { found, limit });
@@ -232,7 +233,7 @@ impl GpuSession {
         if found <= u64::from(self.capacity()) {
             self.pairs.clear();
             self.launch(number, GpuSpheres::ALL)?;
-            self.settle(number, wait).await?;
+            self.settle(number, GpuSpheres::ALL, wait).await?;
             return Ok(());
         }
         let mut all = std::mem::take(&mut self.gathered);
@@ -246,9 +247,9 @@ impl GpuSession {
         result
     }
 
-    /// Waits for a call and appends the pairs that came back; repeats it with a coarser raster where the entries
-    /// found no room.
-    async fn settle(&mut self, number: u64, wait: Wait) -> Result<Outcome, GpuError> {
+    /// Waits for a call and appends the pairs that came back; repeats it with more room for entries, or
+    /// with a coarser raster, where they found none.
+    async fn settle(&mut self, number: u64, window: Range<u32>, wait: Wait) -> Result<Outcome, GpuError> {
         self.timings.clear();
         let mut ratio = self.raster_ratio;
         loop {
@@ -257,6 +258,12 @@ impl GpuSession {
             if outcome.overflow & Outcome::ENTRIES == 0 {
                 return Ok(outcome);
             }
+            self.pairs.clear();
+            if self.detector.set_entry_capacity(outcome.entries()) {
+                log::info!("{} entries do not fit: repeating with room for them", outcome.entries());
+                self.launch(number, window.clone())?;
+                continue;
+            }
             ratio *= 2.0;
             if ratio > GpuSettings::MAX_RASTER_RATIO {
                 let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
@@ -264,9 +271,8 @@ impl GpuSession {
                 return Err(GpuError::LimitExceeded { what, needed: outcome.entries(), limit, remedy });
             }
             log::info!("{} entries do not fit: repeating with raster ratio {ratio}", outcome.entries());
-            self.pairs.clear();
             let relaunched =
-                self.detector.set_raster_ratio(ratio).and_then(|()| self.launch(number, GpuSpheres::ALL));
+                self.detector.set_raster_ratio(ratio).and_then(|()| self.launch(number, window.clone()));
             self.detector.set_raster_ratio(self.raster_ratio)?;
             relaunched?;
         }
@@ -289,7 +295,7 @@ impl GpuSession {
             let end = begin.saturating_add(width).min(count);
             self.pairs.clear();
             self.launch(number, begin..end)?;
-            let outcome = self.settle(number, wait).await?;
+            let outcome = self.settle(number, begin..end, wait).await?;
             if outcome.found() > capacity {
                 if width == 1 {
                     let (needed, limit) = (outcome.found() * 8, capacity * 8);

@@ -81,12 +81,13 @@ impl CellList {
     /// [`Error::OutOfMemory`].
     pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
         let Survey { min, max, .. } = input.survey;
+        let lengths = input.rule.lengths();
         let plan = report.time("plan", || Levels::plan(&input.survey, &Crowding::sample(input)));
         let (mut base, mut from) = (0, 0);
         self.levels.clear();
         for level in &plan.levels {
             let most = ((level.spheres as f32 * CELLS_PER_SPHERE) as u64).min(MAX_CELLS);
-            let raster = Raster::new(level.edge, (min, max), level.largest, most);
+            let raster = Raster::new(level.edge, (min, max), lengths, level.largest, most);
             log::trace!("level of {} spheres: edge {}, raster {:?}", level.spheres, level.edge, raster.size);
             let (cells, to) = (raster.cells() as usize, from + level.spheres as usize);
             self.levels.push(Placed { raster, base, members: from..to });
@@ -115,8 +116,9 @@ impl CellList {
 
 #[cfg(test)]
 mod tests {
-    use lazygrid_kernels::{Algorithm, Pair, Sphere};
+    use lazygrid_kernels::{Algorithm, Pair, Space, Sphere};
 
+    use crate::judged::judge;
     use crate::{HostDetector, Order, Settings, Simd};
 
     fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
@@ -148,6 +150,33 @@ mod tests {
             for simd in [Simd::Portable, Simd::Avx2, Simd::Avx512] {
                 assert_eq!(pairs(&spheres, Algorithm::Naive, simd), expected, "naive, {n}, {simd:?}");
                 assert_eq!(pairs(&spheres, Algorithm::CellList, simd), expected, "{n}, {simd:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn agrees_with_all_pairs() {
+        judge(&Settings { algorithm: Algorithm::CellList, ..Settings::default() });
+    }
+
+    /// Cells wider than the reach, most of them away from the seam, and pairs across every face, edge and corner.
+    #[test]
+    fn a_gas_in_a_periodic_box() {
+        let spheres: Vec<_> = scattered(6000, 0, 60.0)
+            .into_iter()
+            .map(|sphere| Sphere::new((sphere.center * 17.0) % 15.0, 0.5))
+            .collect();
+        for lengths in [[Some(15.0); 3], [Some(15.0), None, None], [None, Some(15.0), Some(14.0)]] {
+            let space = Space::periodic(lengths).expect("a box");
+            let pairs = |algorithm, simd| {
+                let settings = Settings { algorithm, simd, space, ..Settings::default() };
+                let mut detector = HostDetector::new(settings).expect("the settings are in range");
+                detector.pairs((&spheres).into()).expect("the spheres are valid").to_vec()
+            };
+            let expected = pairs(Algorithm::Naive, Simd::Portable);
+            for simd in [Simd::Portable, Simd::Avx2, Simd::Avx512] {
+                assert!(pairs(Algorithm::CellList, simd) == expected, "{lengths:?}, {simd:?}");
+                assert!(pairs(Algorithm::Naive, simd) == expected, "naive, {lengths:?}, {simd:?}");
             }
         }
     }

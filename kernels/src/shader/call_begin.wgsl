@@ -18,6 +18,10 @@ fn call_begin() {
     atomicStore(&bounds.high_z, 0u);
     atomicStore(&bounds.radius_min, 0xffffffffu);
     atomicStore(&bounds.radius_max, 0u);
+    atomicStore(&bounds.depths, 0u);
+    for (var depth = 0u; depth < 32u; depth++) {
+        atomicStore(&bounds.descending[depth], 0u);
+    }
     grid.spheres = min(given, call.spheres);
     atomicStore(&outcome.found_lo, 0u);
     atomicStore(&outcome.found_hi, 0u);

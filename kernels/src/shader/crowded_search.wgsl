@@ -48,13 +48,13 @@ fn crowded_search(at: Builtins) {
     }
     let per_share = tiles_per_share(blocks, atomicLoad(&outcome.crowded_tiles));
     let block = crowded[listed];
-    let key = keys[block + GROUP - 1u];
+    let run = run_of(keys[block + GROUP - 1u]);
     let start = block + NEAR + 1u;
-    let end = run_end(key, block + GROUP);
+    let end = run_end(run, block + GROUP);
     let share = start + at.group.x * per_share * GROUP;
     let share_end = min(end, share + per_share * GROUP);
     let entry = block + place.lane;
-    let row_used = keys[entry] == key && entry + NEAR + 1u < end;
+    let row_used = run_of(keys[entry]) == run && !is_passive(keys[entry]) && entry + NEAR + 1u < end;
     var row: Row;
     row.object = objects[entry];
     row.sphere = spheres[index_of(row.object)];

@@ -1,43 +1,64 @@
-// One (cell, object) entry for every cell that a sphere's box overlaps. The object's cells are computed here
-// and nowhere else; with the entry goes, per axis, whether the cell is the object's first.
+// One (cell, object) entry for every cell that a sphere overlaps, level by level: from a cell that is refined, its
+// smaller spheres go on to the next level. With the entry goes, per axis, whether the cell is the object's first, and
+// in its key whether it is passive: a smaller sphere in a refined cell, which only meets those that stay behind.
 #include layout
 #include place
-#include sphere
 
 @group(0) @binding(0) var<uniform> call: Call;
 @group(0) @binding(1) var<storage, read> grid: Grid;
-@group(0) @binding(2) var<storage, read> spheres: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read_write> outcome: Outcome;
-@group(0) @binding(4) var<storage, read_write> keys: array<u32>;
-@group(0) @binding(5) var<storage, read_write> objects: array<u32>;
-#ifdef SPECIES
-@group(0) @binding(6) var<storage, read> species: array<u32>;
-@group(0) @binding(7) var<storage, read> reach: array<vec2<f32>>;
-#endif
-#include reach
+@group(0) @binding(2) var<storage, read> cells: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read_write> density: array<atomic<u32>>;
+@group(0) @binding(4) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(5) var<storage, read_write> keys: array<u32>;
+@group(0) @binding(6) var<storage, read_write> objects: array<u32>;
+#include cells
+#include density
+#include reserve entries
 #include group_scan
 
 var<workgroup> group_first: u32;
 
-fn entries_reserve(count: u32) -> u32 {
-    let first = atomicAdd(&outcome.entries_lo, count);
-    if (first > 0xffffffffu - count) {
-        atomicAdd(&outcome.entries_hi, 1u);
-        return 0xffffffffu;
+// A sphere's cells at one level, by number: where it has entries, which of these are passive, and which cells hand
+// it down.
+struct Visit {
+    entries: u32,
+    passive: u32,
+    handed: u32,
+}
+
+fn key_of(depth: u32, cell: vec3<i32>) -> u32 {
+    let level = grid.levels[depth];
+    let folded = vec3<u32>(cell) & ((vec3(1u) << level.bits) - vec3(1u));
+    return level.base + (folded.x | (folded.y << level.bits.x) | (folded.z << (level.bits.x + level.bits.y)));
+}
+
+// `alive` says which of its cells at the level before, `above`, handed the sphere down.
+fn visit(here: Cells, above: Cells, alive: u32, is_own: bool) -> Visit {
+    var found = Visit(0u, 0u, 0u);
+    for (var number = 0u; number < 8u; number++) {
+        let step = step_of(number);
+        let cell = here.first + step;
+        if (!has_cell(here, step) || (alive & (1u << parent_of(cell, here.depth, above))) == 0u) {
+            continue;
+        }
+        // In EagerGrid every cell is refined; a depth without spheres has none that stay behind.
+        var is_refined = grid.refinement == 1u;
+        var has_own = (grid.occupied & (1u << here.depth)) != 0u;
+        if (grid.refinement == 2u && !is_own) {
+            let counted = atomicLoad(&density[density_slot(here.depth, cell)]);
+            is_refined = is_dense(counted);
+            has_own = (counted & HAS_OWN) != 0u;
+        }
+        let bit = 1u << number;
+        if (is_own || !is_refined) {
+            found.entries |= bit;
+        } else {
+            found.handed |= bit;
+            found.entries |= select(0u, bit, has_own);
+            found.passive |= select(0u, bit, has_own);
+        }
     }
-    return select(first, 0xffffffffu, atomicLoad(&outcome.entries_hi) != 0u);
-}
-
-fn cell_of(position: vec3<f32>) -> vec3<u32> {
-    let offset = clamp(position - grid.origin, vec3(-0x1p126), vec3(0x1p126));
-    let low = vec3<f32>(grid.low);
-    let high = vec3<f32>(grid.high);
-    return vec3<u32>(vec3<i32>(clamp(floor(offset * grid.inverse_edge), low, high)) - grid.low);
-}
-
-fn key_of(cell: vec3<u32>) -> u32 {
-    let folded = cell & ((vec3(1u) << grid.bits) - vec3(1u));
-    return folded.x | (folded.y << grid.bits.x) | (folded.z << (grid.bits.x + grid.bits.y));
+    return found;
 }
 
 @compute @workgroup_size(256)
@@ -47,42 +68,45 @@ fn entries_emit(at: Builtins) {
         return;
     }
     let index = place.group * GROUP + place.lane;
-    var first = vec3(0u);
-    var last = vec3(0u);
-    var count = 0u;
+    var words = NO_CELLS;
     if (index < grid.spheres) {
-        let sphere = spheres[index];
-        if (is_accepted(index, sphere)) {
-            let box = box_of(sphere, effective_radius(index, sphere));
-            first = cell_of(box.low);
-            last = max(first, cell_of(box.high));
-            let span = last - first + vec3(1u);
-            count = span.x * span.y * span.z;
+        words = cells[index];
+    }
+    let own = cells_unpacked(words);
+    let own_depth = 31u - countLeadingZeros(depths_to(grid.depths, own.depth));
+    var above = cells_at(own, 0u);
+    var alive = select(0u, 0xffu, any(words != NO_CELLS));
+    var depths = grid.depths;
+    while (depths != 0u) {
+        let depth = firstTrailingBit(depths);
+        depths &= depths - 1u;
+        var found = Visit(0u, 0u, 0u);
+        var here = above;
+        if (alive != 0u) {
+            here = cells_at(own, depth);
+            found = visit(here, above, alive, depth == own_depth);
         }
-    }
-    let scan = group_scan(count, place);
-    if (place.lane == 0u) {
-        group_first = entries_reserve(scan.y);
-    }
-    workgroupBarrier();
-    if (count == 0u || group_first >= call.entry_capacity) {
-        return;
-    }
-    var at_entry = group_first + scan.x;
-    for (var z = first.z; z <= last.z; z++) {
-        for (var y = first.y; y <= last.y; y++) {
-            for (var x = first.x; x <= last.x; x++) {
-                if (at_entry >= call.entry_capacity) {
-                    return;
-                }
-                let is_first = vec3(x, y, z) == first;
-                keys[at_entry] = key_of(vec3(x, y, z));
-                objects[at_entry] = index
-                    | select(0u, 1u << 29u, is_first.x)
-                    | select(0u, 1u << 30u, is_first.y)
-                    | select(0u, 1u << 31u, is_first.z);
-                at_entry += 1u;
-            }
+        // Counted together: in the upper half, how many spheres go on.
+        let scan = group_scan(countOneBits(found.entries) | select(0u, 0x10000u, found.handed != 0u), place);
+        if (place.lane == 0u) {
+            group_first = entries_reserve(scan.y & 0xffffu);
         }
+        workgroupBarrier();
+        var at_entry = group_first + (scan.x & 0xffffu);
+        var left = select(0u, found.entries, group_first < call.entry_capacity);
+        while (left != 0u && at_entry < call.entry_capacity) {
+            let number = firstTrailingBit(left);
+            left &= left - 1u;
+            let step = step_of(number);
+            let is_passive = (found.passive >> number) & 1u;
+            keys[at_entry] = (key_of(depth, here.first + step) << grid.passive) | is_passive;
+            objects[at_entry] = index | ((number ^ 7u) << 29u);
+            at_entry += 1u;
+        }
+        if ((scan.y >> 16u) == 0u) {
+            break;
+        }
+        above = here;
+        alive = found.handed;
     }
 }

@@ -7,15 +7,15 @@
 @group(0) @binding(1) var<storage, read> spheres: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> bounds: Bounds;
 @group(0) @binding(3) var<storage, read_write> grid: Grid;
+#include fold
 
 const SAMPLES: u32 = 256u;
+// Edges are this much larger where sizes are told apart, so that sizes that are each half of the next stay so when
+// their boxes are widened a little.
+const SLACK: f32 = 0x1.04p0;
 // Cells on either side of the origin. Beyond, coordinates go to the outermost cell; within, a box is widened by
 // at most an eighth of an edge, so that no sphere overlaps more than two cells per axis.
 const HALF_RASTER: f32 = 0x1p17;
-// Fewest bits of a folded axis: with eight cells before the fold repeats, two overlapping spheres never meet in
-// different cells of one key.
-const FOLD_BITS: u32 = 3u;
-
 var<workgroup> samples: array<array<f32, 256>, 3>;
 var<workgroup> accepted: atomic<u32>;
 // Lower quartile, median and upper quartile of the samples.
@@ -28,25 +28,7 @@ fn decoded(key: u32) -> f32 {
 // In cells from the origin. The limits keep every intermediate value finite.
 fn cell_of(position: vec3<f32>, origin: vec3<f32>, inverse_edge: f32) -> vec3<i32> {
     let offset = clamp(position - origin, vec3(-0x1p126), vec3(0x1p126));
-    return vec3<i32>(floor(clamp(offset * inverse_edge, vec3(-HALF_RASTER), vec3(HALF_RASTER))));
-}
-
-fn axis_bits(cells: u32) -> u32 {
-    return 32u - countLeadingZeros(cells - 1u);
-}
-
-fn folded_bits(cells: vec3<u32>) -> vec3<u32> {
-    var bits = vec3(axis_bits(cells.x), axis_bits(cells.y), axis_bits(cells.z));
-    while (bits.x + bits.y + bits.z > call.key_bits) {
-        if (bits.x >= bits.y && bits.x >= bits.z) {
-            bits.x = max(bits.x - 1u, FOLD_BITS);
-        } else if (bits.y >= bits.z) {
-            bits.y = max(bits.y - 1u, FOLD_BITS);
-        } else {
-            bits.z = max(bits.z - 1u, FOLD_BITS);
-        }
-    }
-    return bits;
+    return vec3<i32>(floor(clamp(offset * inverse_edge, vec3(-HALF_RASTER), vec3(HALF_RASTER - 1.0))));
 }
 
 @compute @workgroup_size(256)
@@ -111,8 +93,9 @@ fn grid_configure(at: Builtins) {
     let volume_spacing = pow(spread.x, 1.0 / 3.0) * pow(spread.y, 1.0 / 3.0) * pow(spread.z, 1.0 / 3.0)
         * pow(spheres_count, -1.0 / 3.0);
     let line_spacing = max(spread.x, max(spread.y, spread.z)) / spheres_count;
+    let width = radius_max * call.raster_ratio * select(2.0, 2.0 * SLACK, call.refinement != 0u);
     let edge = max(
-        max(2.0 * radius_max * call.raster_ratio, far * 0x1p-17),
+        max(width, far * 0x1p-17),
         max(max(volume_spacing, line_spacing), 0x1p-100),
     );
     let inverse_edge = select(0.0, 1.0 / edge, edge < 0x1p120);
@@ -141,5 +124,11 @@ fn grid_configure(at: Builtins) {
     grid.low = low;
     grid.high = high;
     grid.ordinary = select(0u, 1u, radius_min > 0x1p-40 && largest < 0x1p58);
-    grid.bits = folded_bits(vec3<u32>(high - low) + vec3(1u));
+    // Where even the smallest sphere does not fit cells half as wide, all are of depth 0.
+    let some_fit = 4.0 * call.raster_ratio * (radius_min * inverse_edge) < 0x1.01p0;
+    grid.refinement = select(0u, call.refinement, some_fit && inverse_edge > 0.0);
+    grid.depths = 1u;
+    grid.occupied = 1u;
+    grid.passive = 0u;
+    grid.levels[0] = Level(folded_bits(axis_bits(low, high), call.key_bits), 0u);
 }

@@ -1,27 +1,29 @@
-// Pairs among entries of one cell, where the later entry is at most NEAR places after the earlier one. Blocks
+// Pairs among entries of one cell, where the later entry is at most NEAR places after the earlier one, and the earlier
+// one is active. Blocks
 // with partners farther along their run are listed for `crowded_search`.
 #include layout
 #include place
 
 @group(0) @binding(0) var<uniform> call: Call;
-@group(0) @binding(1) var<storage, read> lengths: Lengths;
-@group(0) @binding(2) var<storage, read> keys: array<u32>;
-@group(0) @binding(3) var<storage, read> objects: array<u32>;
-@group(0) @binding(4) var<storage, read> spheres: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read_write> outcome: Outcome;
-@group(0) @binding(6) var<storage, read_write> pairs: array<vec2<u32>>;
-@group(0) @binding(7) var<storage, read_write> crowded: array<u32>;
+@group(0) @binding(1) var<storage, read> grid: Grid;
+@group(0) @binding(2) var<storage, read> lengths: Lengths;
+@group(0) @binding(3) var<storage, read> keys: array<u32>;
+@group(0) @binding(4) var<storage, read> objects: array<u32>;
+@group(0) @binding(5) var<storage, read> spheres: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(7) var<storage, read_write> pairs: array<vec2<u32>>;
+@group(0) @binding(8) var<storage, read_write> crowded: array<u32>;
 #ifdef SPECIES
-@group(0) @binding(8) var<storage, read> species: array<u32>;
-@group(0) @binding(9) var<storage, read> table: array<f32>;
+@group(0) @binding(9) var<storage, read> species: array<u32>;
+@group(0) @binding(10) var<storage, read> table: array<f32>;
 #endif
 #include overlap
-#include reserve
+#include pairs
 #include entry
 
 const GROUP: u32 = 256u;
 
-var<workgroup> block_keys: array<u32, 256>;
+var<workgroup> block_runs: array<u32, 256>;
 var<workgroup> block_objects: array<u32, 256>;
 var<workgroup> block_spheres: array<vec4<f32>, 256>;
 var<workgroup> group_hits: atomic<u32>;
@@ -63,7 +65,7 @@ fn runs_search(at: Builtins) {
     }
     let entry = block + place.lane;
     var open = entry < count;
-    var key = 0u;
+    var run = 0u;
     var object = 0u;
     var sphere: vec4<f32>;
     if (place.lane == 0u) {
@@ -72,15 +74,16 @@ fn runs_search(at: Builtins) {
         atomicStore(&group_open, 0u);
     }
     if (open) {
-        key = keys[entry];
+        run = run_of(keys[entry]);
         object = objects[entry];
         sphere = spheres[index_of(object)];
-        block_keys[place.lane] = key;
+        block_runs[place.lane] = run;
         block_objects[place.lane] = object;
         block_spheres[place.lane] = sphere;
+        open = !is_passive(keys[entry]);
     }
     workgroupBarrier();
-    if (open && entry + NEAR + 1u < count && keys[entry + NEAR + 1u] == key) {
+    if (open && entry + NEAR + 1u < count && run_of(keys[entry + NEAR + 1u]) == run) {
         atomicStore(&group_far, 1u);
     }
 
@@ -91,9 +94,9 @@ fn runs_search(at: Builtins) {
             var same = other < count;
             if (same) {
                 if (other - block < GROUP) {
-                    same = block_keys[other - block] == key;
+                    same = block_runs[other - block] == run;
                 } else {
-                    same = keys[other] == key;
+                    same = run_of(keys[other]) == run;
                 }
             }
             if (!same) {
@@ -113,7 +116,7 @@ fn runs_search(at: Builtins) {
         if (place.lane == 0u) {
             let total = atomicLoad(&group_hits);
             if (total != 0u) {
-                group_first = pairs_reserve(total);
+                group_first = found_reserve(total);
             }
         }
         workgroupBarrier();
@@ -140,7 +143,7 @@ fn runs_search(at: Builtins) {
     if (place.lane == 0u && atomicLoad(&group_far) != 0u) {
         crowded[atomicAdd(&outcome.crowded, 1u)] = block;
         // Of the block's runs only the last goes on so far.
-        let beyond = run_end(block_keys[GROUP - 1u], block + GROUP) - (block + NEAR + 1u);
+        let beyond = run_end(block_runs[GROUP - 1u], block + GROUP) - (block + NEAR + 1u);
         atomicMax(&outcome.crowded_tiles, (beyond + GROUP - 1u) / GROUP);
     }
 }

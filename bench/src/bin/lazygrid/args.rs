@@ -1,10 +1,11 @@
-use std::num::NonZeroUsize;
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
-use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order};
+use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order, Space};
+use lazygrid_bench::figures::Figure;
 use lazygrid_bench::read::{Format, Options};
 use lazygrid_bench::scenes::Scene;
 use lazygrid_bench::write::{SphereFormat, TableFormat};
@@ -27,6 +28,8 @@ pub(crate) enum Command {
     Detect(Detect),
     /// Write a scene to a file
     Generate(Generate),
+    /// Run a scenario of diffusing, reacting and colliding particles
+    Simulate(Simulate),
     /// List what can run here
     Devices,
     /// Measure from how many spheres on a grid beats all pairs on the GPU, for `detect` to choose by
@@ -35,6 +38,12 @@ pub(crate) enum Command {
                             adapter, its driver and this version; --json of `detect` says whether it was used."
     )]
     Calibrate,
+    /// Repeat the paper's evaluation on this machine and write a report
+    Figures(Figures),
+    /// Say what became slower between two folders of figures
+    Compare(Compare),
+    #[command(hide = true)]
+    MeasureMemory(MeasureMemory),
     /// Write a completion script for a shell to standard output
     Completions {
         /// The shell
@@ -64,6 +73,7 @@ Examples:
   lazygrid detect pour.dump
   lazygrid detect burst.lst --radius acid=0.1 --radius base=0.15 --radius salt=0.2 -o pairs.csv
   lazygrid detect run.lammpstrj --frame 3 -o pairs.npy
+  lazygrid detect slab.dump --periodic 10,10,- -o pairs.npy
   lazygrid detect run.xyz --json | jq .pairs")]
 pub(crate) struct Detect {
     /// The file with the spheres
@@ -74,6 +84,9 @@ pub(crate) struct Detect {
     /// The radius of a species, by name or by LAMMPS type; wins over a radius in the file. May be repeated
     #[arg(long = "radius", value_name = "SPECIES=R", value_parser = radius)]
     pub(crate) radii: Vec<(String, f32)>,
+    /// The lengths of a periodic box; - for an axis that is unbounded. Where the box begins makes no difference
+    #[arg(long, value_name = "X,Y,Z", value_parser = space, allow_hyphen_values = true)]
+    pub(crate) periodic: Option<Space>,
     /// Where to run
     #[arg(long, default_value_t, value_parser = one_of(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,
@@ -134,6 +147,115 @@ pub(crate) struct Generate {
     pub(crate) output: (PathBuf, SphereFormat),
 }
 
+/// Repeats the paper's evaluation on this machine: engines in turn on the same spheres, every answer checked before its
+/// time counts. Writes results.json, results.csv, plots, report.html and RESULTS.md.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "A run that was interrupted goes on where it was, with the same settings and build.
+Exit code 1 where an engine gave a wrong answer. Bullet takes part where built with --features bullet.
+
+Examples:
+  lazygrid figures --quick
+  lazygrid figures --only 4 --budget-minutes 5 --out trees")]
+pub(crate) struct Figures {
+    /// Smaller sizes and fewer runs: under three minutes on two cores
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// The smallest size of everything: checks answers, times mean nothing
+    #[arg(long, conflicts_with = "quick")]
+    pub(crate) smallest: bool,
+    /// Only these figures, separated by commas [default: all]
+    #[arg(long, value_name = "FIGURE", value_delimiter = ',', value_parser = one_of(Figure::ALL.map(Figure::name)).try_map(|name| name.parse::<Figure>()))]
+    pub(crate) only: Vec<Figure>,
+    /// The folder for results; finished points that it holds are not run again
+    #[arg(long, value_name = "DIR", default_value = "figures")]
+    pub(crate) out: PathBuf,
+    /// The most runs, or steps, of each engine at each point [default: as many as the paper's, fewer with --quick]
+    #[arg(long, value_name = "N")]
+    pub(crate) runs: Option<NonZeroUsize>,
+    /// About how many minutes it may take [default: 30, with --quick 1.75]
+    #[arg(long, value_name = "M", value_parser = minutes)]
+    pub(crate) budget_minutes: Option<f64>,
+}
+
+/// Says what changed between two runs of the figures by more than their noise: the medians differ by more than 5 % and
+/// the middle halves of the runs do not overlap. Exit code 1 where something became slower.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Compare {
+    /// The folder of the older run
+    pub(crate) old: PathBuf,
+    /// The folder of the newer run
+    pub(crate) new: PathBuf,
+}
+
+/// Measures one engine in a process of its own.
+#[derive(Debug, clap::Args)]
+pub(crate) struct MeasureMemory {
+    pub(crate) engine: String,
+    #[arg(value_parser = one_of(Scene::ALL.map(Scene::name)).try_map(|name| name.parse::<Scene>()))]
+    pub(crate) scene: Scene,
+    pub(crate) n: usize,
+    pub(crate) steps: u32,
+}
+
+/// Runs a scenario: particles are released, diffuse, react, collide and are received. The result depends on the
+/// scenario and the seed alone.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Output, in the directory:
+  series.csv          a row after every so many steps: step, time, particles by species, reactions and decays so
+                      far, what receivers say by species, pairs and settled overlaps of the last step
+  frames.xyz          frames in extended XYZ, where the scenario asks for them
+  frame-000000000.npy frames as structured arrays: id, species, x, y, z, r
+  checkpoint          what --resume goes on from; also after Ctrl-C, which ends the run with exit code 130
+
+Examples:
+  lazygrid simulate simulator/scenarios/acid-base.toml
+  lazygrid simulate burst.toml --seed 7 --steps 500 --output seed-7
+  lazygrid simulate burst.toml --seed 7 --steps 1000 --output seed-7 --resume")]
+pub(crate) struct Simulate {
+    /// The scenario, a TOML file
+    pub(crate) scenario: PathBuf,
+    /// The directory to write to [default: the scenario's name without .toml]
+    #[arg(long, short, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    /// The seed of the random numbers [default: the scenario's]
+    #[arg(long, value_name = "S")]
+    pub(crate) seed: Option<u64>,
+    /// How many steps the run has in all [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) steps: Option<u32>,
+    /// Write a row of the series after every N steps [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) every: Option<NonZeroU32>,
+    /// Write a frame after every N steps [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) frames_every: Option<NonZeroU32>,
+    /// Write a checkpoint after every N steps besides that at the end [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) checkpoint_every: Option<NonZeroU32>,
+    /// Go on from the checkpoint in the output directory
+    #[arg(long, conflicts_with = "overwrite")]
+    pub(crate) resume: bool,
+    /// Replace the run that is in the output directory
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// How pairs are found, on the CPU; it does not change the result
+    #[arg(long, default_value_t, value_parser = one_of(ON_CPU.map(Algorithm::name)).try_map(|name| name.parse::<Algorithm>()))]
+    pub(crate) algorithm: Algorithm,
+    /// Threads of the CPU [default: all]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
+}
+
+/// What can find pairs for a simulation.
+const ON_CPU: [Algorithm; 6] = [
+    Algorithm::Auto,
+    Algorithm::Naive,
+    Algorithm::HashGrid,
+    Algorithm::ArrayGrid,
+    Algorithm::RecursiveGrid,
+    Algorithm::CellList,
+];
+
 impl Detect {
     pub(crate) fn options(&self) -> Options {
         Options { format: self.format, radii: self.radii.iter().cloned().collect() }
@@ -142,6 +264,7 @@ impl Detect {
     pub(crate) fn config(&self) -> Config {
         let order = if self.unordered { Order::Unordered } else { Order::Canonical };
         let config = Config::default().backend(self.backend).algorithm(self.algorithm).order(order);
+        let config = with(config, self.periodic, Config::space);
         let config = if self.backend == Backend::Cpu { config } else { config.calibration(cache::load()) };
         let config = with(config, self.tau, Config::tau);
         let config = with(config, self.raster_ratio, Config::raster_ratio);
@@ -167,6 +290,23 @@ fn radius(text: &str) -> Result<(String, f32), String> {
         Ok(radius) if radius.is_finite() && radius >= 0.0 => Ok((species.to_owned(), radius)),
         _ => Err(format!("the radius '{radius}' must be a finite number that is not negative")),
     }
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let minutes = f64::from_str(text).ok().filter(|minutes| (0.0..=1e5).contains(minutes));
+    minutes.ok_or_else(|| "expected a number of minutes from 0 to 100000".to_owned())
+}
+
+fn space(text: &str) -> Result<Space, String> {
+    let length = |text: &str| match text.trim() {
+        "-" => Ok(None),
+        number => {
+            f32::from_str(number).map(Some).map_err(|_| format!("'{number}' is neither a length nor -"))
+        }
+    };
+    let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;
+    let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-")?;
+    Space::periodic(lengths).map_err(|error| error.to_string())
 }
 
 fn raster_ratio(text: &str) -> Result<f32, String> {

@@ -30,15 +30,31 @@ pub(crate) enum Failure {
     Calibration(GpuError),
     #[error("there is no place for the calibration; set HOME, or XDG_CACHE_HOME to a directory")]
     NoCacheDirectory,
+    #[error("{0}")]
+    Figures(String),
+    #[error("{errors} measurements have a wrong answer or failed; {} names them", report.display())]
+    WrongAnswers { errors: usize, report: PathBuf },
+    #[error("{slower} measurements became slower and {broken} broke")]
+    Slower { slower: usize, broken: usize },
+    #[error(transparent)]
+    Simulation(#[from] lazygrid_sim::Error),
+    #[error("cannot listen for Ctrl-C: {0}")]
+    Signal(ctrlc::Error),
+    #[error("stopped after {steps} steps; go on with: lazygrid simulate {} --output {} --resume", scenario.display(), directory.display())]
+    Stopped { steps: u32, scenario: PathBuf, directory: PathBuf },
     #[error("cannot write to standard output: {0}")]
     Stdout(io::Error),
 }
 
 impl Failure {
-    /// 2 where the options contradict each other, which no other input would mend; else 1.
+    /// 2 where the options contradict each other, which no other input would mend; 130, as shells say, after Ctrl-C;
+    /// else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Setting(lazygrid::Error::NotOnBackend { .. }) => ExitCode::from(2),
+            Self::Stopped { .. } => ExitCode::from(130),
+            Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::PeriodicOnGpu) => {
+                ExitCode::from(2)
+            }
             _ => ExitCode::FAILURE,
         }
     }

@@ -3,12 +3,15 @@
 mod args;
 mod cache;
 mod calibrate;
+mod compare;
 mod detect;
 mod devices;
 mod failure;
+mod figures;
 mod generate;
 mod input;
 mod progress;
+mod simulate;
 mod summary;
 
 use std::io::{self, Write};
@@ -25,8 +28,12 @@ fn main() -> ExitCode {
     let result = match args.command {
         Command::Detect(args) => detect::run(&args),
         Command::Generate(args) => generate::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
         Command::Devices => devices::run(),
         Command::Calibrate => calibrate::run(),
+        Command::Figures(args) => figures::run(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::MeasureMemory(args) => figures::measure_memory(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Args::command(), "lazygrid", &mut script);

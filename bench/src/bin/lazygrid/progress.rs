@@ -29,6 +29,12 @@ pub(crate) fn working(what: &'static str, spheres: usize) -> ProgressBar {
     spinner.with_style(style("{spinner} {msg} {elapsed}"))
 }
 
+/// A bar for a run of so many steps.
+pub(crate) fn running(steps: u32) -> ProgressBar {
+    let bar = ProgressBar::new(steps.into());
+    bar.with_style(style("{wide_bar} step {pos}/{len} {per_sec}, {eta} left, {msg}"))
+}
+
 fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }

@@ -9,7 +9,7 @@ const LAVAPIPE: DeviceLimits = DeviceLimits {
 const H200: DeviceLimits = DeviceLimits { storage_binding: (1 << 31) - 4, buffer: 4_292_870_144, ..LAVAPIPE };
 
 fn request(spheres: u32, pairs: u32) -> Request {
-    Request { spheres, pairs, algorithm: Algorithm::ArrayGrid, species: 0 }
+    Request { spheres, pairs, entries: 0, algorithm: Algorithm::ArrayGrid, species: 0 }
 }
 
 #[test]
@@ -80,7 +80,9 @@ fn no_invocation_takes_more_turns_than_its_share() {
     let sizes = (0..=24).flat_map(|k| [(1 << k) - 1, 1 << k, (1 << k) + 1, 3 << k >> 1]);
     for spheres in sizes.filter(|&n: &u32| n <= 1 << 24) {
         for limits in [LAVAPIPE, H200] {
-            for algorithm in [Algorithm::Naive, Algorithm::ArrayGrid] {
+            for algorithm in
+                [Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid]
+            {
                 let Ok(plan) = plan(&Request { algorithm, ..request(spheres, 1) }, &limits) else {
                     assert!(u64::from(spheres) * 16 > limits.bytes(), "{spheres} should fit");
                     continue;

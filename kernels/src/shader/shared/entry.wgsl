@@ -17,13 +17,23 @@ fn is_wanted(object: u32, other: u32) -> bool {
     return is_in_window(min(index_of(object), index_of(other)));
 }
 
-// One past the last entry of the run with this key, which begins at or before `begin`.
-fn run_end(key: u32, begin: u32) -> u32 {
+// What the keys of one cell's entries have in common.
+fn run_of(key: u32) -> u32 {
+    return key >> grid.passive;
+}
+
+// Passive entries are the last ones of their run, and pairs among them are found at a deeper level.
+fn is_passive(key: u32) -> bool {
+    return (key & grid.passive) != 0u;
+}
+
+// One past the last entry of this run, which begins at or before `begin`.
+fn run_end(run: u32, begin: u32) -> u32 {
     var low = begin;
     var high = lengths.items;
     while (low < high) {
         let middle = low + (high - low) / 2u;
-        if (keys[middle] == key) {
+        if (run_of(keys[middle]) == run) {
             low = middle + 1u;
         } else {
             high = middle;

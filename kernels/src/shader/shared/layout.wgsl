@@ -21,9 +21,15 @@ struct Call {
     // larger than the output can be taken in parts.
     window_begin: u32,
     window_end: u32,
+    // Which cells hand their smaller spheres down to the next level: 0 none, 1 all, 2 those with more than `tau`.
+    refinement: u32,
+    tau: u32,
+    // Counters in either half of the density table, a power of two.
+    density_slots: u32,
 }
 
-// Bounds of all valid spheres, their widened radii included. Floats in an order-preserving encoding.
+// What the spheres are like. Bounds of all valid ones, their widened radii included; floats in an order-preserving
+// encoding.
 struct Bounds {
     low_x: atomic<u32>,
     low_y: atomic<u32>,
@@ -34,9 +40,22 @@ struct Bounds {
     // Bits of the smallest and largest effective radius.
     radius_min: atomic<u32>,
     radius_max: atomic<u32>,
+    // Depths that occur, a bit each.
+    depths: atomic<u32>,
+    // How many spheres of each depth go on below the first level.
+    descending: array<atomic<u32>, 32>,
 }
 
-// The raster: cell = floor((position - origin) * inverse_edge), limited to low..=high.
+// The share of the keys that belongs to the cells of one depth.
+struct Level {
+    // Key bits of each axis; the coordinate is folded into them.
+    bits: vec3<u32>,
+    // The first key.
+    base: u32,
+}
+
+// The rasters: cells of depth k have edges of 2^-k of the first ones,
+// cell = floor((position - origin) * inverse_edge * 2^k), with cells of depth 0 limited to low..=high.
 struct Grid {
     origin: vec3<f32>,
     // 0 puts everything into one cell.
@@ -47,9 +66,15 @@ struct Grid {
     high: vec3<i32>,
     // 1 when no distance test of this call can overflow or underflow.
     ordinary: u32,
-    // Key bits of each axis; the coordinate is folded into them.
-    bits: vec3<u32>,
-    spare: u32,
+    // As in the call; 0 where all spheres turned out to be of depth 0, or no cell to be dense.
+    refinement: u32,
+    // Depths that are levels, a bit each; the first always is.
+    depths: u32,
+    // Depths that have spheres.
+    occupied: u32,
+    // The key bit that marks passive entries: 1, or 0 where there is but one level.
+    passive: u32,
+    levels: array<Level, 32>,
 }
 
 // The result besides the pairs. The dispatch arguments lie so that `dispatch_workgroups_indirect` can read them.

@@ -1,4 +1,4 @@
-#include reserve
+#include pairs
 
 #ifdef SUBGROUPS
 // Whether any thread of the subgroup has something to write; keeps the subgroup together in `pairs_reserve_lane`.
@@ -12,7 +12,7 @@ fn pairs_reserve_lane(count: u32, place: Place) -> u32 {
     let total = subgroupAdd(count);
     var first = 0u;
     if (place.lane_in_subgroup == 0u) {
-        first = pairs_reserve(total);
+        first = found_reserve(total);
     }
     first = subgroupBroadcastFirst(first);
     return select(0xffffffffu, first + before, first < call.pair_capacity);
@@ -24,6 +24,6 @@ fn some_lane(wanted: bool) -> bool {
 
 // Places for this thread's `count` pairs, without a workgroup barrier.
 fn pairs_reserve_lane(count: u32, place: Place) -> u32 {
-    return pairs_reserve(count);
+    return found_reserve(count);
 }
 #endif

@@ -3,10 +3,12 @@
 use std::error::Error;
 
 use lazygrid::{Pair, Sphere};
-use lazygrid_bench::measure::{Contender, Found, Search};
 use parry3d::bounding_volume::Aabb;
 use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
+
+use super::{half_extent, touch};
+use crate::measure::{Contender, Found, Search};
 
 /// What happens to the tree at every step before it is traversed.
 #[derive(Clone, Copy, Debug)]
@@ -22,14 +24,31 @@ enum Upkeep {
 
 /// The tunings for a tree that lives from step to step. Rebuilding it now and then is none of them: within a
 /// hundred steps of the scenes the refitted tree does not get worse by what that costs.
-pub(crate) fn running() -> Vec<Contender> {
-    [("refit", Upkeep::Refit), ("refit, margin", Upkeep::Fat(0.2)), ("refit, optimised", Upkeep::Optimize)]
-        .map(|(name, upkeep)| Contender::new(format!("parry3d {name}"), move || Ok(Living::new(upkeep))))
-        .into()
+pub fn running() -> Vec<Contender> {
+    vec![
+        refitted("parry3d refit"),
+        with_margin("parry3d refit, margin"),
+        optimised("parry3d refit, optimised"),
+    ]
+}
+
+/// A tree that is refitted at every step.
+pub fn refitted(name: impl Into<String>) -> Contender {
+    Contender::new(name, || Ok(Living::new(Upkeep::Refit)))
+}
+
+/// The same, with boxes a fifth of the radius larger on every side.
+pub fn with_margin(name: impl Into<String>) -> Contender {
+    Contender::new(name, || Ok(Living::new(Upkeep::Fat(0.2))))
+}
+
+/// The same, a part of it rebuilt at every step.
+pub fn optimised(name: impl Into<String>) -> Contender {
+    Contender::new(name, || Ok(Living::new(Upkeep::Optimize)))
 }
 
 /// The two ways to build a tree from nothing.
-pub(crate) fn scratch() -> Vec<Contender> {
+pub fn scratch() -> Vec<Contender> {
     [("binned", BvhBuildStrategy::Binned), ("PLOC", BvhBuildStrategy::Ploc)]
         .map(|(name, strategy)| {
             Contender::new(format!("parry3d {name}"), move || Ok(Built { strategy, pairs: vec![] }))
@@ -99,21 +118,8 @@ fn query(tree: &Bvh, workspace: &mut BvhWorkspace, spheres: &[Sphere], pairs: &m
     });
 }
 
-/// The exact test of all lazygrid detectors: in `f64`, which is needed only next to tangency.
-#[inline]
-fn touch(a: &Sphere, b: &Sphere) -> bool {
-    let reach = a.radius + b.radius;
-    let gap = a.center.distance_squared(b.center) - reach * reach;
-    if gap.abs() > 1e-6 * reach * reach {
-        return gap < 0.0;
-    }
-    let reach = f64::from(a.radius) + f64::from(b.radius);
-    a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= reach * reach
-}
-
-/// The box of a sphere, a few ulp larger, as its own rounding might lose a pair in contact.
+/// The box of a sphere.
 fn aabb(sphere: &Sphere) -> Aabb {
     let center = Vector::from(sphere.center.to_array());
-    let far = sphere.center.abs().max_element() + sphere.radius;
-    Aabb::from_half_extents(center, Vector::splat(sphere.radius + far * f32::EPSILON))
+    Aabb::from_half_extents(center, Vector::splat(half_extent(sphere)))
 }

@@ -1,0 +1,67 @@
+use std::time::Duration;
+
+use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
+use lazygrid_bench::figures::{self, Figure, Progress, Results, Scale, Settings};
+
+use crate::args::{Figures, MeasureMemory};
+use crate::failure::Failure;
+use crate::print;
+
+/// Runs the figures, writes the report, and says where it is.
+pub(crate) fn run(args: &Figures) -> Result<(), Failure> {
+    let settings = settings(args);
+    let program = std::env::current_exe().map_err(|e| Failure::Figures(e.to_string()))?;
+    let bar = ProgressBar::new(0).with_style(style());
+    bar.enable_steady_tick(Duration::from_millis(500));
+    let show = |progress: &Progress| {
+        bar.set_length(progress.points as u64);
+        bar.set_position(progress.done as u64);
+        let left = HumanDuration(progress.left);
+        bar.set_message(format!("{}, at most about {left} left", progress.next));
+        log::info!("{} of {}: {}", progress.done, progress.points, progress.next);
+    };
+    let failure = |e: Box<dyn std::error::Error>| Failure::Figures(e.to_string());
+    let results = figures::run(&settings, &args.out, &program, show).map_err(failure)?;
+    bar.finish_and_clear();
+    figures::write_report(&results, &args.out).map_err(failure)?;
+    print(summary(&results, args))?;
+    match results.errors().count() {
+        0 => Ok(()),
+        errors => Err(Failure::WrongAnswers { errors, report: args.out.join("report.html") }),
+    }
+}
+
+fn settings(args: &Figures) -> Settings {
+    let scale = match (args.quick, args.smallest) {
+        (_, true) => Scale::Smallest,
+        (true, _) => Scale::Quick,
+        _ => Scale::Full,
+    };
+    let only = if args.only.is_empty() { Figure::ALL.to_vec() } else { args.only.clone() };
+    let minutes = args.budget_minutes.unwrap_or(if scale == Scale::Full { 30.0 } else { 1.75 });
+    Settings { scale, only, runs: args.runs.map(Into::into), minutes, seed: 1 }
+}
+
+fn style() -> ProgressStyle {
+    ProgressStyle::with_template("{wide_bar} {pos}/{len} {msg}")
+        .unwrap_or_else(|_| ProgressStyle::default_bar())
+}
+
+fn summary(results: &Results, args: &Figures) -> String {
+    format!(
+        "{} measurements, {} with a wrong answer or failure, {:.1} minutes\nreport     {}\nresults    {}\n",
+        results.rows.len(),
+        results.errors().count(),
+        results.seconds / 60.0,
+        args.out.join("report.html").display(),
+        args.out.join("results.json").display(),
+    )
+}
+
+/// Prints what one engine takes in this process, for the memory figure.
+pub(crate) fn measure_memory(args: &MeasureMemory) -> Result<(), Failure> {
+    let sample = figures::measure_memory(&args.engine, args.scene, args.n, args.steps);
+    let sample = sample.map_err(|e| Failure::Figures(e.to_string()))?;
+    let text = serde_json::to_string(&sample).map_err(|e| Failure::Figures(e.to_string()))?;
+    print(text + "\n")
+}

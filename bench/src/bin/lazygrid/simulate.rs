@@ -1,0 +1,87 @@
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use lazygrid_sim::Simulation;
+use lazygrid_sim::run::{End, Run};
+use lazygrid_sim::scenario::Scenario;
+
+use crate::args::Simulate;
+use crate::failure::Failure;
+use crate::{print, progress};
+
+/// Runs a scenario and says what came of it.
+pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
+    let mut scenario = Scenario::read(&args.scenario)?;
+    scenario.seed = args.seed.unwrap_or(scenario.seed);
+    scenario.steps = args.steps.unwrap_or(scenario.steps);
+    let output = &mut scenario.output;
+    output.every = args.every.map_or(output.every, Into::into);
+    output.frames_every = args.frames_every.map_or(output.frames_every, Into::into);
+    output.checkpoint_every = args.checkpoint_every.map(Into::into).or(output.checkpoint_every);
+    let directory = args.output.clone().unwrap_or_else(|| {
+        let name = args.scenario.file_stem().unwrap_or(args.scenario.as_os_str());
+        PathBuf::from(name)
+    });
+    let stop = Arc::new(AtomicBool::new(false));
+    let asked = Arc::clone(&stop);
+    ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed)).map_err(Failure::Signal)?;
+    let bar = progress::running(scenario.steps);
+    let run = Run {
+        scenario,
+        path: args.scenario.clone(),
+        directory,
+        algorithm: args.algorithm,
+        threads: args.threads.map(Into::into),
+        resume: args.resume,
+        overwrite: args.overwrite,
+    };
+    let mut started = false;
+    let (end, simulation) = run.run(|simulation| {
+        let state = simulation.state();
+        if !started {
+            started = true;
+            // What an earlier run did is no part of this one's speed.
+            bar.set_position(state.step.into());
+            bar.reset_eta();
+        }
+        bar.set_position(state.step.into());
+        bar.set_message(format!("{} particles", state.particles.len()));
+        if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+    bar.finish_and_clear();
+    print(summary(&simulation, &run))?;
+    match end {
+        End::Finished => Ok(()),
+        End::Stopped => {
+            let steps = simulation.state().step;
+            Err(Failure::Stopped { steps, scenario: run.path, directory: run.directory })
+        }
+    }
+}
+
+/// What came of a run, a line for each thing that was counted.
+fn summary(simulation: &Simulation, run: &Run) -> String {
+    let (model, totals) = (simulation.model(), &simulation.state().totals);
+    let mut lines = vec![
+        format!("steps      {} ({} s)", simulation.state().step, simulation.time()),
+        format!("seed       {}", run.scenario.seed),
+    ];
+    for (species, (present, released)) in
+        model.species.iter().zip(totals.present.iter().zip(&totals.released))
+    {
+        lines.push(format!("species    {}: {present} of {released} released", species.name));
+    }
+    let named = model.reactions.iter().map(|r| &r.name).chain(model.decays.iter().map(|d| &d.name));
+    for (name, count) in named.zip(totals.reacted.iter().chain(&totals.decayed)) {
+        lines.push(format!("reaction   {name}: {count}"));
+    }
+    for (receiver, counts) in model.receivers.iter().zip(simulation.received()) {
+        for (species, count) in model.species.iter().zip(counts).filter(|(_, count)| *count > 0) {
+            lines.push(format!("receiver   {}: {count} {}", receiver.name, species.name));
+        }
+    }
+    lines.push(format!("output     {}", run.directory.display()));
+    lines.join("\n") + "\n"
+}

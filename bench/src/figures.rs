@@ -1,0 +1,24 @@
+//! The paper's evaluation on the machine at hand: what `lazygrid figures` runs, checks, measures and writes.
+//!
+//! Data flows one way: [`Settings`] → points → races between [`Engine`]s → [`Row`]s → files. No time is reported of an
+//! answer that was not checked against the reference.
+
+mod burst;
+pub mod compare;
+mod engine;
+mod environment;
+mod fit;
+mod memory;
+mod plan;
+mod race;
+mod report;
+mod row;
+mod run;
+
+pub use engine::Engine;
+pub use environment::Environment;
+pub use memory::{Sample, measure as measure_memory};
+pub use plan::{Figure, Scale, Settings};
+pub use report::write as write_report;
+pub use row::{Results, Row, Status};
+pub use run::{Progress, run};

@@ -1,0 +1,113 @@
+use std::process::Command;
+
+use lazygrid::gpu;
+use serde::{Deserialize, Serialize};
+
+/// The lock file this was built with, which knows the versions of what is compared.
+const LOCK: &str = include_str!("../../../Cargo.lock");
+
+/// Where and of what figures were taken.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Environment {
+    /// Processor.
+    pub cpu: String,
+    /// Logical cores that may be used.
+    pub cores: usize,
+    /// Main memory in GiB.
+    pub memory_gib: f64,
+    /// Operating system.
+    pub system: String,
+    /// The GPU adapter, if there is one.
+    pub adapter: Option<Adapter>,
+    /// What took part, with versions.
+    pub versions: Vec<(String, String)>,
+    /// Commit of the source, `-dirty` where files had changed.
+    pub commit: String,
+    /// When it began, UTC.
+    pub date: String,
+}
+
+/// The GPU adapter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Adapter {
+    /// Its name.
+    pub name: String,
+    /// Its driver and version.
+    pub driver: String,
+    /// The API it is reached by.
+    pub api: String,
+    /// Whether it is hardware. A software one runs on the CPU and says nothing about GPUs.
+    pub is_hardware: bool,
+}
+
+impl Environment {
+    /// This machine, now.
+    pub fn here() -> Self {
+        let file = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
+        let field = |text: &str, name: &str, by: char| {
+            let line = text.lines().find(|line| line.starts_with(name))?;
+            Some(line.split_once(by)?.1.trim().trim_matches('"').to_owned())
+        };
+        let unknown = || "unknown".to_owned();
+        let memory = field(&file("/proc/meminfo"), "MemTotal", ':');
+        let kib = memory.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
+        let found = gpu::adapters().into_iter().next();
+        Self {
+            cpu: field(&file("/proc/cpuinfo"), "model name", ':').unwrap_or_else(unknown),
+            cores: std::thread::available_parallelism().map_or(0, usize::from),
+            memory_gib: kib.map_or(f64::NAN, |kib| (kib / 1_048_576.0 * 10.0).round() / 10.0),
+            system: field(&file("/etc/os-release"), "PRETTY_NAME", '=')
+                .unwrap_or_else(|| std::env::consts::OS.to_owned()),
+            adapter: found.map(|a| Adapter {
+                name: a.name,
+                driver: a.driver,
+                api: a.api,
+                is_hardware: a.is_hardware,
+            }),
+            versions: versions(),
+            commit: commit().unwrap_or_else(unknown),
+            date: output("date", &["-u", "+%F %H:%M"]).unwrap_or_else(unknown),
+        }
+    }
+
+    /// One line: processor, cores, memory, system.
+    pub fn machine(&self) -> String {
+        format!("{}, {} cores, {} GiB, {}", self.cpu, self.cores, self.memory_gib, self.system)
+    }
+
+    /// One line about the adapter.
+    pub fn graphics(&self) -> String {
+        match &self.adapter {
+            None => "no GPU adapter".to_owned(),
+            Some(a) => {
+                let kind = if a.is_hardware { "hardware" } else { "software, runs on the CPU" };
+                format!("{} ({kind}), {}, {}", a.name, a.driver, a.api)
+            }
+        }
+    }
+}
+
+fn versions() -> Vec<(String, String)> {
+    let mut versions = vec![("lazygrid".to_owned(), env!("CARGO_PKG_VERSION").to_owned())];
+    for name in ["wgpu", "rayon", "parry3d"] {
+        let entry = format!("name = \"{name}\"\nversion = \"");
+        if let Some((version, _)) = LOCK.split_once(&entry).and_then(|(_, rest)| rest.split_once('"')) {
+            versions.push((name.to_owned(), version.to_owned()));
+        }
+    }
+    #[cfg(feature = "bullet")]
+    versions.push(("Bullet".to_owned(), crate::peers::bullet::version()));
+    #[cfg(not(feature = "bullet"))]
+    versions.push(("Bullet".to_owned(), "not built in".to_owned()));
+    versions
+}
+
+/// The commit of the source tree this was built from, where it is still there.
+fn commit() -> Option<String> {
+    output("git", &["-C", env!("CARGO_MANIFEST_DIR"), "describe", "--always", "--dirty", "--exclude", "*"])
+}
+
+fn output(program: &str, args: &[&str]) -> Option<String> {
+    let output = Command::new(program).args(args).output().ok().filter(|o| o.status.success())?;
+    Some(String::from_utf8(output.stdout).ok()?.trim().to_owned())
+}

@@ -1,0 +1,301 @@
+use std::fmt;
+use std::str::FromStr;
+
+use lazygrid::Algorithm;
+use serde::{Deserialize, Serialize};
+
+use super::Engine;
+use crate::scenes::Scene;
+
+/// A figure, or a table beside the paper's figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub enum Figure {
+    /// Equal sizes: time against the number of spheres.
+    F3a,
+    /// Five sizes beside equal ones.
+    F3b,
+    /// One thread beside the trees, over small moves.
+    F4,
+    /// One burst of carriers of ten sizes: time against simulated time.
+    F5a,
+    /// Bursts of several sizes at several moments: how many times as fast as the octree.
+    F5b,
+    /// τ of the recursive grid.
+    Tau,
+    /// Cell edge over largest diameter of the paper's grids.
+    Ratio,
+    /// Strong scaling.
+    Threads,
+    /// Bytes per sphere.
+    Memory,
+    /// All spheres at one point.
+    Point,
+}
+
+impl Figure {
+    /// Every figure in the order of the report.
+    pub const ALL: [Self; 10] = [
+        Self::F3a,
+        Self::F3b,
+        Self::F4,
+        Self::F5a,
+        Self::F5b,
+        Self::Tau,
+        Self::Ratio,
+        Self::Threads,
+        Self::Memory,
+        Self::Point,
+    ];
+
+    /// The name on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::F3a => "3a",
+            Self::F3b => "3b",
+            Self::F4 => "4",
+            Self::F5a => "5a",
+            Self::F5b => "5b",
+            Self::Tau => "tau",
+            Self::Ratio => "ratio",
+            Self::Threads => "threads",
+            Self::Memory => "memory",
+            Self::Point => "point",
+        }
+    }
+
+    /// What is varied besides the number of spheres, if anything is.
+    pub(super) const fn varied(self) -> Option<&'static str> {
+        match self {
+            Self::F5a | Self::F5b => Some("simulated time"),
+            Self::Tau => Some("τ"),
+            Self::Ratio => Some("raster ratio"),
+            Self::Threads => Some("threads"),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Figure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Figure {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::ALL.into_iter().find(|f| f.name() == text).ok_or_else(|| {
+            format!("unknown figure '{text}'; expected one of {}", Self::ALL.map(Self::name).join(", "))
+        })
+    }
+}
+
+impl From<Figure> for String {
+    fn from(figure: Figure) -> Self {
+        figure.name().to_owned()
+    }
+}
+
+impl TryFrom<String> for Figure {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+/// How large the figures are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Scale {
+    /// Some hundred spheres: answers are checked, times mean nothing.
+    Smallest,
+    /// Under three minutes on two cores.
+    Quick,
+    /// The paper's sizes as far as the time allows.
+    Full,
+}
+
+/// What to run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// How large.
+    pub scale: Scale,
+    /// Which figures.
+    pub only: Vec<Figure>,
+    /// The most runs, or steps, of an engine at a point; none: as many as the paper's, fewer where `scale` is not full.
+    pub runs: Option<usize>,
+    /// About how many minutes it may take.
+    pub minutes: f64,
+    /// Seed of all scenes.
+    pub seed: u64,
+}
+
+/// How spheres change from one run to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Motion {
+    /// Another sample of the scene each time.
+    Fresh,
+    /// Each sphere moves by a tenth of its radius.
+    Steps,
+    /// By a simulation, from a burst on.
+    Simulated,
+    /// Each engine runs in a process of its own.
+    Processes,
+}
+
+/// One number of spheres of one scene in one figure, and who takes part.
+#[derive(Clone, Debug)]
+pub(super) struct Point {
+    pub(super) figure: Figure,
+    pub(super) scene: Scene,
+    pub(super) n: usize,
+    pub(super) motion: Motion,
+    pub(super) engines: Vec<Engine>,
+    pub(super) runs: usize,
+}
+
+impl Point {
+    /// A name for files, one per point.
+    pub(super) fn key(&self) -> String {
+        format!("{}-{}-{}", self.figure, self.scene, self.n)
+    }
+
+    /// What share of the time it gets, in arbitrary units.
+    pub(super) fn weight(&self) -> f64 {
+        let steps = if self.motion == Motion::Simulated { 4.0 } else { 1.0 };
+        steps * self.engines.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
+    }
+}
+
+impl Settings {
+    /// Every point, small ones first, so that what they leave of their time goes to the large ones.
+    pub(super) fn points(&self) -> Vec<Point> {
+        let mut points: Vec<Point> = self.only.iter().flat_map(|&figure| self.points_of(figure)).collect();
+        points.sort_by_key(|point| (point.n, point.figure));
+        points
+    }
+
+    fn points_of(&self, figure: Figure) -> Vec<Point> {
+        let sizes = self.sizes(figure);
+        let of = |scene: Scene| {
+            sizes.iter().map(move |&n| Point {
+                figure,
+                scene,
+                n,
+                motion: motion(figure),
+                engines: engines(figure),
+                runs: self.runs.unwrap_or(self.runs_of(figure)),
+            })
+        };
+        let points = scenes(figure).iter().flat_map(|&scene| of(scene));
+        // A tree that keeps pairs of boxes takes tens of gigabytes for a million spheres of this scene.
+        let fits = |p: &Point| !(p.motion == Motion::Processes && p.scene == Scene::Burst && p.n > 100_000);
+        points.filter(fits).collect()
+    }
+
+    /// By default as many as the paper has.
+    fn runs_of(&self, figure: Figure) -> usize {
+        match (self.scale, figure) {
+            (Scale::Smallest, _) => 2,
+            (_, Figure::F5a | Figure::F5b) => 5,
+            (_, Figure::Memory) => 3,
+            (Scale::Quick, _) => 20,
+            (Scale::Full, Figure::F3a | Figure::F3b) => 200,
+            (Scale::Full, Figure::F4) => 100,
+            (Scale::Full, _) => 30,
+        }
+    }
+
+    fn sizes(&self, figure: Figure) -> &'static [usize] {
+        use Figure::*;
+        match (self.scale, figure) {
+            (Scale::Smallest, Memory) => &[1000],
+            (Scale::Smallest, Point) => &[60],
+            (Scale::Smallest, _) => &[200],
+            (Scale::Quick, F3a | F3b | F4) => &[1000, 10_000, 100_000],
+            (Scale::Quick, F5a) => &[20_000],
+            (Scale::Quick, F5b) => &[1000, 10_000],
+            (Scale::Quick, Tau | Ratio) => &[20_000],
+            (Scale::Quick, Threads | Memory) => &[100_000],
+            (Scale::Quick, Point) => &[100, 1000],
+            (Scale::Full, F3a | F3b) => &[100, 300, 1000, 3000, 10_000, 100_000, 1_000_000, 10_000_000],
+            (Scale::Full, F4) => &[1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000],
+            (Scale::Full, F5a) => &[500_000],
+            (Scale::Full, F5b) => &[1000, 10_000, 100_000, 1_000_000],
+            (Scale::Full, Tau | Ratio) => &[100_000],
+            (Scale::Full, Threads | Memory) => &[100_000, 1_000_000],
+            (Scale::Full, Point) => &[100, 1000, 3000, 10_000],
+        }
+    }
+}
+
+const fn motion(figure: Figure) -> Motion {
+    match figure {
+        Figure::F3a | Figure::F3b | Figure::Point => Motion::Fresh,
+        Figure::F5a | Figure::F5b => Motion::Simulated,
+        Figure::Memory => Motion::Processes,
+        Figure::F4 | Figure::Tau | Figure::Ratio | Figure::Threads => Motion::Steps,
+    }
+}
+
+const fn scenes(figure: Figure) -> &'static [Scene] {
+    match figure {
+        Figure::F3a => &[Scene::Equal],
+        Figure::F3b => &[Scene::FiveSizes],
+        Figure::F4 | Figure::Threads => &[Scene::Equal, Scene::FiveSizes],
+        Figure::F5a | Figure::F5b => &[Scene::Burst],
+        Figure::Tau | Figure::Ratio | Figure::Memory => &[Scene::Equal, Scene::FiveSizes, Scene::Burst],
+        Figure::Point => &[Scene::Point],
+    }
+}
+
+fn engines(figure: Figure) -> Vec<Engine> {
+    let on_gpu = |algorithms: &[Algorithm]| algorithms.iter().map(|&a| Engine::Gpu(a)).collect::<Vec<_>>();
+    let gpu = on_gpu(&[Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid]);
+    let grids = [Algorithm::HashGrid, Algorithm::ArrayGrid, Algorithm::RecursiveGrid];
+    match figure {
+        Figure::F3a | Figure::F3b | Figure::Point => {
+            let cpu = Algorithm::CPU.map(|a| Engine::cpu(a, None));
+            cpu.into_iter().chain(gpu).collect()
+        }
+        Figure::F4 => {
+            // In a pool of one thread.
+            let ours = [Algorithm::RecursiveGrid, Algorithm::Auto].map(|a| Engine::cpu(a, None));
+            let trees = [Engine::BulletAsShipped, Engine::BulletTuned, Engine::Parry];
+            let more = [Engine::ParryMargin, Engine::ParryOptimised, Engine::PlainCellList];
+            ours.into_iter().chain(trees).chain(more).collect()
+        }
+        Figure::F5a | Figure::F5b => {
+            let mut engines = vec![Engine::Gpu(Algorithm::LazyGrid), Engine::cpu(Algorithm::Auto, None)];
+            engines.extend([Engine::Octree, Engine::SortAndSweep]);
+            engines
+        }
+        Figure::Tau => [4, 8, 16, 32, 64, 128, 256, 512, 1024]
+            .map(|tau| Engine::Cpu {
+                algorithm: Algorithm::RecursiveGrid,
+                threads: None,
+                tau: Some(tau),
+                ratio: None,
+            })
+            .into(),
+        Figure::Ratio => {
+            let ratios = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
+            let of = |algorithm| {
+                ratios.map(|ratio| Engine::Cpu { algorithm, threads: None, tau: None, ratio: Some(ratio) })
+            };
+            grids.into_iter().flat_map(of).collect()
+        }
+        Figure::Threads => {
+            let cores = std::thread::available_parallelism().map_or(1, usize::from);
+            let threads = || std::iter::successors(Some(1), |t| Some(t * 2)).take_while(|&t| t < cores);
+            let of = |algorithm| {
+                threads().chain([cores]).map(move |threads| Engine::cpu(algorithm, Some(threads)))
+            };
+            grids.into_iter().chain([Algorithm::CellList]).flat_map(of).collect()
+        }
+        Figure::Memory => Engine::for_memory(),
+    }
+}

@@ -1,0 +1,296 @@
+//! Engines in turn on the same spheres, each answer held against the reference.
+
+use std::error::Error;
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use lazygrid::gpu::GpuError;
+use lazygrid::{Algorithm, Backend, Config, Order, Phase, Sphere};
+use thiserror::Error;
+
+use super::Engine;
+use super::plan::Point;
+use super::row::{Row, Status};
+#[cfg(not(feature = "bullet"))]
+use crate::measure::Found;
+use crate::measure::{Contender, Digest, Search, Spread};
+use crate::peers::cell_list;
+
+/// Above this many spheres the reference is the plain cell list, itself held against the naive detector below.
+const NAIVE_REFERENCE: usize = 20_000;
+
+/// For how many times the time that it has an engine may go on until it has run often enough.
+const MORE: u32 = 3;
+
+/// Why a peer cannot take part.
+#[derive(Clone, Copy, Debug, Error)]
+#[error("{0}")]
+pub(super) struct Unavailable(&'static str);
+
+impl Unavailable {
+    #[cfg(not(feature = "bullet"))]
+    pub(super) const BULLET: Self = Self("not built in; build with --features bullet");
+}
+
+/// A search that was refused.
+#[cfg(not(feature = "bullet"))]
+pub(super) struct Nothing;
+
+#[cfg(not(feature = "bullet"))]
+impl Search for Nothing {
+    fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        Err(Unavailable::BULLET.into())
+    }
+}
+
+/// When an engine has run enough.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// No more runs than this.
+    pub(super) runs: usize,
+    /// Fewer only where they take [`MORE`] times as long as they may.
+    pub(super) at_least: usize,
+    /// No further run after this much time.
+    pub(super) time: Duration,
+}
+
+/// The engines of a point on their way through its runs.
+pub(super) struct Race<'a> {
+    point: &'a Point,
+    limits: Limits,
+    lanes: Vec<Lane>,
+    frames: usize,
+}
+
+struct Lane {
+    engine: Engine,
+    search: Option<Box<dyn Search>>,
+    phases: Vec<Vec<Phase>>,
+    used: Duration,
+    last: Option<Digest>,
+    row: Row,
+}
+
+impl<'a> Race<'a> {
+    /// All engines of the point; `left_out` says which take no part and why.
+    pub(super) fn new(point: &'a Point, limits: Limits, left_out: impl Fn(Engine) -> Option<String>) -> Self {
+        let lane = |&engine: &Engine| {
+            let mut lane = Lane::new(point, engine);
+            match left_out(engine) {
+                Some(reason) => lane.leave(Status::LeftOut, reason),
+                None => match (engine.contender(point.scene, point.n).make)() {
+                    Ok(search) => lane.search = Some(search),
+                    Err(error) => lane.fail(error.as_ref()),
+                },
+            }
+            lane
+        };
+        Self { point, limits, lanes: point.engines.iter().map(lane).collect(), frames: 0 }
+    }
+
+    /// Whether nobody has anything left to run.
+    pub(super) fn is_over(&self) -> bool {
+        self.lanes.iter().all(|lane| lane.is_done(self.limits))
+    }
+
+    /// Lets everybody who has not done enough find the pairs of these spheres. A warm-up is checked against the
+    /// reference and its time dropped.
+    ///
+    /// # Errors
+    /// Where the reference fails.
+    pub(super) fn frame(&mut self, spheres: &[Sphere], warm_up: bool) -> Result<(), Box<dyn Error>> {
+        let (lanes, limits) = (self.lanes.len(), self.limits);
+        // Each frame starts with another engine, so that none always profits from its predecessor.
+        for turn in 0..lanes {
+            let lane = &mut self.lanes[(turn + self.frames) % lanes];
+            lane.last = None;
+            if warm_up || !lane.is_done(limits) {
+                lane.run(spheres, warm_up);
+            }
+        }
+        self.frames += 1;
+        let mut digests = self.lanes.iter().filter_map(|lane| lane.last);
+        let first = digests.next();
+        let agree = digests.all(|digest| Some(digest) == first);
+        if first.is_some() && (warm_up || !agree) {
+            let expected = reference(spheres)?;
+            self.lanes.iter_mut().for_each(|lane| lane.judge(expected));
+        }
+        Ok(())
+    }
+
+    /// The rows so far, marked with `at`; the engines begin new ones.
+    pub(super) fn take_rows(&mut self, at: Option<f64>) -> Vec<Row> {
+        let point = self.point;
+        self.lanes.iter_mut().map(|lane| lane.take_row(point, at)).collect()
+    }
+}
+
+impl Lane {
+    fn new(point: &Point, engine: Engine) -> Self {
+        let row = Row::new(point, engine);
+        Self { engine, search: None, phases: vec![], used: Duration::ZERO, last: None, row }
+    }
+
+    fn is_done(&self, limits: Limits) -> bool {
+        let runs = self.row.wall.len();
+        let enough = runs >= limits.at_least || self.used >= MORE * limits.time;
+        let out_of_time = runs > 0 && enough && self.used >= limits.time;
+        self.search.is_none() || runs >= limits.runs || out_of_time
+    }
+
+    fn run(&mut self, spheres: &[Sphere], warm_up: bool) {
+        let Some(search) = &mut self.search else { return };
+        let start = Instant::now();
+        let found = search.run(black_box(spheres)).map(black_box);
+        let time = start.elapsed();
+        let digest = match found {
+            Ok(found) => Digest::of(&found),
+            Err(error) => return self.fail(error.as_ref()),
+        };
+        self.last = Some(digest);
+        self.row.pairs = digest.pairs;
+        if warm_up {
+            return;
+        }
+        self.used += time;
+        self.row.wall.push(time.as_secs_f64());
+        self.row.gpu.extend(search.gpu_time().map(|t| t.as_secs_f64()));
+        self.phases.push(search.phases());
+    }
+
+    fn judge(&mut self, expected: Digest) {
+        if let Some(found) = self.last
+            && !found.agrees(&expected)
+        {
+            let same = if found.pairs == expected.pairs { " others" } else { "" };
+            let reason = format!("wrong answer: {} pairs{same}, expected {}", found.pairs, expected.pairs);
+            self.leave(Status::Error, reason);
+        }
+    }
+
+    fn fail(&mut self, error: &(dyn Error + 'static)) {
+        let status = if is_refusal(error) { Status::NotAvailable } else { Status::Error };
+        self.leave(status, error.to_string());
+    }
+
+    fn leave(&mut self, status: Status, reason: String) {
+        (self.row.status, self.row.reason) = (status, reason);
+        self.search = None;
+        self.last = None;
+        self.row.wall.clear();
+        self.row.gpu.clear();
+        self.phases.clear();
+    }
+
+    fn take_row(&mut self, point: &Point, at: Option<f64>) -> Row {
+        let fresh = Self::new(point, self.engine).row;
+        let next = Row { status: self.row.status, reason: self.row.reason.clone(), ..fresh };
+        let mut row = std::mem::replace(&mut self.row, next);
+        row.at = at.or(row.at);
+        row.phases = medians(&std::mem::take(&mut self.phases));
+        self.used = Duration::ZERO;
+        row
+    }
+}
+
+/// Number and checksum of the pairs, from a search that has seen nothing before.
+fn reference(spheres: &[Sphere]) -> Result<Digest, Box<dyn Error>> {
+    let naive = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
+    let contender = match spheres.len() {
+        ..=NAIVE_REFERENCE => Contender::list("naive", naive.order(Order::Unordered)),
+        _ => cell_list::running(),
+    };
+    let mut search = (contender.make)()?;
+    Ok(Digest::of(&search.run(spheres)?))
+}
+
+/// Median of each phase, in the order they ran.
+fn medians(runs: &[Vec<Phase>]) -> Vec<(String, f64)> {
+    let Some(first) = runs.first() else { return vec![] };
+    let times = |name: &str| -> Vec<f64> {
+        let of = |run: &Vec<Phase>| Some(run.iter().find(|p| p.name == name)?.time.as_secs_f64());
+        runs.iter().filter_map(of).collect()
+    };
+    first.iter().map(|phase| (phase.name.to_owned(), Spread::of(&times(phase.name)).median)).collect()
+}
+
+/// Whether an engine said in advance that it does not do this here, which is no mistake.
+fn is_refusal(error: &(dyn Error + 'static)) -> bool {
+    use lazygrid::Error as E;
+    if error.is::<Unavailable>() {
+        return true;
+    }
+    match error.downcast_ref::<E>() {
+        Some(E::GpuUnavailable { .. } | E::NotOnBackend { .. }) => true,
+        Some(E::Gpu(gpu)) => matches!(
+            gpu,
+            GpuError::NoAdapter { .. }
+                | GpuError::NoDevice { .. }
+                | GpuError::LimitExceeded { .. }
+                | GpuError::OutOfMemory { .. }
+                | GpuError::Timeout { .. }
+                | GpuError::NotOnGpu(_)
+        ),
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid::Pair;
+
+    use super::*;
+    use crate::figures::Figure;
+    use crate::figures::plan::Motion;
+    use crate::measure::Found;
+    use crate::scenes::Scene;
+
+    struct Liar(Vec<Pair>);
+
+    impl Search for Liar {
+        fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+            Ok(Found::Pairs(&self.0))
+        }
+    }
+
+    struct Broken;
+
+    impl Search for Broken {
+        fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+            Err(lazygrid::Error::GpuUnavailable { reason: "it is gone".into() }.into())
+        }
+    }
+
+    /// A wrong answer is an error whoever else agrees with it and whenever it comes, and others go on.
+    #[test]
+    fn a_wrong_answer_is_an_error() {
+        let point = Point {
+            figure: Figure::F3a,
+            scene: Scene::Equal,
+            n: 300,
+            motion: Motion::Fresh,
+            engines: vec![Engine::PlainCellList, Engine::Octree, Engine::Parry, Engine::SortAndSweep],
+            runs: 3,
+        };
+        let spheres = Scene::Equal.spheres(300, 1);
+        // No time at all, in which everybody runs once.
+        let limits = Limits { runs: 3, at_least: 3, time: Duration::ZERO };
+        let mut race = Race::new(&point, limits, |e| (e == Engine::SortAndSweep).then(|| "too slow".into()));
+        race.lanes[2].search = Some(Box::new(Broken));
+        race.frame(&spheres, true).expect("the reference works");
+        // As many pairs as there are, and another one in place of the last.
+        let mut pairs = lazygrid::detect(&spheres).expect("valid spheres");
+        let last = pairs.pop().expect("some pairs");
+        pairs.push(if last == Pair::new(298, 299) { Pair::new(0, 299) } else { Pair::new(298, 299) });
+        race.lanes[1].search = Some(Box::new(Liar(pairs)));
+        while !race.is_over() {
+            race.frame(&spheres, false).expect("the reference works");
+        }
+        let rows = race.take_rows(None);
+        let statuses: Vec<Status> = rows.iter().map(|row| row.status).collect();
+        assert_eq!(statuses, [Status::Ok, Status::Error, Status::NotAvailable, Status::LeftOut]);
+        assert!(rows[1].wall.is_empty() && rows[1].reason.contains("wrong answer"), "{}", rows[1].reason);
+        assert_eq!(rows[0].wall.len(), 1);
+    }
+}

@@ -1,0 +1,132 @@
+use serde::{Deserialize, Serialize};
+
+use super::plan::Point;
+use super::{Engine, Environment, Settings};
+use crate::measure::Spread;
+
+/// How it went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Status {
+    /// Every answer was right; the times count.
+    Ok,
+    /// A wrong answer or a failure. Nothing else of the row counts.
+    Error,
+    /// Cannot run here or at this size, and says so.
+    NotAvailable,
+    /// Would have taken too long.
+    LeftOut,
+}
+
+impl Status {
+    /// The name as in `results.json`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Error => "error",
+            Self::NotAvailable => "not-available",
+            Self::LeftOut => "left-out",
+        }
+    }
+}
+
+/// One engine at one point of a figure.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// The figure, such as `3a`.
+    pub figure: String,
+    /// The scene, or how the spheres came about.
+    pub scene: String,
+    /// How many spheres.
+    pub n: usize,
+    /// What is varied besides: τ, raster ratio, threads, or simulated seconds.
+    pub at: Option<f64>,
+    /// The engine.
+    pub engine: String,
+    /// How it went.
+    pub status: Status,
+    /// Why it did not go well; empty where it did.
+    pub reason: String,
+    /// Overlapping pairs at the last run.
+    pub pairs: u64,
+    /// Seconds of each run after the warm-up, until the pairs are in host memory.
+    pub wall: Vec<f64>,
+    /// Seconds of each of these runs that the GPU was at work, by its own clock.
+    pub gpu: Vec<f64>,
+    /// Median seconds of each phase.
+    pub phases: Vec<(String, f64)>,
+    /// Peak bytes per sphere besides input and result, where memory was measured.
+    pub bytes: Option<f64>,
+}
+
+impl Row {
+    /// A row without measurements.
+    pub(super) fn new(point: &Point, engine: Engine) -> Self {
+        Self {
+            figure: point.figure.name().to_owned(),
+            scene: point.scene.name().to_owned(),
+            n: point.n,
+            at: point.figure.varied().and_then(|_| engine.setting()),
+            engine: engine.to_string(),
+            status: Status::Ok,
+            reason: String::new(),
+            pairs: 0,
+            wall: vec![],
+            gpu: vec![],
+            phases: vec![],
+            bytes: None,
+        }
+    }
+
+    /// Median seconds of a run.
+    pub fn median(&self) -> f64 {
+        Spread::of(&self.wall).median
+    }
+
+    /// Mean and standard deviation of the seconds of a run.
+    pub fn mean(&self) -> (f64, f64) {
+        let n = self.wall.len() as f64;
+        let mean = self.wall.iter().sum::<f64>() / n;
+        let squares: f64 = self.wall.iter().map(|t| (t - mean) * (t - mean)).sum();
+        (mean, (squares / (n - 1.0).max(1.0)).sqrt())
+    }
+
+    /// Lower and upper quartile of the seconds of a run.
+    pub fn quartiles(&self) -> (f64, f64) {
+        let mut sorted = self.wall.clone();
+        sorted.sort_by(f64::total_cmp);
+        let last = sorted.len().saturating_sub(1);
+        let at = |share: f64| sorted.get((share * last as f64).round() as usize).copied().unwrap_or(f64::NAN);
+        (at(0.25), at(0.75))
+    }
+
+    /// Whether it is the same measurement as `other`, in another run.
+    pub fn matches(&self, other: &Self) -> bool {
+        self.figure == other.figure
+            && self.scene == other.scene
+            && self.n == other.n
+            && self.at == other.at
+            && self.engine == other.engine
+    }
+}
+
+/// All that a run of the figures left behind: `results.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Results {
+    /// Where and of what.
+    pub environment: Environment,
+    /// What was asked for.
+    pub settings: Settings,
+    /// Seconds that it took, those of an interrupted run not included.
+    pub seconds: f64,
+    /// The measurements.
+    pub rows: Vec<Row>,
+}
+
+impl Results {
+    /// Rows with a wrong answer or a failure.
+    pub fn errors(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter().filter(|row| row.status == Status::Error)
+    }
+}

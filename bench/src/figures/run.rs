@@ -1,0 +1,217 @@
+//! All points of a run in turn: what is finished is kept, what is left shares the time that is left.
+
+use std::error::Error;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, UNIX_EPOCH};
+
+use rayon::ThreadPoolBuilder;
+use serde::{Deserialize, Serialize};
+
+use super::plan::{Figure, Motion, Point, Scale, Settings};
+use super::race::{Limits, Race};
+use super::row::{Results, Row, Status};
+use super::{Engine, Environment, burst, memory};
+use crate::scenes::Scene;
+
+/// What of a point's time is for the runs that count; the rest is for spheres, references and warm-ups.
+const MEASURED: f64 = 0.6;
+/// An engine is left out where one run would take this many times what it has at the point.
+const PATIENCE: f64 = 4.0;
+
+/// How far a run has come.
+#[derive(Clone, Debug)]
+pub struct Progress {
+    /// Points done, those of an earlier run included.
+    pub done: usize,
+    /// Points in all.
+    pub points: usize,
+    /// What comes next.
+    pub next: String,
+    /// How long the rest takes at most, about.
+    pub left: Duration,
+}
+
+/// A finished point, as it is kept in the folder.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    /// Of what build and settings.
+    mark: String,
+    rows: Vec<Row>,
+}
+
+/// Runs all figures of the settings and keeps every finished point in `folder`, from where the next run with the same
+/// settings and build takes it. `program` is the `lazygrid` command, which memory measurements run.
+///
+/// # Errors
+/// Where the folder cannot be written or a reference fails. A wrong answer is a row with [`Status::Error`].
+pub fn run(
+    settings: &Settings,
+    folder: &Path,
+    program: &Path,
+    mut report: impl FnMut(&Progress),
+) -> Result<Results, Box<dyn Error>> {
+    let started = Instant::now();
+    let environment = Environment::here();
+    let points = settings.points();
+    let kept_in = folder.join("points");
+    fs::create_dir_all(&kept_in).map_err(|e| format!("{}: cannot create: {e}", kept_in.display()))?;
+    let mark = mark(settings, &environment, program);
+    let path_of = |point: &Point| kept_in.join(format!("{}.json", point.key()));
+    let kept: Vec<Option<Vec<Row>>> = points.iter().map(|p| load(&path_of(p), &mark)).collect();
+
+    let mut clock = Clock::new(settings, &points, &kept);
+    let mut rows: Vec<Row> = vec![];
+    for (done, (point, kept)) in points.iter().zip(kept).enumerate() {
+        let next = format!("{}: {} {}", point.figure, point.n, point.scene);
+        report(&Progress { done, points: points.len(), next, left: clock.left() });
+        let new = match kept {
+            Some(rows) => rows,
+            None => {
+                let new = rows_of(point, settings, clock.share(point), &rows, program)?;
+                clock.spent(point);
+                save(&path_of(point), &Kept { mark: mark.clone(), rows: new.clone() })?;
+                new
+            }
+        };
+        rows.extend(new);
+    }
+    report(&Progress { done: points.len(), points: points.len(), next: String::new(), left: Duration::ZERO });
+    let order = |row: &Row| Figure::ALL.iter().position(|figure| figure.name() == row.figure);
+    rows.sort_by_key(order);
+    let seconds = started.elapsed().as_secs_f64();
+    Ok(Results { environment, settings: settings.clone(), seconds, rows })
+}
+
+/// The time there is and the points that are yet to share it.
+struct Clock {
+    end: Instant,
+    /// Of the points that are left.
+    weight: f64,
+}
+
+impl Clock {
+    fn new(settings: &Settings, points: &[Point], kept: &[Option<Vec<Row>>]) -> Self {
+        let all: f64 = points.iter().map(Point::weight).sum();
+        let left = points.iter().zip(kept).filter(|(_, kept)| kept.is_none());
+        let weight: f64 = left.map(|(point, _)| point.weight()).sum();
+        let seconds = settings.minutes * 60.0 * weight / all.max(f64::MIN_POSITIVE);
+        Self { end: Instant::now() + Duration::from_secs_f64(seconds.clamp(0.0, 1e7)), weight }
+    }
+
+    fn left(&self) -> Duration {
+        self.end.saturating_duration_since(Instant::now())
+    }
+
+    /// What this point may take.
+    fn share(&self, point: &Point) -> Duration {
+        self.left().mul_f64((point.weight() / self.weight).clamp(0.0, 1.0))
+    }
+
+    fn spent(&mut self, point: &Point) {
+        self.weight = (self.weight - point.weight()).max(f64::MIN_POSITIVE);
+    }
+}
+
+fn rows_of(
+    point: &Point,
+    settings: &Settings,
+    share: Duration,
+    earlier: &[Row],
+    program: &Path,
+) -> Result<Vec<Row>, Box<dyn Error>> {
+    let at_least = if settings.scale == Scale::Full { 3 } else { 2 };
+    let time = share.mul_f64(MEASURED / point.engines.len().max(1) as f64);
+    let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time };
+    let too_long = |engine: Engine| {
+        let seconds = predicted(engine, point, earlier)?;
+        let most = PATIENCE * time.as_secs_f64();
+        (seconds > most && settings.scale != Scale::Smallest)
+            .then(|| format!("left out: a run would take about {seconds:.1} s"))
+    };
+    // The figure whose point is the comparison leaves nobody out.
+    let left_out = |engine: Engine| match point.motion {
+        Motion::Steps => None,
+        _ => too_long(engine),
+    };
+    match point.motion {
+        Motion::Processes => Ok(memory::rows(point, program)),
+        Motion::Simulated => burst::rows(point, limits, settings.seed, left_out),
+        Motion::Fresh => {
+            let sample = |k: usize, spheres: &mut Vec<_>| {
+                *spheres = point.scene.spheres(point.n, settings.seed + k as u64);
+            };
+            race(Race::new(point, limits, left_out), sample)
+        }
+        Motion::Steps => {
+            let sample = |k: usize, spheres: &mut Vec<_>| match k.checked_sub(1) {
+                None => *spheres = point.scene.spheres(point.n, settings.seed),
+                Some(step) => Scene::advance(spheres, settings.seed, step as u32),
+            };
+            let single = || race(Race::new(point, limits, left_out), sample).map_err(|e| e.to_string());
+            match point.figure {
+                // A pool per detector would add the way to its thread and back to every call.
+                Figure::F4 => Ok(ThreadPoolBuilder::new().num_threads(1).build()?.install(single)?),
+                _ => Ok(single()?),
+            }
+        }
+    }
+}
+
+/// Runs a race to its end over the spheres that `change` makes for each frame; the first is the warm-up.
+fn race(
+    mut race: Race<'_>,
+    mut change: impl FnMut(usize, &mut Vec<lazygrid::Sphere>),
+) -> Result<Vec<Row>, Box<dyn Error>> {
+    let mut spheres = vec![];
+    let mut frame = 0;
+    while !race.is_over() {
+        change(frame, &mut spheres);
+        race.frame(&spheres, frame == 0)?;
+        frame += 1;
+    }
+    Ok(race.take_rows(None))
+}
+
+/// About how many seconds a run takes, from the largest smaller point of the same figure and scene and
+/// the slowest moment there.
+fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
+    let name = engine.to_string();
+    let same = earlier.iter().filter(|row| {
+        row.figure == point.figure.name() && row.scene == point.scene.name() && row.engine == name
+    });
+    let last = same.max_by(|a, b| a.n.cmp(&b.n).then(a.median().total_cmp(&b.median())))?;
+    if last.status == Status::LeftOut {
+        return Some(f64::INFINITY);
+    }
+    if last.wall.is_empty() {
+        return None;
+    }
+    let exponent = if engine.is_quadratic() { 2.0 } else { 1.1 };
+    Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
+}
+
+/// What results must share to stand beside each other: settings other than the choice of figures, commit and build.
+fn mark(settings: &Settings, environment: &Environment, program: &Path) -> String {
+    let Settings { scale, runs, minutes, seed, only: _ } = settings;
+    let built = fs::metadata(program).ok().and_then(|file| {
+        let modified = file.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
+        Some(format!("{} bytes, {}", file.len(), modified.as_millis()))
+    });
+    let built = built.unwrap_or_default();
+    format!("{scale:?}, {runs:?} runs, {minutes} min, seed {seed}, {}, {built}", environment.commit)
+}
+
+fn load(path: &Path, mark: &str) -> Option<Vec<Row>> {
+    let kept: Kept = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
+    (kept.mark == mark).then_some(kept.rows)
+}
+
+fn save(path: &PathBuf, kept: &Kept) -> Result<(), Box<dyn Error>> {
+    // Under another name first, so that an interrupted run leaves no half of a file.
+    let draft = path.with_extension("part");
+    fs::write(&draft, serde_json::to_vec(kept)?)
+        .and_then(|()| fs::rename(&draft, path))
+        .map_err(|e| format!("{}: cannot write: {e}", path.display()))?;
+    Ok(())
+}

@@ -1,0 +1,63 @@
+//! Memory of a search: the peak of what the process holds, so each search needs a process of its own.
+
+use std::error::Error;
+use std::time::Instant;
+
+use super::{Contender, Found, Spread};
+use crate::scenes::Scene;
+
+/// What a search took in a process of its own.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Sample {
+    /// Median nanoseconds per sphere and step.
+    pub nanos: f64,
+    /// Peak bytes per sphere besides spheres and result; none where the system does not tell.
+    pub bytes: Option<f64>,
+    /// Pairs at the last step.
+    pub pairs: u64,
+}
+
+/// Runs a search over `steps` steps and reports the peak of what this process came to hold.
+///
+/// # Errors
+/// Whatever the search refuses.
+pub fn sample(
+    contender: &Contender,
+    scene: Scene,
+    n: usize,
+    steps: u32,
+    seed: u64,
+) -> Result<Sample, Box<dyn Error>> {
+    let mut spheres = scene.spheres(n, seed);
+    let before = resident("VmRSS");
+    // Makes the peak start anew from the present.
+    let reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
+    let mut search = (contender.make)()?;
+    let mut pairs = count(&search.run(&spheres)?);
+    let mut most = pairs;
+    let mut nanos = vec![];
+    for step in 0..steps {
+        Scene::advance(&mut spheres, seed, step);
+        let start = Instant::now();
+        pairs = count(&search.run(&spheres)?);
+        nanos.push(start.elapsed().as_nanos() as f64 / n.max(1) as f64);
+        most = most.max(pairs);
+    }
+    let peak = resident("VmHWM").filter(|_| reset);
+    let held = before.zip(peak).map(|(before, peak)| peak - before - 8.0 * most as f64);
+    Ok(Sample { nanos: Spread::of(&nanos).median, bytes: held.map(|bytes| bytes / n.max(1) as f64), pairs })
+}
+
+fn count(found: &Found<'_>) -> u64 {
+    match found {
+        Found::Pairs(pairs) => pairs.len() as u64,
+        Found::Count(pairs) => *pairs,
+    }
+}
+
+/// A line of `/proc/self/status` in bytes, where there is one.
+fn resident(name: &str) -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;
+    Some(line.split_whitespace().next()?.parse::<f64>().ok()? * 1024.0)
+}

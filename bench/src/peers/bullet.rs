@@ -1,0 +1,127 @@
+//! Bullet 3's `btDbvtBroadphase` through a C++ shim: the real library, one proxy per sphere kept from step to step.
+
+use std::error::Error;
+use std::ffi::c_int;
+use std::ptr::NonNull;
+
+use lazygrid::{Pair, Sphere};
+
+use crate::measure::{Contender, Found, Search};
+use crate::scenes::Scene;
+
+/// How Bullet is set up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tuning {
+    /// By how much a box grows on every side when it is written, in units of length; `None`: Bullet's 0.05.
+    pub margin: Option<f32>,
+    /// Whether the tree is searched once per step instead of once per box that was written.
+    pub deferred: bool,
+}
+
+impl Tuning {
+    /// As the library comes.
+    pub const SHIPPED: Self = Self { margin: None, deferred: false };
+
+    /// The fastest of [`tunings`] over a hundred steps, by
+    /// `cargo bench -p lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm cell-list --steps 100`:
+    /// a wide margin where few spheres or equal sizes keep the pairs of large boxes few.
+    pub fn best(scene: Scene, n: usize) -> Self {
+        let margin = match scene {
+            Scene::Equal if n <= 30_000 => 1.0,
+            Scene::Equal | Scene::FiveSizes => 0.5,
+            // Most spheres are far smaller than any margin that would do for the large ones.
+            _ => 0.05,
+        };
+        Self { margin: Some(margin), deferred: false }
+    }
+}
+
+/// The tunings to choose from, besides as shipped. Margins are in units of the largest radius.
+pub fn tunings() -> Vec<Contender> {
+    let mut tunings = vec![running("Bullet as shipped", Tuning::SHIPPED)];
+    for margin in [0.1, 0.2, 0.3, 0.5, 1.0] {
+        for (name, deferred) in [("", false), (", deferred", true)] {
+            let tuning = Tuning { margin: Some(margin), deferred };
+            tunings.push(running(format!("Bullet, margin {margin}{name}"), tuning));
+        }
+    }
+    tunings
+}
+
+/// Bullet, set up like this.
+pub fn running(name: impl Into<String>, tuning: Tuning) -> Contender {
+    Contender::new(name, move || Bullet::new(tuning))
+}
+
+/// The version of Bullet's headers.
+pub fn version() -> String {
+    let version = lazygrid_bullet_version();
+    format!("{}.{:02}", version / 100, version % 100)
+}
+
+#[repr(C)]
+struct World {
+    _private: [u8; 0],
+}
+
+unsafe extern "C" {
+    fn lazygrid_bullet_new(margin: f32, deferred: c_int) -> *mut World;
+    safe fn lazygrid_bullet_version() -> c_int;
+    fn lazygrid_bullet_free(world: *mut World);
+    fn lazygrid_bullet_step(
+        world: *mut World,
+        spheres: *const Sphere,
+        n: u32,
+        pairs: *mut *const Pair,
+        found: *mut usize,
+    ) -> bool;
+}
+
+/// A broad phase with its proxies.
+struct Bullet {
+    world: NonNull<World>,
+    /// How many proxies there are; none before the first call.
+    proxies: Option<usize>,
+}
+
+impl Bullet {
+    fn new(tuning: Tuning) -> Result<Self, Box<dyn Error>> {
+        // SAFETY: plain numbers go in; what comes out is owned by `Self` and freed once, in `drop`.
+        let world = unsafe {
+            let margin = tuning.margin.unwrap_or(-1.0);
+            lazygrid_bullet_new(margin, tuning.deferred.into())
+        };
+        let world = NonNull::new(world).ok_or("no memory for Bullet's broad phase")?;
+        Ok(Self { world, proxies: None })
+    }
+}
+
+impl Drop for Bullet {
+    fn drop(&mut self) {
+        // SAFETY: `world` came from `lazygrid_bullet_new` and nobody else frees it.
+        unsafe { lazygrid_bullet_free(self.world.as_ptr()) }
+    }
+}
+
+impl Search for Bullet {
+    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        let n = u32::try_from(spheres.len())?;
+        if *self.proxies.get_or_insert(spheres.len()) != spheres.len() {
+            return Err("Bullet's proxies are kept: the number of spheres must not change".into());
+        }
+        let (mut pairs, mut found) = (std::ptr::null(), 0);
+        // SAFETY: `spheres` are `n` rows of four floats (`Sphere` is `repr(C)`), read during the call only, and as many
+        // as there are proxies. `world` is alive and used by one thread at a time, as `self` is borrowed mutably.
+        let done =
+            unsafe { lazygrid_bullet_step(self.world.as_ptr(), spheres.as_ptr(), n, &mut pairs, &mut found) };
+        if !done {
+            return Err("Bullet ran out of memory".into());
+        }
+        if found == 0 {
+            return Ok(Found::Pairs(&[]));
+        }
+        // SAFETY: the shim returns `found` pairs of two `u32` (`Pair` is `repr(C)`) that stay in place until its next
+        // call, which needs `self` mutably and so outlives this borrow.
+        Ok(Found::Pairs(unsafe { std::slice::from_raw_parts(pairs, found) }))
+    }
+}

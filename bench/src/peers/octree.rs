@@ -1,0 +1,292 @@
+//! An octree over the spheres whose leaves run sort and sweep in parallel, kept up to date from step to step, as the
+//! paper describes BiNS2 (section 4.3). Leaves that crowd are split, leaves that empty are merged.
+//!
+//! A sphere stands in every leaf that its box overlaps. A pair that shares several is reported by the one that holds
+//! the corner `max(low corner of a, low corner of b)`, which both boxes contain if they overlap at all.
+
+use std::error::Error;
+use std::mem;
+
+use glam::Vec3;
+use lazygrid::{Pair, Sphere};
+use rayon::prelude::*;
+
+use super::half_extent;
+use super::sweep::{Interval, sort, sweep};
+use crate::measure::{Contender, Found, Search};
+
+/// A leaf with more spheres is split where that separates them.
+const SPLIT_ABOVE: usize = 256;
+/// Eight sibling leaves with fewer spheres between them are merged.
+const MERGE_BELOW: usize = 96;
+/// A leaf is not split below this multiple of its spheres' mean diameter: they would stand in most children.
+const SMALLEST_EDGE: f32 = 2.0;
+const DEEPEST: u32 = 20;
+/// How much room a new root leaves around the spheres.
+const ROOM: f32 = 1.5;
+
+/// The octree, in the rayon pool of the caller.
+pub fn running() -> Contender {
+    Contender::new("octree (BiNS2)", || Ok(Octree::default()))
+}
+
+/// An axis-aligned box.
+#[derive(Clone, Copy, Debug, Default)]
+struct Bounds {
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Bounds {
+    fn of(sphere: &Sphere) -> Self {
+        let half = Vec3::splat(half_extent(sphere));
+        Self { low: sphere.center - half, high: sphere.center + half }
+    }
+
+    fn overlaps(&self, other: &Self) -> bool {
+        self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
+    }
+
+    fn contains(&self, other: &Self) -> bool {
+        self.low.cmple(other.low).all() && other.high.cmple(self.high).all()
+    }
+
+    /// Whether the point belongs to this cell; cells share no point.
+    fn owns(&self, point: Vec3) -> bool {
+        self.low.cmple(point).all() && point.cmplt(self.high).all()
+    }
+
+    fn octant(&self, k: usize) -> Self {
+        let middle = 0.5 * (self.low + self.high);
+        let upper = glam::BVec3::new(k & 1 != 0, k & 2 != 0, k & 4 != 0);
+        Self { low: Vec3::select(upper, middle, self.low), high: Vec3::select(upper, self.high, middle) }
+    }
+}
+
+struct Node {
+    cell: Bounds,
+    depth: u32,
+    /// The first of eight children that stand side by side.
+    children: Option<usize>,
+    /// The spheres of a leaf, in the order of the last sweep.
+    members: Vec<u32>,
+    intervals: Vec<Interval>,
+    pairs: Vec<Pair>,
+}
+
+impl Node {
+    fn leaf(cell: Bounds, depth: u32) -> Self {
+        let (members, intervals, pairs) = Default::default();
+        Self { cell, depth, children: None, members, intervals, pairs }
+    }
+
+    /// Drops the spheres that left.
+    fn release(&mut self, boxes: &[Bounds]) {
+        let Self { members, cell, .. } = self;
+        members.retain(|&k| boxes[k as usize].overlaps(cell));
+    }
+
+    /// Sorts and sweeps along x; the pairs that are this leaf's to report.
+    fn search(&mut self, spheres: &[Sphere], boxes: &[Bounds]) {
+        let Self { members, intervals, pairs, cell, .. } = self;
+        intervals.clear();
+        intervals.extend(members.iter().map(|&k| Interval::new(&spheres[k as usize], k, 0)));
+        sort(intervals);
+        members.clear();
+        members.extend(intervals.iter().map(|interval| interval.index));
+        pairs.clear();
+        sweep(intervals, |a, b| {
+            let corner = boxes[a.index as usize].low.max(boxes[b.index as usize].low);
+            if cell.owns(corner) {
+                pairs.push(Pair::new(a.index, b.index));
+            }
+        });
+    }
+}
+
+#[derive(Default)]
+struct Octree {
+    /// The root first. Children of merged nodes are left where they are and used again.
+    nodes: Vec<Node>,
+    free: Vec<usize>,
+    boxes: Vec<Bounds>,
+    /// The boxes of the last step.
+    before: Vec<Bounds>,
+    /// The leaf whose cell contains a sphere's box as a whole, if one does.
+    home: Vec<Option<u32>>,
+    pairs: Vec<Pair>,
+}
+
+impl Search for Octree {
+    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        mem::swap(&mut self.boxes, &mut self.before);
+        spheres.par_iter().map(Bounds::of).collect_into_vec(&mut self.boxes);
+        let fits = |root: &Node| self.boxes.par_iter().all(|b| root.cell.contains(b));
+        if self.before.len() == spheres.len() && self.nodes.first().is_some_and(fits) {
+            self.update();
+        } else {
+            self.rebuild();
+        }
+        self.merge(0);
+        self.split(spheres);
+        let boxes = &self.boxes;
+        self.nodes.par_iter_mut().filter(|node| node.children.is_none()).for_each(|leaf| {
+            leaf.search(spheres, boxes);
+        });
+        self.pairs.clear();
+        for node in &self.nodes {
+            if node.children.is_none() {
+                self.pairs.extend_from_slice(&node.pairs);
+            }
+        }
+        Ok(Found::Pairs(&self.pairs))
+    }
+}
+
+impl Octree {
+    /// One leaf around all spheres, with room for them to spread.
+    fn rebuild(&mut self) {
+        let none = Bounds { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
+        let all = self
+            .boxes
+            .iter()
+            .fold(none, |all, b| Bounds { low: all.low.min(b.low), high: all.high.max(b.high) });
+        let middle = 0.5 * (all.low + all.high);
+        let half = ROOM * 0.5 * (all.high - all.low).max_element().max(f32::MIN_POSITIVE);
+        let cell = Bounds { low: middle - half, high: middle + half };
+        let members = (0..self.boxes.len() as u32).collect();
+        self.nodes = vec![Node { members, ..Node::leaf(cell, 0) }];
+        self.free.clear();
+        self.home.clear();
+        self.home.resize(self.boxes.len(), Some(0));
+    }
+
+    /// Takes the spheres that moved out of leaves and into others.
+    fn update(&mut self) {
+        let Self { nodes, boxes, before, home, .. } = self;
+        nodes.par_iter_mut().filter(|node| node.children.is_none()).for_each(|leaf| leaf.release(boxes));
+        let nodes_now = &*nodes;
+        let stays = |k: usize| home[k].is_some_and(|h| nodes_now[h as usize].cell.contains(&boxes[k]));
+        let entered: Vec<(u32, u32)> = (0..boxes.len())
+            .into_par_iter()
+            .filter(|&k| !stays(k))
+            .fold(Vec::new, |mut entered, k| {
+                descend(nodes_now, 0, &boxes[k], &mut |leaf| {
+                    if !before[k].overlaps(&nodes_now[leaf].cell) {
+                        entered.push((leaf as u32, k as u32));
+                    }
+                });
+                entered
+            })
+            .reduce(Vec::new, |mut all, mut some| {
+                all.append(&mut some);
+                all
+            });
+        for (leaf, k) in entered {
+            nodes[leaf as usize].members.push(k);
+        }
+        let nodes = &*nodes;
+        home.par_iter_mut().zip(&*boxes).for_each(|(home, b)| {
+            if !home.is_some_and(|h| nodes[h as usize].cell.contains(b)) {
+                *home = home_of(nodes, b);
+            }
+        });
+    }
+
+    /// Merges siblings that hold few spheres, from the leaves up. Returns the spheres of `node` where it is a leaf.
+    fn merge(&mut self, node: usize) -> Option<usize> {
+        let Some(first) = self.nodes[node].children else {
+            return Some(self.nodes[node].members.len());
+        };
+        let held: Vec<Option<usize>> = (first..first + 8).map(|child| self.merge(child)).collect();
+        let held: usize = held.into_iter().sum::<Option<usize>>()?;
+        if held >= MERGE_BELOW {
+            return None;
+        }
+        let mut members: Vec<u32> =
+            (first..first + 8).flat_map(|child| mem::take(&mut self.nodes[child].members)).collect();
+        members.sort_unstable();
+        members.dedup();
+        for &k in &members {
+            if self.nodes[node].cell.contains(&self.boxes[k as usize]) {
+                self.home[k as usize] = Some(node as u32);
+            }
+        }
+        self.free.push(first);
+        let held = members.len();
+        (self.nodes[node].children, self.nodes[node].members) = (None, members);
+        Some(held)
+    }
+
+    /// Splits crowded leaves, and their children in turn.
+    fn split(&mut self, spheres: &[Sphere]) {
+        let mut crowded: Vec<usize> = (0..self.nodes.len()).collect();
+        while let Some(node) = crowded.pop() {
+            if !self.wants_split(node, spheres) {
+                continue;
+            }
+            let first = self.eight_leaves(node);
+            for k in mem::take(&mut self.nodes[node].members) {
+                let this = &self.boxes[k as usize];
+                let mut home = None;
+                for child in first..first + 8 {
+                    if self.nodes[child].cell.overlaps(this) {
+                        self.nodes[child].members.push(k);
+                        home = self.nodes[child].cell.contains(this).then_some(child as u32).or(home);
+                    }
+                }
+                self.home[k as usize] = home;
+            }
+            self.nodes[node].children = Some(first);
+            crowded.extend(first..first + 8);
+        }
+    }
+
+    fn wants_split(&self, node: usize, spheres: &[Sphere]) -> bool {
+        let Node { cell, depth, children, members, .. } = &self.nodes[node];
+        if children.is_some() || members.len() <= SPLIT_ABOVE || *depth >= DEEPEST {
+            return false;
+        }
+        let radii: f32 = members.iter().map(|&k| spheres[k as usize].radius).sum();
+        let diameter = 2.0 * radii / members.len() as f32;
+        0.5 * (cell.high.x - cell.low.x) > SMALLEST_EDGE * diameter
+    }
+
+    /// Eight empty leaves for the octants of a node.
+    fn eight_leaves(&mut self, node: usize) -> usize {
+        let (cell, depth) = (self.nodes[node].cell, self.nodes[node].depth + 1);
+        let leaves = (0..8).map(|k| Node::leaf(cell.octant(k), depth));
+        match self.free.pop() {
+            Some(first) => {
+                for (place, leaf) in self.nodes[first..first + 8].iter_mut().zip(leaves) {
+                    *place = leaf;
+                }
+                first
+            }
+            None => {
+                self.nodes.extend(leaves);
+                self.nodes.len() - 8
+            }
+        }
+    }
+}
+
+/// Calls `found` for every leaf that overlaps the box.
+fn descend(nodes: &[Node], node: usize, this: &Bounds, found: &mut impl FnMut(usize)) {
+    if !nodes[node].cell.overlaps(this) {
+        return;
+    }
+    match nodes[node].children {
+        Some(first) => (first..first + 8).for_each(|child| descend(nodes, child, this, found)),
+        None => found(node),
+    }
+}
+
+/// The leaf whose cell contains the box as a whole.
+fn home_of(nodes: &[Node], this: &Bounds) -> Option<u32> {
+    let mut node = 0;
+    while let Some(first) = nodes[node].children {
+        node = (first..first + 8).find(|&child| nodes[child].cell.contains(this))?;
+    }
+    nodes[node].cell.contains(this).then_some(node as u32)
+}

@@ -1,0 +1,100 @@
+//! Sort and sweep along one axis, as N3Sim has it: the spheres' intervals are sorted by their beginnings, and each is
+//! compared with those that begin before it ends. The order of the last step is where the next sort starts.
+
+use std::error::Error;
+
+use glam::Vec3;
+use lazygrid::{Pair, Sphere};
+
+use super::{half_extent, touch};
+use crate::measure::{Contender, Found, Search};
+
+/// Sort and sweep along the axis on which the spheres spread most.
+pub fn running() -> Contender {
+    Contender::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
+}
+
+/// One sphere's interval and the sphere, side by side, so that the sweep reads memory in order.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Interval {
+    low: f32,
+    high: f32,
+    pub(super) index: u32,
+    sphere: Sphere,
+}
+
+impl Interval {
+    pub(super) fn new(sphere: &Sphere, index: u32, axis: usize) -> Self {
+        let (middle, half) = (sphere.center[axis], half_extent(sphere));
+        Self { low: middle - half, high: middle + half, index, sphere: *sphere }
+    }
+}
+
+#[derive(Default)]
+struct Sweep {
+    intervals: Vec<Interval>,
+    pairs: Vec<Pair>,
+}
+
+impl Search for Sweep {
+    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        let axis = widest_axis(spheres);
+        if self.intervals.len() == spheres.len() {
+            for interval in &mut self.intervals {
+                *interval = Interval::new(&spheres[interval.index as usize], interval.index, axis);
+            }
+        } else {
+            self.intervals.clear();
+            self.intervals.extend((0..).zip(spheres).map(|(k, sphere)| Interval::new(sphere, k, axis)));
+        }
+        sort(&mut self.intervals);
+        self.pairs.clear();
+        let pairs = &mut self.pairs;
+        sweep(&self.intervals, |a, b| pairs.push(Pair::new(a.index, b.index)));
+        Ok(Found::Pairs(&self.pairs))
+    }
+}
+
+/// Sorts by the beginnings; in linear time where little has changed.
+pub(super) fn sort(intervals: &mut [Interval]) {
+    // Insertion moves each interval past those it overtook. Where that comes to more than sorting would, sort.
+    let patience = 8 * intervals.len();
+    let mut moved = 0;
+    for k in 1..intervals.len() {
+        let this = intervals[k];
+        let mut to = k;
+        while to > 0 && intervals[to - 1].low > this.low {
+            intervals[to] = intervals[to - 1];
+            to -= 1;
+        }
+        intervals[to] = this;
+        moved += k - to;
+        if moved > patience {
+            intervals.sort_unstable_by(|a, b| a.low.total_cmp(&b.low));
+            return;
+        }
+    }
+}
+
+/// Hands over every overlapping pair of sorted intervals once.
+#[inline]
+pub(super) fn sweep(intervals: &[Interval], mut found: impl FnMut(&Interval, &Interval)) {
+    for (k, a) in intervals.iter().enumerate() {
+        for b in &intervals[k + 1..] {
+            if b.low > a.high {
+                break;
+            }
+            if touch(&a.sphere, &b.sphere) {
+                found(a, b);
+            }
+        }
+    }
+}
+
+/// The axis on which the centres have the largest variance.
+pub(super) fn widest_axis(spheres: &[Sphere]) -> usize {
+    let n = spheres.len().max(1) as f64;
+    let mean = spheres.iter().map(|s| s.center.as_dvec3()).sum::<glam::DVec3>() / n;
+    let spread: glam::DVec3 = spheres.iter().map(|s| (s.center.as_dvec3() - mean).powf(2.0)).sum();
+    Vec3::max_position(spread.as_vec3())
+}

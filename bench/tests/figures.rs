@@ -1,0 +1,106 @@
+//! The figures at their smallest: every engine gives the right answer, and all files are there. No time is judged.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+#[allow(dead_code, reason = "other tests use the rest")]
+mod command;
+
+use std::fs;
+use std::path::Path;
+
+use command::lazygrid;
+use serde_json::Value;
+
+fn read(folder: &Path, name: &str) -> String {
+    fs::read_to_string(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+fn results(folder: &Path) -> Value {
+    serde_json::from_str(&read(folder, "results.json")).unwrap()
+}
+
+fn path(folder: &Path) -> &str {
+    folder.to_str().unwrap()
+}
+
+#[test]
+fn the_smallest_size_of_everything() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = lazygrid(["figures", "--smallest", "--out", path(folder.path())]).succeeds();
+    assert!(run.out.contains("0 with a wrong answer"), "{}", run.out);
+
+    let results = results(folder.path());
+    let rows = results["rows"].as_array().unwrap();
+    for figure in ["3a", "3b", "4", "5a", "5b", "tau", "ratio", "threads", "memory", "point"] {
+        let of_figure = || rows.iter().filter(|row| row["figure"] == figure);
+        assert!(of_figure().any(|row| row["status"] == "ok"), "nothing was measured for {figure}");
+        assert!(of_figure().all(|row| row["status"] != "error"), "{figure}");
+    }
+    let measured = |row: &&Value| row["status"] == "ok";
+    for row in rows.iter().filter(measured) {
+        assert!(!row["wall"].as_array().unwrap().is_empty(), "{row}");
+    }
+    // All engines at one point and moment found as many pairs.
+    for (a, b) in rows.iter().filter(measured).zip(rows.iter().filter(measured).skip(1)) {
+        let same = ["figure", "scene", "n"].iter().all(|key| a[key] == b[key]);
+        if same && (a["at"] == b["at"] || a["figure"] == "tau") {
+            assert_eq!(a["pairs"], b["pairs"], "{a} {b}");
+        }
+    }
+    for engine in ["plain cell list", "parry3d refit", "octree (BiNS2)", "sort-and-sweep (N3Sim)"] {
+        assert!(rows.iter().filter(measured).any(|row| row["engine"] == engine), "{engine}");
+    }
+    assert_eq!(read(folder.path(), "results.csv").lines().count(), rows.len() + 1);
+    let page = read(folder.path(), "report.html");
+    assert!(
+        page.contains("<svg") && page.contains("Figure 4") && !page.contains("src="),
+        "not self-contained"
+    );
+    assert!(read(folder.path(), "RESULTS.md").contains("| engine |"));
+    assert!(read(&folder.path().join("plots"), "figure-3a.svg").starts_with("<svg"));
+}
+
+#[test]
+fn a_run_goes_on_where_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |only: &str| {
+        lazygrid(["figures", "--smallest", "--only", only, "--out", path(folder.path())]).succeeds();
+        results(folder.path())["rows"].as_array().unwrap().clone()
+    };
+    let first = run("point,tau");
+    // Times of a second measurement would not be the same to the last digit.
+    let again = run("tau");
+    assert!(!again.is_empty());
+    assert!(again.iter().all(|row| first.contains(row)), "measured again");
+    let kept = folder.path().join("points");
+    let point = fs::read_dir(&kept).unwrap().next().unwrap().unwrap().path();
+    fs::write(&point, "cut off").unwrap();
+    assert_eq!(run("point,tau").len(), first.len());
+}
+
+#[test]
+fn what_became_slower_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let [old, new] = ["old", "new"].map(|name| folder.path().join(name));
+    lazygrid(["figures", "--smallest", "--only", "tau", "--runs", "5", "--out", path(&old)]).succeeds();
+    let same = lazygrid(["compare", path(&old), path(&old)]).succeeds();
+    assert!(same.out.contains("0 broken, 0 slower, 0 faster"), "{}", same.out);
+
+    let mut slow = results(&old);
+    for time in slow["rows"][0]["wall"].as_array_mut().unwrap() {
+        *time = (time.as_f64().unwrap() * 100.0).into();
+    }
+    slow["rows"][1]["status"] = "error".into();
+    fs::create_dir(&new).unwrap();
+    fs::write(new.join("results.json"), slow.to_string()).unwrap();
+    let changed = lazygrid(["compare", path(&old), path(&new)]);
+    assert_eq!(changed.code, Some(1));
+    assert!(changed.out.contains("1 broken, 1 slower"), "{}", changed.out);
+    assert!(changed.out.starts_with("broken   tau"), "{}", changed.out);
+}
+
+#[test]
+fn wrong_usage_is_refused() {
+    assert_eq!(lazygrid(["figures", "--only", "6"]).code, Some(2));
+    assert_eq!(lazygrid(["figures", "--quick", "--smallest"]).code, Some(2));
+    assert_eq!(lazygrid(["compare", "/nowhere", "/nowhere"]).code, Some(1));
+}

@@ -1,0 +1,97 @@
+//! The buffers of a plan, and what else its kernels bind.
+
+use lazygrid_kernels::kernel as k;
+use lazygrid_kernels::layout::{Bounds, Grid, Lengths, Outcome};
+
+use super::Plan;
+
+/// A buffer that the detector owns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Slot {
+    /// Bounds of the spheres.
+    Bounds,
+    /// The raster.
+    Grid,
+    /// Count, overflow flag, quarantine count and dispatch arguments.
+    Outcome,
+    /// The pairs.
+    Pairs,
+    /// Depth and cells of each sphere.
+    Cells,
+    /// Counters of the smaller spheres in each cell.
+    Density,
+    /// How many entries there are.
+    Lengths,
+    /// Keys of the entries, two of them to sort to and fro.
+    Keys(bool),
+    /// Objects of the entries, likewise.
+    Objects(bool),
+    /// Digit counts of a radix pass.
+    Counts,
+    /// Sums of the tiles of a scan.
+    Sums,
+    /// Total of a scan.
+    Total,
+    /// Blocks of entries for the crowded search.
+    Crowded,
+    /// Workgroups of the crowded search.
+    Dispatch,
+}
+
+/// What a kernel's binding is bound to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Resource {
+    /// A buffer of the detector.
+    Own(Slot),
+    /// The spheres, from the caller.
+    Spheres,
+    /// The number of spheres, from the caller or the call's own.
+    Count,
+    /// Species ids, from the caller.
+    Species,
+    /// The uniform of this call.
+    Call,
+    /// The uniform of a radix pass.
+    Pass(u32),
+    /// Effective radii by species.
+    Reach,
+    /// The interaction table.
+    Table,
+}
+
+/// The buffers of a call that every algorithm has.
+pub(super) fn call_buffers(pairs: u32) -> [(Slot, u64); 4] {
+    [
+        (Slot::Bounds, size_of::<Bounds>() as u64),
+        (Slot::Grid, size_of::<Grid>() as u64),
+        (Slot::Outcome, size_of::<Outcome>() as u64),
+        (Slot::Pairs, bytes_of(pairs, 8)),
+    ]
+}
+
+/// The buffers of the grids for the spheres' cells.
+pub(super) fn cell_buffers(plan: &Plan) -> [(Slot, u64); 2] {
+    [(Slot::Cells, bytes_of(plan.spheres, 8)), (Slot::Density, bytes_of(plan.density_slots, 8))]
+}
+
+/// The buffers for entries and their sort.
+pub(in crate::gpu) fn entry_buffers(entries: u32) -> [(Slot, u64); 10] {
+    let counters = Lengths::for_sort(entries).counters;
+    [
+        (Slot::Lengths, size_of::<Lengths>() as u64),
+        (Slot::Keys(false), bytes_of(entries, 4)),
+        (Slot::Keys(true), bytes_of(entries, 4)),
+        (Slot::Objects(false), bytes_of(entries, 4)),
+        (Slot::Objects(true), bytes_of(entries, 4)),
+        (Slot::Counts, bytes_of(counters, 4)),
+        (Slot::Sums, bytes_of(counters.div_ceil(k::SCAN_TILE), 8)),
+        (Slot::Total, 16),
+        (Slot::Crowded, bytes_of(entries.div_ceil(k::GROUP), 4)),
+        (Slot::Dispatch, 16),
+    ]
+}
+
+/// Bytes of `count` items; never zero, as an empty buffer cannot be bound.
+pub(super) fn bytes_of(count: u32, size: u64) -> u64 {
+    (u64::from(count) * size).max(16)
+}

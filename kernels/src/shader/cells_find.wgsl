@@ -1,0 +1,115 @@
+// Each sphere's depth and cells, here and nowhere else, as rounding may differ from kernel to kernel. Tells
+// which depths occur; where only dense cells are refined, counts how many smaller spheres overlap each cell of the
+// first level.
+#include layout
+#include place
+#include sphere
+
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<storage, read> grid: Grid;
+@group(0) @binding(2) var<storage, read> spheres: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> bounds: Bounds;
+@group(0) @binding(4) var<storage, read_write> cells: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read_write> density: array<atomic<u32>>;
+#ifdef SPECIES
+@group(0) @binding(6) var<storage, read> species: array<u32>;
+@group(0) @binding(7) var<storage, read> reach: array<vec2<f32>>;
+#endif
+#include reach
+#include cells
+#include density_add
+
+const GROUP: u32 = 256u;
+
+var<workgroup> group_depths: atomic<u32>;
+var<workgroup> group_descending: array<atomic<u32>, 32>;
+
+// floor(log2(value)) of a value that is not negative.
+fn exponent_of(value: f32) -> i32 {
+    return i32(bitcast<u32>(value) >> 23u) - 127;
+}
+
+// The finest depth whose cells a sphere's box, widening and rounding included, overlaps no more than two of per axis,
+// with coordinates of at most 17 bits.
+fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
+    if (grid.refinement == 0u) {
+        return 0u;
+    }
+    // All in edges of depth 0.
+    let offset = abs(clamp(sphere.xyz - grid.origin, vec3(-0x1p126), vec3(0x1p126))) * grid.inverse_edge;
+    let at = abs(sphere.xyz) * grid.inverse_edge;
+    let distance = max(offset.x, max(offset.y, offset.z));
+    let diameter = 2.0 * (radius * grid.inverse_edge);
+    let width = diameter + (diameter + distance + max(at.x, max(at.y, at.z))) * 0x1p-20;
+    let finest = min(-1 - exponent_of(call.raster_ratio * width), 15 - exponent_of(distance));
+    return u32(clamp(finest, 0, 31));
+}
+
+// In cells of depth 0. What is next to the origin is put there, so that no device takes it for subnormal.
+fn scaled(position: vec3<f32>) -> vec3<f32> {
+    let offset = clamp(position - grid.origin, vec3(-0x1p126), vec3(0x1p126));
+    let high = vec3<f32>(grid.high) + vec3(0x1.f8p-1);
+    let value = clamp(offset * grid.inverse_edge, vec3<f32>(grid.low), high);
+    return select(value, vec3(0.0), abs(value) < vec3(0x1p-60));
+}
+
+fn cells_of(sphere: vec4<f32>, radius: f32) -> Cells {
+    let depth = depth_of(sphere, radius);
+    let box = box_of(sphere, radius);
+    let scale = bitcast<f32>((127u + depth) << 23u);
+    let first = vec3<i32>(floor(scaled(box.low) * scale));
+    let last = vec3<i32>(floor(scaled(box.high) * scale));
+    return Cells(first, clamp(last - first, vec3(0), vec3(1)), depth);
+}
+
+@compute @workgroup_size(256)
+fn cells_find(at: Builtins) {
+    let place = place_of(at);
+    if (place.group * GROUP >= grid.spheres) {
+        return;
+    }
+    if (place.lane == 0u) {
+        atomicStore(&group_depths, 0u);
+    }
+    if (place.lane < 32u) {
+        atomicStore(&group_descending[place.lane], 0u);
+    }
+    workgroupBarrier();
+    let index = place.group * GROUP + place.lane;
+    if (index < grid.spheres) {
+        let sphere = spheres[index];
+        var words = NO_CELLS;
+        if (is_accepted(index, sphere)) {
+            let found = cells_of(sphere, effective_radius(index, sphere));
+            words = cells_packed(found);
+            if (grid.refinement != 0u) {
+                atomicOr(&group_depths, 1u << found.depth);
+            }
+            if (grid.refinement == 1u) {
+                atomicAdd(&group_descending[found.depth], 1u);
+            }
+            if (grid.refinement == 2u) {
+                let coarse = cells_at(found, 0u);
+                for (var number = 0u; number < 8u; number++) {
+                    if (has_cell(coarse, step_of(number))) {
+                        density_add(0u, coarse.first + step_of(number), found.depth == 0u);
+                    }
+                }
+            }
+        }
+        cells[index] = words;
+    }
+    if (grid.refinement == 0u) {
+        return;
+    }
+    workgroupBarrier();
+    if (place.lane == 0u) {
+        atomicOr(&bounds.depths, atomicLoad(&group_depths));
+    }
+    if (place.lane < 32u) {
+        let count = atomicLoad(&group_descending[place.lane]);
+        if (count != 0u) {
+            atomicAdd(&bounds.descending[place.lane], count);
+        }
+    }
+}

@@ -1,0 +1,23 @@
+// Clears the density table.
+#include layout
+#include place
+
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<storage, read> grid: Grid;
+@group(0) @binding(2) var<storage, read_write> density: array<atomic<u32>>;
+
+const ITEMS: u32 = #{SPHERES_PER_THREAD}u;
+
+@compute @workgroup_size(256)
+fn density_clear(at: Builtins) {
+    let place = place_of(at);
+    if (grid.refinement != 2u) {
+        return;
+    }
+    for (var item = 0u; item < ITEMS; item++) {
+        let slot = (place.group * ITEMS + item) * 256u + place.lane;
+        if (slot < 2u * call.density_slots) {
+            atomicStore(&density[slot], 0u);
+        }
+    }
+}

@@ -1,0 +1,75 @@
+// Counts how many smaller spheres overlap each cell of the deeper levels, as far as it lies in a dense cell of the
+// first one; and how many spheres go on there.
+#include layout
+#include place
+
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<storage, read> grid: Grid;
+@group(0) @binding(2) var<storage, read_write> bounds: Bounds;
+@group(0) @binding(3) var<storage, read> cells: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read_write> density: array<atomic<u32>>;
+#include cells
+#include density_add
+
+const GROUP: u32 = 256u;
+
+var<workgroup> group_descending: array<atomic<u32>, 32>;
+
+// Which of a sphere's cells of the first level are dense, one bit each.
+fn dense_cells(coarse: Cells) -> u32 {
+    var dense = 0u;
+    for (var number = 0u; number < 8u; number++) {
+        let step = step_of(number);
+        if (has_cell(coarse, step) && is_dense(atomicLoad(&density[density_slot(0u, coarse.first + step)]))) {
+            dense |= 1u << number;
+        }
+    }
+    return dense;
+}
+
+@compute @workgroup_size(256)
+fn levels_refine(at: Builtins) {
+    let place = place_of(at);
+    if (place.group * GROUP >= grid.spheres || grid.refinement != 2u) {
+        return;
+    }
+    if (place.lane < 32u) {
+        atomicStore(&group_descending[place.lane], 0u);
+    }
+    workgroupBarrier();
+    let index = place.group * GROUP + place.lane;
+    var words = NO_CELLS;
+    if (index < grid.spheres) {
+        words = cells[index];
+    }
+    let own = cells_unpacked(words);
+    if (any(words != NO_CELLS) && own.depth != 0u) {
+        let coarse = cells_at(own, 0u);
+        let dense = dense_cells(coarse);
+        var depths = depths_to(atomicLoad(&bounds.depths), own.depth) & ~1u;
+        if (dense != 0u) {
+            atomicAdd(&group_descending[own.depth], 1u);
+        } else {
+            depths = 0u;
+        }
+        while (depths != 0u) {
+            let depth = firstTrailingBit(depths);
+            depths &= depths - 1u;
+            let here = cells_at(own, depth);
+            for (var number = 0u; number < 8u; number++) {
+                let step = step_of(number);
+                let cell = here.first + step;
+                if (has_cell(here, step) && (dense & (1u << parent_of(cell, depth, coarse))) != 0u) {
+                    density_add(depth, cell, depth == own.depth);
+                }
+            }
+        }
+    }
+    workgroupBarrier();
+    if (place.lane < 32u) {
+        let count = atomicLoad(&group_descending[place.lane]);
+        if (count != 0u) {
+            atomicAdd(&bounds.descending[place.lane], count);
+        }
+    }
+}

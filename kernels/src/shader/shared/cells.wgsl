@@ -1,0 +1,60 @@
+// The cells that a sphere overlaps in the raster of its depth: the first, and on each axis 1 if there is a second.
+struct Cells {
+    first: vec3<i32>,
+    more: vec3<i32>,
+    depth: u32,
+}
+
+// No sphere: quarantined ones have no cells.
+const NO_CELLS: vec2<u32> = vec2(0xffffffffu);
+
+// 18 bits for each coordinate.
+fn cells_packed(cells: Cells) -> vec2<u32> {
+    let first = vec3<u32>(cells.first) & vec3(0x3ffffu);
+    let more = vec3<u32>(cells.more);
+    return vec2(
+        first.x | (first.y << 18u),
+        (first.y >> 14u) | (first.z << 4u) | (more.x << 22u) | (more.y << 23u) | (more.z << 24u)
+            | (cells.depth << 25u),
+    );
+}
+
+fn cells_unpacked(words: vec2<u32>) -> Cells {
+    let first = vec3(words.x, (words.x >> 18u) | (words.y << 14u), words.y >> 4u);
+    let more = (vec3(words.y) >> vec3(22u, 23u, 24u)) & vec3(1u);
+    return Cells(
+        extractBits(vec3<i32>(first), 0u, 18u),
+        vec3<i32>(more),
+        extractBits(words.y, 25u, 5u),
+    );
+}
+
+// The same sphere's cells in the raster of a coarser depth. Rasters nest, so that there too it has two at most.
+fn cells_at(cells: Cells, depth: u32) -> Cells {
+    let shift = vec3(cells.depth - depth);
+    let first = cells.first >> shift;
+    return Cells(first, ((cells.first + cells.more) >> shift) - first, depth);
+}
+
+// Of up to eight cells of a sphere the one with this number: a bit for each axis.
+fn step_of(number: u32) -> vec3<i32> {
+    return (vec3(i32(number)) >> vec3(0u, 1u, 2u)) & vec3(1);
+}
+
+fn number_of(step: vec3<i32>) -> u32 {
+    return u32(step.x | (step.y << 1u) | (step.z << 2u));
+}
+
+fn has_cell(cells: Cells, step: vec3<i32>) -> bool {
+    return all(step <= cells.more);
+}
+
+// The number, among a sphere's cells of a coarser depth, of the one in which this cell lies.
+fn parent_of(cell: vec3<i32>, depth: u32, parents: Cells) -> u32 {
+    return number_of((cell >> vec3(depth - parents.depth)) - parents.first);
+}
+
+// The coarsest depths of `depths`, up to and including `depth`.
+fn depths_to(depths: u32, depth: u32) -> u32 {
+    return depths & (0xffffffffu >> (31u - depth));
+}

@@ -1,0 +1,16 @@
+// The density table: for every cell how many smaller spheres overlap it, and in the highest bit whether a sphere of
+// the cell's own depth does. Cells that share a counter look denser than they are; all who ask get the same answer.
+const HAS_OWN: u32 = 0x80000000u;
+
+// The first level has the lower half to itself, so that it is settled when the deeper ones are counted.
+fn density_slot(depth: u32, cell: vec3<i32>) -> u32 {
+    let c = vec3<u32>(cell) * vec3(0x9e3779b1u, 0x85ebca6bu, 0xc2b2ae35u);
+    var hash = (c.x ^ (c.y >> 7u) ^ (c.y << 25u) ^ (c.z >> 15u) ^ (c.z << 17u)) + depth * 0x27d4eb2fu;
+    hash = (hash ^ (hash >> 15u)) * 0x2c1b3c6du;
+    hash ^= hash >> 13u;
+    return (hash & (call.density_slots - 1u)) + select(0u, call.density_slots, depth != 0u);
+}
+
+fn is_dense(density: u32) -> bool {
+    return (density & ~HAS_OWN) > call.tau;
+}

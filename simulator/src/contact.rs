@@ -1,0 +1,161 @@
+//! What happens to particles that overlap and do not react.
+//!
+//! A particle may overlap several others. Overlaps are settled one after the other by the priority of the pair, so
+//! that each sees what the ones before it left; pairs without a particle in common are settled in parallel.
+
+use lazygrid::Pair;
+use rayon::prelude::*;
+
+use crate::boundary::Boundary;
+use crate::matching::{Afterwards, Candidate, Matching};
+use crate::model::{Contact, Model};
+use crate::particles::Particles;
+use crate::philox::{Key, Purpose};
+use crate::reactions::distance_squared;
+use crate::transmitter::direction;
+
+/// How overlaps are settled in a model.
+#[derive(Clone, Debug)]
+pub struct Contacts {
+    contact: Contact,
+    diffusion: Vec<f64>,
+    mass: Vec<f64>,
+    boundary: Boundary,
+}
+
+/// What two particles get in one contact: new positions, and new velocities of elastic ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Settled {
+    position: [[f32; 3]; 2],
+    velocity: [[f32; 3]; 2],
+}
+
+/// Pairs that one task looks at.
+const TASK: usize = 4096;
+
+impl Contacts {
+    /// The contacts of a model that was checked.
+    pub fn new(model: &Model) -> Self {
+        let of = |get: fn(&crate::model::Species) -> f64| model.species.iter().map(get).collect();
+        Self {
+            contact: model.contact,
+            diffusion: of(|species| species.diffusion),
+            mass: of(|species| species.mass),
+            boundary: model.boundary,
+        }
+    }
+
+    /// Whether overlaps change anything.
+    pub fn act(&self) -> bool {
+        matches!(self.contact, Contact::Separate | Contact::Elastic)
+    }
+
+    /// Settles the overlaps among these pairs, but for those with a particle that is not `free`. Returns how many
+    /// had an effect.
+    pub fn settle(
+        &self,
+        particles: &mut Particles,
+        pairs: &[Pair],
+        free: impl Fn(u32) -> bool + Sync,
+        (key, step): (Key, u32),
+        matching: &mut Matching,
+    ) -> u64 {
+        let overlap = |pair: &Pair| {
+            let apart = distance_squared(particles, *pair, &self.boundary);
+            let touch = reach(particles, *pair);
+            (free(pair.i) && free(pair.j) && apart < touch * touch).then(|| {
+                let ids = [pair.i, pair.j].map(|at| particles.id[at as usize]);
+                let ids = [ids[0].min(ids[1]), ids[0].max(ids[1])];
+                let [priority, ..] = key.draw(ids[0], ids[1], step, Purpose::Pair);
+                let at =
+                    if particles.id[pair.i as usize] == ids[0] { [pair.i, pair.j] } else { [pair.j, pair.i] };
+                Candidate { at, claims: [true; 2], rule: 0, priority, ids }
+            })
+        };
+        let chunks: Vec<Vec<_>> =
+            pairs.par_chunks(TASK).map(|pairs| pairs.iter().filter_map(overlap).collect()).collect();
+        let overlaps = chunks.concat();
+        let mut settled = 0;
+        matching.rounds(&overlaps, particles.len(), Afterwards::Queued, |turn| {
+            let settle =
+                |&c: &u32| Some((c, self.settle_one(particles, &overlaps[c as usize], (key, step))?));
+            let results: Vec<_> = turn.par_iter().with_min_len(256).filter_map(settle).collect();
+            settled += results.len() as u64;
+            for (c, Settled { position, velocity }) in results {
+                for (k, at) in overlaps[c as usize].at.into_iter().enumerate() {
+                    particles.set_position(at as usize, position[k]);
+                    if self.contact == Contact::Elastic {
+                        (0..3).for_each(|axis| particles.velocity[axis][at as usize] = velocity[k][axis]);
+                    }
+                }
+            }
+        });
+        settled
+    }
+
+    /// One contact; nothing where those before it already parted the two, or where they move apart.
+    fn settle_one(
+        &self,
+        particles: &Particles,
+        candidate: &Candidate,
+        (key, step): (Key, u32),
+    ) -> Option<Settled> {
+        let [a, b] = candidate.at;
+        let pair = Pair::new(a, b);
+        let distance = distance_squared(particles, pair, &self.boundary).sqrt();
+        let touch = reach(particles, pair);
+        if distance >= touch {
+            return None;
+        }
+        let [p, q] = [a, b].map(|at| particles.position_of(at as usize));
+        let normal: [f64; 3] = if distance > 0.0 {
+            std::array::from_fn(|k| {
+                self.boundary.axes[k].offset_exact(f64::from(q[k]) - f64::from(p[k])) / distance
+            })
+        } else {
+            let [_, _, first, second] = key.draw(candidate.ids[0], candidate.ids[1], step, Purpose::Pair);
+            direction(first, second).map(f64::from)
+        };
+        let [u, v] = [a, b].map(|at| particles.get(at as usize).velocity);
+        match self.contact {
+            Contact::Elastic => {
+                let species = [a, b].map(|at| particles.species[at as usize] as usize);
+                let velocity = bounce([u, v], species.map(|s| self.mass[s]), normal)?;
+                Some(Settled { position: [p, q], velocity })
+            }
+            _ => {
+                // As far beyond touching as they were within it, as if they had bounced.
+                let apart = 2.0 * (touch - distance);
+                let [da, db] = [a, b].map(|at| self.diffusion[particles.species[at as usize] as usize]);
+                let share = if da + db > 0.0 { da / (da + db) } else { 0.5 };
+                let moved = |from: [f32; 3], by: f64| {
+                    let to = std::array::from_fn(|k| (f64::from(from[k]) + by * normal[k]) as f32);
+                    self.boundary.place(to)
+                };
+                Some(Settled {
+                    position: [moved(p, -share * apart), moved(q, (1.0 - share) * apart)],
+                    velocity: [u, v],
+                })
+            }
+        }
+    }
+}
+
+/// Velocities after an elastic collision of smooth spheres along `normal`, which points from the first to the second;
+/// nothing where they do not approach each other.
+fn bounce([u, v]: [[f32; 3]; 2], [m, n]: [f64; 2], normal: [f64; 3]) -> Option<[[f32; 3]; 2]> {
+    let approach: f64 = (0..3).map(|k| (f64::from(u[k]) - f64::from(v[k])) * normal[k]).sum();
+    if approach <= 0.0 {
+        return None;
+    }
+    let impulse = 2.0 * approach * m * n / (m + n);
+    let after = |velocity: [f32; 3], by: f64| -> [f32; 3] {
+        std::array::from_fn(|k| (f64::from(velocity[k]) + by * normal[k]) as f32)
+    };
+    Some([after(u, -impulse / m), after(v, impulse / n)])
+}
+
+/// The sum of two radii.
+fn reach(particles: &Particles, pair: Pair) -> f64 {
+    f64::from(particles.radius[pair.i as usize]) + f64::from(particles.radius[pair.j as usize])
+}

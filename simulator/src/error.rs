@@ -1,0 +1,76 @@
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// Why a model was refused or a run ended. Every message names the value, the limit and the remedy.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A scenario file that does not say what it must, with the place.
+    #[error("{}, line {line}, `{key}`: {message}", path.display())]
+    Scenario {
+        /// The file.
+        path: PathBuf,
+        /// The line; the first is 1.
+        line: usize,
+        /// The key on that line.
+        key: String,
+        /// What is wrong and what is allowed.
+        message: String,
+    },
+    /// A model that cannot be run.
+    #[error("{0}")]
+    Model(String),
+    /// More particles than ids can name.
+    #[error(
+        "particle ids are used up: {released} particles were released and ids have 32 bits; release fewer"
+    )]
+    OutOfIds {
+        /// How many there would have been.
+        released: u64,
+    },
+    /// The detector refused the particles, or found more pairs than fit.
+    #[error("step {step}: {source}")]
+    Step {
+        /// The step, counted from 0.
+        step: u32,
+        /// What the detector said.
+        source: lazygrid::Error,
+    },
+    /// The detector could not be made.
+    #[error(transparent)]
+    Detection(#[from] lazygrid::Error),
+    /// The threads that were asked for could not be started.
+    #[error("cannot start {threads} threads: {reason}; ask for fewer")]
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// What the system said.
+        reason: String,
+    },
+    /// The system refused to read a file.
+    #[error("{}: cannot read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The system refused to create or write a file, such as on a full disk.
+    #[error("{}: cannot write: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file that is no checkpoint, or one of another scenario or version.
+    #[error("{}: {message}", path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+        /// Why it cannot be continued from.
+        message: String,
+    },
+}

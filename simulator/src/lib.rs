@@ -1,0 +1,58 @@
+//! A reference simulator of carriers that diffuse, react and collide: what a nanonetwork or any other
+//! reaction–diffusion simulator looks like on top of [`lazygrid`], of which it uses only what everybody can.
+//!
+//! A [`Model`] says what is simulated and a [`Simulation`] does it, step by step. Particles are columns; what happens
+//! to each of them, or to each pair, is a pure function of the columns, the seed and the step. Random numbers come by
+//! counter ([`philox`]). So a run depends on its seed alone: not on the number of threads, the order of particles or
+//! the algorithm that finds pairs.
+//!
+//! Lengths are in µm and times in s throughout.
+//!
+//! ```
+//! use lazygrid::Algorithm;
+//! use lazygrid_sim::{Model, Shape, Simulation, Species, Transmitter};
+//!
+//! let species = Species { name: "acid".into(), diffusion: 100.0, mass: 1.0, ..Species::default() };
+//! let burst = Transmitter {
+//!     name: "burst".into(),
+//!     center: [0.0; 3],
+//!     shape: Shape::Point,
+//!     times: vec![0.0],
+//!     release: vec![(0, 1000)],
+//! };
+//! let model = Model { time_step: 0.001, species: vec![species], transmitters: vec![burst], ..Model::default() };
+//! let mut simulation = Simulation::new(model, 42, Algorithm::Auto)?;
+//! for _ in 0..10 {
+//!     simulation.step()?;
+//! }
+//! assert_eq!(simulation.state().particles.len(), 1000);
+//! # Ok::<(), lazygrid_sim::Error>(())
+//! ```
+
+pub mod boundary;
+pub mod checkpoint;
+pub mod contact;
+pub mod matching;
+pub mod model;
+pub mod motion;
+pub mod normal;
+pub mod particles;
+pub mod philox;
+pub mod rate;
+pub mod reactions;
+pub mod receiver;
+pub mod run;
+pub mod scenario;
+pub mod transmitter;
+
+mod error;
+mod output;
+mod simulation;
+
+pub use boundary::{Axis, Boundary};
+pub use error::Error;
+pub use model::{Contact, Decay, Model, Reaction, Species};
+pub use particles::{Particle, Particles};
+pub use receiver::{Kind, Receiver};
+pub use simulation::{Simulation, State, Totals};
+pub use transmitter::{Shape, Transmitter};

@@ -1,0 +1,278 @@
+//! The step of every particle by itself: it moves, meets walls and receivers, and may decay.
+//!
+//! A coordinate becomes `x + (s·z + d)`, where `s` = √(2DΔt), `z` is a standard normal number, and `d` is the drift in
+//! one step (with the particle's own velocity added, where particles have one), each operation rounded to `f32`.
+
+use rayon::prelude::*;
+
+use crate::boundary::Boundary;
+use crate::model::Model;
+use crate::normal::normals;
+use crate::particles::Particles;
+use crate::philox::{Key, Purpose, yes_up_to};
+use crate::receiver::{Kind, Receiver, meets};
+
+/// What a model says about the step of single particles, made ready.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    /// By species.
+    steps: Vec<Step>,
+    time_step: f32,
+    with_velocity: bool,
+    boundary: Boundary,
+    /// Receivers that remove particles, with their places in the model.
+    receivers: Vec<(u32, Receiver)>,
+    decays: Vec<Decays>,
+    any_decay: bool,
+}
+
+/// The step of one species.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    /// √(2DΔt) in µm.
+    length: f32,
+    /// DΔt in µm².
+    diffusion: f32,
+    /// Drift in one step, in µm.
+    drift: [f32; 3],
+}
+
+/// Each way that one species decays: up to which word it does, its place in the model, and what comes of it.
+type Decays = Vec<(u32, u32, Option<u32>)>;
+
+/// What befell a particle at a place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// It reached a receiver, and is to be removed.
+    Arrived {
+        /// Where the particle is.
+        at: u32,
+        /// The receiver's place in the model.
+        receiver: u32,
+    },
+    /// It decayed.
+    Decayed {
+        /// Where the particle is.
+        at: u32,
+        /// The decay's place in the model.
+        decay: u32,
+        /// What it turns into; it is to be removed where there is nothing.
+        product: Option<u32>,
+    },
+}
+
+/// Particles that one task moves.
+const CHUNK: usize = 4096;
+/// Particles whose random numbers are drawn together.
+const BLOCK: usize = 64;
+
+impl Motion {
+    /// The step of a model that was checked.
+    pub fn new(model: &Model) -> Self {
+        let time_step = model.time_step;
+        let step = |species: &crate::model::Species| Step {
+            length: (2.0 * species.diffusion * time_step).sqrt() as f32,
+            diffusion: (species.diffusion * time_step) as f32,
+            drift: species.drift.map(|v| (v * time_step) as f32),
+        };
+        let removing = model.receivers.iter().enumerate().filter(|(_, r)| r.kind != Kind::Transparent);
+        let decays: Vec<_> = (0..model.species.len() as u32).map(|s| decays_of(model, s)).collect();
+        Self {
+            steps: model.species.iter().map(step).collect(),
+            time_step: time_step as f32,
+            with_velocity: model.has_velocity(),
+            boundary: model.boundary,
+            receivers: removing.map(|(at, receiver)| (at as u32, receiver.clone())).collect(),
+            any_decay: decays.iter().any(|d| !d.is_empty()),
+            decays,
+        }
+    }
+
+    /// Moves all particles and returns what befell them, by place.
+    pub fn advance(&self, particles: &mut Particles, key: Key, step: u32) -> Vec<Event> {
+        let Particles { position: [x, y, z], velocity: [u, v, w], species, id, .. } = particles;
+        let chunks = (
+            x.par_chunks_mut(CHUNK),
+            y.par_chunks_mut(CHUNK),
+            z.par_chunks_mut(CHUNK),
+            id.par_chunks(CHUNK),
+            species.par_chunks(CHUNK),
+        );
+        let events: Vec<Vec<Event>> = chunks
+            .into_par_iter()
+            .enumerate()
+            .map(|(chunk, (x, y, z, id, species))| {
+                let base = chunk * CHUNK;
+                let velocity =
+                    if self.with_velocity { [&*u, &*v, &*w].map(|c| &c[base..]) } else { [&[][..]; 3] };
+                self.advance_chunk(Chunk { base, position: [x, y, z], velocity, id, species }, key, step)
+            })
+            .collect();
+        events.concat()
+    }
+
+    fn advance_chunk(&self, chunk: Chunk<'_>, key: Key, step: u32) -> Vec<Event> {
+        let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
+        let watches = !self.receivers.is_empty() || self.any_decay;
+        let bounded = !self.boundary.is_open();
+        let mut events = Vec::new();
+        let mut random = [[0.0; BLOCK]; 3];
+        for (block, ids) in id.chunks(BLOCK).enumerate() {
+            draw(key, ids, step, &mut random);
+            let first = block * BLOCK;
+            for (k, &id) in ids.iter().enumerate() {
+                let at = first + k;
+                let Step { length, diffusion, mut drift } = self.steps[species[at] as usize];
+                if self.with_velocity {
+                    drift = std::array::from_fn(|axis| drift[axis] + velocity[axis][at] * self.time_step);
+                }
+                let before = [x[at], y[at], z[at]];
+                let mut after: [f32; 3] =
+                    std::array::from_fn(|axis| before[axis] + (length * random[axis][k] + drift[axis]));
+                if bounded {
+                    after = self.boundary.place(after);
+                }
+                [x[at], y[at], z[at]] = after;
+                if watches {
+                    let particle = Watched { at: (base + at) as u32, id, species: species[at], diffusion };
+                    events.extend(self.befalls(particle, [before, after], key, step));
+                }
+            }
+        }
+        events
+    }
+
+    /// The first thing that befalls a particle: a receiver, in their order, else a decay.
+    fn befalls(&self, particle: Watched, ends: [[f32; 3]; 2], key: Key, step: u32) -> Option<Event> {
+        let Watched { at, id, species, diffusion } = particle;
+        for (place, receiver) in &self.receivers {
+            if receiver.sees[species as usize]
+                && meets(receiver, &self.boundary, ends, diffusion).happens(key, id, *place, step)
+            {
+                return Some(Event::Arrived { at, receiver: *place });
+            }
+        }
+        let decays = &self.decays[species as usize];
+        if decays.is_empty() {
+            return None;
+        }
+        let [word, ..] = key.draw(id, 0, step, Purpose::Decay);
+        let &(_, decay, product) = decays.iter().find(|(up_to, ..)| word <= *up_to)?;
+        Some(Event::Decayed { at, decay, product })
+    }
+}
+
+struct Chunk<'a> {
+    base: usize,
+    position: [&'a mut [f32]; 3],
+    velocity: [&'a [f32]; 3],
+    id: &'a [u32],
+    species: &'a [u32],
+}
+
+struct Watched {
+    at: u32,
+    id: u32,
+    species: u32,
+    diffusion: f32,
+}
+
+/// With rates k₁, k₂, …: the probability 1 − exp(−ΣkΔt) shared out in proportion, as words that lie one above the
+/// other.
+fn decays_of(model: &Model, species: u32) -> Decays {
+    let own = |d: &&(usize, &crate::model::Decay)| d.1.reactant == species && d.1.rate > 0.0;
+    let decays: Vec<_> = model.decays.iter().enumerate().collect();
+    let total: f64 = decays.iter().filter(own).map(|(_, d)| d.rate).sum();
+    let probability = -libm::expm1(-total * model.time_step);
+    let mut below = 0.0;
+    let share = |&(place, decay): &(usize, &crate::model::Decay)| {
+        below += decay.rate / total;
+        yes_up_to(probability * below).map(|up_to| (up_to, place as u32, decay.product))
+    };
+    decays.iter().filter(own).filter_map(share).collect()
+}
+
+/// Draws the normal numbers of a block of particles.
+fn draw(key: Key, ids: &[u32], step: u32, random: &mut [[f32; BLOCK]; 3]) {
+    let mut block = [0; BLOCK];
+    block[..ids.len()].copy_from_slice(ids);
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2.
+        return unsafe { draw_avx2(key, &block, step, random) };
+    }
+    draw_block(key, &block, step, random);
+}
+
+/// The same operations as [`draw_block`] in wider vectors; without fused ones, so with the same result.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn draw_avx2(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK]; 3]) {
+    draw_block(key, ids, step, random);
+}
+
+#[inline(always)]
+fn draw_block(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK]; 3]) {
+    let [a, b, c] = random;
+    for k in 0..BLOCK {
+        [a[k], b[k], c[k]] = normals(key.draw(ids[k], 0, step, Purpose::Move));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Decay, Species};
+    use crate::particles::Particle;
+
+    fn species(diffusion: f64) -> Species {
+        Species { name: "A".into(), diffusion, mass: 1.0, drift: [1.0, 0.0, 0.0], ..Species::default() }
+    }
+
+    fn cloud(n: u32) -> Particles {
+        let mut particles = Particles::default();
+        (0..n).for_each(|id| particles.push(Particle { id: id * 7 + 3, ..Particle::default() }, false));
+        particles
+    }
+
+    #[test]
+    fn a_move_depends_on_the_id_and_not_on_the_place() {
+        let model = Model { time_step: 0.1, species: vec![species(2.0)], ..Model::default() };
+        let motion = Motion::new(&model);
+        let mut all = cloud(10_001);
+        let order: Vec<u32> = (0..10_001).map(|k| (k * 4_001) % 10_001).collect();
+        let mut shuffled = all.permuted(&order);
+        for step in 0..3 {
+            assert!(motion.advance(&mut all, Key::new(1), step).is_empty());
+            motion.advance(&mut shuffled, Key::new(1), step);
+        }
+        assert_eq!(all.permuted(&order), shuffled);
+        let [x, ..] = normals(Key::new(1).draw(all.id[5], 0, 2, Purpose::Move));
+        let mut two = cloud(10_001);
+        (0..2).for_each(|step| drop(motion.advance(&mut two, Key::new(1), step)));
+        let length = (2.0_f64 * 2.0 * 0.1).sqrt() as f32;
+        assert_eq!(all.position[0][5], two.position[0][5] + (length * x + 0.1));
+    }
+
+    #[test]
+    fn decays_share_their_probability() {
+        let decay = |rate, product| Decay { name: String::new(), reactant: 0, product, rate };
+        let model = Model {
+            time_step: 0.5,
+            species: vec![species(0.0), species(0.0)],
+            decays: vec![decay(1.0, None), decay(3.0, Some(1))],
+            ..Model::default()
+        };
+        let n = 100_000;
+        let events = Motion::new(&model).advance(&mut cloud(n), Key::new(9), 4);
+        for (which, share) in [(0, 0.25), (1, 0.75)] {
+            let p = (1.0 - (-2.0_f64).exp()) * share;
+            let count = events
+                .iter()
+                .filter(|e| matches!(e, Event::Decayed { decay, .. } if *decay == which))
+                .count();
+            let error = (count as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
+            assert!(error.abs() < 4.0, "{which}: {count}, {error} standard errors");
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on, and
+//! `checkpoint`.
+
+mod frames;
+mod series;
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use crate::scenario::Output;
+use crate::{Error, Model, Simulation};
+
+/// The open files of a run.
+#[derive(Debug)]
+pub(crate) struct Files {
+    directory: PathBuf,
+    output: Output,
+    series: Growing,
+    xyz: Option<Growing>,
+}
+
+impl Files {
+    /// New files of a new run.
+    pub(crate) fn create(directory: &Path, output: Output, model: &Model) -> Result<Self, Error> {
+        let series = Growing::create(directory.join("series.csv"))?;
+        let xyz = output.xyz.then(|| Growing::create(directory.join("frames.xyz"))).transpose()?;
+        let mut files = Self { directory: directory.to_owned(), output, series, xyz };
+        files.series.put(|out| series::header(out, model))?;
+        Ok(files)
+    }
+
+    /// The files of a run that goes on, as long as they were at the checkpoint.
+    pub(crate) fn reopen(directory: &Path, output: Output, lengths: &[u64]) -> Result<Self, Error> {
+        let length = |k: usize| lengths.get(k).copied().unwrap_or(0);
+        let series = Growing::reopen(directory.join("series.csv"), length(0))?;
+        let xyz = output.xyz.then(|| Growing::reopen(directory.join("frames.xyz"), length(1))).transpose()?;
+        Ok(Self { directory: directory.to_owned(), output, series, xyz })
+    }
+
+    /// Writes what is due after the steps done so far.
+    pub(crate) fn record(&mut self, simulation: &Simulation) -> Result<(), Error> {
+        let step = simulation.state().step;
+        if step.is_multiple_of(self.output.every) {
+            self.series.put(|out| series::row(out, simulation))?;
+        }
+        if step.is_multiple_of(self.output.frames_every) {
+            if let Some(xyz) = &mut self.xyz {
+                xyz.put(|out| frames::xyz(out, simulation))?;
+            }
+            if self.output.npy {
+                let path = self.directory.join(format!("frame-{step:09}.npy"));
+                let mut frame = Growing::create(path)?;
+                frame.put(|out| frames::npy(out, &simulation.state().particles))?;
+                frame.sync()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Sees to it that all is on the disk, and says how long each file is.
+    pub(crate) fn sync(&mut self) -> Result<Vec<u64>, Error> {
+        let mut lengths = vec![self.series.sync()?];
+        lengths.extend(self.xyz.as_mut().map(Growing::sync).transpose()?);
+        Ok(lengths)
+    }
+}
+
+/// A file that grows.
+#[derive(Debug)]
+struct Growing {
+    path: PathBuf,
+    out: BufWriter<File>,
+}
+
+impl Growing {
+    fn create(path: PathBuf) -> Result<Self, Error> {
+        let file = File::create(&path).map_err(|source| Error::Write { path: path.clone(), source })?;
+        Ok(Self { path, out: BufWriter::new(file) })
+    }
+
+    /// A file that exists, cut to a length.
+    fn reopen(path: PathBuf, length: u64) -> Result<Self, Error> {
+        let cut = || -> io::Result<File> {
+            let mut file = OpenOptions::new().write(true).open(&path)?;
+            if file.metadata()?.len() < length {
+                let message =
+                    format!("it is shorter than the {length} bytes that the checkpoint goes on from");
+                return Err(io::Error::new(io::ErrorKind::InvalidData, message));
+            }
+            file.set_len(length)?;
+            file.seek(SeekFrom::End(0))?;
+            Ok(file)
+        };
+        let file = cut().map_err(|source| Error::Write { path: path.clone(), source })?;
+        Ok(Self { path, out: BufWriter::new(file) })
+    }
+
+    fn put(&mut self, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), Error> {
+        write(&mut self.out).map_err(|source| Error::Write { path: self.path.clone(), source })
+    }
+
+    fn sync(&mut self) -> Result<u64, Error> {
+        let length = self.out.flush().and_then(|()| self.out.get_ref().sync_data());
+        let length = length.and_then(|()| self.out.get_ref().metadata()).map(|metadata| metadata.len());
+        length.map_err(|source| Error::Write { path: self.path.clone(), source })
+    }
+}
+
+/// A directory for a new run. One that holds a run already is refused.
+///
+/// # Errors
+/// [`Error::Write`].
+pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<(), Error> {
+    let prepared = fs::create_dir_all(directory).and_then(|()| {
+        if !overwrite && directory.join("checkpoint").exists() {
+            let message = "it holds a run already; continue that with --resume, replace it with --overwrite, or choose \
+                           another directory";
+            return Err(io::Error::new(io::ErrorKind::AlreadyExists, message));
+        }
+        Ok(())
+    });
+    prepared.map_err(|source| Error::Write { path: directory.to_owned(), source })
+}
+
+/// About how many bytes a run will write, if no particle is lost.
+pub(crate) fn estimate(output: Output, model: &Model, steps: u32) -> u64 {
+    let particles_at = |step: u32| -> u64 {
+        let time = f64::from(step) * model.time_step;
+        let released =
+            |t: &crate::Transmitter| t.burst() * t.times.iter().filter(|&&at| at <= time).count() as u64;
+        model.transmitters.iter().map(released).sum()
+    };
+    let frame = if output.npy { frames::NPY_ROW } else { 0 } + if output.xyz { frames::XYZ_ROW } else { 0 };
+    let frames = u64::from(steps / output.frames_every) + 1;
+    // Releases come at few times, so that a few samples say enough.
+    let samples = frames.min(1000);
+    let sample = |k: u64| particles_at((u64::from(steps) * (2 * k + 1) / (2 * samples)) as u32);
+    let average = (0..samples).map(sample).sum::<u64>() as f64 / samples as f64;
+    let rows = u64::from(steps / output.every) * series::row_estimate(model);
+    (frames as f64 * average * frame as f64) as u64 + rows + particles_at(steps) * 32
+}

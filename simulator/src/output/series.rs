@@ -1,0 +1,42 @@
+//! The time series: one row of counts after every so many steps.
+
+use std::io::{self, Write};
+
+use crate::{Model, Simulation};
+
+/// The names of the columns: `step`, `time`, the particles of each species, the reactions and decays so far, what
+/// each receiver says of each species that it sees, and the pairs and the settled overlaps of the last step.
+pub(super) fn header(out: &mut impl Write, model: &Model) -> io::Result<()> {
+    let mut names = vec!["step".to_owned(), "time".to_owned()];
+    names.extend(model.species.iter().map(|species| species.name.clone()));
+    names.extend(model.reactions.iter().map(|reaction| reaction.name.clone()));
+    names.extend(model.decays.iter().map(|decay| decay.name.clone()));
+    for receiver in &model.receivers {
+        let seen = model.species.iter().zip(&receiver.sees).filter(|(_, sees)| **sees);
+        names.extend(seen.map(|(species, _)| format!("{}:{}", receiver.name, species.name)));
+    }
+    names.extend(["pairs".to_owned(), "contacts".to_owned()]);
+    writeln!(out, "{}", names.join(","))
+}
+
+/// One row.
+pub(super) fn row(out: &mut impl Write, simulation: &Simulation) -> io::Result<()> {
+    let (state, model) = (simulation.state(), simulation.model());
+    let totals = &state.totals;
+    write!(out, "{},{}", state.step, simulation.time())?;
+    for count in totals.present.iter().chain(&totals.reacted).chain(&totals.decayed) {
+        write!(out, ",{count}")?;
+    }
+    for (received, receiver) in simulation.received().iter().zip(&model.receivers) {
+        for (count, _) in received.iter().zip(&receiver.sees).filter(|(_, sees)| **sees) {
+            write!(out, ",{count}")?;
+        }
+    }
+    writeln!(out, ",{},{}", totals.pairs, totals.contacts)
+}
+
+/// About how many bytes a row has.
+pub(super) fn row_estimate(model: &Model) -> u64 {
+    let seen = model.receivers.iter().flat_map(|receiver| &receiver.sees).filter(|sees| **sees).count();
+    8 * (model.species.len() + model.reactions.len() + model.decays.len() + seen + 4) as u64
+}

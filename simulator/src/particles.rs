@@ -1,0 +1,162 @@
+//! The particles as columns.
+
+use lazygrid::Spheres;
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+
+/// All particles of a run, one column per quantity; a particle has the same place in each.
+///
+/// Its id names a particle for as long as it exists, whatever its place. Places change when particles are removed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Particles {
+    /// Coordinates by axis, in µm.
+    pub position: [Vec<f32>; 3],
+    /// Velocities by axis, in µm/s; empty columns in a model without velocities.
+    pub velocity: [Vec<f32>; 3],
+    /// Radii, in µm.
+    pub radius: Vec<f32>,
+    /// Species, by their order in the model.
+    pub species: Vec<u32>,
+    /// Ids, all different.
+    pub id: Vec<u32>,
+}
+
+/// One particle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Particle {
+    /// Coordinates, in µm.
+    pub position: [f32; 3],
+    /// Velocity, in µm/s; left out in a model without velocities.
+    pub velocity: [f32; 3],
+    /// Radius, in µm.
+    pub radius: f32,
+    /// Species.
+    pub species: u32,
+    /// Id.
+    pub id: u32,
+}
+
+impl Particles {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.id.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.id.is_empty()
+    }
+
+    /// Whether the particles carry velocities.
+    pub fn has_velocity(&self) -> bool {
+        !self.is_empty() && self.velocity[0].len() == self.len()
+    }
+
+    /// Adds a particle at the end.
+    pub fn push(&mut self, particle: Particle, with_velocity: bool) {
+        for axis in 0..3 {
+            self.position[axis].push(particle.position[axis]);
+            if with_velocity {
+                self.velocity[axis].push(particle.velocity[axis]);
+            }
+        }
+        self.radius.push(particle.radius);
+        self.species.push(particle.species);
+        self.id.push(particle.id);
+    }
+
+    /// The particle at a place.
+    pub fn get(&self, at: usize) -> Particle {
+        Particle {
+            position: self.position_of(at),
+            velocity: std::array::from_fn(|axis| self.velocity[axis].get(at).copied().unwrap_or(0.0)),
+            radius: self.radius[at],
+            species: self.species[at],
+            id: self.id[at],
+        }
+    }
+
+    /// The coordinates of the particle at a place.
+    #[inline]
+    pub fn position_of(&self, at: usize) -> [f32; 3] {
+        [self.position[0][at], self.position[1][at], self.position[2][at]]
+    }
+
+    /// Moves the particle at a place.
+    #[inline]
+    pub fn set_position(&mut self, at: usize, position: [f32; 3]) {
+        for axis in 0..3 {
+            self.position[axis][at] = position[axis];
+        }
+    }
+
+    /// Removes the particles at these places, which must be different. The last ones move into the gaps.
+    pub fn remove(&mut self, places: &mut [u32]) {
+        places.sort_unstable_by(|a, b| b.cmp(a));
+        let with_velocity = self.has_velocity();
+        for &mut at in places {
+            let at = at as usize;
+            for axis in 0..3 {
+                self.position[axis].swap_remove(at);
+                if with_velocity {
+                    self.velocity[axis].swap_remove(at);
+                }
+            }
+            self.radius.swap_remove(at);
+            self.species.swap_remove(at);
+            self.id.swap_remove(at);
+        }
+    }
+
+    /// The same particles with those at `order[k]` at place `k`.
+    pub fn permuted(&self, order: &[u32]) -> Self {
+        let mut permuted = Self::default();
+        for &at in order {
+            permuted.push(self.get(at as usize), self.has_velocity());
+        }
+        permuted
+    }
+
+    /// The places in ascending order of ids.
+    pub fn by_id(&self) -> Vec<u32> {
+        let mut order: Vec<u32> = (0..self.len() as u32).collect();
+        order.sort_unstable_by_key(|&at| self.id[at as usize]);
+        order
+    }
+
+    /// The particles as the detector takes them, with their species.
+    ///
+    /// # Errors
+    /// [`Error::Detection`] where columns differ in length.
+    pub fn spheres(&self) -> Result<Spheres<'_>, Error> {
+        let [x, y, z] = &self.position;
+        let spheres = Spheres::columns(x, y, z, &self.radius).map_err(lazygrid::Error::from)?;
+        Ok(spheres.with_species(&self.species).map_err(lazygrid::Error::from)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn particle(id: u32) -> Particle {
+        let x = id as f32;
+        Particle { position: [x, x + 1.0, -x], velocity: [1.0, x, 0.0], radius: x, species: id % 3, id }
+    }
+
+    #[test]
+    fn removing_keeps_all_others_whole() {
+        let mut particles = Particles::default();
+        (0..10).for_each(|id| particles.push(particle(id), true));
+        particles.remove(&mut [3, 9, 0, 5]);
+        let mut ids = particles.id.clone();
+        ids.sort_unstable();
+        assert_eq!(ids, [1, 2, 4, 6, 7, 8]);
+        for at in 0..particles.len() {
+            assert_eq!(particles.get(at), particle(particles.id[at]));
+        }
+        particles.remove(&mut [0, 1, 2, 3, 4, 5]);
+        assert_eq!(particles, Particles::default());
+    }
+}

@@ -1,0 +1,106 @@
+//! Random numbers by counter: Philox 4×32 with ten rounds (Salmon et al., *Parallel random numbers: as easy as
+//! 1, 2, 3*, SC 2011).
+//!
+//! A draw is a pure function of the seed, who draws, at which step, and what for. Nothing is consumed, so neither
+//! the order of particles nor the number of threads nor the machine can change a run. Only 32-bit integer
+//! operations are used, which WGSL has too.
+
+/// What a draw is for. Each purpose has random numbers of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Purpose {
+    /// The Brownian step of a particle.
+    Move = 0,
+    /// Where a particle is released: the first four words.
+    Release = 1,
+    /// The velocity that a particle is released with.
+    Velocity = 2,
+    /// Whether a particle met an absorbing receiver within a step; drawn by particle and receiver.
+    Receiver = 3,
+    /// Priority, probability and direction of a candidate pair; drawn by both ids.
+    Pair = 4,
+    /// First-order decay of a particle.
+    Decay = 5,
+}
+
+/// The seed of a run as Philox takes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Key(pub [u32; 2]);
+
+impl Key {
+    /// The key of a seed: its lower and its upper half.
+    pub const fn new(seed: u64) -> Self {
+        Self([seed as u32, (seed >> 32) as u32])
+    }
+
+    /// Four random words for particle `id` (and `other`, where two have a draw in common, or 0) at `step`.
+    #[inline(always)]
+    pub fn draw(self, id: u32, other: u32, step: u32, purpose: Purpose) -> [u32; 4] {
+        philox([id, other, step, purpose as u32], self.0)
+    }
+}
+
+const MULTIPLIERS: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
+const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
+const ROUNDS: usize = 10;
+
+/// Philox 4×32-10 of a counter under a key.
+#[inline(always)]
+pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
+    for _ in 0..ROUNDS {
+        let [a, b, c, d] = counter;
+        let (low0, high0) = wide(MULTIPLIERS[0], a);
+        let (low1, high1) = wide(MULTIPLIERS[1], c);
+        counter = [high1 ^ b ^ key[0], low1, high0 ^ d ^ key[1], low0];
+        key = [key[0].wrapping_add(WEYL[0]), key[1].wrapping_add(WEYL[1])];
+    }
+    counter
+}
+
+/// Lower and upper half of a product.
+#[inline(always)]
+fn wide(a: u32, b: u32) -> (u32, u32) {
+    let product = u64::from(a) * u64::from(b);
+    (product as u32, (product >> 32) as u32)
+}
+
+/// A uniform number in (0, 1), one of 2²³ equally spaced ones, symmetric around ½; exact in `f32`.
+#[inline(always)]
+pub fn open_unit(word: u32) -> f32 {
+    ((word >> 9) as f32 + 0.5) * (1.0 / 8_388_608.0)
+}
+
+/// The largest word that stands for "yes" at this probability in (0, 1]; rounded to the nearest of 2³².
+pub fn yes_up_to(probability: f64) -> Option<u32> {
+    let count = (probability * 4_294_967_296.0).round().min(4_294_967_296.0);
+    (count >= 1.0).then(|| (count - 1.0) as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Known answers of the authors' library Random123 (`kat_vectors`, `philox4x32 10`).
+    #[test]
+    fn known_answers() {
+        assert_eq!(philox([0; 4], [0; 2]), [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]);
+        assert_eq!(philox([!0; 4], [!0; 2]), [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd]);
+        let counter = [0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344];
+        let answer = [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1];
+        assert_eq!(philox(counter, [0xa409_3822, 0x299f_31d0]), answer);
+    }
+
+    #[test]
+    fn uniform_numbers_stay_inside() {
+        assert_eq!(open_unit(0), 0.5 / 8_388_608.0);
+        assert_eq!(open_unit(u32::MAX), 1.0 - 0.5 / 8_388_608.0);
+    }
+
+    #[test]
+    fn probabilities_as_words() {
+        assert_eq!(yes_up_to(0.0), None);
+        assert_eq!(yes_up_to(1.0), Some(u32::MAX));
+        assert_eq!(yes_up_to(0.5), Some(u32::MAX / 2));
+        assert_eq!(yes_up_to(1.0 / 4_294_967_296.0), Some(0));
+    }
+}

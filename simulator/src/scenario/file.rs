@@ -1,0 +1,227 @@
+//! What a scenario file looks like.
+
+use serde::Deserialize;
+use toml::Spanned;
+
+/// The file as a whole.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct File {
+    pub(super) time_step: Positive,
+    pub(super) steps: u32,
+    #[serde(default)]
+    pub(super) seed: u64,
+    #[serde(default)]
+    pub(super) contact: Contact,
+    pub(super) boundary: Option<Boundary>,
+    pub(super) species: Vec<Species>,
+    #[serde(default, rename = "reaction")]
+    pub(super) reactions: Vec<Reaction>,
+    #[serde(default, rename = "decay")]
+    pub(super) decays: Vec<Decay>,
+    #[serde(default, rename = "transmitter")]
+    pub(super) transmitters: Vec<Transmitter>,
+    #[serde(default, rename = "receiver")]
+    pub(super) receivers: Vec<Receiver>,
+    #[serde(default)]
+    pub(super) output: Output,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Contact {
+    #[default]
+    Ignore,
+    Count,
+    Separate,
+    Elastic,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Boundary {
+    pub(super) kind: BoundaryKind,
+    pub(super) low: [Finite; 3],
+    pub(super) high: Spanned<[Finite; 3]>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum BoundaryKind {
+    Reflecting,
+    Periodic,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Species {
+    pub(super) name: Spanned<Name>,
+    #[serde(default)]
+    pub(super) radius: NotNegative,
+    #[serde(default)]
+    pub(super) diffusion: NotNegative,
+    #[serde(default)]
+    pub(super) drift: [Finite; 3],
+    #[serde(default)]
+    pub(super) mass: One,
+    #[serde(default)]
+    pub(super) thermal_speed: NotNegative,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Reaction {
+    pub(super) equation: Spanned<String>,
+    pub(super) binding_radius: Option<Spanned<Positive>>,
+    pub(super) rate: Option<Spanned<Positive>>,
+    #[serde(default)]
+    pub(super) unbinding_radius: NotNegative,
+    pub(super) probability: Option<Spanned<Probability>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Decay {
+    pub(super) equation: Spanned<String>,
+    pub(super) rate: Positive,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Transmitter {
+    pub(super) name: Name,
+    #[serde(default)]
+    pub(super) center: [Finite; 3],
+    #[serde(default = "at_once")]
+    pub(super) times: Vec<NotNegative>,
+    #[serde(default)]
+    pub(super) shape: Shape,
+    pub(super) release: Vec<Release>,
+}
+
+fn at_once() -> Vec<NotNegative> {
+    vec![NotNegative(0.0)]
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Release {
+    pub(super) species: Spanned<String>,
+    pub(super) count: u32,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case", rename_all_fields = "kebab-case", tag = "kind", deny_unknown_fields)]
+pub(super) enum Shape {
+    #[default]
+    Point,
+    Gaussian {
+        width: NotNegative,
+    },
+    Ball {
+        #[serde(default)]
+        inner_radius: NotNegative,
+        radius: Positive,
+    },
+    Box {
+        size: [Positive; 3],
+    },
+    Lattice {
+        size: [Positive; 3],
+        places: [std::num::NonZeroU32; 3],
+    },
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Receiver {
+    pub(super) name: Name,
+    pub(super) center: [Finite; 3],
+    pub(super) radius: Positive,
+    pub(super) kind: ReceiverKind,
+    pub(super) species: Option<Vec<Spanned<String>>>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ReceiverKind {
+    Absorbing,
+    Endpoint,
+    Transparent,
+}
+
+/// What is written, and how often.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Output {
+    pub(super) every: Option<std::num::NonZeroU32>,
+    pub(super) frames_every: Option<std::num::NonZeroU32>,
+    #[serde(default)]
+    pub(super) frames: Vec<FrameFormat>,
+    pub(super) checkpoint_every: Option<std::num::NonZeroU32>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum FrameFormat {
+    Xyz,
+    Npy,
+}
+
+/// A number that is checked where it is read, so that an error names its line.
+macro_rules! number {
+    ($name:ident, $rule:expr, $allowed:literal) => {
+        #[derive(Clone, Copy, Debug, Default, Deserialize)]
+        #[serde(try_from = "f64")]
+        pub(super) struct $name(pub(super) f64);
+
+        impl TryFrom<f64> for $name {
+            type Error = String;
+
+            fn try_from(value: f64) -> Result<Self, String> {
+                let rule: fn(f64) -> bool = $rule;
+                // Positions and radii are kept in single precision.
+                let fits = value.is_finite() && (value as f32).is_finite();
+                if fits && rule(value) {
+                    Ok(Self(value))
+                } else {
+                    Err(format!("{value} is not {}", $allowed))
+                }
+            }
+        }
+    };
+}
+
+number!(Positive, |value| value > 0.0, "a positive number below 3.4e38");
+number!(NotNegative, |value| value >= 0.0, "a number from 0 to 3.4e38");
+number!(Finite, |_| true, "a number between -3.4e38 and 3.4e38");
+number!(Probability, |value| value > 0.0 && value <= 1.0, "a probability above 0 and at most 1");
+
+/// A positive number that is 1 where it is not given.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(transparent)]
+pub(super) struct One(pub(super) Positive);
+
+impl Default for One {
+    fn default() -> Self {
+        Self(Positive(1.0))
+    }
+}
+
+/// A name that can stand in the header of a table.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(try_from = "String")]
+pub(super) struct Name(pub(super) String);
+
+impl TryFrom<String> for Name {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let plain = |c: char| c.is_alphanumeric() || "_.-".contains(c);
+        if !text.is_empty() && text.chars().all(plain) && !text.contains("->") {
+            Ok(Self(text))
+        } else {
+            Err(format!("'{text}' is not a name; use letters, digits, '_', '.' and '-'"))
+        }
+    }
+}

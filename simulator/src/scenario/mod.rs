@@ -1,0 +1,113 @@
+//! Scenario files: a [`Model`](crate::Model) and what to write, as TOML. The scenarios that are shipped, in
+//! `simulator/scenarios/`, show every key; README.md lists them.
+
+mod file;
+mod resolve;
+
+use std::ops::Range;
+use std::path::Path;
+
+use crate::{Error, Model};
+
+/// A scenario as it was read.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// What is simulated.
+    pub model: Model,
+    /// How many steps the run has.
+    pub steps: u32,
+    /// The seed.
+    pub seed: u64,
+    /// What is written.
+    pub output: Output,
+    /// The text that it was read from.
+    pub text: String,
+}
+
+/// What is written, and how often.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// Steps between rows of the series.
+    pub every: u32,
+    /// Steps between frames.
+    pub frames_every: u32,
+    /// Frames in one extended XYZ file.
+    pub xyz: bool,
+    /// A NumPy file for each frame.
+    pub npy: bool,
+    /// Steps between checkpoints; besides there is one at the end.
+    pub checkpoint_every: Option<u32>,
+}
+
+impl Scenario {
+    /// Reads a scenario file.
+    ///
+    /// # Errors
+    /// [`Error::Read`], and [`Error::Scenario`] with the line and the key of what is wrong.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let text = std::fs::read_to_string(path);
+        Self::parse(path, text.map_err(|source| Error::Read { path: path.to_owned(), source })?)
+    }
+
+    /// Reads a scenario from the text of the file at `path`.
+    ///
+    /// # Errors
+    /// [`Error::Scenario`].
+    pub fn parse(path: &Path, text: String) -> Result<Self, Error> {
+        let refused = |Problem { span, key, message }: Problem| {
+            let start = span.map_or(0, |span| span.start);
+            let (line, found) = place(&text, start);
+            Error::Scenario { path: path.to_owned(), line, key: key.unwrap_or(found), message }
+        };
+        let file = toml::from_str::<file::File>(&text).map_err(|error| refused(error.into()))?;
+        let (model, steps, seed, output) = resolve::resolve(file).map_err(refused)?;
+        model.check()?;
+        Ok(Self { model, steps, seed, output, text })
+    }
+}
+
+/// What is wrong with a scenario, and where.
+struct Problem {
+    span: Option<Range<usize>>,
+    /// The key, where it does not stand on the line.
+    key: Option<String>,
+    message: String,
+}
+
+impl Problem {
+    fn at(span: Range<usize>, message: String) -> Self {
+        Self { span: Some(span), key: None, message }
+    }
+}
+
+impl From<toml::de::Error> for Problem {
+    fn from(error: toml::de::Error) -> Self {
+        // "missing field `radius`" and "unknown field `radios`, …" name the key themselves.
+        let message = error.message().lines().collect::<Vec<_>>().join("; ");
+        let named =
+            ["missing field `", "unknown field `"].iter().find_map(|start| message.strip_prefix(start));
+        let key = named.and_then(|rest| rest.split_once('`')).map(|(key, _)| key.to_owned());
+        Self { span: error.span(), key, message }
+    }
+}
+
+/// The line of a place in a text, counted from 1, and the key that stands there or on the last line before that has
+/// one.
+fn place(text: &str, start: usize) -> (usize, String) {
+    let start = (0..=start.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
+    let line = text[..start].matches('\n').count();
+    let key_of = |line: &str| {
+        let line = line.trim_start_matches([' ', '\t', '{', '}', ',']);
+        let key = match line.strip_prefix('[') {
+            Some(header) => header.trim_start_matches('[').split(']').next(),
+            None => line.split_once('=').map(|(key, _)| key.trim_end()),
+        };
+        key.filter(|key| !key.is_empty() && !key.starts_with('#')).map(str::to_owned)
+    };
+    let lines: Vec<&str> = text.lines().collect();
+    let key = lines[..(line + 1).min(lines.len())].iter().rev().find_map(|line| key_of(line));
+    (line + 1, key.unwrap_or_default())
+}
+
+#[cfg(test)]
+mod tests;

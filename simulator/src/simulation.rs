@@ -1,0 +1,257 @@
+//! A run, step by step.
+
+use lazygrid::{Algorithm, Backend, Config, Detector, Order};
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::contact::Contacts;
+use crate::matching::Matching;
+use crate::model::{Contact, Model};
+use crate::motion::{Event, Motion};
+use crate::particles::Particles;
+use crate::philox::Key;
+use crate::reactions::{Reactions, interactions};
+use crate::receiver::{Kind, height};
+
+/// All that changes in a run: with the model and the seed it says how the run goes on, to the last bit.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// The particles.
+    pub particles: Particles,
+    /// How many steps are done.
+    pub step: u32,
+    /// The id that the next particle gets.
+    pub next_id: u32,
+    /// What was counted.
+    pub totals: Totals,
+}
+
+/// Counts since the beginning of a run.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Totals {
+    /// Particles now, by species.
+    pub present: Vec<u64>,
+    /// Particles released, by species.
+    pub released: Vec<u64>,
+    /// Particles that receivers removed, by receiver and species.
+    pub arrived: Vec<Vec<u64>>,
+    /// Reactions, in the order of the model.
+    pub reacted: Vec<u64>,
+    /// Decays, in the order of the model.
+    pub decayed: Vec<u64>,
+    /// Pairs that the detector found in the last step.
+    pub pairs: u64,
+    /// Overlaps that were settled in the last step.
+    pub contacts: u64,
+}
+
+/// A run: a model, a seed, and what has become of it.
+#[derive(Debug)]
+pub struct Simulation {
+    model: Model,
+    key: Key,
+    state: State,
+    motion: Motion,
+    reactions: Reactions,
+    contacts: Contacts,
+    detector: Option<Detector>,
+    matching: Matching,
+}
+
+impl Simulation {
+    /// The beginning of a run, in which pairs are found by `algorithm`, which does not change the result.
+    ///
+    /// The work is done in the rayon pool of whoever calls.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where the model makes no sense, [`Error::Detection`] where the detector refuses it.
+    pub fn new(model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, Error> {
+        let species = model.species.len();
+        let totals = Totals {
+            present: vec![0; species],
+            released: vec![0; species],
+            arrived: vec![vec![0; species]; model.receivers.len()],
+            reacted: vec![0; model.reactions.len()],
+            decayed: vec![0; model.decays.len()],
+            ..Totals::default()
+        };
+        Self::resume(model, seed, algorithm, State { totals, ..State::default() })
+    }
+
+    /// A run that goes on from a state of the same model and seed.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn resume(model: Model, seed: u64, algorithm: Algorithm, state: State) -> Result<Self, Error> {
+        model.check()?;
+        let detector = match interactions(&model)? {
+            None => None,
+            Some(table) => {
+                let config = Config::default().backend(Backend::Cpu).algorithm(algorithm);
+                let config = config.space(model.boundary.space()?);
+                Some(Detector::new(config.order(Order::Unordered).interactions(table))?)
+            }
+        };
+        Ok(Self {
+            key: Key::new(seed),
+            motion: Motion::new(&model),
+            reactions: Reactions::new(&model),
+            contacts: Contacts::new(&model),
+            detector,
+            matching: Matching::default(),
+            model,
+            state,
+        })
+    }
+
+    /// What is simulated.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Where the run stands.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The time that has passed, in s.
+    pub fn time(&self) -> f64 {
+        f64::from(self.state.step) * self.model.time_step
+    }
+
+    /// Places particles by hand, beside what transmitters release. Their ids must not have been used.
+    pub fn insert(&mut self, particles: &Particles) {
+        let with_velocity = self.model.has_velocity();
+        for at in 0..particles.len() {
+            let particle = particles.get(at);
+            self.state.next_id = self.state.next_id.max(particle.id + 1);
+            self.state.totals.released[particle.species as usize] += 1;
+            self.state.totals.present[particle.species as usize] += 1;
+            self.state.particles.push(particle, with_velocity);
+        }
+    }
+
+    /// How many particles of each species are now inside a receiver's sphere.
+    pub fn inside(&self, receiver: usize) -> Vec<u64> {
+        let (particles, sphere) = (&self.state.particles, &self.model.receivers[receiver]);
+        let mut counts = vec![0; self.model.species.len()];
+        for at in 0..particles.len() {
+            let species = particles.species[at] as usize;
+            let is_inside = || height(sphere, &self.model.boundary, particles.position_of(at)) <= 0.0;
+            if sphere.sees[species] && is_inside() {
+                counts[species] += 1;
+            }
+        }
+        counts
+    }
+
+    /// What each receiver has to say: arrivals so far, or how many are inside a transparent one; by species.
+    pub fn received(&self) -> Vec<Vec<u64>> {
+        let says = |(k, receiver): (usize, &crate::receiver::Receiver)| match receiver.kind {
+            Kind::Transparent => self.inside(k),
+            _ => self.state.totals.arrived[k].clone(),
+        };
+        self.model.receivers.iter().enumerate().map(says).collect()
+    }
+
+    /// Does one step: transmitters release; every particle moves, meets walls and receivers, and may decay; pairs are
+    /// found, react, and push each other away.
+    ///
+    /// # Errors
+    /// [`Error::OutOfIds`], and [`Error::Step`] with what the detector said, such as that there are too many pairs.
+    pub fn step(&mut self) -> Result<(), Error> {
+        self.release()?;
+        let step = self.state.step;
+        let events = self.motion.advance(&mut self.state.particles, self.key, step);
+        self.apply_events(&events);
+        self.interact()?;
+        self.state.step += 1;
+        Ok(())
+    }
+
+    fn release(&mut self) -> Result<(), Error> {
+        let State { particles, step, next_id, totals } = &mut self.state;
+        for transmitter in &self.model.transmitters {
+            if transmitter.fires(*step, self.model.time_step) {
+                transmitter.release(&self.model, self.key, next_id, particles)?;
+                for &(species, count) in &transmitter.release {
+                    totals.released[species as usize] += u64::from(count);
+                    totals.present[species as usize] += u64::from(count);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn apply_events(&mut self, events: &[Event]) {
+        let mut gone = Vec::new();
+        for event in events {
+            match *event {
+                Event::Arrived { at, receiver } => {
+                    let species = self.state.particles.species[at as usize] as usize;
+                    self.state.totals.arrived[receiver as usize][species] += 1;
+                    self.transform(at, None, &mut gone);
+                }
+                Event::Decayed { at, decay, product } => {
+                    self.state.totals.decayed[decay as usize] += 1;
+                    self.transform(at, product, &mut gone);
+                }
+            }
+        }
+        self.state.particles.remove(&mut gone);
+    }
+
+    /// Turns a particle into another species, or enters it among those to be removed.
+    fn transform(&mut self, at: u32, product: Option<u32>, gone: &mut Vec<u32>) {
+        let State { particles, totals, .. } = &mut self.state;
+        let place = at as usize;
+        totals.present[particles.species[place] as usize] -= 1;
+        match product {
+            None => gone.push(at),
+            Some(species) => {
+                totals.present[species as usize] += 1;
+                particles.species[place] = species;
+                particles.radius[place] = self.model.species[species as usize].radius;
+            }
+        }
+    }
+
+    /// Finds pairs and lets them react or push each other away.
+    fn interact(&mut self) -> Result<(), Error> {
+        let (key, step) = (self.key, self.state.step);
+        let Some(detector) = &mut self.detector else { return Ok(()) };
+        let failed = |source| Error::Step { step, source };
+        let particles = &mut self.state.particles;
+        if self.reactions.is_empty() && self.model.contact == Contact::Count {
+            self.state.totals.pairs = detector.count(particles.spheres()?).map_err(failed)?;
+            return Ok(());
+        }
+        let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
+        self.state.totals.pairs = pairs.len() as u64;
+        let candidates = self.reactions.candidates(particles, pairs, key, step);
+        let chosen = self.matching.greedy(&candidates, particles.len());
+        // All outcomes are found before any is applied, since a catalyst may be in several.
+        let outcomes: Vec<_> = chosen
+            .iter()
+            .flat_map(|&c| self.reactions.outcomes(particles, &candidates[c as usize], key, step))
+            .flatten()
+            .collect();
+        if self.contacts.act() {
+            let mut reacted: Vec<u32> = chosen.iter().flat_map(|&c| candidates[c as usize].at).collect();
+            reacted.sort_unstable();
+            let free = |at: u32| reacted.binary_search(&at).is_err();
+            let settled = self.contacts.settle(particles, pairs, free, (key, step), &mut self.matching);
+            self.state.totals.contacts = settled;
+        }
+        for &c in &chosen {
+            self.state.totals.reacted[candidates[c as usize].rule as usize] += 1;
+        }
+        let mut gone = Vec::new();
+        for outcome in outcomes {
+            self.state.particles.set_position(outcome.at as usize, outcome.position);
+            self.transform(outcome.at, outcome.product, &mut gone);
+        }
+        self.state.particles.remove(&mut gone);
+        Ok(())
+    }
+}
