@@ -228,8 +228,8 @@ impl Simulation {
         }
         let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
         self.state.totals.pairs = pairs.len() as u64;
-        let candidates = self.reactions.candidates(particles, pairs, key, step);
-        let chosen = self.matching.greedy(&candidates, particles.len());
+        let mut candidates = self.reactions.candidates(particles, pairs, key, step);
+        let chosen = self.matching.greedy(&mut candidates, particles.len());
         // All outcomes are found before any is applied, since a catalyst may be in several.
         let outcomes: Vec<_> = chosen
             .iter()
