@@ -120,15 +120,25 @@ impl Simulation {
     }
 
     /// Places particles by hand, beside what transmitters release. Their ids must not have been used.
-    pub fn insert(&mut self, particles: &Particles) {
+    ///
+    /// # Errors
+    /// [`Error::Model`] for a species that the model does not have; then nothing is placed.
+    pub fn insert(&mut self, particles: &Particles) -> Result<(), Error> {
         let with_velocity = self.model.has_velocity();
+        let known = self.model.species.len();
+        if let Some(species) = particles.species.iter().find(|&&species| species as usize >= known) {
+            return Err(Error::Model(format!(
+                "a particle is of species {species} and the model has {known}"
+            )));
+        }
         for at in 0..particles.len() {
             let particle = particles.get(at);
-            self.state.next_id = self.state.next_id.max(particle.id + 1);
+            self.state.next_id = self.state.next_id.max(particle.id.saturating_add(1));
             self.state.totals.released[particle.species as usize] += 1;
             self.state.totals.present[particle.species as usize] += 1;
             self.state.particles.push(particle, with_velocity);
         }
+        Ok(())
     }
 
     /// How many particles of each species are now inside a receiver's sphere.
@@ -228,8 +238,8 @@ impl Simulation {
         }
         let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
         self.state.totals.pairs = pairs.len() as u64;
-        let candidates = self.reactions.candidates(particles, pairs, key, step);
-        let chosen = self.matching.greedy(&candidates, particles.len());
+        let mut candidates = self.reactions.candidates(particles, pairs, key, step);
+        let chosen = self.matching.greedy(&mut candidates, particles.len());
         // All outcomes are found before any is applied, since a catalyst may be in several.
         let outcomes: Vec<_> = chosen
             .iter()
@@ -240,7 +250,7 @@ impl Simulation {
             let mut reacted: Vec<u32> = chosen.iter().flat_map(|&c| candidates[c as usize].at).collect();
             reacted.sort_unstable();
             let free = |at: u32| reacted.binary_search(&at).is_err();
-            let settled = self.contacts.settle(particles, pairs, free, (key, step), &mut self.matching);
+            let settled = self.contacts.settle(particles, pairs, free, (key, step));
             self.state.totals.contacts = settled;
         }
         for &c in &chosen {
