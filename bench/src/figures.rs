@@ -16,7 +16,7 @@ mod row;
 mod run;
 
 pub use engine::Engine;
-pub use environment::Environment;
+pub use environment::{Adapter, Environment};
 pub use memory::{Sample, measure as measure_memory};
 pub use plan::{Figure, Scale, Settings};
 pub use report::write as write_report;

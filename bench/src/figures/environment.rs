@@ -13,7 +13,7 @@ pub struct Environment {
     pub cpu: String,
     /// Logical cores that may be used.
     pub cores: usize,
-    /// Main memory in GiB.
+    /// Main memory in GiB; 0 where the system does not tell.
     pub memory_gib: f64,
     /// Operating system.
     pub system: String,
@@ -55,7 +55,7 @@ impl Environment {
         Self {
             cpu: field(&file("/proc/cpuinfo"), "model name", ':').unwrap_or_else(unknown),
             cores: std::thread::available_parallelism().map_or(0, usize::from),
-            memory_gib: kib.map_or(f64::NAN, |kib| (kib / 1_048_576.0 * 10.0).round() / 10.0),
+            memory_gib: kib.map_or(0.0, |kib| (kib / 1_048_576.0 * 10.0).round() / 10.0),
             system: field(&file("/etc/os-release"), "PRETTY_NAME", '=')
                 .unwrap_or_else(|| std::env::consts::OS.to_owned()),
             adapter: found.map(|a| Adapter {

@@ -165,8 +165,14 @@ impl Point {
 
     /// What share of the time it gets, in arbitrary units.
     pub(super) fn weight(&self) -> f64 {
-        let steps = if self.motion == Motion::Simulated { 4.0 } else { 1.0 };
-        steps * self.engines.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
+        let share = match self.figure {
+            // Five moments.
+            Figure::F5a | Figure::F5b => 4.0,
+            // Trees that are slow now and then need many steps.
+            Figure::F4 => 3.0,
+            _ => 1.0,
+        };
+        share * self.engines.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
     }
 }
 

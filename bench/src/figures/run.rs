@@ -187,7 +187,9 @@ fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
     if last.wall.is_empty() {
         return None;
     }
-    let exponent = if engine.is_quadratic() { 2.0 } else { 1.1 };
+    // At one point there are as many pairs as comparisons.
+    let squared = engine.is_quadratic() || point.scene == Scene::Point;
+    let exponent = if squared { 2.0 } else { 1.1 };
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 

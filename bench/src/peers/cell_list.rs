@@ -77,9 +77,9 @@ impl CellList {
             class.build(spheres);
         }
         for (k, class) in self.classes.iter().enumerate() {
-            class.pairs_within(spheres, &mut self.pairs);
+            class.pairs_within(&mut self.pairs);
             for finer in &self.classes[k + 1..] {
-                class.pairs_with(finer, spheres, &mut self.pairs);
+                class.pairs_with(finer, &mut self.pairs);
             }
         }
     }

@@ -111,7 +111,7 @@ impl Class {
     /// All pairs within the class: each sphere with those behind it in its row of cells, and with the rows that
     /// come after its own.
     #[inline(always)]
-    pub(super) fn pairs_within(&self, spheres: &[Sphere], pairs: &mut Vec<Pair>) {
+    pub(super) fn pairs_within(&self, pairs: &mut Vec<Pair>) {
         for at in 0..self.order.len() {
             let sphere = self.at(at);
             let (low, high) = self.around(&sphere);
@@ -122,7 +122,7 @@ impl Class {
                     let own_row = z == own.z && y == own.y;
                     let run = self.run(y, z, low.x, high.x);
                     let run = if own_row { at + 1..run.end } else { run };
-                    self.compare(&sphere, self.order[at], run, spheres, pairs);
+                    self.compare(&sphere, self.order[at], run, pairs);
                 }
             }
         }
@@ -130,13 +130,13 @@ impl Class {
 
     /// All pairs of this class with the spheres of a finer one.
     #[inline(always)]
-    pub(super) fn pairs_with(&self, finer: &Self, spheres: &[Sphere], pairs: &mut Vec<Pair>) {
+    pub(super) fn pairs_with(&self, finer: &Self, pairs: &mut Vec<Pair>) {
         for at in 0..finer.order.len() {
             let sphere = finer.at(at);
             let (low, high) = self.around(&sphere);
             for z in low.z..=high.z {
                 for y in low.y..=high.y {
-                    self.compare(&sphere, finer.order[at], self.run(y, z, low.x, high.x), spheres, pairs);
+                    self.compare(&sphere, finer.order[at], self.run(y, z, low.x, high.x), pairs);
                 }
             }
         }
@@ -164,14 +164,7 @@ impl Class {
 
     /// Compares a sphere with a run of this class, `LANES` at a time.
     #[inline(always)]
-    fn compare(
-        &self,
-        sphere: &Sphere,
-        index: u32,
-        run: std::ops::Range<usize>,
-        spheres: &[Sphere],
-        pairs: &mut Vec<Pair>,
-    ) {
+    fn compare(&self, sphere: &Sphere, index: u32, run: std::ops::Range<usize>, pairs: &mut Vec<Pair>) {
         let mut from = run.start;
         while from < run.end {
             let mut near = self.near(sphere, from);
@@ -180,9 +173,9 @@ impl Class {
                 near &= (1 << left) - 1;
             }
             while near != 0 {
-                let other = self.order[from + near.trailing_zeros() as usize];
-                if touch(&spheres[index as usize], &spheres[other as usize]) {
-                    pairs.push(Pair::new(index, other));
+                let place = from + near.trailing_zeros() as usize;
+                if touch(sphere, &self.at(place)) {
+                    pairs.push(Pair::new(index, self.order[place]));
                 }
                 near &= near - 1;
             }

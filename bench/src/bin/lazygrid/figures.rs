@@ -37,7 +37,9 @@ fn settings(args: &Figures) -> Settings {
         (true, _) => Scale::Quick,
         _ => Scale::Full,
     };
-    let only = if args.only.is_empty() { Figure::ALL.to_vec() } else { args.only.clone() };
+    let mut only = if args.only.is_empty() { Figure::ALL.to_vec() } else { args.only.clone() };
+    only.sort();
+    only.dedup();
     let minutes = args.budget_minutes.unwrap_or(if scale == Scale::Full { 30.0 } else { 1.75 });
     Settings { scale, only, runs: args.runs.map(Into::into), minutes, seed: 1 }
 }
