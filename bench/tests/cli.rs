@@ -262,6 +262,25 @@ fn a_radius_by_type_wins_over_the_column() {
 }
 
 #[test]
+fn a_periodic_box_has_pairs_across_its_seams() {
+    let scratch = Scratch::new();
+    let file = scratch.write("seam.csv", "x,y,z,r\n0.2,5,0,0.5\n9.6,5,0,0.5\n-9.8,15,5,0.5\n");
+    let pairs = |lengths: &str| {
+        let run = lazygrid(["detect", &file, "--backend", "cpu", "--json", "--periodic", lengths]);
+        run.succeeds().json()["pairs"].as_u64()
+    };
+    assert_eq!(pairs("-,-,-"), Some(0));
+    assert_eq!(pairs("10,-,-"), Some(1));
+    assert_eq!(pairs("10,10,5"), Some(3));
+    for lengths in ["10", "10,10", "10,10,0", "10,10,-1", "10,x,10", "1,1,1,1", "inf,1,1"] {
+        let run = lazygrid(["detect", &file, "--periodic", lengths]);
+        assert_eq!(run.code, Some(2), "{lengths}: {}", run.err);
+    }
+    let run = lazygrid(["detect", &file, "--periodic", "10,10,-", "--backend", "gpu"]);
+    assert!(run.code == Some(2) && run.err.contains("periodic"), "{}", run.err);
+}
+
+#[test]
 fn wrong_usage_is_told_apart_from_failure() {
     let pour = data("lammps-pour.dump");
     for args in [
