@@ -2,17 +2,22 @@
 //! one algorithm overtakes another. Markdown on standard output.
 //!
 //! `cargo bench -p lazygrid-bench --bench sweep -- --what tau --scene burst --n 100000`
+//! `cargo bench -p lazygrid-bench --bench sweep -- --backend gpu --what tau,raster-ratio`
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;
 
 use clap::{Parser, ValueEnum};
+use lazygrid::gpu::GpuSettings;
 use lazygrid::{Algorithm, Backend, Config, Order};
 use lazygrid_bench::measure::{Contender, Options, Plan, compare, markdown, provenance};
 
 #[derive(Parser)]
-#[command(about = "Times of the CPU algorithms over their settings and over the number of spheres")]
+#[command(about = "Times of the algorithms over their settings and over the number of spheres")]
 struct Args {
+    /// Where to run: cpu or gpu; a software adapter will do
+    #[arg(long, default_value_t = Backend::Cpu)]
+    backend: Backend,
     /// What to vary, separated by commas
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [What::Tau, What::RasterRatio, What::Crossover])]
     what: Vec<What>,
@@ -34,9 +39,9 @@ struct Args {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum What {
-    /// τ of the recursive grid.
+    /// τ of the recursive grid; on the GPU of the lazy grid, at each raster ratio.
     Tau,
-    /// Cell edge over largest diameter, for the three grids of the paper.
+    /// Cell edge over largest diameter, for the grids of the paper.
     RasterRatio,
     /// All algorithms as the number of spheres grows.
     Crossover,
@@ -63,31 +68,44 @@ fn sweep(args: &Args, what: What) -> Result<(), Box<dyn Error>> {
     }
 }
 
-fn config(algorithm: Algorithm) -> Config {
-    Config::default().backend(Backend::Cpu).order(Order::Unordered).algorithm(algorithm)
+impl Args {
+    fn config(&self, algorithm: Algorithm) -> Config {
+        Config::default().backend(self.backend).order(Order::Unordered).algorithm(algorithm)
+    }
+
+    /// The raster ratios that the backend takes.
+    fn ratios(&self) -> impl Iterator<Item = f32> {
+        let least = if self.backend == Backend::Gpu { GpuSettings::MIN_RASTER_RATIO } else { 0.0 };
+        self.raster_ratio.iter().copied().filter(move |&ratio| ratio >= least)
+    }
 }
 
 fn tau(args: &Args) -> Result<(), Box<dyn Error>> {
-    let contenders: Vec<Contender> = args
-        .tau
-        .iter()
-        .map(|&tau| Contender::list(tau.to_string(), config(Algorithm::RecursiveGrid).tau(tau)))
-        .collect();
-    println!("### recursive-grid over τ, ns per sphere and step\n\n{}", table(args, &contenders)?);
+    let contenders = |config: Config| -> Vec<Contender> {
+        args.tau.iter().map(|&tau| Contender::list(tau.to_string(), config.clone().tau(tau))).collect()
+    };
+    if args.backend == Backend::Cpu {
+        let table = table(args, &contenders(args.config(Algorithm::RecursiveGrid)))?;
+        println!("### recursive-grid over τ, ns per sphere and step\n\n{table}");
+        return Ok(());
+    }
+    for ratio in args.ratios() {
+        let table = table(args, &contenders(args.config(Algorithm::LazyGrid).raster_ratio(ratio)))?;
+        println!("### lazy-grid over τ at raster ratio {ratio}, ns per sphere and step\n\n{table}");
+    }
     Ok(())
 }
 
 fn raster_ratio(args: &Args) -> Result<(), Box<dyn Error>> {
-    for algorithm in [Algorithm::ArrayGrid, Algorithm::HashGrid, Algorithm::RecursiveGrid] {
-        let contenders: Vec<Contender> = args
-            .raster_ratio
-            .iter()
-            .map(|&ratio| Contender::list(ratio.to_string(), config(algorithm).raster_ratio(ratio)))
-            .collect();
-        println!(
-            "### {algorithm} over the raster ratio, ns per sphere and step\n\n{}",
-            table(args, &contenders)?
-        );
+    let algorithms = match args.backend {
+        Backend::Cpu => [Algorithm::ArrayGrid, Algorithm::HashGrid, Algorithm::RecursiveGrid],
+        _ => [Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid],
+    };
+    for algorithm in algorithms {
+        let contender =
+            |ratio: f32| Contender::list(ratio.to_string(), args.config(algorithm).raster_ratio(ratio));
+        let table = table(args, &args.ratios().map(contender).collect::<Vec<_>>())?;
+        println!("### {algorithm} over the raster ratio, ns per sphere and step\n\n{table}");
     }
     Ok(())
 }
@@ -105,8 +123,12 @@ fn table(args: &Args, contenders: &[Contender]) -> Result<String, Box<dyn Error>
 }
 
 fn crossover(args: &Args) -> Result<(), Box<dyn Error>> {
+    let algorithms: &[Algorithm] = match args.backend {
+        Backend::Cpu => &Algorithm::CPU,
+        _ => &[Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid],
+    };
     let contenders: Vec<Contender> =
-        Algorithm::CPU.iter().map(|&a| Contender::list(a.name(), config(a))).collect();
+        algorithms.iter().map(|&a| Contender::list(a.name(), args.config(a))).collect();
     let mut rows = vec![];
     for &scene in &args.options.scene {
         for &n in &args.sizes {

@@ -60,6 +60,9 @@ impl FromStr for Backend {
 pub struct Config {
     pub(crate) backend: Backend,
     pub(crate) settings: Settings,
+    /// τ and raster ratio where they were asked for; else each backend has its own.
+    pub(crate) tau: Option<u32>,
+    pub(crate) raster_ratio: Option<f32>,
 }
 
 impl Config {
@@ -94,15 +97,19 @@ impl Config {
     }
 
     /// τ: a cell's smaller spheres go to a finer level only when they are more than this (paper, section 3.2).
-    /// Default: [`Settings::TAU`], from a measured sweep.
+    /// Default: [`Settings::TAU`] on the CPU, [`GpuSettings::TAU`](crate::gpu::GpuSettings::TAU) on the GPU, from
+    /// measured sweeps.
     pub fn tau(mut self, tau: u32) -> Self {
+        self.tau = Some(tau);
         self.settings.tau = tau;
         self
     }
 
-    /// Cell edge of the paper's grids as a multiple of the largest diameter, 0.5 to 16.
-    /// Default: [`Settings::RASTER_RATIO`], from a measured sweep.
+    /// Cell edge of the paper's grids as a multiple of the largest diameter, 0.5 to 16; at least 1.5 on the GPU.
+    /// Default: [`Settings::RASTER_RATIO`] on the CPU,
+    /// [`GpuSettings::RASTER_RATIO`](crate::gpu::GpuSettings::RASTER_RATIO) on the GPU, from measured sweeps.
     pub fn raster_ratio(mut self, ratio: f32) -> Self {
+        self.raster_ratio = Some(ratio);
         self.settings.raster_ratio = ratio;
         self
     }

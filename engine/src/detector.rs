@@ -1,6 +1,6 @@
 use std::ops::ControlFlow;
 
-use lazygrid_host::{HostDetector, Neighbors, Settings};
+use lazygrid_host::{HostDetector, Neighbors};
 use lazygrid_kernels::{Algorithm, Pair, Spheres};
 
 use crate::gpu::{self, DeviceDetector, GpuDevice};
@@ -37,19 +37,17 @@ impl Detector {
     ///
     /// # Errors
     /// [`Error::GpuUnavailable`] where the GPU is asked for by name and cannot be used;
-    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::PeriodicOnGpu`] where the GPU
-    /// is asked for by name in a periodic space; [`Error::Host`] and
+    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Host`] and
     /// [`Error::Gpu`] for a setting outside its range.
     pub fn new(config: Config) -> Result<Self, Error> {
-        let settings = config.settings;
-        let (own, backend_reason) = choose(config.backend, &settings)?;
+        let (own, backend_reason) = choose(config.backend, config.settings.algorithm)?;
         log::info!("{backend_reason}");
         let engine = match own {
             Some(own) => {
-                let device = DeviceDetector::new(own, settings, backend_reason.clone())?;
+                let device = DeviceDetector::new(own, config, backend_reason.clone())?;
                 Engine::Device(Box::new(device))
             }
-            None => Engine::Host(Box::new(HostDetector::new(settings)?)),
+            None => Engine::Host(Box::new(HostDetector::new(config.settings)?)),
         };
         Ok(Self { engine, backend_reason })
     }
@@ -151,8 +149,7 @@ impl Detector {
 }
 
 /// The device to run on, or none for the CPU, and why.
-fn choose(backend: Backend, settings: &Settings) -> Result<(Option<GpuDevice>, String), Error> {
-    let (algorithm, periodic) = (settings.algorithm, settings.space.is_periodic());
+fn choose(backend: Backend, algorithm: Algorithm) -> Result<(Option<GpuDevice>, String), Error> {
     let needs_gpu = matches!(algorithm, Algorithm::EagerGrid | Algorithm::LazyGrid);
     let on_gpu = needs_gpu || matches!(algorithm, Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid);
     let unavailable = |error: gpu::GpuError| Error::GpuUnavailable { reason: error.to_string() };
@@ -160,7 +157,6 @@ fn choose(backend: Backend, settings: &Settings) -> Result<(Option<GpuDevice>, S
         Backend::Cpu if needs_gpu => Err(Error::NotOnBackend { algorithm, backend }),
         Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
         Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend }),
-        Backend::Gpu if periodic => Err(Error::PeriodicOnGpu),
         Backend::Gpu => {
             let own = GpuDevice::shared(true).map_err(unavailable)?;
             let reason = format!("GPU {}: asked for", own.adapter.name);
@@ -172,7 +168,6 @@ fn choose(backend: Backend, settings: &Settings) -> Result<(Option<GpuDevice>, S
             let reason = format!("GPU {}: {algorithm} runs there only", own.adapter.name);
             Ok((Some(own), reason))
         }
-        Backend::Auto if periodic => Ok((None, "CPU: periodic spaces run there only".to_owned())),
         Backend::Auto => Ok(match GpuDevice::shared(false) {
             Ok(own) => {
                 let reason = format!("GPU {}: a real GPU", own.adapter.name);

@@ -6,7 +6,7 @@ use lazygrid_kernels::{Pair, Spheres};
 use rayon::slice::ParallelSliceMut;
 
 use super::{GpuDevice, GpuError, GpuSession, GpuSettings};
-use crate::{Backend, Error, Report};
+use crate::{Backend, Config, Error, Report};
 
 /// The GPU side of a `Detector`: checks like the CPU path, works in a session, and orders on the host.
 #[derive(Debug)]
@@ -21,11 +21,13 @@ pub(crate) struct DeviceDetector {
 }
 
 impl DeviceDetector {
-    pub(crate) fn new(own: GpuDevice, settings: Settings, reason: String) -> Result<Self, Error> {
+    pub(crate) fn new(own: GpuDevice, config: Config, reason: String) -> Result<Self, Error> {
+        let settings = config.settings;
+        let ratio = config.raster_ratio.unwrap_or(GpuSettings::RASTER_RATIO);
         let gpu = GpuSettings {
             algorithm: settings.algorithm,
-            raster_ratio: settings.raster_ratio.max(GpuSettings::MIN_RASTER_RATIO),
-            tau: settings.tau,
+            raster_ratio: ratio.max(GpuSettings::MIN_RASTER_RATIO),
+            tau: config.tau.unwrap_or(GpuSettings::TAU),
             interactions: settings.interactions.clone(),
             timed: true,
             ..GpuSettings::default()

@@ -35,6 +35,8 @@ pub struct GpuSettings {
 impl GpuSettings {
     /// τ by default.
     pub const TAU: u32 = 32;
+    /// Raster ratio by default.
+    pub const RASTER_RATIO: f32 = 2.0;
     /// The smallest raster ratio with which no sphere overlaps more than two cells per axis.
     pub const MIN_RASTER_RATIO: f32 = 1.5;
     /// The largest raster ratio.
@@ -46,7 +48,7 @@ impl Default for GpuSettings {
         Self {
             algorithm: Algorithm::Auto,
             pair_capacity: 1 << 20,
-            raster_ratio: 2.0,
+            raster_ratio: Self::RASTER_RATIO,
             tau: Self::TAU,
             interactions: None,
             consumer_group: GROUP,
