@@ -1,5 +1,6 @@
 use std::collections::VecDeque;
 
+use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::{Call, Outcome};
 use lazygrid_kernels::{Interaction, Interactions};
 
@@ -111,6 +112,7 @@ impl GpuDetector {
             entries: self.entry_capacity,
             algorithm: self.settings.algorithm,
             species,
+            periodic: self.settings.space.is_periodic(),
         };
         plan(&request, &DeviceLimits::of(&self.device))
     }
@@ -228,6 +230,8 @@ impl GpuDetector {
         spheres: u32,
     ) -> Result<(), GpuError> {
         let Some(prepared) = &mut self.prepared else { return Ok(()) };
+        let [period_x, period_y, period_z] =
+            self.settings.space.lengths().map(|length| length.unwrap_or_default());
         let call = Call {
             spheres,
             pair_capacity: prepared.plan.pairs,
@@ -242,6 +246,9 @@ impl GpuDetector {
             refinement: prepared.plan.refinement as u32,
             tau: self.settings.tau,
             density_slots: prepared.plan.density_slots,
+            period_x,
+            period_y,
+            period_z,
         };
         let count = match input.count {
             Count::Host(_) => None,
@@ -286,7 +293,8 @@ impl Prepared {
         owned: Owned<'_>,
     ) -> Result<Recording, GpuError> {
         let call = constant_buffer(device, "call", bytemuck::bytes_of(&key.call))?;
-        let variant = pipelines.variant(owned.tables.is_some());
+        let species = owned.tables.is_some();
+        let variant = Variant { species, periodic: self.plan.periodic, ..pipelines.variant() };
         let stages = self.plan.stages.iter().cloned();
         Recording::new(device, pipelines, variant, stages, |stage, binding| {
             match (self.plan.resource(stage, binding), owned.tables, &key.species) {

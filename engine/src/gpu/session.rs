@@ -176,7 +176,8 @@ impl GpuSession {
     /// Where the device fails.
     pub fn finish_count(&mut self, ticket: Ticket) -> Result<u64, GpuError> {
         self.pairs.clear();
-        pollster::block_on(self.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking)).map(|outcome| outcome.found())
+        pollster::block_on(self.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking))
+            .map(|outcome| outcome.found())
     }
 
     /// Hands the pairs of a call over in parts whose smaller indices ascend from part to part; within a part they

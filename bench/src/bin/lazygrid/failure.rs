@@ -33,9 +33,7 @@ impl Failure {
     /// 2 where the options contradict each other, which no other input would mend; else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::PeriodicOnGpu) => {
-                ExitCode::from(2)
-            }
+            Self::Setting(lazygrid::Error::NotOnBackend { .. }) => ExitCode::from(2),
             _ => ExitCode::FAILURE,
         }
     }

@@ -16,6 +16,8 @@ pub enum Slot {
     Outcome,
     /// The pairs.
     Pairs,
+    /// The spheres' images nearest to the origin.
+    Wrapped,
     /// Depth and cells of each sphere.
     Cells,
     /// Counters of the smaller spheres in each cell.
@@ -58,7 +60,6 @@ pub enum Resource {
     /// The interaction table.
     Table,
 }
-
 
 /// The buffers of a call that every algorithm has.
 pub(super) fn call_buffers(pairs: u32) -> [(Slot, u64); 4] {
