@@ -136,8 +136,7 @@ impl Config {
         self
     }
 
-    /// The space the spheres live in. Default: [`Space::UNBOUNDED`]. Periodic spaces are for the CPU: with
-    /// [`Backend::Auto`] it is chosen, [`Backend::Gpu`] is refused.
+    /// The space the spheres live in. Default: [`Space::UNBOUNDED`].
     pub fn space(mut self, space: Space) -> Self {
         self.settings.space = space;
         self

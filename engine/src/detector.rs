@@ -37,17 +37,11 @@ impl Detector {
     ///
     /// # Errors
     /// [`Error::GpuUnavailable`] where the GPU is asked for by name and cannot be used;
-    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::PeriodicOnGpu`] where the GPU
-    /// is asked for by name in a periodic space; [`Error::Host`] and
+    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Host`] and
     /// [`Error::Gpu`] for a setting outside its range.
     pub fn new(config: Config) -> Result<Self, Error> {
         let open = |software| GpuDevice::shared(software).map(|own| (own.adapter.name.clone(), own));
-        let backend = match config.backend {
-            Backend::Gpu if config.settings.space.is_periodic() => return Err(Error::PeriodicOnGpu),
-            Backend::Auto if config.settings.space.is_periodic() => Backend::Cpu,
-            backend => backend,
-        };
-        let (own, backend_reason) = choice::backend(backend, config.settings.algorithm, open)?;
+        let (own, backend_reason) = choice::backend(config.backend, config.settings.algorithm, open)?;
         log::info!("{backend_reason}");
         let engine = match own {
             Some(own) => Engine::Device(Box::new(DeviceDetector::new(own, config, backend_reason.clone())?)),

@@ -41,6 +41,8 @@ pub struct Variant {
     pub subgroups: Option<u32>,
     /// Whether an interaction table decides what is a pair.
     pub species: bool,
+    /// Whether some axis is periodic.
+    pub periodic: bool,
 }
 
 impl Variant {
@@ -111,6 +113,7 @@ pub struct Kernel {
     bindings: &'static [Binding],
     species_bindings: &'static [Binding],
     uses_subgroups: bool,
+    knows_periods: bool,
 }
 
 impl Kernel {
@@ -125,6 +128,7 @@ impl Kernel {
         Variant {
             subgroups: variant.subgroups.filter(|_| self.uses_subgroups),
             species: variant.species && !self.species_bindings.is_empty(),
+            periodic: variant.periodic && self.knows_periods,
         }
     }
 
@@ -136,7 +140,7 @@ impl Kernel {
 
 macro_rules! kernels {
     ($($(#[$doc:meta])* $id:ident = $name:literal, $size:expr, subgroups: $sub:literal,
-       [$($binding:expr),* $(,)?], species: [$($species:expr),* $(,)?];)*) => {
+       periodic: $per:literal, [$($binding:expr),* $(,)?], species: [$($species:expr),* $(,)?];)*) => {
         $($(#[$doc])* pub static $id: Kernel = Kernel {
             name: $name,
             group_size: $size,
@@ -144,6 +148,7 @@ macro_rules! kernels {
             bindings: &[$($binding),*],
             species_bindings: &[$($species),*],
             uses_subgroups: $sub,
+            knows_periods: $per,
         };)*
         /// Every kernel.
         pub static KERNELS: [&Kernel; [$($name),*].len()] = [$(&$id),*];
@@ -152,69 +157,72 @@ macro_rules! kernels {
 
 kernels! {
     /// Clears what a call accumulates.
-    CALL_BEGIN = "call_begin", 1, subgroups: false,
+    CALL_BEGIN = "call_begin", 1, subgroups: false, periodic: false,
         [uniform("call"), read("count_source"), write("bounds"), write("grid"), write("outcome")], species: [];
+    /// Moves each sphere to its image nearest to the origin.
+    SPHERES_WRAP = "spheres_wrap", GROUP, subgroups: false, periodic: false,
+        [uniform("call"), read("grid"), read("given"), write("wrapped")], species: [];
     /// Bounds of the valid spheres, number of the others.
-    BOUNDS_REDUCE = "bounds_reduce", GROUP, subgroups: false,
+    BOUNDS_REDUCE = "bounds_reduce", GROUP, subgroups: false, periodic: false,
         [uniform("call"), read("grid"), read("spheres"), write("bounds"), write("outcome")],
         species: [read("species"), read("reach")];
     /// Chooses the raster.
-    GRID_CONFIGURE = "grid_configure", GROUP, subgroups: false,
+    GRID_CONFIGURE = "grid_configure", GROUP, subgroups: false, periodic: true,
         [uniform("call"), read("spheres"), write("bounds"), write("grid")], species: [];
     /// Clears the density table.
-    DENSITY_CLEAR = "density_clear", GROUP, subgroups: false,
+    DENSITY_CLEAR = "density_clear", GROUP, subgroups: false, periodic: false,
         [uniform("call"), read("grid"), write("density")], species: [];
     /// Finds each sphere's depth and cells.
-    CELLS_FIND = "cells_find", GROUP, subgroups: false,
+    CELLS_FIND = "cells_find", GROUP, subgroups: false, periodic: true,
         [uniform("call"), read("grid"), read("spheres"), write("bounds"), write("cells"), write("density")],
         species: [read("species"), read("reach")];
     /// Counts the smaller spheres in cells of deeper levels.
-    LEVELS_REFINE = "levels_refine", GROUP, subgroups: false,
+    LEVELS_REFINE = "levels_refine", GROUP, subgroups: false, periodic: true,
         [uniform("call"), read("grid"), write("bounds"), read("cells"), write("density")], species: [];
     /// Shares the keys out among the levels.
-    LEVELS_SETTLE = "levels_settle", DEPTHS, subgroups: false,
+    LEVELS_SETTLE = "levels_settle", DEPTHS, subgroups: false, periodic: true,
         [uniform("call"), write("bounds"), write("grid")], species: [];
     /// Writes one entry per overlapped cell and level.
-    ENTRIES_EMIT = "entries_emit", GROUP, subgroups: true,
+    ENTRIES_EMIT = "entries_emit", GROUP, subgroups: true, periodic: true,
         [uniform("call"), read("grid"), read("cells"), write("density"), write("outcome"), write("keys"),
          write("objects")], species: [];
     /// Settles how many entries there are.
-    ENTRIES_CLOSE = "entries_close", 1, subgroups: false,
+    ENTRIES_CLOSE = "entries_close", 1, subgroups: false, periodic: false,
         [uniform("call"), write("outcome"), write("lengths")], species: [];
     /// Sums of the tiles of a scan.
-    SCAN_REDUCE = "scan_reduce", GROUP, subgroups: false,
+    SCAN_REDUCE = "scan_reduce", GROUP, subgroups: false, periodic: false,
         [read("lengths"), read("values"), write("sums")], species: [];
     /// Prefixes of those sums, and the total.
-    SCAN_SPINE = "scan_spine", GROUP, subgroups: false,
+    SCAN_SPINE = "scan_spine", GROUP, subgroups: false, periodic: false,
         [read("lengths"), write("sums"), write("total")], species: [];
     /// Prefixes of all values, in place.
-    SCAN_SPREAD = "scan_spread", GROUP, subgroups: true,
+    SCAN_SPREAD = "scan_spread", GROUP, subgroups: true, periodic: false,
         [read("lengths"), read("sums"), write("values")], species: [];
     /// Digit counts of a radix pass.
-    RADIX_COUNT = "radix_count", GROUP, subgroups: false,
+    RADIX_COUNT = "radix_count", GROUP, subgroups: false, periodic: false,
         [uniform("digit_pass"), read("lengths"), read("keys"), write("counts")], species: [];
     /// Moves keys and payload to their places.
-    RADIX_SCATTER = "radix_scatter", GROUP, subgroups: true,
+    RADIX_SCATTER = "radix_scatter", GROUP, subgroups: true, periodic: false,
         [uniform("digit_pass"), read("lengths"), read("keys"), read("payload"), read("places"),
          write("sorted_keys"), write("sorted_payload")], species: [];
     /// Pairs of entries close together in a run.
-    RUNS_SEARCH = "runs_search", GROUP, subgroups: false,
+    RUNS_SEARCH = "runs_search", GROUP, subgroups: false, periodic: true,
         [uniform("call"), read("grid"), read("lengths"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), write("crowded")],
         species: [read("species"), read("table")];
     /// Sizes the crowded search.
-    CROWDED_OPEN = "crowded_open", 1, subgroups: false, [write("outcome"), write("dispatch")], species: [];
+    CROWDED_OPEN = "crowded_open", 1, subgroups: false, periodic: false, [write("outcome"), write("dispatch")], species: [];
     /// Pairs of entries far apart in a crowded run.
-    CROWDED_SEARCH = "crowded_search", GROUP, subgroups: true,
+    CROWDED_SEARCH = "crowded_search", GROUP, subgroups: true, periodic: true,
         [uniform("call"), read("grid"), read("lengths"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), read("crowded")],
         species: [read("species"), read("table")];
     /// All pairs.
-    NAIVE_SEARCH = "naive_search", GROUP, subgroups: true,
+    NAIVE_SEARCH = "naive_search", GROUP, subgroups: true, periodic: true,
         [uniform("call"), read("grid"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("reach"), read("table")];
     /// Overflow flag and indirect-dispatch arguments.
-    OUTCOME_FINISH = "outcome_finish", 1, subgroups: false,
+    OUTCOME_FINISH = "outcome_finish", 1, subgroups: false, periodic: false,
         [uniform("call"), write("outcome")], species: [];
 }
 
@@ -281,6 +289,7 @@ impl Expansion {
             "SUBGROUPS" => self.variant.subgroups.is_some(),
             "SUBGROUP_RANKING" => self.variant.ranks_by_subgroup(),
             "SPECIES" => self.variant.species,
+            "PERIODIC" => self.variant.periodic,
             _ => false,
         }
     }
@@ -294,5 +303,25 @@ impl Expansion {
             ("SCAN_ITEMS", SCAN_ITEMS),
             ("SPHERES_PER_THREAD", SPHERES_PER_THREAD),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a kernel is said not to know of does not occur in its text. (Subgroups are shared pieces' to use.)
+    #[test]
+    fn reduced_variants_have_the_whole_text() {
+        for kernel in KERNELS {
+            for (species, periodic) in [(false, true), (true, false), (true, true)] {
+                let variant = Variant { subgroups: None, species, periodic };
+                let whole = Expansion { variant }.expand(kernel.source);
+                assert!(kernel.wgsl(variant) == whole, "{} {variant:?}", kernel.name);
+            }
+            let unbounded = kernel.wgsl(Variant::default());
+            let periodic = kernel.wgsl(Variant { periodic: true, ..Variant::default() });
+            assert_eq!(unbounded != periodic, kernel.knows_periods, "{}", kernel.name);
+        }
     }
 }

@@ -34,6 +34,12 @@ pub struct Call {
     pub tau: u32,
     /// Counters in either half of the density table, a power of two.
     pub density_slots: u32,
+    /// Length of the axis x where it is periodic, else 0.
+    pub period_x: f32,
+    /// Length of the axis y where it is periodic, else 0.
+    pub period_y: f32,
+    /// Length of the axis z where it is periodic, else 0.
+    pub period_z: f32,
 }
 
 /// What the spheres are like, as the device finds it.
@@ -70,24 +76,28 @@ pub struct Level {
 pub struct Grid {
     /// Where cells of all levels have a corner.
     pub origin: [f32; 3],
-    /// Cells of depth 0 per unit of length.
-    pub inverse_edge: f32,
-    /// The lowest cell of depth 0.
-    pub low: [i32; 3],
     /// How many spheres the call has.
     pub spheres: u32,
-    /// The highest cell of depth 0.
-    pub high: [i32; 3],
+    /// Cells of depth 0 per unit of length.
+    pub inverse_edge: [f32; 3],
     /// 1 when no distance test of the call can overflow or underflow.
     pub ordinary: u32,
+    /// The lowest cell of depth 0.
+    pub low: [i32; 3],
     /// As in the call; 0 where one level turned out to do.
     pub refinement: u32,
+    /// The highest cell of depth 0.
+    pub high: [i32; 3],
     /// Depths that are levels, a bit each.
     pub depths: u32,
+    /// Edges of depth 0 once around each periodic axis, 0 for an unbounded one.
+    pub turns: [f32; 3],
     /// Depths that have spheres, a bit each.
     pub occupied: u32,
     /// The key bit that marks passive entries, or 0.
     pub passive: u32,
+    /// Levels begin at a multiple of their alignment.
+    pub padding: [u32; 3],
     /// Keys of each depth.
     pub levels: [Level; 32],
 }

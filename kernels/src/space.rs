@@ -95,7 +95,7 @@ fn wrap(x: f32, length: f32) -> f32 {
         return (f64::from(x) - f64::from(whole) * f64::from(length)) as f32;
     }
     let rest = x % length;
-    match rest.abs() > length - rest.abs() {
+    match rest.abs() >= length - rest.abs() {
         true => rest - length.copysign(rest),
         false => rest,
     }

@@ -1,5 +1,6 @@
 use std::collections::VecDeque;
 
+use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::{Call, Outcome};
 use lazygrid_kernels::{Algorithm, Interaction, Interactions};
 
@@ -110,7 +111,8 @@ impl GpuDetector {
         let species = self.settings.interactions.as_ref().map_or(0, Interactions::species);
         let GpuSettings { algorithm, crossover, pair_capacity: pairs, .. } = self.settings;
         let (algorithm, _) = choice::algorithm(algorithm, (spheres, 1), (crossover, "given"));
-        let request = Request { spheres, pairs, entries: self.entry_capacity, algorithm, species };
+        let (entries, periodic) = (self.entry_capacity, self.settings.space.is_periodic());
+        let request = Request { spheres, pairs, entries, algorithm, species, periodic };
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
@@ -239,6 +241,8 @@ impl GpuDetector {
         spheres: u32,
     ) -> Result<(), GpuError> {
         let Some(prepared) = &mut self.prepared else { return Ok(()) };
+        let [period_x, period_y, period_z] =
+            self.settings.space.lengths().map(|length| length.unwrap_or_default());
         let call = Call {
             spheres,
             pair_capacity: prepared.plan.pairs,
@@ -253,6 +257,9 @@ impl GpuDetector {
             refinement: prepared.plan.refinement as u32,
             tau: self.settings.tau,
             density_slots: prepared.plan.density_slots,
+            period_x,
+            period_y,
+            period_z,
         };
         let count = match input.count {
             Count::Host(_) => None,
@@ -297,7 +304,8 @@ impl Prepared {
         owned: Owned<'_>,
     ) -> Result<Recording, GpuError> {
         let call = constant_buffer(device, "call", bytemuck::bytes_of(&key.call))?;
-        let variant = pipelines.variant(owned.tables.is_some());
+        let species = owned.tables.is_some();
+        let variant = Variant { species, periodic: self.plan.periodic, ..pipelines.variant() };
         let stages = self.plan.stages.iter().cloned();
         Recording::new(device, pipelines, variant, stages, |stage, binding| {
             match (self.plan.resource(stage, binding), owned.tables, &key.species) {

@@ -34,6 +34,7 @@ impl DeviceDetector {
             raster_ratio: ratio.max(GpuSettings::MIN_RASTER_RATIO),
             tau: config.tau.unwrap_or(GpuSettings::TAU),
             interactions: settings.interactions.clone(),
+            space: settings.space,
             timed: true,
             ..GpuSettings::default()
         };

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use lazygrid_kernels::kernel::GROUP;
-use lazygrid_kernels::{Algorithm, Interactions};
+use lazygrid_kernels::{Algorithm, Interactions, Space};
 
 use super::{Crossover, GpuError};
 #[cfg(doc)]
@@ -26,6 +26,9 @@ pub struct GpuSettings {
     pub tau: u32,
     /// Which species pair, and at which distance; `None`: all that touch.
     pub interactions: Option<Interactions>,
+    /// The space the spheres live in. Default: [`Space::UNBOUNDED`]. In a periodic one spheres are copied to their
+    /// nearest images first, which takes 16 bytes for each.
+    pub space: Space,
     /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
     pub consumer_group: u32,
     /// Whether subgroup operations are used where the device was made with them. Default: yes.
@@ -57,6 +60,7 @@ impl Default for GpuSettings {
             raster_ratio: Self::RASTER_RATIO,
             tau: Self::TAU,
             interactions: None,
+            space: Space::UNBOUNDED,
             consumer_group: GROUP,
             subgroups: true,
             timed: false,

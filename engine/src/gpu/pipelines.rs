@@ -31,13 +31,15 @@ impl Pipelines {
         let subgroups = (offered && smallest >= 4).then_some(smallest);
         // Ranking tables of small subgroups need more workgroup memory than some devices have.
         let memory = device.limits().max_compute_workgroup_storage_size;
-        let fits =
-            |size: &u32| Variant { subgroups: Some(*size), species: false }.workgroup_memory() <= memory;
+        let fits = |size: &u32| {
+            Variant { subgroups: Some(*size), ..Variant::default() }.workgroup_memory() <= memory
+        };
         Self { device: device.clone(), subgroups: subgroups.filter(fits), compiled: Arc::default() }
     }
 
-    pub(crate) fn variant(&self, species: bool) -> Variant {
-        Variant { subgroups: self.subgroups, species }
+    /// What this device is given of a kernel for calls of any kind; what else differs is up to the call.
+    pub(crate) fn variant(&self) -> Variant {
+        Variant { subgroups: self.subgroups, ..Variant::default() }
     }
 
     /// The same kernels without subgroup operations.

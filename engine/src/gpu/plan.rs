@@ -68,6 +68,8 @@ pub struct Request {
     pub algorithm: Algorithm,
     /// Species of the interaction table; 0 without one.
     pub species: u32,
+    /// Whether some axis is periodic.
+    pub periodic: bool,
 }
 
 /// Which cells hand their smaller spheres down to the next level.
@@ -97,6 +99,8 @@ pub struct Plan {
     pub key_bits: u32,
     /// Which cells are refined.
     pub refinement: Refinement,
+    /// Whether spheres are first moved to their images nearest to the origin.
+    pub periodic: bool,
     /// Counters in either half of the density table; 0 without one.
     pub density_slots: u32,
     /// Workgroups of the naive search; 0 without it.
@@ -127,11 +131,15 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
         entries: 0,
         key_bits: 0,
         refinement,
+        periodic: request.periodic,
         density_slots: 0,
         search_groups: 0,
         buffers: call_buffers(request.pairs).to_vec(),
         stages: Vec::new(),
     };
+    if request.periodic {
+        plan.buffers.push((Slot::Wrapped, bytes_of(request.spheres, 16)));
+    }
     if algorithm == Algorithm::Naive {
         plan.search_groups = naive_groups(request.spheres, limits)?;
     } else {
@@ -193,7 +201,9 @@ impl Plan {
             "call" => return Resource::Call,
             "count_source" => return Resource::Count,
             "digit_pass" => return Resource::Pass(stage.pass),
-            "spheres" => return Resource::Spheres,
+            "given" => return Resource::Spheres,
+            "spheres" if !self.periodic => return Resource::Spheres,
+            "spheres" | "wrapped" => Slot::Wrapped,
             "species" => return Resource::Species,
             "reach" => return Resource::Reach,
             "table" => return Resource::Table,
@@ -288,7 +298,7 @@ fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), GpuErr
             return Err(GpuError::LimitExceeded { what, needed, limit, remedy });
         }
     }
-    let variant = k::Variant { subgroups: None, species };
+    let variant = k::Variant { species, periodic: plan.periodic, ..k::Variant::default() };
     let storage = |stage: &Stage| {
         stage.kernel.bindings(variant).filter(|b| b.access != k::Access::Uniform).count() as u64
     };

@@ -59,7 +59,7 @@ impl RadixSort {
             constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&Lengths::for_sort(count)))?;
         let keys = [&input.keys, buffers.get(Slot::Keys(true))];
         let payload = [&input.payload, buffers.get(Slot::Objects(true))];
-        let variant = self.pipelines.variant(false);
+        let variant = self.pipelines.variant();
         let uniforms = &self.passes;
         let stages = sort_stages(count, passes).filter(|stage| stage.groups > 0);
         let recording = Recording::new(&self.device, &self.pipelines, variant, stages, |stage, binding| {
@@ -117,7 +117,7 @@ impl PrefixScan {
         let buffers = Buffers::allocate(&self.device, &[(Slot::Sums, sums), (Slot::Total, 16)])?;
         let lengths = Lengths { items: 0, counters: count };
         let lengths = constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&lengths))?;
-        let variant = self.pipelines.variant(false);
+        let variant = self.pipelines.variant();
         let stages = scan_stages(count, 0).into_iter().filter(|stage| stage.groups > 0);
         Recording::new(&self.device, &self.pipelines, variant, stages, |_, binding| match binding {
             "lengths" => &lengths,

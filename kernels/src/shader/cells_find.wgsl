@@ -36,10 +36,11 @@ fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
         return 0u;
     }
     // All in edges of depth 0.
-    let offset = abs(clamp(sphere.xyz - grid.origin, vec3(-0x1p126), vec3(0x1p126))) * grid.inverse_edge;
+    let open = abs(clamp(sphere.xyz - grid.origin, vec3(-0x1p126), vec3(0x1p126))) * grid.inverse_edge;
+    let offset = max(open, grid.turns);
     let at = abs(sphere.xyz) * grid.inverse_edge;
     let distance = max(offset.x, max(offset.y, offset.z));
-    let diameter = 2.0 * (radius * grid.inverse_edge);
+    let diameter = 2.0 * (radius * max(grid.inverse_edge.x, max(grid.inverse_edge.y, grid.inverse_edge.z)));
     let width = diameter + (diameter + distance + max(at.x, max(at.y, at.z))) * 0x1p-20;
     let finest = min(-1 - exponent_of(call.raster_ratio * width), 15 - exponent_of(distance));
     return u32(clamp(finest, 0, 31));
@@ -57,9 +58,11 @@ fn cells_of(sphere: vec4<f32>, radius: f32) -> Cells {
     let depth = depth_of(sphere, radius);
     let box = box_of(sphere, radius);
     let scale = bitcast<f32>((127u + depth) << 23u);
-    let first = vec3<i32>(floor(scaled(box.low) * scale));
-    let last = vec3<i32>(floor(scaled(box.high) * scale));
-    return Cells(first, clamp(last - first, vec3(0), vec3(1)), depth);
+    // Where a ring closes, what is computed from either side of the seam differs by rounding.
+    let spare = grid.turns * 0x1p-21;
+    let first = vec3<i32>(floor((scaled(box.low) - spare) * scale));
+    let last = vec3<i32>(floor((scaled(box.high) + spare) * scale));
+    return gathered(Cells(first, clamp(last - first, vec3(0), vec3(1)), depth));
 }
 
 @compute @workgroup_size(256)

@@ -28,7 +28,7 @@ struct Visit {
 
 fn key_of(depth: u32, cell: vec3<i32>) -> u32 {
     let level = grid.levels[depth];
-    let folded = vec3<u32>(cell) & ((vec3(1u) << level.bits) - vec3(1u));
+    let folded = vec3<u32>(in_ring(cell, depth)) & ((vec3(1u) << level.bits) - vec3(1u));
     return level.base + (folded.x | (folded.y << level.bits.x) | (folded.z << (level.bits.x + level.bits.y)));
 }
 

@@ -16,6 +16,13 @@ const SLACK: f32 = 0x1.04p0;
 // Cells on either side of the origin. Beyond, coordinates go to the outermost cell; within, a box is widened by
 // at most an eighth of an edge, so that no sphere overlaps more than two cells per axis.
 const HALF_RASTER: f32 = 0x1p17;
+// Rings have no more edges than this at depth 0, which keeps roundings at the seam below a part of an edge, and no
+// fewer; those so small, and those of lengths out of range, never have more than one cell.
+const MOST_TURNS: f32 = 0x1p15;
+const FEWEST_TURNS: f32 = 0x1p-40;
+const SHORTEST: f32 = 0x1p-80;
+const LONGEST: f32 = 0x1p80;
+
 var<workgroup> samples: array<array<f32, 256>, 3>;
 var<workgroup> accepted: atomic<u32>;
 // Lower quartile, median and upper quartile of the samples.
@@ -26,10 +33,59 @@ fn decoded(key: u32) -> f32 {
 }
 
 // In cells from the origin. The limits keep every intermediate value finite.
-fn cell_of(position: vec3<f32>, origin: vec3<f32>, inverse_edge: f32) -> vec3<i32> {
+fn cell_of(position: vec3<f32>, origin: vec3<f32>, inverse_edge: vec3<f32>) -> vec3<i32> {
     let offset = clamp(position - origin, vec3(-0x1p126), vec3(0x1p126));
     return vec3<i32>(floor(clamp(offset * inverse_edge, vec3(-HALF_RASTER), vec3(HALF_RASTER - 1.0))));
 }
+
+#ifdef PERIODIC
+fn periods() -> vec3<f32> {
+    return vec3(call.period_x, call.period_y, call.period_z);
+}
+
+// Where a sample lies from the first sphere on, by the shorter way round, so that a crowd on the seam is one crowd.
+fn from_first(sample: vec3<f32>) -> vec3<f32> {
+    let lengths = periods();
+    let first = spheres[0].xyz;
+    let used = (lengths > vec3(0.0)) & vec3(is_finite(first.x), is_finite(first.y), is_finite(first.z));
+    let d = sample - first;
+    let turn = select(vec3(0.0), select(lengths, -lengths, d > vec3(0.0)), abs(d) > 0.5 * lengths);
+    return select(sample, d + turn, used);
+}
+
+// Edges once around an axis, each at least as wide as this: a multiple of four, so that neither the fold of keys
+// nor the seam makes one cell of neighbours, or else so small a power of two that the raster has but one cell until
+// cells are so small that it has four. 0 where the axis is not periodic.
+fn turns_of(length: f32, edge: f32) -> f32 {
+    if (length == 0.0) {
+        return 0.0;
+    }
+    if (length < SHORTEST || length > LONGEST || edge >= 0x1p120 || length < edge * FEWEST_TURNS) {
+        return FEWEST_TURNS;
+    }
+    if (length * (1.0 / MOST_TURNS) >= edge) {
+        return MOST_TURNS;
+    }
+    // A little less, so that no rounding makes edges narrower.
+    let turns = (length / edge) * 0x1.ffffep-1;
+    if (turns >= 4.0) {
+        return 4.0 * floor(0.25 * turns);
+    }
+    return max(bitcast<f32>(bitcast<u32>(turns) & 0x7f800000u), FEWEST_TURNS);
+}
+#else
+fn periods() -> vec3<f32> {
+    return vec3(0.0);
+}
+
+fn from_first(sample: vec3<f32>) -> vec3<f32> {
+    return sample;
+}
+
+fn turns_of(length: f32, edge: f32) -> f32 {
+    return 0.0;
+}
+#endif
 
 @compute @workgroup_size(256)
 fn grid_configure(at: Builtins) {
@@ -49,7 +105,7 @@ fn grid_configure(at: Builtins) {
         let index = select(lane, (count / SAMPLES) * lane + ((count % SAMPLES) * lane) / SAMPLES, count > SAMPLES);
         let sphere = spheres[index];
         if (is_valid(sphere)) {
-            sample = sphere;
+            sample = vec4(from_first(sphere.xyz), sphere.w);
             used = true;
             atomicAdd(&accepted, 1u);
         }
@@ -86,7 +142,10 @@ fn grid_configure(at: Builtins) {
     );
     let radius_max = bitcast<f32>(atomicLoad(&bounds.radius_max));
     let radius_min = bitcast<f32>(min(atomicLoad(&bounds.radius_min), 0x7f7fffffu));
-    let far = max(max(abs(origin.x), abs(origin.y)), abs(origin.z));
+    let lengths = periods();
+    let is_open = lengths == vec3(0.0);
+    let aside = select(vec3(0.0), abs(origin), is_open);
+    let far = max(max(aside.x, aside.y), aside.z);
     let spheres_count = f32(max(count, 1u));
     // Sparse points need no finer raster than their distances ask for, however small they are: about an eighth of
     // the mean distance in a volume, or a quarter of that on a line.
@@ -98,7 +157,11 @@ fn grid_configure(at: Builtins) {
         max(width, far * 0x1p-17),
         max(max(volume_spacing, line_spacing), 0x1p-100),
     );
-    let inverse_edge = select(0.0, 1.0 / edge, edge < 0x1p120);
+    let turns = vec3(turns_of(lengths.x, edge), turns_of(lengths.y, edge), turns_of(lengths.z, edge));
+    let open_inverse = select(0.0, 1.0 / edge, edge < 0x1p120);
+    let ring_inverse = select(vec3(0.0), turns / max(lengths, vec3(SHORTEST)), turns > vec3(FEWEST_TURNS));
+    let inverse_edge = select(ring_inverse, vec3(open_inverse), is_open);
+    let corner = select(-0.5 * lengths, origin, is_open);
     let lowest = vec3(
         decoded(atomicLoad(&bounds.low_x)),
         decoded(atomicLoad(&bounds.low_y)),
@@ -111,24 +174,29 @@ fn grid_configure(at: Builtins) {
     );
     var low = vec3(0);
     var high = vec3(0);
-    if (inverse_edge > 0.0 && atomicLoad(&bounds.radius_min) != 0xffffffffu) {
-        low = cell_of(lowest, origin, inverse_edge);
-        high = max(low, cell_of(highest, origin, inverse_edge));
+    if (open_inverse > 0.0 && atomicLoad(&bounds.radius_min) != 0xffffffffu) {
+        low = cell_of(lowest, corner, inverse_edge);
+        high = max(low, cell_of(highest, corner, inverse_edge));
     }
+    // Boxes stick out over the seam by less than an edge.
+    low = select(vec3(-1), low, is_open);
+    high = select(vec3<i32>(turns) + vec3(1), high, is_open);
     let largest = max(
         max(max(abs(lowest.x), abs(lowest.y)), abs(lowest.z)),
         max(max(abs(highest.x), abs(highest.y)), abs(highest.z)),
     );
-    grid.origin = origin;
+    grid.origin = corner;
     grid.inverse_edge = inverse_edge;
+    grid.turns = turns;
     grid.low = low;
     grid.high = high;
     grid.ordinary = select(0u, 1u, radius_min > 0x1p-40 && largest < 0x1p58);
     // Where even the smallest sphere does not fit cells half as wide, all are of depth 0.
-    let some_fit = 4.0 * call.raster_ratio * (radius_min * inverse_edge) < 0x1.01p0;
-    grid.refinement = select(0u, call.refinement, some_fit && inverse_edge > 0.0);
+    let finest = max(inverse_edge.x, max(inverse_edge.y, inverse_edge.z));
+    let some_fit = 4.0 * call.raster_ratio * (radius_min * finest) < 0x1.01p0;
+    grid.refinement = select(0u, call.refinement, some_fit && open_inverse > 0.0);
     grid.depths = 1u;
     grid.occupied = 1u;
     grid.passive = 0u;
-    grid.levels[0] = Level(folded_bits(axis_bits(low, high), call.key_bits), 0u);
+    grid.levels[0] = Level(folded_bits(axis_bits(low, high, turns, 0u), call.key_bits), 0u);
 }

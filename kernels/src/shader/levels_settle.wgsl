@@ -46,7 +46,7 @@ fn levels_settle(at: Builtins) {
     // A little less, so that roundings cannot add up to more than there is.
     let share = f32(spare) * (f32(weights[depth]) / total) * 0x1.ff8p-1;
     let share_bits = (bitcast<u32>(max(share, 1.0)) >> 23u) - 127u;
-    let cells = axis_bits(grid.low, grid.high) + vec3(depth);
+    let cells = axis_bits(grid.low, grid.high, grid.turns, depth);
     let bits = folded_bits(cells, max(share_bits, MIN_BITS));
     sizes[depth] = select(0u, 1u << (bits.x + bits.y + bits.z), is_level);
     workgroupBarrier();

@@ -16,6 +16,8 @@ pub enum Slot {
     Outcome,
     /// The pairs.
     Pairs,
+    /// The spheres' images nearest to the origin.
+    Wrapped,
     /// Depth and cells of each sphere.
     Cells,
     /// Counters of the smaller spheres in each cell.

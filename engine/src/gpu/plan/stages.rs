@@ -54,6 +54,7 @@ pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
     let stage = |kernel, groups, phase| Stage { kernel, groups, indirect: false, phase, pass: 0 };
     let mut stages = vec![
         stage(&k::CALL_BEGIN, 1, Phase::Survey),
+        stage(&k::SPHERES_WRAP, if plan.periodic { per_sphere } else { 0 }, Phase::Survey),
         stage(&k::BOUNDS_REDUCE, plan.spheres.div_ceil(k::BOUNDS_TILE), Phase::Survey),
         stage(&k::GRID_CONFIGURE, 1, Phase::Survey),
     ];

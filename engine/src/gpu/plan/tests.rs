@@ -9,7 +9,7 @@ const LAVAPIPE: DeviceLimits = DeviceLimits {
 const H200: DeviceLimits = DeviceLimits { storage_binding: (1 << 31) - 4, buffer: 4_292_870_144, ..LAVAPIPE };
 
 fn request(spheres: u32, pairs: u32) -> Request {
-    Request { spheres, pairs, entries: 0, algorithm: Algorithm::ArrayGrid, species: 0 }
+    Request { spheres, pairs, entries: 0, algorithm: Algorithm::ArrayGrid, species: 0, periodic: false }
 }
 
 #[test]
@@ -55,8 +55,9 @@ fn passes_follow_the_spheres() {
 
 #[test]
 fn every_binding_has_a_resource_and_sort_passes_alternate() {
-    let plan = plan(&Request { species: 2, ..request(10_000_000, 1) }, &H200).expect("fits");
-    let variant = k::Variant { subgroups: None, species: true };
+    let request = Request { species: 2, periodic: true, ..request(10_000_000, 1) };
+    let plan = plan(&request, &H200).expect("fits");
+    let variant = k::Variant { subgroups: None, species: true, periodic: true };
     for stage in &plan.stages {
         let resources: Vec<_> =
             stage.kernel.bindings(variant).map(|b| plan.resource(stage, b.name)).collect();
@@ -95,6 +96,23 @@ fn no_invocation_takes_more_turns_than_its_share() {
                 assert!(tiles.div_ceil(k::CROWDED_TILES) <= limits.groups_per_dimension);
             }
         }
+    }
+}
+
+#[test]
+fn periodic_spaces_take_a_copy_of_the_spheres_and_one_dispatch_more() {
+    for algorithm in [Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid] {
+        let [open, periodic] = [false, true].map(|periodic| {
+            plan(&Request { algorithm, periodic, ..request(1_000_000, 1) }, &H200).expect("fits")
+        });
+        assert_eq!(periodic.bytes() - open.bytes(), 16_000_000, "{algorithm}");
+        let reader = |plan: &Plan| plan.stages.iter().find(|s| s.kernel == &k::BOUNDS_REDUCE).cloned();
+        let bound = |plan: &Plan| plan.resource(&reader(plan).expect("a stage"), "spheres");
+        assert_eq!(bound(&open), Resource::Spheres);
+        assert_eq!(bound(&periodic), Resource::Own(Slot::Wrapped));
+        assert_eq!(periodic.stages[1].kernel, &k::SPHERES_WRAP);
+        let rest = periodic.stages.iter().filter(|stage| stage.kernel != &k::SPHERES_WRAP);
+        assert!(rest.eq(&open.stages), "{algorithm}");
     }
 }
 

@@ -33,8 +33,40 @@ fn cells_unpacked(words: vec2<u32>) -> Cells {
 fn cells_at(cells: Cells, depth: u32) -> Cells {
     let shift = vec3(cells.depth - depth);
     let first = cells.first >> shift;
-    return Cells(first, ((cells.first + cells.more) >> shift) - first, depth);
+    return gathered(Cells(first, ((cells.first + cells.more) >> shift) - first, depth));
 }
+
+#ifdef PERIODIC
+// Cells once around each axis at this depth; 0 where it is unbounded, fewer than four where all are one.
+fn cells_around(depth: u32) -> vec3<i32> {
+    return vec3<i32>(min(grid.turns * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
+}
+
+// Which axes have but one cell at this depth: in a smaller ring spheres would share cells that neither begins in.
+fn one_cell(depth: u32) -> vec3<bool> {
+    return (grid.turns != vec3(0.0)) & (cells_around(depth) < vec3(4));
+}
+
+// With that cell where there is but one.
+fn gathered(cells: Cells) -> Cells {
+    let one = one_cell(cells.depth);
+    return Cells(select(cells.first, vec3(0), one), select(cells.more, vec3(0), one), cells.depth);
+}
+
+// Spheres have their cells side by side, also across the seam; here a cell beyond it gets its place in the ring.
+fn in_ring(cell: vec3<i32>, depth: u32) -> vec3<i32> {
+    let around = cells_around(depth);
+    return cell + select(vec3(0), around, cell < vec3(0)) - select(vec3(0), around, cell >= around);
+}
+#else
+fn gathered(cells: Cells) -> Cells {
+    return cells;
+}
+
+fn in_ring(cell: vec3<i32>, depth: u32) -> vec3<i32> {
+    return cell;
+}
+#endif
 
 // Of up to eight cells of a sphere the one with this number: a bit for each axis.
 fn step_of(number: u32) -> vec3<i32> {
@@ -49,9 +81,10 @@ fn has_cell(cells: Cells, step: vec3<i32>) -> bool {
     return all(step <= cells.more);
 }
 
-// The number, among a sphere's cells of a coarser depth, of the one in which this cell lies.
+// The number, among a sphere's cells of a coarser depth, of the one in which this cell lies; where there is but one,
+// all lie there.
 fn parent_of(cell: vec3<i32>, depth: u32, parents: Cells) -> u32 {
-    return number_of((cell >> vec3(depth - parents.depth)) - parents.first);
+    return number_of(clamp((cell >> vec3(depth - parents.depth)) - parents.first, vec3(0), parents.more));
 }
 
 // The coarsest depths of `depths`, up to and including `depth`.

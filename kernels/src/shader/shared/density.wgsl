@@ -4,7 +4,7 @@ const HAS_OWN: u32 = 0x80000000u;
 
 // The first level has the lower half to itself, so that it is settled when the deeper ones are counted.
 fn density_slot(depth: u32, cell: vec3<i32>) -> u32 {
-    let c = vec3<u32>(cell) * vec3(0x9e3779b1u, 0x85ebca6bu, 0xc2b2ae35u);
+    let c = vec3<u32>(in_ring(cell, depth)) * vec3(0x9e3779b1u, 0x85ebca6bu, 0xc2b2ae35u);
     var hash = (c.x ^ (c.y >> 7u) ^ (c.y << 25u) ^ (c.z >> 15u) ^ (c.z << 17u)) + depth * 0x27d4eb2fu;
     hash = (hash ^ (hash >> 15u)) * 0x2c1b3c6du;
     hash ^= hash >> 13u;

@@ -2,9 +2,17 @@
 // different cells of one key.
 const FOLD_BITS: u32 = 3u;
 
-// Bits that tell the cells of depth 0 apart on each axis.
-fn axis_bits(low: vec3<i32>, high: vec3<i32>) -> vec3<u32> {
-    return vec3(32u) - countLeadingZeros(vec3<u32>(high - low));
+// Bits that tell the cells of this depth apart on each axis. A ring of cells has a multiple of four, so that a fold
+// to fewer bits keeps neighbours apart across the seam too.
+fn axis_bits(low: vec3<i32>, high: vec3<i32>, turns: vec3<f32>, depth: u32) -> vec3<u32> {
+    let open = vec3(32u) - countLeadingZeros(vec3<u32>(high - low)) + vec3(depth);
+#ifdef PERIODIC
+    let around = vec3<i32>(min(turns * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
+    let ring = vec3(32u) - countLeadingZeros(vec3<u32>(around - vec3(1)));
+    return select(select(ring, vec3(0u), around < vec3(4)), open, turns == vec3(0.0));
+#else
+    return open;
+#endif
 }
 
 // Bits of each axis, taken from the longest ones until `budget`, which is at least nine, is met.

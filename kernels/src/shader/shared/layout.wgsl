@@ -26,6 +26,10 @@ struct Call {
     tau: u32,
     // Counters in either half of the density table, a power of two.
     density_slots: u32,
+    // Length of each axis that is periodic, else 0.
+    period_x: f32,
+    period_y: f32,
+    period_z: f32,
 }
 
 // What the spheres are like. Bounds of all valid ones, their widened radii included; floats in an order-preserving
@@ -58,18 +62,21 @@ struct Level {
 // cell = floor((position - origin) * inverse_edge * 2^k), with cells of depth 0 limited to low..=high.
 struct Grid {
     origin: vec3<f32>,
-    // 0 puts everything into one cell.
-    inverse_edge: f32,
-    low: vec3<i32>,
     // How many spheres this call has.
     spheres: u32,
-    high: vec3<i32>,
+    // 0 puts everything into one cell.
+    inverse_edge: vec3<f32>,
     // 1 when no distance test of this call can overflow or underflow.
     ordinary: u32,
+    low: vec3<i32>,
     // As in the call; 0 where all spheres turned out to be of depth 0, or no cell to be dense.
     refinement: u32,
+    high: vec3<i32>,
     // Depths that are levels, a bit each; the first always is.
     depths: u32,
+    // Edges of depth 0 once around a periodic axis: a multiple of 4, or a power of two below it; 0 for an unbounded
+    // axis.
+    turns: vec3<f32>,
     // Depths that have spheres.
     occupied: u32,
     // The key bit that marks passive entries: 1, or 0 where there is but one level.

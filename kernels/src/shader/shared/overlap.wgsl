@@ -14,33 +14,70 @@ fn scaled_down(value: f32) -> f32 {
     return select(0.0, bitcast<f32>(bits - (70u << 23u)), (bits & 0x7f800000u) > (70u << 23u));
 }
 
-// The difference of two coordinates, times 2^100, where it is known to be below 2^-40.
-fn scaled_difference(a: f32, b: f32) -> f32 {
+#ifdef PERIODIC
+// How far apart coordinates are along an axis with this period, or an unbounded one where it is 0. Both lie within
+// half a period of 0, and across the seam parts are added that are not negative, so that no digits cancel.
+fn apart(a: f32, b: f32, period: f32) -> f32 {
+    let half = 0.5 * period;
+    let across = (half - abs(a)) + (half - abs(b));
+    return select(a - b, across, half > 0.0 && abs(a - b) > half);
+}
+
+fn periods() -> vec3<f32> {
+    return vec3(call.period_x, call.period_y, call.period_z);
+}
+
+fn between(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    let lengths = periods();
+    return vec3(apart(a.x, b.x, lengths.x), apart(a.y, b.y, lengths.y), apart(a.z, b.z, lengths.z));
+}
+#else
+fn apart(a: f32, b: f32, period: f32) -> f32 {
+    return a - b;
+}
+
+fn periods() -> vec3<f32> {
+    return vec3(0.0);
+}
+
+fn between(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    return a - b;
+}
+#endif
+
+// How far apart coordinates are, times 2^100, where it is known to be below 2^-40.
+fn scaled_apart(a: f32, b: f32, period: f32) -> f32 {
     if (max(abs(a), abs(b)) < 0x1p20) {
-        return scaled_up(a) - scaled_up(b);
+        // No seam that is farther off matters.
+        return apart(scaled_up(a), scaled_up(b), scaled_up(select(period, 0x1p22, period > 0x1p22)));
     }
-    return (a - b) * 0x1p100;
+    return apart(a, b, period) * 0x1p100;
 }
 
 // Whether the centres are at most `reach.x + reach.y` apart, where squares would overflow or underflow.
 fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>, large: bool) -> bool {
+    let lengths = periods();
     if (large) {
         let d = vec3(
-            scaled_down(a.x) - scaled_down(b.x),
-            scaled_down(a.y) - scaled_down(b.y),
-            scaled_down(a.z) - scaled_down(b.z),
+            apart(scaled_down(a.x), scaled_down(b.x), scaled_down(lengths.x)),
+            apart(scaled_down(a.y), scaled_down(b.y), scaled_down(lengths.y)),
+            apart(scaled_down(a.z), scaled_down(b.z), scaled_down(lengths.z)),
         );
         let s = scaled_down(reach.x) + scaled_down(reach.y);
         return dot(d, d) <= s * s;
     }
-    let d = vec3(scaled_difference(a.x, b.x), scaled_difference(a.y, b.y), scaled_difference(a.z, b.z));
+    let d = vec3(
+        scaled_apart(a.x, b.x, lengths.x),
+        scaled_apart(a.y, b.y, lengths.y),
+        scaled_apart(a.z, b.z, lengths.z),
+    );
     let s = scaled_up(reach.x) + scaled_up(reach.y);
     return dot(d, d) <= s * s;
 }
 
 // Whether the centres are at most `reach.x + reach.y` apart, for any finite values.
 fn is_within(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>) -> bool {
-    let d = a - b;
+    let d = between(a, b);
     let s = reach.x + reach.y;
     let largest = max(max(abs(d.x), abs(d.y)), max(abs(d.z), s));
     if (largest < 0x1p60 && largest > 0x1p-40) {
@@ -51,7 +88,7 @@ fn is_within(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>) -> bool {
 
 // The test without guards, for calls whose values are all ordinary.
 fn is_within_ordinary(a: vec4<f32>, b: vec4<f32>) -> bool {
-    let d = a.xyz - b.xyz;
+    let d = between(a.xyz, b.xyz);
     let s = a.w + b.w;
     return dot(d, d) <= s * s;
 }
