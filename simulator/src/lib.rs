@@ -32,6 +32,7 @@
 pub mod boundary;
 pub mod checkpoint;
 pub mod contact;
+pub mod gpu;
 pub mod matching;
 pub mod model;
 pub mod motion;
