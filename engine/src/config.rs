@@ -2,7 +2,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use lazygrid_host::{Settings, Simd};
-use lazygrid_kernels::{Algorithm, Interactions};
+use lazygrid_kernels::{Algorithm, Interactions, Space};
 
 use crate::Order;
 
@@ -117,6 +117,13 @@ impl Config {
     /// Which species pair, and at which distance. Spheres must then carry species ids.
     pub fn interactions(mut self, interactions: Interactions) -> Self {
         self.settings.interactions = Some(interactions);
+        self
+    }
+
+    /// The space the spheres live in. Default: [`Space::UNBOUNDED`]. Periodic spaces are for the CPU: with
+    /// [`Backend::Auto`] it is chosen, [`Backend::Gpu`] is refused.
+    pub fn space(mut self, space: Space) -> Self {
+        self.settings.space = space;
         self
     }
 }

@@ -1,6 +1,6 @@
 use std::ops::ControlFlow;
 
-use lazygrid_host::{HostDetector, Neighbors};
+use lazygrid_host::{HostDetector, Neighbors, Settings};
 use lazygrid_kernels::{Algorithm, Pair, Spheres};
 
 use crate::gpu::{self, DeviceDetector, GpuDevice};
@@ -37,11 +37,12 @@ impl Detector {
     ///
     /// # Errors
     /// [`Error::GpuUnavailable`] where the GPU is asked for by name and cannot be used;
-    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Host`] and
+    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::PeriodicOnGpu`] where the GPU
+    /// is asked for by name in a periodic space; [`Error::Host`] and
     /// [`Error::Gpu`] for a setting outside its range.
     pub fn new(config: Config) -> Result<Self, Error> {
         let settings = config.settings;
-        let (own, backend_reason) = choose(config.backend, settings.algorithm)?;
+        let (own, backend_reason) = choose(config.backend, &settings)?;
         log::info!("{backend_reason}");
         let engine = match own {
             Some(own) => {
@@ -150,7 +151,8 @@ impl Detector {
 }
 
 /// The device to run on, or none for the CPU, and why.
-fn choose(backend: Backend, algorithm: Algorithm) -> Result<(Option<GpuDevice>, String), Error> {
+fn choose(backend: Backend, settings: &Settings) -> Result<(Option<GpuDevice>, String), Error> {
+    let (algorithm, periodic) = (settings.algorithm, settings.space.is_periodic());
     let needs_gpu = matches!(algorithm, Algorithm::EagerGrid | Algorithm::LazyGrid);
     let on_gpu = matches!(algorithm, Algorithm::Auto | Algorithm::Naive | Algorithm::ArrayGrid);
     let unavailable = |error: gpu::GpuError| Error::GpuUnavailable { reason: error.to_string() };
@@ -161,12 +163,14 @@ fn choose(backend: Backend, algorithm: Algorithm) -> Result<(Option<GpuDevice>, 
             Err(Error::GpuUnavailable { reason: format!("this version has no kernels for {algorithm}") })
         }
         Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend }),
+        Backend::Gpu if periodic => Err(Error::PeriodicOnGpu),
         Backend::Gpu => {
             let own = GpuDevice::shared(true).map_err(unavailable)?;
             let reason = format!("GPU {}: asked for", own.adapter.name);
             Ok((Some(own), reason))
         }
         Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
+        Backend::Auto if periodic => Ok((None, "CPU: periodic spaces run there only".to_owned())),
         Backend::Auto => Ok(match GpuDevice::shared(false) {
             Ok(own) => {
                 let reason = format!("GPU {}: a real GPU", own.adapter.name);

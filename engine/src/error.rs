@@ -28,6 +28,9 @@ pub enum Error {
         /// The backend asked for.
         backend: crate::Backend,
     },
+    /// The GPU was asked for by name, and space is periodic.
+    #[error("periodic spaces do not run on the gpu backend; choose `cpu` or `auto`, or an unbounded space")]
+    PeriodicOnGpu,
 }
 
 impl From<lazygrid_host::Error> for Error {

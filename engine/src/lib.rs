@@ -44,7 +44,7 @@ pub use detector::{Detector, detect};
 pub use error::Error;
 pub use lazygrid_host::{Neighbors, Order, Phase, Simd};
 pub use lazygrid_kernels::{
-    Algorithm, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach, Sphere, Spheres,
+    Algorithm, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach, Space, Sphere, Spheres,
 };
 pub use report::Report;
 

@@ -108,7 +108,7 @@ impl Batch {
     pub(crate) fn search<S: Sink>(&mut self, input: &Input<'_>, sink: &mut S) {
         let Self { ids, cells, columns } = self;
         columns.gather(&input.rule, ids.iter().copied());
-        input.simd.run(Cells { columns, rule: &input.rule, cells, sink });
+        input.run(Cells { columns, rule: &input.rule, cells, sink });
         ids.clear();
         cells.clear();
     }
@@ -209,7 +209,7 @@ impl Crowd {
         let compare = |mut sink: O::Sink<'o>, row: &Row| {
             if !sink.stopped() {
                 let sink = &mut sink;
-                input.simd.run(Tiles { columns: &self.columns, rule: &input.rule, row, sink });
+                input.run(Tiles { columns: &self.columns, rule: &input.rule, row, sink });
             }
             sink
         };

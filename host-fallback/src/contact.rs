@@ -2,18 +2,24 @@
 
 use std::ops::Range;
 
-use glam::Vec3;
-use lazygrid_kernels::{Interaction, Interactions, Reach, Sphere, Spheres};
+use glam::{DVec3, Vec3};
+use lazygrid_kernels::{Interaction, Interactions, Reach, Space, Sphere, Spheres};
 
 use crate::columns::Columns;
-use crate::simd::Vector;
+use crate::simd::{Images, Vector};
 use crate::sink::Sink;
 
 /// Whether two centres are at most `reach` apart, evaluated in `f64`: there differences of `f32` coordinates
 /// cannot overflow, underflow or lose the digits that decide exact contact.
+///
+/// With the lengths of a periodic space, between nearest images: centres are wrapped, so that no axis has them farther
+/// apart than its length, and taking their difference from it does not round.
 #[inline]
-pub(crate) fn within(a: Vec3, b: Vec3, reach: f64) -> bool {
-    let d = a.as_dvec3() - b.as_dvec3();
+fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, reach: f64) -> bool {
+    let mut d = a.as_dvec3() - b.as_dvec3();
+    if let Some(lengths) = lengths {
+        d = d.abs().min(lengths - d.abs());
+    }
     d.x * d.x + d.y * d.y + d.z * d.z <= reach * reach
 }
 
@@ -22,6 +28,9 @@ pub(crate) fn within(a: Vec3, b: Vec3, reach: f64) -> bool {
 pub(crate) struct Rule<'a> {
     spheres: Spheres<'a>,
     species: Option<Species<'a>>,
+    space: Space,
+    /// The length of each axis, infinite where it is unbounded; `None` where all are.
+    lengths: Option<DVec3>,
 }
 
 /// Interactions by species, with the ids checked against the table.
@@ -39,7 +48,23 @@ impl<'a> Rule<'a> {
             let reach = (0..table.species()).map(|s| table.reach(s)).collect();
             Species { table, ids, reach }
         });
-        Self { spheres, species }
+        Self { spheres, species, space: Space::UNBOUNDED, lengths: None }
+    }
+
+    /// The same in a space in which the spheres are already wrapped.
+    pub(crate) fn in_space(self, space: Space) -> Self {
+        let lengths = space.lengths().map(|length| length.map_or(f64::INFINITY, f64::from));
+        Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
+    }
+
+    /// The length of each periodic axis.
+    pub(crate) fn lengths(&self) -> [Option<f32>; 3] {
+        self.space.lengths()
+    }
+
+    /// What vectors need to compare nearest images, where space is periodic.
+    pub(crate) fn images(&self) -> Option<Images> {
+        Images::of(&self.space)
     }
 
     pub(crate) fn spheres(&self) -> Spheres<'a> {
@@ -78,8 +103,10 @@ impl<'a> Rule<'a> {
         };
         match interaction {
             Interaction::Never => false,
-            Interaction::Touch => within(a.center, b.center, f64::from(a.radius) + f64::from(b.radius)),
-            Interaction::Within(distance) => within(a.center, b.center, f64::from(distance)),
+            Interaction::Touch => {
+                within(self.lengths, a.center, b.center, f64::from(a.radius) + f64::from(b.radius))
+            }
+            Interaction::Within(distance) => within(self.lengths, a.center, b.center, f64::from(distance)),
         }
     }
 

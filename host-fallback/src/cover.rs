@@ -4,6 +4,13 @@
 //! cells. Every (cell, sphere) entry therefore carries a class: one bit per axis, set where the cell is the sphere's
 //! lowest on that axis. Two spheres of a cell are that cell's own pair exactly if their classes have all three bits
 //! between them, so no pair is compared twice, let alone reported twice.
+//!
+//! A periodic axis is a ring of cells. There "the larger of the lowest" has no meaning, but the rule of the classes
+//! has: a cell owns a pair if on every axis one of the two begins in it and the other lies in it too. Spheres of `a`
+//! and `b` cells have one such cell where they share any, since two would mean that each begins inside the other, so
+//! that together they go all the way round: with `a + b − 2` cells at least. A ring therefore has 3 cells or more for
+//! spheres of at most 2, and 5 or more for those of 3; else it is one cell, in which all begin. For the same reason
+//! two spheres share one stretch of the ring only, so that inside it they can be treated as on a line.
 
 use glam::{BVec3, DVec3, UVec3, Vec3};
 
@@ -25,6 +32,8 @@ const WIDER: f64 = 1.0 + 1e-9;
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 /// Cells are this much larger than asked for, so that a widened sphere of one cell's diameter never spans three.
 const EASE: f64 = 1.0 + 1.0 / (1 << 20) as f64;
+/// Cells on a ring at most, so that rounding, some units in the last place of its length, is less than [`EASE`].
+const MOST_ON_RING: f64 = (1 << 26) as f64;
 /// Points per cell aimed at where no sphere has a size.
 const POINTS_PER_CELL: f64 = 4.0;
 
@@ -35,11 +44,48 @@ pub(crate) struct Raster {
     per_length: f64,
     /// The bits of the first coordinate whose cell is named, not counted.
     named: u32,
+    rings: Rings,
+}
+
+/// The periodic axes of a raster. Cells of a ring are numbered from 0, at minus half a length.
+#[derive(Clone, Debug, Default)]
+struct Rings {
+    /// Cells per axis; 0 where it is unbounded.
+    count: UVec3,
+    /// Cells per unit length.
+    per_length: DVec3,
+    /// The cell coordinate of the origin.
+    origin: DVec3,
+    /// The length of each axis, as the magnitude that rounding follows; 0 where it is unbounded.
+    lengths: DVec3,
+}
+
+impl Rings {
+    /// Rings of cells no smaller than `edge`, or else than `diameter`, for spheres up to that diameter.
+    fn new(edge: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
+        let (per_length, zero) = (DVec3::splat(edge.recip()), DVec3::ZERO);
+        let mut rings = Self { count: UVec3::ZERO, per_length, origin: zero, lengths: zero };
+        for (axis, length) in lengths.into_iter().enumerate() {
+            let Some(length) = length.map(f64::from) else { continue };
+            let count = (length / edge).min(MOST_ON_RING);
+            let least = if edge >= diameter * EASE { 3.0 } else { 5.0 };
+            let count = match () {
+                () if count >= least => count as u32,
+                () if length / 3.0 >= diameter * EASE => 3,
+                () => 1,
+            };
+            rings.count[axis] = count;
+            rings.per_length[axis] = f64::from(count) / length;
+            rings.origin[axis] = 0.5 * f64::from(count);
+            rings.lengths[axis] = length;
+        }
+        rings
+    }
 }
 
 impl Raster {
     /// Cells of `ratio` × the largest diameter, or by density where all radii are zero.
-    pub(crate) fn new(survey: &Survey, ratio: f32) -> Self {
+    pub(crate) fn new(survey: &Survey, ratio: f32, lengths: [Option<f32>; 3]) -> Self {
         let diameter = 2.0 * f64::from(survey.largest_radius());
         let edge = match diameter > 0.0 {
             true => f64::from(ratio) * diameter,
@@ -48,33 +94,51 @@ impl Raster {
                 extent / (survey.spheres as f64 / POINTS_PER_CELL).cbrt().max(1.0)
             }
         };
-        Self::of_edge(edge * EASE)
+        Self::of_edge(edge * EASE, diameter, lengths)
+    }
+
+    /// The same with cells of twice the edge.
+    pub(crate) fn coarser(&self, lengths: [Option<f32>; 3]) -> Self {
+        Self::of_edge(2.0 * self.edge, f64::INFINITY, lengths)
     }
 
     /// Subnormal edges are raised: so the names of far cells and the numbers of the others fit 32 bits together.
-    pub(crate) fn of_edge(edge: f64) -> Self {
+    fn of_edge(edge: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
         let edge = edge.max(f64::from(f32::MIN_POSITIVE));
         let limit = (edge * f64::from(COUNTED)) as f32;
-        Self { edge, per_length: edge.recip(), named: limit.next_down().min(f32::MAX).to_bits() }
+        let named = limit.next_down().min(f32::MAX).to_bits();
+        Self { edge, per_length: edge.recip(), named, rings: Rings::new(edge, diameter, lengths) }
     }
 
+    /// The edge of a cell; the smallest where there are several, besides those that are a whole ring.
     pub(crate) fn edge(&self) -> f64 {
-        self.edge
+        let Rings { count, per_length, lengths, .. } = &self.rings;
+        if count.to_array() == [1; 3] {
+            return self.edge.min(lengths.max_element());
+        }
+        (0..3)
+            .filter(|&axis| count[axis] > 1)
+            .fold(self.edge, |edge, axis| edge.min(per_length[axis].recip()))
     }
 
     /// Lower and upper corner of the box around a sphere, in cells, moved outwards by more than rounding can move
     /// them. Both corners come from one monotone expression.
     #[inline(always)]
-    pub(crate) fn bounds(&self, center: Vec3, radius: f32) -> (DVec3, DVec3) {
+    pub(crate) fn bounds<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> (DVec3, DVec3) {
         let center = center.as_dvec3();
+        if PERIODIC {
+            let Rings { per_length, origin, lengths, .. } = self.rings;
+            let reach = center.abs().max(lengths) * ROUNDING + f64::from(radius) * WIDER;
+            return ((center - reach) * per_length + origin, (center + reach) * per_length + origin);
+        }
         let reach = center.abs() * ROUNDING + f64::from(radius) * WIDER;
         ((center - reach) * self.per_length, (center + reach) * self.per_length)
     }
 
-    /// The cells a sphere overlaps.
+    /// The cells a sphere overlaps. On a ring they may count on behind its end; see [`wrap`](Self::wrap).
     #[inline(always)]
-    pub(crate) fn cover(&self, center: Vec3, radius: f32) -> Cover {
-        let (low, high) = self.bounds(center, radius);
+    pub(crate) fn cover<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> Cover {
+        let (low, high) = self.bounds::<PERIODIC>(center, radius);
         // Rounding down after the addition: the cast alone does it. (A `floor` is a call where the target lacks one.)
         let counted = |at: DVec3| (at + f64::from(MIDDLE)).as_uvec3();
         let mut cover = Cover { low: counted(low), high: counted(high) };
@@ -87,12 +151,66 @@ impl Raster {
                 }
             }
         }
+        if PERIODIC {
+            for axis in 0..3 {
+                match i64::from(self.rings.count[axis]) {
+                    0 => {}
+                    1 => (cover.low[axis], cover.high[axis]) = (0, 0),
+                    count => {
+                        let (first, last) = (floor(low[axis]), floor(high[axis]));
+                        let start = first + if first < 0 { count } else { 0 };
+                        let start = start - if start >= count { count } else { 0 };
+                        cover.low[axis] = start as u32;
+                        cover.high[axis] = (start + last - first) as u32;
+                    }
+                }
+            }
+        }
         cover
+    }
+
+    /// The cell itself, where its number counts on behind the end of a ring.
+    #[inline(always)]
+    pub(crate) fn wrap<const PERIODIC: bool>(&self, mut cell: UVec3) -> UVec3 {
+        if PERIODIC {
+            for axis in 0..3 {
+                let count = self.rings.count[axis];
+                cell[axis] -= if count > 0 && cell[axis] >= count { count } else { 0 };
+            }
+        }
+        cell
     }
 
     /// The lowest and the highest cell of any sphere up to `largest` with its centre between these corners.
     pub(crate) fn bounds_of(&self, min: Vec3, max: Vec3, largest: f32) -> (UVec3, UVec3) {
-        (self.cover(min, largest).low, self.cover(max, largest).high)
+        let (mut low, mut high) =
+            (self.cover::<false>(min, largest).low, self.cover::<false>(max, largest).high);
+        for axis in 0..3 {
+            if self.rings.count[axis] > 0 {
+                (low[axis], high[axis]) = (0, self.rings.count[axis] - 1);
+            }
+        }
+        (low, high)
+    }
+
+    /// The longest side of a box, from cells to the unit of length.
+    pub(crate) fn widest(&self, sides: DVec3) -> f64 {
+        (sides / self.rings.per_length).max_element()
+    }
+
+    /// Bounds of that image of a sphere in a cell which lies there; the corner of the cell is in cells.
+    #[inline(always)]
+    pub(crate) fn image_at(&self, corner: DVec3, (mut low, mut high): (DVec3, DVec3)) -> (DVec3, DVec3) {
+        for axis in 0..3 {
+            let turn = f64::from(self.rings.count[axis]);
+            if turn > 1.0 {
+                // A sphere of a cell has its centre within half a ring of the cell's.
+                let away = corner[axis] + 0.5 - 0.5 * (low[axis] + high[axis]);
+                let turn = if away.abs() > 0.5 * turn { turn.copysign(away) } else { 0.0 };
+                (low[axis], high[axis]) = (low[axis] + turn, high[axis] + turn);
+            }
+        }
+        (low, high)
     }
 
     #[inline(always)]
@@ -105,13 +223,22 @@ impl Raster {
         if coordinate > 0.0 { MIDDLE + step } else { MIDDLE - step }
     }
 
-    /// The lower corner of a cell, in cells; `None` on an axis where it is named, so that all coordinates agree.
-    pub(crate) fn corner(cell: UVec3) -> [Option<f64>; 3] {
-        cell.to_array().map(|k| {
-            let counted = k.abs_diff(MIDDLE) < COUNTED + GAP;
-            counted.then_some(f64::from(k) - f64::from(MIDDLE))
+    /// The lower corner of a cell, in cells; `None` on an axis where it is named, so that all coordinates agree, or
+    /// where it is the whole ring.
+    pub(crate) fn corner(&self, cell: UVec3) -> [Option<f64>; 3] {
+        [0, 1, 2].map(|axis| match (self.rings.count[axis], cell[axis]) {
+            (0, k) if k.abs_diff(MIDDLE) < COUNTED + GAP => Some(f64::from(k) - f64::from(MIDDLE)),
+            (0 | 1, _) => None,
+            (_, k) => Some(f64::from(k)),
         })
     }
+}
+
+/// The whole number at or below; not that of `f64`, which is a call where the target lacks it.
+#[inline(always)]
+pub(crate) fn floor(at: f64) -> i64 {
+    let whole = at as i64;
+    whole.saturating_sub(i64::from(at < whole as f64))
 }
 
 /// A box of cells, both corners included.

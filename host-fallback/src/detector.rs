@@ -2,20 +2,25 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64};
 
-use lazygrid_kernels::{Algorithm, Pair, Spheres};
+use lazygrid_kernels::{Algorithm, Pair, Space, Sphere, Spheres};
+use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::array_grid::ArrayGrid;
 use crate::canonical::Canonical;
 use crate::cell_list::CellList;
-use crate::columns::{Columns, reserve};
+use crate::columns::{Columns, GROWTH, reserve, resize};
 use crate::contact::Rule;
 use crate::hash_grid::HashGrid;
 use crate::neighbors::Lists;
 use crate::recursive_grid::RecursiveGrid;
+use crate::simd::Task;
 use crate::sink::{Consume, Count, Output, To, Written};
-use crate::survey::{Survey, check_species};
+use crate::survey::{Survey, check, check_species};
 use crate::{Error, Neighbors, Order, Report, Settings, Simd, choice, naive};
+
+/// Spheres per piece of wrapping.
+const WRAPPED: usize = 1 << 14;
 
 /// Finds overlapping pairs on the CPU, call after call, reusing its buffers.
 #[derive(Debug)]
@@ -29,6 +34,8 @@ pub struct HostDetector {
 #[derive(Debug)]
 struct State {
     report: Report,
+    /// The spheres' images nearest to the origin, where space is periodic.
+    wrapped: Vec<Sphere>,
     columns: Columns,
     cell_list: CellList,
     hash_grid: HashGrid,
@@ -46,6 +53,17 @@ pub(crate) struct Input<'a> {
     pub(crate) survey: Survey,
     pub(crate) settings: &'a Settings,
     pub(crate) simd: Simd,
+}
+
+impl Input<'_> {
+    /// Runs comparisons in the vector code of the settings, between nearest images where space is periodic.
+    pub(crate) fn run<T: Task>(&self, task: T) -> T::Result {
+        self.simd.run(task, self.rule.images())
+    }
+
+    pub(crate) fn is_periodic(&self) -> bool {
+        self.settings.space.is_periodic()
+    }
 }
 
 impl HostDetector {
@@ -67,6 +85,7 @@ impl HostDetector {
         let report = Report { algorithm: settings.algorithm, ..Report::default() };
         let state = State {
             report,
+            wrapped: Vec::new(),
             columns: Columns::default(),
             cell_list: CellList::default(),
             hash_grid: HashGrid::default(),
@@ -148,13 +167,18 @@ impl HostDetector {
     /// An upper estimate of the bytes held for `spheres` spheres, besides the result.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let ratio = self.settings.raster_ratio;
-        match self.settings.algorithm {
+        let wrapped = match self.settings.space.is_periodic() {
+            true => (spheres + spheres / GROWTH as u64) * size_of::<Sphere>() as u64,
+            false => 0,
+        };
+        let own = match self.settings.algorithm {
             Algorithm::Naive => spheres * (Columns::BYTES_PER_SPHERE + 4),
             Algorithm::HashGrid => HashGrid::memory_for(spheres, ratio),
             Algorithm::ArrayGrid => ArrayGrid::memory_for(spheres, ratio),
             Algorithm::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio),
             _ => CellList::memory_for(spheres),
-        }
+        };
+        own + wrapped
     }
 
     /// The pairs of the last list, without a copy.
@@ -173,20 +197,43 @@ impl HostDetector {
             state.report = Report { spheres: spheres.len() as u64, ..Report::default() };
             let interactions = settings.interactions.as_ref();
             check_species(spheres, interactions)?;
-            let rule = Rule::new(spheres, interactions);
-            let survey = state.report.time("survey", || Survey::of(&rule))?;
+            let mut wrapped = std::mem::take(&mut state.wrapped);
+            let near = match settings.space.is_periodic() {
+                true => state.report.time("wrap", || wrap(spheres, &settings.space, &mut wrapped))?,
+                false => spheres,
+            };
+            let rule = Rule::new(near, interactions).in_space(settings.space);
+            let survey = state.report.time("survey", || Survey::of(&rule));
+            // What is wrong is said of the spheres as they were given.
+            let survey = survey.or_else(|error| check(spheres).and(Err(error)))?;
             let (algorithm, reason) = choice::choose(settings.algorithm, &survey);
             log::debug!("{reason}");
             (state.report.algorithm, state.report.reason) = (algorithm, reason);
             let input = Input { rule, survey, settings, simd: settings.simd };
             state.build(&input)?;
-            work(state, &input)
+            work(state, &input)?;
+            state.wrapped = wrapped;
+            Ok(())
         };
         match pool {
             Some(pool) => pool.install(task),
             None => task(),
         }
     }
+}
+
+/// Writes the spheres' images nearest to the origin.
+fn wrap<'w>(spheres: Spheres<'w>, space: &Space, wrapped: &'w mut Vec<Sphere>) -> Result<Spheres<'w>, Error> {
+    reserve(wrapped, spheres.len(), "wrapped spheres")?;
+    resize(wrapped, spheres.len());
+    wrapped.par_chunks_mut(WRAPPED).enumerate().for_each(|(piece, targets)| {
+        for (k, target) in targets.iter_mut().enumerate() {
+            let Sphere { center, radius } = spheres.get(piece * WRAPPED + k);
+            *target = Sphere { center: space.wrap(center), radius };
+        }
+    });
+    let near = Spheres::from(&*wrapped);
+    Ok(spheres.species().map_or(Ok(near), |ids| near.with_species(ids))?)
 }
 
 impl State {
@@ -208,9 +255,7 @@ impl State {
     fn search<'o, O: Output>(&mut self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
         let Self { report, columns, cell_list, hash_grid, array_grid, recursive_grid, .. } = self;
         match report.algorithm {
-            Algorithm::Naive => {
-                report.time("search", || naive::search(input.simd, columns, &input.rule, output))
-            }
+            Algorithm::Naive => report.time("search", || naive::search(input, columns, output)),
             Algorithm::HashGrid => report.time("search", || hash_grid.search(input, output)),
             Algorithm::ArrayGrid => report.time("search", || array_grid.search(input, output)),
             Algorithm::RecursiveGrid => report.time("search", || recursive_grid.search(input, output)),

@@ -85,8 +85,15 @@ pub(crate) trait Visit {
 impl Entries {
     /// Writes and sorts the entries.
     pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
+        match input.is_periodic() {
+            true => self.build_in::<true>(input, report),
+            false => self.build_in::<false>(input, report),
+        }
+    }
+
+    fn build_in<const PERIODIC: bool>(&mut self, input: &Input<'_>, report: &mut Report) {
         let survey = &input.survey;
-        self.raster = Raster::new(survey, input.settings.raster_ratio);
+        self.raster = Raster::new(survey, input.settings.raster_ratio, input.rule.lengths());
         if survey.spheres > 0 {
             let largest = survey.largest_radius();
             let (low, high) = self.raster.bounds_of(survey.min, survey.max, largest);
@@ -95,15 +102,16 @@ impl Entries {
         let Self { raster, packing, offsets, narrow, wide } = self;
         let sphere = |k: usize| {
             let (center, radius) = input.rule.effective(k as u32);
-            (raster.cover(center, radius), HOME, k as u32)
+            (raster.cover::<PERIODIC>(center, radius), HOME, k as u32)
         };
+        let place = |cell| raster.wrap::<PERIODIC>(cell);
         if packing.is_narrow() {
             wide.entries.clear();
-            report.time("map", || fill(survey.spheres, sphere, *packing, (narrow, offsets)));
+            report.time("map", || fill(survey.spheres, (sphere, place), *packing, (narrow, offsets)));
             report.time("sort", || narrow.sort(packing.bits()));
         } else {
             narrow.entries.clear();
-            report.time("map", || fill(survey.spheres, sphere, *packing, (wide, offsets)));
+            report.time("map", || fill(survey.spheres, (sphere, place), *packing, (wide, offsets)));
             report.time("sort", || wide.sort(packing.bits()));
         }
         log::trace!("{} entries, {} key bits", narrow.entries.len() + wide.entries.len(), packing.bits());
@@ -131,17 +139,20 @@ pub(crate) fn most_cells(ratio: f32) -> u64 {
 
 /// Writes an entry for every cell that each of `n` spheres overlaps, sphere by sphere. `sphere` tells what the `k`-th
 /// covers, the most that its classes can have, and its id; where there are many it is asked twice, to count first.
+/// `place` tells the cell from one that is covered.
 pub(crate) fn fill<K: Key>(
     n: usize,
-    sphere: impl Fn(usize) -> (Cover, u8, u32) + Sync,
+    (sphere, place): (impl Fn(usize) -> (Cover, u8, u32) + Sync, impl Fn(UVec3) -> UVec3 + Sync),
     packing: Packing,
     (radix, offsets): (&mut Radix<K>, &mut Vec<usize>),
 ) {
     let entries = &mut radix.entries;
     if n <= PIECE {
         entries.clear();
-        for (cover, most, id) in (0..n).map(sphere) {
-            cover.for_each(|cell, class| entries.push(Entry { key: packing.key(cell, class & most), id }));
+        for (cover, most, id) in (0..n).map(&sphere) {
+            cover.for_each(|cell, class| {
+                entries.push(Entry { key: packing.key(place(cell), class & most), id })
+            });
         }
         return;
     }
@@ -155,7 +166,7 @@ pub(crate) fn fill<K: Key>(
         for (cover, most, id) in range(piece).map(&sphere) {
             cover.for_each(|cell, class| {
                 if let Some(slot) = slots.next() {
-                    *slot = Entry { key: packing.key(cell, class & most), id };
+                    *slot = Entry { key: packing.key(place(cell), class & most), id };
                 }
             });
         }

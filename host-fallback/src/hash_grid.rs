@@ -59,35 +59,42 @@ type UVec3Key = [u32; 3];
 impl HashGrid {
     /// Builds for these spheres: counts the entries, sizes the table, inserts.
     pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
-        let raster = report.time("count", || self.count(input));
+        match input.is_periodic() {
+            true => self.build_in::<true>(input, report),
+            false => self.build_in::<false>(input, report),
+        }
+    }
+
+    fn build_in<const PERIODIC: bool>(&mut self, input: &Input<'_>, report: &mut Report) {
+        let raster = report.time("count", || self.count::<PERIODIC>(input));
         let total = self.offsets.last().copied().unwrap_or(0);
         report.time("insert", || {
             let chains = total.next_power_of_two().max(2);
             self.heads.resize_with(chains, AtomicU32::default);
             self.heads.par_iter_mut().for_each(|head| *head.get_mut() = END);
             self.entries.resize(total, Linked::default());
-            self.insert(input, &raster);
+            self.insert::<PERIODIC>(input, &raster);
         });
         log::trace!("{total} entries");
     }
 
     /// Counts entries, piece by piece, in cells large enough that 32 bits number the entries.
-    fn count(&mut self, input: &Input<'_>) -> Raster {
-        let mut raster = Raster::new(&input.survey, input.settings.raster_ratio);
+    fn count<const PERIODIC: bool>(&mut self, input: &Input<'_>) -> Raster {
+        let mut raster = Raster::new(&input.survey, input.settings.raster_ratio, input.rule.lengths());
         loop {
-            let count =
-                |piece| spheres(input, piece).map(|id| cover(input, &raster, id).cells()).sum::<usize>();
+            let cells = |id| cover::<PERIODIC>(input, &raster, id).cells();
+            let count = |piece| spheres(input, piece).map(cells).sum::<usize>();
             let pieces = input.survey.spheres.div_ceil(PIECE);
             (0..pieces).into_par_iter().map(count).collect_into_vec(&mut self.offsets);
             if accumulate(&mut self.offsets) < END as usize {
                 return raster;
             }
-            raster = Raster::of_edge(2.0 * raster.edge());
+            raster = raster.coarser(input.rule.lengths());
         }
     }
 
     /// Hangs every entry at the head of its chain; threads swap heads without locks.
-    fn insert(&mut self, input: &Input<'_>, raster: &Raster) {
+    fn insert<const PERIODIC: bool>(&mut self, input: &Input<'_>, raster: &Raster) {
         let Self { heads, entries, offsets, .. } = self;
         let ends = offsets.iter().copied();
         let shift = shift(heads.len());
@@ -95,7 +102,8 @@ impl HashGrid {
             let mut number = if piece == 0 { 0 } else { offsets[piece - 1] as u32 };
             let mut slots = target.iter_mut();
             for id in spheres(input, piece) {
-                cover(input, raster, id).for_each(|cell, class| {
+                cover::<PERIODIC>(input, raster, id).for_each(|cell, class| {
+                    let cell = raster.wrap::<PERIODIC>(cell);
                     if let Some(slot) = slots.next() {
                         let next = heads[chain_of(cell, shift)].swap(number, Relaxed);
                         *slot = Linked { cell, class: u32::from(class), id, next };
@@ -176,9 +184,9 @@ fn spheres(input: &Input<'_>, piece: usize) -> Range<u32> {
 }
 
 #[inline(always)]
-fn cover(input: &Input<'_>, raster: &Raster, id: u32) -> Cover {
+fn cover<const PERIODIC: bool>(input: &Input<'_>, raster: &Raster, id: u32) -> Cover {
     let (center, radius) = input.rule.effective(id);
-    raster.cover(center, radius)
+    raster.cover::<PERIODIC>(center, radius)
 }
 
 /// How far a 64-bit hash is moved down to number `chains` chains, a power of two and at least 2.

@@ -1,6 +1,7 @@
 //! Test support: inputs that grids find hard, and the judgement of a detector by all pairs on each of them.
 
-use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Sphere, Spheres};
+use glam::Vec3;
+use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
 use crate::{HostDetector, Order, Settings};
 
@@ -104,6 +105,18 @@ fn reactions() -> Interactions {
     table
 }
 
+/// Spaces that some spheres fill, overfill, or lie in a corner of.
+fn spaces(spheres: &[Sphere]) -> Vec<Space> {
+    let corners = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let (min, max) = spheres.iter().fold(corners, |(a, b), s| (a.min(s.center), b.max(s.center)));
+    let extent = (max.as_dvec3() - min.as_dvec3()).max_element().max(1e-44);
+    let space = |shares: [f64; 3]| {
+        let length = |share: f64| (share > 0.0).then_some((share * extent).min(f64::from(f32::MAX)) as f32);
+        Space::periodic(shares.map(length)).unwrap_or_default()
+    };
+    [[1.0, 1.0, 1.0], [0.37, 0.0, 0.81], [0.0, 0.0, 0.11], [3.0, 1.7, 0.02]].map(space).into()
+}
+
 /// The pairs of `spheres` as `settings` say.
 pub(crate) fn pairs(spheres: Spheres<'_>, settings: &Settings) -> Vec<Pair> {
     let mut detector = HostDetector::new(settings.clone()).expect("settings within range");
@@ -117,6 +130,24 @@ pub(crate) fn pairs(spheres: Spheres<'_>, settings: &Settings) -> Vec<Pair> {
 /// Judges a detector on every input with these settings, alone and on several threads, with and without species.
 pub(crate) fn judge(settings: &Settings) {
     for (name, spheres) in inputs() {
+        for space in spaces(&spheres) {
+            let with = |algorithm, threads| Settings {
+                algorithm,
+                space,
+                threads: Some(threads),
+                ..settings.clone()
+            };
+            let expected = pairs((&spheres).into(), &with(Algorithm::Naive, 1));
+            for threads in [1, 2] {
+                let found = pairs((&spheres).into(), &with(settings.algorithm, threads));
+                assert!(
+                    found == expected,
+                    "{name}, {space:?}, {settings:?}: {} pairs, not {}",
+                    found.len(),
+                    expected.len()
+                );
+            }
+        }
         let species: Vec<u32> = (0..3).cycle().take(spheres.len()).collect();
         let plain = Spheres::from(&spheres);
         let with_species = plain.with_species(&species).expect("one id per sphere");

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 
 use crate::columns::Columns;
 use crate::contact::{Rule, scan};
-use crate::simd::{Simd, Task, Vector};
+use crate::detector::Input;
+use crate::simd::{Task, Vector};
 use crate::sink::{Output, Sink};
 
 /// Spheres per tile: the columns of two tiles, 40 KiB, stay in the first-level cache's reach.
@@ -34,19 +35,14 @@ impl<S: Sink> Task for Tile<'_, S> {
 }
 
 /// Finds all pairs among the spheres of `columns`, in tiles spread over the threads.
-pub(crate) fn search<'o, O: Output>(
-    simd: Simd,
-    columns: &Columns,
-    rule: &Rule<'_>,
-    output: &'o O,
-) -> O::Sink<'o> {
+pub(crate) fn search<'o, O: Output>(input: &Input<'_>, columns: &Columns, output: &'o O) -> O::Sink<'o> {
     let tiles = columns.len().div_ceil(TILE);
     let range = |tile: usize| tile * TILE..columns.len().min((tile + 1) * TILE);
     let row = |mut sink: O::Sink<'o>, a: usize| {
         for b in a..tiles {
             if !sink.stopped() {
                 let sink = &mut sink;
-                simd.run(Tile { columns, rule, a: range(a), b: range(b), sink });
+                input.run(Tile { columns, rule: &input.rule, a: range(a), b: range(b), sink });
             }
         }
         sink

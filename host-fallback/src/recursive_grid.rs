@@ -105,22 +105,39 @@ impl Split {
         }
     }
 
-    /// The corners of the box around the small spheres' centres, and the largest of their radii.
-    fn extent(&self) -> Extent {
-        let empty = Extent { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY, radius: 0.0 };
-        self.small.iter().fold(empty, |extent, member| Extent {
-            min: extent.min.min(member.center),
-            max: extent.max.max(member.center),
-            radius: extent.radius.max(member.radius),
-        })
+    /// Where the small spheres lie, seen from this cell.
+    fn extent<const PERIODIC: bool>(&self, raster: &Raster, cell: &Cell) -> Extent {
+        let radius = self.small.iter().fold(0.0_f32, |radius, member| radius.max(member.radius));
+        if PERIODIC {
+            let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+            let ([low, min], [high, max]) =
+                self.small.iter().fold(([empty.0; 2], [empty.1; 2]), |([low, min], [high, max]), member| {
+                    let (from, to) = cell.bounds::<true>(raster, member);
+                    let center = 0.5 * (from + to);
+                    ([low.min(from), min.min(center)], [high.max(to), max.max(center)])
+                });
+            return Extent { low, high, wide: raster.widest(max - min), radius };
+        }
+        let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (min, max) = self
+            .small
+            .iter()
+            .fold(empty, |(min, max), member| (min.min(member.center), max.max(member.center)));
+        let wide = (max.as_dvec3() - min.as_dvec3()).max_element();
+        let (low, high) = (raster.bounds::<false>(min, radius).0, raster.bounds::<false>(max, radius).1);
+        Extent { low, high, wide, radius }
     }
 }
 
-/// Where the centres of some spheres lie, and the largest of their radii.
+/// Where some spheres lie.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
-    min: Vec3,
-    max: Vec3,
+    /// Corners of a box around them, in cells of the top raster.
+    low: DVec3,
+    high: DVec3,
+    /// How far apart their centres lie along any axis.
+    wide: f64,
+    /// The largest of their radii.
     radius: f32,
 }
 
@@ -141,15 +158,16 @@ struct Cell {
     top: DVec3,
     /// How many cells of this size a top cell has per axis, a power of two.
     fineness: f64,
-    /// The same, but zero on an axis on which all spheres of the top cell have one coordinate.
+    /// The same, but zero on an axis on which all spheres of the top cell have one coordinate, or which is a ring of
+    /// one cell.
     scale: DVec3,
     /// This cell, counted from the top cell's corner.
     corner: DVec3,
 }
 
 impl Cell {
-    fn top(cell: UVec3) -> Self {
-        let corner = Raster::corner(cell);
+    fn top(raster: &Raster, cell: UVec3) -> Self {
+        let corner = raster.corner(cell);
         let top = DVec3::from_array(corner.map(|at| at.unwrap_or(0.0)));
         let scale = DVec3::from_array(corner.map(|at| f64::from(u8::from(at.is_some()))));
         Self { top, fineness: 1.0, scale, corner: DVec3::ZERO }
@@ -159,6 +177,13 @@ impl Cell {
     fn finer(&self, parts: f64, at: DVec3) -> Self {
         let (fineness, scale) = (self.fineness * parts, self.scale * parts);
         Self { top: self.top, fineness, scale, corner: self.corner * parts + at }
+    }
+
+    /// Lower and upper corner of the box around a sphere that is in this cell, in cells of the top raster.
+    #[inline(always)]
+    fn bounds<const PERIODIC: bool>(&self, raster: &Raster, member: &Member) -> (DVec3, DVec3) {
+        let bounds = raster.bounds::<PERIODIC>(member.center, member.radius);
+        if PERIODIC { raster.image_at(self.top, bounds) } else { bounds }
     }
 
     /// In which of the `parts` finer cells per axis a coordinate of the top raster lies; the first or the last where
@@ -183,7 +208,10 @@ impl RecursiveGrid {
 
     /// Finds all pairs.
     pub(crate) fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
-        self.entries.visit(Search { grid: self, input, output })
+        match input.is_periodic() {
+            true => self.entries.visit(Search::<O, true> { grid: self, input, output }),
+            false => self.entries.visit(Search::<O, false> { grid: self, input, output }),
+        }
     }
 
     /// An upper estimate of the bytes held for `spheres` spheres.
@@ -192,21 +220,21 @@ impl RecursiveGrid {
     }
 }
 
-struct Search<'s, 'o, O> {
+struct Search<'s, 'o, O, const PERIODIC: bool> {
     grid: &'s RecursiveGrid,
     input: &'s Input<'s>,
     output: &'o O,
 }
 
-impl<'o, O: Output> Visit for Search<'_, 'o, O> {
+impl<'o, O: Output, const PERIODIC: bool> Visit for Search<'_, 'o, O, PERIODIC> {
     type Result = O::Sink<'o>;
 
     fn visit<K: Key>(self, entries: &[Entry<K>], packing: Packing) -> O::Sink<'o> {
-        self.level(entries, |key| Cell::top(packing.cell(key)), self.output.open())
+        self.level(entries, |key| Cell::top(&self.grid.entries.raster, packing.cell(key)), self.output.open())
     }
 }
 
-impl<'o, O: Output> Search<'_, 'o, O> {
+impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
     /// Finds the pairs of all cells of one raster; `cell` tells a cell from a key.
     fn level<K: Key>(
         &self,
@@ -267,7 +295,7 @@ impl<'o, O: Output> Search<'_, 'o, O> {
         let mut limit = edge / 4.0;
         loop {
             split.part(limit);
-            let extent = split.extent();
+            let extent = split.extent::<PERIODIC>(&self.grid.entries.raster, &cell);
             let few = split.small.len() <= self.tau();
             let step = if few { Step::Stop } else { step(&cell, edge, split.small.len(), &extent) };
             if let Step::Stop = step {
@@ -294,16 +322,16 @@ impl<'o, O: Output> Search<'_, 'o, O> {
         let Split { small, finer, offsets, .. } = split;
         let raster = &self.grid.entries.raster;
         // One cell more on either side, for what rounding may do.
-        let first = cell.part(raster.bounds(extent.min, extent.radius).0, parts) - 1.0;
-        let last = cell.part(raster.bounds(extent.max, extent.radius).1, parts) + 1.0;
+        let first = cell.part(extent.low, parts) - 1.0;
+        let last = cell.part(extent.high, parts) + 1.0;
         let packing = Packing::new(UVec3::ZERO, (last - first).as_uvec3());
         let sphere = |k: usize| {
             let member = &small[k];
-            let (low, high) = raster.bounds(member.center, member.radius);
+            let (low, high) = cell.bounds::<PERIODIC>(raster, member);
             let within = |at| (cell.part(at, parts) - first).as_uvec3();
             (Cover { low: within(low), high: within(high) }, member.class, member.id)
         };
-        fill(small.len(), sphere, packing, (finer, offsets));
+        fill(small.len(), (sphere, |at| at), packing, (finer, offsets));
         finer.sort(packing.bits());
         let cell = |key: u32| cell.finer(parts, first + packing.cell(key).as_dvec3());
         self.level(&finer.entries, cell, sink)
@@ -312,7 +340,7 @@ impl<'o, O: Output> Search<'_, 'o, O> {
 
 /// Decides by the number, the extent and the sizes of the small spheres in a cell of this edge.
 fn step(cell: &Cell, edge: f64, count: usize, extent: &Extent) -> Step {
-    let wide = (extent.max.as_dvec3() - extent.min.as_dvec3()).max_element();
+    let wide = extent.wide;
     // Centres of a cell's small spheres lie within an edge and a half; farther ones are here by rounding, and no split
     // parts them.
     if wide == 0.0 || wide > 2.0 * edge {

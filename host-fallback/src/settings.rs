@@ -1,4 +1,4 @@
-use lazygrid_kernels::{Algorithm, Interactions};
+use lazygrid_kernels::{Algorithm, Interactions, Space};
 
 use crate::{Error, Simd};
 
@@ -32,6 +32,8 @@ pub struct Settings {
     pub max_pairs: u64,
     /// Which species pair, and at which distance; `None`: all that touch.
     pub interactions: Option<Interactions>,
+    /// Along which axes space is periodic.
+    pub space: Space,
 }
 
 impl Settings {
@@ -72,6 +74,7 @@ impl Default for Settings {
             raster_ratio: Self::RASTER_RATIO,
             max_pairs: Self::MAX_PAIRS,
             interactions: None,
+            space: Space::UNBOUNDED,
         }
     }
 }

@@ -64,6 +64,16 @@ pub enum InputError {
         "interactions are set but the spheres have no species ids; add them with `Spheres::with_species`"
     )]
     SpeciesMissing,
+    /// A length of a periodic axis that is no length.
+    #[error(
+        "the length {length} of the periodic axis {axis} must be finite and above 0; leave an unbounded axis out"
+    )]
+    Period {
+        /// Which axis: `x`, `y` or `z`.
+        axis: char,
+        /// The length given.
+        length: f32,
+    },
     /// An interaction distance that is negative or not finite.
     #[error("the interaction distance {distance} of species {a} and {b} must be finite and not negative")]
     Distance {

@@ -5,6 +5,7 @@
 //!
 //! * [`Sphere`], [`Spheres`] — input, as rows or as columns, without copying;
 //! * [`Interactions`] — which species may pair, and at which distance;
+//! * [`Space`] — unbounded, or periodic along some axes;
 //! * [`Pair`] — one overlapping pair, smaller index first;
 //! * [`Algorithm`] — the detectors by name;
 //! * [`InputError`] — what can be wrong with an input;
@@ -16,10 +17,12 @@ mod interactions;
 pub mod kernel;
 pub mod layout;
 mod pair;
+mod space;
 mod sphere;
 
 pub use algorithm::Algorithm;
 pub use error::InputError;
 pub use interactions::{Interaction, Interactions, Reach};
 pub use pair::Pair;
+pub use space::Space;
 pub use sphere::{MAX_SPHERES, Sphere, Spheres};

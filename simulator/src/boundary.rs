@@ -1,5 +1,9 @@
 //! Where particles may be: unbounded space, walls that reflect, or periodic images, axis by axis.
 
+use lazygrid::Space;
+
+use crate::Error;
+
 /// What bounds an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Axis {
@@ -49,7 +53,7 @@ impl Axis {
     pub(crate) fn offset_exact(self, d: f64) -> f64 {
         match self {
             Self::Periodic { low, high } => {
-                let length = f64::from(high) - f64::from(low);
+                let length = f64::from(high - low);
                 d - length * (d / length).round()
             }
             _ => d,
@@ -90,6 +94,18 @@ impl Boundary {
     /// Whether space is unbounded.
     pub fn is_open(&self) -> bool {
         self.axes == [Axis::Open; 3]
+    }
+
+    /// The space that the detector searches.
+    ///
+    /// # Errors
+    /// [`Error::Detection`] for a box without extent.
+    pub fn space(&self) -> Result<Space, Error> {
+        let lengths = self.axes.map(|axis| match axis {
+            Axis::Periodic { low, high } => Some(high - low),
+            _ => None,
+        });
+        Ok(Space::periodic(lengths).map_err(lazygrid::Error::from)?)
     }
 
     /// A position, put back where it may be.

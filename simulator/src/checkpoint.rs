@@ -33,7 +33,12 @@ impl Checkpoint {
     pub fn write(&self, path: &Path) -> Result<(), Error> {
         let write = || -> std::io::Result<()> {
             let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
-            let mut file = tempfile::Builder::new().prefix(".checkpoint-").tempfile_in(directory)?;
+            let mut builder = tempfile::Builder::new();
+            builder.prefix(".checkpoint-");
+            // A temporary file is private by default, but the file that it becomes is an ordinary one.
+            #[cfg(unix)]
+            builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+            let mut file = builder.tempfile_in(directory)?;
             let bytes = postcard::to_extend(self, MAGIC.to_vec()).map_err(std::io::Error::other)?;
             file.write_all(&bytes)?;
             file.as_file().sync_data()?;

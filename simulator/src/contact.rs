@@ -74,9 +74,9 @@ impl Contacts {
         };
         let chunks: Vec<Vec<_>> =
             pairs.par_chunks(TASK).map(|pairs| pairs.iter().filter_map(overlap).collect()).collect();
-        let overlaps = chunks.concat();
+        let mut overlaps = chunks.concat();
         let mut settled = 0;
-        matching.rounds(&overlaps, particles.len(), Afterwards::Queued, |turn| {
+        matching.rounds(&mut overlaps, particles.len(), Afterwards::Queued, |overlaps, turn| {
             let settle =
                 |&c: &u32| Some((c, self.settle_one(particles, &overlaps[c as usize], (key, step))?));
             let results: Vec<_> = turn.par_iter().with_min_len(256).filter_map(settle).collect();

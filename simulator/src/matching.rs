@@ -49,84 +49,87 @@ pub enum Afterwards {
 /// Finds rounds of candidates that do not get in each other's way.
 #[derive(Debug, Default)]
 pub struct Matching {
-    /// By place of a particle: the best candidate so far, or one of the values below.
+    /// By place of a particle: one more than the place of the best candidate so far, or one of the values below.
     best: Vec<AtomicU32>,
-    active: Vec<u32>,
 }
 
 const NONE: u32 = u32::MAX;
-const TAKEN: u32 = u32::MAX - 1;
+const TAKEN: u32 = 0;
 
 /// Fewer candidates than this are not worth a task.
 const TASK: usize = 1024;
+/// Candidates come window by window, from the best on, with one candidate for so many particles, so that few in a
+/// window wait for each other. That changes nothing but the time it takes.
+const PARTICLES_PER_CANDIDATE: usize = 8;
 
 impl Matching {
-    /// Goes through the rounds of these candidates among `particles` particles and hands each round over, as places
-    /// in `candidates` in ascending order.
+    /// Sorts the candidates among `particles` particles from the best to the worst, goes through the rounds, and hands
+    /// each over, as places in `candidates` in ascending order.
     pub fn rounds(
         &mut self,
-        candidates: &[Candidate],
+        candidates: &mut [Candidate],
         particles: usize,
         afterwards: Afterwards,
-        mut turn: impl FnMut(&[u32]),
+        mut turn: impl FnMut(&[Candidate], &[u32]),
     ) {
         if self.best.len() < particles {
             self.best.resize_with(particles, || AtomicU32::new(NONE));
         }
-        let Self { best, active } = self;
-        active.clear();
-        active.extend(0..candidates.len() as u32);
-        while !active.is_empty() {
-            active.par_iter().with_min_len(TASK).for_each(|&c| propose(best, candidates, c));
-            let wins =
-                |c: &u32| candidates[*c as usize].claimed().all(|p| best[p].load(Ordering::Relaxed) == *c);
-            let winners: Vec<u32> = active.par_iter().with_min_len(TASK).copied().filter(wins).collect();
-            turn(&winners);
-            let left: Vec<u32> = match afterwards {
-                Afterwards::Dropped => {
-                    mark(best, candidates, &winners, TAKEN);
-                    let free = |c: &u32| {
-                        candidates[*c as usize].claimed().all(|p| best[p].load(Ordering::Relaxed) != TAKEN)
+        candidates.par_sort_unstable_by_key(Candidate::key);
+        let (best, candidates) = (&self.best, &*candidates);
+        let window = (particles / PARTICLES_PER_CANDIDATE).max(TASK);
+        for first in (0..candidates.len()).step_by(window) {
+            let last = (first + window).min(candidates.len());
+            let mut active: Vec<u32> = (first as u32..last as u32).collect();
+            while !active.is_empty() {
+                let claimed = |c: u32| candidates[c as usize].claimed().map(|p| &best[p]);
+                let in_parallel = || active.par_iter().with_min_len(TASK).copied();
+                in_parallel().for_each(|c| {
+                    claimed(c).for_each(|p| {
+                        p.fetch_min(c + 1, Ordering::Relaxed);
+                    });
+                });
+                let wins = |c: &u32| claimed(*c).all(|p| p.load(Ordering::Relaxed) == c + 1);
+                let winners: Vec<u32> = in_parallel().filter(wins).collect();
+                let waits = |c: &u32| match afterwards {
+                    // Where a better one was taken before, this one is dropped.
+                    Afterwards::Dropped => {
+                        !wins(c) && claimed(*c).all(|p| p.load(Ordering::Relaxed) != TAKEN)
+                    }
+                    Afterwards::Queued => !wins(c),
+                };
+                let left: Vec<u32> = in_parallel().filter(waits).collect();
+                turn(candidates, &winners);
+                // Losers first: a winner's particles are taken whoever else claimed them.
+                in_parallel().for_each(|c| {
+                    let clear = |p: &AtomicU32| {
+                        let _ = p.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |there| {
+                            (there != TAKEN).then_some(NONE)
+                        });
                     };
-                    active.par_iter().with_min_len(TASK).copied().filter(free).collect()
+                    claimed(c).for_each(clear);
+                });
+                if afterwards == Afterwards::Dropped {
+                    let taken = winners.par_iter().with_min_len(TASK);
+                    taken.for_each(|&c| claimed(c).for_each(|p| p.store(TAKEN, Ordering::Relaxed)));
                 }
-                Afterwards::Queued => {
-                    active.par_iter().with_min_len(TASK).copied().filter(|c| !wins(c)).collect()
-                }
-            };
-            mark(best, candidates, if afterwards == Afterwards::Dropped { &left } else { active }, NONE);
-            *active = left;
+                active = left;
+            }
         }
         // Nothing is left behind for the next call.
-        candidates.iter().flat_map(Candidate::claimed).for_each(|p| *best[p].get_mut() = NONE);
+        let all = candidates.par_iter().with_min_len(TASK);
+        all.for_each(|c| c.claimed().for_each(|p| best[p].store(NONE, Ordering::Relaxed)));
     }
 
-    /// The candidates that have their turn where a particle has one, as places in ascending order.
-    pub fn greedy(&mut self, candidates: &[Candidate], particles: usize) -> Vec<u32> {
+    /// Sorts the candidates, and says which have their turn where a particle has one, as ascending places.
+    pub fn greedy(&mut self, candidates: &mut [Candidate], particles: usize) -> Vec<u32> {
         let mut chosen = Vec::new();
-        self.rounds(candidates, particles, Afterwards::Dropped, |winners| chosen.extend_from_slice(winners));
+        self.rounds(candidates, particles, Afterwards::Dropped, |_, winners| {
+            chosen.extend_from_slice(winners)
+        });
         chosen.sort_unstable();
         chosen
     }
-}
-
-/// Enters a candidate at its particles where it is better than what is there.
-fn propose(best: &[AtomicU32], candidates: &[Candidate], candidate: u32) {
-    let own = &candidates[candidate as usize];
-    for particle in own.claimed() {
-        let better = |there: u32| {
-            let wins = there == NONE || own.key() < candidates[there as usize].key();
-            wins.then_some(candidate)
-        };
-        // An error says that a better one is there already.
-        let _ = best[particle].fetch_update(Ordering::Relaxed, Ordering::Relaxed, better);
-    }
-}
-
-fn mark(best: &[AtomicU32], candidates: &[Candidate], which: &[u32], mark: u32) {
-    which.par_iter().with_min_len(TASK).for_each(|&c| {
-        candidates[c as usize].claimed().for_each(|p| best[p].store(mark, Ordering::Relaxed));
-    });
 }
 
 #[cfg(test)]
@@ -135,8 +138,8 @@ mod tests {
 
     use super::*;
 
-    /// From the best to the worst, each that finds its particles free.
-    fn sequential(candidates: &[Candidate]) -> Vec<u32> {
+    /// From the best to the worst, each that finds its particles free, by ids.
+    fn sequential(candidates: &[Candidate]) -> Vec<[u32; 2]> {
         let mut order: Vec<u32> = (0..candidates.len() as u32).collect();
         order.sort_by_key(|&c| candidates[c as usize].key());
         let mut taken = std::collections::HashSet::new();
@@ -144,10 +147,9 @@ mod tests {
         for c in order {
             if candidates[c as usize].claimed().all(|p| !taken.contains(&p)) {
                 taken.extend(candidates[c as usize].claimed());
-                chosen.push(c);
+                chosen.push(candidates[c as usize].ids);
             }
         }
-        chosen.sort_unstable();
         chosen
     }
 
@@ -177,18 +179,22 @@ mod tests {
         #[test]
         fn equals_the_sequential_greedy(candidates in candidates()) {
             let mut matching = Matching::default();
-            prop_assert_eq!(matching.greedy(&candidates, 41), sequential(&candidates));
-            // What a call leaves behind must not disturb the next one.
-            let mut reversed = candidates;
-            reversed.reverse();
-            prop_assert_eq!(matching.greedy(&reversed, 41), sequential(&reversed));
+            let mut shuffled = candidates.clone();
+            shuffled.reverse();
+            let expected = sequential(&candidates);
+            for mut candidates in [candidates, shuffled] {
+                // What a call leaves behind must not disturb the next one.
+                let chosen = matching.greedy(&mut candidates, 41);
+                let ids: Vec<_> = chosen.iter().map(|&c| candidates[c as usize].ids).collect();
+                prop_assert_eq!(&ids, &expected);
+            }
         }
 
         #[test]
-        fn a_queue_goes_by_priority_at_every_particle(candidates in candidates()) {
+        fn a_queue_goes_by_priority_at_every_particle(mut candidates in candidates()) {
             let mut last = vec![None; 41];
             let mut turns = 0;
-            Matching::default().rounds(&candidates, 41, Afterwards::Queued, |winners| {
+            Matching::default().rounds(&mut candidates, 41, Afterwards::Queued, |candidates, winners| {
                 for &c in winners {
                     turns += 1;
                     for p in candidates[c as usize].claimed() {
@@ -212,6 +218,8 @@ mod tests {
         let mut all: Vec<_> = (0..40_000).map(candidate).collect();
         all.sort_unstable_by_key(|c| c.ids);
         all.dedup_by_key(|c| c.ids);
-        assert_eq!(Matching::default().greedy(&all, 10_000), sequential(&all));
+        let expected = sequential(&all);
+        let chosen = Matching::default().greedy(&mut all, 10_000);
+        assert_eq!(chosen.iter().map(|&c| all[c as usize].ids).collect::<Vec<_>>(), expected);
     }
 }

@@ -95,6 +95,7 @@ impl Simulation {
             None => None,
             Some(table) => {
                 let config = Config::default().backend(Backend::Cpu).algorithm(algorithm);
+                let config = config.space(model.boundary.space()?);
                 Some(Detector::new(config.order(Order::Unordered).interactions(table))?)
             }
         };
@@ -234,8 +235,8 @@ impl Simulation {
         }
         let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
         self.state.totals.pairs = pairs.len() as u64;
-        let candidates = self.reactions.candidates(particles, pairs, key, step);
-        let chosen = self.matching.greedy(&candidates, particles.len());
+        let mut candidates = self.reactions.candidates(particles, pairs, key, step);
+        let chosen = self.matching.greedy(&mut candidates, particles.len());
         // All outcomes are found before any is applied, since a catalyst may be in several.
         let outcomes: Vec<_> = chosen
             .iter()

@@ -5,6 +5,7 @@ mod expected;
 mod files;
 mod interactions;
 mod limits;
+mod periodic;
 mod properties;
 mod results;
 mod reuse;

@@ -81,12 +81,13 @@ impl CellList {
     /// [`Error::OutOfMemory`].
     pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
         let Survey { min, max, .. } = input.survey;
+        let lengths = input.rule.lengths();
         let plan = report.time("plan", || Levels::plan(&input.survey, &Crowding::sample(input)));
         let (mut base, mut from) = (0, 0);
         self.levels.clear();
         for level in &plan.levels {
             let most = ((level.spheres as f32 * CELLS_PER_SPHERE) as u64).min(MAX_CELLS);
-            let raster = Raster::new(level.edge, (min, max), level.largest, most);
+            let raster = Raster::new(level.edge, (min, max), lengths, level.largest, most);
             log::trace!("level of {} spheres: edge {}, raster {:?}", level.spheres, level.edge, raster.size);
             let (cells, to) = (raster.cells() as usize, from + level.spheres as usize);
             self.levels.push(Placed { raster, base, members: from..to });
@@ -117,6 +118,7 @@ impl CellList {
 mod tests {
     use lazygrid_kernels::{Algorithm, Pair, Sphere};
 
+    use crate::judged::judge;
     use crate::{HostDetector, Order, Settings, Simd};
 
     fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
@@ -150,6 +152,11 @@ mod tests {
                 assert_eq!(pairs(&spheres, Algorithm::CellList, simd), expected, "{n}, {simd:?}");
             }
         }
+    }
+
+    #[test]
+    fn agrees_with_all_pairs() {
+        judge(&Settings { algorithm: Algorithm::CellList, ..Settings::default() });
     }
 
     #[test]

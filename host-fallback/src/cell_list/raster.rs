@@ -5,7 +5,8 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::simd::{Axes, Vector};
+use crate::cover::floor;
+use crate::simd::{Axes, Portable, Vector};
 
 /// Below this many cells from the origin `f64` still counts single cells; farther out two different `f32`
 /// coordinates lie 2²⁵ cells apart or more, so that only equal ones can meet.
@@ -20,10 +21,15 @@ const SINGLE_ROUNDING: f64 = 1.0 / (1_u64 << 20) as f64;
 #[derive(Clone, Debug)]
 pub(crate) struct Raster {
     axes: Axes,
-    edge: f64,
+    /// Edges of a cell.
+    edges: [f64; 3],
+    /// Which axes are periodic.
+    periodic: [bool; 3],
     /// Cells per axis.
     pub(crate) size: [u32; 3],
-    pub(crate) folded: bool,
+    folded: bool,
+    /// Whether a row of cells may go on at its other end: where the raster is folded or space periodic.
+    pub(crate) circular: bool,
     /// Whether two spheres of the level in reach of each other always lie in the same or in adjoining cells.
     pub(crate) adjoining: bool,
     /// The largest effective radius of the level, and what rounding may add to it.
@@ -44,26 +50,56 @@ impl Block {
         let (a, b) = (self.first, self.last);
         [b[0] - a[0] + 1, b[1] - a[1] + 1, b[2] - a[2] + 1]
     }
+
+    /// Whether some row of cells goes on at its other end, in a raster of this size.
+    #[inline(always)]
+    pub(crate) fn goes_round(&self, size: [u32; 3]) -> bool {
+        self.last[0] >= size[0] || self.last[1] >= size[1] || self.last[2] >= size[2]
+    }
 }
 
 impl Raster {
     /// Cells of edge `edge` over `min..=max`, folded to `most` cells, for spheres up to radius `largest`.
-    pub(crate) fn new(edge: f64, (min, max): (Vec3, Vec3), largest: f32, most: u64) -> Self {
+    ///
+    /// An axis with a length is periodic. It has a whole number of cells, that are no smaller, from `−length / 2` on.
+    pub(crate) fn new(
+        edge: f64,
+        (min, max): (Vec3, Vec3),
+        lengths: [Option<f32>; 3],
+        largest: f32,
+        most: u64,
+    ) -> Self {
         let per_length = edge.recip();
-        let origin = (min.as_dvec3() * per_length).floor();
-        let extent = (max.as_dvec3() * per_length).floor() - origin + 1.0;
-        let (size, folded) = fold(extent, most.max(64));
+        let mut origin = (min.as_dvec3() * per_length).floor();
+        let mut extent = (max.as_dvec3() * per_length).floor() - origin + 1.0;
+        for (axis, length) in lengths.into_iter().enumerate() {
+            if let Some(length) = length {
+                extent[axis] = (f64::from(length) * per_length).floor().max(1.0);
+            }
+        }
+        let (size, reduced) = fold(extent, most.max(64));
+        let periodic = lengths.map(|length| length.is_some());
+        let folded = reduced && periodic.contains(&false);
+        let mut edges = [edge; 3];
+        for (axis, length) in lengths.into_iter().enumerate() {
+            if let Some(length) = length {
+                edges[axis] = f64::from(length) / f64::from(size[axis]);
+                origin[axis] = -0.5 * f64::from(size[axis]);
+            }
+        }
         let far = min.abs().max(max.abs()).max_element();
         let slack = if folded { 0.0 } else { f64::from(far) * ROUNDING };
         let reach = f64::from(largest) * (1.0 + 1e-9) + slack;
         let last = size.map(|cells| f64::from(cells - 1));
         let axes = Axes {
-            per_length: [per_length, per_length, per_length, 0.0],
+            per_length: [edges[0].recip(), edges[1].recip(), edges[2].recip(), 0.0],
             origin: [origin.x, origin.y, origin.z, 0.0],
             last: [last[0], last[1], last[2], 0.0],
         };
-        let adjoining = !folded && (f64::from(largest) + reach) * (1.0 + 1e-6) <= edge;
-        Self { axes, edge, size, folded, adjoining, reach }
+        let narrowest = edges.into_iter().fold(f64::INFINITY, f64::min);
+        let adjoining = !folded && (f64::from(largest) + reach) * (1.0 + 1e-6) <= narrowest;
+        let circular = folded || periodic.contains(&true);
+        Self { axes, edges, periodic, size, folded, circular, adjoining, reach }
     }
 
     /// How many table entries the raster has.
@@ -90,12 +126,12 @@ impl Raster {
 
     /// All cells that may hold a sphere of this level within reach of one with this centre and radius.
     ///
-    /// Not folded: lower and upper corner come from the same monotone expression as [`cell_of`](Self::cell_of),
+    /// Neither folded nor periodic: lower and upper corner come from the same monotone expression as [`cell_of`](Self::cell_of),
     /// from coordinates moved outwards by more than rounding can move them; cut to the raster.
     #[inline(always)]
     pub(crate) fn block<V: Vector>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> Block {
-        if self.folded {
-            return self.folded_block(x, y, z, r);
+        if self.circular {
+            return self.circular_block([x, y, z], r);
         }
         let reach = f64::from(r) + self.reach;
         let low = vector.cell(&self.axes, [x, y, z], -reach);
@@ -106,38 +142,57 @@ impl Raster {
     /// Between which bounds a sphere of `cell` must lie, its radius included, to reach no lower and no higher cell
     /// along each axis; none where there is no such cell. Not for folded rasters.
     ///
-    /// The bounds are moved inwards by far more than rounding in `f32` can move the coordinates compared with them.
+    /// The bounds are moved inwards by far more than rounding in `f32`, that of subnormal
+    /// numbers included, can move the coordinates compared with them.
     #[inline(always)]
     pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
         for axis in 0..3 {
-            let lower = (f64::from(cell[axis]) + self.axes.origin[axis]) * self.edge;
-            let slack = (lower.abs() + self.edge + self.reach) * SINGLE_ROUNDING;
+            let (at, edge) = (f64::from(cell[axis]) + self.axes.origin[axis], self.edges[axis]);
+            let lower = at * edge;
+            let slack = (lower.abs() + edge + self.reach) * SINGLE_ROUNDING + f64::from(f32::MIN_POSITIVE);
             if cell[axis] > 0 {
                 low[axis] = (lower + self.reach + slack) as f32;
             }
             if cell[axis] + 1 < self.size[axis] {
-                high[axis] = (lower + self.edge - self.reach - slack) as f32;
+                high[axis] = (lower + edge - self.reach - slack) as f32;
             }
         }
         (low, high)
     }
 
-    // Scalar arguments: a centre in memory would slow down the callers that never fold.
+    /// Whether the cell is the first or the last of a periodic axis, so that it adjoins cells at the other end.
+    #[inline(always)]
+    pub(crate) fn is_at_seam(&self, cell: [u32; 3]) -> bool {
+        let at_seam = |axis: usize| cell[axis] == 0 || cell[axis] + 1 == self.size[axis];
+        self.circular && (0..3).any(|axis| self.periodic[axis] && at_seam(axis))
+    }
+
     #[inline(never)]
-    fn folded_block(&self, x: f32, y: f32, z: f32, radius: f32) -> Block {
-        let (center, own) = ([x, y, z], self.fold_at(x, y, z));
+    fn circular_block(&self, center: [f32; 3], radius: f32) -> Block {
+        let own = self.cell_of(Portable, center);
         let (mut first, mut last) = (own, own);
         for axis in 0..3 {
-            let x = f64::from(center[axis]);
-            if (x * self.axes.per_length[axis]).abs() >= COUNTABLE {
-                continue;
-            }
+            let (x, per_length) = (f64::from(center[axis]), self.axes.per_length[axis]);
             let reach = f64::from(radius) + self.reach + x.abs() * ROUNDING;
-            let low = ((x - reach) * self.axes.per_length[axis]).floor();
-            let high = ((x + reach) * self.axes.per_length[axis]).floor();
+            let cells = f64::from(self.size[axis]);
+            let (low, high) = match (self.periodic[axis], self.folded) {
+                (true, _) => {
+                    // Coordinates on the circle differ from those on the line by rounding of a whole turn. A centre at
+                    // the very end of the axis lies in its last cell: nearer than that to the first.
+                    let (at, span) = (x * per_length + 0.5 * cells, reach * per_length + cells * ROUNDING);
+                    (floor(at - span), floor(at + span))
+                }
+                (false, true) if (x * per_length).abs() >= COUNTABLE => continue,
+                (false, true) => (floor((x - reach) * per_length), floor((x + reach) * per_length)),
+                (false, false) => {
+                    let cell = |at: f64| (at * per_length - self.axes.origin[axis]).max(0.0);
+                    let cut = |at: f64| cell(at).min(self.axes.last[axis]) as i64;
+                    (cut(x - reach), cut(x + reach))
+                }
+            };
             first[axis] = modulo(low, self.size[axis]);
-            last[axis] = first[axis] + (high - low).min(f64::from(self.size[axis] - 1)) as u32;
+            last[axis] = first[axis] + high.saturating_sub(low).min(i64::from(self.size[axis] - 1)) as u32;
         }
         Block { first, last }
     }
@@ -147,8 +202,10 @@ impl Raster {
         let center = [x, y, z];
         [0, 1, 2].map(|axis| {
             let at = f64::from(center[axis]) * self.axes.per_length[axis];
-            if at.abs() < COUNTABLE {
-                modulo(at.floor(), self.size[axis])
+            if self.periodic[axis] {
+                (at - self.axes.origin[axis]).max(0.0).min(self.axes.last[axis]) as u32
+            } else if at.abs() < COUNTABLE {
+                modulo(floor(at), self.size[axis])
             } else {
                 // Only equal coordinates can meet out here, so any function of the value will do.
                 center[axis].to_bits().wrapping_mul(0x9E37_79B1) % self.size[axis]
@@ -157,9 +214,9 @@ impl Raster {
     }
 }
 
-/// `cell` modulo `size`, for a whole number of at most 2⁵¹.
-fn modulo(cell: f64, size: u32) -> u32 {
-    (cell as i64).rem_euclid(i64::from(size)) as u32
+/// `cell` modulo `size`.
+fn modulo(cell: i64, size: u32) -> u32 {
+    cell.rem_euclid(i64::from(size)) as u32
 }
 
 /// The raster's size: the whole extent where it has at most `most` cells, else the longest axes folded.
@@ -182,7 +239,6 @@ fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::Portable;
 
     /// Whether the block holds the cell, on a folded or a plain raster.
     fn holds(raster: &Raster, block: Block, cell: [u32; 3]) -> bool {
@@ -206,7 +262,7 @@ mod tests {
                     (0..40).map(|_| base + 20.0 * Vec3::new(random(), random(), random())).collect();
                 let min = points.iter().fold(Vec3::INFINITY, |a, &b| a.min(b));
                 let max = points.iter().fold(Vec3::NEG_INFINITY, |a, &b| a.max(b));
-                let raster = Raster::new(1.7, (min, max), 2.0, most);
+                let raster = Raster::new(1.7, (min, max), [None; 3], 2.0, most);
                 for &p in &points {
                     for &q in &points {
                         let near = (p.as_dvec3() - q.as_dvec3()).length() <= 2.5;
@@ -225,7 +281,7 @@ mod tests {
     #[test]
     fn coordinates_just_below_a_whole_number_of_cells_stay_inside() {
         let center = Vec3::new(-1e-30, 1.0_f32.next_down(), -1.0_f32.next_down());
-        let raster = Raster::new(1.0, (center, center), 0.0, 64);
+        let raster = Raster::new(1.0, (center, center), [None; 3], 0.0, 64);
         assert_eq!(raster.cells(), 1);
         assert_eq!(raster.cell_of(Portable, center.to_array()), [0; 3]);
     }

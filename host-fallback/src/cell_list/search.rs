@@ -20,7 +20,7 @@ pub(super) fn search<'o, O: Output>(list: &CellList, input: &Input<'_>, output: 
     let piece = |mut sink: O::Sink<'o>, piece: usize| {
         if !sink.stopped() {
             let range = piece * PIECE..n.min((piece + 1) * PIECE);
-            input.simd.run(Piece { list, rule: &input.rule, range, sink: &mut sink });
+            input.run(Piece { list, rule: &input.rule, range, sink: &mut sink });
         }
         sink
     };
@@ -57,11 +57,9 @@ impl<S: Sink> Task for Piece<'_, S> {
     }
 }
 
-/// What lies around the cell of the sphere at `at`, and where the cell's spheres end.
+/// What lies around a cell, and where the cell's spheres end.
 #[inline(always)]
-fn around<V: Vector>(vector: V, list: &CellList, level: &Placed, at: usize) -> (Around, usize) {
-    let [x, y, z, _] = list.columns.sphere(at);
-    let cell = level.raster.cell_of(vector, [x, y, z]);
+fn around(list: &CellList, level: &Placed, cell: [u32; 3]) -> (Around, usize) {
     let [size_x, size_y, size_z] = level.raster.size;
     let own = level.base + level.raster.index(cell);
     let lower_y = if cell[1] > 0 { size_x as usize } else { 0 };
@@ -75,6 +73,12 @@ fn around<V: Vector>(vector: V, list: &CellList, level: &Placed, at: usize) -> (
         around.rows[row] = [list.starts[first.saturating_sub(1)], starts[0], starts[1], starts[2]];
     }
     (around, around.rows[0][2] as usize)
+}
+
+/// `at` on a row of `size` cells that begins again behind its end; it is less than two rows.
+#[inline(always)]
+fn wrap(at: u32, size: u32) -> u32 {
+    if at < size { at } else { at - size }
 }
 
 /// Finds runs, and compares them when there are enough.
@@ -93,8 +97,17 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
     fn cell_by_cell(&mut self, level: &Placed, coarser: &[Placed], members: Range<usize>) {
         let mut at = members.start;
         while at < members.end {
-            let (around, end) = around(self.vector, self.list, level, at);
+            let [x, y, z, _] = self.list.columns.sphere(at);
+            let cell = level.raster.cell_of(self.vector, [x, y, z]);
+            let (around, end) = around(self.list, level, cell);
             let end = end.min(members.end);
+            if level.raster.is_at_seam(cell) {
+                for at in at..end {
+                    self.level(level, at, at + 1);
+                    self.coarser(coarser, at);
+                }
+                at = end;
+            }
             while at < end {
                 let count = MAX_LANES.min(end - at);
                 self.work_if_full();
@@ -122,7 +135,7 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
     fn level(&mut self, level: &Placed, at: usize, from: usize) {
         let block = level.raster.block(self.vector, self.list.columns.sphere(at));
         let count = block.count();
-        if level.raster.folded || count[1] > 2 || count[2] > 2 {
+        if (level.raster.circular && block.goes_round(level.raster.size)) || count[1] > 2 || count[2] > 2 {
             return self.rows(level, block, (at, from));
         }
         self.work_if_full();
@@ -148,7 +161,7 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
         for z in 0..count[2] {
             for y in 0..count[1] {
                 self.work_if_full();
-                let (y, z) = ((first[1] + y) % size[1], (first[2] + z) % size[2]);
+                let (y, z) = (wrap(first[1] + y, size[1]), wrap(first[2] + z, size[2]));
                 let row = level.base + level.raster.index([0, y, z]);
                 for cells in [first[0]..first[0] + before, 0..count[0] - before] {
                     let start = self.list.starts[row + cells.start as usize].max(from as u32);

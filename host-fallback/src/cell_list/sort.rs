@@ -114,7 +114,8 @@ impl Sorter {
         (shift, buckets): (u32, usize),
     ) -> Vec<usize> {
         let counted = self.keys.par_chunks_mut(PIECE).enumerate().map(|(piece, keys)| {
-            input.simd.run(Keys { rule: &input.rule, places, first: piece * PIECE, keys });
+            let keys = &mut *keys;
+            input.simd.run(Keys { rule: &input.rule, places, first: piece * PIECE, keys }, None);
             let mut counts = vec![0_u32; buckets];
             for key in keys {
                 counts[(*key >> shift) as usize] += 1;

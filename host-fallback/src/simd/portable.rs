@@ -1,6 +1,6 @@
 use lazygrid_kernels::Pair;
 
-use super::{Around, Axes, BAND, FLOOR, Jobs, MAX_LANES, Vector};
+use super::{Around, Axes, BAND, FLOOR, Images, Jobs, MAX_LANES, Vector, Width};
 use crate::columns::Columns;
 
 /// Plain loops over eight lanes.
@@ -57,6 +57,27 @@ impl Vector for Portable {
     #[inline(always)]
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
         pack(id, ids, lanes, pairs)
+    }
+}
+
+impl Width for Portable {
+    #[inline(always)]
+    fn nearest_gaps(self, columns: &Columns, base: usize, q: [f32; 4], images: &Images) -> [Self::Gaps; 2] {
+        let [x, y, z, r] = columns.lanes::<8>(base);
+        let (mut d2, mut wide, mut narrow) = ([0.0; 8], [0.0; 8], [0.0; 8]);
+        for k in 0..8 {
+            let nearest = |column: &[f32; 8], axis: usize| {
+                let apart = (column[k] - q[axis]).abs();
+                let other = images.lengths[axis] - apart;
+                // Not `min`: where both are infinite the other is NaN, and not it.
+                if other < apart { other } else { apart }
+            };
+            let (dx, dy, dz, s) = (nearest(x, 0), nearest(y, 1), nearest(z, 2), r[k] + q[3]);
+            d2[k] = dx * dx + dy * dy + dz * dz;
+            let (more, less) = (s + images.slack, (s - images.slack).max(0.0));
+            (wide[k], narrow[k]) = (more * more, less * less);
+        }
+        [(d2, wide), (d2, narrow)]
     }
 }
 

@@ -2,7 +2,7 @@ use std::arch::x86_64::*;
 
 use lazygrid_kernels::Pair;
 
-use super::{Around, Axes, BAND, FLOOR, Jobs, MAX_LANES, Task, Vector, portable};
+use super::{Around, Axes, BAND, FLOOR, Images, Jobs, MAX_LANES, Task, Vector, Width, over, portable};
 use crate::columns::Columns;
 
 /// Proof that AVX-512F is there; made only by [`with_avx512`].
@@ -33,13 +33,13 @@ unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
 }
 
 #[target_feature(enable = "avx512f,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) fn with_avx512<T: Task>(task: T) -> T::Result {
-    task.run(Avx512(()))
+pub(super) fn with_avx512<T: Task>(task: T, images: Option<Images>) -> T::Result {
+    over(task, Avx512(()), images)
 }
 
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) fn with_avx2<T: Task>(task: T) -> T::Result {
-    task.run(Avx2(()))
+pub(super) fn with_avx2<T: Task>(task: T, images: Option<Images>) -> T::Result {
+    over(task, Avx2(()), images)
 }
 
 impl Vector for Avx512 {
@@ -208,5 +208,65 @@ impl Vector for Avx2 {
     #[inline(always)]
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
         portable::pack(id, ids, lanes, pairs)
+    }
+}
+
+impl Width for Avx512 {
+    #[inline(always)]
+    fn nearest_gaps(
+        self,
+        columns: &Columns,
+        base: usize,
+        q: Self::Query,
+        images: &Images,
+    ) -> [Self::Gaps; 2] {
+        let [x, y, z, r] = columns.lanes::<16>(base);
+        // SAFETY: `self` proves AVX-512F; each column's sixteen values are a reference's.
+        unsafe {
+            let nearest = |column: &[f32; 16], own, length| {
+                let a = _mm512_sub_ps(_mm512_loadu_ps(column.as_ptr()), own);
+                let apart = _mm512_abs_ps(a);
+                // Of two operands of which one is NaN, the minimum is the second.
+                _mm512_min_ps(_mm512_sub_ps(_mm512_set1_ps(length), apart), apart)
+            };
+            let [dx, dy] = [nearest(x, q[0], images.lengths[0]), nearest(y, q[1], images.lengths[1])];
+            let dz = nearest(z, q[2], images.lengths[2]);
+            let d2 = _mm512_fmadd_ps(dx, dx, _mm512_fmadd_ps(dy, dy, _mm512_mul_ps(dz, dz)));
+            let s = _mm512_add_ps(_mm512_loadu_ps(r.as_ptr()), q[3]);
+            let slack = _mm512_set1_ps(images.slack);
+            let wide = _mm512_add_ps(s, slack);
+            let narrow = _mm512_max_ps(_mm512_sub_ps(s, slack), _mm512_setzero_ps());
+            [(d2, _mm512_mul_ps(wide, wide)), (d2, _mm512_mul_ps(narrow, narrow))]
+        }
+    }
+}
+
+impl Width for Avx2 {
+    #[inline(always)]
+    fn nearest_gaps(
+        self,
+        columns: &Columns,
+        base: usize,
+        q: Self::Query,
+        images: &Images,
+    ) -> [Self::Gaps; 2] {
+        let [x, y, z, r] = columns.lanes::<8>(base);
+        // SAFETY: `self` proves AVX2 and FMA; each column's eight values are a reference's.
+        unsafe {
+            let nearest = |column: &[f32; 8], own, length| {
+                let a = _mm256_sub_ps(_mm256_loadu_ps(column.as_ptr()), own);
+                let apart = _mm256_andnot_ps(_mm256_set1_ps(-0.0), a);
+                // Of two operands of which one is NaN, the minimum is the second.
+                _mm256_min_ps(_mm256_sub_ps(_mm256_set1_ps(length), apart), apart)
+            };
+            let [dx, dy] = [nearest(x, q[0], images.lengths[0]), nearest(y, q[1], images.lengths[1])];
+            let dz = nearest(z, q[2], images.lengths[2]);
+            let d2 = _mm256_fmadd_ps(dx, dx, _mm256_fmadd_ps(dy, dy, _mm256_mul_ps(dz, dz)));
+            let s = _mm256_add_ps(_mm256_loadu_ps(r.as_ptr()), q[3]);
+            let slack = _mm256_set1_ps(images.slack);
+            let wide = _mm256_add_ps(s, slack);
+            let narrow = _mm256_max_ps(_mm256_sub_ps(s, slack), _mm256_setzero_ps());
+            [(d2, _mm256_mul_ps(wide, wide)), (d2, _mm256_mul_ps(narrow, narrow))]
+        }
     }
 }

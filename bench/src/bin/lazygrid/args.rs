@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
-use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order};
+use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order, Space};
 use lazygrid_bench::read::{Format, Options};
 use lazygrid_bench::scenes::Scene;
 use lazygrid_bench::write::{SphereFormat, TableFormat};
@@ -58,6 +58,7 @@ Examples:
   lazygrid detect pour.dump
   lazygrid detect burst.lst --radius acid=0.1 --radius base=0.15 --radius salt=0.2 -o pairs.csv
   lazygrid detect run.lammpstrj --frame 3 -o pairs.npy
+  lazygrid detect slab.dump --periodic 10,10,- -o pairs.npy
   lazygrid detect run.xyz --json | jq .pairs")]
 pub(crate) struct Detect {
     /// The file with the spheres
@@ -68,6 +69,9 @@ pub(crate) struct Detect {
     /// The radius of a species, by name or by LAMMPS type; wins over a radius in the file. May be repeated
     #[arg(long = "radius", value_name = "SPECIES=R", value_parser = radius)]
     pub(crate) radii: Vec<(String, f32)>,
+    /// The lengths of a periodic box; - for an axis that is unbounded. Where the box begins makes no difference
+    #[arg(long, value_name = "X,Y,Z", value_parser = space, allow_hyphen_values = true)]
+    pub(crate) periodic: Option<Space>,
     /// Where to run
     #[arg(long, default_value_t, value_parser = one_of(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,
@@ -195,6 +199,7 @@ impl Detect {
     pub(crate) fn config(&self) -> Config {
         let order = if self.unordered { Order::Unordered } else { Order::Canonical };
         let config = Config::default().backend(self.backend).algorithm(self.algorithm).order(order);
+        let config = with(config, self.periodic, Config::space);
         let config = with(config, self.tau, Config::tau);
         let config = with(config, self.raster_ratio, Config::raster_ratio);
         let config = with(config, self.threads.map(NonZeroUsize::get), Config::threads);
@@ -219,6 +224,18 @@ fn radius(text: &str) -> Result<(String, f32), String> {
         Ok(radius) if radius.is_finite() && radius >= 0.0 => Ok((species.to_owned(), radius)),
         _ => Err(format!("the radius '{radius}' must be a finite number that is not negative")),
     }
+}
+
+fn space(text: &str) -> Result<Space, String> {
+    let length = |text: &str| match text.trim() {
+        "-" => Ok(None),
+        number => {
+            f32::from_str(number).map(Some).map_err(|_| format!("'{number}' is neither a length nor -"))
+        }
+    };
+    let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;
+    let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-")?;
+    Space::periodic(lengths).map_err(|error| error.to_string())
 }
 
 fn raster_ratio(text: &str) -> Result<f32, String> {

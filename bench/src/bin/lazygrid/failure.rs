@@ -40,8 +40,10 @@ impl Failure {
     /// else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Setting(lazygrid::Error::NotOnBackend { .. }) => ExitCode::from(2),
             Self::Stopped { .. } => ExitCode::from(130),
+            Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::PeriodicOnGpu) => {
+                ExitCode::from(2)
+            }
             _ => ExitCode::FAILURE,
         }
     }

@@ -1,0 +1,270 @@
+//! `lazygrid simulate` from outside.
+
+#[expect(dead_code, reason = "other tests use the rest")]
+mod command;
+
+use std::fs;
+
+use command::{Scratch, lazygrid};
+
+/// A little of everything.
+const SCENARIO: &str = r#"
+time-step = 0.001
+steps = 40
+seed = 5
+contact = "separate"
+[boundary]
+kind = "periodic"
+low = [-2, -2, -2]
+high = [2, 2, 2]
+[[species]]
+name = "acid"
+radius = 0.1
+diffusion = 5
+[[species]]
+name = "base"
+radius = 0.15
+diffusion = 3
+[[species]]
+name = "salt"
+radius = 0.2
+diffusion = 1
+[[reaction]]
+equation = "acid + base -> salt"
+binding-radius = 0.3
+probability = 0.5
+[[decay]]
+equation = "salt -> acid"
+rate = 20
+[[transmitter]]
+name = "tx"
+times = [0, 0.015]
+shape = { kind = "ball", radius = 1 }
+release = [{ species = "acid", count = 200 }, { species = "base", count = 150 }]
+[[receiver]]
+name = "rx"
+center = [1.8, 0, 0]
+radius = 0.3
+kind = "absorbing"
+species = ["acid", "base"]
+[output]
+every = 3
+frames-every = 10
+frames = ["xyz", "npy"]
+"#;
+
+/// The content of every file in a directory, by name.
+fn files(directory: &str) -> Vec<(String, Vec<u8>)> {
+    let entries = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap());
+    let mut files: Vec<_> = entries
+        .map(|entry| (entry.file_name().into_string().unwrap(), fs::read(entry.path()).unwrap()))
+        .collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn a_run_writes_what_the_scenario_asks_for() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
+    let run = lazygrid(["simulate", &scenario, "--output", &out]).succeeds();
+    assert!(run.out.starts_with("steps      40 (0.04 s)\nseed       5\nspecies    acid: "), "{}", run.out);
+    assert!(run.out.contains("acid: ") && run.out.contains(" of 400 released\n"), "{}", run.out);
+    let names: Vec<_> = files(&out).into_iter().map(|(name, _)| name).collect();
+    let frames = [0, 10, 20, 30, 40].map(|step| format!("frame-{step:09}.npy"));
+    let expected: Vec<_> = ["checkpoint".to_owned()]
+        .into_iter()
+        .chain(frames)
+        .chain(["frames.xyz".into(), "series.csv".into()])
+        .collect();
+    assert_eq!(names, expected);
+
+    let series = fs::read_to_string(out.clone() + "/series.csv").unwrap();
+    let mut lines = series.lines();
+    let header = "step,time,acid,base,salt,acid + base -> salt,salt -> acid,rx:acid,rx:base,pairs,contacts";
+    assert_eq!(lines.next(), Some(header));
+    assert_eq!(lines.next(), Some("0,0,0,0,0,0,0,0,0,0,0"));
+    let rows: Vec<Vec<f64>> =
+        lines.map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect();
+    assert_eq!(
+        rows.iter().map(|row| row[0]).collect::<Vec<_>>(),
+        (1..=13).map(|k| f64::from(3 * k)).collect::<Vec<_>>()
+    );
+    for row in &rows {
+        let [step, acid, base, salt, bound, decayed] = [row[0], row[2], row[3], row[4], row[5], row[6]];
+        let bursts = if step > 15.0 { 2.0 } else { 1.0 };
+        assert_eq!(acid + row[7] + bound - decayed, 200.0 * bursts, "at step {step}");
+        assert_eq!(base + row[8] + bound, 150.0 * bursts, "at step {step}");
+        assert_eq!(salt, bound - decayed, "at step {step}");
+    }
+    let last = rows.last().unwrap();
+    assert!(last[5..].iter().all(|count| *count > 0.0), "something never happened: {last:?}");
+
+    let xyz = fs::read_to_string(out.clone() + "/frames.xyz").unwrap();
+    let frame = xyz.split("Step=20\n").nth(1).unwrap();
+    let npy = fs::read(out + "/frame-000000020.npy").unwrap();
+    let end = 10 + usize::from(u16::from_le_bytes([npy[8], npy[9]]));
+    let fields = "('id', '<u4'), ('species', '<u4'), ('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('r', '<f4')";
+    let header = std::str::from_utf8(&npy[10..end]).unwrap();
+    assert!(header.starts_with(&format!("{{'descr': [{fields}], ")), "{header}");
+    let rows = npy[end..].chunks_exact(24);
+    assert!(header.contains(&format!("'shape': ({},)", rows.len())), "{header}");
+    for (line, row) in frame.lines().zip(rows) {
+        let words: Vec<[u8; 4]> = row.chunks_exact(4).map(|word| word.try_into().unwrap()).collect();
+        let name = ["acid", "base", "salt"][u32::from_le_bytes(words[1]) as usize];
+        let [x, y, z, r] = [2, 3, 4, 5].map(|k| f32::from_le_bytes(words[k]));
+        assert_eq!(line, format!("{} {name} {x} {y} {z} {r}", u32::from_le_bytes(words[0])));
+    }
+}
+
+#[test]
+fn a_resumed_run_is_the_same_to_the_last_bit() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let [whole, parts] = ["whole", "parts"].map(|name| scratch.path(name));
+    lazygrid(["simulate", &scenario, "--output", &whole]).succeeds();
+    lazygrid(["simulate", &scenario, "--output", &parts, "--steps", "17"]).succeeds();
+    // What a crash wrote behind the checkpoint goes away.
+    let series = parts.clone() + "/series.csv";
+    fs::write(&series, fs::read_to_string(&series).unwrap() + "18,half a li").unwrap();
+    lazygrid(["simulate", &scenario, "--output", &parts, "--steps", "31", "--resume"]).succeeds();
+    lazygrid(["simulate", &scenario, "--output", &parts, "--resume"]).succeeds();
+    assert_eq!(files(&whole), files(&parts));
+}
+
+#[test]
+fn neither_threads_nor_the_algorithm_change_a_byte() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let run = |name: &str, more: [&str; 2]| {
+        let out = scratch.path(name);
+        lazygrid(["simulate", &scenario, "--output", &out].into_iter().chain(more)).succeeds();
+        files(&out)
+    };
+    let reference = run("reference", ["--threads", "1"]);
+    for threads in ["2", "7"] {
+        assert_eq!(run(threads, ["--threads", threads]), reference, "{threads} threads");
+    }
+    for algorithm in ["naive", "hash-grid", "array-grid", "recursive-grid", "cell-list"] {
+        assert_eq!(run(algorithm, ["--algorithm", algorithm]), reference, "{algorithm}");
+    }
+    assert_ne!(run("seed", ["--seed", "6"]), reference);
+}
+
+#[test]
+fn mistakes_are_named_by_line_and_key() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", &SCENARIO.replace("acid + base", "acid + bas"));
+    let out = scratch.path("out");
+    let run = lazygrid(["simulate", &scenario, "--output", &out]).fails();
+    let message = "s.toml, line 23, `equation`: there is no species 'bas'; there are acid, base, salt\n";
+    assert!(run.err.ends_with(message), "{}", run.err);
+    assert_eq!(scratch.names(), ["s.toml"]);
+    lazygrid(["simulate", &scratch.path("none.toml")]).fails();
+}
+
+#[test]
+fn a_run_is_replaced_only_when_that_is_asked_for() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
+    let simulate = |more: &[&str]| {
+        lazygrid(["simulate", &scenario, "--output", &out, "--steps", "5"].iter().chain(more))
+    };
+    assert!(simulate(&["--resume"]).fails().err.contains("checkpoint: cannot read"));
+    simulate(&[]).succeeds();
+    let before = files(&out);
+    assert!(simulate(&[]).fails().err.contains("holds a run already"));
+    assert!(simulate(&["--resume", "--seed", "8"]).fails().err.contains("give --seed 5"));
+    assert!(simulate(&["--resume", "--every", "2"]).fails().err.contains("--every 3"));
+    let other = scratch.write("other.toml", &SCENARIO.replace("0.15", "0.16"));
+    let run = lazygrid(["simulate", &other, "--output", &out, "--resume"]).fails();
+    assert!(run.err.contains("another scenario"), "{}", run.err);
+    assert_eq!(files(&out), before);
+    simulate(&["--overwrite", "--seed", "8"]).succeeds();
+    assert_ne!(files(&out), before);
+}
+
+#[test]
+fn a_damaged_checkpoint_is_refused() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
+    lazygrid(["simulate", &scenario, "--output", &out, "--steps", "5"]).succeeds();
+    let checkpoint = out.clone() + "/checkpoint";
+    let whole = fs::read(&checkpoint).unwrap();
+    for damaged in [&whole[..whole.len() / 2], &whole[..10], &[], &[&whole[..], b"more"].concat()] {
+        fs::write(&checkpoint, damaged).unwrap();
+        let run = lazygrid(["simulate", &scenario, "--output", &out, "--resume"]).fails();
+        assert!(run.err.contains("start the run anew"), "{}", run.err);
+    }
+}
+
+#[test]
+fn what_cannot_be_written_shows_before_the_run() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let file = scratch.write("file", "");
+    // A run of this length would not end.
+    let long =
+        |out: &str| lazygrid(["simulate", &scenario, "--steps", "4000000000", "--output", out]).fails();
+    assert!(long(&file).err.contains("cannot write"));
+    assert!(long(&(file + "/below")).err.contains("cannot write"));
+}
+
+#[test]
+fn a_run_that_will_not_fit_the_disk_is_refused() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let out = scratch.path("out");
+    let args = ["simulate", &scenario, "--steps", "4000000000", "--frames-every", "1", "--output", &out];
+    let run = lazygrid(args).fails();
+    assert!(run.err.contains("the run is going to write about"), "{}", run.err);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_shows_before_the_run() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
+    fs::create_dir(&out).unwrap();
+    std::os::unix::fs::symlink("/dev/full", out.clone() + "/series.csv").unwrap();
+    let rare = "100000000";
+    let args = ["simulate", &scenario, "--steps", rare, "--every", rare, "--frames-every", rare, "--output", &out];
+    let run = lazygrid(args).fails();
+    assert!(run.err.contains("series.csv: cannot write: No space left on device"), "{}", run.err);
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_run_goes_on() {
+    use std::process::{Command, Stdio};
+    use std::time::Duration;
+
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
+    let started = Command::new(env!("CARGO_BIN_EXE_lazygrid"))
+        .args(["simulate", &scenario, "--output", &out])
+        .args(["--steps", "100000000", "--every", "1000000", "--frames-every", "100000000"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn();
+    let child = started.unwrap();
+    while !std::path::Path::new(&(out.clone() + "/checkpoint")).exists() {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_millis(200));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let ended = child.wait_with_output().unwrap();
+    let message = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(130), "{message}");
+    let steps: u32 = message.split_whitespace().nth(3).unwrap().parse().unwrap();
+    assert!(message.starts_with("error: stopped after ") && message.contains("--resume"), "{message}");
+    // A few steps further it is where a run without interruption is.
+    let steps = (steps + 5).to_string();
+    for (out, resume) in [(&out, Some("--resume")), (&whole, None)] {
+        let args = ["simulate", &scenario, "--output", out, "--steps", &steps, "--every", "1000000"];
+        lazygrid(args.into_iter().chain(["--frames-every", "100000000"]).chain(resume)).succeeds();
+    }
+    assert_eq!(files(&out), files(&whole));
+}

@@ -1,0 +1,78 @@
+use lazygrid_kernels::{Pair, Space};
+
+use super::{Around, Axes, Jobs, MAX_LANES, Vector, Width};
+use crate::columns::Columns;
+
+/// A periodic space as the filter sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Images {
+    /// The length of each axis; infinite where it is unbounded, so that no image is ever nearer.
+    pub(super) lengths: [f32; 3],
+    /// How much farther than they are, or nearer, two centres may seem. Their coordinates, of at most half a length,
+    /// are exact; their difference is rounded to 2⁻²⁴ of a length, and taking it from the length rounds no more.
+    /// This is twice that and more, for three axes together.
+    pub(super) slack: f32,
+}
+
+impl Images {
+    /// Those of a periodic space; `None` where it is unbounded.
+    pub(crate) fn of(space: &Space) -> Option<Self> {
+        let lengths = space.lengths();
+        let longest = lengths.into_iter().flatten().fold(0.0, f32::max);
+        let images = Self {
+            lengths: lengths.map(|length| length.unwrap_or(f32::INFINITY)),
+            slack: longest / (1 << 22) as f32,
+        };
+        space.is_periodic().then_some(images)
+    }
+}
+
+/// A vector width that compares nearest images. Everything else is the width's own, and all of it is compiled once
+/// more for periodic spaces: the unbounded pay nothing for them.
+#[derive(Clone, Copy)]
+pub(super) struct Nearest<V> {
+    pub(super) vector: V,
+    pub(super) images: Images,
+}
+
+impl<V: Width> Vector for Nearest<V> {
+    const LANES: usize = V::LANES;
+    type Query = V::Query;
+    /// Against the sum of radii with the slack added, and with the slack taken away.
+    type Gaps = [V::Gaps; 2];
+
+    #[inline(always)]
+    fn query(self, sphere: [f32; 4]) -> V::Query {
+        self.vector.query(sphere)
+    }
+
+    #[inline(always)]
+    fn gaps(self, columns: &Columns, base: usize, query: V::Query) -> Self::Gaps {
+        self.vector.nearest_gaps(columns, base, query, &self.images)
+    }
+
+    #[inline(always)]
+    fn possible(self, [wide, _]: Self::Gaps) -> u32 {
+        self.vector.possible(wide)
+    }
+
+    #[inline(always)]
+    fn certain(self, [_, narrow]: Self::Gaps) -> u32 {
+        self.vector.certain(narrow)
+    }
+
+    #[inline(always)]
+    fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4] {
+        self.vector.cell(axes, center, offset)
+    }
+
+    #[inline(always)]
+    fn look_around(self, columns: &Columns, spheres: (usize, usize), around: &Around, jobs: &mut Jobs) {
+        self.vector.look_around(columns, spheres, around, jobs);
+    }
+
+    #[inline(always)]
+    fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
+        self.vector.pack(id, ids, lanes, pairs)
+    }
+}

@@ -1,0 +1,83 @@
+"""One run of another simulator; prints the seconds from the first step to the last.
+
+Usage: peer.py smoldyn|readdy MOLECULES WARM STEPS
+
+Half A and half B at 5 % density (of spheres with the binding radius of 1 as diameter) in a periodic box, D = 1, a step of
+0.05 along each axis, A + B -> 0. WARM steps run before the clock starts.
+"""
+
+import os
+import random
+import sys
+import tempfile
+import time
+
+peer, molecules, warm, steps = sys.argv[1], *map(int, sys.argv[2:])
+edge = (molecules * 3.141592653589793 / 6 / 0.05) ** (1 / 3)
+time_step = 0.00125
+
+
+def run_smoldyn():
+    import smoldyn
+
+    text = f"""
+dim 3
+boundaries x 0 {edge} p
+boundaries y 0 {edge} p
+boundaries z 0 {edge} p
+species A B
+difc all 1
+molecule_lists listA listB
+mol_list A listA
+mol_list B listB
+max_mol {molecules + 10}
+molperbox 0.5
+accuracy 10
+random_seed 1
+time_start 0
+time_stop {(warm + steps + 1) * time_step}
+time_step {time_step}
+mol {molecules // 2} A u u u
+mol {molecules // 2} B u u u
+reaction r1 A + B -> 0
+binding_radius r1 1
+end_file
+"""
+    with tempfile.NamedTemporaryFile("w", suffix=".txt", delete=False) as file:
+        file.write(text)
+    try:
+        simulation = smoldyn.Simulation.fromFile(file.name, "q")
+        simulation.runUntil(warm * time_step, dt=time_step)
+        start = time.perf_counter()
+        simulation.runUntil((warm + steps) * time_step, dt=time_step)
+        return time.perf_counter() - start
+    finally:
+        os.unlink(file.name)
+
+
+def run_readdy():
+    import numpy
+    import readdy
+
+    def elapsed(count):
+        system = readdy.ReactionDiffusionSystem([edge] * 3, temperature=None, unit_system=None)
+        for name in "ABC":
+            system.add_species(name, 1.0)
+        # There is no reaction to nothing: the product goes in the next step. Both happen for certain.
+        system.reactions.add("r1: A +(1) B -> C", rate=1e9)
+        system.reactions.add("r2: C ->", rate=1e9)
+        simulation = system.simulation(kernel="SingleCPU")
+        simulation.show_progress = False
+        positions = numpy.random.default_rng(1).uniform(-edge / 2, edge / 2, (molecules, 3))
+        simulation.add_particles("A", positions[: molecules // 2])
+        simulation.add_particles("B", positions[molecules // 2 :])
+        start = time.perf_counter()
+        simulation.run(count, time_step, show_summary=False)
+        return time.perf_counter() - start
+
+    # A run cannot be continued, so the first steps are timed by themselves and taken off.
+    return elapsed(warm + steps) - elapsed(warm)
+
+
+seconds = {"smoldyn": run_smoldyn, "readdy": run_readdy}[peer]()
+print(f"SECONDS {seconds}")

@@ -1,0 +1,104 @@
+//! One seed, one result.
+
+use lazygrid::Algorithm;
+use lazygrid_sim::{
+    Axis, Boundary, Contact, Decay, Kind, Model, Particles, Reaction, Receiver, Shape, Simulation, State,
+};
+
+use crate::Row;
+use crate::setup::{burst, species};
+
+/// A little of everything.
+fn model() -> Model {
+    let reaction = |name: &str, products, unbinding_radius| Reaction {
+        name: name.to_owned(),
+        reactants: [0, 1],
+        products,
+        binding_radius: 0.3,
+        unbinding_radius,
+        probability: 0.4,
+    };
+    let mut late = burst(Shape::Gaussian(0.7), &[(0, 150), (1, 100)]);
+    late.times = vec![0.1, 0.35, 0.7];
+    let receiver = |kind, x| Receiver {
+        name: "rx".to_owned(),
+        center: [x, 0.0, 0.0],
+        radius: 0.5,
+        kind,
+        sees: vec![true, true, false],
+    };
+    Model {
+        time_step: 1e-3,
+        species: vec![species("A", 0.1, 1.0), species("B", 0.15, 0.5), species("C", 0.2, 0.3)],
+        reactions: vec![
+            reaction("A + B -> C + A", [Some(2), Some(0)], 0.4),
+            Reaction { reactants: [2, 2], ..reaction("C + C -> A", [Some(0), None], 0.0) },
+            Reaction { reactants: [1, 2], ..reaction("B + C -> B", [Some(1), None], 0.0) },
+        ],
+        decays: vec![Decay { name: "C -> B".to_owned(), reactant: 2, product: Some(1), rate: 1.0 }],
+        transmitters: vec![burst(Shape::Point, &[(0, 100), (1, 100)]), late],
+        receivers: vec![receiver(Kind::Absorbing, 2.5), receiver(Kind::Endpoint, -2.5)],
+        boundary: Boundary {
+            axes: [
+                Axis::Reflecting { low: -3.0, high: 3.0 },
+                Axis::Periodic { low: -3.0, high: 2.0 },
+                Axis::Periodic { low: -3.0, high: 2.5 },
+            ],
+        },
+        contact: Contact::Separate,
+    }
+}
+
+fn run(algorithm: Algorithm, threads: usize) -> State {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    pool.install(|| {
+        let mut simulation = Simulation::new(model(), 9, algorithm).expect("a valid model");
+        (0..1000).for_each(|_| simulation.step().expect("a step"));
+        simulation.state().clone()
+    })
+}
+
+/// The same bytes after 1 000 steps for any number of threads and any algorithm, and the same by id in any order.
+pub(crate) fn same_bytes() -> Vec<Row> {
+    let reference = run(Algorithm::Auto, 1);
+    let mut rows = Vec::new();
+    for (algorithm, threads) in [(Algorithm::Auto, 2), (Algorithm::Auto, 7)]
+        .into_iter()
+        .chain(Algorithm::CPU.map(|algorithm| (algorithm, 2)))
+    {
+        let different = u64::from(run(algorithm, threads) != reference);
+        rows.push(Row::exact(format!("states that differ, {algorithm}, {threads} threads"), 0, different));
+    }
+    let reacted = reference.totals.reacted.iter().copied().min().unwrap_or(0);
+    rows.push(Row { must_differ: true, ..Row::exact("fewest reactions of a kind", 0, reacted) });
+    rows.push(Row::exact("particles that differ after a permutation", 0, permuted()));
+    rows
+}
+
+/// How many particles differ between a run and one from the same particles in another order.
+fn permuted() -> u64 {
+    let mut model = model();
+    model.transmitters.truncate(1);
+    model.transmitters[0].shape = Shape::Gaussian(0.7);
+    let mut first = Simulation::new(model.clone(), 4, Algorithm::Auto).expect("a valid model");
+    first.step().expect("a step");
+    let after_one = first.state().particles.clone();
+    model.transmitters.clear();
+    let run = |particles: &Particles| {
+        let mut simulation = Simulation::new(model.clone(), 4, Algorithm::Auto).expect("a valid model");
+        simulation.insert(particles);
+        (0..1000).for_each(|_| simulation.step().expect("a step"));
+        let particles = &simulation.state().particles;
+        particles.permuted(&particles.by_id())
+    };
+    let mut order = after_one.by_id();
+    let sorted = run(&after_one.permuted(&order));
+    order.reverse();
+    order.rotate_left(37);
+    let other = run(&after_one.permuted(&order));
+    let n = sorted.len().max(other.len());
+    if sorted.len() != other.len() {
+        return n as u64;
+    }
+    (0..n).filter(|&at| sorted.get(at) != other.get(at)).count() as u64
+}

@@ -1,0 +1,82 @@
+//! The simulator against closed forms. Seeds are fixed; tolerances are in standard errors of the estimate, in
+//! places with a part for what the closed form leaves out. Prints a table and fails where a row does.
+//!
+//! `cargo test --release -p lazygrid-sim --test validation` (names of items as arguments choose among them)
+#![expect(clippy::print_stdout, reason = "the table is what this is for")]
+
+mod burst;
+mod crowd;
+mod diffusion;
+mod identity;
+mod reactions;
+mod receivers;
+mod setup;
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// One thing that was measured.
+pub(crate) struct Row {
+    pub(crate) what: String,
+    pub(crate) expected: f64,
+    pub(crate) measured: f64,
+    /// The largest deviation that passes.
+    pub(crate) tolerance: f64,
+    /// Whether the two are to differ by more than the tolerance instead.
+    pub(crate) must_differ: bool,
+}
+
+impl Row {
+    /// An expectation with a tolerance.
+    pub(crate) fn new(what: impl Into<String>, expected: f64, measured: f64, tolerance: f64) -> Self {
+        Self { what: what.into(), expected, measured, tolerance, must_differ: false }
+    }
+
+    /// Two numbers that must be equal.
+    pub(crate) fn exact(what: impl Into<String>, expected: u64, measured: u64) -> Self {
+        Self::new(what, expected as f64, measured as f64, 0.0)
+    }
+
+    fn passes(&self) -> bool {
+        let close = (self.measured - self.expected).abs() <= self.tolerance;
+        close != self.must_differ && self.measured.is_finite()
+    }
+}
+
+/// An item of the list, and what measures it.
+type Item = (&'static str, fn() -> Vec<Row>);
+
+const ITEMS: [Item; 9] = [
+    ("1-displacement", diffusion::displacement),
+    ("2-absorbing", receivers::absorbing),
+    ("3-transparent", receivers::transparent),
+    ("4-burst", burst::pairs_of_a_point_burst),
+    ("5-diffusion-limited", reactions::diffusion_limited),
+    ("6-acid-base", burst::acid_base),
+    ("7-well-mixed", reactions::well_mixed),
+    ("8-hard-spheres", crowd::hard_spheres),
+    ("9-identity", identity::same_bytes),
+];
+
+fn main() -> ExitCode {
+    // `cargo test` hands on options of the usual harness, which mean nothing here.
+    let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with('-')).collect();
+    println!("{:<20} {:<46} {:>14} {:>14} {:>12}", "item", "quantity", "expected", "measured", "tolerance");
+    let mut failed = 0;
+    for (name, measure) in ITEMS {
+        if !wanted.is_empty() && !wanted.iter().any(|w| name.contains(w.as_str())) {
+            continue;
+        }
+        let start = Instant::now();
+        for row in measure() {
+            let verdict = if row.passes() { "" } else { "  FAILS" };
+            failed += usize::from(!row.passes());
+            let sign = if row.must_differ { ">" } else { "" };
+            let Row { what, expected, measured, tolerance, .. } = row;
+            let tolerance = format!("{sign}{tolerance:.4}");
+            println!("{name:<20} {what:<46} {expected:>14.5} {measured:>14.5} {tolerance:>12}{verdict}");
+        }
+        println!("{name:<20} took {:.1} s", start.elapsed().as_secs_f64());
+    }
+    if failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}

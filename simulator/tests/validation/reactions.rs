@@ -1,0 +1,92 @@
+//! How fast reactants meet.
+
+use std::f64::consts::PI;
+
+use lazygrid_sim::{Boundary, Model, Reaction, Shape};
+use rayon::prelude::*;
+
+use crate::Row;
+use crate::setup::{begin, burst, mean, species, steps};
+
+/// A fixed target that traps diffuse to. With steps of length s, hits are those of a sphere of radius
+/// σ′ = σ − 0.5826·s: 4πDσ′T + 8σ′²√(πDT) − (4/3)π(σ³ − σ′³) per unit of concentration.
+pub(crate) fn diffusion_limited() -> Vec<Row> {
+    let (traps, ball, batches) = (1_500_000_u32, 8.0_f64, 500);
+    let mut rows = Vec::new();
+    for xi in [0.1_f64, 0.2] {
+        let time_step = xi * xi / 2.0;
+        let reaction = Reaction {
+            name: "target + trap -> target".to_owned(),
+            reactants: [0, 1],
+            products: [Some(0), None],
+            binding_radius: 1.0,
+            probability: 1.0,
+            ..Reaction::default()
+        };
+        // Traps do not know of each other, so that they may come in batches.
+        let model = Model {
+            time_step,
+            species: vec![species("target", 0.0, 0.0), species("trap", 0.0, 1.0)],
+            reactions: vec![reaction],
+            transmitters: vec![
+                burst(Shape::Point, &[(0, 1)]),
+                burst(Shape::Shell(1.0, ball as f32), &[(1, traps / batches)]),
+            ],
+            ..Model::default()
+        };
+        let hits = |seed: u32| {
+            let mut simulation = begin(&model, seed.into());
+            steps(&mut simulation, (1.0 / time_step).round() as u32);
+            simulation.state().totals.reacted[0]
+        };
+        let hits: u64 = (0..batches).into_par_iter().map(hits).sum();
+        let concentration = f64::from(traps) / (4.0 / 3.0 * PI * (ball.powi(3) - 1.0));
+        let sigma = 1.0 - 0.5826 * xi;
+        let expected =
+            4.0 * PI * sigma + 8.0 * sigma * sigma * PI.sqrt() - 4.0 / 3.0 * PI * (1.0 - sigma.powi(3));
+        let error = (hits as f64).sqrt() / concentration;
+        let what = format!("hits per concentration, ξ = {xi}");
+        rows.push(Row::new(what, expected, hits as f64 / concentration, 4.0 * error + 0.02 * expected));
+    }
+    rows
+}
+
+/// A + B → nothing in a well-mixed box: n(t) = 1/(1/n₀ + kt/V).
+pub(crate) fn well_mixed() -> Vec<Row> {
+    let (n, sigma, probability, time_step) = (4000_u32, 0.02_f64, 0.02, 1.0);
+    let reaction = Reaction {
+        name: "A + B -> 0".to_owned(),
+        reactants: [0, 1],
+        binding_radius: sigma as f32,
+        probability,
+        ..Reaction::default()
+    };
+    let model = Model {
+        time_step,
+        // A step of 0.3 in a box of 1 mixes it within a few.
+        species: vec![species("A", 0.0, 0.045), species("B", 0.0, 0.045)],
+        reactions: vec![reaction],
+        boundary: Boundary::periodic([-0.5; 3], [0.5; 3]),
+        transmitters: vec![burst(Shape::Box([1.0; 3]), &[(0, n), (1, n)])],
+        ..Model::default()
+    };
+    let times = [100, 400];
+    let run = |seed| {
+        let mut simulation = begin(&model, seed);
+        times.map(|until| {
+            let done = simulation.state().step;
+            steps(&mut simulation, until - done);
+            simulation.state().totals.present[0] as f64
+        })
+    };
+    let runs: Vec<[f64; 2]> = (0..20).into_par_iter().map(run).collect();
+    // The chance that two points of the periodic unit cube are within σ.
+    let near = 4.0 / 3.0 * PI * sigma.powi(3);
+    let k = near * probability / time_step;
+    let row = |(place, time): (usize, u32)| {
+        let (measured, error) = mean(&runs.iter().map(|run| run[place]).collect::<Vec<_>>());
+        let expected = 1.0 / (1.0 / f64::from(n) + k * f64::from(time) * time_step);
+        Row::new(format!("n after {time} steps, mean of 20 seeds"), expected, measured, 4.0 * error)
+    };
+    times.into_iter().enumerate().map(row).collect()
+}

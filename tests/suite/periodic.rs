@@ -1,0 +1,217 @@
+//! Periodic spaces: every algorithm of the CPU against plain loops over images.
+
+use std::ops::ControlFlow;
+
+use lazygrid::{Backend, Config, Detector, Error, InputError, Order, Pair, Space, Sphere, Spheres};
+use lazygrid_bench::scenes::periodic_box_pairs;
+use lazygrid_tests::{Periodic, Scenario, Subject, periodic};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use crate::properties::{check, settings};
+
+/// The subjects of the CPU, on all their numbers of threads.
+fn on_cpu() -> impl Iterator<Item = Subject> {
+    Subject::all().into_iter().filter(|subject| subject.backend == Backend::Cpu)
+}
+
+/// Spheres of these radii, by turns, uniform in a cube from the origin on.
+fn uniform(n: usize, radii: &[f32], edge: f32, seed: u64) -> Vec<Sphere> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut coordinate = || (rng.next_u32() >> 8) as f32 * (edge / (1 << 24) as f32);
+    (0..n).map(|k| Sphere::new([coordinate(), coordinate(), coordinate()], radii[k % radii.len()])).collect()
+}
+
+#[test]
+fn lattices_in_contact_across_the_seam() {
+    check(160, (periodic::lattice(), settings()), |(spheres, settings)| {
+        spheres.judge(&spheres.oracle(), &settings)
+    });
+}
+
+#[test]
+fn soups_in_any_box() {
+    check(192, (periodic::soup(), settings()), |(spheres, settings)| {
+        spheres.judge(&spheres.oracle(), &settings)
+    });
+}
+
+#[test]
+fn crowds_at_the_corner() {
+    check(128, (periodic::corner(), settings()), |(spheres, settings)| {
+        spheres.judge(&spheres.oracle(), &settings)
+    });
+}
+
+#[test]
+fn coordinates_far_outside() {
+    check(128, (periodic::unwrapped(), settings()), |(spheres, settings)| {
+        spheres.judge(&spheres.oracle_of_integers(), &settings)
+    });
+}
+
+#[test]
+fn giants_in_small_boxes() {
+    check(128, (periodic::giant(), settings()), |(spheres, settings)| {
+        spheres.judge(&spheres.oracle(), &settings)
+    });
+}
+
+#[test]
+fn species_in_periodic_boxes() {
+    check(128, (periodic::mixture(), settings()), |(spheres, settings)| {
+        spheres.judge(&spheres.oracle(), &settings)
+    });
+}
+
+/// The judge of the judge: the definition against all images, where every sphere lies in the box.
+#[test]
+fn the_oracle_agrees_with_all_images() {
+    for (k, edge) in [0.4_f32, 1.0, 3.0, 8.0].into_iter().enumerate() {
+        for axes in 1..8 {
+            let lengths = [0, 1, 2].map(|axis| (axes >> axis & 1 == 1).then_some(edge));
+            let spheres = uniform(150, &[0.1, 0.0, 0.4, 2.0], edge, k as u64);
+            let periodic = Periodic { scenario: Scenario::from(spheres), lengths };
+            let expected = periodic.oracle_of_images();
+            assert_eq!(periodic.oracle(), expected, "{lengths:?}");
+            periodic.judge(&expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
+        }
+    }
+}
+
+/// A full lattice round the box has three contacts per site, none lost at the seam and none found twice.
+#[test]
+fn a_full_lattice_goes_round() {
+    for (k, spacing) in [(3_usize, 0.5_f32), (4, 1.0), (10, 0.25), (21, 3.0)] {
+        let place = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing);
+        let spheres: Vec<_> = (0..k * k * k).map(|at| Sphere::new(place(at), 0.5 * spacing)).collect();
+        let space = Space::periodic([Some(k as f32 * spacing); 3]).expect("a box");
+        for subject in on_cpu() {
+            let mut detector = Detector::new(subject.config().space(space)).expect("a detector");
+            let found = subject.run(|| detector.count(&spheres));
+            assert_eq!(found, Ok(3 * (k * k * k) as u64), "{subject}, {k}³");
+        }
+    }
+}
+
+/// Enough spheres for many cells, levels and pieces of work: the same bytes from every algorithm and thread count.
+#[test]
+fn large_boxes_give_the_same_bytes() {
+    let cases: [(&[f32], [Option<f32>; 3], f32); 4] = [
+        (&[0.5], [Some(20.0); 3], 20.0),
+        (&[0.5, 0.25, 0.125, 0.06, 0.03], [Some(16.0), None, Some(14.0)], 16.0),
+        (&[0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 3.0], [Some(8.0); 3], 8.0),
+        // Coordinates over several boxes, crowded cells.
+        (&[0.1, 0.01], [Some(2.0), Some(3.0), Some(2.5)], 10.0),
+    ];
+    for (case, (radii, lengths, edge)) in cases.into_iter().enumerate() {
+        let n = if case == 3 { 6000 } else { 8000 };
+        let periodic = Periodic { scenario: uniform(n, radii, edge, 7).into(), lengths };
+        let expected = periodic.oracle();
+        assert!(expected.len() > n / 2, "{case}: {}", expected.len());
+        periodic.judge(&expected, &Config::default().tau(64)).unwrap_or_else(|text| panic!("{case}: {text}"));
+        let mut lists: Vec<(Subject, Vec<Pair>)> = Vec::new();
+        for subject in on_cpu() {
+            let order = Config::default().order(Order::Unordered).space(periodic.space());
+            let found = subject.pairs(&periodic.scenario, order).expect("pairs");
+            match lists.iter().find(|(other, _)| other.algorithm == subject.algorithm) {
+                Some((other, first)) => assert!(found == *first, "{case}: {subject} and {other} differ"),
+                None => lists.push((subject, found)),
+            }
+        }
+    }
+}
+
+/// E = Σ n_ab · (4/3)π (ra + rb)³ / V, with binomial variance.
+#[test]
+fn uniform_boxes_by_the_formula() {
+    const SEEDS: u64 = 5;
+    let (edge, radii) = (40.0_f32, [1.0_f32, 0.5, 0.25]);
+    let sizes = radii.map(|radius| (3000_u64, f64::from(radius)));
+    let expected = periodic_box_pairs(&sizes, f64::from(edge).powi(3));
+    let space = Space::periodic([Some(edge); 3]).expect("a box");
+    for subject in on_cpu().filter(|subject| subject.threads == 2) {
+        let mut detector = Detector::new(subject.config().space(space)).expect("a detector");
+        let count = |seed| detector.count(&uniform(9000, &radii, edge, seed)).expect("a count");
+        let mean = (0..SEEDS).map(count).sum::<u64>() as f64 / SEEDS as f64;
+        let error = (expected.variance / SEEDS as f64).sqrt();
+        let off = (mean - expected.mean).abs();
+        assert!(off <= 4.0 * error, "{subject}: mean {mean}, {expected:?}, standard error {error}");
+    }
+}
+
+/// Lists, neighbours, counts, streams and columns tell of the same pairs.
+#[test]
+fn every_kind_of_result() {
+    let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
+    let periodic = Periodic { scenario: spheres.into(), lengths: [Some(5.0), Some(10.0), None] };
+    let (expected, spheres) = (periodic.oracle(), &periodic.scenario.spheres);
+    let column = |of: fn(&Sphere) -> f32| spheres.iter().map(of).collect::<Vec<_>>();
+    let (x, y) = (column(|s| s.center.x), column(|s| s.center.y));
+    let (z, r) = (column(|s| s.center.z), column(|s| s.radius));
+    let columns = Spheres::columns(&x, &y, &z, &r).expect("columns of one length");
+    for subject in on_cpu() {
+        let mut detector =
+            Detector::new(subject.config().space(periodic.space()).max_pairs(700)).expect("a detector");
+        assert_eq!(detector.count(spheres), Ok(expected.len() as u64), "{subject}");
+        let mut streamed = Vec::new();
+        let handed = detector.stream(columns, 100, |pairs| {
+            streamed.extend_from_slice(pairs);
+            ControlFlow::Continue(())
+        });
+        assert_eq!(handed, Ok(expected.len() as u64), "{subject}");
+        assert!(streamed == expected, "{subject}: the stream differs");
+        let mut detector = Detector::new(subject.config().space(periodic.space())).expect("a detector");
+        let lists = detector.neighbors(columns).expect("neighbours");
+        let of_lists = (0..spheres.len()).flat_map(|i| {
+            let later = lists.of(i).iter().filter(move |&&j| j as usize > i);
+            later.map(move |&j| Pair { i: i as u32, j })
+        });
+        assert!(of_lists.collect::<Vec<_>>() == expected, "{subject}: the neighbours differ");
+        assert!(detector.memory_for(3000) >= 16 * 3000, "{subject}");
+    }
+}
+
+#[test]
+fn a_box_twice_as_long_as_apart() {
+    let spheres =
+        [Sphere::new([0.0; 3], 0.5), Sphere::new([9.0, 0.0, 0.0], 0.5), Sphere::new([5.0, 0.0, 0.0], 30.0)];
+    let count = |lengths| {
+        let config = Config::default().space(Space::periodic(lengths).expect("a box"));
+        Detector::new(config).and_then(|mut detector| detector.count(&spheres))
+    };
+    assert_eq!(count([None; 3]), Ok(2));
+    assert_eq!(count([None, Some(10.0), Some(10.0)]), Ok(2));
+    assert_eq!(count([Some(10.0), None, None]), Ok(3));
+    assert_eq!(count([Some(10.0_f32.next_up()), None, None]), Ok(2));
+    assert_eq!(count([Some(0.001); 3]), Ok(3));
+}
+
+#[test]
+fn bad_spheres_are_named_as_they_were_given() {
+    let mut spheres = uniform(100, &[0.1], 5.0, 1);
+    spheres[40].center.y = f32::INFINITY;
+    spheres[70].radius = -1.0;
+    let space = Space::periodic([Some(1.0); 3]).expect("a box");
+    for subject in on_cpu() {
+        let mut detector = Detector::new(subject.config().space(space)).expect("a detector");
+        let Err(Error::Input(InputError::Sphere { index, sphere, count, total })) = detector.pairs(&spheres)
+        else {
+            panic!("{subject}: bad spheres were accepted")
+        };
+        assert_eq!((index, sphere, count, total), (40, spheres[40], 2, 100), "{subject}");
+        assert!(detector.pairs(&spheres[..40]).is_ok(), "{subject}");
+    }
+}
+
+#[test]
+fn the_cpu_is_chosen_and_the_gpu_refused() {
+    let space = Space::periodic([None, None, Some(1.0)]).expect("a slab");
+    let detector = Detector::new(Config::default().space(space)).expect("a detector");
+    assert_eq!(detector.report().backend, Backend::Cpu);
+    assert!(detector.report().reason.contains("periodic"), "{}", detector.report().reason);
+    let refused = Detector::new(Config::default().space(space).backend(Backend::Gpu)).map(drop);
+    assert_eq!(refused, Err(Error::PeriodicOnGpu));
+    let error = Space::periodic([Some(1.0), Some(-2.0), None]).expect_err("no such length").to_string();
+    assert!(error.contains("-2") && error.contains("axis y"), "{error}");
+}
