@@ -38,7 +38,8 @@ pub(super) fn scoped<T>(
 /// A buffer for kernels to read and write, copied from and to.
 pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<wgpu::Buffer, Error> {
     use wgpu::BufferUsages as Usage;
-    let size = bytes.max(16).next_multiple_of(16);
+    // An empty table is bound all the same, with room for one row.
+    let size = if bytes == 0 { 64 } else { bytes.next_multiple_of(16) };
     let usage = Usage::STORAGE | Usage::UNIFORM | Usage::COPY_SRC | Usage::COPY_DST;
     // What is larger than a uniform may be is never bound as one.
     let usage = if size > 1 << 14 { usage - Usage::UNIFORM } else { usage };

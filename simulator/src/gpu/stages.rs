@@ -16,6 +16,8 @@ use crate::Error;
 pub(super) struct Base {
     pub(super) own: GpuDevice,
     pub(super) limits: DeviceLimits,
+    /// Whether there are transparent receivers.
+    watches: bool,
     buffers: HashMap<&'static str, wgpu::Buffer>,
     pipelines: HashMap<&'static str, Pipeline>,
 }
@@ -63,7 +65,8 @@ impl Base {
         keep("inside", buffer(&own, "inside", 4 * tallies)?);
         keep("log", buffer(&own, "log", 8 * u64::from(LOG_ROWS))?);
         let limits = DeviceLimits::of(&own.device);
-        Ok(Self { own, limits, buffers, pipelines: HashMap::new() })
+        let watches = !tables.watches.is_empty();
+        Ok(Self { own, limits, watches, buffers, pipelines: HashMap::new() })
     }
 
     pub(super) fn buffer(&self, name: &str) -> &wgpu::Buffer {
@@ -147,7 +150,8 @@ pub(super) struct Steps {
     matching: Vec<Stage>,
     /// What ends a step.
     after: Vec<Stage>,
-    census: Stage,
+    /// Counts what is inside transparent receivers, where there are any.
+    census: Option<Stage>,
 }
 
 /// Buffers that depend on the sizes.
@@ -172,7 +176,7 @@ impl Steps {
             buffers.insert("pairs", pairs.clone());
             buffers.insert("outcome", outcome.clone());
         }
-        let limits = base.limits;
+        let (limits, watches) = (base.limits, base.watches);
         let mut stage = |kernel: &'static Kernel, groups: Groups| {
             base.stage(kernel, groups, |name| buffers[name].clone())
         };
@@ -183,7 +187,7 @@ impl Steps {
             stage(&k::SURVIVORS_SCAN, Groups::Fixed(1))?,
             stage(&k::SURVIVORS_PLACE, Groups::Particles)?,
         ];
-        let census = stage(&k::RECEIVERS_COUNT, Groups::Particles)?;
+        let census = watches.then(|| stage(&k::RECEIVERS_COUNT, Groups::Particles)).transpose()?;
         let (mut drawing, mut matching) = (Vec::new(), Vec::new());
         if detects.is_some() {
             drawing.push(stage(&k::PAIRS_CHECK, Groups::Fixed(1))?);
@@ -220,7 +224,7 @@ impl Steps {
     /// Records the count of what is inside transparent receivers.
     pub(super) fn encode_census(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         encoder.clear_buffer(self.buffer("inside"), 0, None);
-        self.encode(encoder, [&self.census], particles);
+        self.encode(encoder, &self.census, particles);
     }
 
     fn encode<'a>(

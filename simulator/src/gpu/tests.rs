@@ -191,8 +191,9 @@ fn the_matching_is_the_greedy_one() {
         for [rounds, turns] in [[0, 60_000], [1, 60_000], [4, 60_000]] {
             let all = candidates(particles, count, rounds);
             let mut expected = vec![None; particles as usize];
-            for chosen in Matching::default().greedy(&all, particles as usize) {
-                let Candidate { at, claims, .. } = all[chosen as usize];
+            let mut sorted = all.clone();
+            for chosen in Matching::default().greedy(&mut sorted, particles as usize) {
+                let Candidate { at, claims, .. } = sorted[chosen as usize];
                 let [a, b] = at.map(|at| at as f32);
                 let place = match claims {
                     [true, true] => 0.5 * (a + b),
