@@ -32,19 +32,19 @@ impl Axis {
     pub fn place(self, x: f32) -> f32 {
         match self {
             Self::Open => x,
+            // What is inside stays as it is, to the last bit.
+            Self::Reflecting { low, high } if x >= low && x <= high => x,
+            Self::Periodic { low, high } if x >= low && x < high => x,
             Self::Reflecting { low, high } => {
                 let length = high - low;
                 let y = x - low;
                 let y = y - 2.0 * length * (y / (2.0 * length)).floor();
-                // An inside coordinate is left as it is, to the last bit.
-                let folded = low + (length - (length - y).abs());
-                if x >= low && x <= high { x } else { folded.clamp(low, high) }
+                (low + (length - (length - y).abs())).clamp(low, high)
             }
             Self::Periodic { low, high } => {
                 let length = high - low;
                 let shifted = x - length * ((x - low) / length).floor();
-                let wrapped = if shifted >= low && shifted < high { shifted } else { low };
-                if x >= low && x < high { x } else { wrapped }
+                if shifted >= low && shifted < high { shifted } else { low }
             }
         }
     }

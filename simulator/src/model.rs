@@ -4,7 +4,7 @@
 use crate::Error;
 use crate::boundary::Boundary;
 use crate::receiver::Receiver;
-use crate::transmitter::Transmitter;
+use crate::transmitter::{Shape, Transmitter};
 
 /// Everything that a run is about but its seed.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -147,6 +147,22 @@ impl Model {
         }
         for transmitter in &self.transmitters {
             self.check_species(&transmitter.name, transmitter.release.iter().map(|&(species, _)| species))?;
+            if matches!(transmitter.shape, Shape::Lattice(_, places) if places.contains(&0)) {
+                return Err(Error::Model(format!(
+                    "the lattice of {} has no places along an axis",
+                    transmitter.name
+                )));
+            }
+        }
+        for receiver in &self.receivers {
+            if receiver.sees.len() != self.species.len() {
+                let (name, known) = (&receiver.name, self.species.len());
+                let message = format!(
+                    "{name} says of {} species whether it sees them, of {known}",
+                    receiver.sees.len()
+                );
+                return Err(Error::Model(message));
+            }
         }
         self.check_pairs()
     }

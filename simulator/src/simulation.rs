@@ -127,15 +127,25 @@ impl Simulation {
     }
 
     /// Places particles by hand, beside what transmitters release. Their ids must not have been used.
-    pub fn insert(&mut self, particles: &Particles) {
+    ///
+    /// # Errors
+    /// [`Error::Model`] for a species that the model does not have; then nothing is placed.
+    pub fn insert(&mut self, particles: &Particles) -> Result<(), Error> {
         let with_velocity = self.model.has_velocity();
+        let known = self.model.species.len();
+        if let Some(species) = particles.species.iter().find(|&&species| species as usize >= known) {
+            return Err(Error::Model(format!(
+                "a particle is of species {species} and the model has {known}"
+            )));
+        }
         for at in 0..particles.len() {
             let particle = particles.get(at);
-            self.state.next_id = self.state.next_id.max(particle.id + 1);
+            self.state.next_id = self.state.next_id.max(particle.id.saturating_add(1));
             self.state.totals.released[particle.species as usize] += 1;
             self.state.totals.present[particle.species as usize] += 1;
             self.state.particles.push(particle, with_velocity);
         }
+        Ok(())
     }
 
     /// How many particles of each species are now inside a receiver's sphere.

@@ -30,16 +30,6 @@ fn model(contact: Contact, time_step: f64, kind: Species) -> Model {
 /// what elastic collisions conserve.
 pub(crate) fn hard_spheres() -> Vec<Row> {
     let expected = (1.0 - PACKING / 2.0) / (1.0 - PACKING).powi(3);
-    let pushed = model(Contact::Separate, 2.0e-6, species("A", 0.5, 1.0));
-    let mut simulation = begin(&pushed, 1);
-    steps(&mut simulation, 10_000);
-    let mut shells = Shells::new(&pushed);
-    for _ in 0..100 {
-        steps(&mut simulation, 100);
-        shells.add(&simulation.state().particles);
-    }
-    let mut rows = vec![Row::new("g(σ⁺), pushed apart", expected, shells.contact_value(), 0.05 * expected)];
-
     let elastic = Species { thermal_speed: 1.0, ..species("A", 0.5, 0.0) };
     let elastic = model(Contact::Elastic, 1e-3, elastic);
     let mut simulation = begin(&elastic, 1);
@@ -48,14 +38,28 @@ pub(crate) fn hard_spheres() -> Vec<Row> {
     steps(&mut simulation, 3_000);
     let mut shells = Shells::new(&elastic);
     for _ in 0..100 {
-        steps(&mut simulation, 100);
+        steps(&mut simulation, 60);
         shells.add(&simulation.state().particles);
     }
-    let after = conserved(&simulation.state().particles);
-    rows.push(Row::new("g(σ⁺), elastic", expected, shells.contact_value(), 0.05 * expected));
+    let melted = &simulation.state().particles;
+    let after = conserved(melted);
+    let mut rows = vec![Row::new("g(σ⁺), elastic", expected, shells.contact_value(), 0.05 * expected)];
     rows.push(Row::new("relative drift of energy", 0.0, after.energy / before.energy - 1.0, 1e-5));
     let drift = (0..3).map(|k| (after.momentum[k] - before.momentum[k]).abs()).fold(0.0, f64::max);
     rows.push(Row::new("relative drift of momentum", 0.0, drift / before.speeds, 1e-5));
+
+    // Diffusion would take long to forget the lattice, so it begins where the elastic ones ended.
+    let mut pushed = model(Contact::Separate, 5e-6, species("A", 0.5, 1.0));
+    pushed.transmitters.clear();
+    let mut simulation = begin(&pushed, 1);
+    simulation.insert(melted).expect("known species");
+    steps(&mut simulation, 3_000);
+    let mut shells = Shells::new(&pushed);
+    for _ in 0..100 {
+        steps(&mut simulation, 60);
+        shells.add(&simulation.state().particles);
+    }
+    rows.push(Row::new("g(σ⁺), pushed apart", expected, shells.contact_value(), 0.05 * expected));
     rows
 }
 

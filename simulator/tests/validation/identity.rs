@@ -86,7 +86,7 @@ fn permuted() -> u64 {
     model.transmitters.clear();
     let run = |particles: &Particles| {
         let mut simulation = Simulation::new(model.clone(), 4, Algorithm::Auto).expect("a valid model");
-        simulation.insert(particles);
+        simulation.insert(particles).expect("known species");
         (0..1000).for_each(|_| simulation.step().expect("a step"));
         let particles = &simulation.state().particles;
         particles.permuted(&particles.by_id())
