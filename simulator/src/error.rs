@@ -48,7 +48,9 @@ pub enum Error {
         what: String,
     },
     /// Particles went beyond the range of numbers on the GPU.
-    #[error("step {step}: {particles} particles are at no finite place; shorten the time step or weaken the drift")]
+    #[error(
+        "step {step}: {particles} particles are at no finite place; shorten the time step or weaken the drift"
+    )]
     NotFinite {
         /// The step, counted from 0.
         step: u32,

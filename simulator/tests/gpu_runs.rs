@@ -5,8 +5,8 @@ use lazygrid::Algorithm;
 use lazygrid::gpu::{GpuDevice, GpuError};
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Error, Kind, Model, Particle, Reaction, Receiver, Shape, Simulation, Species,
-    State, Transmitter,
+    Axis, Boundary, Contact, Decay, Error, Kind, Model, Particle, Reaction, Receiver, Shape, Simulation,
+    Species, State, Transmitter,
 };
 
 fn device() -> Option<GpuDevice> {
@@ -27,8 +27,20 @@ fn species(name: &str, diffusion: f64, drift: [f64; 3]) -> Species {
     Species { name: name.into(), diffusion, drift, mass: 1.0, ..Species::default() }
 }
 
-fn reaction(reactants: [u32; 2], products: [Option<u32>; 2], binding_radius: f32, probability: f64) -> Reaction {
-    Reaction { name: format!("{reactants:?}"), reactants, products, binding_radius, probability, ..Reaction::default() }
+fn reaction(
+    reactants: [u32; 2],
+    products: [Option<u32>; 2],
+    binding_radius: f32,
+    probability: f64,
+) -> Reaction {
+    Reaction {
+        name: format!("{reactants:?}"),
+        reactants,
+        products,
+        binding_radius,
+        probability,
+        ..Reaction::default()
+    }
 }
 
 fn lattice(center: [f32; 3], times: &[f64], species: u32, places: u32) -> Transmitter {
@@ -43,8 +55,15 @@ fn lattice(center: [f32; 3], times: &[f64], species: u32, places: u32) -> Transm
 
 /// Nothing rounds: all coordinates are small multiples of a power of two. Particles drift through each other.
 fn dyadic() -> Model {
-    let receiver = |name: &str, center, kind| Receiver { name: name.into(), center, radius: 1.03, kind, sees: vec![true; 4] };
-    let decay = |reactant, product, rate| Decay { name: format!("decay of {reactant}"), reactant, product, rate };
+    let receiver = |name: &str, center, kind| Receiver {
+        name: name.into(),
+        center,
+        radius: 1.03,
+        kind,
+        sees: vec![true; 4],
+    };
+    let decay =
+        |reactant, product, rate| Decay { name: format!("decay of {reactant}"), reactant, product, rate };
     Model {
         time_step: 1.0,
         species: vec![
@@ -71,7 +90,11 @@ fn dyadic() -> Model {
             receiver("endpoint", [0.0, -2.0, 0.5], Kind::Endpoint),
         ],
         boundary: Boundary {
-            axes: [Axis::Reflecting { low: -4.5, high: 4.5 }, Axis::Open, Axis::Reflecting { low: -5.0, high: 6.0 }],
+            axes: [
+                Axis::Reflecting { low: -4.5, high: 4.5 },
+                Axis::Open,
+                Axis::Reflecting { low: -5.0, high: 6.0 },
+            ],
         },
         ..Model::default()
     }
@@ -116,7 +139,9 @@ fn dyadic_runs_are_those_of_the_cpu() {
             assert_eq!(there.received(), here.received());
         }
         let totals = there.totals();
-        for counts in [&totals.reacted, &totals.decayed, &totals.arrived[0], &totals.arrived[2], &there.received()[1]] {
+        for counts in
+            [&totals.reacted, &totals.decayed, &totals.arrived[0], &totals.arrived[2], &there.received()[1]]
+        {
             assert!(counts.iter().any(|&count| count > 0), "{totals:?}");
         }
         assert!(totals.reacted.iter().all(|&count| count > 0), "{totals:?}");
@@ -225,8 +250,11 @@ fn mean_square_displacement() {
         let [x, y, z] = p.position.map(f64::from);
         (x - 1.0).powi(2) + y * y + z * z
     });
-    let (mean, fourth) = squares.fold((0.0, 0.0), |(m, f), s| (m + s / f64::from(n), f + s * s / f64::from(n)));
-    let close = |found: f64, expected: f64, variance: f64| (found - expected).abs() < 4.0 * (variance / f64::from(n)).sqrt();
+    let (mean, fourth) =
+        squares.fold((0.0, 0.0), |(m, f), s| (m + s / f64::from(n), f + s * s / f64::from(n)));
+    let close = |found: f64, expected: f64, variance: f64| {
+        (found - expected).abs() < 4.0 * (variance / f64::from(n)).sqrt()
+    };
     assert!(close(mean, 3.0 * variance, 6.0 * variance.powi(2)), "{mean}");
     // Moments of a chi-square with three degrees of freedom: 15 for the square, 945 for its square.
     assert!(close(fourth, 15.0 * variance.powi(2), (945.0 - 225.0) * variance.powi(4)), "{fourth}");
@@ -266,7 +294,8 @@ fn annihilation_has_the_statistics_of_the_cpu() {
 fn absorbing_receiver() {
     let Some(own) = device() else { return };
     let n = 50_000_u32;
-    let receiver = |kind| Receiver { name: "r".into(), center: [10.0, 0.0, 0.0], radius: 5.0, kind, sees: vec![true] };
+    let receiver =
+        |kind| Receiver { name: "r".into(), center: [10.0, 0.0, 0.0], radius: 5.0, kind, sees: vec![true] };
     let burst = Transmitter {
         name: "burst".into(),
         center: [0.0; 3],

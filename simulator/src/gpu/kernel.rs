@@ -181,13 +181,31 @@ mod tests {
     fn rust_structures_have_the_layout_of_the_shaders() {
         let layouts = [
             layout!(Params {
-                key, species, tallies, first_reaction, is_open, turns, lists_pairs, axes, low, high
+                key,
+                species,
+                tallies,
+                first_reaction,
+                is_open,
+                turns,
+                lists_pairs,
+                axes,
+                low,
+                high
             }),
             layout!(Kind { drift, length, diffusion, radius, fates_begin, fates_end }),
             layout!(Fate { center, radius, kind, receiver, up_to, product, tally }),
             layout!(Watch { center, radius, first, species }),
             layout!(Rule {
-                reaction, first, up_to, flags, products, radii, within, unbinding, share, first_share
+                reaction,
+                first,
+                up_to,
+                flags,
+                products,
+                radii,
+                within,
+                unbinding,
+                share,
+                first_share
             }),
         ];
         let sizes = [("Candidate", CANDIDATE_BYTES), ("Claim", CLAIM_BYTES)];
@@ -197,8 +215,10 @@ mod tests {
             for (_, ty) in module.types.iter() {
                 let TypeInner::Struct { members, span } = &ty.inner else { continue };
                 let name = ty.name.as_deref().unwrap_or_default();
-                let offsets: Vec<_> =
-                    members.iter().map(|m| (m.name.as_deref().unwrap_or_default(), m.offset as usize)).collect();
+                let offsets: Vec<_> = members
+                    .iter()
+                    .map(|m| (m.name.as_deref().unwrap_or_default(), m.offset as usize))
+                    .collect();
                 if name == "Control" {
                     assert_eq!(offsets.last(), Some(&("tallies", size_of::<Head>())), "{}", kernel.name);
                     held += 1;

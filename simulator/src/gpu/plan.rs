@@ -94,8 +94,12 @@ pub(super) fn grown(needed: u32) -> u32 {
 mod tests {
     use super::*;
 
-    const LIMITS: DeviceLimits =
-        DeviceLimits { storage_binding: 1 << 27, buffer: 1 << 30, groups_per_dimension: 65_535, storage_buffers: 8 };
+    const LIMITS: DeviceLimits = DeviceLimits {
+        storage_binding: 1 << 27,
+        buffer: 1 << 30,
+        groups_per_dimension: 65_535,
+        storage_buffers: 8,
+    };
 
     #[test]
     fn loops_stay_bounded_and_dispatches_cover_all() {

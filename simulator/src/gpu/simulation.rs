@@ -47,6 +47,8 @@ struct Burst {
 
 /// Work, in particles moved, that one submission may have: far below what watchdogs allow.
 const SUBMISSION: u32 = 1 << 24;
+/// Steps that one submission may have, however few particles there are.
+const STEPS: u32 = 64;
 
 impl GpuSimulation {
     /// The beginning of a run on a device.
@@ -172,7 +174,8 @@ impl GpuSimulation {
         let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
         let mut particles = Particles::default();
         for ([x, y, z, radius], [species, id]) in spheres.into_iter().zip(tags) {
-            particles.push(Particle { position: [x, y, z], radius, species, id, ..Particle::default() }, false);
+            particles
+                .push(Particle { position: [x, y, z], radius, species, id, ..Particle::default() }, false);
         }
         Ok(State { particles, step: self.step, next_id: self.next_id, totals: self.totals.clone() })
     }
@@ -234,8 +237,8 @@ impl GpuSimulation {
                 detector.encode(&mut encoder, &input).map_err(refused)?;
             }
             self.steps.encode_after(&mut encoder, particles);
-            work += particles;
-            if work > SUBMISSION {
+            work += particles.max(SUBMISSION / STEPS);
+            if work >= SUBMISSION {
                 work = 0;
                 let full = std::mem::replace(&mut encoder, self.encoder());
                 scoped(&self.base.own, "steps", 0, || self.base.own.queue.submit([full.finish()]))?;
@@ -383,7 +386,11 @@ impl GpuSimulation {
                 return failed(GpuError::Validation { what: "a step", reason });
             }
         }
-        log::info!("step {step}: repeated for want of room (reason {}, {} needed)", head.frozen, head.lacking());
+        log::info!(
+            "step {step}: repeated for want of room (reason {}, {} needed)",
+            head.frozen,
+            head.lacking()
+        );
         self.rebuild(sizes)?;
         let at = std::mem::offset_of!(Head, frozen) as u64;
         let control = self.base.buffer("control");

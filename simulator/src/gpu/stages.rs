@@ -205,7 +205,12 @@ impl Steps {
     }
 
     /// Records what comes before the detection, with room for up to `particles` particles.
-    pub(super) fn encode_before(&self, encoder: &mut wgpu::CommandEncoder, burst: Option<&Stage>, particles: u32) {
+    pub(super) fn encode_before(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        burst: Option<&Stage>,
+        particles: u32,
+    ) {
         self.encode(encoder, burst.into_iter().chain(&self.before), particles);
     }
 

@@ -69,13 +69,15 @@ fn scattered(k: u32) -> ([u32; 4], [u32; 2]) {
     ([word(0x9e37_79b9), word(0x85eb_ca6b), k, 3], [word(0xc2b2_ae35), !k])
 }
 
-const SCATTERED: &str = "let counter = vec4((k * 0x9e3779b9u) ^ (k << 7u), (k * 0x85ebca6bu) ^ (k << 7u), k, 3u);
+const SCATTERED: &str =
+    "let counter = vec4((k * 0x9e3779b9u) ^ (k << 7u), (k * 0x85ebca6bu) ^ (k << 7u), k, 3u);
     let key = vec2((k * 0xc2b2ae35u) ^ (k << 7u), ~k);";
 
 #[test]
 fn random_words_are_those_of_the_cpu() {
     let Some(own) = device() else { return };
-    let found = evaluate(&own, "#include philox", &format!("{SCATTERED} out[k] = philox(counter, key);"), 20_000);
+    let found =
+        evaluate(&own, "#include philox", &format!("{SCATTERED} out[k] = philox(counter, key);"), 20_000);
     for (k, found) in (0..).zip(found) {
         let (counter, key) = scattered(k);
         assert_eq!(found, philox(counter, key), "{k}");
@@ -86,7 +88,9 @@ fn random_words_are_those_of_the_cpu() {
 fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
     let Some(own) = device() else { return };
     let pieces = "#include philox\n#include normal";
-    let body = |of: &str| format!("{SCATTERED} let w = philox(counter, key); out[k] = vec4(bitcast<vec3<u32>>({of}), 0u);");
+    let body = |of: &str| {
+        format!("{SCATTERED} let w = philox(counter, key); out[k] = vec4(bitcast<vec3<u32>>({of}), 0u);")
+    };
     // Each of the few operations after the logarithm and the angle may round differently.
     let close = |a: f32, b: f32| (a - b).abs() <= 4e-7 * b.abs().max(0.25);
     for (of, exact) in [
@@ -153,7 +157,12 @@ fn candidates(particles: u32, count: u32, salt: u32) -> Vec<Candidate> {
 }
 
 /// The matching on the device: how the run stands, and by particle where its reaction was, if it had one.
-fn matched(own: &GpuDevice, all: &[Candidate], particles: u32, [rounds, turns]: [u32; 2]) -> (u32, Vec<Option<f32>>) {
+fn matched(
+    own: &GpuDevice,
+    all: &[Candidate],
+    particles: u32,
+    [rounds, turns]: [u32; 2],
+) -> (u32, Vec<Option<f32>>) {
     let tables = Tables::new(&model(), Key::new(1), turns);
     let mut base = Base::new(own.clone(), &tables).expect("a base");
     let sizes = Sizes { particles, pairs: all.len().max(1) as u32 };
