@@ -41,6 +41,22 @@ pub enum Error {
     /// The detector could not be made.
     #[error(transparent)]
     Detection(#[from] lazygrid::Error),
+    /// A model with something that the GPU back end cannot do.
+    #[error("the GPU back end cannot do {what}; choose the CPU")]
+    NotOnGpu {
+        /// What that is, and whose.
+        what: String,
+    },
+    /// Particles went beyond the range of numbers on the GPU.
+    #[error(
+        "step {step}: {particles} particles are at no finite place; shorten the time step or weaken the drift"
+    )]
+    NotFinite {
+        /// The step, counted from 0.
+        step: u32,
+        /// How many they are.
+        particles: u64,
+    },
     /// The threads that were asked for could not be started.
     #[error("cannot start {threads} threads: {reason}; ask for fewer")]
     Threads {

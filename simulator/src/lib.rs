@@ -32,6 +32,7 @@
 pub mod boundary;
 pub mod checkpoint;
 pub mod contact;
+pub mod gpu;
 pub mod matching;
 pub mod model;
 pub mod motion;
@@ -48,6 +49,7 @@ pub mod transmitter;
 mod error;
 mod output;
 mod simulation;
+mod simulator;
 
 pub use boundary::{Axis, Boundary};
 pub use error::Error;
@@ -55,4 +57,5 @@ pub use model::{Contact, Decay, Model, Reaction, Species};
 pub use particles::{Particle, Particles};
 pub use receiver::{Kind, Receiver};
 pub use simulation::{Simulation, State, Totals};
+pub use simulator::Simulator;
 pub use transmitter::{Shape, Transmitter};

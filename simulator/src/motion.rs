@@ -16,29 +16,29 @@ use crate::receiver::{Kind, Receiver, meets};
 #[derive(Clone, Debug)]
 pub struct Motion {
     /// By species.
-    steps: Vec<Step>,
+    pub(crate) steps: Vec<Step>,
     time_step: f32,
     with_velocity: bool,
     boundary: Boundary,
     /// Receivers that remove particles, with their places in the model.
     receivers: Vec<(u32, Receiver)>,
-    decays: Vec<Decays>,
+    pub(crate) decays: Vec<Decays>,
     any_decay: bool,
 }
 
 /// The step of one species.
 #[derive(Clone, Copy, Debug)]
-struct Step {
+pub(crate) struct Step {
     /// √(2DΔt) in µm.
-    length: f32,
+    pub(crate) length: f32,
     /// DΔt in µm².
-    diffusion: f32,
+    pub(crate) diffusion: f32,
     /// Drift in one step, in µm.
-    drift: [f32; 3],
+    pub(crate) drift: [f32; 3],
 }
 
 /// Each way that one species decays: up to which word it does, its place in the model, and what comes of it.
-type Decays = Vec<(u32, u32, Option<u32>)>;
+pub(crate) type Decays = Vec<(u32, u32, Option<u32>)>;
 
 /// What befell a particle at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,7 +16,7 @@ use crate::transmitter::direction;
 pub struct Reactions {
     species: usize,
     /// By both species.
-    table: Vec<Option<Rule>>,
+    pub(crate) table: Vec<Option<Rule>>,
     reactions: Vec<Reaction>,
     diffusion: Vec<f64>,
     boundary: Boundary,
@@ -24,16 +24,16 @@ pub struct Reactions {
 
 /// What is needed to decide about a pair.
 #[derive(Clone, Copy, Debug)]
-struct Rule {
-    reaction: u32,
+pub(crate) struct Rule {
+    pub(crate) reaction: u32,
     /// The species that is the first reactant.
-    first: u32,
+    pub(crate) first: u32,
     /// The largest word that means yes.
-    up_to: u32,
+    pub(crate) up_to: u32,
     /// The binding radius, where the detector looks further than that.
-    within: Option<f32>,
+    pub(crate) within: Option<f32>,
     /// Whether the first and the second reactant are used up.
-    claims: [bool; 2],
+    pub(crate) claims: [bool; 2],
 }
 
 /// What comes of one reactant.
@@ -118,11 +118,7 @@ impl Reactions {
         let reaction = &self.reactions[candidate.rule as usize];
         let [a, b] = candidate.at.map(|at| particles.position_of(at as usize));
         let toward = self.boundary.offset(a, b);
-        let share = match candidate.claims {
-            [true, true] => self.share(reaction.reactants),
-            [true, false] => 1.0,
-            _ => 0.0,
-        };
+        let [share, first_share] = self.shares(reaction, candidate.claims);
         let meeting: [f32; 3] = std::array::from_fn(|k| a[k] + share * toward[k]);
         let apart = match reaction.products {
             [Some(_), Some(_)] if reaction.unbinding_radius > 0.0 => {
@@ -131,11 +127,6 @@ impl Reactions {
             }
             _ => [0.0; 3],
         };
-        let first_share = match (candidate.claims, reaction.products) {
-            ([true, true], [Some(c), Some(d)]) => self.share([c, d]),
-            ([true, false], _) => 1.0,
-            _ => 0.0,
-        };
         let outcome = |k: usize, along: f32| {
             let position =
                 self.boundary.place(std::array::from_fn(|axis| meeting[axis] + along * apart[axis]));
@@ -143,6 +134,21 @@ impl Reactions {
             candidate.claims[k].then_some(outcome)
         };
         [outcome(0, -first_share), outcome(1, 1.0 - first_share)]
+    }
+
+    /// How much of the way to where they meet is the first reactant's, and of the way apart the first product's.
+    pub(crate) fn shares(&self, reaction: &Reaction, claims: [bool; 2]) -> [f32; 2] {
+        let together = match claims {
+            [true, true] => self.share(reaction.reactants),
+            [true, false] => 1.0,
+            _ => 0.0,
+        };
+        let apart = match (claims, reaction.products) {
+            ([true, true], [Some(c), Some(d)]) => self.share([c, d]),
+            ([true, false], _) => 1.0,
+            _ => 0.0,
+        };
+        [together, apart]
     }
 
     /// How much of the way between two particles is the first one's.

@@ -3,12 +3,12 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use lazygrid::Algorithm;
+use lazygrid::{Algorithm, Backend};
 
 use crate::checkpoint::Checkpoint;
 use crate::output::{self, Files};
 use crate::scenario::Scenario;
-use crate::{Error, Simulation};
+use crate::{Error, Simulator};
 
 /// What is to be run, and where it is written.
 #[derive(Clone, Debug)]
@@ -19,7 +19,9 @@ pub struct Run {
     pub path: PathBuf,
     /// Where the files go.
     pub directory: PathBuf,
-    /// How pairs are found; that does not change the result.
+    /// Where it runs; see [`Simulator::begin`].
+    pub backend: Backend,
+    /// How the CPU finds pairs; that does not change the result.
     pub algorithm: Algorithm,
     /// Threads; by default all.
     pub threads: Option<usize>,
@@ -39,17 +41,17 @@ pub enum End {
 }
 
 impl Run {
-    /// Does all steps and calls `watch` before the first and after each, until it breaks. However it ends, the files
+    /// Does all steps and calls `watch` before the first and after each, or on a GPU after several, until it breaks. However it ends, the files
     /// are closed and there is a checkpoint to go on from.
     ///
     /// # Errors
     /// [`Error::Write`] before anything is computed where the directory cannot be written or the disk is too small,
     /// and at any time where the system refuses to write; [`Error::Checkpoint`] where there is nothing to go on from;
-    /// and whatever [`Simulation::step`] says.
+    /// and whatever [`Simulator::advance`] says.
     pub fn run(
         &self,
-        watch: impl FnMut(&Simulation) -> ControlFlow<()> + Send,
-    ) -> Result<(End, Simulation), Error> {
+        watch: impl FnMut(&Simulator) -> ControlFlow<()> + Send,
+    ) -> Result<(End, Simulator), Error> {
         match self.threads {
             None => self.run_here(watch),
             Some(threads) => {
@@ -65,17 +67,17 @@ impl Run {
 
     fn run_here(
         &self,
-        mut watch: impl FnMut(&Simulation) -> ControlFlow<()>,
-    ) -> Result<(End, Simulation), Error> {
+        mut watch: impl FnMut(&Simulator) -> ControlFlow<()>,
+    ) -> Result<(End, Simulator), Error> {
         let (mut simulation, mut files) = if self.resume { self.go_on()? } else { self.begin()? };
         let mut end = End::Finished;
         if watch(&simulation).is_break() {
             end = End::Stopped;
         }
-        while end == End::Finished && simulation.state().step < self.scenario.steps {
-            simulation.step()?;
+        while end == End::Finished && simulation.step_count() < self.scenario.steps {
+            simulation.advance(self.steps_to_next(simulation.step_count()))?;
             files.record(&simulation)?;
-            let due = |every: u32| simulation.state().step.is_multiple_of(every);
+            let due = |every: u32| simulation.step_count().is_multiple_of(every);
             if self.scenario.output.checkpoint_every.is_some_and(due) {
                 self.save(&simulation, &mut files)?;
             }
@@ -87,9 +89,18 @@ impl Run {
         Ok((end, simulation))
     }
 
-    fn begin(&self) -> Result<(Simulation, Files), Error> {
+    /// How many steps there are until something is written.
+    fn steps_to_next(&self, step: u32) -> u32 {
+        let output = self.scenario.output;
+        let frames = (output.xyz || output.npy).then_some(output.frames_every);
+        let every = [Some(output.every), frames, output.checkpoint_every];
+        let left = every.into_iter().flatten().map(|every| every - step % every);
+        left.fold(self.scenario.steps - step, u32::min)
+    }
+
+    fn begin(&self) -> Result<(Simulator, Files), Error> {
         let Scenario { model, steps, seed, output, .. } = &self.scenario;
-        let simulation = Simulation::new(model.clone(), *seed, self.algorithm)?;
+        let simulation = Simulator::begin(model, *seed, self.backend, self.algorithm, None)?;
         output::prepare(&self.directory, self.overwrite)?;
         self.check_room(output::estimate(*output, model, *steps))?;
         let mut files = Files::create(&self.directory, *output, model)?;
@@ -115,7 +126,7 @@ impl Run {
         Err(write(std::io::Error::new(std::io::ErrorKind::StorageFull, message)))
     }
 
-    fn go_on(&self) -> Result<(Simulation, Files), Error> {
+    fn go_on(&self) -> Result<(Simulator, Files), Error> {
         let path = self.directory.join("checkpoint");
         let Checkpoint { scenario, seed, every, lengths, state } = Checkpoint::read(&path)?;
         let refused = |message: String| Err(Error::Checkpoint { path: path.clone(), message });
@@ -135,18 +146,18 @@ impl Run {
                 "its series goes by --every {rows} and its frames by --frames-every {frames}"
             ));
         }
-        let simulation = Simulation::resume(own.model.clone(), seed, self.algorithm, state)?;
+        let simulation = Simulator::begin(&own.model, seed, self.backend, self.algorithm, Some(state))?;
         Ok((simulation, Files::reopen(&self.directory, own.output, &lengths)?))
     }
 
-    fn save(&self, simulation: &Simulation, files: &mut Files) -> Result<(), Error> {
+    fn save(&self, simulation: &Simulator, files: &mut Files) -> Result<(), Error> {
         let Scenario { text, seed, output, .. } = &self.scenario;
         let checkpoint = Checkpoint {
             scenario: text.clone(),
             seed: *seed,
             every: [output.every, output.frames_every],
             lengths: files.sync()?,
-            state: simulation.state().clone(),
+            state: simulation.state()?.into_owned(),
         };
         checkpoint.write(&self.directory.join("checkpoint"))
     }

@@ -45,6 +45,21 @@ pub struct Totals {
     pub contacts: u64,
 }
 
+impl Totals {
+    /// Nothing yet.
+    pub(crate) fn of(model: &Model) -> Self {
+        let species = model.species.len();
+        Self {
+            present: vec![0; species],
+            released: vec![0; species],
+            arrived: vec![vec![0; species]; model.receivers.len()],
+            reacted: vec![0; model.reactions.len()],
+            decayed: vec![0; model.decays.len()],
+            ..Self::default()
+        }
+    }
+}
+
 /// A run: a model, a seed, and what has become of it.
 #[derive(Debug)]
 pub struct Simulation {
@@ -66,16 +81,8 @@ impl Simulation {
     /// # Errors
     /// [`Error::Model`] where the model makes no sense, [`Error::Detection`] where the detector refuses it.
     pub fn new(model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, Error> {
-        let species = model.species.len();
-        let totals = Totals {
-            present: vec![0; species],
-            released: vec![0; species],
-            arrived: vec![vec![0; species]; model.receivers.len()],
-            reacted: vec![0; model.reactions.len()],
-            decayed: vec![0; model.decays.len()],
-            ..Totals::default()
-        };
-        Self::resume(model, seed, algorithm, State { totals, ..State::default() })
+        let state = State { totals: Totals::of(&model), ..State::default() };
+        Self::resume(model, seed, algorithm, state)
     }
 
     /// A run that goes on from a state of the same model and seed.

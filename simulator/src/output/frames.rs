@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use bytemuck::{Pod, Zeroable};
 
 use crate::boundary::Axis;
-use crate::{Particles, Simulation};
+use crate::{Model, Particles, State};
 
 /// About how many bytes a particle takes in extended XYZ.
 pub(super) const XYZ_ROW: u64 = 56;
@@ -13,8 +13,8 @@ pub(super) const XYZ_ROW: u64 = 56;
 pub(super) const NPY_ROW: u64 = size_of::<Row>() as u64;
 
 /// Appends a frame of extended XYZ.
-pub(super) fn xyz(out: &mut impl Write, simulation: &Simulation) -> io::Result<()> {
-    let (particles, model) = (&simulation.state().particles, simulation.model());
+pub(super) fn xyz(out: &mut impl Write, model: &Model, state: &State) -> io::Result<()> {
+    let particles = &state.particles;
     writeln!(out, "{}", particles.len())?;
     let axes = model.boundary.axes;
     let bounds = axes.map(|axis| match axis {
@@ -30,8 +30,8 @@ pub(super) fn xyz(out: &mut impl Write, simulation: &Simulation) -> io::Result<(
     writeln!(
         out,
         "pbc=\"{x} {y} {z}\" Properties=id:I:1:species:S:1:pos:R:3:radius:R:1 Time={} Step={}",
-        simulation.time(),
-        simulation.state().step
+        f64::from(state.step) * model.time_step,
+        state.step
     )?;
     for at in particles.by_id() {
         let at = at as usize;

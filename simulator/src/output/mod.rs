@@ -9,7 +9,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use crate::scenario::Output;
-use crate::{Error, Model, Simulation};
+use crate::{Error, Model, Simulator};
 
 /// The open files of a run.
 #[derive(Debug)]
@@ -39,19 +39,20 @@ impl Files {
     }
 
     /// Writes what is due after the steps done so far.
-    pub(crate) fn record(&mut self, simulation: &Simulation) -> Result<(), Error> {
-        let step = simulation.state().step;
+    pub(crate) fn record(&mut self, simulation: &Simulator) -> Result<(), Error> {
+        let step = simulation.step_count();
         if step.is_multiple_of(self.output.every) {
             self.series.put(|out| series::row(out, simulation))?;
         }
-        if step.is_multiple_of(self.output.frames_every) {
+        if (self.output.xyz || self.output.npy) && step.is_multiple_of(self.output.frames_every) {
+            let state = simulation.state()?;
             if let Some(xyz) = &mut self.xyz {
-                xyz.put(|out| frames::xyz(out, simulation))?;
+                xyz.put(|out| frames::xyz(out, simulation.model(), &state))?;
             }
             if self.output.npy {
                 let path = self.directory.join(format!("frame-{step:09}.npy"));
                 let mut frame = Growing::create(path)?;
-                frame.put(|out| frames::npy(out, &simulation.state().particles))?;
+                frame.put(|out| frames::npy(out, &state.particles))?;
                 frame.sync()?;
             }
         }

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use crate::{Model, Simulation};
+use crate::{Model, Simulator};
 
 /// The names of the columns: `step`, `time`, the particles of each species, the reactions and decays so far, what
 /// each receiver says of each species that it sees, and the pairs and the settled overlaps of the last step.
@@ -20,10 +20,9 @@ pub(super) fn header(out: &mut impl Write, model: &Model) -> io::Result<()> {
 }
 
 /// One row.
-pub(super) fn row(out: &mut impl Write, simulation: &Simulation) -> io::Result<()> {
-    let (state, model) = (simulation.state(), simulation.model());
-    let totals = &state.totals;
-    write!(out, "{},{}", state.step, simulation.time())?;
+pub(super) fn row(out: &mut impl Write, simulation: &Simulator) -> io::Result<()> {
+    let (totals, model) = (simulation.totals(), simulation.model());
+    write!(out, "{},{}", simulation.step_count(), simulation.time())?;
     for count in totals.present.iter().chain(&totals.reacted).chain(&totals.decayed) {
         write!(out, ",{count}")?;
     }

@@ -238,6 +238,9 @@ pub(crate) struct Simulate {
     /// Replace the run that is in the output directory
     #[arg(long)]
     pub(crate) overwrite: bool,
+    /// Where it runs, cpu or gpu; the statistics are the same, and a GPU may round differently
+    #[arg(long, default_value_t = Backend::Cpu, value_parser = one_of([Backend::Cpu, Backend::Gpu].map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
+    pub(crate) backend: Backend,
     /// How pairs are found, on the CPU; it does not change the result
     #[arg(long, default_value_t, value_parser = one_of(ON_CPU.map(Algorithm::name)).try_map(|name| name.parse::<Algorithm>()))]
     pub(crate) algorithm: Algorithm,

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use lazygrid_sim::Simulation;
+use lazygrid_sim::Simulator;
 use lazygrid_sim::run::{End, Run};
 use lazygrid_sim::scenario::Scenario;
 
@@ -32,6 +32,7 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         scenario,
         path: args.scenario.clone(),
         directory,
+        backend: args.backend,
         algorithm: args.algorithm,
         threads: args.threads.map(Into::into),
         resume: args.resume,
@@ -39,15 +40,15 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
     };
     let mut started = false;
     let (end, simulation) = run.run(|simulation| {
-        let state = simulation.state();
         if !started {
             started = true;
             // What an earlier run did is no part of this one's speed.
-            bar.set_position(state.step.into());
+            bar.set_position(simulation.step_count().into());
             bar.reset_eta();
         }
-        bar.set_position(state.step.into());
-        bar.set_message(format!("{} particles", state.particles.len()));
+        bar.set_position(simulation.step_count().into());
+        let particles: u64 = simulation.totals().present.iter().sum();
+        bar.set_message(format!("{particles} particles"));
         if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     bar.finish_and_clear();
@@ -55,17 +56,17 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
     match end {
         End::Finished => Ok(()),
         End::Stopped => {
-            let steps = simulation.state().step;
+            let steps = simulation.step_count();
             Err(Failure::Stopped { steps, scenario: run.path, directory: run.directory })
         }
     }
 }
 
 /// What came of a run, a line for each thing that was counted.
-fn summary(simulation: &Simulation, run: &Run) -> String {
-    let (model, totals) = (simulation.model(), &simulation.state().totals);
+fn summary(simulation: &Simulator, run: &Run) -> String {
+    let (model, totals) = (simulation.model(), simulation.totals());
     let mut lines = vec![
-        format!("steps      {} ({} s)", simulation.state().step, simulation.time()),
+        format!("steps      {} ({} s)", simulation.step_count(), simulation.time()),
         format!("seed       {}", run.scenario.seed),
     ];
     for (species, (present, released)) in

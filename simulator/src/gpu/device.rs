@@ -1,0 +1,103 @@
+//! Calls to the device, with their errors caught.
+
+use std::time::Duration;
+
+use lazygrid::gpu::{GpuDevice, GpuError, wgpu};
+
+use crate::Error;
+
+/// The longest wait for the device. Work is handed over in portions that are far below.
+const TIMEOUT: Duration = Duration::from_secs(600);
+
+/// An error of the device as one of the simulator.
+pub(super) fn refused(error: GpuError) -> Error {
+    Error::Detection(lazygrid::Error::Gpu(error))
+}
+
+/// Runs `work` and returns what the device complained about, instead of passing it on to a handler that panics.
+pub(super) fn scoped<T>(
+    own: &GpuDevice,
+    what: &'static str,
+    bytes: u64,
+    work: impl FnOnce() -> T,
+) -> Result<T, Error> {
+    use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
+    let [memory, validation, internal] =
+        [OutOfMemory, Validation, Internal].map(|filter| own.device.push_error_scope(filter));
+    let result = work();
+    let errors = [internal, validation, memory].map(|scope| pollster::block_on(scope.pop()));
+    match errors.into_iter().flatten().next() {
+        None => Ok(result),
+        Some(wgpu::Error::OutOfMemory { .. }) => Err(refused(GpuError::OutOfMemory { what, bytes })),
+        Some(wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. }) => {
+            Err(refused(GpuError::Validation { what, reason: description }))
+        }
+    }
+}
+
+/// A buffer for kernels to read and write, copied from and to.
+pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<wgpu::Buffer, Error> {
+    use wgpu::BufferUsages as Usage;
+    // An empty table is bound all the same, with room for one row.
+    let size = if bytes == 0 { 64 } else { bytes.next_multiple_of(16) };
+    let usage = Usage::STORAGE | Usage::UNIFORM | Usage::COPY_SRC | Usage::COPY_DST;
+    // What is larger than a uniform may be is never bound as one.
+    let usage = if size > 1 << 14 { usage - Usage::UNIFORM } else { usage };
+    let descriptor = wgpu::BufferDescriptor { label: Some(name), size, usage, mapped_at_creation: false };
+    scoped(own, name, size, || own.device.create_buffer(&descriptor))
+}
+
+/// A buffer with these contents, or with zeros where there are none.
+pub(super) fn filled<T: bytemuck::NoUninit>(
+    own: &GpuDevice,
+    name: &'static str,
+    contents: &[T],
+) -> Result<wgpu::Buffer, Error> {
+    let bytes: &[u8] = bytemuck::cast_slice(contents);
+    let made = buffer(own, name, bytes.len() as u64)?;
+    scoped(own, name, 0, || own.queue.write_buffer(&made, 0, bytes))?;
+    Ok(made)
+}
+
+/// Submits what was recorded, in which `parts` were copied to the beginning of a staging buffer, and waits for them.
+pub(super) fn read(
+    own: &GpuDevice,
+    mut encoder: wgpu::CommandEncoder,
+    parts: &[(&wgpu::Buffer, u64)],
+) -> Result<Vec<Vec<u8>>, Error> {
+    let size = parts.iter().map(|(_, bytes)| bytes).sum::<u64>().max(16);
+    let staging = wgpu::BufferDescriptor {
+        label: Some("readback"),
+        size,
+        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    };
+    let staging = scoped(own, "the readback", size, || own.device.create_buffer(&staging))?;
+    let mut offset = 0;
+    for &(source, bytes) in parts {
+        if bytes > 0 {
+            encoder.copy_buffer_to_buffer(source, 0, &staging, offset, bytes);
+        }
+        offset += bytes;
+    }
+    scoped(own, "the readback", size, || own.queue.submit([encoder.finish()]))?;
+    let lost = |reason: String| refused(GpuError::DeviceLost { reason });
+    let (tell, answer) = std::sync::mpsc::channel();
+    // Nobody listens any more where waiting failed.
+    staging.slice(..).map_async(wgpu::MapMode::Read, move |result| drop(tell.send(result)));
+    let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
+    own.device.poll(wait).map_err(|error| match error {
+        wgpu::PollError::Timeout => refused(GpuError::Timeout { seconds: TIMEOUT.as_secs() }),
+        other => lost(other.to_string()),
+    })?;
+    let mapped = answer.try_recv().map_err(|_| lost("no answer to a readback".to_owned()))?;
+    mapped.map_err(|error| lost(error.to_string()))?;
+    let view = staging.slice(..).get_mapped_range().map_err(|error| lost(error.to_string()))?;
+    let mut rest = &view[..];
+    let mut take = |&(_, bytes): &(&wgpu::Buffer, u64)| {
+        let (part, behind) = rest.split_at(bytes as usize);
+        rest = behind;
+        part.to_vec()
+    };
+    Ok(parts.iter().map(&mut take).collect())
+}

@@ -1,0 +1,129 @@
+//! Rust twins of the structures in the shaders. A test holds sizes and offsets against them.
+
+use bytemuck::{Pod, Zeroable};
+
+/// What does not change in a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Params {
+    pub(super) key: [u32; 2],
+    pub(super) species: u32,
+    /// How many tallies a step has.
+    pub(super) tallies: u32,
+    /// Where those of reactions begin.
+    pub(super) first_reaction: u32,
+    pub(super) is_open: u32,
+    /// The most loop turns of the last rounds of a matching.
+    pub(super) turns: u32,
+    /// Whether pairs are listed, and not only counted.
+    pub(super) lists_pairs: u32,
+    /// By axis: 0 open, 1 reflecting, 2 periodic.
+    pub(super) axes: [u32; 4],
+    pub(super) low: [f32; 4],
+    pub(super) high: [f32; 4],
+}
+
+/// The step of one species.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Kind {
+    pub(super) drift: [f32; 3],
+    pub(super) length: f32,
+    pub(super) diffusion: f32,
+    pub(super) radius: f32,
+    pub(super) fates_begin: u32,
+    pub(super) fates_end: u32,
+}
+
+/// What may befall a particle of one species.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Fate {
+    pub(super) center: [f32; 3],
+    pub(super) radius: f32,
+    pub(super) kind: u32,
+    pub(super) receiver: u32,
+    pub(super) up_to: u32,
+    pub(super) product: u32,
+    pub(super) tally: u32,
+    pub(super) unused: [u32; 3],
+}
+
+impl Fate {
+    pub(super) const ABSORBING: u32 = 0;
+    pub(super) const ENDPOINT: u32 = 1;
+    pub(super) const DECAY: u32 = 2;
+}
+
+/// A species in a transparent receiver.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Watch {
+    pub(super) center: [f32; 3],
+    pub(super) radius: f32,
+    pub(super) first: u32,
+    pub(super) species: u32,
+    pub(super) unused: [u32; 2],
+}
+
+/// A reaction between two species, as an entry of the table by both.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Rule {
+    pub(super) reaction: u32,
+    /// The species that is the first reactant, or [`NOTHING`].
+    pub(super) first: u32,
+    pub(super) up_to: u32,
+    pub(super) flags: u32,
+    pub(super) products: [u32; 2],
+    pub(super) radii: [f32; 2],
+    pub(super) within: f32,
+    pub(super) unbinding: f32,
+    pub(super) share: f32,
+    pub(super) first_share: f32,
+}
+
+impl Rule {
+    /// The detector looks further than `within`.
+    pub(super) const NARROWER: u32 = 4;
+    /// Products go apart.
+    pub(super) const APART: u32 = 8;
+}
+
+/// No species.
+pub(super) const NOTHING: u32 = u32::MAX;
+
+/// What stands in front of the tallies in the control buffer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Head {
+    pub(super) count: u32,
+    pub(super) alive: u32,
+    pub(super) incoming: u32,
+    pub(super) frozen: u32,
+    pub(super) step: u32,
+    pub(super) done: u32,
+    pub(super) logged: u32,
+    pub(super) gone: u32,
+    pub(super) pairs: u32,
+    pub(super) found: [u32; 2],
+    pub(super) lacking: [u32; 2],
+    pub(super) left: [u32; 2],
+}
+
+impl Head {
+    pub(super) const NO_ROOM_FOR_PAIRS: u32 = 1;
+    pub(super) const NO_ROOM_FOR_ENTRIES: u32 = 2;
+    pub(super) const ROUNDS_LEFT: u32 = 4;
+    pub(super) const NOT_FINITE: u32 = 8;
+
+    /// What the device said it lacks.
+    pub(super) fn lacking(&self) -> u64 {
+        u64::from(self.lacking[1]) << 32 | u64::from(self.lacking[0])
+    }
+}
+
+/// Bytes of a candidate pair.
+pub(super) const CANDIDATE_BYTES: u64 = 24;
+/// Bytes of what a particle is claimed for.
+pub(super) const CLAIM_BYTES: u64 = 32;

@@ -1,0 +1,28 @@
+// Puts the particles of a burst behind those that are there. A step that is repeated does so again.
+#include control
+
+struct Burst {
+    count: u32,
+}
+
+@group(0) @binding(0) var<uniform> burst: Burst;
+@group(0) @binding(1) var<storage, read_write> control: Control;
+@group(0) @binding(2) var<storage, read> burst_spheres: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> burst_tags: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read_write> spheres: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read_write> tags: array<vec2<u32>>;
+
+@compute @workgroup_size(256)
+fn burst_append(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                @builtin(local_invocation_index) lane: u32) {
+    let k = place_of(group, groups, lane);
+    if (control.frozen != 0u || k >= burst.count) {
+        return;
+    }
+    let at = control.alive + k;
+    spheres[at] = burst_spheres[k];
+    tags[at] = burst_tags[k];
+    if (k == 0u) {
+        control.incoming = burst.count;
+    }
+}

@@ -1,0 +1,34 @@
+// Ends a round of the matching: the winners react.
+#include control
+#include params
+#include philox
+#include normal
+#include boundary
+#include candidate
+#include round
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> round: Round;
+@group(0) @binding(2) var<storage, read_write> control: Control;
+@group(0) @binding(3) var<storage, read> candidates: array<Candidate>;
+@group(0) @binding(4) var<storage, read> rules: array<Rule>;
+@group(0) @binding(5) var<storage, read_write> claims: array<Claim>;
+@group(0) @binding(6) var<storage, read> left_next: array<u32>;
+@group(0) @binding(7) var<storage, read> moved: array<vec4<f32>>;
+
+#include settling
+
+@compute @workgroup_size(256)
+fn matching_settle(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                   @builtin(local_invocation_index) lane: u32) {
+    let count = atomicLoad(&control.left[1u - round.source]);
+    let first = group.x * GROUP + lane;
+    if (first == 0u) {
+        // The list that the next round fills.
+        atomicStore(&control.left[round.source], 0u);
+    }
+    let threads = groups.x * GROUP;
+    for (var k = first; k < count; k += threads) {
+        settle(left_next[k]);
+    }
+}

@@ -1,0 +1,24 @@
+// Walls and images, axis by axis, as boundary.rs has them.
+fn placed(x: vec3<f32>) -> vec3<f32> {
+    if (params.is_open != 0u) {
+        return x;
+    }
+    let low = params.low.xyz;
+    let high = params.high.xyz;
+    let length = high - low;
+    let y = x - low;
+    let rest = y - 2.0 * length * floor(y / (2.0 * length));
+    let folded = clamp(low + (length - abs(length - rest)), low, high);
+    let mirrored = select(folded, x, (x >= low) & (x <= high));
+    let shifted = x - length * floor(y / length);
+    let wrapped = select(low, shifted, (shifted >= low) & (shifted < high));
+    let repeated = select(wrapped, x, (x >= low) & (x < high));
+    let axes = params.axes.xyz;
+    return select(select(repeated, mirrored, axes == vec3(1u)), x, axes == vec3(0u));
+}
+
+// A difference of two positions, that of the nearest images where space repeats.
+fn nearest(d: vec3<f32>) -> vec3<f32> {
+    let length = params.high.xyz - params.low.xyz;
+    return select(d, d - length * floor(d / length + 0.5), params.axes.xyz == vec3(2u));
+}

@@ -1,0 +1,4 @@
+struct Round {
+    // Which of the two lists of candidates the round begins with; it goes on with the other one.
+    source: u32,
+}

@@ -1,0 +1,37 @@
+// The end of a round for one candidate: the winners react.
+fn settle(index: u32) {
+    let candidate = candidates[index];
+    let rule = rules[candidate.rule];
+    for (var side = 0u; side < 2u; side++) {
+        let at = candidate.at[side];
+        if (claims_it(rule, side) && (atomicLoad(&claims[at].priority) != candidate.priority
+            || atomicLoad(&claims[at].other) != candidate.ids[1u - side])) {
+            return;
+        }
+    }
+    react(candidate, rule);
+}
+
+// Enters what comes of each reactant that is used up; see reactions.rs. Positions are read from where no reaction
+// writes, so that one that only takes part may do so in several.
+fn react(candidate: Candidate, rule: Rule) {
+    let first = moved[candidate.at.x].xyz;
+    let meeting = first + rule.share * nearest(moved[candidate.at.y].xyz - first);
+    var apart = vec3(0.0);
+    if ((rule.flags & 8u) != 0u) {
+        let low = min(candidate.ids.x, candidate.ids.y);
+        let high = max(candidate.ids.x, candidate.ids.y);
+        let words = philox(vec4(low, high, control.step, PURPOSE_PAIR), params.key);
+        apart = direction(words.z, words.w) * rule.unbinding;
+    }
+    for (var side = 0u; side < 2u; side++) {
+        if (claims_it(rule, side)) {
+            let along = f32(side) - rule.first_share;
+            let at = candidate.at[side];
+            claims[at].product = rule.products[side];
+            claims[at].sphere = vec4(placed(meeting + along * apart), rule.radii[side]);
+            atomicStore(&claims[at].is_taken, 1u);
+        }
+    }
+    atomicAdd(&control.tallies[params.first_reaction + rule.reaction], 1u);
+}

@@ -1,0 +1,40 @@
+// Where each workgroup's survivors begin. With that the step is settled: it enters the counts.
+#include control
+#include params
+#include running_sum
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read_write> control: Control;
+@group(0) @binding(2) var<storage, read_write> sums: array<u32>;
+@group(0) @binding(3) var<storage, read_write> log: array<vec2<u32>>;
+
+@compute @workgroup_size(256)
+fn survivors_scan(@builtin(local_invocation_index) lane: u32) {
+    if (control.frozen != 0u) {
+        return;
+    }
+    let count = (control.count + GROUP - 1u) / GROUP;
+    let share = (count + GROUP - 1u) / GROUP;
+    let begin = min(lane * share, count);
+    let end = min(begin + share, count);
+    var own = 0u;
+    for (var k = begin; k < end; k++) {
+        own += sums[k];
+    }
+    let through = running_sum(own, lane);
+    var before = through - own;
+    for (var k = begin; k < end; k++) {
+        let here = sums[k];
+        sums[k] = before;
+        before += here;
+    }
+    for (var k = lane; k < params.tallies; k += GROUP) {
+        atomicAdd(&control.tallies[params.tallies + k], atomicLoad(&control.tallies[k]));
+    }
+    if (lane == GROUP - 1u) {
+        control.alive = through;
+        control.done = control.step + 1u;
+        log[control.logged] = vec2(control.found_lo, control.found_hi);
+        control.logged += 1u;
+    }
+}

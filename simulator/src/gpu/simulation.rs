@@ -1,0 +1,461 @@
+//! A run on the device, step by step.
+
+use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuError, GpuSettings, GpuSpheres, wgpu};
+
+use super::device::{filled, read, refused, scoped};
+use super::kernel as k;
+use super::layout::Head;
+use super::plan::{GpuOptions, MAX_TURNS, Sizes, grown, steps_between_looks};
+use super::stages::{Base, Groups, Stage, Steps};
+use super::tables::{Tables, Tallies, check};
+use crate::model::Model;
+use crate::particles::{Particle, Particles};
+use crate::philox::Key;
+use crate::reactions::interactions;
+use crate::receiver::Kind;
+use crate::{Error, State, Totals};
+
+/// A run whose particles live on a GPU: a model, a seed, and what has become of it.
+///
+/// Its [`state`](Self::state) is that of a [`Simulation`](crate::Simulation), so that either can go on where the other
+/// stopped.
+#[derive(Debug)]
+pub struct GpuSimulation {
+    model: Model,
+    key: Key,
+    tallies: Tallies,
+    base: Base,
+    detector: Option<GpuDetector>,
+    raster_ratio: f32,
+    options: GpuOptions,
+    steps: Steps,
+    /// Particles at the last look.
+    alive: u32,
+    step: u32,
+    next_id: u32,
+    totals: Totals,
+    inside: Vec<Vec<u64>>,
+    pairs: Vec<u64>,
+}
+
+/// What a burst adds to a step.
+struct Burst {
+    step: u32,
+    particles: Particles,
+    next_id: u32,
+}
+
+/// Work, in particles moved, that one submission may have: far below what watchdogs allow.
+const SUBMISSION: u32 = 1 << 24;
+/// Steps that one submission may have, however few particles there are.
+const STEPS: u32 = 64;
+
+impl GpuSimulation {
+    /// The beginning of a run on a device.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where the model makes no sense, [`Error::NotOnGpu`] for a part of it that has no kernels, and
+    /// [`Error::Detection`] where the device refuses or has no room.
+    pub fn new(model: Model, seed: u64, device: GpuDevice, options: GpuOptions) -> Result<Self, Error> {
+        let state = State { totals: Totals::of(&model), ..State::default() };
+        Self::resume(model, seed, device, options, &state)
+    }
+
+    /// A run that goes on from a state of the same model and seed.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn resume(
+        model: Model,
+        seed: u64,
+        device: GpuDevice,
+        options: GpuOptions,
+        state: &State,
+    ) -> Result<Self, Error> {
+        model.check()?;
+        check(&model)?;
+        let key = Key::new(seed);
+        let tables = Tables::new(&model, key, options.turns.min(MAX_TURNS));
+        let mut base = Base::new(device, &tables)?;
+        let alive = state.particles.len() as u32;
+        let lists = !model.reactions.is_empty();
+        let sizes =
+            Sizes { particles: grown(alive), pairs: if lists { options.pair_capacity.max(1) } else { 0 } };
+        let mut detector = detector(&base, &model, sizes)?;
+        let steps = prepare(&mut base, sizes, options.rounds, detector.as_mut())?;
+        let mut simulation = Self {
+            key,
+            tallies: tables.tallies,
+            base,
+            detector,
+            raster_ratio: GpuSettings::default().raster_ratio,
+            options,
+            steps,
+            alive,
+            step: state.step,
+            next_id: state.next_id,
+            totals: state.totals.clone(),
+            inside: Vec::new(),
+            pairs: Vec::new(),
+            model,
+        };
+        simulation.upload(&state.particles)?;
+        simulation.look(simulation.encoder(), alive, &[])?;
+        Ok(simulation)
+    }
+
+    /// What is simulated.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// How many steps are done.
+    pub fn step_count(&self) -> u32 {
+        self.step
+    }
+
+    /// The time that has passed, in s.
+    pub fn time(&self) -> f64 {
+        f64::from(self.step) * self.model.time_step
+    }
+
+    /// What was counted.
+    pub fn totals(&self) -> &Totals {
+        &self.totals
+    }
+
+    /// The pairs that the detector found in each step of the last [`run`](Self::run).
+    pub fn pairs_by_step(&self) -> &[u64] {
+        &self.pairs
+    }
+
+    /// What each receiver has to say: arrivals so far, or how many are inside a transparent one; by species.
+    pub fn received(&self) -> Vec<Vec<u64>> {
+        let says = |(k, receiver): (usize, &crate::Receiver)| match receiver.kind {
+            Kind::Transparent => self.inside[k].clone(),
+            _ => self.totals.arrived[k].clone(),
+        };
+        self.model.receivers.iter().enumerate().map(says).collect()
+    }
+
+    /// Does so many steps. The host looks once at their end, or every thousand steps or so.
+    ///
+    /// # Errors
+    /// [`Error::OutOfIds`], [`Error::NotFinite`], and [`Error::Step`] where there are more pairs or particles than the
+    /// device has room for. The run then stands before the step that could not be done.
+    pub fn run(&mut self, steps: u32) -> Result<(), Error> {
+        self.pairs.clear();
+        let end = self.step.saturating_add(steps);
+        while self.step < end {
+            let most = end - self.step;
+            let bursts = self.bursts(most.min(steps_between_looks(self.steps.sizes.particles)))?;
+            let added: usize = bursts.iter().map(|burst| burst.particles.len()).sum();
+            let step = self.step;
+            let at_step = |error| match error {
+                Error::Detection(source) => Error::Step { step, source },
+                other => other,
+            };
+            self.make_room(self.alive.saturating_add(added as u32)).map_err(at_step)?;
+            let head = self.submit(most.min(steps_between_looks(self.steps.sizes.particles)), &bursts)?;
+            self.thaw(head).map_err(at_step)?;
+        }
+        Ok(())
+    }
+
+    /// The particles and all else that changes, brought to the host.
+    ///
+    /// # Errors
+    /// [`Error::Detection`] where the device fails.
+    pub fn state(&self) -> Result<State, Error> {
+        let n = u64::from(self.alive);
+        let parts = [(self.steps.buffer("spheres"), 16 * n), (self.steps.buffer("tags"), 8 * n)];
+        let read = read(&self.base.own, self.encoder(), &parts)?;
+        let spheres: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read[0]);
+        let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
+        let mut particles = Particles::default();
+        for ([x, y, z, radius], [species, id]) in spheres.into_iter().zip(tags) {
+            particles
+                .push(Particle { position: [x, y, z], radius, species, id, ..Particle::default() }, false);
+        }
+        Ok(State { particles, step: self.step, next_id: self.next_id, totals: self.totals.clone() })
+    }
+
+    fn encoder(&self) -> wgpu::CommandEncoder {
+        self.base.own.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+
+    fn upload(&self, particles: &Particles) -> Result<(), Error> {
+        let head = Head { alive: self.alive, done: self.step, step: self.step, ..Head::default() };
+        let (spheres, tags) = columns(particles);
+        let queue = &self.base.own.queue;
+        scoped(&self.base.own, "the particles", 0, || {
+            queue.write_buffer(self.base.buffer("control"), 0, bytemuck::bytes_of(&head));
+            queue.write_buffer(self.steps.buffer("spheres"), 0, bytemuck::cast_slice(&spheres));
+            queue.write_buffer(self.steps.buffer("tags"), 0, bytemuck::cast_slice(&tags));
+        })
+    }
+
+    /// What transmitters release in the next steps.
+    fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
+        let mut next_id = self.next_id;
+        let mut bursts = Vec::new();
+        for step in self.step..self.step + steps {
+            let mut particles = Particles::default();
+            for transmitter in &self.model.transmitters {
+                if transmitter.fires(step, self.model.time_step) {
+                    transmitter.release(&self.model, self.key, &mut next_id, &mut particles)?;
+                }
+            }
+            if !particles.is_empty() {
+                bursts.push(Burst { step, particles, next_id });
+            }
+        }
+        Ok(bursts)
+    }
+
+    /// Records and submits steps, and looks.
+    fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<Head, Error> {
+        let mut due = bursts.iter().peekable();
+        let mut particles = self.alive;
+        let mut encoder = self.encoder();
+        let mut work = 0;
+        for step in self.step..self.step + steps {
+            let burst = due.next_if(|burst| burst.step == step);
+            if let Some(burst) = burst {
+                particles += burst.particles.len() as u32;
+            }
+            let burst = burst.map(|burst| self.append(&burst.particles)).transpose()?;
+            self.steps.encode_before(&mut encoder, burst.as_ref(), particles);
+            if let Some(detector) = &mut self.detector {
+                let at_most = self.steps.sizes.particles;
+                let input = GpuSpheres {
+                    spheres: self.steps.buffer("moved"),
+                    count: Count::Buffer { buffer: self.base.buffer("control"), at_most },
+                    species: Some(self.steps.buffer("species")),
+                    window: GpuSpheres::ALL,
+                };
+                detector.encode(&mut encoder, &input).map_err(refused)?;
+            }
+            self.steps.encode_after(&mut encoder, particles);
+            work += particles.max(SUBMISSION / STEPS);
+            if work >= SUBMISSION {
+                work = 0;
+                let full = std::mem::replace(&mut encoder, self.encoder());
+                scoped(&self.base.own, "steps", 0, || self.base.own.queue.submit([full.finish()]))?;
+            }
+        }
+        self.look(encoder, particles, bursts)
+    }
+
+    /// The stage that puts a burst behind the other particles.
+    fn append(&mut self, particles: &Particles) -> Result<Stage, Error> {
+        let (spheres, tags) = columns(particles);
+        let count = spheres.len() as u32;
+        let burst = filled(&self.base.own, "burst", &[count, 0, 0, 0])?;
+        let spheres = filled(&self.base.own, "burst_spheres", &spheres)?;
+        let tags = filled(&self.base.own, "burst_tags", &tags)?;
+        let (steps, control) = (&self.steps, self.base.buffer("control").clone());
+        self.base.stage(&k::BURST_APPEND, Groups::Items(count), |name| match name {
+            "burst" => burst.clone(),
+            "burst_spheres" => spheres.clone(),
+            "burst_tags" => tags.clone(),
+            "control" => control.clone(),
+            other => steps.buffer(other).clone(),
+        })
+    }
+
+    /// Reads what was counted since the last look, and enters it.
+    fn look(
+        &mut self,
+        mut encoder: wgpu::CommandEncoder,
+        particles: u32,
+        bursts: &[Burst],
+    ) -> Result<Head, Error> {
+        self.steps.encode_census(&mut encoder, particles);
+        let tallies = self.tallies.len();
+        let head_bytes = size_of::<Head>();
+        let parts = [
+            (self.base.buffer("control"), (head_bytes + 8 * tallies) as u64),
+            (self.base.buffer("inside"), 4 * tallies as u64),
+            (self.base.buffer("log"), 8 * u64::from(super::plan::LOG_ROWS)),
+        ];
+        let read = read(&self.base.own, encoder, &parts)?;
+        let head: Head = bytemuck::pod_read_unaligned(&read[0][..head_bytes]);
+        let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&read[0][head_bytes + 4 * tallies..]);
+        let inside: Vec<u32> = bytemuck::pod_collect_to_vec(&read[1]);
+        let log: Vec<u64> = bytemuck::pod_collect_to_vec(&read[2]);
+        self.alive = head.alive;
+        self.step = head.done;
+        self.enter_bursts(bursts);
+        self.enter(&counts);
+        self.inside = inside
+            .chunks(self.tallies.species.max(1))
+            .take(self.tallies.receivers)
+            .map(|row| row.iter().map(|&count| count.into()).collect())
+            .collect();
+        let pairs = &log[..head.logged as usize];
+        self.totals.pairs = pairs.last().copied().unwrap_or(self.totals.pairs);
+        self.pairs.extend_from_slice(pairs);
+        // For the next look: nothing is logged, and nothing counted but what was read.
+        let control = self.base.buffer("control");
+        let zeros = vec![0u32; tallies];
+        let queue = &self.base.own.queue;
+        scoped(&self.base.own, "counts", 0, || {
+            queue.write_buffer(control, std::mem::offset_of!(Head, logged) as u64, &[0; 4]);
+            queue.write_buffer(control, (head_bytes + 4 * tallies) as u64, bytemuck::cast_slice(&zeros));
+        })?;
+        Ok(head)
+    }
+
+    /// Adds tallies to the totals, and with them what is present.
+    fn enter(&mut self, counts: &[u32]) {
+        let Self { model, tallies, totals, .. } = self;
+        let count = |at: usize| u64::from(counts[at]);
+        // One kind may come and go between two looks, in any order; only the end is known not to be negative.
+        let present = &mut totals.present;
+        let mut turn = |from: u32, to: Option<u32>, count: u64| {
+            present[from as usize] = present[from as usize].wrapping_sub(count);
+            if let Some(to) = to {
+                present[to as usize] = present[to as usize].wrapping_add(count);
+            }
+        };
+        for (k, decay) in model.decays.iter().enumerate() {
+            let count = count(tallies.decay(k));
+            totals.decayed[k] += count;
+            turn(decay.reactant, decay.product, count);
+        }
+        for (k, reaction) in model.reactions.iter().enumerate() {
+            let count = count(tallies.reaction(k));
+            totals.reacted[k] += count;
+            for (from, to) in reaction.reactants.into_iter().zip(reaction.products) {
+                turn(from, to, count);
+            }
+        }
+        for receiver in 0..tallies.receivers {
+            for species in 0..tallies.species {
+                let count = count(tallies.arrival(receiver, species));
+                totals.arrived[receiver][species] += count;
+                turn(species as u32, None, count);
+            }
+        }
+    }
+
+    /// Enters the bursts of the steps that were done.
+    fn enter_bursts(&mut self, bursts: &[Burst]) {
+        for burst in bursts.iter().take_while(|burst| burst.step < self.step) {
+            self.next_id = burst.next_id;
+            for &species in &burst.particles.species {
+                self.totals.released[species as usize] += 1;
+                self.totals.present[species as usize] += 1;
+            }
+        }
+    }
+
+    /// Makes room for what froze the run, if anything did, and lets it go on.
+    fn thaw(&mut self, head: Head) -> Result<(), Error> {
+        let step = self.step;
+        let failed = |source| Err(refused(source));
+        let mut sizes = self.steps.sizes;
+        match head.frozen {
+            0 => return Ok(()),
+            Head::NO_ROOM_FOR_PAIRS => {
+                let limit = 1u64 << 28;
+                let needed = head.lacking();
+                if needed > limit {
+                    let remedy = "make binding radii or bursts smaller, or choose the CPU";
+                    let what = "the number of pairs of a step";
+                    return failed(GpuError::LimitExceeded { what, needed, limit, remedy });
+                }
+                sizes.pairs = (needed + needed / 4) as u32;
+            }
+            Head::NO_ROOM_FOR_ENTRIES => {
+                self.raster_ratio *= 2.0;
+                if self.raster_ratio > GpuSettings::MAX_RASTER_RATIO {
+                    let (needed, limit) = (head.lacking(), self.steps.sizes.particles.into());
+                    let (what, remedy) = ("the number of (cell, particle) entries", "choose the CPU");
+                    return failed(GpuError::LimitExceeded { what, needed, limit, remedy });
+                }
+                if let Some(detector) = &mut self.detector {
+                    detector.set_raster_ratio(self.raster_ratio).map_err(refused)?;
+                }
+            }
+            Head::ROUNDS_LEFT => self.options.rounds = (2 * self.options.rounds).max(4),
+            Head::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.lacking() }),
+            other => {
+                let reason = format!("the run froze for reason {other}, which nobody knows");
+                return failed(GpuError::Validation { what: "a step", reason });
+            }
+        }
+        log::info!(
+            "step {step}: repeated for want of room (reason {}, {} needed)",
+            head.frozen,
+            head.lacking()
+        );
+        self.rebuild(sizes)?;
+        let at = std::mem::offset_of!(Head, frozen) as u64;
+        let control = self.base.buffer("control");
+        scoped(&self.base.own, "thawing", 0, || self.base.own.queue.write_buffer(control, at, &[0; 4]))
+    }
+
+    fn make_room(&mut self, particles: u32) -> Result<(), Error> {
+        let sizes = self.steps.sizes;
+        // The detector may have lost its buffers to a growth that failed.
+        let bound = self.detector.as_ref().is_none_or(|d| d.outcome() == Some(self.steps.buffer("outcome")));
+        match particles <= sizes.particles {
+            true if bound => Ok(()),
+            true => self.rebuild(sizes),
+            false => self.rebuild(Sizes { particles: grown(particles), ..sizes }),
+        }
+    }
+
+    /// Goes over to other sizes. Particles stay on the device; what a step works in begins clean.
+    fn rebuild(&mut self, sizes: Sizes) -> Result<(), Error> {
+        let steps = prepare(&mut self.base, sizes, self.options.rounds, self.detector.as_mut())?;
+        let mut encoder = self.encoder();
+        for (name, bytes) in [("spheres", 16), ("tags", 8)] {
+            let bytes = bytes * u64::from(self.alive);
+            if bytes > 0 {
+                encoder.copy_buffer_to_buffer(self.steps.buffer(name), 0, steps.buffer(name), 0, bytes);
+            }
+        }
+        scoped(&self.base.own, "new sizes", 0, || self.base.own.queue.submit([encoder.finish()]))?;
+        self.steps = steps;
+        Ok(())
+    }
+}
+
+/// What finds the pairs, where there are any to be found.
+fn detector(base: &Base, model: &Model, sizes: Sizes) -> Result<Option<GpuDetector>, Error> {
+    let Some(table) = interactions(model)? else { return Ok(None) };
+    let settings = GpuSettings {
+        interactions: Some(table),
+        pair_capacity: sizes.pairs.max(1),
+        consumer_group: k::GROUP,
+        ..GpuSettings::default()
+    };
+    GpuDetector::new(&base.own.device, settings).map(Some).map_err(refused)
+}
+
+/// Allocates for these sizes, in the detector first.
+fn prepare(
+    base: &mut Base,
+    sizes: Sizes,
+    rounds: u32,
+    mut detector: Option<&mut GpuDetector>,
+) -> Result<Steps, Error> {
+    if let Some(detector) = &mut detector {
+        detector.set_pair_capacity(sizes.pairs.max(1));
+        detector.reserve(sizes.particles).map_err(refused)?;
+    }
+    Steps::new(base, sizes, rounds, detector.as_deref())
+}
+
+/// Particles as the device has them.
+fn columns(particles: &Particles) -> (Vec<[f32; 4]>, Vec<[u32; 2]>) {
+    let sphere = |at: usize| {
+        let Particle { position: [x, y, z], radius, .. } = particles.get(at);
+        [x, y, z, radius]
+    };
+    let n = particles.len();
+    ((0..n).map(sphere).collect(), (0..n).map(|at| [particles.species[at], particles.id[at]]).collect())
+}

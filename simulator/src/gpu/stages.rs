@@ -1,0 +1,291 @@
+//! The dispatches of a step, with everything bound.
+
+use std::collections::HashMap;
+
+use lazygrid::gpu::{DeviceLimits, GpuDetector, GpuDevice, Outcome, wgpu};
+
+use super::device::{buffer, filled, refused, scoped};
+use super::kernel::{self as k, Access, Kernel};
+use super::layout::Head;
+use super::plan::{LOG_ROWS, Sizes, groups_for};
+use super::tables::Tables;
+use crate::Error;
+
+/// What a run holds on the device whatever its sizes, and the kernels compiled so far.
+#[derive(Debug)]
+pub(super) struct Base {
+    pub(super) own: GpuDevice,
+    pub(super) limits: DeviceLimits,
+    /// Whether there are transparent receivers.
+    watches: bool,
+    buffers: HashMap<&'static str, wgpu::Buffer>,
+    pipelines: HashMap<&'static str, Pipeline>,
+}
+
+#[derive(Clone, Debug)]
+struct Pipeline {
+    pipeline: wgpu::ComputePipeline,
+    layout: wgpu::BindGroupLayout,
+}
+
+/// One dispatch.
+#[derive(Debug)]
+pub(super) struct Stage {
+    pipeline: wgpu::ComputePipeline,
+    bindings: wgpu::BindGroup,
+    groups: Groups,
+}
+
+/// How many workgroups a stage has.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Groups {
+    /// These.
+    Fixed(u32),
+    /// For a thread for each of so many items.
+    Items(u32),
+    /// For a thread for each particle.
+    Particles,
+    /// For a thread for each pair, as the detector says.
+    Pairs,
+}
+
+impl Base {
+    pub(super) fn new(own: GpuDevice, tables: &Tables) -> Result<Self, Error> {
+        let tallies = tables.tallies.len() as u64;
+        let mut buffers = HashMap::new();
+        let mut keep = |name, made: wgpu::Buffer| drop(buffers.insert(name, made));
+        keep("params", filled(&own, "params", &[tables.params])?);
+        keep("kinds", filled(&own, "kinds", &tables.kinds)?);
+        keep("fates", filled(&own, "fates", &tables.fates)?);
+        keep("rules", filled(&own, "rules", &tables.rules)?);
+        keep("watches", filled(&own, "watches", &tables.watches)?);
+        keep("round0", filled(&own, "round", &[0u32; 4])?);
+        keep("round1", filled(&own, "round", &[1u32, 0, 0, 0])?);
+        keep("control", buffer(&own, "control", size_of::<Head>() as u64 + 8 * tallies)?);
+        keep("inside", buffer(&own, "inside", 4 * tallies)?);
+        keep("log", buffer(&own, "log", 8 * u64::from(LOG_ROWS))?);
+        let limits = DeviceLimits::of(&own.device);
+        let watches = !tables.watches.is_empty();
+        Ok(Self { own, limits, watches, buffers, pipelines: HashMap::new() })
+    }
+
+    pub(super) fn buffer(&self, name: &str) -> &wgpu::Buffer {
+        &self.buffers[name]
+    }
+
+    /// A kernel with its buffers, which `find` knows by name.
+    pub(super) fn stage(
+        &mut self,
+        kernel: &'static Kernel,
+        groups: Groups,
+        find: impl Fn(&'static str) -> wgpu::Buffer,
+    ) -> Result<Stage, Error> {
+        if !self.pipelines.contains_key(kernel.name) {
+            let made = scoped(&self.own, kernel.name, 0, || compile(&self.own.device, kernel))?;
+            self.pipelines.insert(kernel.name, made);
+        }
+        let Pipeline { pipeline, layout } = self.pipelines[kernel.name].clone();
+        let buffers: Vec<_> = kernel.bindings.iter().map(|&(name, _)| find(name)).collect();
+        let entries: Vec<_> = (0..)
+            .zip(&buffers)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        let descriptor =
+            wgpu::BindGroupDescriptor { label: Some(kernel.name), layout: &layout, entries: &entries };
+        let bindings = scoped(&self.own, kernel.name, 0, || self.own.device.create_bind_group(&descriptor))?;
+        Ok(Stage { pipeline, bindings, groups })
+    }
+}
+
+fn compile(device: &wgpu::Device, kernel: &Kernel) -> Pipeline {
+    let ty = |access| wgpu::BindingType::Buffer {
+        ty: match access {
+            Access::Uniform => wgpu::BufferBindingType::Uniform,
+            Access::Read => wgpu::BufferBindingType::Storage { read_only: true },
+            Access::Write => wgpu::BufferBindingType::Storage { read_only: false },
+        },
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
+    let entries: Vec<_> = (0..)
+        .zip(kernel.bindings)
+        .map(|(binding, &(_, access))| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: ty(access),
+            count: None,
+        })
+        .collect();
+    let label = Some(kernel.name);
+    let layout =
+        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
+    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label,
+        bind_group_layouts: &[Some(&layout)],
+        immediate_size: 0,
+    });
+    let source = wgpu::ShaderSource::Wgsl(kernel.wgsl().into());
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label, source });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label,
+        layout: Some(&pipeline_layout),
+        module: &module,
+        entry_point: Some(kernel.name),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
+    Pipeline { pipeline, layout }
+}
+
+/// The dispatches of a step for certain sizes.
+#[derive(Debug)]
+pub(super) struct Steps {
+    pub(super) sizes: Sizes,
+    limits: DeviceLimits,
+    buffers: HashMap<&'static str, wgpu::Buffer>,
+    /// What comes before the detection.
+    before: Vec<Stage>,
+    /// From pairs to candidates; nothing where nothing is detected.
+    drawing: Vec<Stage>,
+    matching: Vec<Stage>,
+    /// What ends a step.
+    after: Vec<Stage>,
+    /// Counts what is inside transparent receivers, where there are any.
+    census: Option<Stage>,
+}
+
+/// Buffers that depend on the sizes.
+const SIZED: [&str; 10] =
+    ["spheres", "tags", "moved", "species", "ids", "claims", "sums", "candidates", "left0", "left1"];
+
+impl Steps {
+    /// Allocates and binds. The detector has its buffers for these sizes already.
+    pub(super) fn new(
+        base: &mut Base,
+        sizes: Sizes,
+        rounds: u32,
+        detector: Option<&GpuDetector>,
+    ) -> Result<Self, Error> {
+        let mut buffers = base.buffers.clone();
+        for name in SIZED {
+            let bytes = sizes.bytes(name, &base.limits).map_err(refused)?;
+            buffers.insert(name, buffer(&base.own, name, bytes)?);
+        }
+        let detects = detector.and_then(|d| d.pairs().zip(d.outcome()));
+        if let Some((pairs, outcome)) = detects {
+            buffers.insert("pairs", pairs.clone());
+            buffers.insert("outcome", outcome.clone());
+        }
+        let (limits, watches) = (base.limits, base.watches);
+        let mut stage = |kernel: &'static Kernel, groups: Groups| {
+            base.stage(kernel, groups, |name| buffers[name].clone())
+        };
+        let before =
+            vec![stage(&k::STEP_BEGIN, Groups::Fixed(1))?, stage(&k::PARTICLES_MOVE, Groups::Particles)?];
+        let after = vec![
+            stage(&k::SURVIVORS_COUNT, Groups::Particles)?,
+            stage(&k::SURVIVORS_SCAN, Groups::Fixed(1))?,
+            stage(&k::SURVIVORS_PLACE, Groups::Particles)?,
+        ];
+        let census = watches.then(|| stage(&k::RECEIVERS_COUNT, Groups::Particles)).transpose()?;
+        let (mut drawing, mut matching) = (Vec::new(), Vec::new());
+        if detects.is_some() {
+            drawing.push(stage(&k::PAIRS_CHECK, Groups::Fixed(1))?);
+            if sizes.pairs > 0 {
+                let left = |name| buffers[listed(name, 0)].clone();
+                drawing.push(base.stage(&k::CANDIDATES_DRAW, Groups::Pairs, left)?);
+                matching = match_stages(base, &buffers, sizes, rounds)?;
+            }
+        }
+        Ok(Self { sizes, limits, buffers, before, drawing, matching, after, census })
+    }
+
+    pub(super) fn buffer(&self, name: &str) -> &wgpu::Buffer {
+        &self.buffers[name]
+    }
+
+    /// Records what comes before the detection, with room for up to `particles` particles.
+    pub(super) fn encode_before(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        burst: Option<&Stage>,
+        particles: u32,
+    ) {
+        self.encode(encoder, burst.into_iter().chain(&self.before), particles);
+    }
+
+    /// Records what comes behind the detection.
+    pub(super) fn encode_after(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+        let stages = self.drawing.iter().chain(&self.matching).chain(&self.after);
+        self.encode(encoder, stages, particles);
+    }
+
+    /// Records the matching alone.
+    #[cfg(test)]
+    pub(super) fn encode_matching(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.encode(encoder, &self.matching, self.sizes.particles);
+    }
+
+    /// Records the count of what is inside transparent receivers.
+    pub(super) fn encode_census(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
+        encoder.clear_buffer(self.buffer("inside"), 0, None);
+        self.encode(encoder, &self.census, particles);
+    }
+
+    fn encode<'a>(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        stages: impl IntoIterator<Item = &'a Stage>,
+        particles: u32,
+    ) {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        for stage in stages {
+            pass.set_pipeline(&stage.pipeline);
+            pass.set_bind_group(0, &stage.bindings, &[]);
+            let items = match stage.groups {
+                Groups::Fixed(groups) => {
+                    pass.dispatch_workgroups(groups, 1, 1);
+                    continue;
+                }
+                Groups::Pairs => {
+                    pass.dispatch_workgroups_indirect(self.buffer("outcome"), Outcome::DISPATCH_OFFSET);
+                    continue;
+                }
+                Groups::Items(items) => items,
+                Groups::Particles => particles,
+            };
+            let [x, y] = groups_for(items, &self.limits);
+            pass.dispatch_workgroups(x, y, 1);
+        }
+    }
+}
+
+/// The buffer that a binding of the matching means: its two lists change places from round to round.
+fn listed(name: &'static str, source: u32) -> &'static str {
+    match (name, source) {
+        ("round", 0) => "round0",
+        ("round", _) => "round1",
+        ("left", 0) | ("left_next", 1) => "left0",
+        ("left" | "left_next", _) => "left1",
+        (other, _) => other,
+    }
+}
+
+/// Rounds of the whole device, and what one workgroup does about the rest.
+fn match_stages(
+    base: &mut Base,
+    buffers: &HashMap<&'static str, wgpu::Buffer>,
+    sizes: Sizes,
+    rounds: u32,
+) -> Result<Vec<Stage>, Error> {
+    let mut stages = Vec::new();
+    let groups = Groups::Fixed(sizes.round_groups());
+    for round in 0..rounds {
+        for kernel in [&k::MATCHING_OPEN, &k::MATCHING_PROPOSE, &k::MATCHING_TIE, &k::MATCHING_SETTLE] {
+            stages.push(base.stage(kernel, groups, |name| buffers[listed(name, round % 2)].clone())?);
+        }
+    }
+    let rest = |name| buffers[listed(name, rounds % 2)].clone();
+    stages.push(base.stage(&k::MATCHING_FINISH, Groups::Fixed(1), rest)?);
+    Ok(stages)
+}

@@ -1,0 +1,199 @@
+//! A model as the tables that kernels read. Pure functions.
+
+use super::layout::{Fate, Kind, NOTHING, Params, Rule, Watch};
+use crate::model::{Contact, Model};
+use crate::motion::Motion;
+use crate::philox::Key;
+use crate::reactions::Reactions;
+use crate::receiver::Kind as Counting;
+use crate::{Axis, Error};
+
+/// Everything that a model says to the kernels.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Tables {
+    pub(super) params: Params,
+    pub(super) kinds: Vec<Kind>,
+    pub(super) fates: Vec<Fate>,
+    pub(super) watches: Vec<Watch>,
+    pub(super) rules: Vec<Rule>,
+    pub(super) tallies: Tallies,
+}
+
+/// Which tally is what: arrivals by receiver and species, then decays, then reactions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Tallies {
+    pub(super) species: usize,
+    pub(super) receivers: usize,
+    pub(super) decays: usize,
+    pub(super) reactions: usize,
+}
+
+impl Tallies {
+    pub(super) fn arrival(&self, receiver: usize, species: usize) -> usize {
+        receiver * self.species + species
+    }
+
+    pub(super) fn decay(&self, decay: usize) -> usize {
+        self.receivers * self.species + decay
+    }
+
+    pub(super) fn reaction(&self, reaction: usize) -> usize {
+        self.decay(self.decays) + reaction
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.reaction(self.reactions)
+    }
+}
+
+/// Refuses what has no kernels.
+///
+/// # Errors
+/// [`Error::NotOnGpu`], naming the first such thing.
+pub(super) fn check(model: &Model) -> Result<(), Error> {
+    let refused = |what: String| Err(Error::NotOnGpu { what });
+    match model.contact {
+        Contact::Separate => return refused("contact by separating overlaps".to_owned()),
+        Contact::Elastic => return refused("elastic contact".to_owned()),
+        Contact::Ignore | Contact::Count => {}
+    }
+    if let Some(species) = model.species.iter().find(|species| species.thermal_speed > 0.0) {
+        return refused(format!("velocities, which species {} has", species.name));
+    }
+    let repeats = model.boundary.axes.iter().any(|axis| matches!(axis, Axis::Periodic { .. }));
+    if repeats && (!model.reactions.is_empty() || model.contact == Contact::Count) {
+        return refused("pairs across a periodic boundary".to_owned());
+    }
+    Ok(())
+}
+
+impl Tables {
+    /// The tables of a model that was checked.
+    pub(super) fn new(model: &Model, key: Key, turns: u32) -> Self {
+        let tallies = Tallies {
+            species: model.species.len(),
+            receivers: model.receivers.len(),
+            decays: model.decays.len(),
+            reactions: model.reactions.len(),
+        };
+        let (kinds, fates) = kinds_and_fates(model, &tallies);
+        Self {
+            params: params(model, key, turns, &tallies),
+            kinds,
+            fates,
+            watches: watches(model, &tallies),
+            rules: rules(model),
+            tallies,
+        }
+    }
+}
+
+fn params(model: &Model, key: Key, turns: u32, tallies: &Tallies) -> Params {
+    let mut params = Params {
+        key: key.0,
+        species: tallies.species as u32,
+        tallies: tallies.len() as u32,
+        first_reaction: tallies.reaction(0) as u32,
+        is_open: model.boundary.is_open().into(),
+        turns,
+        lists_pairs: u32::from(!model.reactions.is_empty()),
+        // An open axis has walls that nobody looks at, but that must not divide by zero.
+        high: [1.0; 4],
+        ..Params::default()
+    };
+    for (k, axis) in model.boundary.axes.into_iter().enumerate() {
+        let (kind, walls) = match axis {
+            Axis::Open => (0, [0.0, 1.0]),
+            Axis::Reflecting { low, high } => (1, [low, high]),
+            Axis::Periodic { low, high } => (2, [low, high]),
+        };
+        params.axes[k] = kind;
+        [params.low[k], params.high[k]] = walls;
+    }
+    params
+}
+
+fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
+    let motion = Motion::new(model);
+    let mut fates = Vec::new();
+    let mut kinds = Vec::new();
+    for (id, species) in model.species.iter().enumerate() {
+        let fates_begin = fates.len() as u32;
+        for (place, receiver) in model.receivers.iter().enumerate() {
+            let kind = match receiver.kind {
+                Counting::Absorbing => Fate::ABSORBING,
+                Counting::Endpoint => Fate::ENDPOINT,
+                Counting::Transparent => continue,
+            };
+            if receiver.sees[id] {
+                fates.push(Fate {
+                    center: receiver.center,
+                    radius: receiver.radius,
+                    kind,
+                    receiver: place as u32,
+                    product: NOTHING,
+                    tally: tallies.arrival(place, id) as u32,
+                    ..Fate::default()
+                });
+            }
+        }
+        fates.extend(motion.decays[id].iter().map(|&(up_to, decay, product)| Fate {
+            kind: Fate::DECAY,
+            up_to,
+            product: product.unwrap_or(NOTHING),
+            tally: tallies.decay(decay as usize) as u32,
+            ..Fate::default()
+        }));
+        let step = motion.steps[id];
+        kinds.push(Kind {
+            drift: step.drift,
+            length: step.length,
+            diffusion: step.diffusion,
+            radius: species.radius,
+            fates_begin,
+            fates_end: fates.len() as u32,
+        });
+    }
+    (kinds, fates)
+}
+
+fn watches(model: &Model, tallies: &Tallies) -> Vec<Watch> {
+    let transparent = model.receivers.iter().enumerate().filter(|(_, r)| r.kind == Counting::Transparent);
+    let watch = |(place, receiver): (usize, &crate::Receiver), species: usize| Watch {
+        center: receiver.center,
+        radius: receiver.radius,
+        first: tallies.arrival(place, species) as u32,
+        species: species as u32,
+        ..Watch::default()
+    };
+    transparent
+        .flat_map(|r| (0..tallies.species).filter(move |&s| r.1.sees[s]).map(move |s| watch(r, s)))
+        .collect()
+}
+
+fn rules(model: &Model) -> Vec<Rule> {
+    let reactions = Reactions::new(model);
+    let radius = |product: Option<u32>| product.map_or(0.0, |species| model.species[species as usize].radius);
+    let entry = |rule: &Option<crate::reactions::Rule>| {
+        let Some(rule) = rule else { return Rule { first: NOTHING, ..Rule::default() } };
+        let reaction = &model.reactions[rule.reaction as usize];
+        let [share, first_share] = reactions.shares(reaction, rule.claims);
+        let parts = reaction.unbinding_radius > 0.0 && reaction.products.iter().all(Option::is_some);
+        let mut flags = u32::from(rule.claims[0]) | u32::from(rule.claims[1]) << 1;
+        flags |= if rule.within.is_some() { Rule::NARROWER } else { 0 };
+        flags |= if parts { Rule::APART } else { 0 };
+        Rule {
+            reaction: rule.reaction,
+            first: rule.first,
+            up_to: rule.up_to,
+            flags,
+            products: reaction.products.map(|product| product.unwrap_or(NOTHING)),
+            radii: reaction.products.map(radius),
+            within: rule.within.unwrap_or(0.0),
+            unbinding: reaction.unbinding_radius,
+            share,
+            first_share,
+        }
+    };
+    reactions.table.iter().map(entry).collect()
+}

@@ -1,0 +1,234 @@
+//! Kernels against the functions of the CPU. Without an adapter they are skipped and say why, unless
+//! `LAZYGRID_REQUIRE_GPU` is set.
+
+use lazygrid::gpu::{GpuDevice, GpuError, wgpu};
+
+use super::device::{buffer, filled, read};
+use super::kernel::expand;
+use super::layout::{CLAIM_BYTES, Head};
+use super::plan::Sizes;
+use super::stages::{Base, Steps};
+use super::tables::Tables;
+use crate::matching::{Candidate, Matching};
+use crate::philox::{Key, Purpose, philox};
+use crate::{Boundary, Model, Reaction, Species, normal, transmitter};
+
+fn device() -> Option<GpuDevice> {
+    match GpuDevice::shared(true) {
+        Ok(own) => Some(own),
+        Err(error @ GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => {
+            #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+            {
+                eprintln!("skipped: {error}");
+            }
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// Runs `body` for each of `count` values of `k`, with `out: array<vec4<u32>>` to write to.
+fn evaluate(own: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 4]> {
+    let source = format!(
+        "{pieces}\n@group(0) @binding(0) var<storage, read_write> out: array<vec4<u32>>;\n\
+         @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) at: vec3<u32>) {{\n\
+         let k = at.x;\nif (k < arrayLength(&out)) {{ {body} }}\n}}"
+    );
+    let module = own.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(expand(&source).into()),
+    });
+    let pipeline = own.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &module,
+        entry_point: None,
+        compilation_options: Default::default(),
+        cache: None,
+    });
+    let out = buffer(own, "out", 16 * u64::from(count)).expect("a buffer");
+    let bindings = own.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &[wgpu::BindGroupEntry { binding: 0, resource: out.as_entire_binding() }],
+    });
+    let mut encoder = own.device.create_command_encoder(&Default::default());
+    {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &bindings, &[]);
+        pass.dispatch_workgroups(count.div_ceil(64), 1, 1);
+    }
+    let bytes = read(own, encoder, &[(&out, 16 * u64::from(count))]).expect("read");
+    bytemuck::pod_collect_to_vec(&bytes[0])
+}
+
+/// A counter and a key that look random.
+fn scattered(k: u32) -> ([u32; 4], [u32; 2]) {
+    let word = |by: u32| k.wrapping_mul(by) ^ (k << 7);
+    ([word(0x9e37_79b9), word(0x85eb_ca6b), k, 3], [word(0xc2b2_ae35), !k])
+}
+
+const SCATTERED: &str =
+    "let counter = vec4((k * 0x9e3779b9u) ^ (k << 7u), (k * 0x85ebca6bu) ^ (k << 7u), k, 3u);
+    let key = vec2((k * 0xc2b2ae35u) ^ (k << 7u), ~k);";
+
+#[test]
+fn random_words_are_those_of_the_cpu() {
+    let Some(own) = device() else { return };
+    let found =
+        evaluate(&own, "#include philox", &format!("{SCATTERED} out[k] = philox(counter, key);"), 20_000);
+    for (k, found) in (0..).zip(found) {
+        let (counter, key) = scattered(k);
+        assert_eq!(found, philox(counter, key), "{k}");
+    }
+}
+
+#[test]
+fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
+    let Some(own) = device() else { return };
+    let pieces = "#include philox\n#include normal";
+    let body = |of: &str| {
+        format!("{SCATTERED} let w = philox(counter, key); out[k] = vec4(bitcast<vec3<u32>>({of}), 0u);")
+    };
+    // Each of the few operations after the logarithm and the angle may round differently.
+    let close = |a: f32, b: f32| (a - b).abs() <= 4e-7 * b.abs().max(0.25);
+    for (of, exact) in [
+        ("normals(w)", normal::normals as fn([u32; 4]) -> [f32; 3]),
+        ("direction(w.x, w.y)", |w| transmitter::direction(w[0], w[1])),
+    ] {
+        let found = evaluate(&own, pieces, &body(of), 50_000);
+        for (k, [x, y, z, _]) in (0..).zip(found) {
+            let (counter, key) = scattered(k);
+            let exact = exact(philox(counter, key));
+            for (found, exact) in [x, y, z].map(f32::from_bits).into_iter().zip(exact) {
+                assert!(close(found, exact), "{of} {k}: {found} and not {exact}");
+            }
+        }
+    }
+}
+
+/// Equal diffusion, so that reactants meet halfway; A + A uses up both, A + B the first, B + B the second.
+fn model() -> Model {
+    let species = |name: &str| Species { name: name.into(), mass: 1.0, ..Species::default() };
+    let reaction = |reactants: [u32; 2], products| Reaction {
+        name: format!("{reactants:?}"),
+        reactants,
+        products,
+        binding_radius: 1.0,
+        probability: 1.0,
+        ..Reaction::default()
+    };
+    Model {
+        time_step: 1.0,
+        species: vec![species("A"), species("B"), species("C")],
+        reactions: vec![
+            reaction([0, 0], [None, Some(2)]),
+            reaction([0, 1], [Some(2), Some(1)]),
+            reaction([1, 1], [Some(1), Some(2)]),
+        ],
+        boundary: Boundary::default(),
+        ..Model::default()
+    }
+}
+
+const CLAIMS: [[bool; 2]; 3] = [[true, true], [true, false], [false, true]];
+/// Where the table by species has those reactions.
+const RULES: [u32; 3] = [0, 1, 4];
+
+/// Different pairs of `particles` particles, with few priorities, so that ties are common.
+fn candidates(particles: u32, count: u32, salt: u32) -> Vec<Candidate> {
+    let mut seen = std::collections::HashSet::new();
+    let mut all = Vec::new();
+    for k in 0..count {
+        let [a, by, priority, kind] = Key::new(7).draw(k, salt, 0, Purpose::Pair);
+        let a = a % particles;
+        let b = (a + 1 + by % (particles - 1)) % particles;
+        // Ids are not places.
+        let id = |at: u32| (at * 37 + 11) % 1_000_003;
+        let ids = [id(a).min(id(b)), id(a).max(id(b))];
+        if seen.insert(ids) {
+            let rule = [0, 0, 0, 1, 2][kind as usize % 5];
+            let priority = priority % 5;
+            all.push(Candidate { at: [a, b], claims: CLAIMS[rule], rule: rule as u32, priority, ids });
+        }
+    }
+    all
+}
+
+/// The matching on the device: how the run stands, and by particle where its reaction was, if it had one.
+fn matched(
+    own: &GpuDevice,
+    all: &[Candidate],
+    particles: u32,
+    [rounds, turns]: [u32; 2],
+) -> (u32, Vec<Option<f32>>) {
+    let tables = Tables::new(&model(), Key::new(1), turns);
+    let mut base = Base::new(own.clone(), &tables).expect("a base");
+    let sizes = Sizes { particles, pairs: all.len().max(1) as u32 };
+    let table = crate::reactions::interactions(&model()).expect("interactions");
+    let settings = lazygrid::gpu::GpuSettings { interactions: table, ..Default::default() };
+    let mut detector = lazygrid::gpu::GpuDetector::new(&own.device, settings).expect("a detector");
+    detector.reserve(particles).expect("room");
+    let steps = Steps::new(&mut base, sizes, rounds, Some(&detector)).expect("steps");
+    let id = |at: u32| (at * 37 + 11) % 1_000_003;
+    let rows: Vec<[u32; 6]> = all
+        .iter()
+        .map(|c| [c.at[0], c.at[1], id(c.at[0]), id(c.at[1]), RULES[c.rule as usize], c.priority])
+        .collect();
+    let order: Vec<u32> = (0..all.len() as u32).rev().collect();
+    let moved: Vec<[f32; 4]> = (0..particles).map(|k| [k as f32, 0.0, 0.0, 0.0]).collect();
+    let head = Head { count: particles, left: [all.len() as u32, 0], ..Head::default() };
+    let write = |name: &str, bytes: &[u8]| own.queue.write_buffer(steps.buffer(name), 0, bytes);
+    write("candidates", bytemuck::cast_slice(&rows));
+    write("left0", bytemuck::cast_slice(&order));
+    write("moved", bytemuck::cast_slice(&moved));
+    write("control", bytemuck::bytes_of(&head));
+    let mut encoder = own.device.create_command_encoder(&Default::default());
+    steps.encode_matching(&mut encoder);
+    let parts = [(steps.buffer("claims"), CLAIM_BYTES * u64::from(particles)), (steps.buffer("control"), 16)];
+    let read = read(own, encoder, &parts).expect("read");
+    let claims: Vec<[u32; 8]> = bytemuck::pod_collect_to_vec(&read[0]);
+    let control: Vec<u32> = bytemuck::pod_collect_to_vec(&read[1]);
+    (control[3], claims.iter().map(|c| (c[2] != 0).then_some(f32::from_bits(c[4]))).collect())
+}
+
+#[test]
+fn the_matching_is_the_greedy_one() {
+    let Some(own) = device() else { return };
+    for (particles, count) in [(2, 1), (41, 300), (5_000, 300), (3_000, 9_000)] {
+        for [rounds, turns] in [[0, 60_000], [1, 60_000], [4, 60_000]] {
+            let all = candidates(particles, count, rounds);
+            let mut expected = vec![None; particles as usize];
+            let mut sorted = all.clone();
+            for chosen in Matching::default().greedy(&mut sorted, particles as usize) {
+                let Candidate { at, claims, .. } = sorted[chosen as usize];
+                let [a, b] = at.map(|at| at as f32);
+                let place = match claims {
+                    [true, true] => 0.5 * (a + b),
+                    [true, false] => b,
+                    _ => a,
+                };
+                (0..2).filter(|&k| claims[k]).for_each(|k| expected[at[k] as usize] = Some(place));
+            }
+            let found = matched(&own, &all, particles, [rounds, turns]);
+            assert_eq!(found, (0, expected), "{particles} particles, {count} candidates, {rounds} rounds");
+        }
+    }
+}
+
+#[test]
+fn a_matching_that_is_not_finished_freezes_the_run() {
+    let Some(own) = device() else { return };
+    let all = candidates(41, 300, 0);
+    assert_eq!(matched(&own, &all, 41, [0, 64]).0, Head::ROUNDS_LEFT);
+}
+
+#[test]
+fn a_buffer_begins_with_what_it_was_given() {
+    let Some(own) = device() else { return };
+    let made = filled(&own, "three words", &[1u32, 2, 3]).expect("a buffer");
+    let encoder = own.device.create_command_encoder(&Default::default());
+    let back = read(&own, encoder, &[(&made, 4), (&made, 12)]).expect("read");
+    assert_eq!(back, [vec![1, 0, 0, 0], vec![1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0]]);
+}

@@ -1,0 +1,368 @@
+//! Whole runs on the GPU against runs on the CPU and against closed forms. Without an adapter they are skipped and
+//! say why, unless `LAZYGRID_REQUIRE_GPU` is set.
+
+use lazygrid::Algorithm;
+use lazygrid::gpu::{GpuDevice, GpuError};
+use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
+use lazygrid_sim::{
+    Axis, Boundary, Contact, Decay, Error, Kind, Model, Particle, Reaction, Receiver, Shape, Simulation,
+    Species, State, Transmitter,
+};
+
+fn device() -> Option<GpuDevice> {
+    match GpuDevice::shared(true) {
+        Ok(own) => Some(own),
+        Err(error @ GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => {
+            #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+            {
+                eprintln!("skipped: {error}");
+            }
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+fn species(name: &str, diffusion: f64, drift: [f64; 3]) -> Species {
+    Species { name: name.into(), diffusion, drift, mass: 1.0, ..Species::default() }
+}
+
+fn reaction(
+    reactants: [u32; 2],
+    products: [Option<u32>; 2],
+    binding_radius: f32,
+    probability: f64,
+) -> Reaction {
+    Reaction {
+        name: format!("{reactants:?}"),
+        reactants,
+        products,
+        binding_radius,
+        probability,
+        ..Reaction::default()
+    }
+}
+
+fn lattice(center: [f32; 3], times: &[f64], species: u32, places: u32) -> Transmitter {
+    Transmitter {
+        name: format!("lattice of {species}"),
+        center,
+        shape: Shape::Lattice([8.0; 3], [places; 3]),
+        times: times.to_vec(),
+        release: vec![(species, places.pow(3))],
+    }
+}
+
+/// Nothing rounds: all coordinates are small multiples of a power of two. Particles drift through each other.
+fn dyadic() -> Model {
+    let receiver = |name: &str, center, kind| Receiver {
+        name: name.into(),
+        center,
+        radius: 1.03,
+        kind,
+        sees: vec![true; 4],
+    };
+    let decay =
+        |reactant, product, rate| Decay { name: format!("decay of {reactant}"), reactant, product, rate };
+    Model {
+        time_step: 1.0,
+        species: vec![
+            species("A", 0.0, [0.125, 0.0, 0.25]),
+            species("B", 0.0, [-0.125, 0.0625, 0.0]),
+            species("C", 0.0, [0.0, -0.125, 0.0]),
+            species("E", 0.0, [0.0; 3]),
+        ],
+        reactions: vec![
+            reaction([0, 1], [Some(2), None], 0.5, 0.5),
+            reaction([0, 3], [Some(1), Some(3)], 0.75, 0.25),
+            reaction([2, 2], [Some(1), Some(0)], 1.0, 0.75),
+            reaction([1, 3], [None, None], 0.25, 0.125),
+        ],
+        decays: vec![decay(2, Some(3), 0.125), decay(2, None, 0.0625), decay(1, None, 0.01)],
+        transmitters: vec![
+            lattice([0.0; 3], &[0.0, 7.0], 0, 8),
+            lattice([0.125, 0.25, 0.0], &[0.0], 1, 16),
+            lattice([0.25, 0.25, 0.25], &[0.0, 3.0, 4.0], 3, 4),
+        ],
+        receivers: vec![
+            receiver("absorbing", [2.0, 2.0, 0.0], Kind::Absorbing),
+            receiver("transparent", [-2.0, 0.0, 0.5], Kind::Transparent),
+            receiver("endpoint", [0.0, -2.0, 0.5], Kind::Endpoint),
+        ],
+        boundary: Boundary {
+            axes: [
+                Axis::Reflecting { low: -4.5, high: 4.5 },
+                Axis::Open,
+                Axis::Reflecting { low: -5.0, high: 6.0 },
+            ],
+        },
+        ..Model::default()
+    }
+}
+
+fn cpu(model: &Model, seed: u64) -> Simulation {
+    Simulation::new(model.clone(), seed, Algorithm::Auto).expect("a model")
+}
+
+fn gpu(own: &GpuDevice, model: &Model, seed: u64, options: GpuOptions) -> GpuSimulation {
+    GpuSimulation::new(model.clone(), seed, own.clone(), options).expect("a model")
+}
+
+fn by_id(state: &State) -> Vec<Particle> {
+    state.particles.by_id().into_iter().map(|at| state.particles.get(at as usize)).collect()
+}
+
+#[track_caller]
+fn assert_same(a: &State, b: &State) {
+    assert_eq!((a.step, a.next_id), (b.step, b.next_id));
+    assert_eq!(a.totals, b.totals);
+    assert_eq!(by_id(a), by_id(b));
+}
+
+#[test]
+fn dyadic_runs_are_those_of_the_cpu() {
+    let Some(own) = device() else { return };
+    let model = dyadic();
+    for seed in [1, 2] {
+        let (mut there, mut here) = (gpu(&own, &model, seed, GpuOptions::default()), cpu(&model, seed));
+        let mut pairs = Vec::new();
+        for steps in [1, 2, 9] {
+            there.run(steps).expect("steps");
+            pairs.extend_from_slice(there.pairs_by_step());
+            let mut expected = Vec::new();
+            for _ in 0..steps {
+                here.step().expect("a step");
+                expected.push(here.state().totals.pairs);
+            }
+            assert_eq!(there.pairs_by_step(), expected);
+            assert_same(&there.state().expect("a state"), here.state());
+            assert_eq!(there.received(), here.received());
+        }
+        let totals = there.totals();
+        for counts in
+            [&totals.reacted, &totals.decayed, &totals.arrived[0], &totals.arrived[2], &there.received()[1]]
+        {
+            assert!(counts.iter().any(|&count| count > 0), "{totals:?}");
+        }
+        assert!(totals.reacted.iter().all(|&count| count > 0), "{totals:?}");
+    }
+}
+
+#[test]
+fn a_run_that_froze_for_want_of_room_goes_on_as_if_it_had_not() {
+    let Some(own) = device() else { return };
+    let model = dyadic();
+    let mut roomy = gpu(&own, &model, 3, GpuOptions::default());
+    roomy.run(10).expect("steps");
+    for options in [
+        GpuOptions { pair_capacity: 1, ..GpuOptions::default() },
+        GpuOptions { rounds: 0, turns: 64, ..GpuOptions::default() },
+    ] {
+        let mut tight = gpu(&own, &model, 3, options);
+        tight.run(10).expect("steps");
+        assert_eq!(tight.pairs_by_step(), roomy.pairs_by_step());
+        assert_eq!(tight.state().expect("a state"), roomy.state().expect("a state"), "{options:?}");
+    }
+}
+
+#[test]
+fn steps_may_be_asked_for_in_any_portions() {
+    let Some(own) = device() else { return };
+    let model = brownian(true);
+    let mut at_once = gpu(&own, &model, 4, GpuOptions::default());
+    at_once.run(12).expect("steps");
+    let mut one_by_one = gpu(&own, &model, 4, GpuOptions::default());
+    (0..12).for_each(|_| one_by_one.run(1).expect("a step"));
+    assert_eq!(at_once.state().expect("a state"), one_by_one.state().expect("a state"));
+    // Places are in the order of ids, so that the order of summation does not depend on the device's.
+    assert!(at_once.state().expect("a state").particles.id.is_sorted());
+}
+
+#[test]
+fn either_side_goes_on_where_the_other_stopped() {
+    let Some(own) = device() else { return };
+    let model = dyadic();
+    let mut whole = cpu(&model, 5);
+    (0..9).for_each(|_| whole.step().expect("a step"));
+    let mut first = cpu(&model, 5);
+    (0..3).for_each(|_| first.step().expect("a step"));
+    let options = GpuOptions::default();
+    let mut second = GpuSimulation::resume(model.clone(), 5, own, options, first.state()).expect("a state");
+    assert_eq!(second.received(), first.received());
+    second.run(3).expect("steps");
+    let state = second.state().expect("a state");
+    let mut third = Simulation::resume(model, 5, Algorithm::Auto, state).expect("a state");
+    (0..3).for_each(|_| third.step().expect("a step"));
+    assert_same(third.state(), whole.state());
+}
+
+/// A and B that diffuse in a box and annihilate, or do nothing.
+fn brownian(reacts: bool) -> Model {
+    let burst = |species: u32| Transmitter {
+        name: format!("{species}"),
+        center: [0.0; 3],
+        shape: Shape::Box([4.0; 3]),
+        times: vec![0.0],
+        release: vec![(species, 1000)],
+    };
+    Model {
+        time_step: 0.001,
+        species: vec![species("A", 2.0, [0.0; 3]), species("B", 1.0, [0.5, 0.0, 0.0])],
+        reactions: if reacts { vec![reaction([0, 1], [None, None], 0.125, 0.5)] } else { Vec::new() },
+        transmitters: vec![burst(0), burst(1)],
+        boundary: Boundary::reflecting([-2.0; 3], [2.0; 3]),
+        ..Model::default()
+    }
+}
+
+#[test]
+fn moves_are_those_of_the_cpu_but_for_rounding() {
+    let Some(own) = device() else { return };
+    let model = brownian(false);
+    let (mut there, mut here) = (gpu(&own, &model, 6, GpuOptions::default()), cpu(&model, 6));
+    there.run(3).expect("steps");
+    (0..3).for_each(|_| here.step().expect("a step"));
+    let there = there.state().expect("a state");
+    for (a, b) in by_id(&there).into_iter().zip(by_id(here.state())) {
+        assert_eq!((a.id, a.species), (b.id, b.species));
+        assert!(a.position.into_iter().zip(b.position).all(|(a, b)| (a - b).abs() < 2e-6), "{a:?} {b:?}");
+    }
+}
+
+#[test]
+fn mean_square_displacement() {
+    let Some(own) = device() else { return };
+    let n = 50_000_u32;
+    let burst = Transmitter {
+        name: "burst".into(),
+        center: [1.0, 0.0, 0.0],
+        shape: Shape::Point,
+        times: vec![0.0],
+        release: vec![(0, n)],
+    };
+    let species = vec![species("A", 2.0, [0.0; 3])];
+    let model = Model { time_step: 0.01, species, transmitters: vec![burst], ..Model::default() };
+    let mut run = gpu(&own, &model, 7, GpuOptions::default());
+    run.run(20).expect("steps");
+    let state = run.state().expect("a state");
+    let variance = 2.0 * 2.0 * run.time();
+    let squares = by_id(&state).into_iter().map(|p| {
+        let [x, y, z] = p.position.map(f64::from);
+        (x - 1.0).powi(2) + y * y + z * z
+    });
+    let (mean, fourth) =
+        squares.fold((0.0, 0.0), |(m, f), s| (m + s / f64::from(n), f + s * s / f64::from(n)));
+    let close = |found: f64, expected: f64, variance: f64| {
+        (found - expected).abs() < 4.0 * (variance / f64::from(n)).sqrt()
+    };
+    assert!(close(mean, 3.0 * variance, 6.0 * variance.powi(2)), "{mean}");
+    // Moments of a chi-square with three degrees of freedom: 15 for the square, 945 for its square.
+    assert!(close(fourth, 15.0 * variance.powi(2), (945.0 - 225.0) * variance.powi(4)), "{fourth}");
+}
+
+#[test]
+fn annihilation_has_the_statistics_of_the_cpu() {
+    let Some(own) = device() else { return };
+    let model = brownian(true);
+    let seeds = 12;
+    let counts = |side: u64| -> Vec<f64> {
+        let one = |seed: u64| {
+            if side == 0 {
+                let mut run = cpu(&model, 100 + seed);
+                (0..30).for_each(|_| run.step().expect("a step"));
+                run.state().totals.reacted[0] as f64
+            } else {
+                // Other seeds: the same ones would give nearly the same runs.
+                let mut run = gpu(&own, &model, 200 + seed, GpuOptions::default());
+                run.run(30).expect("steps");
+                assert_eq!(run.totals().present, [1000 - run.totals().reacted[0]; 2]);
+                run.totals().reacted[0] as f64
+            }
+        };
+        (0..seeds).map(one).collect()
+    };
+    let [here, there] = [counts(0), counts(1)];
+    let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
+    let spread = |x: &[f64]| x.iter().map(|v| (v - mean(x)).powi(2)).sum::<f64>() / (x.len() - 1) as f64;
+    let error = ((spread(&here) + spread(&there)) / seeds as f64).sqrt();
+    assert!(mean(&here) > 100.0, "{here:?}");
+    assert!((mean(&here) - mean(&there)).abs() < 4.0 * error, "{here:?} {there:?}");
+}
+
+/// (r/d)·erfc((d − r)/√(4DT)) of the particles reach an absorbing sphere.
+#[test]
+fn absorbing_receiver() {
+    let Some(own) = device() else { return };
+    let n = 50_000_u32;
+    let receiver =
+        |kind| Receiver { name: "r".into(), center: [10.0, 0.0, 0.0], radius: 5.0, kind, sees: vec![true] };
+    let burst = Transmitter {
+        name: "burst".into(),
+        center: [0.0; 3],
+        shape: Shape::Point,
+        times: vec![0.0],
+        release: vec![(0, n)],
+    };
+    let reached = |kind| {
+        let model = Model {
+            time_step: 0.01,
+            species: vec![species("A", 100.0, [0.0; 3])],
+            transmitters: vec![burst.clone()],
+            receivers: vec![receiver(kind)],
+            ..Model::default()
+        };
+        let mut run = gpu(&own, &model, 8, GpuOptions::default());
+        run.run(50).expect("steps");
+        assert_eq!(run.totals().present[0] + run.totals().arrived[0][0], u64::from(n));
+        run.totals().arrived[0][0] as f64 / f64::from(n)
+    };
+    let expected = 0.308_54_f64;
+    let tolerance = 4.0 * (expected * (1.0 - expected) / f64::from(n)).sqrt() + 0.005 * expected;
+    let [found, endpoints] = [reached(Kind::Absorbing), reached(Kind::Endpoint)];
+    assert!((found - expected).abs() < tolerance, "{found}");
+    assert!((endpoints - expected).abs() > tolerance, "endpoints alone give {endpoints}");
+}
+
+#[test]
+fn overlaps_are_counted_without_room_for_them() {
+    let Some(own) = device() else { return };
+    let mut model = dyadic();
+    model.reactions.clear();
+    model.contact = Contact::Count;
+    model.species.iter_mut().for_each(|species| species.radius = 0.5);
+    let (mut there, mut here) = (gpu(&own, &model, 9, GpuOptions::default()), cpu(&model, 9));
+    there.run(4).expect("steps");
+    (0..4).for_each(|_| here.step().expect("a step"));
+    assert!(here.state().totals.pairs > 1000);
+    assert_same(&there.state().expect("a state"), here.state());
+}
+
+#[test]
+fn what_has_no_kernels_is_refused_by_name() {
+    let Some(own) = device() else { return };
+    let refused = |change: fn(&mut Model)| {
+        let mut model = brownian(true);
+        change(&mut model);
+        match GpuSimulation::new(model, 1, own.clone(), GpuOptions::default()) {
+            Err(Error::NotOnGpu { what }) => what,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert!(refused(|m| m.contact = Contact::Separate).contains("separating"));
+    assert!(refused(|m| m.contact = Contact::Elastic).contains("elastic"));
+    assert!(refused(|m| m.species[1].thermal_speed = 1.0).contains("species B"));
+    assert!(refused(|m| m.boundary = Boundary::periodic([-2.0; 3], [2.0; 3])).contains("periodic"));
+}
+
+#[test]
+fn particles_that_leave_the_range_of_numbers_are_an_error() {
+    let Some(own) = device() else { return };
+    let mut model = brownian(true);
+    model.time_step = 1.0;
+    model.boundary = Boundary::default();
+    model.species[0].drift = [2e38, 0.0, 0.0];
+    let mut run = gpu(&own, &model, 1, GpuOptions::default());
+    let error = run.run(5).expect_err("an error");
+    assert!(matches!(error, Error::NotFinite { step: 1, particles: 1000 }), "{error}");
+    assert_eq!(run.state().expect("a state").step, 1);
+}
