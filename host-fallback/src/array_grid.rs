@@ -7,7 +7,7 @@ use crate::detector::Input;
 use crate::entries::{Entries, Packing, Visit, cells_of_piece, run_end};
 use crate::radix::{Entry, Key};
 use crate::report::Report;
-use crate::sink::{Output, Sink};
+use crate::sink::{Output, search_pieces};
 use crate::workspace::Workspaces;
 
 /// Entries per piece of work: their spheres' columns take 40 KiB.
@@ -51,17 +51,12 @@ impl<'o, O: Output> Visit for Search<'_, 'o, O> {
 
     fn visit<K: Key>(self, entries: &[Entry<K>], _: Packing) -> O::Sink<'o> {
         let Self { grid, input, output } = self;
-        let piece = |sink: O::Sink<'o>, piece: usize| match sink.stopped() {
-            true => sink,
-            false => grid.batches.lend(|batch| {
+        search_pieces(output, (0..entries.len().div_ceil(PIECE)).into_par_iter(), |sink, piece| {
+            grid.batches.lend(|batch| {
                 let entries = cells_of_piece(entries, piece, PIECE);
                 cells(grid, entries, batch, (input, output, sink))
-            }),
-        };
-        (0..entries.len().div_ceil(PIECE))
-            .into_par_iter()
-            .fold(|| output.open(), piece)
-            .reduce(|| output.open(), Sink::merge)
+            })
+        })
     }
 }
 

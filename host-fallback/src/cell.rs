@@ -10,7 +10,7 @@ use crate::detector::Input;
 use crate::entries::CLASS_BITS;
 use crate::radix::{Entry, Key};
 use crate::simd::{Task, Vector};
-use crate::sink::{Output, Sink};
+use crate::sink::{Output, Sink, search_pieces};
 
 /// How many classes there are.
 const CLASSES: usize = 1 << CLASS_BITS;
@@ -205,22 +205,16 @@ impl Crowd {
         }
     }
 
-    fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O, mut sink: O::Sink<'o>) -> O::Sink<'o> {
+    fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O, sink: O::Sink<'o>) -> O::Sink<'o> {
         let compare = |mut sink: O::Sink<'o>, row: &Row| {
-            if !sink.stopped() {
-                let sink = &mut sink;
-                input.run(Tiles { columns: &self.columns, rule: &input.rule, row, sink });
-            }
+            input.run(Tiles { columns: &self.columns, rule: &input.rule, row, sink: &mut sink });
             sink
         };
         let comparisons: usize = self.rows.iter().map(|row| row.of.len() * row.with.len()).sum();
         if comparisons < SPREAD {
             return self.rows.iter().fold(sink, compare);
         }
-        let rows = self.rows.par_iter().with_max_len(1);
-        let rest = rows.fold(|| output.open(), compare).reduce(|| output.open(), Sink::merge);
-        sink = sink.merge(rest);
-        sink
+        sink.merge(search_pieces(output, self.rows.par_iter().with_max_len(1), compare))
     }
 }
 

@@ -14,7 +14,7 @@ use crate::entries::{accumulate, most_cells};
 use crate::radix::Entry;
 use crate::report::Report;
 use crate::scatter::split_at;
-use crate::sink::{Output, Sink};
+use crate::sink::{Output, search_pieces};
 use crate::workspace::Workspaces;
 
 /// Spheres per piece of the passes that count and insert.
@@ -116,11 +116,9 @@ impl HashGrid {
 
     /// Finds all pairs.
     pub(crate) fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
-        let piece = |sink: O::Sink<'o>, heads: &[AtomicU32]| match sink.stopped() {
-            true => sink,
-            false => self.workspaces.lend(|workspace| self.chains(heads, workspace, (input, output, sink))),
-        };
-        self.heads.par_chunks(CHAINS).fold(|| output.open(), piece).reduce(|| output.open(), Sink::merge)
+        search_pieces(output, self.heads.par_chunks(CHAINS), |sink, heads| {
+            self.workspaces.lend(|workspace| self.chains(heads, workspace, (input, output, sink)))
+        })
     }
 
     /// Compares inside all cells of some chains.

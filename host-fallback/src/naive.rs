@@ -8,7 +8,7 @@ use crate::columns::Columns;
 use crate::contact::{Rule, scan};
 use crate::detector::Input;
 use crate::simd::{Task, Vector};
-use crate::sink::{Output, Sink};
+use crate::sink::{Output, Sink, search_pieces};
 
 /// Spheres per tile: the columns of two tiles, 40 KiB, stay in the first-level cache's reach.
 const TILE: usize = 1024;
@@ -38,7 +38,7 @@ impl<S: Sink> Task for Tile<'_, S> {
 pub(crate) fn search<'o, O: Output>(input: &Input<'_>, columns: &Columns, output: &'o O) -> O::Sink<'o> {
     let tiles = columns.len().div_ceil(TILE);
     let range = |tile: usize| tile * TILE..columns.len().min((tile + 1) * TILE);
-    let row = |mut sink: O::Sink<'o>, a: usize| {
+    search_pieces(output, (0..tiles).into_par_iter().with_max_len(1), |mut sink, a| {
         for b in a..tiles {
             if !sink.stopped() {
                 let sink = &mut sink;
@@ -46,10 +46,5 @@ pub(crate) fn search<'o, O: Output>(input: &Input<'_>, columns: &Columns, output
             }
         }
         sink
-    };
-    (0..tiles)
-        .into_par_iter()
-        .with_max_len(1)
-        .fold(|| output.open(), row)
-        .reduce(|| output.open(), Sink::merge)
+    })
 }

@@ -20,7 +20,7 @@ use crate::detector::Input;
 use crate::entries::{Entries, Packing, Visit, cells_of_piece, fill, run_end};
 use crate::radix::{Entry, Key, Radix};
 use crate::report::Report;
-use crate::sink::{Output, Sink};
+use crate::sink::{Output, Sink, search_pieces};
 use crate::workspace::Workspaces;
 
 /// Entries per piece of work: their spheres' columns take 40 KiB.
@@ -242,19 +242,17 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         cell: impl Fn(K) -> Cell + Sync,
         sink: O::Sink<'o>,
     ) -> O::Sink<'o> {
-        let piece = |sink: O::Sink<'o>, piece: usize| match sink.stopped() {
-            true => sink,
-            false => self.grid.workspaces.lend(|workspace| {
-                self.cells(cells_of_piece(entries, piece, PIECE), &cell, (workspace, sink))
-            }),
+        let piece = |sink: O::Sink<'o>, piece: usize| {
+            self.grid
+                .workspaces
+                .lend(|workspace| self.cells(cells_of_piece(entries, piece, PIECE), &cell, (workspace, sink)))
         };
-        let pieces = entries.len().div_ceil(PIECE);
-        if pieces < 2 {
-            return (0..pieces).fold(sink, piece);
+        match entries.len().div_ceil(PIECE) {
+            0 | 1 if sink.stopped() => sink,
+            // Without a task: most cells that are split hold little.
+            pieces @ (0 | 1) => (0..pieces).fold(sink, piece),
+            pieces => sink.merge(search_pieces(self.output, (0..pieces).into_par_iter(), piece)),
         }
-        let open = || self.output.open();
-        let rest = (0..pieces).into_par_iter().fold(open, piece).reduce(open, Sink::merge);
-        sink.merge(rest)
     }
 
     /// Finds the pairs of some cells one after the other.

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lazygrid_kernels::Pair;
+use rayon::iter::{IndexedParallelIterator, ParallelIterator};
 
 use crate::simd::{MAX_LANES, Vector};
 
@@ -44,6 +45,17 @@ pub(crate) trait Output: Sync {
     where
         Self: 'o;
     fn open(&self) -> Self::Sink<'_>;
+}
+
+/// Searches pieces of work over the threads, each from a sink to that sink with more in it, and merges the sinks in the
+/// order of the pieces. None is begun that nobody wants any more.
+pub(crate) fn search_pieces<'o, O: Output, P>(
+    output: &'o O,
+    pieces: impl IndexedParallelIterator<Item = P>,
+    search: impl Fn(O::Sink<'o>, P) -> O::Sink<'o> + Send + Sync,
+) -> O::Sink<'o> {
+    let piece = |sink: O::Sink<'o>, piece| if sink.stopped() { sink } else { search(sink, piece) };
+    pieces.fold(|| output.open(), piece).reduce(|| output.open(), Sink::merge)
 }
 
 /// Counts pairs.

@@ -9,7 +9,7 @@ use super::{CellList, Placed};
 use crate::contact::{Rule, scan};
 use crate::detector::Input;
 use crate::simd::{Around, Jobs, MAX_LANES, Task, Vector};
-use crate::sink::{Output, Sink};
+use crate::sink::{Output, Sink, search_pieces};
 
 /// Spheres per piece of work: some tens of microseconds where space is not crowded.
 const PIECE: usize = 1 << 10;
@@ -17,14 +17,11 @@ const PIECE: usize = 1 << 10;
 /// Finds all pairs of the list, piece by piece over the threads.
 pub(super) fn search<'o, O: Output>(list: &CellList, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
     let n = list.columns.len();
-    let piece = |mut sink: O::Sink<'o>, piece: usize| {
-        if !sink.stopped() {
-            let range = piece * PIECE..n.min((piece + 1) * PIECE);
-            input.run(Piece { list, rule: &input.rule, range, sink: &mut sink });
-        }
+    search_pieces(output, (0..n.div_ceil(PIECE)).into_par_iter(), |mut sink, piece| {
+        let range = piece * PIECE..n.min((piece + 1) * PIECE);
+        input.run(Piece { list, rule: &input.rule, range, sink: &mut sink });
         sink
-    };
-    (0..n.div_ceil(PIECE)).into_par_iter().fold(|| output.open(), piece).reduce(|| output.open(), Sink::merge)
+    })
 }
 
 struct Piece<'p, S> {
