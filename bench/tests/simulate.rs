@@ -228,7 +228,8 @@ fn a_full_disk_shows_before_the_run() {
     fs::create_dir(&out).unwrap();
     std::os::unix::fs::symlink("/dev/full", out.clone() + "/series.csv").unwrap();
     let rare = "100000000";
-    let args = ["simulate", &scenario, "--steps", rare, "--every", rare, "--frames-every", rare, "--output", &out];
+    let args =
+        ["simulate", &scenario, "--steps", rare, "--every", rare, "--frames-every", rare, "--output", &out];
     let run = lazygrid(args).fails();
     assert!(run.err.contains("series.csv: cannot write: No space left on device"), "{}", run.err);
 }

@@ -205,13 +205,7 @@ fn bad_spheres_are_named_as_they_were_given() {
 }
 
 #[test]
-fn the_cpu_is_chosen_and_the_gpu_refused() {
-    let space = Space::periodic([None, None, Some(1.0)]).expect("a slab");
-    let detector = Detector::new(Config::default().space(space)).expect("a detector");
-    assert_eq!(detector.report().backend, Backend::Cpu);
-    assert!(detector.report().reason.contains("periodic"), "{}", detector.report().reason);
-    let refused = Detector::new(Config::default().space(space).backend(Backend::Gpu)).map(drop);
-    assert_eq!(refused, Err(Error::PeriodicOnGpu));
+fn a_length_that_is_none_is_refused_by_axis() {
     let error = Space::periodic([Some(1.0), Some(-2.0), None]).expect_err("no such length").to_string();
     assert!(error.contains("-2") && error.contains("axis y"), "{error}");
 }
