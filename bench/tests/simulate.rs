@@ -152,6 +152,33 @@ fn neither_threads_nor_the_algorithm_change_a_byte() {
 }
 
 #[test]
+fn the_gpu_refuses_by_name_and_goes_on_to_the_last_bit() {
+    let scratch = Scratch::new();
+    let periodic = scratch.write("s.toml", SCENARIO);
+    let [refused, whole, parts] = ["refused", "whole", "parts"].map(|name| scratch.path(name));
+    let run = lazygrid(["simulate", &periodic, "--output", &refused, "--backend", "gpu"]).fails();
+    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
+        assert!(run.err.contains("no GPU adapter"), "{}", run.err);
+        return;
+    }
+    assert!(run.err.contains("cannot do contact by separating overlaps; choose the CPU"), "{}", run.err);
+    let scenario = SCENARIO.replace("\"separate\"", "\"count\"").replace("\"periodic\"", "\"reflecting\"");
+    let scenario = scratch.write("r.toml", &scenario);
+    let simulate = |out: &str, more: &[&str]| {
+        let args = ["simulate", &scenario, "--output", out, "--backend", "gpu"];
+        lazygrid(args.iter().chain(more)).succeeds();
+    };
+    simulate(&whole, &[]);
+    simulate(&parts, &["--steps", "17"]);
+    simulate(&parts, &["--resume"]);
+    assert_eq!(files(&whole), files(&parts));
+    let series = fs::read_to_string(whole + "/series.csv").unwrap();
+    assert_eq!(series.lines().count(), 15);
+    let last = series.lines().last().unwrap();
+    assert!(last.starts_with("39,0.039,") && last.ends_with(",0") && !last.contains(",0,"), "{last}");
+}
+
+#[test]
 fn mistakes_are_named_by_line_and_key() {
     let scratch = Scratch::new();
     let scenario = scratch.write("s.toml", &SCENARIO.replace("acid + base", "acid + bas"));
