@@ -55,9 +55,11 @@ frames = ["xyz", "npy"]
 
 /// The content of every file in a directory, by name.
 fn files(directory: &str) -> Vec<(String, Vec<u8>)> {
-    let entries = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap());
+    let entries = fs::read_dir(directory).expect("a directory").map(|entry| entry.expect("an entry"));
     let mut files: Vec<_> = entries
-        .map(|entry| (entry.file_name().into_string().unwrap(), fs::read(entry.path()).unwrap()))
+        .map(|entry| {
+            (entry.file_name().into_string().expect("UTF-8"), fs::read(entry.path()).expect("a file"))
+        })
         .collect();
     files.sort();
     files
