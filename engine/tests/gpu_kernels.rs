@@ -366,8 +366,9 @@ fn active_entries_meet_all_of_their_run() {
         let run_length = actives + passives;
         let runs = 5_u32;
         let count = runs * run_length;
-        let of =
-            |entry: u32| (entry / run_length) << passive | u32::from(entry % run_length >= actives) * passive;
+        let of = |entry: u32| {
+            ((entry / run_length) << passive) | (u32::from(entry % run_length >= actives) * passive)
+        };
         let keys: Vec<u32> = (0..count).map(of).collect();
         let objects: Vec<u32> = (0..count).map(|entry| entry | 7 << 29).collect();
         let spheres = vec![Sphere::new([0.0; 3], 1.0); count as usize];
