@@ -10,14 +10,17 @@ use serde::{Deserialize, Serialize};
 
 use super::plan::{Figure, Motion, Point, Scale, Settings};
 use super::race::{Limits, Race};
-use super::row::{Results, Row, Status};
+use super::row::{Results, Row};
 use super::{Engine, Environment, burst, memory};
 use crate::scenes::Scene;
 
 /// What of a point's time is for the runs that count; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;
-/// An engine is left out where one run would take this many times what it has at the point.
+/// An engine is left out where one run would take this many times what it has at the point, and more than
+/// [`ALWAYS`].
 const PATIENCE: f64 = 4.0;
+/// Seconds that there always are for a run, even where points before it took longer than they should.
+const ALWAYS: f64 = 2.0;
 
 /// How far a run has come.
 #[derive(Clone, Debug)]
@@ -44,7 +47,7 @@ struct Kept {
 /// settings and build takes it. `program` is the `lazygrid` command, which memory measurements run.
 ///
 /// # Errors
-/// Where the folder cannot be written or a reference fails. A wrong answer is a row with [`Status::Error`].
+/// Where the folder cannot be written or a reference fails. A wrong answer is a row with [`Status::Error`](super::Status::Error).
 pub fn run(
     settings: &Settings,
     folder: &Path,
@@ -125,7 +128,7 @@ fn rows_of(
     let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time };
     let too_long = |engine: Engine| {
         let seconds = predicted(engine, point, earlier)?;
-        let most = PATIENCE * time.as_secs_f64();
+        let most = (PATIENCE * time.as_secs_f64()).max(ALWAYS);
         (seconds > most && settings.scale != Scale::Smallest)
             .then(|| format!("left out: a run would take about {seconds:.1} s"))
     };
@@ -178,15 +181,10 @@ fn race(
 fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
     let name = engine.to_string();
     let same = earlier.iter().filter(|row| {
-        row.figure == point.figure.name() && row.scene == point.scene.name() && row.engine == name
+        let same = row.figure == point.figure.name() && row.scene == point.scene.name();
+        same && row.engine == name && !row.wall.is_empty()
     });
     let last = same.max_by(|a, b| a.n.cmp(&b.n).then(a.median().total_cmp(&b.median())))?;
-    if last.status == Status::LeftOut {
-        return Some(f64::INFINITY);
-    }
-    if last.wall.is_empty() {
-        return None;
-    }
     // At one point there are as many pairs as comparisons.
     let squared = engine.is_quadratic() || point.scene == Scene::Point;
     let exponent = if squared { 2.0 } else { 1.1 };
