@@ -55,10 +55,12 @@ frames = ["xyz", "npy"]
 
 /// The content of every file in a directory, by name.
 fn files(directory: &str) -> Vec<(String, Vec<u8>)> {
-    let entries = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap());
-    let mut files: Vec<_> = entries
-        .map(|entry| (entry.file_name().into_string().unwrap(), fs::read(entry.path()).unwrap()))
-        .collect();
+    let file = |entry: std::io::Result<fs::DirEntry>| {
+        let entry = entry.expect("an entry");
+        let name = entry.file_name().into_string().expect("a plain name");
+        (name, fs::read(entry.path()).expect("a file"))
+    };
+    let mut files: Vec<_> = fs::read_dir(directory).expect("a directory").map(file).collect();
     files.sort();
     files
 }
@@ -228,7 +230,8 @@ fn a_full_disk_shows_before_the_run() {
     fs::create_dir(&out).unwrap();
     std::os::unix::fs::symlink("/dev/full", out.clone() + "/series.csv").unwrap();
     let rare = "100000000";
-    let args = ["simulate", &scenario, "--steps", rare, "--every", rare, "--frames-every", rare, "--output", &out];
+    let args =
+        ["simulate", &scenario, "--steps", rare, "--every", rare, "--frames-every", rare, "--output", &out];
     let run = lazygrid(args).fails();
     assert!(run.err.contains("series.csv: cannot write: No space left on device"), "{}", run.err);
 }

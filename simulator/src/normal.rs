@@ -90,7 +90,7 @@ mod tests {
         for ((sum, moment), variance) in
             sums.into_iter().zip([0.0, 1.0, 0.0, 3.0]).zip([1.0, 2.0, 15.0, 96.0])
         {
-            let error = (sum / count - moment) / (variance / count as f64).sqrt();
+            let error = (sum / count - moment) / (variance / count).sqrt();
             assert!(error.abs() < 5.0, "{error} standard errors");
         }
         assert!((mixed / count.sqrt()).abs() < 5.0);

@@ -86,8 +86,8 @@ impl Particles {
     /// Moves the particle at a place.
     #[inline]
     pub fn set_position(&mut self, at: usize, position: [f32; 3]) {
-        for axis in 0..3 {
-            self.position[axis][at] = position[axis];
+        for (column, coordinate) in self.position.iter_mut().zip(position) {
+            column[at] = coordinate;
         }
     }
 

@@ -73,7 +73,7 @@ pub fn open_unit(word: u32) -> f32 {
 /// The largest word that stands for "yes" at this probability in (0, 1]; rounded to the nearest of 2³².
 pub fn yes_up_to(probability: f64) -> Option<u32> {
     let count = (probability * 4_294_967_296.0).round().min(4_294_967_296.0);
-    (count >= 1.0).then(|| (count - 1.0) as u32)
+    (count >= 1.0).then_some((count - 1.0) as u32)
 }
 
 #[cfg(test)]

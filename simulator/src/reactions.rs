@@ -250,8 +250,8 @@ mod tests {
         assert!((vector.iter().map(|c| c * c).sum::<f32>().sqrt() - 2.0).abs() < 1e-6);
         // C diffuses a third as fast as A, and they part from where the reactants met.
         let from = [0.25, 0.0, 0.0];
-        for k in 0..3 {
-            assert!((c.position[k] * 0.75 + a.position[k] * 0.25 - from[k]).abs() < 1e-6);
+        for (k, from) in from.into_iter().enumerate() {
+            assert!((c.position[k] * 0.75 + a.position[k] * 0.25 - from).abs() < 1e-6);
         }
     }
 
