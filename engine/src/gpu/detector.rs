@@ -373,3 +373,6 @@ pub fn read_outcome(bytes: &[u8]) -> Result<Outcome, GpuError> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
