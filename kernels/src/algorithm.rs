@@ -43,6 +43,9 @@ impl Algorithm {
     pub const CPU: [Self; 5] =
         [Self::Naive, Self::HashGrid, Self::ArrayGrid, Self::RecursiveGrid, Self::CellList];
 
+    /// The algorithms that have GPU kernels, all pairs first.
+    pub const GPU: [Self; 4] = [Self::Naive, Self::ArrayGrid, Self::EagerGrid, Self::LazyGrid];
+
     /// The name in lower case with hyphens.
     pub const fn name(self) -> &'static str {
         match self {

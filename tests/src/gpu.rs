@@ -5,16 +5,13 @@ use lazygrid::{Algorithm, Backend};
 
 use crate::{Subject, THREADS};
 
-/// The algorithms that have GPU kernels. `Auto` takes one of them by the number of spheres alone.
-const ALGORITHMS: [Algorithm; 2] = [Algorithm::Naive, Algorithm::ArrayGrid];
-
-/// The GPU's subjects: none, with a word on standard error, where there is no adapter.
+/// The GPU's subjects, one for each algorithm; `Auto` takes one of them. None, with a word on standard error, where there is no adapter.
 ///
 /// # Panics
 /// Where there is none although `LAZYGRID_REQUIRE_GPU` is set, or where it cannot be used.
 pub(crate) fn subjects() -> Vec<Subject> {
     match GpuDevice::shared(true) {
-        Ok(_) => ALGORITHMS
+        Ok(_) => Algorithm::GPU
             .map(|algorithm| Subject { backend: Backend::Gpu, algorithm, threads: THREADS[0] })
             .to_vec(),
         Err(error @ GpuError::NoAdapter { .. }) if env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => {

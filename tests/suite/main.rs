@@ -4,6 +4,7 @@ mod bad_input;
 mod expected;
 mod files;
 mod interactions;
+mod lazy;
 mod limits;
 mod periodic;
 mod properties;

@@ -153,10 +153,11 @@ impl GpuDetector {
     }
 
     /// Makes room for at least so many (cell, object) entries, as [`Outcome::entries`] tells after a call that had
-    /// too little; the next call allocates anew. False where the device cannot hold them.
+    /// too little, and for some more; the next call allocates anew. False where the device cannot hold them.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
         let most = most_entries(&DeviceLimits::of(&self.device));
-        let fits = u32::try_from(entries).ok().filter(|&entries| u64::from(entries) <= most);
+        let wanted = entries.saturating_add(entries / 8).min(most.max(entries));
+        let fits = u32::try_from(wanted).ok().filter(|&wanted| u64::from(wanted) <= most);
         self.entry_capacity = fits.unwrap_or(self.entry_capacity);
         fits.is_some()
     }

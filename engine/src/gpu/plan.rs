@@ -23,8 +23,6 @@ const SEARCH_GROUPS: u64 = 2048;
 const MAX_ENTRIES: u64 = 65_535 * (k::CROWDED_TILES * k::GROUP) as u64;
 /// The fewest key bits: folding needs three per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
-/// Entries per sphere that are planned for in EagerGrid, where a sphere has some at every level down to its own.
-const EAGER_ENTRIES: u64 = 16;
 /// Most counters in either half of the density table: so many stay in the caches of today's devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 
@@ -151,7 +149,7 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
     if algorithm == Algorithm::Naive {
         plan.search_groups = naive_groups(request.spheres, limits)?;
     } else {
-        plan.entries = entry_capacity(request, refinement, limits)?;
+        plan.entries = entry_capacity(request, limits)?;
         plan.key_bits = key_bits(request.spheres);
         if refinement == Refinement::Dense {
             plan.density_slots = density_slots(request.spheres);
@@ -241,16 +239,12 @@ pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
     (limits.bytes() / 4).min(MAX_ENTRIES)
 }
 
-/// Room for eight entries per sphere, the most there can be at one level, or for as many as the device can bind. In
-/// LazyGrid eight serve several levels: few spheres have as many as eight, and few cells are refined. Where that is not
-/// enough, the call says so in its overflow flag and how many it needs.
-fn entry_capacity(request: &Request, refinement: Refinement, limits: &DeviceLimits) -> Result<u32, GpuError> {
+/// Room for eight entries per sphere, the most there can be at one level, or for as many as the device can bind. Mostly
+/// that serves several levels, as few spheres have as many as eight at each. Where it is not enough, the call says so
+/// in its overflow flag, and how many it needs. Room that is not used costs workgroups that find nothing to sort.
+fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, GpuError> {
     let spheres = request.spheres;
-    let per_sphere = match refinement {
-        Refinement::None | Refinement::Dense => k::MAX_ENTRIES_PER_SPHERE,
-        Refinement::Every => EAGER_ENTRIES,
-    };
-    let wanted = (u64::from(spheres) * per_sphere).max(request.entries.into());
+    let wanted = (u64::from(spheres) * k::MAX_ENTRIES_PER_SPHERE).max(request.entries.into());
     let entries = wanted.min(most_entries(limits));
     if entries < u64::from(spheres) {
         return Err(GpuError::LimitExceeded {

@@ -40,7 +40,7 @@ pub struct Stage {
     pub kernel: &'static Kernel,
     /// How many workgroups, before they are laid out in two dimensions.
     pub groups: u32,
-    /// Whether their number is instead found on the device, in [`Slot::Dispatch`].
+    /// Whether their number is instead found on the device, in [`Slot::Dispatch`](super::Slot::Dispatch).
     pub indirect: bool,
     /// Which part of the call it belongs to.
     pub phase: Phase,

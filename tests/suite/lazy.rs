@@ -1,0 +1,55 @@
+//! LazyGrid refines some cells and settles others: whatever τ makes of them, the pairs are the same.
+
+use lazygrid::{Algorithm, Backend, Config, Sphere};
+use lazygrid_bench::scenes::Scene;
+use lazygrid_tests::{Scenario, Subject};
+
+fn on_gpu() -> impl Iterator<Item = Subject> {
+    let refines = |s: &Subject| matches!(s.algorithm, Algorithm::EagerGrid | Algorithm::LazyGrid);
+    Subject::all().into_iter().filter(|s| s.backend == Backend::Gpu).filter(refines)
+}
+
+fn judge_for_any_tau(name: &str, spheres: Vec<Sphere>) {
+    let scenario = Scenario::from(spheres);
+    let expected = scenario.oracle();
+    for (tau, ratio) in [(0, 1.5), (1, 2.0), (8, 1.5), (8, 4.0), (512, 2.0), (u32::MAX, 2.0)] {
+        for subject in on_gpu() {
+            let verdict =
+                subject.judge(&scenario, &expected, &Config::default().tau(tau).raster_ratio(ratio));
+            verdict.unwrap_or_else(|text| panic!("{name}, tau {tau}, ratio {ratio}: {text}"));
+        }
+    }
+}
+
+#[test]
+fn scenes_for_any_tau() {
+    for scene in Scene::ALL {
+        judge_for_any_tau(scene.name(), scene.spheres(1500, 11));
+    }
+}
+
+/// From one size to twenty, each half of the one before, so that the largest is 2¹⁹ times the smallest; and sizes that are
+/// no powers of two.
+#[test]
+fn one_to_twenty_sizes() {
+    for sizes in [1, 2, 20] {
+        for step in [0.5_f32, 0.61] {
+            let mut spheres = Scene::Equal.spheres(1200, 12);
+            for (k, sphere) in spheres.iter_mut().enumerate() {
+                let scale = step.powi((k % sizes) as i32);
+                *sphere = Sphere::new(sphere.center * scale, sphere.radius * scale);
+            }
+            judge_for_any_tau(&format!("{sizes} sizes by {step}"), spheres);
+        }
+    }
+}
+
+/// 2²⁰ times as large as the others, of which a crowd is at its surface.
+#[test]
+fn one_giant_among_grains() {
+    let grains = Scene::Equal.spheres(1500, 13).into_iter();
+    let mut spheres: Vec<Sphere> =
+        grains.map(|s| Sphere::new(s.center * 0.2 + [1_048_576.0, 0.0, 0.0].into(), s.radius)).collect();
+    spheres.insert(700, Sphere::new([0.0; 3], 1_048_576.0));
+    judge_for_any_tau("giant", spheres);
+}
