@@ -13,7 +13,7 @@ use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level};
 
 /// Around a workgroup, and many.
 const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
-const PLAIN: Variant = Variant { subgroups: None, species: false };
+const PLAIN: Variant = Variant { subgroups: None, species: false, periodic: false };
 const HAS_OWN: u32 = 1 << 31;
 const SLOTS: u32 = 4096;
 
@@ -50,7 +50,7 @@ impl Cells {
 /// Cells of edge 8 at depth 0 with a corner at the origin: powers of two, so that nothing is rounded.
 fn grid(spheres: usize, refinement: u32) -> Grid {
     let mut grid = Grid {
-        inverse_edge: 0.125,
+        inverse_edge: [0.125; 3],
         low: [-1024; 3],
         high: [1023; 3],
         spheres: spheres as u32,
@@ -319,7 +319,7 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
 fn entries_follow_the_spheres_down() {
     let Some(own) = device() else { return };
     for variant in [None, own.adapter.has_subgroups.then_some(own.adapter.subgroup_sizes[0])] {
-        let variant = Variant { subgroups: variant, species: false };
+        let variant = Variant { subgroups: variant, ..PLAIN };
         for (size, (refinement, tau)) in SIZES.into_iter().flat_map(|size| {
             [(1, 0), (2, 0), (2, 3), (2, 400), (2, u32::MAX)].map(|settings| (size, settings))
         }) {

@@ -135,17 +135,44 @@ fn octaves(random: &mut Random) -> f32 {
     0.5 * (-((random.word() % 11) as f32) - random.unit()).exp2()
 }
 
+/// Spheres of which every other coordinate is at the seam of a cube with this edge.
+fn at_seams(seed: u64, n: usize, edge: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
+    let mut random = Random(seed);
+    let mut place = || match random.word() % 2 {
+        0 => 0.5 * edge + 1.4 * (random.unit() - 0.5),
+        _ => edge * random.unit(),
+    };
+    let centers: Vec<[f32; 3]> = (0..n).map(|_| [place(), place(), place()]).collect();
+    centers.into_iter().map(|center| Sphere::new(center, radius(&mut random))).collect()
+}
+
+/// By the default ratio the first cells are twice as wide as the largest diameter, here one unit.
 #[test]
 fn boxes_of_few_cells() {
     let Some(own) = device() else { return };
-    for (k, cells) in
-        [0.3, 0.9, 1.0, 1.7, 2.0, 3.1, 4.0, 4.1, 5.5, 7.9, 8.0, 8.2, 9.5, 12.3].into_iter().enumerate()
-    {
-        // The edge is twice the largest diameter, at 0.25.
-        let edge = cells * 1.0;
-        for axes in [1 + k % 7] {
-            let spheres = cloud(k as u64, 150, 5.0, |random| 0.25 * (0.4 + 0.6 * random.unit()));
-            check(&own, &Scene::new(format!("{cells} cells on {axes}"), lengths(axes, [edge; 3]), spheres));
+    let boxes =
+        [0.3, 0.9, 1.0, 1.7, 2.0, 3.1, 4.0, 4.1, 5.5, 7.9, 8.0, 8.2, 9.5, 12.3, 20.9, 25.4, 26.7, 29.0];
+    for (k, edge) in boxes.into_iter().enumerate() {
+        for axes in [1 + k % 7, 7] {
+            let spheres = at_seams(k as u64, 300, edge, |random| 0.25 * (0.6 + 0.4 * random.unit()));
+            check(&own, &Scene::new(format!("{edge} cells on {axes}"), lengths(axes, [edge; 3]), spheres));
+        }
+    }
+}
+
+/// More cells than keys: where a ring had one or two cells more than a multiple of eight, its ends would share keys.
+#[test]
+fn folded_rings() {
+    let Some(own) = device() else { return };
+    for (k, of) in [[65.5, 66.2, 129.3], [33.1, 257.8, 130.9], [513.4, 90.3, 70.7]].into_iter().enumerate() {
+        for axes in [3, 7] {
+            let mut spheres = at_seams(k as u64, 400, 4.0, |_| 0.25);
+            for sphere in &mut spheres {
+                for axis in 0..3 {
+                    sphere.center[axis] += 0.5 * of[axis] - 2.0;
+                }
+            }
+            check(&own, &Scene::new(format!("{of:?} on {axes}"), lengths(axes, of), spheres));
         }
     }
 }
