@@ -319,7 +319,7 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
 fn entries_follow_the_spheres_down() {
     let Some(own) = device() else { return };
     for variant in [None, own.adapter.has_subgroups.then_some(own.adapter.subgroup_sizes[0])] {
-        let variant = Variant { subgroups: variant, species: false, periodic: false };
+        let variant = Variant { subgroups: variant, ..PLAIN };
         for (size, (refinement, tau)) in SIZES.into_iter().flat_map(|size| {
             [(1, 0), (2, 0), (2, 3), (2, 400), (2, u32::MAX)].map(|settings| (size, settings))
         }) {

@@ -2,9 +2,9 @@
 
 mod common;
 
-use common::{Random, device, download, submit, upload};
-use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuSettings, GpuSpheres, Outcome};
-use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere};
+use common::{Random, device};
+use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings, Outcome};
+use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
 const ALGORITHMS: [Algorithm; 4] =
     [Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid];
@@ -84,17 +84,16 @@ impl Scene {
 fn detect(own: &GpuDevice, scene: &Scene, settings: GpuSettings) -> (Outcome, Vec<Pair>) {
     let interactions = scene.species.as_ref().map(|(_, table)| table.clone());
     let settings = GpuSettings { space: scene.space(), interactions, ..settings };
-    let mut detector = GpuDetector::new(&own.device, settings).expect("made");
-    let buffer = upload(own, &scene.spheres);
-    let species = scene.species.as_ref().map(|(ids, _)| upload(own, ids));
-    let count = Count::Host(scene.spheres.len() as u32);
-    let input = GpuSpheres { spheres: &buffer, count, species: species.as_ref(), window: GpuSpheres::ALL };
-    submit(own, |encoder| detector.encode(encoder, &input)).expect("recorded");
-    let outcome = download::<Outcome>(own, detector.outcome().expect("recorded"), 1)[0];
-    let mut pairs: Vec<Pair> =
-        download(own, detector.pairs().expect("recorded"), outcome.found().min(1 << 20) as usize);
+    // Sessions of one device share its compiled kernels.
+    let mut session = GpuSession::new(own.clone(), settings).expect("made");
+    let mut spheres = Spheres::from(&scene.spheres);
+    if let Some((species, _)) = &scene.species {
+        spheres = spheres.with_species(species).expect("one each");
+    }
+    let ticket = session.begin(spheres).expect("begun");
+    let mut pairs = session.finish(ticket, 1 << 24).expect("finished").to_vec();
     pairs.sort_unstable();
-    (outcome, pairs)
+    (*session.outcome(), pairs)
 }
 
 /// Every algorithm; LazyGrid with τ of 0, 1 and 8, which refines deeply.
@@ -136,17 +135,44 @@ fn octaves(random: &mut Random) -> f32 {
     0.5 * (-((random.word() % 11) as f32) - random.unit()).exp2()
 }
 
+/// Spheres of which every other coordinate is at the seam of a cube with this edge.
+fn at_seams(seed: u64, n: usize, edge: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
+    let mut random = Random(seed);
+    let mut place = || match random.word() % 2 {
+        0 => 0.5 * edge + 1.4 * (random.unit() - 0.5),
+        _ => edge * random.unit(),
+    };
+    let centers: Vec<[f32; 3]> = (0..n).map(|_| [place(), place(), place()]).collect();
+    centers.into_iter().map(|center| Sphere::new(center, radius(&mut random))).collect()
+}
+
+/// By the default ratio the first cells are twice as wide as the largest diameter, here one unit.
 #[test]
 fn boxes_of_few_cells() {
     let Some(own) = device() else { return };
-    for (k, cells) in
-        [0.3, 0.9, 1.0, 1.7, 2.0, 3.1, 4.0, 4.1, 5.5, 7.9, 8.0, 8.2, 9.5, 12.3].into_iter().enumerate()
-    {
-        // The edge is twice the largest diameter, at 0.25.
-        let edge = cells * 1.0;
-        for axes in [1, 4, 6, 7] {
-            let spheres = cloud(k as u64, 400, 7.0, |random| 0.25 * (0.4 + 0.6 * random.unit()));
-            check(&own, &Scene::new(format!("{cells} cells on {axes}"), lengths(axes, [edge; 3]), spheres));
+    let boxes =
+        [0.3, 0.9, 1.0, 1.7, 2.0, 3.1, 4.0, 4.1, 5.5, 7.9, 8.0, 8.2, 9.5, 12.3, 20.9, 25.4, 26.7, 29.0];
+    for (k, edge) in boxes.into_iter().enumerate() {
+        for axes in [1 + k % 7, 7] {
+            let spheres = at_seams(k as u64, 300, edge, |random| 0.25 * (0.6 + 0.4 * random.unit()));
+            check(&own, &Scene::new(format!("{edge} cells on {axes}"), lengths(axes, [edge; 3]), spheres));
+        }
+    }
+}
+
+/// More cells than keys: where a ring had one or two cells more than a multiple of eight, its ends would share keys.
+#[test]
+fn folded_rings() {
+    let Some(own) = device() else { return };
+    for (k, of) in [[65.5, 66.2, 129.3], [33.1, 257.8, 130.9], [513.4, 90.3, 70.7]].into_iter().enumerate() {
+        for axes in [3, 7] {
+            let mut spheres = at_seams(k as u64, 400, 4.0, |_| 0.25);
+            for sphere in &mut spheres {
+                for axis in 0..3 {
+                    sphere.center[axis] += 0.5 * of[axis] - 2.0;
+                }
+            }
+            check(&own, &Scene::new(format!("{of:?} on {axes}"), lengths(axes, of), spheres));
         }
     }
 }
@@ -156,15 +182,129 @@ fn nested_rasters_go_round_at_every_depth() {
     let Some(own) = device() else { return };
     let boxes = [[8.0, 8.0, 8.0], [1.0, 3.0, 9.0], [0.1, 20.0, 2.5], [0.02, 0.02, 30.0], [4.7, 5.9, 8.3]];
     for (k, of) in boxes.into_iter().enumerate() {
-        for axes in [2, 5, 7] {
-            let mut spheres = cloud(100 + k as u64, 500, 8.0, octaves);
+        for axes in [2 + k] {
+            let mut spheres = cloud(100 + k as u64, 200, 8.0, octaves);
             // A crowd on the seams, so that dense cells lie there.
             let mut random = Random(k as u64);
-            spheres.extend((0..300).map(|_| {
+            spheres.extend((0..150).map(|_| {
                 let center = [0, 1, 2].map(|axis| of[axis] * 0.5 + 0.05 * (random.unit() - 0.5));
                 Sphere::new(center, 0.01 * octaves(&mut random))
             }));
             check(&own, &Scene::new(format!("{of:?} on {axes}"), lengths(axes, of), spheres));
         }
+    }
+}
+
+/// On the seam, next to it by some units in the last place, at its far end, and many boxes away from there.
+#[test]
+fn spheres_on_the_seam() {
+    let Some(own) = device() else { return };
+    for (seed, of) in [1.0_f32, 0.1, 10.0, 3.3].into_iter().enumerate() {
+        let mut random = Random(seed as u64);
+        let mut place = || {
+            let turns = [0.0, 0.5, -0.5, 1.0, -1.0, 2.5, 1e6, -1e6 - 0.5][random.word() as usize % 8];
+            let x = of * turns;
+            [x, x, x.next_up(), x.next_down()][random.word() as usize % 4]
+        };
+        let spheres = (0..250)
+            .map(|k| Sphere::new([place(), place(), place()], of * [0.0, 1e-7, 2e-7, 0.01, 0.2][k % 5]))
+            .collect();
+        check(&own, &Scene::new(format!("corners of {of}"), lengths(7 - seed % 2, [of; 3]), spheres));
+    }
+}
+
+#[test]
+fn coordinates_far_outside_the_box() {
+    let Some(own) = device() else { return };
+    for (seed, away) in [3.0_f32, 1e6, 1e30].into_iter().enumerate() {
+        let mut random = Random(seed as u64);
+        let spheres = cloud(seed as u64, 300, 6.0, |random| 0.3 * random.unit()).into_iter();
+        let spheres = spheres
+            .map(|s| match random.word() % 3 {
+                0 => Sphere::new(s.center * away, s.radius),
+                1 => Sphere::new(s.center - away, s.radius),
+                _ => s,
+            })
+            .collect();
+        check(&own, &Scene::new(format!("{away} away"), lengths(7, [6.0, 3.0, 0.7]), spheres));
+    }
+}
+
+#[test]
+fn giants_and_lattices() {
+    let Some(own) = device() else { return };
+    let mut giants = cloud(30, 300, 10.0, |_| 0.05);
+    giants.extend([4.0, 12.0].map(|radius| Sphere::new([9.5; 3], radius)));
+    check(&own, &Scene::new("giants", lengths(7, [10.0, 6.0, 2.0]), giants));
+    // A full lattice in contact goes round, three contacts a site.
+    for (count, spacing) in [(3_usize, 0.5_f32), (4, 1.0), (7, 0.25)] {
+        let site = |k: usize| [k % count, k / count % count, k / count / count].map(|c| c as f32 * spacing);
+        let sites: Vec<_> = (0..count.pow(3)).map(|k| Sphere::new(site(k), 0.5 * spacing)).collect();
+        let scene = Scene::new(format!("lattice of {count}"), lengths(7, [count as f32 * spacing; 3]), sites);
+        for settings in subjects() {
+            let (_, pairs) = detect(&own, &scene, settings);
+            assert_eq!(pairs.len(), 3 * count.pow(3), "{}", scene.name);
+        }
+        check(&own, &scene);
+    }
+}
+
+/// Boxes from the smallest to the largest floats.
+#[test]
+fn lengths_of_every_magnitude() {
+    let Some(own) = device() else { return };
+    for scale in [1e-44_f32, 1e-38, 1e-27, 1e-15, 1e15, 1e25, 3e37] {
+        let spheres = cloud(40, 200, 1.0, |random| 0.1 * random.unit()).into_iter();
+        let spheres =
+            spheres.map(|s| Sphere::new(s.center * 10.0 * scale, s.radius * 10.0 * scale)).collect();
+        let of = [10.0 * scale, 9.0 * scale, 1.0 * scale];
+        check(&own, &Scene::new(format!("lengths of {scale:e}"), lengths(7, of), spheres));
+    }
+    let apart = cloud(41, 200, 1.0, |random| 0.2 * random.unit());
+    check(&own, &Scene::new("a tiny box", lengths(1, [1e-40; 3]), apart.clone()));
+    check(&own, &Scene::new("a vast box", lengths(5, [f32::MAX, 1.0, 1e9]), apart));
+}
+
+#[test]
+fn species_in_a_periodic_box() {
+    let Some(own) = device() else { return };
+    let spheres = cloud(50, 500, 8.0, octaves);
+    let mut random = Random(51);
+    let species: Vec<u32> = (0..spheres.len()).map(|_| random.word() % 4).collect();
+    let mut table = Interactions::new(4, Interaction::Never).expect("small");
+    table.set(0, 1, Interaction::Within(0.7)).expect("in range");
+    table.set(2, 2, Interaction::Touch).expect("in range");
+    table.set(2, 1, Interaction::Within(0.01)).expect("in range");
+    let scene = Scene::new("species", lengths(5, [4.0; 3]), spheres);
+    check(&own, &Scene { species: Some((species, table)), ..scene });
+}
+
+/// So many that keys are folded, runs are crowded, and the seam cuts the crowd in two; the naive search judges.
+#[test]
+fn crowds_on_the_seam_of_a_large_box() {
+    let Some(own) = device() else { return };
+    let mut spheres = cloud(60, 4000, 1.0, |random| 0.004 * (0.1 + random.unit()));
+    spheres.iter_mut().for_each(|s| s.center *= 30.0);
+    spheres.extend(cloud(61, 1500, 0.06, |_| 0.004));
+    spheres.iter_mut().skip(4000).for_each(|s| s.center += 14.97);
+    let scene = Scene::new("crowds", lengths(7, [30.0, 10.0, 29.96]), spheres);
+    let mut lists = subjects().map(|settings| (settings.algorithm, detect(&own, &scene, settings).1));
+    let (_, naive) = lists.next().expect("naive comes first");
+    assert!(naive.len() > 1000, "{}", naive.len());
+    for (algorithm, list) in lists {
+        assert!(list == naive, "{algorithm}: {} pairs instead of {}", list.len(), naive.len());
+    }
+}
+
+#[test]
+fn bad_spheres_are_quarantined() {
+    let Some(own) = device() else { return };
+    let mut spheres = cloud(70, 100, 3.0, |_| 0.2);
+    spheres.extend([f32::NAN, f32::INFINITY, f32::NEG_INFINITY].map(|x| Sphere::new([1.0, x, 1.0], 1.0)));
+    let scene = Scene::new("bad", lengths(7, [2.0; 3]), spheres);
+    for settings in subjects() {
+        let (outcome, pairs) = detect(&own, &scene, settings);
+        assert_eq!(outcome.quarantined, 3);
+        assert!(pairs.iter().all(|pair| pair.j < 100) && !pairs.is_empty());
     }
 }

@@ -1,4 +1,4 @@
-//! Periodic spaces: every algorithm of the CPU against plain loops over images.
+//! Periodic spaces: every algorithm against plain loops over images.
 
 use std::ops::ControlFlow;
 
@@ -194,7 +194,7 @@ fn bad_spheres_are_named_as_they_were_given() {
     spheres[40].center.y = f32::INFINITY;
     spheres[70].radius = -1.0;
     let space = Space::periodic([Some(1.0); 3]).expect("a box");
-    for subject in on_cpu() {
+    for subject in Subject::all() {
         let mut detector = Detector::new(subject.config().space(space)).expect("a detector");
         let Err(Error::Input(InputError::Sphere { index, sphere, count, total })) = detector.pairs(&spheres)
         else {
@@ -206,7 +206,31 @@ fn bad_spheres_are_named_as_they_were_given() {
 }
 
 #[test]
-fn a_length_that_is_none_is_refused_by_axis() {
+fn lengths_that_are_none_are_refused() {
     let error = Space::periodic([Some(1.0), Some(-2.0), None]).expect_err("no such length").to_string();
     assert!(error.contains("-2") && error.contains("axis y"), "{error}");
+}
+
+/// A GPU tells the same in all ways too, and its count comes from the device alone.
+#[test]
+fn every_kind_of_result_of_the_gpu() {
+    let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
+    let periodic = Periodic { scenario: spheres.into(), lengths: [Some(5.0), Some(10.0), None] };
+    let (expected, spheres) = (periodic.oracle(), &periodic.scenario.spheres);
+    for subject in Subject::all().into_iter().filter(|subject| subject.backend == Backend::Gpu) {
+        let mut detector = Detector::new(subject.config().space(periodic.space())).expect("a detector");
+        let list = detector.pairs(spheres).expect("pairs").to_vec();
+        assert!(list == periodic.excused(&list, &expected), "{subject}");
+        assert_eq!(detector.count(spheres), Ok(list.len() as u64), "{subject}");
+        let mut streamed = Vec::new();
+        let handed = detector.stream(spheres, 100, |pairs| {
+            streamed.extend_from_slice(pairs);
+            ControlFlow::Continue(())
+        });
+        assert!(handed == Ok(list.len() as u64) && streamed == list, "{subject}: the stream differs");
+        let lists = detector.neighbors(spheres).expect("neighbours");
+        assert_eq!((0..spheres.len()).map(|i| lists.of(i).len()).sum::<usize>(), 2 * list.len());
+        let unbounded = Detector::new(subject.config()).expect("a detector").memory_for(3000);
+        assert!(detector.memory_for(3000) >= unbounded + 16 * 3000, "{subject}");
+    }
 }

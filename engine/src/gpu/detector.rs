@@ -384,3 +384,6 @@ pub fn read_outcome(bytes: &[u8]) -> Result<Outcome, GpuError> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

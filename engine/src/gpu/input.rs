@@ -27,7 +27,8 @@ pub struct GpuSettings {
     /// Which species pair, and at which distance; `None`: all that touch.
     pub interactions: Option<Interactions>,
     /// The space the spheres live in. Default: [`Space::UNBOUNDED`]. In a periodic one spheres are copied to their
-    /// nearest images first, which takes 16 bytes for each.
+    /// nearest images first, which takes 16 bytes for each; pairs within 5 ulp of
+    /// exact tangency, relative to the squared reach, may fall either way, where it is 4 ulp in an unbounded one.
     pub space: Space,
     /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
     pub consumer_group: u32,
