@@ -15,12 +15,13 @@ use crate::reactions::distance_squared;
 use crate::transmitter::direction;
 
 /// How overlaps are settled in a model.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Contacts {
     contact: Contact,
     diffusion: Vec<f64>,
     mass: Vec<f64>,
     boundary: Boundary,
+    matching: Matching,
 }
 
 /// What two particles get in one contact: new positions, and new velocities of elastic ones.
@@ -42,6 +43,7 @@ impl Contacts {
             diffusion: of(|species| species.diffusion),
             mass: of(|species| species.mass),
             boundary: model.boundary,
+            matching: Matching::default(),
         }
     }
 
@@ -53,13 +55,13 @@ impl Contacts {
     /// Settles the overlaps among these pairs, but for those with a particle that is not `free`. Returns how many
     /// had an effect.
     pub fn settle(
-        &self,
+        &mut self,
         particles: &mut Particles,
         pairs: &[Pair],
         free: impl Fn(u32) -> bool + Sync,
         (key, step): (Key, u32),
-        matching: &mut Matching,
     ) -> u64 {
+        let mut matching = std::mem::take(&mut self.matching);
         let overlap = |pair: &Pair| {
             let apart = distance_squared(particles, *pair, &self.boundary);
             let touch = reach(particles, *pair);
@@ -90,6 +92,7 @@ impl Contacts {
                 }
             }
         });
+        self.matching = matching;
         settled
     }
 

@@ -257,7 +257,7 @@ impl Simulation {
             let mut reacted: Vec<u32> = chosen.iter().flat_map(|&c| candidates[c as usize].at).collect();
             reacted.sort_unstable();
             let free = |at: u32| reacted.binary_search(&at).is_err();
-            let settled = self.contacts.settle(particles, pairs, free, (key, step), &mut self.matching);
+            let settled = self.contacts.settle(particles, pairs, free, (key, step));
             self.state.totals.contacts = settled;
         }
         for &c in &chosen {

@@ -73,10 +73,16 @@ fn main() -> ExitCode {
             failed += usize::from(!row.passes());
             let sign = if row.must_differ { ">" } else { "" };
             let Row { what, expected, measured, tolerance, .. } = row;
-            let tolerance = format!("{sign}{tolerance:.4}");
-            println!("{name:<20} {what:<46} {expected:>14.5} {measured:>14.5} {tolerance:>12}{verdict}");
+            let tolerance = format!("{sign}{}", short(tolerance));
+            let (expected, measured) = (short(expected), short(measured));
+            println!("{name:<20} {what:<46} {expected:>14} {measured:>14} {tolerance:>12}{verdict}");
         }
         println!("{name:<20} took {:.1} s", start.elapsed().as_secs_f64());
     }
     if failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// A number with as many digits as say something.
+fn short(value: f64) -> String {
+    if value == 0.0 || value.abs() >= 1e-3 { format!("{value:.5}") } else { format!("{value:.1e}") }
 }
