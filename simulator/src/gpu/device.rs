@@ -90,7 +90,8 @@ pub(super) fn read(
         wgpu::PollError::Timeout => refused(GpuError::Timeout { seconds: TIMEOUT.as_secs() }),
         other => lost(other.to_string()),
     })?;
-    let mapped = answer.try_recv().map_err(|_| lost("no answer to a readback".to_owned()))?;
+    // Another thread that polls the device may be the one that brings the answer, a little later.
+    let mapped = answer.recv_timeout(TIMEOUT).map_err(|_| lost("no answer to a readback".to_owned()))?;
     mapped.map_err(|error| lost(error.to_string()))?;
     let view = staging.slice(..).get_mapped_range().map_err(|error| lost(error.to_string()))?;
     let mut rest = &view[..];
