@@ -14,16 +14,15 @@
 
 use crate::Error;
 
-/// D of two partners is the sum of theirs.
-///
-/// Where √(2DΔt) is more than this part of the binding radius, partners are so likely to jump over each other that
+/// Where √(2DΔt), D being the sum of both diffusion coefficients, is more than this part of the binding radius, partners are so likely to jump over each other that
 /// the rate is right only for well-mixed partners; what happens near a partner or a surface is not resolved.
 pub const LONG_STEP: f64 = 1.0;
 
 /// The binding radius, in µm, that gives the rate constant `rate`, in µm³/s, to partners whose diffusion coefficients
 /// add up to `diffusion`, in µm²/s, in steps of `time_step` s.
 ///
-/// The rate constant is that per pair: k·[A]·[B] reactions per volume and time, and for A + A half of k·[A]².
+/// The rate constant is that per pair: with concentrations a and b, k·a·b reactions per volume and time, and for A + A
+/// half of k·a².
 ///
 /// # Errors
 /// [`Error::Model`] where one of them is not positive and finite.

@@ -1,4 +1,4 @@
-//! Scenario files: a [`Model`](crate::Model) and what to write, as TOML. The scenarios that are shipped, in
+//! Scenario files: a [`Model`] and what to write, as TOML. The scenarios that are shipped, in
 //! `simulator/scenarios/`, show every key; README.md lists them.
 
 mod file;
