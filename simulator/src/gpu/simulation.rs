@@ -45,6 +45,9 @@ struct Burst {
     next_id: u32,
 }
 
+/// Rounds of a matching by the whole device, at most. With random priorities their number grows as the logarithm of
+/// that of the candidates.
+const MAX_ROUNDS: u32 = 512;
 /// Work, in particles moved, that one submission may have: far below what watchdogs allow.
 const SUBMISSION: u32 = 1 << 24;
 /// Steps that one submission may have, however few particles there are.
@@ -379,7 +382,14 @@ impl GpuSimulation {
                     detector.set_raster_ratio(self.raster_ratio).map_err(refused)?;
                 }
             }
-            Head::ROUNDS_LEFT => self.options.rounds = (2 * self.options.rounds).max(4),
+            Head::ROUNDS_LEFT => {
+                self.options.rounds = (2 * self.options.rounds).max(4);
+                let (needed, limit) = (self.options.rounds.into(), MAX_ROUNDS.into());
+                if needed > limit {
+                    let (what, remedy) = ("the rounds of a matching", "choose the CPU");
+                    return failed(GpuError::LimitExceeded { what, needed, limit, remedy });
+                }
+            }
             Head::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.lacking() }),
             other => {
                 let reason = format!("the run froze for reason {other}, which nobody knows");
