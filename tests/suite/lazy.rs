@@ -48,8 +48,12 @@ fn one_to_twenty_sizes() {
 #[test]
 fn one_giant_among_grains() {
     let grains = Scene::Equal.spheres(1500, 13).into_iter();
-    let mut spheres: Vec<Sphere> =
-        grains.map(|s| Sphere::new(s.center * 0.2 + [1_048_576.0, 0.0, 0.0].into(), s.radius)).collect();
+    let mut spheres: Vec<Sphere> = grains
+        .map(|s| {
+            let [x, y, z] = (s.center * 0.2).to_array();
+            Sphere::new([x + 1_048_576.0, y, z], s.radius)
+        })
+        .collect();
     spheres.insert(700, Sphere::new([0.0; 3], 1_048_576.0));
     judge_for_any_tau("giant", spheres);
 }
