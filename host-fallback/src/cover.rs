@@ -69,10 +69,12 @@ impl Rings {
             let Some(length) = length.map(f64::from) else { continue };
             let count = (length / edge).min(MOST_ON_RING);
             let least = if edge >= diameter * EASE { 3.0 } else { 5.0 };
-            let count = match () {
-                () if count >= least => count as u32,
-                () if length / 3.0 >= diameter * EASE => 3,
-                () => 1,
+            let count = if count >= least {
+                count as u32
+            } else if length / 3.0 >= diameter * EASE {
+                3
+            } else {
+                1
             };
             rings.count[axis] = count;
             rings.per_length[axis] = f64::from(count) / length;

@@ -116,7 +116,7 @@ impl CellList {
 
 #[cfg(test)]
 mod tests {
-    use lazygrid_kernels::{Algorithm, Pair, Sphere};
+    use lazygrid_kernels::{Algorithm, Pair, Space, Sphere};
 
     use crate::judged::judge;
     use crate::{HostDetector, Order, Settings, Simd};
@@ -157,6 +157,28 @@ mod tests {
     #[test]
     fn agrees_with_all_pairs() {
         judge(&Settings { algorithm: Algorithm::CellList, ..Settings::default() });
+    }
+
+    /// Cells wider than the reach, most of them away from the seam, and pairs across every face, edge and corner.
+    #[test]
+    fn a_gas_in_a_periodic_box() {
+        let spheres: Vec<_> = scattered(6000, 0, 60.0)
+            .into_iter()
+            .map(|sphere| Sphere::new((sphere.center * 17.0) % 15.0, 0.5))
+            .collect();
+        for lengths in [[Some(15.0); 3], [Some(15.0), None, None], [None, Some(15.0), Some(14.0)]] {
+            let space = Space::periodic(lengths).expect("a box");
+            let pairs = |algorithm, simd| {
+                let settings = Settings { algorithm, simd, space, ..Settings::default() };
+                let mut detector = HostDetector::new(settings).expect("the settings are in range");
+                detector.pairs((&spheres).into()).expect("the spheres are valid").to_vec()
+            };
+            let expected = pairs(Algorithm::Naive, Simd::Portable);
+            for simd in [Simd::Portable, Simd::Avx2, Simd::Avx512] {
+                assert!(pairs(Algorithm::CellList, simd) == expected, "{lengths:?}, {simd:?}");
+                assert!(pairs(Algorithm::Naive, simd) == expected, "naive, {lengths:?}, {simd:?}");
+            }
+        }
     }
 
     #[test]
