@@ -18,7 +18,12 @@ fn every_scene_agrees_with_all_pairs() {
             let mut detector = GpuDetector::new(&own.device, settings(algorithm, subgroups)).expect("made");
             for (name, spheres) in scenes() {
                 let scene = format!("{name}, {algorithm}, subgroups {subgroups}");
-                let found = detect(&own, &mut detector, &spheres);
+                let mut found = detect(&own, &mut detector, &spheres);
+                if found.outcome.overflow & Outcome::ENTRIES != 0 {
+                    // Many levels, all of them refined, have more entries than there is room for at first.
+                    assert!(detector.set_entry_capacity(found.outcome.entries()), "{scene}");
+                    found = detect(&own, &mut detector, &spheres);
+                }
                 assert_eq!(found.outcome.overflow & !Outcome::PAIRS, 0, "{scene}");
                 assert_eq!(found.outcome.quarantined, 0, "{scene}");
                 if found.outcome.overflow == 0 {

@@ -168,9 +168,9 @@ fn folded_rings() {
         for axes in [3, 7] {
             let mut spheres = at_seams(k as u64, 400, 4.0, |_| 0.25);
             for sphere in &mut spheres {
-                for axis in 0..3 {
-                    sphere.center[axis] += 0.5 * of[axis] - 2.0;
-                }
+                let [x, y, z] = sphere.center.to_array();
+                let [a, b, c] = of.map(|length| 0.5 * length - 2.0);
+                sphere.center = [x + a, y + b, z + c].into();
             }
             check(&own, &Scene::new(format!("{of:?} on {axes}"), lengths(axes, of), spheres));
         }
@@ -182,7 +182,7 @@ fn nested_rasters_go_round_at_every_depth() {
     let Some(own) = device() else { return };
     let boxes = [[8.0, 8.0, 8.0], [1.0, 3.0, 9.0], [0.1, 20.0, 2.5], [0.02, 0.02, 30.0], [4.7, 5.9, 8.3]];
     for (k, of) in boxes.into_iter().enumerate() {
-        for axes in [2 + k] {
+        for axes in [2 + k, 7] {
             let mut spheres = cloud(100 + k as u64, 200, 8.0, octaves);
             // A crowd on the seams, so that dense cells lie there.
             let mut random = Random(k as u64);

@@ -97,9 +97,8 @@ fn a_full_lattice_goes_round() {
 /// Enough spheres for many cells, levels and pieces of work: the same bytes from every algorithm and thread count.
 #[test]
 fn large_boxes_give_the_same_bytes() {
-    let equal: &[f32] = &[0.5];
     let cases = [
-        (equal, [Some(20.0); 3], 20.0),
+        (&[0.5_f32][..], [Some(20.0); 3], 20.0),
         (&[0.5, 0.25, 0.125, 0.06, 0.03], [Some(16.0), None, Some(14.0)], 16.0),
         (&[0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 3.0], [Some(8.0); 3], 8.0),
         // Coordinates over several boxes, crowded cells.
