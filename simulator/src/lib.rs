@@ -6,6 +6,8 @@
 //! counter ([`philox`]). So a run depends on its seed alone: not on the number of threads, the order of particles or
 //! the algorithm that finds pairs.
 //!
+//! [`gpu`] does the same on a GPU, where everything stays; a [`Simulator`] is a run on either.
+//!
 //! Lengths are in µm and times in s throughout.
 //!
 //! ```
