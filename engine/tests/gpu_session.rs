@@ -131,6 +131,38 @@ fn two_calls_overlap_and_a_third_waits_its_turn() {
     assert_eq!(pairs, expected(&scenes[5]));
 }
 
+/// Crowds of a thousand, a block of entries at a time, with another call in flight that uses the same buffers.
+#[test]
+fn crowded_searches_go_on_over_several_submissions() {
+    let Some(own) = device() else { return };
+    let scenes: Vec<_> = (0..3)
+        .map(|k| {
+            let mut spheres = cloud(k, 2000, 20);
+            spheres.extend(vec![Sphere::new([k as f32 + 0.5; 3], 0.125); 1000 + 300 * k as usize]);
+            spheres.extend(vec![Sphere::new([9.25, 3.5, 0.25], 0.5); 700]);
+            spheres
+        })
+        .collect();
+    for algorithm in [Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid] {
+        let settings =
+            GpuSettings { algorithm, timed: true, pair_capacity: 500_000, ..GpuSettings::default() };
+        let mut session = GpuSession::new(own.clone(), settings).expect("made");
+        session.set_part_tests(1);
+        let mut before = session.begin(Spheres::from(&scenes[0])).expect("begun");
+        for k in [1, 2, 0] {
+            let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
+            let scene = &scenes[(k + 2) % 3];
+            let mut pairs = session.finish(before, u64::MAX).expect("found").to_vec();
+            pairs.sort_unstable();
+            assert!(pairs == expected(scene), "{algorithm}, {k}: {}", pairs.len());
+            assert!(session.outcome().crowded > 4 && !session.outcome().is_partial(), "{algorithm}");
+            before = next;
+        }
+        let found = session.finish_count(before).expect("counted");
+        assert_eq!(found, expected(&scenes[0]).len() as u64, "{algorithm}");
+    }
+}
+
 #[test]
 fn a_dropped_ticket_frees_its_place() {
     let Some(own) = device() else { return };

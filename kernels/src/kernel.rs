@@ -211,7 +211,8 @@ kernels! {
          write("outcome"), write("pairs"), write("crowded")],
         species: [read("species"), read("table")];
     /// Sizes the crowded search.
-    CROWDED_OPEN = "crowded_open", 1, subgroups: false, periodic: false, [write("outcome"), write("dispatch")], species: [];
+    CROWDED_OPEN = "crowded_open", 1, subgroups: false, periodic: false,
+        [uniform("call"), write("outcome"), write("dispatch")], species: [];
     /// Pairs of entries far apart in a crowded run.
     CROWDED_SEARCH = "crowded_search", GROUP, subgroups: true, periodic: true,
         [uniform("call"), read("grid"), read("lengths"), read("keys"), read("objects"), read("spheres"),

@@ -34,6 +34,8 @@ pub struct Call {
     pub tau: u32,
     /// Counters in either half of the density table, a power of two.
     pub density_slots: u32,
+    /// Tiles of entries that the crowded search compares in one part of a call, unless a single block has more.
+    pub part_tiles: u32,
     /// Length of the axis x where it is periodic, else 0.
     pub period_x: f32,
     /// Length of the axis y where it is periodic, else 0.
@@ -130,6 +132,10 @@ pub struct Outcome {
     pub spheres: u32,
     /// The most tiles of entries that one of those blocks is compared with.
     pub crowded_tiles: u32,
+    /// The first of those blocks that the last part of the crowded search took.
+    pub crowded_begin: u32,
+    /// One past the last of them.
+    pub crowded_end: u32,
 }
 
 impl Outcome {
@@ -141,6 +147,11 @@ impl Outcome {
     pub const SPHERES: u32 = 4;
     /// Offset of the indirect-dispatch arguments in bytes.
     pub const DISPATCH_OFFSET: u64 = std::mem::offset_of!(Self, dispatch_x) as u64;
+
+    /// Whether the crowded search has a further part to come; until then pairs are missing.
+    pub fn is_partial(&self) -> bool {
+        self.crowded_end < self.crowded
+    }
 
     /// How many pairs were found, whether or not they were written.
     pub fn found(&self) -> u64 {

@@ -126,6 +126,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             refinement,
             tau,
             density_slots,
+            part_tiles,
             period_x,
             period_y,
             period_z
@@ -157,7 +158,9 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             entries_lo,
             entries_hi,
             spheres,
-            crowded_tiles
+            crowded_tiles,
+            crowded_begin,
+            crowded_end
         }),
         layout!(Lengths { items, counters }),
     ];

@@ -1,6 +1,6 @@
 use std::collections::VecDeque;
 
-use lazygrid_kernels::kernel::Variant;
+use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Outcome};
 use lazygrid_kernels::{Algorithm, Interaction, Interactions};
 
@@ -27,6 +27,8 @@ pub struct GpuDetector {
     settings: GpuSettings,
     /// Entries there is to be room for at least.
     entry_capacity: u32,
+    /// See [`Call::part_tiles`].
+    part_tiles: u32,
     pipelines: Pipelines,
     passes: Vec<wgpu::Buffer>,
     tables: Option<Tables>,
@@ -47,6 +49,8 @@ struct Prepared {
     plan: Plan,
     buffers: Buffers,
     recordings: VecDeque<(Key, Recording)>,
+    /// The one that was used last.
+    current: usize,
 }
 
 /// What a recording was made for.
@@ -92,6 +96,7 @@ impl GpuDetector {
             timer,
             settings,
             entry_capacity: 0,
+            part_tiles: u32::MAX,
         })
     }
 
@@ -130,7 +135,8 @@ impl GpuDetector {
                 // Released first, so that old and new need not fit side by side.
                 self.prepared = None;
                 let buffers = Buffers::allocate(&self.device, &wanted.buffers)?;
-                self.prepared = Some(Prepared { plan: wanted, buffers, recordings: VecDeque::new() });
+                self.prepared =
+                    Some(Prepared { plan: wanted, buffers, recordings: VecDeque::new(), current: 0 });
             }
         }
         Ok(())
@@ -170,6 +176,20 @@ impl GpuDetector {
         check(&settings)?;
         self.settings = settings;
         Ok(())
+    }
+
+    /// Has later calls end before their crowded search is done, where it is more than so many distance tests:
+    /// [`encode_rest`](Self::encode_rest) records a further part while the outcome is partial.
+    pub(crate) fn set_part_tests(&mut self, tests: u64) {
+        let tile = u64::from(k::GROUP) * u64::from(k::GROUP);
+        self.part_tiles = u32::try_from(tests / tile).unwrap_or(u32::MAX);
+    }
+
+    /// Records a further part of the last recorded call.
+    pub(crate) fn encode_rest(&self, encoder: &mut wgpu::CommandEncoder) {
+        if let Some(prepared) = &self.prepared {
+            prepared.recordings[prepared.current].1.encode_rest(encoder);
+        }
     }
 
     /// Changes the cell edge; see [`GpuSettings::raster_ratio`].
@@ -257,6 +277,7 @@ impl GpuDetector {
             refinement: prepared.plan.refinement as u32,
             tau: self.settings.tau,
             density_slots: prepared.plan.density_slots,
+            part_tiles: self.part_tiles,
             period_x,
             period_y,
             period_z,
@@ -277,6 +298,7 @@ impl GpuDetector {
                 0
             }
         };
+        prepared.current = position;
         let recording = &prepared.recordings[position].1;
         match &self.timer {
             None => recording.encode(encoder),

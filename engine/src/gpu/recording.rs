@@ -1,6 +1,6 @@
 use std::collections::HashMap;
 
-use lazygrid_kernels::kernel::Variant;
+use lazygrid_kernels::kernel::{CROWDED_OPEN, Variant};
 
 use super::GpuError;
 use super::pipelines::Pipelines;
@@ -67,6 +67,8 @@ pub(crate) fn constant_buffer(
 #[derive(Debug)]
 pub(crate) struct Recording {
     steps: Vec<Step>,
+    /// Where a further part of a call begins; after the last step where there is none.
+    rest: usize,
 }
 
 #[derive(Debug)]
@@ -96,7 +98,11 @@ impl Recording {
     ) -> Result<Self, GpuError> {
         let limits = DeviceLimits::of(device);
         let mut steps = Vec::new();
+        let mut rest = None;
         for stage in stages {
+            if stage.kernel == &CROWDED_OPEN {
+                rest = Some(steps.len());
+            }
             let compiled = pipelines.get(stage.kernel, variant)?;
             let entries: Vec<_> = (0..)
                 .zip(stage.kernel.bindings(variant))
@@ -118,7 +124,7 @@ impl Recording {
             };
             steps.push(Step { pipeline: compiled.pipeline, bindings, groups, phase: stage.phase });
         }
-        Ok(Self { steps })
+        Ok(Self { rest: rest.unwrap_or(steps.len()), steps })
     }
 
     /// Records all dispatches in one pass.
@@ -126,6 +132,13 @@ impl Recording {
         let descriptor = wgpu::ComputePassDescriptor { label: Some("lazygrid"), timestamp_writes: None };
         let mut pass = encoder.begin_compute_pass(&descriptor);
         self.steps.iter().for_each(|step| step.dispatch(&mut pass));
+    }
+
+    /// Records a further part of a call that is too much for one submission.
+    pub(crate) fn encode_rest(&self, encoder: &mut wgpu::CommandEncoder) {
+        let descriptor = wgpu::ComputePassDescriptor { label: Some("lazygrid rest"), timestamp_writes: None };
+        let mut pass = encoder.begin_compute_pass(&descriptor);
+        self.steps[self.rest..].iter().for_each(|step| step.dispatch(&mut pass));
     }
 
     /// Records a pass for each phase with a timestamp at either end.

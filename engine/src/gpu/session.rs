@@ -15,10 +15,15 @@ use super::plan::Phase;
 use super::scope::scoped;
 use super::slot::{Returned, Slot, copy_back, staged_pairs};
 
+mod repeat;
+
 /// Calls that may be in flight at once.
 const SLOTS: usize = 2;
 /// Pairs that the first call brings back together with their number.
 const FIRST_PAIRS: u64 = 1 << 12;
+
+/// See [`GpuSession::set_part_tests`].
+const PART_TESTS: u64 = 1 << 34;
 
 /// Host in, host out: uploads, detects, reads back, and repeats what did not fit.
 ///
@@ -32,6 +37,8 @@ pub struct GpuSession {
     timeout: Duration,
     slots: [Slot; SLOTS],
     begun: u64,
+    /// The call whose work is in the detector's buffers.
+    launched: u64,
     flights: [Option<Flight>; SLOTS],
     tickets: [Weak<()>; SLOTS],
     expected: u64,
@@ -61,6 +68,17 @@ struct Flight {
     mapping: Mapping,
     staged: u64,
     capacity: u32,
+    /// Whether it took the times of the phases.
+    timed: bool,
+}
+
+/// What a submission does.
+#[derive(Debug)]
+enum Work {
+    /// A call, of which pairs are asked for whose smaller index is in this window.
+    Call(Range<u32>),
+    /// A further part of the call that was launched last.
+    Rest,
 }
 
 impl Drop for Flight {
@@ -77,14 +95,18 @@ impl GpuSession {
     /// # Errors
     /// As [`GpuDetector::new`].
     pub fn new(own: GpuDevice, settings: GpuSettings) -> Result<Self, GpuError> {
+        let raster_ratio = settings.raster_ratio;
+        let mut detector = GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)
+            .map_err(|error| own.reason(error))?;
+        detector.set_part_tests(PART_TESTS);
         Ok(Self {
-            raster_ratio: settings.raster_ratio,
-            detector: GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)
-                .map_err(|error| own.reason(error))?,
+            raster_ratio,
+            detector,
             own,
             timeout: Duration::from_secs(600),
             slots: Default::default(),
             begun: 0,
+            launched: u64::MAX,
             flights: Default::default(),
             tickets: Default::default(),
             expected: FIRST_PAIRS,
@@ -98,6 +120,12 @@ impl GpuSession {
     /// How long a call may take before it is given up with [`GpuError::Timeout`]. Default: ten minutes.
     pub fn set_timeout(&mut self, timeout: Duration) {
         self.timeout = timeout;
+    }
+
+    /// How many distance tests of crowded cells one submission may hold: more are split over several, so that none
+    /// keeps the device longer than a driver's watchdog allows. Default: 2³⁴, some tens of milliseconds of a large GPU.
+    pub fn set_part_tests(&mut self, tests: u64) {
+        self.detector.set_part_tests(tests);
     }
 
     /// What it runs on.
@@ -158,7 +186,7 @@ impl GpuSession {
             return Err(GpuError::Busy { calls: SLOTS });
         };
         self.slots[slot_of(number)].upload(&self.own, spheres).map_err(|error| self.own.reason(error))?;
-        self.launch(number, GpuSpheres::ALL)?;
+        self.launch(number, Work::Call(GpuSpheres::ALL))?;
         self.begun = number + 1;
         let held = Arc::new(());
         self.tickets[slot_of(number)] = Arc::downgrade(&held);
@@ -232,7 +260,7 @@ impl GpuSession {
         }
         if found <= u64::from(self.capacity()) {
             self.pairs.clear();
-            self.launch(number, GpuSpheres::ALL)?;
+            self.launch(number, Work::Call(GpuSpheres::ALL))?;
             self.settle(number, GpuSpheres::ALL, wait).await?;
             return Ok(());
         }
@@ -247,75 +275,6 @@ impl GpuSession {
         result
     }
 
-    /// Waits for a call and appends the pairs that came back; repeats it with more room for entries, or
-    /// with a coarser raster, where they found none.
-    async fn settle(&mut self, number: u64, window: Range<u32>, wait: Wait) -> Result<Outcome, GpuError> {
-        self.timings.clear();
-        let mut ratio = self.raster_ratio;
-        loop {
-            let outcome = self.land(number, wait).await.map_err(|error| self.own.reason(error))?;
-            self.last = outcome;
-            if outcome.overflow & Outcome::ENTRIES == 0 {
-                return Ok(outcome);
-            }
-            self.pairs.clear();
-            if self.detector.set_entry_capacity(outcome.entries()) {
-                log::info!("{} entries do not fit: repeating with room for them", outcome.entries());
-                self.launch(number, window.clone())?;
-                continue;
-            }
-            ratio *= 2.0;
-            if ratio > GpuSettings::MAX_RASTER_RATIO {
-                let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
-                let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");
-                return Err(GpuError::LimitExceeded { what, needed: outcome.entries(), limit, remedy });
-            }
-            log::info!("{} entries do not fit: repeating with raster ratio {ratio}", outcome.entries());
-            let relaunched =
-                self.detector.set_raster_ratio(ratio).and_then(|()| self.launch(number, window.clone()));
-            self.detector.set_raster_ratio(self.raster_ratio)?;
-            relaunched?;
-        }
-    }
-
-    /// Repeats a call for one window of smaller indices after another, each as large as the output holds.
-    async fn windows(
-        &mut self,
-        number: u64,
-        found: u64,
-        wait: Wait,
-        mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
-    ) -> Result<(), GpuError> {
-        let count = self.slots[number as usize % SLOTS].count;
-        let capacity = u64::from(self.capacity());
-        self.expected = capacity;
-        let mut width = (u64::from(count) * capacity / found.max(1)).clamp(1, u64::from(count)) as u32;
-        let mut begin = 0;
-        while begin < count {
-            let end = begin.saturating_add(width).min(count);
-            self.pairs.clear();
-            self.launch(number, begin..end)?;
-            let outcome = self.settle(number, begin..end, wait).await?;
-            if outcome.found() > capacity {
-                if width == 1 {
-                    let (needed, limit) = (outcome.found() * 8, capacity * 8);
-                    let (what, remedy) = ("the pairs of one sphere", "raise the pair capacity");
-                    return Err(GpuError::LimitExceeded { what, needed, limit, remedy });
-                }
-                width = width.div_ceil(2);
-                continue;
-            }
-            if outcome.found() < capacity / 2 {
-                width = width.saturating_mul(2);
-            }
-            begin = end;
-            if consume(&mut self.pairs).is_break() {
-                break;
-            }
-        }
-        Ok(())
-    }
-
     fn capacity(&self) -> u32 {
         self.detector.pair_capacity()
     }
@@ -327,11 +286,11 @@ impl GpuSession {
     }
 
     /// Records and submits a call together with its way back.
-    fn launch(&mut self, number: u64, window: Range<u32>) -> Result<(), GpuError> {
-        self.submit(number, window).map_err(|error| self.own.reason(error))
+    fn launch(&mut self, number: u64, work: Work) -> Result<(), GpuError> {
+        self.submit(number, work).map_err(|error| self.own.reason(error))
     }
 
-    fn submit(&mut self, number: u64, window: Range<u32>) -> Result<(), GpuError> {
+    fn submit(&mut self, number: u64, work: Work) -> Result<(), GpuError> {
         let Self { own, detector, slots, expected, .. } = self;
         let slot = &mut slots[number as usize % SLOTS];
         let capacity = detector.pair_capacity();
@@ -340,9 +299,15 @@ impl GpuSession {
         let Some(spheres) = slot.spheres.clone() else { return Ok(()) };
         let mut encoder =
             scoped(&own.device, "an encoder", 0, || own.device.create_command_encoder(&Default::default()))?;
-        let species = slot.species.as_ref().filter(|_| detector.has_interactions());
-        let input = GpuSpheres { spheres: &spheres, count: Count::Host(slot.count), species, window };
-        detector.encode(&mut encoder, &input)?;
+        let timed = matches!(work, Work::Call(_)) && detector.ticks().is_some();
+        match work {
+            Work::Call(window) => {
+                let species = slot.species.as_ref().filter(|_| detector.has_interactions());
+                let input = GpuSpheres { spheres: &spheres, count: Count::Host(slot.count), species, window };
+                detector.encode(&mut encoder, &input)?;
+            }
+            Work::Rest => detector.encode_rest(&mut encoder),
+        }
         let staged = staged.min(staged_pairs(&staging));
         copy_back(&mut encoder, [detector.outcome(), detector.ticks(), detector.pairs()], &staging, staged);
         let (submission, mapping) = scoped(&own.device, "a call", 0, || {
@@ -350,7 +315,8 @@ impl GpuSession {
         })?;
         own.check_lost()?;
         let device = own.device.clone();
-        let flight = Flight { number, device, submission, staging, mapping, staged, capacity };
+        let flight = Flight { number, device, submission, staging, mapping, staged, capacity, timed };
+        self.launched = number;
         self.flights[number as usize % SLOTS] = Some(flight);
         Ok(())
     }
@@ -377,7 +343,7 @@ impl GpuSession {
         if outcome.found() <= flight.staged.min(flight.capacity.into()) {
             returned.append_pairs(outcome.found() as usize, &mut self.pairs);
         }
-        if self.detector.ticks().is_some() {
+        if flight.timed {
             let period = f64::from(self.own.queue.get_timestamp_period()) * 1e-9;
             for (phase, [begin, end]) in Phase::ALL.into_iter().zip(returned.ticks()) {
                 self.time(phase.name(), Duration::from_secs_f64(end.saturating_sub(begin) as f64 * period));

@@ -29,6 +29,8 @@ fn call_begin() {
     atomicStore(&outcome.quarantined, 0u);
     atomicStore(&outcome.crowded, 0u);
     atomicStore(&outcome.crowded_tiles, 0u);
+    atomicStore(&outcome.crowded_begin, 0u);
+    atomicStore(&outcome.crowded_end, 0u);
     atomicStore(&outcome.entries_lo, 0u);
     atomicStore(&outcome.entries_hi, 0u);
     atomicStore(&outcome.spheres, given);

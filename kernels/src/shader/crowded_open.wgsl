@@ -1,15 +1,19 @@
-// How many workgroups the crowded search needs: in x the shares of the block with the most tiles, in y and z the
-// listed blocks.
+// Opens the next part of the crowded search: as many of the listed blocks as one part may have, and how many workgroups
+// they need: in x the shares of the block with the most tiles, in y and z the blocks.
 #include layout
 
-@group(0) @binding(0) var<storage, read_write> outcome: Outcome;
-@group(0) @binding(1) var<storage, read_write> dispatch: array<u32>;
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(2) var<storage, read_write> dispatch: array<u32>;
 #include crowd
 
 @compute @workgroup_size(1)
 fn crowded_open() {
-    let blocks = atomicLoad(&outcome.crowded);
+    let begin = atomicLoad(&outcome.crowded_end);
     let tiles = atomicLoad(&outcome.crowded_tiles);
+    let blocks = min(atomicLoad(&outcome.crowded) - begin, max(call.part_tiles / max(tiles, 1u), 1u));
+    atomicStore(&outcome.crowded_begin, begin);
+    atomicStore(&outcome.crowded_end, begin + blocks);
     let per_share = tiles_per_share(blocks, tiles);
     let layers = (blocks + MAX_GROUPS - 1u) / MAX_GROUPS;
     dispatch[0] = (tiles + per_share - 1u) / per_share;

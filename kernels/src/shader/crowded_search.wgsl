@@ -41,13 +41,14 @@ fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
 @compute @workgroup_size(256)
 fn crowded_search(at: Builtins) {
     let place = place_of(at);
-    let blocks = atomicLoad(&outcome.crowded);
+    let part = atomicLoad(&outcome.crowded_begin);
+    let blocks = atomicLoad(&outcome.crowded_end) - part;
     let listed = at.group.y + at.group.z * MAX_GROUPS;
     if (listed >= blocks) {
         return;
     }
     let per_share = tiles_per_share(blocks, atomicLoad(&outcome.crowded_tiles));
-    let block = crowded[listed];
+    let block = crowded[part + listed];
     let run = run_of(keys[block + GROUP - 1u]);
     let start = block + NEAR + 1u;
     let end = run_end(run, block + GROUP);
@@ -61,6 +62,8 @@ fn crowded_search(at: Builtins) {
 #ifdef SPECIES
     row.species = species[index_of(row.object)];
 #endif
+    // A row that begins here on every axis makes this cell the owner of all its pairs.
+    let owns_all = is_owned(row.object, 0u) && call.window_begin == 0u && call.window_end >= grid.spheres;
     for (var column = share; column < share_end; column += GROUP) {
         workgroupBarrier();
         if (place.lane == 0u) {
@@ -86,7 +89,10 @@ fn crowded_search(at: Builtins) {
             let window = tile_window(first, begin, finish);
             var hits = 0u;
             if (row_owns && window != 0u) {
-                hits = owned_hits(row.object, first, tile_hits(row, first) & window);
+                hits = tile_hits(row, first) & window;
+                if (hits != 0u && !owns_all) {
+                    hits = owned_hits(row.object, first, hits);
+                }
             }
             if (some_lane(hits != 0u)) {
                 var at_pair = pairs_reserve_lane(countOneBits(hits), place);

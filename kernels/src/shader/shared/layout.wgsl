@@ -26,6 +26,8 @@ struct Call {
     tau: u32,
     // Counters in either half of the density table, a power of two.
     density_slots: u32,
+    // Tiles of entries that the crowded search compares in one part of a call, unless a single block has more.
+    part_tiles: u32,
     // Length of each axis that is periodic, else 0.
     period_x: f32,
     period_y: f32,
@@ -101,6 +103,9 @@ struct Outcome {
     spheres: atomic<u32>,
     // The most tiles that one of those blocks is compared with.
     crowded_tiles: atomic<u32>,
+    // Which of those blocks the present part of the crowded search takes.
+    crowded_begin: atomic<u32>,
+    crowded_end: atomic<u32>,
 }
 
 // How many keys there are to sort and how many values to scan.
