@@ -122,8 +122,13 @@ fn assert_same(a: &State, b: &State) {
 #[test]
 fn dyadic_runs_are_those_of_the_cpu() {
     let Some(own) = device() else { return };
-    let model = dyadic();
     for seed in [1, 2] {
+        let mut model = dyadic();
+        if seed == 2 {
+            // Pairs across the seams of a box in which all drift round.
+            model.boundary.axes[0] = Axis::Periodic { low: -4.0, high: 4.0 };
+            model.boundary.axes[2] = Axis::Periodic { low: -4.0, high: 4.0 };
+        }
         let (mut there, mut here) = (gpu(&own, &model, seed, GpuOptions::default()), cpu(&model, seed));
         let mut pairs = Vec::new();
         for steps in [1, 2, 9] {
@@ -351,7 +356,6 @@ fn what_has_no_kernels_is_refused_by_name() {
     assert!(refused(|m| m.contact = Contact::Separate).contains("separating"));
     assert!(refused(|m| m.contact = Contact::Elastic).contains("elastic"));
     assert!(refused(|m| m.species[1].thermal_speed = 1.0).contains("species B"));
-    assert!(refused(|m| m.boundary = Boundary::periodic([-2.0; 3], [2.0; 3])).contains("periodic"));
 }
 
 #[test]

@@ -60,10 +60,6 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     if let Some(species) = model.species.iter().find(|species| species.thermal_speed > 0.0) {
         return refused(format!("velocities, which species {} has", species.name));
     }
-    let repeats = model.boundary.axes.iter().any(|axis| matches!(axis, Axis::Periodic { .. }));
-    if repeats && (!model.reactions.is_empty() || model.contact == Contact::Count) {
-        return refused("pairs across a periodic boundary".to_owned());
-    }
     Ok(())
 }
 
