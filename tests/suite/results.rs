@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use lazygrid::{Algorithm, Config, Detector, Error, Neighbors, Order, Pair, Spheres};
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, Neighbors, Order, Pair, Spheres};
 use lazygrid_host::Error as HostError;
 use lazygrid_tests::{Scenario, Subject, THREADS, adversary, difference, in_pool};
 use proptest::prelude::*;
@@ -241,7 +241,8 @@ fn a_report_says_what_ran_and_why() {
             let pairs = detector.pairs(&spheres).expect("pairs").len() as u64;
             let report = detector.report();
             assert_eq!((report.spheres, report.pairs), (n as u64, pairs), "{subject}");
-            assert!(Algorithm::CPU.contains(&report.algorithm), "{subject}: {report:?}");
+            let known = if subject.backend == Backend::Gpu { &Algorithm::GPU[..] } else { &Algorithm::CPU };
+            assert!(known.contains(&report.algorithm), "{subject}: {report:?}");
             assert!(
                 [Algorithm::Auto, report.algorithm].contains(&subject.algorithm),
                 "{subject}: {report:?}"
