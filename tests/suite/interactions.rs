@@ -13,7 +13,7 @@ fn agree(scenario: &Scenario, settings: &Config) -> Result<(), String> {
 
 #[test]
 fn any_table_on_any_spheres() {
-    check(160, (adversary::mixture(adversary::any_spheres()), settings()), |(scenario, settings)| {
+    check(80, (adversary::mixture(adversary::any_spheres()), settings()), |(scenario, settings)| {
         agree(&scenario, &settings)
     });
 }

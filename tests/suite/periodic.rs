@@ -24,42 +24,42 @@ fn uniform(n: usize, radii: &[f32], edge: f32, seed: u64) -> Vec<Sphere> {
 
 #[test]
 fn lattices_in_contact_across_the_seam() {
-    check(160, (periodic::lattice(), settings()), |(spheres, settings)| {
+    check(80, (periodic::lattice(), settings()), |(spheres, settings)| {
         spheres.judge(&spheres.oracle(), &settings)
     });
 }
 
 #[test]
 fn soups_in_any_box() {
-    check(192, (periodic::soup(), settings()), |(spheres, settings)| {
+    check(96, (periodic::soup(), settings()), |(spheres, settings)| {
         spheres.judge(&spheres.oracle(), &settings)
     });
 }
 
 #[test]
 fn crowds_at_the_corner() {
-    check(128, (periodic::corner(), settings()), |(spheres, settings)| {
+    check(64, (periodic::corner(), settings()), |(spheres, settings)| {
         spheres.judge(&spheres.oracle(), &settings)
     });
 }
 
 #[test]
 fn coordinates_far_outside() {
-    check(128, (periodic::unwrapped(), settings()), |(spheres, settings)| {
+    check(64, (periodic::unwrapped(), settings()), |(spheres, settings)| {
         spheres.judge(&spheres.oracle_of_integers(), &settings)
     });
 }
 
 #[test]
 fn giants_in_small_boxes() {
-    check(128, (periodic::giant(), settings()), |(spheres, settings)| {
+    check(64, (periodic::giant(), settings()), |(spheres, settings)| {
         spheres.judge(&spheres.oracle(), &settings)
     });
 }
 
 #[test]
 fn species_in_periodic_boxes() {
-    check(128, (periodic::mixture(), settings()), |(spheres, settings)| {
+    check(64, (periodic::mixture(), settings()), |(spheres, settings)| {
         spheres.judge(&spheres.oracle(), &settings)
     });
 }

@@ -48,37 +48,37 @@ fn every_subject_agrees(cases: u32, spheres: adversary::Spheres) {
 
 #[test]
 fn lattices_in_contact() {
-    every_subject_agrees(192, adversary::lattice());
+    every_subject_agrees(96, adversary::lattice());
 }
 
 #[test]
 fn duplicates() {
-    every_subject_agrees(192, adversary::duplicates());
+    every_subject_agrees(96, adversary::duplicates());
 }
 
 #[test]
 fn one_giant_among_many_tiny() {
-    every_subject_agrees(192, adversary::giant());
+    every_subject_agrees(96, adversary::giant());
 }
 
 #[test]
 fn sizes_over_powers_of_two() {
-    every_subject_agrees(192, adversary::powers_of_two());
+    every_subject_agrees(96, adversary::powers_of_two());
 }
 
 #[test]
 fn lines_and_planes() {
-    every_subject_agrees(192, adversary::flat());
+    every_subject_agrees(96, adversary::flat());
 }
 
 #[test]
 fn clusters_of_clusters() {
-    every_subject_agrees(192, adversary::clusters());
+    every_subject_agrees(96, adversary::clusters());
 }
 
 #[test]
 fn far_from_the_origin() {
-    every_subject_agrees(192, adversary::far());
+    every_subject_agrees(96, adversary::far());
 }
 
 #[test]
@@ -88,7 +88,7 @@ fn any_floats() {
 
 #[test]
 fn any_magnitude_with_subnormals() {
-    every_subject_agrees(192, adversary::one_magnitude());
+    every_subject_agrees(96, adversary::one_magnitude());
 }
 
 #[test]
@@ -98,12 +98,12 @@ fn radii_whose_squares_overflow() {
 
 #[test]
 fn crowded_boxes() {
-    every_subject_agrees(192, adversary::soup());
+    every_subject_agrees(96, adversary::soup());
 }
 
 #[test]
 fn mixed_lists() {
-    every_subject_agrees(192, adversary::any_spheres());
+    every_subject_agrees(96, adversary::any_spheres());
 }
 
 #[test]
