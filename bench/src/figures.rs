@@ -8,6 +8,7 @@ pub mod compare;
 mod engine;
 mod environment;
 mod fit;
+mod judge;
 mod memory;
 mod plan;
 mod race;

@@ -104,6 +104,11 @@ impl Engine {
         self == naive || matches!(self, Self::Gpu(Algorithm::Naive) | Self::SortAndSweep)
     }
 
+    /// Whether pairs within 4 ulp of tangency may fall either way.
+    pub(super) fn rounds_freely(self) -> bool {
+        matches!(self, Self::Gpu(_))
+    }
+
     /// Every engine by the name of the memory measurements, single-threaded.
     pub(super) fn for_memory() -> Vec<Self> {
         let ours = [Algorithm::CellList, Algorithm::RecursiveGrid, Algorithm::ArrayGrid, Algorithm::HashGrid];

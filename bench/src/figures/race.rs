@@ -5,19 +5,14 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use lazygrid::gpu::GpuError;
-use lazygrid::{Algorithm, Backend, Config, Order, Phase, Sphere};
+use lazygrid::{Phase, Sphere};
 use thiserror::Error;
 
 use super::Engine;
+use super::judge::Reference;
 use super::plan::Point;
 use super::row::{Row, Status};
-#[cfg(not(feature = "bullet"))]
-use crate::measure::Found;
-use crate::measure::{Contender, Digest, Search, Spread};
-use crate::peers::cell_list;
-
-/// Above this many spheres the reference is the plain cell list, itself held against the naive detector below.
-const NAIVE_REFERENCE: usize = 20_000;
+use crate::measure::{Digest, Found, Search, Spread};
 
 /// For how many times the time that it has an engine may go on until it has run often enough.
 const MORE: u32 = 3;
@@ -113,8 +108,8 @@ impl<'a> Race<'a> {
         let first = digests.next();
         let agree = digests.all(|digest| Some(digest) == first);
         if first.is_some() && (warm_up || !agree) {
-            let expected = reference(spheres)?;
-            self.lanes.iter_mut().for_each(|lane| lane.judge(expected));
+            let reference = Reference::of(spheres)?;
+            self.lanes.iter_mut().for_each(|lane| lane.judge(&reference, spheres));
         }
         Ok(())
     }
@@ -159,13 +154,20 @@ impl Lane {
         self.phases.push(search.phases());
     }
 
-    fn judge(&mut self, expected: Digest) {
-        if let Some(found) = self.last
-            && !found.agrees(&expected)
-        {
-            let same = if found.pairs == expected.pairs { " others" } else { "" };
-            let reason = format!("wrong answer: {} pairs{same}, expected {}", found.pairs, expected.pairs);
-            self.leave(Status::Error, reason);
+    fn judge(&mut self, reference: &Reference<'_>, spheres: &[Sphere]) {
+        let Some(found) = self.last else { return };
+        let verdict = match (reference.check(found), &mut self.search) {
+            // The list again, pair by pair: a GPU may round otherwise than the reference.
+            (Err(reason), Some(search)) if self.engine.rounds_freely() => match search.run(spheres) {
+                Ok(Found::Pairs(pairs)) => reference.tangent(pairs),
+                Ok(Found::Count(_)) => Err(reason),
+                Err(error) => Err(error.to_string()),
+            },
+            (verdict, _) => verdict.map(|()| 0),
+        };
+        match verdict {
+            Ok(tangent) => self.row.tangent = self.row.tangent.max(tangent),
+            Err(reason) => self.leave(Status::Error, reason),
         }
     }
 
@@ -192,17 +194,6 @@ impl Lane {
         self.used = Duration::ZERO;
         row
     }
-}
-
-/// Number and checksum of the pairs, from a search that has seen nothing before.
-fn reference(spheres: &[Sphere]) -> Result<Digest, Box<dyn Error>> {
-    let naive = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
-    let contender = match spheres.len() {
-        ..=NAIVE_REFERENCE => Contender::list("naive", naive.order(Order::Unordered)),
-        _ => cell_list::running(),
-    };
-    let mut search = (contender.make)()?;
-    Ok(Digest::of(&search.run(spheres)?))
 }
 
 /// Median of each phase, in the order they ran.
@@ -243,7 +234,6 @@ mod tests {
     use super::*;
     use crate::figures::Figure;
     use crate::figures::plan::Motion;
-    use crate::measure::Found;
     use crate::scenes::Scene;
 
     struct Liar(Vec<Pair>);

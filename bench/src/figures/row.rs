@@ -50,6 +50,10 @@ pub struct Row {
     pub reason: String,
     /// Overlapping pairs at the last run.
     pub pairs: u64,
+    /// The most pairs of one run that fell otherwise than in the reference, within the 4 ulp of tangency that the
+    /// contract leaves to GPUs.
+    #[serde(default)]
+    pub tangent: u64,
     /// Seconds of each run after the warm-up, until the pairs are in host memory.
     pub wall: Vec<f64>,
     /// Seconds of each of these runs that the GPU was at work, by its own clock.
@@ -72,6 +76,7 @@ impl Row {
             status: Status::Ok,
             reason: String::new(),
             pairs: 0,
+            tangent: 0,
             wall: vec![],
             gpu: vec![],
             phases: vec![],

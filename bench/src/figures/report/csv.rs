@@ -3,7 +3,7 @@ use std::fmt::Write;
 use super::super::row::{Results, Row};
 use crate::measure::Spread;
 
-const HEADER: &str = "figure,scene,n,at,engine,status,runs,pairs,wall_mean_s,wall_sd_s,wall_median_s,wall_min_s,\
+const HEADER: &str = "figure,scene,n,at,engine,status,runs,pairs,tangent,wall_mean_s,wall_sd_s,wall_median_s,wall_min_s,\
 wall_max_s,gpu_median_s,bytes_per_sphere,phases_s,reason\n";
 
 /// One line per row, times in seconds; the single runs are in `results.json`.
@@ -28,6 +28,7 @@ fn add(out: &mut String, row: &Row) {
         row.status.name().to_owned(),
         row.wall.len().to_string(),
         row.pairs.to_string(),
+        row.tangent.to_string(),
         number(mean),
         number(sd),
         number(wall.median),

@@ -1,0 +1,131 @@
+//! What the pairs must be, and how far an engine may be from it.
+
+use std::error::Error;
+
+use lazygrid::{Algorithm, Backend, Config, Order, Pair, Sphere};
+
+use crate::measure::{Contender, Digest, Found};
+use crate::peers::cell_list;
+
+/// Above this many spheres the reference is the plain cell list, itself held against the naive detector below.
+const NAIVE_REFERENCE: usize = 20_000;
+
+/// The pairs of some spheres, in canonical order.
+pub(super) struct Reference<'a> {
+    spheres: &'a [Sphere],
+    pairs: Vec<Pair>,
+    digest: Digest,
+}
+
+impl<'a> Reference<'a> {
+    /// From a search that has seen nothing before.
+    ///
+    /// # Errors
+    /// Where that search fails.
+    pub(super) fn of(spheres: &'a [Sphere]) -> Result<Self, Box<dyn Error>> {
+        let naive = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
+        let contender = match spheres.len() {
+            ..=NAIVE_REFERENCE => Contender::list("naive", naive.order(Order::Unordered)),
+            _ => cell_list::running(),
+        };
+        let mut search = (contender.make)()?;
+        let found = search.run(spheres)?;
+        let digest = Digest::of(&found);
+        let mut pairs = match found {
+            Found::Pairs(pairs) => pairs.to_vec(),
+            Found::Count(_) => vec![],
+        };
+        pairs.sort_unstable();
+        Ok(Self { spheres, pairs, digest })
+    }
+
+    /// Whether these are the pairs, by number and checksum.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub(super) fn check(&self, found: Digest) -> Result<(), String> {
+        let (pairs, expected) = (found.pairs, self.digest.pairs);
+        let same = if pairs == expected { " others" } else { "" };
+        match found.agrees(&self.digest) {
+            true => Ok(()),
+            false => Err(format!("wrong answer: {pairs} pairs{same}, expected {expected}")),
+        }
+    }
+
+    /// How many of these pairs are on the other side of tangency than here, and within 4 ulp of it, relative to the
+    /// squared reach: as GPUs may round (see the contract in `ARCHITECTURE.md`).
+    ///
+    /// # Errors
+    /// What is wrong, in words: a pair that is missing or extra and further from tangency, or is there twice.
+    pub(super) fn tangent(&self, found: &[Pair]) -> Result<u64, String> {
+        let mut found = found.to_vec();
+        found.sort_unstable();
+        let (listed, expected) = (found.len(), self.pairs.len());
+        found.dedup();
+        let absent = |from: &[Pair], pair: &Pair| from.binary_search(pair).is_err();
+        let missing: Vec<Pair> = self.pairs.iter().filter(|p| absent(&found, p)).copied().collect();
+        let extra: Vec<Pair> = found.iter().filter(|p| absent(&self.pairs, p)).copied().collect();
+        let wrong = |pairs: &[Pair]| pairs.iter().filter(|p| self.ulps(p).abs() > 4.0).count();
+        let faults =
+            [("twice", listed - found.len()), ("missing", wrong(&missing)), ("extra", wrong(&extra))];
+        let faults: Vec<String> = faults
+            .iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(fault, count)| format!("{count} {fault}"))
+            .collect();
+        match faults.is_empty() {
+            true => Ok((missing.len() + extra.len()) as u64),
+            false => Err(format!("wrong answer: {listed} pairs, expected {expected}: {}", faults.join(", "))),
+        }
+    }
+
+    /// By how many ulp of the squared reach the squared distance is larger than that.
+    fn ulps(&self, pair: &Pair) -> f64 {
+        let (a, b) = (self.spheres[pair.i as usize], self.spheres[pair.j as usize]);
+        let reach = f64::from(a.radius) + f64::from(b.radius);
+        let distance_squared = a.center.as_dvec3().distance_squared(b.center.as_dvec3());
+        (distance_squared - reach * reach) / (reach * reach * f64::from(f32::EPSILON))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Unit spheres along a line: two that touch, one a unit in the last place beyond touch, one far out of it.
+    fn row() -> Vec<Sphere> {
+        let beyond = 2.0 * f32::EPSILON;
+        [-4.0 - 4.0 * beyond, -2.0 - beyond, 0.0, 2.0].map(|x| Sphere::new([x, 0.0, 0.0], 1.0)).to_vec()
+    }
+
+    #[test]
+    fn pairs_at_tangency_may_fall_either_way_and_others_may_not() {
+        let spheres = row();
+        let reference = Reference::of(&spheres).expect("valid spheres");
+        let of = |pairs: &[(u32, u32)]| pairs.iter().map(|&(i, j)| Pair::new(i, j)).collect::<Vec<_>>();
+        assert_eq!(reference.pairs, of(&[(2, 3)]));
+        assert_eq!(reference.tangent(&of(&[(2, 3)])), Ok(0));
+        assert_eq!(reference.tangent(&of(&[])), Ok(1));
+        assert_eq!(reference.tangent(&of(&[(2, 3), (1, 2)])), Ok(1));
+        assert_eq!(reference.tangent(&of(&[(1, 2)])), Ok(2));
+        let wrong = |pairs: &[(u32, u32)], fault| {
+            let verdict = reference.tangent(&of(pairs));
+            assert!(verdict.as_ref().is_err_and(|text| text.ends_with(fault)), "{pairs:?}: {verdict:?}");
+        };
+        wrong(&[(2, 3), (2, 3)], "1 twice");
+        wrong(&[(2, 3), (0, 1)], "1 extra");
+        wrong(&[(2, 3), (0, 3), (0, 2)], "2 extra");
+    }
+
+    #[test]
+    fn a_missing_pair_is_wrong() {
+        let spheres = [0.0, 1.0].map(|x| Sphere::new([x, 0.0, 0.0], 1.0));
+        let reference = Reference::of(&spheres).expect("valid spheres");
+        let verdict = reference.tangent(&[]);
+        assert_eq!(verdict, Err("wrong answer: 0 pairs, expected 1: 1 missing".to_owned()));
+        let empty = Digest::of(&Found::Pairs(&[]));
+        assert_eq!(reference.check(empty), Err("wrong answer: 0 pairs, expected 1".to_owned()));
+        let full = Digest::of(&Found::Pairs(&[Pair::new(0, 1)]));
+        assert_eq!(reference.check(full), Ok(()));
+    }
+}
