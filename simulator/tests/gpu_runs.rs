@@ -1,8 +1,12 @@
 //! Whole runs on the GPU against runs on the CPU and against closed forms. Without an adapter they are skipped and
 //! say why, unless `LAZYGRID_REQUIRE_GPU` is set.
 
+#[path = "../../tests/src/adapter.rs"]
+mod adapter;
+
+use adapter::or_skip;
 use lazygrid::Algorithm;
-use lazygrid::gpu::{GpuDevice, GpuError};
+use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
     Axis, Boundary, Contact, Decay, Error, Kind, Model, Particle, Reaction, Receiver, Shape, Simulation,
@@ -10,17 +14,7 @@ use lazygrid_sim::{
 };
 
 fn device() -> Option<GpuDevice> {
-    match GpuDevice::shared(true) {
-        Ok(own) => Some(own),
-        Err(error @ GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => {
-            #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-            {
-                eprintln!("skipped: {error}");
-            }
-            None
-        }
-        Err(error) => panic!("{error}"),
-    }
+    or_skip(GpuDevice::shared(true))
 }
 
 fn species(name: &str, diffusion: f64, drift: [f64; 3]) -> Species {

@@ -9,6 +9,7 @@
 pub mod adversary;
 pub mod periodic;
 
+mod adapter;
 mod difference;
 mod gpu;
 mod scenario;

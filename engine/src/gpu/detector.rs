@@ -1,13 +1,19 @@
+mod tables;
+mod timer;
+
 use std::collections::VecDeque;
 
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Outcome};
-use lazygrid_kernels::{Algorithm, Interaction, Interactions};
+use lazygrid_kernels::{Algorithm, Interactions};
+
+use tables::Tables;
+use timer::Timer;
 
 use super::GpuError;
 use super::input::{Count, GpuSettings, GpuSpheres, check, check_buffer};
 use super::pipelines::Pipelines;
-use super::plan::{DeviceLimits, Phase, Plan, Request, Resource, Slot, most_entries, plan};
+use super::plan::{DeviceLimits, Plan, Request, Resource, Slot, most_entries, plan};
 use super::primitives::pass_buffers;
 use super::recording::{Buffers, Recording, constant_buffer};
 use super::scope::scoped;
@@ -36,13 +42,6 @@ pub struct GpuDetector {
     timer: Option<Timer>,
 }
 
-/// The interaction table on the device.
-#[derive(Debug)]
-struct Tables {
-    reach: wgpu::Buffer,
-    table: wgpu::Buffer,
-}
-
 /// Everything that depends on the size of a call.
 #[derive(Debug)]
 struct Prepared {
@@ -60,12 +59,6 @@ struct Key {
     species: Option<wgpu::Buffer>,
     count: Option<wgpu::Buffer>,
     call: Call,
-}
-
-#[derive(Debug)]
-struct Timer {
-    queries: wgpu::QuerySet,
-    ticks: wgpu::Buffer,
 }
 
 impl GpuDetector {
@@ -248,10 +241,10 @@ impl GpuDetector {
         self.prepared.as_ref().map(|p| &p.plan)
     }
 
-    /// The ticks at either end of each phase (`u64`, in the order of [`Phase::ALL`]); `None` where calls are not
+    /// The ticks at either end of each phase (`u64`, in the order of [`Phase::ALL`](super::Phase::ALL)); `None` where calls are not
     /// timed.
     pub fn ticks(&self) -> Option<&wgpu::Buffer> {
-        self.timer.as_ref().map(|timer| &timer.ticks)
+        self.timer.as_ref().map(Timer::ticks)
     }
 
     fn record(
@@ -303,8 +296,8 @@ impl GpuDetector {
         match &self.timer {
             None => recording.encode(encoder),
             Some(timer) => {
-                recording.encode_timed(encoder, &timer.queries);
-                encoder.resolve_query_set(&timer.queries, 0..Timer::TICKS, &timer.ticks, 0);
+                recording.encode_timed(encoder, timer.queries());
+                timer.resolve(encoder);
             }
         }
         Ok(())
@@ -341,54 +334,6 @@ impl Prepared {
                 _ => &call,
             }
         })
-    }
-}
-
-impl Tables {
-    fn new(device: &wgpu::Device, interactions: &Interactions) -> Result<Self, GpuError> {
-        let species = interactions.species();
-        let bytes = u64::from(species) * u64::from(species) * 4;
-        let limit = device.limits().max_storage_buffer_binding_size;
-        if bytes > limit {
-            let (what, remedy) = ("the interaction table", "merge species");
-            return Err(GpuError::LimitExceeded { what, needed: bytes, limit, remedy });
-        }
-        let reach: Vec<[f32; 2]> = (0..species)
-            .map(|id| interactions.reach(id))
-            .map(|reach| [f32::from(u8::from(reach.touches)), reach.half])
-            .collect();
-        let table: Vec<f32> = (0..species)
-            .flat_map(|a| (0..species).map(move |b| interactions.get(a, b)))
-            .map(|interaction| match interaction {
-                Interaction::Never => -1.0,
-                Interaction::Touch => -2.0,
-                Interaction::Within(distance) => distance,
-            })
-            .collect();
-        Ok(Self {
-            reach: constant_buffer(device, "reach by species", bytemuck::cast_slice(&reach))?,
-            table: constant_buffer(device, "interaction table", bytemuck::cast_slice(&table))?,
-        })
-    }
-}
-
-impl Timer {
-    /// Two per phase.
-    const TICKS: u32 = 2 * Phase::ALL.len() as u32;
-
-    fn new(device: &wgpu::Device) -> Self {
-        let queries = device.create_query_set(&wgpu::QuerySetDescriptor {
-            label: Some("lazygrid::phases"),
-            ty: wgpu::QueryType::Timestamp,
-            count: Self::TICKS,
-        });
-        let ticks = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("lazygrid::ticks"),
-            size: u64::from(Self::TICKS) * 8,
-            usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
-            mapped_at_creation: false,
-        });
-        Self { queries, ticks }
     }
 }
 

@@ -2,27 +2,20 @@
 
 #![allow(dead_code, reason = "each test binary uses its part")]
 
+#[path = "../../../tests/src/adapter.rs"]
+mod adapter;
 pub(crate) mod scenes;
 
 use std::time::Duration;
 
+use adapter::or_skip;
 use bytemuck::Pod;
-use lazygrid::gpu::{GpuDevice, GpuError, wgpu};
+use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid_kernels::kernel::{Access, Binding, Kernel, Variant};
 
 /// The device to test on. Without one the test says why and is skipped, unless `LAZYGRID_REQUIRE_GPU` is set.
 pub(crate) fn device() -> Option<GpuDevice> {
-    match GpuDevice::open(true) {
-        Ok(own) => Some(own),
-        Err(error @ GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => {
-            #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-            {
-                eprintln!("skipped: {error}");
-            }
-            None
-        }
-        Err(error) => panic!("{error}"),
-    }
+    or_skip(GpuDevice::open(true))
 }
 
 pub(crate) fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> wgpu::Buffer {

@@ -1,7 +1,11 @@
 //! Kernels against the functions of the CPU. Without an adapter they are skipped and say why, unless
 //! `LAZYGRID_REQUIRE_GPU` is set.
 
-use lazygrid::gpu::{GpuDevice, GpuError, wgpu};
+#[path = "../../../tests/src/adapter.rs"]
+mod adapter;
+
+use adapter::or_skip;
+use lazygrid::gpu::{GpuDevice, wgpu};
 
 use super::device::{buffer, filled, read};
 use super::kernel::expand;
@@ -14,17 +18,7 @@ use crate::philox::{Key, Purpose, philox};
 use crate::{Boundary, Model, Reaction, Species, normal, transmitter};
 
 fn device() -> Option<GpuDevice> {
-    match GpuDevice::shared(true) {
-        Ok(own) => Some(own),
-        Err(error @ GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => {
-            #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-            {
-                eprintln!("skipped: {error}");
-            }
-            None
-        }
-        Err(error) => panic!("{error}"),
-    }
+    or_skip(GpuDevice::shared(true))
 }
 
 /// Runs `body` for each of `count` values of `k`, with `out: array<vec4<u32>>` to write to.

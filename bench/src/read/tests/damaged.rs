@@ -2,6 +2,7 @@
 
 use proptest::prelude::*;
 
+use super::arrays::{flat, header, npy};
 use super::*;
 
 /// One valid file per format, small enough that a mutation mostly hits something that matters.

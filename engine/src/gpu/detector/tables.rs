@@ -1,0 +1,43 @@
+use lazygrid_kernels::{Interaction, Interactions};
+
+use crate::gpu::GpuError;
+use crate::gpu::recording::constant_buffer;
+
+/// The interaction table on the device.
+#[derive(Debug)]
+pub(super) struct Tables {
+    /// Per species, whether it touches any other and half its longest distance.
+    pub(super) reach: wgpu::Buffer,
+    /// Per pair of species, a distance or one of the two negative marks.
+    pub(super) table: wgpu::Buffer,
+}
+
+impl Tables {
+    /// # Errors
+    /// [`GpuError::LimitExceeded`] where the device cannot bind the table, or where it refuses the memory.
+    pub(super) fn new(device: &wgpu::Device, interactions: &Interactions) -> Result<Self, GpuError> {
+        let species = interactions.species();
+        let bytes = u64::from(species) * u64::from(species) * 4;
+        let limit = device.limits().max_storage_buffer_binding_size;
+        if bytes > limit {
+            let (what, remedy) = ("the interaction table", "merge species");
+            return Err(GpuError::LimitExceeded { what, needed: bytes, limit, remedy });
+        }
+        let reach: Vec<[f32; 2]> = (0..species)
+            .map(|id| interactions.reach(id))
+            .map(|reach| [f32::from(u8::from(reach.touches)), reach.half])
+            .collect();
+        let table: Vec<f32> = (0..species)
+            .flat_map(|a| (0..species).map(move |b| interactions.get(a, b)))
+            .map(|interaction| match interaction {
+                Interaction::Never => -1.0,
+                Interaction::Touch => -2.0,
+                Interaction::Within(distance) => distance,
+            })
+            .collect();
+        Ok(Self {
+            reach: constant_buffer(device, "reach by species", bytemuck::cast_slice(&reach))?,
+            table: constant_buffer(device, "interaction table", bytemuck::cast_slice(&table))?,
+        })
+    }
+}

@@ -1,0 +1,43 @@
+use crate::gpu::plan::Phase;
+
+/// Takes the time at either end of each phase, by the device's clock.
+#[derive(Debug)]
+pub(super) struct Timer {
+    queries: wgpu::QuerySet,
+    ticks: wgpu::Buffer,
+}
+
+impl Timer {
+    /// Two per phase.
+    const TICKS: u32 = 2 * Phase::ALL.len() as u32;
+
+    pub(super) fn new(device: &wgpu::Device) -> Self {
+        let queries = device.create_query_set(&wgpu::QuerySetDescriptor {
+            label: Some("lazygrid::phases"),
+            ty: wgpu::QueryType::Timestamp,
+            count: Self::TICKS,
+        });
+        let ticks = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("lazygrid::ticks"),
+            size: u64::from(Self::TICKS) * 8,
+            usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        Self { queries, ticks }
+    }
+
+    /// Where each phase's passes write their times.
+    pub(super) fn queries(&self) -> &wgpu::QuerySet {
+        &self.queries
+    }
+
+    /// The times in a buffer, once [`resolve`](Self::resolve) has run.
+    pub(super) fn ticks(&self) -> &wgpu::Buffer {
+        &self.ticks
+    }
+
+    /// Records that the times go into the buffer.
+    pub(super) fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.resolve_query_set(&self.queries, 0..Self::TICKS, &self.ticks, 0);
+    }
+}
