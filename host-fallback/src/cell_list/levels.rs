@@ -56,7 +56,7 @@ impl Levels {
     /// The cheapest levels for the sizes in `survey` at this crowding.
     pub(crate) fn plan(survey: &Survey, crowding: &Crowding) -> Self {
         let classes: Vec<_> = survey.occupied().collect();
-        // Neighbouring classes count as one where there are very many: planning grows with the cube of their number.
+        // Neighbouring classes count as one where there are very many: planning grows with the square of their number.
         let groups: Vec<&[(usize, Class)]> =
             classes.chunks(classes.len().div_ceil(MAX_GROUPS).max(1)).collect();
         let count = |group: &&[(usize, Class)]| group.iter().map(|(_, class)| class.count as f32).sum();
@@ -64,14 +64,17 @@ impl Levels {
         let radii: Vec<f32> = groups.iter().map(|group| group[0].1.largest).collect();
         let model = Model { counts, radii, total: survey.spheres as f32, crowding };
 
-        let mut best: Vec<Candidate> = vec![Candidate { cost: 0.0, log_edge: 0.0, from: 0 }];
-        for to in 1..=groups.len() {
-            let candidates = (0..to).map(|from| {
-                let (cost, log_edge) = model.level(from, to);
-                Candidate { cost: best[from].cost + cost, log_edge, from }
+        // Until a level is tried, there is none.
+        let untried = Candidate { cost: f32::INFINITY, log_edge: crowding.log_extent(), from: 0 };
+        let mut best = vec![untried; groups.len() + 1];
+        best[0].cost = 0.0;
+        for from in 0..groups.len() {
+            let before = best[from].cost;
+            model.levels_from(from, |to, cost, log_edge| {
+                if before + cost < best[to].cost {
+                    best[to] = Candidate { cost: before + cost, log_edge, from };
+                }
             });
-            let cheapest = candidates.min_by(|a, b| a.cost.total_cmp(&b.cost));
-            best.extend(cheapest);
         }
 
         let mut plan = Self { levels: Vec::new(), of_class: [0; CLASSES] };
@@ -98,51 +101,66 @@ impl Levels {
 
 /// The cost estimate.
 struct Model<'c> {
-    /// Spheres and largest radius of each group of classes, the largest first.
+    /// Spheres of each group of classes, the largest first.
     counts: Vec<f32>,
+    /// Largest radius of each group.
     radii: Vec<f32>,
+    /// Spheres in all.
     total: f32,
     crowding: &'c Crowding,
 }
 
 impl Model<'_> {
-    /// Least cost of one level of the classes `from..to`, with its edge as log₂.
-    fn level(&self, from: usize, to: usize) -> (f32, f32) {
-        let members: f32 = self.counts[from..to].iter().sum();
-        let most_cells = (members * CELLS_PER_SPHERE).max(64.0);
+    /// Gives `offer` every level that begins with the class `from`, of every candidate edge: where its classes end,
+    /// what it costs to search it from its own spheres and from all smaller ones, and its edge as log₂.
+    fn levels_from(&self, from: usize, mut offer: impl FnMut(usize, f32, f32)) {
+        let ends = from + 1..=self.counts.len();
         let extent = self.crowding.log_extent();
+        let members = |to: usize| self.counts[from..to].iter().sum::<f32>();
         if extent == f32::NEG_INFINITY {
-            return (members, 0.0);
+            return ends.for_each(|to| offer(to, members(to), 0.0));
         }
-        // From cells of the table's full size to one cell for all; those far below the reach are not worth a look.
-        let finest = extent - most_cells.log2() / 3.0;
+        let most: Vec<f32> = ends.clone().map(|to| (members(to) * CELLS_PER_SPHERE).max(64.0)).collect();
+        // From cells of the largest table's full size to one cell for all; those far below the reach are not worth a
+        // look.
+        let finest = extent - most[most.len() - 1].log2() / 3.0;
         let lowest = finest.max(self.radii[from].log2() - 1.0).min(extent);
-        (0..EDGES)
-            .map(|k| lowest + k as f32 / STEPS)
-            .take_while(|&log_edge| log_edge <= extent + 1.0)
-            .map(|log_edge| (self.cost(from..to, members, log_edge), log_edge))
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            .unwrap_or((f32::INFINITY, extent))
+        let edges = (0..EDGES).map(|k| lowest + k as f32 / STEPS);
+        for log_edge in edges.take_while(|&log_edge| log_edge <= extent + 1.0) {
+            let cells = (3.0 * (extent - log_edge).max(0.0)).exp2();
+            let halves = self.halves(from, log_edge);
+            let own: f32 = self.counts[from..].iter().map(|count| count * ROW).sum();
+            let [rows, met] =
+                halves.iter().fold([own, 0.0], |[rows, met], half| [rows + half[0], met + half[1]]);
+            let mut rest = [0.0, 0.0];
+            for to in ends.clone().rev() {
+                let members = members(to);
+                // Rounding must not rule out the full size.
+                if cells <= 1.001 * most[to - from - 1] {
+                    let table = CELL * cells.min(members * CELLS_PER_SPHERE);
+                    let cost = table + rows + rest[0] + members / self.total * (met + rest[1]);
+                    offer(to, cost, log_edge);
+                }
+                let half = halves[to - from - 1];
+                rest = [rest[0] + half[0], rest[1] + half[1]];
+            }
+        }
     }
 
-    /// Cost of searching a level of cells of this edge, from its own spheres and from all smaller ones.
-    fn cost(&self, classes: std::ops::Range<usize>, members: f32, log_edge: f32) -> f32 {
-        let (largest, share) = (self.radii[classes.start], members / self.total);
+    /// What the classes from `from` on pay on cells of this edge, each for the later half of the rows around its
+    /// spheres, and for the comparisons there if the level held all spheres. Members look at later ones only, smaller
+    /// ones at twice that.
+    fn halves(&self, from: usize, log_edge: f32) -> [[f32; 2]; MAX_GROUPS] {
         let edge = log_edge.exp2();
-        let cells = (self.crowding.log_extent() - log_edge).max(0.0) * 3.0;
-        let mut cost = cells.exp2().min(members * CELLS_PER_SPHERE) * CELL;
-        for class in classes.start..self.radii.len() {
-            let reach = 2.0 * (self.radii[class] + largest) / edge;
+        let mut halves = [[0.0; 2]; MAX_GROUPS];
+        let classes = self.radii.iter().zip(&self.counts).skip(from);
+        for (half, (radius, count)) in halves.iter_mut().zip(classes) {
+            let reach = 2.0 * (radius + self.radii[from]) / edge;
             let rows = (1.0 + reach) * (1.0 + reach);
-            let met = share * self.crowding.mean(log_edge + (1.0 + reach).log2());
-            // At their own level spheres look at later ones only.
-            let each = match classes.contains(&class) {
-                true => ROW * (1.0 + (rows - 1.0) / 2.0) + COMPARE * met / 2.0,
-                false => ROW * rows + COMPARE * met,
-            };
-            cost += self.counts[class] * each;
+            let met = self.crowding.mean(log_edge + (1.0 + reach).log2());
+            *half = [count * ROW * (rows - 1.0) / 2.0, count * COMPARE * met / 2.0];
         }
-        cost
+        halves
     }
 }
 
