@@ -10,7 +10,7 @@ use crate::peers::cell_list;
 /// Above this many spheres the reference is the plain cell list, itself held against the naive detector below.
 const NAIVE_REFERENCE: usize = 20_000;
 
-/// The pairs of some spheres, in canonical order.
+/// The pairs of some spheres.
 pub(super) struct Reference<'a> {
     spheres: &'a [Sphere],
     pairs: Vec<Pair>,
@@ -31,11 +31,10 @@ impl<'a> Reference<'a> {
         let mut search = (contender.make)()?;
         let found = search.run(spheres)?;
         let digest = Digest::of(&found);
-        let mut pairs = match found {
+        let pairs = match found {
             Found::Pairs(pairs) => pairs.to_vec(),
             Found::Count(_) => vec![],
         };
-        pairs.sort_unstable();
         Ok(Self { spheres, pairs, digest })
     }
 
@@ -58,13 +57,17 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// What is wrong, in words: a pair that is missing or extra and further from tangency, or is there twice.
     pub(super) fn tangent(&self, found: &[Pair]) -> Result<u64, String> {
-        let mut found = found.to_vec();
-        found.sort_unstable();
-        let (listed, expected) = (found.len(), self.pairs.len());
+        let sorted = |pairs: &[Pair]| {
+            let mut pairs = pairs.to_vec();
+            pairs.sort_unstable();
+            pairs
+        };
+        let (mut found, reference) = (sorted(found), sorted(&self.pairs));
+        let (listed, expected) = (found.len(), reference.len());
         found.dedup();
         let absent = |from: &[Pair], pair: &Pair| from.binary_search(pair).is_err();
-        let missing: Vec<Pair> = self.pairs.iter().filter(|p| absent(&found, p)).copied().collect();
-        let extra: Vec<Pair> = found.iter().filter(|p| absent(&self.pairs, p)).copied().collect();
+        let missing: Vec<Pair> = reference.iter().filter(|p| absent(&found, p)).copied().collect();
+        let extra: Vec<Pair> = found.iter().filter(|p| absent(&reference, p)).copied().collect();
         let wrong = |pairs: &[Pair]| pairs.iter().filter(|p| self.ulps(p).abs() > 4.0).count();
         let faults =
             [("twice", listed - found.len()), ("missing", wrong(&missing)), ("extra", wrong(&extra))];

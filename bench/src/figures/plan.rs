@@ -206,11 +206,12 @@ impl Settings {
     fn runs_of(&self, figure: Figure) -> usize {
         match (self.scale, figure) {
             (Scale::Smallest, _) => 2,
-            (_, Figure::F5a | Figure::F5b) => 5,
+            (Scale::Quick, Figure::F5a | Figure::F5b) => 5,
             (_, Figure::Memory) => 3,
             (Scale::Quick, _) => 20,
             (Scale::Full, Figure::F3a | Figure::F3b) => 200,
             (Scale::Full, Figure::F4) => 100,
+            (Scale::Full, Figure::F5a | Figure::F5b) => 10,
             (Scale::Full, _) => 30,
         }
     }

@@ -45,8 +45,10 @@ pub(super) struct Limits {
     pub(super) runs: usize,
     /// Fewer only where they take [`MORE`] times as long as they may.
     pub(super) at_least: usize,
-    /// No further run after this much time.
+    /// No further run after this much time of its own.
     pub(super) time: Duration,
+    /// Nor after all engines and what lies between their runs have taken this long.
+    pub(super) in_all: Duration,
 }
 
 /// The engines of a point on their way through its runs.
@@ -55,6 +57,8 @@ pub(super) struct Race<'a> {
     limits: Limits,
     lanes: Vec<Lane>,
     frames: usize,
+    /// When the runs that count began.
+    began: Option<Instant>,
 }
 
 struct Lane {
@@ -63,6 +67,7 @@ struct Lane {
     phases: Vec<Vec<Phase>>,
     used: Duration,
     last: Option<Digest>,
+    has_worked: bool,
     row: Row,
 }
 
@@ -80,34 +85,39 @@ impl<'a> Race<'a> {
             }
             lane
         };
-        Self { point, limits, lanes: point.engines.iter().map(lane).collect(), frames: 0 }
+        Self { point, limits, lanes: point.engines.iter().map(lane).collect(), frames: 0, began: None }
     }
 
     /// Whether nobody has anything left to run.
     pub(super) fn is_over(&self) -> bool {
-        self.lanes.iter().all(|lane| lane.is_done(self.limits))
+        self.lanes.iter().all(|lane| lane.is_done(self.limits, self.is_late()))
     }
 
-    /// Lets everybody who has not done enough find the pairs of these spheres. A warm-up is checked against the
-    /// reference and its time dropped.
+    /// Whether all engines together have had their time.
+    fn is_late(&self) -> bool {
+        self.began.is_some_and(|began| began.elapsed() >= self.limits.in_all)
+    }
+
+    /// Lets everybody who has not done enough find the pairs of these spheres, and holds every answer against the
+    /// reference. The time of a warm-up is dropped.
     ///
     /// # Errors
     /// Where the reference fails.
     pub(super) fn frame(&mut self, spheres: &[Sphere], warm_up: bool) -> Result<(), Box<dyn Error>> {
-        let (lanes, limits) = (self.lanes.len(), self.limits);
+        if !warm_up {
+            self.began.get_or_insert_with(Instant::now);
+        }
+        let (lanes, limits, is_late) = (self.lanes.len(), self.limits, self.is_late());
         // Each frame starts with another engine, so that none always profits from its predecessor.
         for turn in 0..lanes {
             let lane = &mut self.lanes[(turn + self.frames) % lanes];
             lane.last = None;
-            if warm_up || !lane.is_done(limits) {
+            if warm_up || !lane.is_done(limits, is_late) {
                 lane.run(spheres, warm_up);
             }
         }
         self.frames += 1;
-        let mut digests = self.lanes.iter().filter_map(|lane| lane.last);
-        let first = digests.next();
-        let agree = digests.all(|digest| Some(digest) == first);
-        if first.is_some() && (warm_up || !agree) {
+        if self.lanes.iter().any(|lane| lane.last.is_some()) {
             let reference = Reference::of(spheres)?;
             self.lanes.iter_mut().for_each(|lane| lane.judge(&reference, spheres));
         }
@@ -117,6 +127,7 @@ impl<'a> Race<'a> {
     /// The rows so far, marked with `at`; the engines begin new ones.
     pub(super) fn take_rows(&mut self, at: Option<f64>) -> Vec<Row> {
         let point = self.point;
+        self.began = None;
         self.lanes.iter_mut().map(|lane| lane.take_row(point, at)).collect()
     }
 }
@@ -124,13 +135,21 @@ impl<'a> Race<'a> {
 impl Lane {
     fn new(point: &Point, engine: Engine) -> Self {
         let row = Row::new(point, engine);
-        Self { engine, search: None, phases: vec![], used: Duration::ZERO, last: None, row }
+        Self {
+            engine,
+            search: None,
+            phases: vec![],
+            used: Duration::ZERO,
+            last: None,
+            has_worked: false,
+            row,
+        }
     }
 
-    fn is_done(&self, limits: Limits) -> bool {
+    fn is_done(&self, limits: Limits, is_late: bool) -> bool {
         let runs = self.row.wall.len();
         let enough = runs >= limits.at_least || self.used >= MORE * limits.time;
-        let out_of_time = runs > 0 && enough && self.used >= limits.time;
+        let out_of_time = runs > 0 && enough && (is_late || self.used >= limits.time);
         self.search.is_none() || runs >= limits.runs || out_of_time
     }
 
@@ -144,6 +163,7 @@ impl Lane {
             Err(error) => return self.fail(error.as_ref()),
         };
         self.last = Some(digest);
+        self.has_worked = true;
         self.row.pairs = digest.pairs;
         if warm_up {
             return;
@@ -159,6 +179,7 @@ impl Lane {
         let verdict = match (reference.check(found), &mut self.search) {
             // The list again, pair by pair: a GPU may round otherwise than the reference.
             (Err(reason), Some(search)) if self.engine.rounds_freely() => match search.run(spheres) {
+                Ok(again) if Digest::of(&again) != found => Err("another answer when asked again".to_owned()),
                 Ok(Found::Pairs(pairs)) => reference.tangent(pairs),
                 Ok(Found::Count(_)) => Err(reason),
                 Err(error) => Err(error.to_string()),
@@ -172,8 +193,9 @@ impl Lane {
     }
 
     fn fail(&mut self, error: &(dyn Error + 'static)) {
-        let status = if is_refusal(error) { Status::NotAvailable } else { Status::Error };
-        self.leave(status, error.to_string());
+        // What has worked before is not refused but fails.
+        let refused = !self.has_worked && is_refusal(error);
+        self.leave(if refused { Status::NotAvailable } else { Status::Error }, error.to_string());
     }
 
     fn leave(&mut self, status: Status, reason: String) {
@@ -187,8 +209,12 @@ impl Lane {
 
     fn take_row(&mut self, point: &Point, at: Option<f64>) -> Row {
         let fresh = Self::new(point, self.engine).row;
-        let next = Row { status: self.row.status, reason: self.row.reason.clone(), ..fresh };
-        let mut row = std::mem::replace(&mut self.row, next);
+        let (status, reason) = match (self.row.status, at) {
+            // It takes no further part.
+            (Status::Error, Some(at)) => (Status::LeftOut, format!("wrong at {at}")),
+            (status, _) => (status, self.row.reason.clone()),
+        };
+        let mut row = std::mem::replace(&mut self.row, Row { status, reason, ..fresh });
         row.at = at.or(row.at);
         row.phases = medians(&std::mem::take(&mut self.phases));
         self.used = Duration::ZERO;
@@ -220,7 +246,6 @@ fn is_refusal(error: &(dyn Error + 'static)) -> bool {
                 | GpuError::NoDevice { .. }
                 | GpuError::LimitExceeded { .. }
                 | GpuError::OutOfMemory { .. }
-                | GpuError::Timeout { .. }
                 | GpuError::NotOnGpu(_)
         ),
         _ => false,
@@ -265,7 +290,7 @@ mod tests {
         };
         let spheres = Scene::Equal.spheres(300, 1);
         // No time at all, in which everybody runs once.
-        let limits = Limits { runs: 3, at_least: 3, time: Duration::ZERO };
+        let limits = Limits { runs: 3, at_least: 3, time: Duration::ZERO, in_all: Duration::ZERO };
         let mut race = Race::new(&point, limits, |e| (e == Engine::SortAndSweep).then(|| "too slow".into()));
         race.lanes[2].search = Some(Box::new(Broken));
         race.frame(&spheres, true).expect("the reference works");

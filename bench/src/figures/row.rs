@@ -123,7 +123,7 @@ pub struct Results {
     pub environment: Environment,
     /// What was asked for.
     pub settings: Settings,
-    /// Seconds that it took, those of an interrupted run not included.
+    /// Seconds that its points took, in however many goes.
     pub seconds: f64,
     /// The measurements.
     pub rows: Vec<Row>,

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant, UNIX_EPOCH};
 
 use rayon::ThreadPoolBuilder;
@@ -38,8 +38,10 @@ pub struct Progress {
 /// A finished point, as it is kept in the folder.
 #[derive(Serialize, Deserialize)]
 struct Kept {
-    /// Of what build and settings.
+    /// Of what build, settings and machine.
     mark: String,
+    /// How long it took.
+    seconds: f64,
     rows: Vec<Row>,
 }
 
@@ -54,35 +56,36 @@ pub fn run(
     program: &Path,
     mut report: impl FnMut(&Progress),
 ) -> Result<Results, Box<dyn Error>> {
-    let started = Instant::now();
     let environment = Environment::here();
     let points = settings.points();
     let kept_in = folder.join("points");
     fs::create_dir_all(&kept_in).map_err(|e| format!("{}: cannot create: {e}", kept_in.display()))?;
     let mark = mark(settings, &environment, program);
     let path_of = |point: &Point| kept_in.join(format!("{}.json", point.key()));
-    let kept: Vec<Option<Vec<Row>>> = points.iter().map(|p| load(&path_of(p), &mark)).collect();
+    let kept: Vec<Option<Kept>> = points.iter().map(|p| load(&path_of(p), &mark)).collect();
 
     let mut clock = Clock::new(settings, &points, &kept);
-    let mut rows: Vec<Row> = vec![];
+    let (mut rows, mut seconds) = (vec![], 0.0);
     for (done, (point, kept)) in points.iter().zip(kept).enumerate() {
         let next = format!("{}: {} {}", point.figure, point.n, point.scene);
         report(&Progress { done, points: points.len(), next, left: clock.left() });
         let new = match kept {
-            Some(rows) => rows,
+            Some(kept) => kept,
             None => {
-                let new = rows_of(point, settings, clock.share(point), &rows, program)?;
+                let began = Instant::now();
+                let rows = rows_of(point, settings, clock.share(point), &rows, program)?;
                 clock.spent(point);
-                save(&path_of(point), &Kept { mark: mark.clone(), rows: new.clone() })?;
+                let new = Kept { mark: mark.clone(), seconds: began.elapsed().as_secs_f64(), rows };
+                save(&path_of(point), &new)?;
                 new
             }
         };
-        rows.extend(new);
+        seconds += new.seconds;
+        rows.extend(new.rows);
     }
     report(&Progress { done: points.len(), points: points.len(), next: String::new(), left: Duration::ZERO });
     let order = |row: &Row| Figure::ALL.iter().position(|figure| figure.name() == row.figure);
     rows.sort_by_key(order);
-    let seconds = started.elapsed().as_secs_f64();
     Ok(Results { environment, settings: settings.clone(), seconds, rows })
 }
 
@@ -94,7 +97,7 @@ struct Clock {
 }
 
 impl Clock {
-    fn new(settings: &Settings, points: &[Point], kept: &[Option<Vec<Row>>]) -> Self {
+    fn new(settings: &Settings, points: &[Point], kept: &[Option<Kept>]) -> Self {
         let all: f64 = points.iter().map(Point::weight).sum();
         let left = points.iter().zip(kept).filter(|(_, kept)| kept.is_none());
         let weight: f64 = left.map(|(point, _)| point.weight()).sum();
@@ -125,7 +128,7 @@ fn rows_of(
 ) -> Result<Vec<Row>, Box<dyn Error>> {
     let at_least = if settings.scale == Scale::Full { 3 } else { 2 };
     let time = share.mul_f64(MEASURED / point.engines.len().max(1) as f64);
-    let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time };
+    let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time, in_all: share };
     let too_long = |engine: Engine| {
         let seconds = predicted(engine, point, earlier)?;
         let most = (PATIENCE * time.as_secs_f64()).max(ALWAYS);
@@ -144,14 +147,15 @@ fn rows_of(
             let sample = |k: usize, spheres: &mut Vec<_>| {
                 *spheres = point.scene.spheres(point.n, settings.seed + k as u64);
             };
-            race(Race::new(point, limits, left_out), sample)
+            race(Race::new(point, limits, left_out), 1, sample)
         }
         Motion::Steps => {
             let sample = |k: usize, spheres: &mut Vec<_>| match k.checked_sub(1) {
                 None => *spheres = point.scene.spheres(point.n, settings.seed),
                 Some(step) => Scene::advance(spheres, settings.seed, step as u32),
             };
-            let single = || race(Race::new(point, limits, left_out), sample).map_err(|e| e.to_string());
+            // A tree with a margin gives it to its boxes in the second frame.
+            let single = || race(Race::new(point, limits, left_out), 2, sample).map_err(|e| e.to_string());
             match point.figure {
                 // A pool per detector would add the way to its thread and back to every call.
                 Figure::F4 => Ok(ThreadPoolBuilder::new().num_threads(1).build()?.install(single)?),
@@ -161,16 +165,17 @@ fn rows_of(
     }
 }
 
-/// Runs a race to its end over the spheres that `change` makes for each frame; the first is the warm-up.
+/// Runs a race to its end over the spheres that `change` makes for each frame; the first ones are warm-ups.
 fn race(
     mut race: Race<'_>,
+    warm_ups: usize,
     mut change: impl FnMut(usize, &mut Vec<lazygrid::Sphere>),
 ) -> Result<Vec<Row>, Box<dyn Error>> {
     let mut spheres = vec![];
     let mut frame = 0;
     while !race.is_over() {
         change(frame, &mut spheres);
-        race.frame(&spheres, frame == 0)?;
+        race.frame(&spheres, frame < warm_ups)?;
         frame += 1;
     }
     Ok(race.take_rows(None))
@@ -191,7 +196,8 @@ fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 
-/// What results must share to stand beside each other: settings other than the choice of figures, commit and build.
+/// What results must share to stand beside each other: settings other than the choice of figures, commit and build,
+/// machine and adapter.
 fn mark(settings: &Settings, environment: &Environment, program: &Path) -> String {
     let Settings { scale, runs, minutes, seed, only: _ } = settings;
     let built = fs::metadata(program).ok().and_then(|file| {
@@ -199,15 +205,16 @@ fn mark(settings: &Settings, environment: &Environment, program: &Path) -> Strin
         Some(format!("{} bytes, {}", file.len(), modified.as_millis()))
     });
     let built = built.unwrap_or_default();
-    format!("{scale:?}, {runs:?} runs, {minutes} min, seed {seed}, {}, {built}", environment.commit)
+    let (commit, machine, graphics) = (&environment.commit, environment.machine(), environment.graphics());
+    format!("{scale:?}, {runs:?} runs, {minutes} min, seed {seed}, {commit}, {built}, {machine}, {graphics}")
 }
 
-fn load(path: &Path, mark: &str) -> Option<Vec<Row>> {
+fn load(path: &Path, mark: &str) -> Option<Kept> {
     let kept: Kept = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
-    (kept.mark == mark).then_some(kept.rows)
+    (kept.mark == mark).then_some(kept)
 }
 
-fn save(path: &PathBuf, kept: &Kept) -> Result<(), Box<dyn Error>> {
+fn save(path: &Path, kept: &Kept) -> Result<(), Box<dyn Error>> {
     // Under another name first, so that an interrupted run leaves no half of a file.
     let draft = path.with_extension("part");
     fs::write(&draft, serde_json::to_vec(kept)?)
