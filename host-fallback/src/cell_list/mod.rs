@@ -27,6 +27,9 @@ use sort::Sorter;
 
 /// Table entries per level at most, so that 32 bits number the entries of all levels.
 const MAX_CELLS: u64 = 1 << 26;
+/// How much wider than planned cells may be where that spares a folded table, in which cells are found more slowly: the
+/// plan knows the extent of space, but not how many cells it straddles.
+const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 
 /// The structure and its buffers, which survive between calls.
 #[derive(Debug, Default)]
@@ -87,8 +90,10 @@ impl CellList {
         self.levels.clear();
         for level in &plan.levels {
             let most = ((level.spheres as f32 * CELLS_PER_SPHERE) as u64).min(MAX_CELLS);
-            let raster = Raster::new(level.edge, (min, max), lengths, level.largest, most);
-            log::trace!("level of {} spheres: edge {}, raster {:?}", level.spheres, level.edge, raster.size);
+            let raster = |edge| Raster::new(edge, (min, max), lengths, level.largest, most);
+            let wider = WIDER.map(|by| level.edge * by).into_iter().map(raster).find(|raster| !raster.folded);
+            let raster = wider.unwrap_or_else(|| raster(level.edge));
+            log::trace!("level of {} spheres: edge {}, {raster:?}", level.spheres, level.edge);
             let (cells, to) = (raster.cells() as usize, from + level.spheres as usize);
             self.levels.push(Placed { raster, base, members: from..to });
             (base, from) = (base + cells, to);
@@ -118,8 +123,11 @@ impl CellList {
 mod tests {
     use lazygrid_kernels::{Algorithm, Pair, Space, Sphere};
 
+    use super::CellList;
+    use crate::contact::Rule;
+    use crate::detector::Input;
     use crate::judged::judge;
-    use crate::{HostDetector, Order, Settings, Simd};
+    use crate::{HostDetector, Order, Report, Settings, Simd, Survey};
 
     fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
         let settings = Settings { algorithm, simd, order: Order::Canonical, ..Settings::default() };
@@ -194,5 +202,26 @@ mod tests {
         let expected = pairs(&spheres, Algorithm::Naive, Simd::Portable);
         assert!(expected.len() > 1000);
         assert_eq!(pairs(&spheres, Algorithm::CellList, Simd::detect()), expected);
+    }
+
+    /// Cells as small as the table allows, wherever space begins.
+    #[test]
+    fn a_few_cells_too_many_are_no_reason_to_fold() {
+        // Sums of four are about normally distributed, so that no cells are as good as the smallest.
+        let cloud: Vec<_> = scattered(80_000, 0, 1e5)
+            .chunks(4)
+            .map(|four| Sphere::new(four.iter().map(|sphere| sphere.center).sum::<glam::Vec3>(), 1.0))
+            .collect();
+        for shift in 0..10 {
+            let mut spheres = cloud.clone();
+            spheres.iter_mut().for_each(|sphere| sphere.center += 1700.0 * shift as f32);
+            let rule = Rule::new((&spheres).into(), None);
+            let survey = Survey::of(&rule).expect("all are valid");
+            let settings = Settings::default();
+            let input = Input { rule, survey, settings: &settings, simd: Simd::detect() };
+            let mut list = CellList::default();
+            list.build(&input, &mut Report::default()).expect("there is memory");
+            assert!(list.levels.iter().all(|level| !level.raster.folded), "{:?}", list.levels);
+        }
     }
 }

@@ -27,7 +27,7 @@ pub(crate) struct Raster {
     periodic: [bool; 3],
     /// Cells per axis.
     pub(crate) size: [u32; 3],
-    folded: bool,
+    pub(crate) folded: bool,
     /// Whether a row of cells may go on at its other end: where the raster is folded or space periodic.
     pub(crate) circular: bool,
     /// Whether two spheres of the level in reach of each other always lie in the same or in adjoining cells.
