@@ -135,11 +135,12 @@ fn grid_configure(at: Builtins) {
     }
 
     let origin = vec3(quartiles[0][1], quartiles[1][1], quartiles[2][1]);
-    let spread = vec3(
+    // Never -0.0, as no power of it is defined.
+    let spread = abs(vec3(
         quartiles[0][2] * 0.25 - quartiles[0][0] * 0.25,
         quartiles[1][2] * 0.25 - quartiles[1][0] * 0.25,
         quartiles[2][2] * 0.25 - quartiles[2][0] * 0.25,
-    );
+    ));
     let radius_max = bitcast<f32>(atomicLoad(&bounds.radius_max));
     let radius_min = bitcast<f32>(min(atomicLoad(&bounds.radius_min), 0x7f7fffffu));
     let lengths = periods();
