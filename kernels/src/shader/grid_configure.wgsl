@@ -149,7 +149,7 @@ fn grid_configure(at: Builtins) {
     let far = max(max(aside.x, aside.y), aside.z);
     let spheres_count = f32(max(count, 1u));
     // Sparse points need no finer raster than their distances ask for, however small they are: about an eighth of
-    // the mean distance in a volume, or a quarter of that on a line.
+    // the mean distance, in a volume or on a line.
     let volume_spacing = pow(spread.x, 1.0 / 3.0) * pow(spread.y, 1.0 / 3.0) * pow(spread.z, 1.0 / 3.0)
         * pow(spheres_count, -1.0 / 3.0);
     let line_spacing = max(spread.x, max(spread.y, spread.z)) / spheres_count;
