@@ -22,7 +22,7 @@ struct Args {
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [What::Tau, What::RasterRatio, What::Crossover])]
     what: Vec<What>,
     /// Values of τ, separated by commas
-    #[arg(long, value_delimiter = ',', default_values_t = [4, 8, 16, 32, 64, 128, 256])]
+    #[arg(long, value_delimiter = ',', default_values_t = [0, 4, 8, 16, 32, 64, 128, 256])]
     tau: Vec<u32>,
     /// Raster ratios, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0])]

@@ -147,6 +147,43 @@ fn interactions_decide_what_is_a_pair() {
     }
 }
 
+/// A radius, a distance and the coordinates around a median may be -0.0, whose bits are those of no small number.
+#[test]
+fn the_sign_of_zero_says_nothing() {
+    let Some(own) = device() else { return };
+    let mut spheres = cloud(25, 1500, 4.0, |_| 0.5);
+    for (k, sphere) in spheres.iter_mut().enumerate() {
+        sphere.center.x = if k % 256 < 128 { 0.0 } else { -0.0 };
+    }
+    spheres.push(Sphere::new([0.0, 2.0, 2.0], -0.0));
+    let touch = Interactions::new(1, Interaction::Touch).expect("small");
+    let mut within = Interactions::new(2, Interaction::Touch).expect("small");
+    within.set(1, 0, Interaction::Within(-0.0)).expect("in range");
+    within.set(1, 1, Interaction::Within(-0.0)).expect("in range");
+    let mut alike = vec![0; spheres.len()];
+    let buffer = upload(&own, &spheres);
+    for algorithm in ALGORITHMS {
+        let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
+        let found = detect(&own, &mut detector, &spheres);
+        judge(&format!("zeroes, {algorithm}"), &spheres, &found.pairs, touching(&spheres));
+        for (table, last) in [(&touch, 0), (&within, 1)] {
+            alike[1500] = last;
+            let species = upload(&own, &alike);
+            let settings = GpuSettings { interactions: Some(table.clone()), ..settings(algorithm, true) };
+            let mut detector = GpuDetector::new(&own.device, settings).expect("made");
+            let count = Count::Host(1501);
+            let input =
+                GpuSpheres { spheres: &buffer, count, species: Some(&species), window: GpuSpheres::ALL };
+            let found = detect_with(&own, &mut detector, &input);
+            let scene = format!("zeroes, {algorithm}, the last of species {last}");
+            judge(&scene, &spheres, &found.pairs, |i, j| match table.get(alike[i], alike[j]) {
+                Interaction::Within(distance) => Some(distance.into()),
+                _ => Some(f64::from(spheres[i].radius) + f64::from(spheres[j].radius)),
+            });
+        }
+    }
+}
+
 #[test]
 fn calls_of_changing_size_reuse_what_is_there() {
     let Some(own) = device() else { return };

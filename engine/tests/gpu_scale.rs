@@ -72,6 +72,40 @@ fn three_hundred_thousand_crowded_spheres() {
     assert!(agree(found, expected), "{found} instead of {expected}");
 }
 
+/// Entries at ten levels in all of eight cells, most of them passive, searched in many parts.
+#[test]
+fn ten_thousand_spheres_of_ten_sizes_at_one_point() {
+    let Some(own) = device() else { return };
+    let n = 10_000;
+    let spheres: Vec<_> = (0..n).map(|k| Sphere::new([1.0, -2.0, 3.0], 0.5_f32.powi(k % 10))).collect();
+    let settings = GpuSettings { algorithm: Algorithm::LazyGrid, ..GpuSettings::default() };
+    let mut session = GpuSession::new(own, settings).expect("made");
+    session.set_part_tests(1 << 27);
+    let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+    let found = session.finish_count(ticket).expect("counted");
+    let outcome = session.outcome();
+    assert!(outcome.entries() > 8 * n as u64 && outcome.crowded_begin > 0, "{outcome:?}");
+    assert_eq!(found, n as u64 * (n as u64 - 1) / 2);
+}
+
+#[test]
+fn one_giant_among_a_hundred_thousand_grains() {
+    let Some(own) = device() else { return };
+    let mut spheres = uniform(5, 120_000, 10.0, 0.05);
+    spheres.push(Sphere::new([5.0; 3], 4.0));
+    let settings = GpuSettings { algorithm: Algorithm::LazyGrid, ..GpuSettings::default() };
+    let mut session = GpuSession::new(own, settings).expect("made");
+    let ticket = session.begin(Spheres::from(&spheres)).expect("fits");
+    let mut found = session.finish(ticket, u64::MAX).expect("found").to_vec();
+    found.sort_unstable();
+    let config = Config::default().backend(Backend::Cpu).algorithm(Algorithm::CellList);
+    let mut detector = Detector::new(config).expect("the CPU");
+    let expected = detector.pairs(&spheres).expect("valid");
+    let differing = found.iter().filter(|pair| expected.binary_search(pair).is_err()).count();
+    assert!(agree(found.len() as u64, expected.len() as u64), "{} {}", found.len(), expected.len());
+    assert!(differing <= 2 + expected.len() / 1_000_000, "{differing}");
+}
+
 /// `LAZYGRID_SOAK` sets the number of steps; a release is worth 20 000. Counts and lists take turns.
 #[test]
 fn soak_of_changing_sizes_and_shapes() {

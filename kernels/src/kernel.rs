@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use crate::layout::Call;
+
 /// How a kernel uses a binding; the position in [`Kernel::bindings`] is the binding number of group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
@@ -295,7 +297,7 @@ impl Expansion {
         }
     }
 
-    fn constants(&self) -> [(&'static str, u32); 6] {
+    fn constants(&self) -> [(&'static str, u32); 7] {
         [
             ("CROWDED_TILES", CROWDED_TILES),
             ("MAX_SUBGROUPS", GROUP / self.variant.subgroups.unwrap_or(GROUP).clamp(1, GROUP)),
@@ -303,6 +305,7 @@ impl Expansion {
             ("RADIX_SCRATCH", self.variant.radix_scratch()),
             ("SCAN_ITEMS", SCAN_ITEMS),
             ("SPHERES_PER_THREAD", SPHERES_PER_THREAD),
+            ("UNPARTED", Call::UNPARTED),
         ]
     }
 }

@@ -34,7 +34,8 @@ pub struct Call {
     pub tau: u32,
     /// Counters in either half of the density table, a power of two.
     pub density_slots: u32,
-    /// Tiles of entries that the crowded search compares in one part of a call, unless a single block has more.
+    /// Tiles of entries that the crowded search compares in one part of a call, unless a single block has more;
+    /// [`Call::UNPARTED`] where it is to be done in one.
     pub part_tiles: u32,
     /// Length of the axis x where it is periodic, else 0.
     pub period_x: f32,
@@ -42,6 +43,11 @@ pub struct Call {
     pub period_y: f32,
     /// Length of the axis z where it is periodic, else 0.
     pub period_z: f32,
+}
+
+impl Call {
+    /// As [`part_tiles`](Self::part_tiles): all of the crowded search in one part, however much that is.
+    pub const UNPARTED: u32 = u32::MAX;
 }
 
 /// What the spheres are like, as the device finds it.
@@ -141,14 +147,16 @@ pub struct Outcome {
 impl Outcome {
     /// Overflow bit: more pairs than the output holds; the count is exact nevertheless.
     pub const PAIRS: u32 = 1;
-    /// Overflow bit: more entries than planned; the count is then a lower bound and the call must be repeated.
+    /// Overflow bit: more entries than planned; the number of pairs is then a lower bound, that of entries is exact,
+    /// and the call must be repeated with room for them.
     pub const ENTRIES: u32 = 2;
     /// Overflow bit: more spheres than prepared for; those beyond were not looked at.
     pub const SPHERES: u32 = 4;
     /// Offset of the indirect-dispatch arguments in bytes.
     pub const DISPATCH_OFFSET: u64 = std::mem::offset_of!(Self, dispatch_x) as u64;
 
-    /// Whether the crowded search has a further part to come; until then pairs are missing.
+    /// Whether the crowded search has a further part to come; until then pairs are missing. Never so after a call
+    /// that asked for no parts (see [`Call::UNPARTED`]), hence not an overflow.
     pub fn is_partial(&self) -> bool {
         self.crowded_end < self.crowded
     }

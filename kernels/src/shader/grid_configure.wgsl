@@ -135,11 +135,12 @@ fn grid_configure(at: Builtins) {
     }
 
     let origin = vec3(quartiles[0][1], quartiles[1][1], quartiles[2][1]);
-    let spread = vec3(
+    // Never -0.0, as no power of it is defined.
+    let spread = abs(vec3(
         quartiles[0][2] * 0.25 - quartiles[0][0] * 0.25,
         quartiles[1][2] * 0.25 - quartiles[1][0] * 0.25,
         quartiles[2][2] * 0.25 - quartiles[2][0] * 0.25,
-    );
+    ));
     let radius_max = bitcast<f32>(atomicLoad(&bounds.radius_max));
     let radius_min = bitcast<f32>(min(atomicLoad(&bounds.radius_min), 0x7f7fffffu));
     let lengths = periods();
@@ -148,7 +149,7 @@ fn grid_configure(at: Builtins) {
     let far = max(max(aside.x, aside.y), aside.z);
     let spheres_count = f32(max(count, 1u));
     // Sparse points need no finer raster than their distances ask for, however small they are: about an eighth of
-    // the mean distance in a volume, or a quarter of that on a line.
+    // the mean distance, in a volume or on a line.
     let volume_spacing = pow(spread.x, 1.0 / 3.0) * pow(spread.y, 1.0 / 3.0) * pow(spread.z, 1.0 / 3.0)
         * pow(spheres_count, -1.0 / 3.0);
     let line_spacing = max(spread.x, max(spread.y, spread.z)) / spheres_count;

@@ -1,6 +1,5 @@
 // Pairs among entries of one cell, where the later entry is at most NEAR places after the earlier one, and the earlier
-// one is active. Blocks
-// with partners farther along their run are listed for `crowded_search`.
+// one is active. Blocks with partners farther along their run are listed for `crowded_search`.
 #include layout
 #include place
 

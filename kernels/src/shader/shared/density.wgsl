@@ -1,5 +1,8 @@
 // The density table: for every cell how many smaller spheres overlap it, and in the highest bit whether a sphere of
 // the cell's own depth does. Cells that share a counter look denser than they are; all who ask get the same answer.
+// No count reaches that bit: a plan has fewer than 2^28.4 spheres, as it has room for an entry of each, and a sphere
+// adds 1 for each of its cells. The hash would have to give seven cells of nearly every sphere, of at most 8 per depth,
+// the same one of the 2^22 counters that there are for so many spheres.
 const HAS_OWN: u32 = 0x80000000u;
 
 // The first level has the lower half to itself, so that it is settled when the deeper ones are counted.

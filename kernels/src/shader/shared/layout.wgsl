@@ -26,7 +26,8 @@ struct Call {
     tau: u32,
     // Counters in either half of the density table, a power of two.
     density_slots: u32,
-    // Tiles of entries that the crowded search compares in one part of a call, unless a single block has more.
+    // Tiles of entries that the crowded search compares in one part of a call, unless a single block has more;
+    // 0xffffffff where it is to be done in one.
     part_tiles: u32,
     // Length of each axis that is periodic, else 0.
     period_x: f32,
