@@ -184,3 +184,34 @@ impl From<GpuError> for Error {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::{Algorithm, Sphere};
+
+    use super::*;
+    use crate::gpu::wgpu;
+
+    /// Twenty sizes at one point, on a device that can bind a tenth of their entries.
+    #[test]
+    fn a_report_says_why_one_level_had_to_do() {
+        let own = match GpuDevice::open(true) {
+            Err(GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => return,
+            own => own.expect("a device"),
+        };
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        let adapter = adapters.into_iter().find(|a| a.get_info().name == own.adapter.name).expect("the same");
+        // Room for the default output of 2²⁰ pairs, and for 2²¹ entries.
+        let limits = wgpu::Limits { max_storage_buffer_binding_size: 8 << 20, ..adapter.limits() };
+        let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
+        let spheres: Vec<_> = (0..26_000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
+        let config = Config::default().backend(Backend::Gpu).algorithm(Algorithm::LazyGrid);
+        let mut detector = DeviceDetector::new(GpuDevice::lent(&device, &queue), config).expect("made");
+        assert_eq!(detector.count(Spheres::from(&spheres)), Ok(26_000 * 25_999 / 2));
+        let report = detector.report();
+        assert_eq!(report.algorithm, Algorithm::ArrayGrid);
+        assert!(report.reason.contains("array-grid instead of lazy-grid: the entries"), "{}", report.reason);
+    }
+}
