@@ -73,6 +73,11 @@ pub(crate) fn algorithm(
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({known})"))
 }
 
+/// Why a call that was to run as `chosen` `ran` on one level instead.
+pub(crate) fn one_level(ran: Algorithm, chosen: Algorithm) -> String {
+    format!("{ran} instead of {chosen}: the entries of several levels do not fit the device")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,9 +191,16 @@ mod tests {
     }
 
     #[test]
-    fn a_crossover_never_overflows() {
-        let crossover = Crossover { naive_below: u32::MAX, per_class: u32::MAX };
-        assert_eq!(crossover.of(256), u32::MAX);
+    fn a_crossover_is_never_beyond_what_is_measured() {
+        for (naive_below, per_class, classes, expected) in [
+            (10_000, 500, 5, 12_000),
+            (Crossover::MOST, 0, 1, Crossover::MOST),
+            (4_000_000_000, 0, 1, Crossover::MOST),
+            (10_000, 60_000, 256, Crossover::MOST),
+            (u32::MAX, u32::MAX, 256, Crossover::MOST),
+        ] {
+            assert_eq!(Crossover { naive_below, per_class }.of(classes), expected);
+        }
     }
 
     #[test]

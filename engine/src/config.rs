@@ -1,4 +1,5 @@
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use lazygrid_host::{Settings, Simd};
@@ -11,7 +12,8 @@ use crate::gpu::Calibration;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Backend {
-    /// A real GPU if there is one, else the CPU; decided when the detector is made.
+    /// A real GPU if there is one, else the CPU; decided when the detector is made. An algorithm that only GPUs have
+    /// takes a software adapter where there is no real one, since nothing else can run it.
     #[default]
     Auto,
     /// The CPU, through rayon.
@@ -68,6 +70,9 @@ pub struct Config {
 }
 
 impl Config {
+    /// What [`raster_ratio`](Self::raster_ratio) takes.
+    pub(crate) const RASTER_RATIOS: RangeInclusive<f32> = 0.5..=16.0;
+
     /// Where to run. Default: [`Backend::Auto`].
     pub fn backend(mut self, backend: Backend) -> Self {
         self.backend = backend;
@@ -114,7 +119,7 @@ impl Config {
         self
     }
 
-    /// Cell edge of the paper's grids as a multiple of the largest diameter, 0.5 to 16; at least 1.5 on the GPU.
+    /// Cell edge of the paper's grids as a multiple of the largest diameter, 0.5 to 16; the GPU takes less than 1.5 for 1.5.
     /// Default: [`Settings::RASTER_RATIO`] on the CPU,
     /// [`GpuSettings::RASTER_RATIO`](crate::gpu::GpuSettings::RASTER_RATIO) on the GPU, from measured sweeps.
     pub fn raster_ratio(mut self, ratio: f32) -> Self {

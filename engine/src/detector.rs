@@ -44,7 +44,7 @@ impl Detector {
         let (own, backend_reason) = choice::backend(config.backend, config.settings.algorithm, open)?;
         log::info!("{backend_reason}");
         let engine = match own {
-            Some(own) => Engine::Device(Box::new(DeviceDetector::new(own, config, backend_reason.clone())?)),
+            Some(own) => Engine::Device(Box::new(DeviceDetector::new(own, config)?)),
             None => Engine::Host(Box::new(HostDetector::new(config.settings)?)),
         };
         Ok(Self { engine, backend_reason })
@@ -110,26 +110,32 @@ impl Detector {
 
     /// What the last call did and why; before the first call, what is known by then.
     pub fn report(&self) -> Report {
-        let host = match &self.engine {
-            Engine::Host(host) => host.report(),
-            Engine::Device(device) => return device.report().clone(),
+        let mut report = match &self.engine {
+            Engine::Device(device) => device.report().clone(),
+            Engine::Host(host) => {
+                let host = host.report();
+                Report {
+                    spheres: host.spheres,
+                    pairs: host.pairs,
+                    backend: Backend::Cpu,
+                    adapter: None,
+                    algorithm: host.algorithm,
+                    reason: host.reason.clone(),
+                    phases: host.phases.clone(),
+                }
+            }
         };
-        let reason = match host.reason.as_str() {
+        report.reason = match report.reason.as_str() {
             "" => self.backend_reason.clone(),
             reason => format!("{}; {reason}", self.backend_reason),
         };
-        Report {
-            spheres: host.spheres,
-            pairs: host.pairs,
-            backend: Backend::Cpu,
-            adapter: None,
-            algorithm: host.algorithm,
-            reason,
-            phases: host.phases.clone(),
-        }
+        report
     }
 
-    /// An upper estimate of the bytes this detector holds for `spheres` spheres, besides the result.
+    /// An estimate of the bytes this detector holds for `spheres` spheres, besides the result; on the CPU an upper one.
+    /// On a GPU it counts eight (cell, sphere) entries per sphere, the most on one level. Where spheres of many sizes
+    /// crowd together several levels may have more: ten sizes at one point about 44, for which there is made room,
+    /// 16 bytes each, when a call needs it, and counted from then on.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         match &self.engine {
             Engine::Host(host) => host.memory_for(spheres),

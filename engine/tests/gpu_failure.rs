@@ -173,7 +173,18 @@ fn run_out_of_memory() {
     };
     allow(&limit.to_string());
     let refused = detector.count(&many);
+    // Memory is still short, and few spheres still fit.
+    let found = detector.pairs(&few).map(<[_]>::to_vec);
+    // 15 million pairs do not.
+    let crowd = vec![Sphere::new([1.0; 3], 0.5); 5500];
+    let crowded = detector.pairs(&crowd).map(<[_]>::len);
+    let found_then = detector.pairs(&few).map(<[_]>::to_vec);
     allow("unlimited");
-    assert!(matches!(refused, Err(Error::Gpu(GpuError::OutOfMemory { .. }))), "{refused:?}");
+    for refused in [refused, crowded.map(|n| n as u64)] {
+        assert!(matches!(refused, Err(Error::Gpu(GpuError::OutOfMemory { .. }))), "{refused:?}");
+    }
+    for found in [found, found_then] {
+        assert!(found.as_ref() == Ok(&expected), "{:?}", found.map(|pairs| pairs.len()));
+    }
     assert_eq!(detector.pairs(&few).expect("found"), expected);
 }

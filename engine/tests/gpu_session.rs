@@ -5,7 +5,7 @@ mod common;
 use std::ops::ControlFlow;
 
 use common::{Random, device};
-use lazygrid::gpu::{GpuError, GpuSession, GpuSettings};
+use lazygrid::gpu::{GpuDevice, GpuError, GpuSession, GpuSettings, wgpu};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, Sphere, Spheres};
 
 /// Radii and places are multiples of a power of two, so that no rounding happens and results agree exactly.
@@ -26,6 +26,18 @@ fn expected(spheres: &[Sphere]) -> Vec<Pair> {
 
 fn gpu(config: Config) -> Detector {
     Detector::new(config.backend(Backend::Gpu)).expect("an adapter")
+}
+
+/// The same adapter with storage bindings of no more than so many bytes.
+fn with_bindings_of(own: &GpuDevice, bytes: u64) -> GpuDevice {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    let same = adapters.into_iter().find(|adapter| adapter.get_info().name == own.adapter.name);
+    let adapter = same.expect("the adapter");
+    let limits = wgpu::Limits { max_storage_buffer_binding_size: bytes, ..adapter.limits() };
+    let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
+    GpuDevice::lent(&device, &queue)
 }
 
 #[test]
@@ -161,6 +173,107 @@ fn crowded_searches_go_on_over_several_submissions() {
         let found = session.finish_count(before).expect("counted");
         assert_eq!(found, expected(&scenes[0]).len() as u64, "{algorithm}");
     }
+}
+
+/// Groups that LazyGrid settles in one cell and EagerGrid hands down over twenty levels, for which a first call has no
+/// room; and a crowd, which takes several submissions.
+#[test]
+fn a_call_that_is_repeated_keeps_its_algorithm_and_its_pairs() {
+    let Some(own) = device() else { return };
+    let mut spheres = vec![Sphere::new([-9.0; 3], 0.5); 900];
+    let mut random = Random(7);
+    for group in 0..100 {
+        let corner = [group % 5, group / 5 % 5, group / 25].map(|k| k as f32 * 4.0);
+        let center = corner.map(|at| at + (random.word() % 64) as f32 / 64.0);
+        spheres.extend((0..50).map(|k| Sphere::new(center, 0.5_f32.powi(1 + k % 20))));
+    }
+    let other = cloud(5, 3000, 10);
+    let (wanted, wanted_of_other) = (expected(&spheres), expected(&other));
+    for [first, then] in
+        [[Algorithm::LazyGrid, Algorithm::EagerGrid], [Algorithm::EagerGrid, Algorithm::LazyGrid]]
+    {
+        let settings = GpuSettings { algorithm: first, ..GpuSettings::default() };
+        let mut session = GpuSession::new(own.clone(), settings).expect("made");
+        session.set_part_tests(1);
+        let before = session.begin(Spheres::from(&spheres)).expect("begun");
+        session.set_algorithm(then).expect("on the GPU");
+        let next = session.begin(Spheres::from(&other)).expect("begun");
+        let mut pairs = session.finish(before, u64::MAX).expect("found").to_vec();
+        pairs.sort_unstable();
+        assert!(pairs == wanted, "{first}: {} of {}", pairs.len(), wanted.len());
+        assert_eq!(session.algorithm(), first);
+        assert!(session.outcome().crowded > 2, "it came in parts");
+        let mut pairs = session.finish(next, u64::MAX).expect("found").to_vec();
+        pairs.sort_unstable();
+        assert!(pairs == wanted_of_other, "{then}");
+    }
+}
+
+/// Twenty sizes at one point have more entries than the device can bind, however coarse the raster; one level has not.
+#[test]
+fn where_levels_do_not_fit_one_level_serves() {
+    let Some(own) = device() else { return };
+    let own = with_bindings_of(&own, 256 << 10);
+    let n = 2000_u64;
+    let spheres: Vec<_> = (0..n as i32).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
+    let settings =
+        GpuSettings { algorithm: Algorithm::LazyGrid, pair_capacity: 1 << 14, ..GpuSettings::default() };
+    let mut session = GpuSession::new(own, settings).expect("made");
+    for _ in 0..2 {
+        let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+        assert_eq!(session.finish_count(ticket), Ok(n * (n - 1) / 2));
+        assert_eq!(session.algorithm(), Algorithm::ArrayGrid);
+    }
+    // The next call is tried with all levels again.
+    let few = cloud(6, 1000, 8);
+    let ticket = session.begin(Spheres::from(&few)).expect("begun");
+    assert_eq!(session.finish_count(ticket), Ok(expected(&few).len() as u64));
+    assert_eq!(session.algorithm(), Algorithm::LazyGrid);
+}
+
+/// More pairs of one sphere than the output held at first.
+#[test]
+fn a_stream_of_a_giant_among_grains_makes_room() {
+    let Some(own) = device() else { return };
+    let grain = |k: u32| [k % 20, k / 20 % 20, k / 400].map(|at| at as f32);
+    let mut spheres = vec![Sphere::new([10.0; 3], 50.0)];
+    spheres.extend((0..8000).map(|k| Sphere::new(grain(k), 0.25)));
+    let settings = GpuSettings { pair_capacity: 500, ..GpuSettings::default() };
+    let mut session = GpuSession::new(own, settings).expect("made");
+    let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+    let mut handed = Vec::new();
+    let streamed = session.finish_in_parts(ticket, |pairs| {
+        handed.append(pairs);
+        ControlFlow::Continue(())
+    });
+    handed.sort_unstable();
+    assert_eq!((streamed, handed == expected(&spheres)), (Ok(()), true));
+}
+
+/// Room that one call needed is not asked for by calls of fewer spheres.
+#[test]
+fn room_for_entries_is_for_calls_of_that_size() {
+    let Some(own) = device() else { return };
+    let spheres: Vec<_> = (0..3000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 15))).collect();
+    let settings = GpuSettings { algorithm: Algorithm::EagerGrid, ..GpuSettings::default() };
+    let mut session = GpuSession::new(own, settings).expect("made");
+    let memory = |session: &GpuSession, n| session.memory_for(n).expect("fits");
+    let [few, same] = [30, 3000].map(|n| memory(&session, n));
+    let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+    assert_eq!(session.finish_count(ticket), Ok(3000 * 2999 / 2));
+    assert!(memory(&session, 3000) > same + 3000 * 8 * 16, "there is more room at that size");
+    assert!(memory(&session, 30) < few + (64 << 10), "{} instead of {few}", memory(&session, 30));
+}
+
+/// It is asked of `Auto` what `Auto` would do, whatever the last call took.
+#[test]
+fn memory_is_told_for_what_was_asked() {
+    let Some(_) = device() else { return };
+    let mut detector = gpu(Config::default());
+    let before = detector.memory_for(1_000_000);
+    detector.count(&cloud(8, 100, 4)).expect("counted");
+    assert_eq!(detector.report().algorithm, Algorithm::Naive);
+    assert_eq!(detector.memory_for(1_000_000), before);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use lazygrid::gpu::GpuError;
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, InputError, Interaction, Interactions, Sphere, Spheres,
 };
@@ -123,9 +124,20 @@ fn columns_of_different_lengths() {
 #[test]
 fn settings_out_of_range() {
     let refused = |config: Config| Detector::new(config.backend(Backend::Cpu)).expect_err("refused");
-    for ratio in [0.49, 16.01, f32::NAN, f32::INFINITY, -1.0] {
-        let error = refused(Config::default().raster_ratio(ratio));
-        assert!(matches!(error, Error::Host(HostError::Setting { name: "raster_ratio", .. })), "{error:?}");
+    for subject in Subject::each_algorithm() {
+        let with = |ratio| Detector::new(subject.config().raster_ratio(ratio));
+        for ratio in [0.49, 0.1, 16.01, f32::NAN, f32::INFINITY, -1.0] {
+            let Err(error) = with(ratio) else { panic!("{subject}: {ratio} is accepted") };
+            let known = matches!(
+                error,
+                Error::Host(HostError::Setting { name: "raster_ratio", .. })
+                    | Error::Gpu(GpuError::Setting { name: "raster_ratio", .. })
+            );
+            assert!(known && error.to_string().contains(&ratio.to_string()), "{subject}: {error:?}");
+        }
+        for ratio in [0.5, 16.0] {
+            assert!(with(ratio).is_ok(), "{subject}: {ratio} is refused");
+        }
     }
     let error = refused(Config::default().threads(0));
     assert!(matches!(error, Error::Host(HostError::Setting { name: "threads", .. })), "{error:?}");

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use lazygrid::{Algorithm, Config, Detector, Error, Order, Sphere};
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Sphere};
 use lazygrid_host::Error as HostError;
 use lazygrid_tests::Subject;
 
@@ -13,7 +13,7 @@ fn coincident(n: usize) -> Vec<Sphere> {
 #[test]
 fn half_a_million_coincident_spheres_are_counted_exactly() {
     let spheres = coincident(500_000);
-    let mut detector = Detector::new(Config::default()).expect("a detector");
+    let mut detector = Detector::new(Config::default().backend(Backend::Cpu)).expect("a detector");
     assert_eq!(detector.count(&spheres), Ok(124_999_750_000));
     assert_eq!(detector.report().algorithm, Algorithm::CellList);
 }
@@ -21,7 +21,8 @@ fn half_a_million_coincident_spheres_are_counted_exactly() {
 #[test]
 fn a_stream_of_half_a_million_coincident_spheres_can_be_stopped() {
     let spheres = coincident(500_000);
-    let mut detector = Detector::new(Config::default().order(Order::Unordered)).expect("a detector");
+    let config = Config::default().backend(Backend::Cpu).order(Order::Unordered);
+    let mut detector = Detector::new(config).expect("a detector");
     let mut received = 0;
     let handed = detector.stream(&spheres, 1000, |pairs| {
         received += pairs.len() as u64;

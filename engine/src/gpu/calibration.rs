@@ -36,10 +36,13 @@ impl Crossover {
     /// cores, rounded.
     pub const SOFTWARE: Self = Self { naive_below: 500, per_class: 0 };
 
-    /// For spheres of so many size classes.
+    /// The most that can be measured: twice the most spheres that [`calibrate`] tries.
+    pub const MOST: u32 = 2 * SIZES[SIZES.len() - 1];
+
+    /// For spheres of so many size classes; at most [`Crossover::MOST`], as all pairs of many more take minutes.
     pub fn of(self, classes: usize) -> u32 {
         let further = u32::try_from(classes.saturating_sub(1)).unwrap_or(u32::MAX);
-        self.naive_below.saturating_add(self.per_class.saturating_mul(further))
+        self.naive_below.saturating_add(self.per_class.saturating_mul(further)).min(Self::MOST)
     }
 }
 
@@ -115,7 +118,8 @@ pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calib
 }
 
 fn session(own: &GpuDevice, algorithm: Algorithm) -> Result<GpuSession, GpuError> {
-    GpuSession::new(own.clone(), GpuSettings { algorithm, ..GpuSettings::default() })
+    // Timed, as the calls of a `Detector` are.
+    GpuSession::new(own.clone(), GpuSettings { algorithm, timed: true, ..GpuSettings::default() })
 }
 
 fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, GpuError> {
@@ -134,7 +138,7 @@ fn crossing(samples: &[Sample]) -> u32 {
         return samples.first().map_or(0, |first| first.spheres);
     };
     let Some(next) = samples.get(last + 1) else {
-        return samples[last].spheres.saturating_mul(2);
+        return (2 * samples[last].spheres).min(Crossover::MOST);
     };
     let (here, there) = (lead(&samples[last]), lead(next));
     let [from, to] = [&samples[last], next].map(|sample| f64::from(sample.spheres).ln());

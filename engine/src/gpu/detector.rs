@@ -31,8 +31,7 @@ const KEPT_RECORDINGS: usize = 4;
 pub struct GpuDetector {
     device: wgpu::Device,
     settings: GpuSettings,
-    /// Entries there is to be room for at least.
-    entry_capacity: u32,
+    entry_room: EntryRoom,
     /// See [`Call::part_tiles`].
     part_tiles: u32,
     pipelines: Pipelines,
@@ -40,6 +39,30 @@ pub struct GpuDetector {
     tables: Option<Tables>,
     prepared: Option<Prepared>,
     timer: Option<Timer>,
+}
+
+/// Entries there is to be room for at least, by the binary digits of the spheres of the call that needed them: in
+/// calls of as many digits or more.
+#[derive(Clone, Copy, Debug)]
+struct EntryRoom([u32; u32::BITS as usize + 1]);
+
+impl EntryRoom {
+    const NONE: Self = Self([0; u32::BITS as usize + 1]);
+
+    fn digits(spheres: u32) -> usize {
+        (u32::BITS - spheres.leading_zeros()) as usize
+    }
+
+    fn of(&self, spheres: u32) -> u32 {
+        self.0[..=Self::digits(spheres)].iter().copied().max().unwrap_or_default()
+    }
+}
+
+/// What was raised for calls that needed more, to be restored where the device has not so much.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Raised {
+    entries: EntryRoom,
+    pairs: u32,
 }
 
 /// Everything that depends on the size of a call.
@@ -88,7 +111,7 @@ impl GpuDetector {
             prepared: None,
             timer,
             settings,
-            entry_capacity: 0,
+            entry_room: EntryRoom::NONE,
             part_tiles: u32::MAX,
         })
     }
@@ -109,7 +132,7 @@ impl GpuDetector {
         let species = self.settings.interactions.as_ref().map_or(0, Interactions::species);
         let GpuSettings { algorithm, crossover, pair_capacity: pairs, .. } = self.settings;
         let (algorithm, _) = choice::algorithm(algorithm, (spheres, 1), (crossover, "given"));
-        let (entries, periodic) = (self.entry_capacity, self.settings.space.is_periodic());
+        let (entries, periodic) = (self.entry_room.of(spheres), self.settings.space.is_periodic());
         let request = Request { spheres, pairs, entries, algorithm, species, periodic };
         plan(&request, &DeviceLimits::of(&self.device))
     }
@@ -151,13 +174,32 @@ impl GpuDetector {
     }
 
     /// Makes room for at least so many (cell, object) entries, as [`Outcome::entries`] tells after a call that had
-    /// too little, and for some more; the next call allocates anew. False where the device cannot hold them.
+    /// too little, and for some more; the next call allocates anew. Calls of less than half
+    /// as many spheres do without. False where the device cannot hold them.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
+        let spheres = self.plan().map_or(0, |plan| plan.spheres);
+        self.raise_entries(entries, spheres)
+    }
+
+    /// As [`set_entry_capacity`](Self::set_entry_capacity), for a call of so many spheres.
+    pub(crate) fn raise_entries(&mut self, entries: u64, spheres: u32) -> bool {
         let most = most_entries(&DeviceLimits::of(&self.device));
-        let wanted = entries.saturating_add(entries / 8).min(most.max(entries));
-        let fits = u32::try_from(wanted).ok().filter(|&wanted| u64::from(wanted) <= most);
-        self.entry_capacity = fits.unwrap_or(self.entry_capacity);
-        fits.is_some()
+        if entries > most {
+            return false;
+        }
+        // Below 2³⁰, the most that there are anywhere.
+        self.entry_room.0[EntryRoom::digits(spheres)] = (entries + entries / 8).min(most) as u32;
+        true
+    }
+
+    /// What [`set_room`](Self::set_room) restores.
+    pub(crate) fn room(&self) -> Raised {
+        Raised { entries: self.entry_room, pairs: self.settings.pair_capacity }
+    }
+
+    pub(crate) fn set_room(&mut self, room: Raised) {
+        self.entry_room = room.entries;
+        self.settings.pair_capacity = room.pairs;
     }
 
     /// Changes which algorithm later calls use; see [`GpuSettings::algorithm`].
@@ -165,10 +207,8 @@ impl GpuDetector {
     /// # Errors
     /// [`GpuError::NotOnGpu`] for one without kernels.
     pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), GpuError> {
-        let settings = GpuSettings { algorithm, ..self.settings.clone() };
-        check(&settings)?;
-        self.settings = settings;
-        Ok(())
+        let before = std::mem::replace(&mut self.settings.algorithm, algorithm);
+        check(&self.settings).inspect_err(|_| self.settings.algorithm = before)
     }
 
     /// Has later calls end before their crowded search is done, where it is more than so many distance tests:
@@ -190,10 +230,8 @@ impl GpuDetector {
     /// # Errors
     /// [`GpuError::Setting`] where it is out of range.
     pub fn set_raster_ratio(&mut self, ratio: f32) -> Result<(), GpuError> {
-        let settings = GpuSettings { raster_ratio: ratio, ..self.settings.clone() };
-        check(&settings)?;
-        self.settings = settings;
-        Ok(())
+        let before = std::mem::replace(&mut self.settings.raster_ratio, ratio);
+        check(&self.settings).inspect_err(|_| self.settings.raster_ratio = before)
     }
 
     /// Records the detection. Nothing is submitted, polled or read back; after the first call of a size nothing of

@@ -20,18 +20,17 @@ pub(crate) struct DeviceDetector {
     lists: Lists,
     pairs: Vec<Pair>,
     report: Report,
-    backend_reason: String,
 }
 
 impl DeviceDetector {
-    pub(crate) fn new(own: GpuDevice, config: Config, reason: String) -> Result<Self, Error> {
+    pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
         let settings = config.settings;
         let crossover = choice::crossover(&config.calibrations, &own.adapter);
-        let ratio = config.raster_ratio.unwrap_or(GpuSettings::RASTER_RATIO);
+        let ratio = raster_ratio(config.raster_ratio)?;
         let gpu = GpuSettings {
             algorithm: settings.algorithm,
             crossover: crossover.0,
-            raster_ratio: ratio.max(GpuSettings::MIN_RASTER_RATIO),
+            raster_ratio: ratio,
             tau: config.tau.unwrap_or(GpuSettings::TAU),
             interactions: settings.interactions.clone(),
             space: settings.space,
@@ -44,12 +43,12 @@ impl DeviceDetector {
             backend: Backend::Gpu,
             adapter: Some(own.adapter.name.clone()),
             algorithm: settings.algorithm,
-            reason: reason.clone(),
+            reason: String::new(),
             phases: Vec::new(),
         };
         let session = GpuSession::new(own, gpu)?;
         let (canonical, lists, pairs) = Default::default();
-        Ok(Self { session, settings, crossover, canonical, lists, pairs, report, backend_reason: reason })
+        Ok(Self { session, settings, crossover, canonical, lists, pairs, report })
     }
 
     pub(crate) fn pairs(&mut self, spheres: Spheres<'_>) -> Result<&[Pair], Error> {
@@ -141,18 +140,34 @@ impl DeviceDetector {
         let (algorithm, reason) = choice::algorithm(self.settings.algorithm, load, self.crossover);
         log::debug!("{reason}");
         self.report.algorithm = algorithm;
-        self.report.reason = format!("{}; {reason}", self.backend_reason);
+        self.report.reason = reason;
         let start = Instant::now();
-        self.session.set_algorithm(algorithm)?;
-        let ticket = self.session.begin(spheres)?;
+        let ticket = self.session.begin_with(algorithm, spheres)?;
         self.report.phases.push(Phase { name: "upload", time: start.elapsed() });
         Ok(ticket)
     }
 
     fn conclude(&mut self, found: u64) {
         self.report.pairs = found;
+        let ran = self.session.algorithm();
+        if ran != self.report.algorithm {
+            let instead = choice::one_level(ran, self.report.algorithm);
+            log::info!("{instead}");
+            self.report.algorithm = ran;
+            self.report.reason += &format!("; {instead}");
+        }
         self.report.phases.extend_from_slice(self.session.timings());
     }
+}
+
+/// The raster ratio that was `asked` for, as near as the GPU comes to it.
+fn raster_ratio(asked: Option<f32>) -> Result<f32, GpuError> {
+    let ratio = asked.unwrap_or(GpuSettings::RASTER_RATIO);
+    if Config::RASTER_RATIOS.contains(&ratio) {
+        return Ok(ratio.max(GpuSettings::MIN_RASTER_RATIO));
+    }
+    let range = "choose between 0.5 and 16";
+    Err(GpuError::Setting { name: "raster_ratio", value: ratio.to_string(), range })
 }
 
 fn parts(pairs: &[Pair]) -> Vec<&[Pair]> {
@@ -167,5 +182,36 @@ impl From<GpuError> for Error {
             }
             other => Self::Gpu(other),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::{Algorithm, Sphere};
+
+    use super::*;
+    use crate::gpu::wgpu;
+
+    /// Twenty sizes at one point, on a device that can bind a tenth of their entries.
+    #[test]
+    fn a_report_says_why_one_level_had_to_do() {
+        let own = match GpuDevice::open(true) {
+            Err(GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => return,
+            own => own.expect("a device"),
+        };
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        let adapter = adapters.into_iter().find(|a| a.get_info().name == own.adapter.name).expect("the same");
+        // Room for the default output of 2²⁰ pairs, and for 2²¹ entries.
+        let limits = wgpu::Limits { max_storage_buffer_binding_size: 8 << 20, ..adapter.limits() };
+        let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
+        let spheres: Vec<_> = (0..26_000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
+        let config = Config::default().backend(Backend::Gpu).algorithm(Algorithm::LazyGrid);
+        let mut detector = DeviceDetector::new(GpuDevice::lent(&device, &queue), config).expect("made");
+        assert_eq!(detector.count(Spheres::from(&spheres)), Ok(26_000 * 25_999 / 2));
+        let report = detector.report();
+        assert_eq!(report.algorithm, Algorithm::ArrayGrid);
+        assert!(report.reason.contains("array-grid instead of lazy-grid: the entries"), "{}", report.reason);
     }
 }

@@ -14,6 +14,7 @@ use super::mapping::{Mapping, Wait};
 use super::plan::Phase;
 use super::scope::scoped;
 use super::slot::{Returned, Slot, copy_back, staged_pairs};
+use repeat::Way;
 
 mod repeat;
 
@@ -21,8 +22,7 @@ mod repeat;
 const SLOTS: usize = 2;
 /// Pairs that the first call brings back together with their number.
 const FIRST_PAIRS: u64 = 1 << 12;
-
-/// See [`GpuSession::set_part_tests`].
+/// Distance tests of crowded cells in one submission, by default.
 const PART_TESTS: u64 = 1 << 34;
 
 /// Host in, host out: uploads, detects, reads back, and repeats what did not fit.
@@ -33,12 +33,15 @@ const PART_TESTS: u64 = 1 << 34;
 pub struct GpuSession {
     own: GpuDevice,
     detector: GpuDetector,
-    raster_ratio: f32,
+    /// How calls run that are begun from now on.
+    asked: Way,
     timeout: Duration,
     slots: [Slot; SLOTS],
+    /// How the call in each slot runs.
+    ways: [Way; SLOTS],
     begun: u64,
-    /// The call whose work is in the detector's buffers.
-    launched: u64,
+    /// The call whose work is in the detector's buffers, if any is.
+    launched: Option<u64>,
     flights: [Option<Flight>; SLOTS],
     tickets: [Weak<()>; SLOTS],
     expected: u64,
@@ -95,18 +98,19 @@ impl GpuSession {
     /// # Errors
     /// As [`GpuDetector::new`].
     pub fn new(own: GpuDevice, settings: GpuSettings) -> Result<Self, GpuError> {
-        let raster_ratio = settings.raster_ratio;
+        let asked = Way { algorithm: settings.algorithm, raster_ratio: settings.raster_ratio };
         let mut detector = GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)
             .map_err(|error| own.reason(error))?;
         detector.set_part_tests(PART_TESTS);
         Ok(Self {
-            raster_ratio,
+            asked,
             detector,
             own,
             timeout: Duration::from_secs(600),
             slots: Default::default(),
+            ways: [asked; SLOTS],
             begun: 0,
-            launched: u64::MAX,
+            launched: None,
             flights: Default::default(),
             tickets: Default::default(),
             expected: FIRST_PAIRS,
@@ -138,10 +142,13 @@ impl GpuSession {
     /// # Errors
     /// [`GpuError::NotOnGpu`] for one without kernels.
     pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), GpuError> {
-        self.detector.set_algorithm(algorithm)
+        self.detector.set_algorithm(algorithm)?;
+        self.asked.algorithm = algorithm;
+        Ok(())
     }
 
-    /// The algorithm of the last call; `Auto` before the first.
+    /// The algorithm of the call that was worked on last, which is ArrayGrid in place of several levels where their
+    /// entries do not fit the device; `Auto` before the first.
     pub fn algorithm(&self) -> Algorithm {
         self.detector.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
     }
@@ -156,7 +163,8 @@ impl GpuSession {
         &self.timings
     }
 
-    /// Bytes of device memory for calls of up to `spheres` spheres, input and way back included.
+    /// Bytes of device memory for calls of up to `spheres` spheres, input and way back included: with room for eight
+    /// entries per sphere, or more where a call needed more; see [`Outcome::entries`].
     ///
     /// # Errors
     /// [`GpuError::LimitExceeded`] where the device cannot hold it.
@@ -175,6 +183,15 @@ impl GpuSession {
     /// # Errors
     /// [`GpuError::Busy`] with two calls in flight already; otherwise as [`GpuDetector::encode`].
     pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, GpuError> {
+        self.begin_with(self.asked.algorithm, spheres)
+    }
+
+    /// As [`begin`](Self::begin), with another algorithm for this call.
+    pub(crate) fn begin_with(
+        &mut self,
+        algorithm: Algorithm,
+        spheres: Spheres<'_>,
+    ) -> Result<Ticket, GpuError> {
         for (flight, ticket) in self.flights.iter_mut().zip(&self.tickets) {
             if ticket.strong_count() == 0 {
                 *flight = None;
@@ -186,6 +203,7 @@ impl GpuSession {
             return Err(GpuError::Busy { calls: SLOTS });
         };
         self.slots[slot_of(number)].upload(&self.own, spheres).map_err(|error| self.own.reason(error))?;
+        self.ways[slot_of(number)] = Way { algorithm, ..self.asked };
         self.launch(number, Work::Call(GpuSpheres::ALL))?;
         self.begun = number + 1;
         let held = Arc::new(());
@@ -223,10 +241,11 @@ impl GpuSession {
     }
 
     /// Hands the pairs of a call over in parts whose smaller indices ascend from part to part; within a part they
-    /// are unordered. Memory stays bounded by the output's capacity.
+    /// are unordered. Memory stays bounded by the output's capacity, which grows only where it does not hold the pairs
+    /// of a single sphere.
     ///
     /// # Errors
-    /// Where the device fails, or where the pairs of a single sphere do not fit the output.
+    /// Where the device fails, or where it cannot hold the pairs of a single sphere.
     pub fn finish_in_parts(
         &mut self,
         ticket: Ticket,
@@ -254,13 +273,9 @@ impl GpuSession {
         if found == self.pairs.len() as u64 {
             return Ok(());
         }
-        self.expected = found.next_power_of_two();
-        if found > u64::from(self.capacity()) {
-            self.detector.set_pair_capacity(self.largest_capacity().min(found.next_power_of_two()) as u32);
-        }
-        if found <= u64::from(self.capacity()) {
+        if found <= self.largest_capacity().max(self.capacity().into()) {
             self.pairs.clear();
-            self.launch(number, Work::Call(GpuSpheres::ALL))?;
+            self.repeat_for_pairs(number, GpuSpheres::ALL, found)?;
             self.settle(number, GpuSpheres::ALL, wait).await?;
             return Ok(());
         }
@@ -291,7 +306,7 @@ impl GpuSession {
     }
 
     fn submit(&mut self, number: u64, work: Work) -> Result<(), GpuError> {
-        let Self { own, detector, slots, expected, .. } = self;
+        let Self { own, detector, slots, ways, asked, expected, .. } = self;
         let slot = &mut slots[number as usize % SLOTS];
         let capacity = detector.pair_capacity();
         let staged = (*expected).min(capacity.into());
@@ -302,9 +317,14 @@ impl GpuSession {
         let timed = matches!(work, Work::Call(_)) && detector.ticks().is_some();
         match work {
             Work::Call(window) => {
+                // Whatever comes of it, nothing of an earlier call is left to go on with.
+                self.launched = None;
                 let species = slot.species.as_ref().filter(|_| detector.has_interactions());
                 let input = GpuSpheres { spheres: &spheres, count: Count::Host(slot.count), species, window };
-                detector.encode(&mut encoder, &input)?;
+                let way = &ways[number as usize % SLOTS];
+                let encoded = way.set(detector).and_then(|()| detector.encode(&mut encoder, &input));
+                asked.set(detector)?;
+                encoded?;
             }
             Work::Rest => detector.encode_rest(&mut encoder),
         }
@@ -316,7 +336,7 @@ impl GpuSession {
         own.check_lost()?;
         let device = own.device.clone();
         let flight = Flight { number, device, submission, staging, mapping, staged, capacity, timed };
-        self.launched = number;
+        self.launched = Some(number);
         self.flights[number as usize % SLOTS] = Some(flight);
         Ok(())
     }

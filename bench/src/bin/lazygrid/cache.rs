@@ -29,7 +29,7 @@ struct Entry {
 /// What was kept. A file that cannot be read or makes no sense is worth a warning, and otherwise as good as none.
 pub(crate) fn load() -> Vec<Calibration> {
     let Some(path) = path() else { return Vec::new() };
-    match read(&path) {
+    match read(&path).and_then(checked) {
         Ok(kept) => kept.calibrations.into_iter().map(Calibration::from).collect(),
         Err(error) => {
             log::warn!(
@@ -73,6 +73,17 @@ fn read(path: &Path) -> io::Result<Kept> {
     }
 }
 
+/// Refuses what no calibration can have measured: with it, all pairs of millions of spheres would be tested.
+fn checked(kept: Kept) -> io::Result<Kept> {
+    let most = Crossover::MOST;
+    match kept.calibrations.iter().find(|entry| entry.naive_below.max(entry.per_class) > most) {
+        None => Ok(kept),
+        Some(Entry { adapter, naive_below, per_class, .. }) => Err(io::Error::other(format!(
+            "naive_below {naive_below} and per_class {per_class} of {adapter} cannot have been measured, at most {most}"
+        ))),
+    }
+}
+
 impl From<Entry> for Calibration {
     fn from(entry: Entry) -> Self {
         let Entry { adapter, driver, lazygrid: version, naive_below, per_class } = entry;
@@ -85,5 +96,26 @@ impl From<Calibration> for Entry {
         let Calibration { adapter, driver, version: lazygrid, crossover } = measured;
         let Crossover { naive_below, per_class } = crossover;
         Self { adapter, driver, lazygrid, naive_below, per_class }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_cannot_have_been_measured_is_refused() {
+        for (naive_below, per_class, good) in [
+            (0, 0, true),
+            (Crossover::MOST, Crossover::MOST, true),
+            (Crossover::MOST + 1, 0, false),
+            (4_000_000_000, 0, false),
+            (100, u32::MAX, false),
+        ] {
+            let [adapter, driver, lazygrid] = [(); 3].map(|()| String::new());
+            let kept =
+                Kept { calibrations: vec![Entry { adapter, driver, lazygrid, naive_below, per_class }] };
+            assert_eq!(checked(kept).is_ok(), good, "{naive_below}, {per_class}");
+        }
     }
 }

@@ -3,16 +3,43 @@
 
 use std::ops::{ControlFlow, Range};
 
-use lazygrid_kernels::Pair;
 use lazygrid_kernels::layout::Outcome;
+use lazygrid_kernels::{Algorithm, Pair};
 
 use super::{GpuSession, SLOTS, Work};
+use crate::gpu::detector::{GpuDetector, Raised};
 use crate::gpu::mapping::Wait;
 use crate::gpu::{GpuError, GpuSettings};
 
+/// How a call runs: as it was begun, or as it was last repeated for want of room.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Way {
+    pub(super) algorithm: Algorithm,
+    pub(super) raster_ratio: f32,
+}
+
+impl Way {
+    pub(super) fn set(self, detector: &mut GpuDetector) -> Result<(), GpuError> {
+        detector.set_algorithm(self.algorithm)?;
+        detector.set_raster_ratio(self.raster_ratio)
+    }
+
+    /// The way with fewer entries in which to repeat a call of `ran`: on a coarser raster, at last on a single level from
+    /// the raster on that was `asked` for. For coincident spheres only that helps: they have eight entries on each
+    /// of the levels down to their own, however coarse these are.
+    fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
+        if self.raster_ratio < GpuSettings::MAX_RASTER_RATIO {
+            let raster_ratio = (self.raster_ratio * 2.0).min(GpuSettings::MAX_RASTER_RATIO);
+            return Some(Self { raster_ratio, ..self });
+        }
+        let one_level = Self { algorithm: Algorithm::ArrayGrid, raster_ratio: asked };
+        matches!(ran, Algorithm::EagerGrid | Algorithm::LazyGrid).then_some(one_level)
+    }
+}
+
 impl GpuSession {
-    /// Waits for a call and appends the pairs that came back; repeats it with more room for entries, or
-    /// with a coarser raster, where they found none.
+    /// Waits for a call and appends the pairs that came back. Repeats it with more room for entries, or with fewer of
+    /// them, where they did not fit; and goes on with a crowded search that was too much for one submission.
     pub(super) async fn settle(
         &mut self,
         number: u64,
@@ -20,57 +47,63 @@ impl GpuSession {
         wait: Wait,
     ) -> Result<Outcome, GpuError> {
         self.timings.clear();
-        let mut ratio = self.raster_ratio;
         loop {
             let outcome = self.land(number, wait).await.map_err(|error| self.own.reason(error))?;
             self.last = outcome;
-            if outcome.overflow & Outcome::ENTRIES == 0 {
-                return self.complete(number, window, outcome, wait).await;
+            if outcome.overflow & Outcome::ENTRIES != 0 {
+                self.pairs.clear();
+                self.repeat_for_entries(number, window.clone(), outcome.entries())?;
+            } else if !outcome.is_partial() {
+                return Ok(outcome);
+            } else {
+                // Those of all parts come with the last one.
+                self.pairs.clear();
+                let work = match self.launched == Some(number) {
+                    true => Work::Rest,
+                    // The call that was begun since has used the same buffers.
+                    false => Work::Call(window.clone()),
+                };
+                self.launch(number, work)?;
             }
-            self.pairs.clear();
-            if self.detector.set_entry_capacity(outcome.entries()) {
-                log::info!("{} entries do not fit: repeating with room for them", outcome.entries());
-                self.launch(number, Work::Call(window.clone()))?;
-                continue;
-            }
-            ratio *= 2.0;
-            if ratio > GpuSettings::MAX_RASTER_RATIO {
-                let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
-                let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");
-                return Err(GpuError::LimitExceeded { what, needed: outcome.entries(), limit, remedy });
-            }
-            log::info!("{} entries do not fit: repeating with raster ratio {ratio}", outcome.entries());
-            let relaunched = self
-                .detector
-                .set_raster_ratio(ratio)
-                .and_then(|()| self.launch(number, Work::Call(window.clone())));
-            self.detector.set_raster_ratio(self.raster_ratio)?;
-            relaunched?;
         }
     }
 
-    /// Goes on with a crowded search that was too much for one submission, part by part.
-    async fn complete(
+    fn repeat_for_entries(&mut self, number: u64, window: Range<u32>, entries: u64) -> Result<(), GpuError> {
+        let (slot, before) = (number as usize % SLOTS, self.detector.room());
+        if self.detector.raise_entries(entries, self.slots[slot].count) {
+            log::info!("{entries} entries do not fit: repeating with room for them");
+            return self.launch_with_room(number, window, before);
+        }
+        let Some(way) = self.ways[slot].with_fewer_entries(self.algorithm(), self.asked.raster_ratio) else {
+            let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
+            let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");
+            return Err(GpuError::LimitExceeded { what, needed: entries, limit, remedy });
+        };
+        let Way { algorithm, raster_ratio } = way;
+        log::info!("{entries} entries do not fit: repeating as {algorithm} with raster ratio {raster_ratio}");
+        self.ways[slot] = way;
+        self.launch(number, Work::Call(window))
+    }
+
+    /// Repeats a call of so many pairs with room for them.
+    pub(super) fn repeat_for_pairs(
         &mut self,
         number: u64,
         window: Range<u32>,
-        mut outcome: Outcome,
-        wait: Wait,
-    ) -> Result<Outcome, GpuError> {
-        if outcome.is_partial() && self.launched != number {
-            // The call that was begun since has used the same buffers.
-            self.launch(number, Work::Call(window))?;
-            self.pairs.clear();
-            outcome = self.land(number, wait).await.map_err(|error| self.own.reason(error))?;
+        found: u64,
+    ) -> Result<(), GpuError> {
+        let before = self.detector.room();
+        if found > u64::from(self.capacity()) {
+            // Below 2³² by the largest capacity.
+            self.detector.set_pair_capacity(self.largest_capacity().min(found.next_power_of_two()) as u32);
         }
-        while outcome.is_partial() {
-            self.launch(number, Work::Rest)?;
-            // Those of all parts come with the last one.
-            self.pairs.clear();
-            outcome = self.land(number, wait).await.map_err(|error| self.own.reason(error))?;
-        }
-        self.last = outcome;
-        Ok(outcome)
+        let expected = std::mem::replace(&mut self.expected, found.next_power_of_two());
+        self.launch_with_room(number, window, before).inspect_err(|_| self.expected = expected)
+    }
+
+    /// Repeats a call with more room than `before`. Where the device has not so much, later calls do not ask for it.
+    fn launch_with_room(&mut self, number: u64, window: Range<u32>, before: Raised) -> Result<(), GpuError> {
+        self.launch(number, Work::Call(window)).inspect_err(|_| self.detector.set_room(before))
     }
 
     /// Repeats a call for one window of smaller indices after another, each as large as the output holds.
@@ -82,7 +115,7 @@ impl GpuSession {
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), GpuError> {
         let count = self.slots[number as usize % SLOTS].count;
-        let capacity = u64::from(self.capacity());
+        let mut capacity = u64::from(self.capacity());
         self.expected = capacity;
         let mut width = (u64::from(count) * capacity / found.max(1)).clamp(1, u64::from(count)) as u32;
         let mut begin = 0;
@@ -90,17 +123,25 @@ impl GpuSession {
             let end = begin.saturating_add(width).min(count);
             self.pairs.clear();
             self.launch(number, Work::Call(begin..end))?;
-            let outcome = self.settle(number, begin..end, wait).await?;
-            if outcome.found() > capacity {
-                if width == 1 {
-                    let (needed, limit) = (outcome.found() * 8, capacity * 8);
-                    let (what, remedy) = ("the pairs of one sphere", "raise the pair capacity");
+            let mut found = self.settle(number, begin..end, wait).await?.found();
+            if found > capacity && end - begin == 1 {
+                let largest = self.largest_capacity();
+                if found > largest {
+                    let (needed, limit) = (found * 8, largest * 8);
+                    let (what, remedy) = ("the pairs of one sphere", "take a device with a larger limit");
                     return Err(GpuError::LimitExceeded { what, needed, limit, remedy });
                 }
-                width = width.div_ceil(2);
+                self.pairs.clear();
+                self.repeat_for_pairs(number, begin..end, found)?;
+                found = self.settle(number, begin..end, wait).await?.found();
+                capacity = u64::from(self.capacity());
+                self.expected = capacity;
+            }
+            if found > capacity {
+                width = (end - begin).div_ceil(2);
                 continue;
             }
-            if outcome.found() < capacity / 2 {
+            if found < capacity / 2 {
                 width = width.saturating_mul(2);
             }
             begin = end;
@@ -109,5 +150,31 @@ impl GpuSession {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use Algorithm::{ArrayGrid, LazyGrid};
+
+    use super::*;
+
+    #[test]
+    fn a_call_becomes_coarser_and_at_last_has_one_level() {
+        for (algorithm, ratio, expected) in [
+            (LazyGrid, 2.0, Some((LazyGrid, 4.0))),
+            (LazyGrid, 12.0, Some((LazyGrid, 16.0))),
+            (LazyGrid, 16.0, Some((ArrayGrid, 3.0))),
+            (Algorithm::EagerGrid, 16.0, Some((ArrayGrid, 3.0))),
+            (ArrayGrid, 3.0, Some((ArrayGrid, 6.0))),
+            (ArrayGrid, 16.0, None),
+        ] {
+            let way = Way { algorithm, raster_ratio: ratio };
+            let expected = expected.map(|(algorithm, raster_ratio)| Way { algorithm, raster_ratio });
+            assert_eq!(way.with_fewer_entries(algorithm, 3.0), expected, "{algorithm}, {ratio}");
+        }
+        // What `Auto` became is what counts.
+        let auto = Way { algorithm: Algorithm::Auto, raster_ratio: 16.0 };
+        assert!(auto.with_fewer_entries(LazyGrid, 2.0).is_some_and(|way| way.algorithm == ArrayGrid));
     }
 }
