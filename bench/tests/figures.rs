@@ -83,7 +83,7 @@ fn what_became_slower_is_said() {
     let [old, new] = ["old", "new"].map(|name| folder.path().join(name));
     lazygrid(["figures", "--smallest", "--only", "tau", "--runs", "5", "--out", path(&old)]).succeeds();
     let same = lazygrid(["compare", path(&old), path(&old)]).succeeds();
-    assert!(same.out.contains("0 broken, 0 slower, 0 faster"), "{}", same.out);
+    assert!(same.out.contains("0 broken, 0 lost, 0 slower, 0 faster"), "{}", same.out);
 
     let mut slow = results(&old);
     for time in slow["rows"][0]["wall"].as_array_mut().unwrap() {
