@@ -7,7 +7,7 @@ mod command;
 use std::fs;
 use std::path::Path;
 
-use command::lazygrid;
+use command::{Run, lazygrid};
 use serde_json::Value;
 
 fn read(folder: &Path, name: &str) -> String {
@@ -83,19 +83,37 @@ fn what_became_slower_is_said() {
     let [old, new] = ["old", "new"].map(|name| folder.path().join(name));
     lazygrid(["figures", "--smallest", "--only", "tau", "--runs", "5", "--out", path(&old)]).succeeds();
     let same = lazygrid(["compare", path(&old), path(&old)]).succeeds();
-    assert!(same.out.contains("0 broken, 0 slower, 0 faster"), "{}", same.out);
+    assert!(same.out.contains("0 broken, 0 lost, 0 slower, 0 faster"), "{}", same.out);
 
     let mut slow = results(&old);
     for time in slow["rows"][0]["wall"].as_array_mut().unwrap() {
         *time = (time.as_f64().unwrap() * 100.0).into();
     }
     slow["rows"][1]["status"] = "error".into();
+    slow["rows"].as_array_mut().unwrap().remove(2);
     fs::create_dir(&new).unwrap();
     fs::write(new.join("results.json"), slow.to_string()).unwrap();
     let changed = lazygrid(["compare", path(&old), path(&new)]);
     assert_eq!(changed.code, Some(1));
-    assert!(changed.out.contains("1 broken, 1 slower"), "{}", changed.out);
+    assert!(changed.out.contains("1 broken, 1 lost, 1 slower"), "{}", changed.out);
     assert!(changed.out.starts_with("broken   tau"), "{}", changed.out);
+    assert!(changed.out.contains("lost     tau equal 200"), "{}", changed.out);
+    // Whoever stops reading does not make it right.
+    assert_eq!(Run::with_closed_output(["compare", path(&old), path(&new)]).code, Some(1));
+    assert_eq!(Run::with_closed_output(["compare", path(&old), path(&old)]).code, Some(0));
+}
+
+#[test]
+fn a_wrong_answer_is_an_error_whoever_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["figures", "--smallest", "--only", "point", "--out", path(folder.path())];
+    lazygrid(args).succeeds();
+    let point = fs::read_dir(folder.path().join("points")).unwrap().next().unwrap().unwrap().path();
+    let mut kept: Value = serde_json::from_str(&fs::read_to_string(&point).unwrap()).unwrap();
+    kept["rows"][0]["status"] = "error".into();
+    fs::write(&point, kept.to_string()).unwrap();
+    assert_eq!(Run::with_closed_output(args).code, Some(1));
+    assert!(lazygrid(args).fails().out.contains("1 with a wrong answer"));
 }
 
 #[test]

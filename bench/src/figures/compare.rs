@@ -4,18 +4,29 @@ use super::row::{Results, Row, Status};
 
 /// A smaller change than this says nothing, however little the runs of one process scatter: processes differ.
 const LEAST: f64 = 1.05;
+/// Of fewer runs than this nobody can say how far they scatter.
+const ENOUGH: usize = 5;
 
-/// How a measurement changed.
+/// How a measurement changed, the worst first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Change {
     /// The new run has a wrong answer or a failure where the old had none.
     Broken,
+    /// The new run was to measure it, as the old did, and has not.
+    Lost,
     /// Slower beyond the noise.
     Slower,
+    /// More bytes per sphere.
+    Larger,
     /// Faster beyond the noise.
     Faster,
+    /// Fewer bytes per sphere.
+    Smaller,
     /// Within the noise.
     Same,
+    /// Too few runs to say.
+    TooFew,
 }
 
 /// One measurement in both runs.
@@ -23,59 +34,150 @@ pub enum Change {
 pub struct Difference<'a> {
     /// Before.
     pub old: &'a Row,
-    /// After.
-    pub new: &'a Row,
-    /// New median over old.
+    /// After; none where the new run has no such row.
+    pub new: Option<&'a Row>,
+    /// New median over old, or new bytes over old; NaN where either is missing.
     pub ratio: f64,
     /// What that means.
     pub change: Change,
 }
 
-/// Every measurement that both runs have. It is slower, or faster, where the medians differ by more than 5 % and the
-/// middle halves of the runs do not overlap.
+/// What makes the two runs hard to compare, in words: another machine, adapter, scale or number of runs.
+pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
+    let runs = |results: &Results| results.settings.runs.map_or("the default".to_owned(), |n| n.to_string());
+    let of = |results: &Results| {
+        let scale = format!("{:?}", results.settings.scale).to_lowercase();
+        [results.environment.machine(), results.environment.graphics(), scale, runs(results)]
+    };
+    let names = ["machines", "GPU adapters", "scales", "numbers of runs"];
+    let both = names.into_iter().zip(of(old)).zip(of(new));
+    let differing = both.filter(|((_, old), new)| old != new);
+    differing.map(|((name, old), new)| format!("different {name}: {old} / {new}")).collect()
+}
+
+/// Every measurement of the old run that the new one repeats or was to repeat. Times differ where the medians are more
+/// than 5 % apart and the middle halves of the runs do not overlap, bytes where they are more than 5 % apart. What
+/// belongs to figures or sizes that the new run was not asked for is not there.
 pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>> {
-    let pairs = old.rows.iter().filter_map(|row| Some((row, new.rows.iter().find(|n| n.matches(row))?)));
-    pairs.filter_map(|(old, new)| difference(old, new)).collect()
+    let of = |row: &'a Row| match new.rows.iter().find(|n| n.matches(row)) {
+        Some(found) => difference(row, found),
+        None if row.status == Status::Ok && was_to_measure(old, new, row) => {
+            Some(Difference { old: row, new: None, ratio: f64::NAN, change: Change::Lost })
+        }
+        None => None,
+    };
+    old.rows.iter().filter_map(of).collect()
+}
+
+/// Whether the new run was at this point, or should have been.
+fn was_to_measure(old: &Results, new: &Results, row: &Row) -> bool {
+    let asked = new.settings.only.iter().any(|figure| figure.name() == row.figure);
+    let same_point = |n: &Row| n.figure == row.figure && n.scene == row.scene && n.n == row.n;
+    asked && (old.settings.scale == new.settings.scale || new.rows.iter().any(same_point))
 }
 
 fn difference<'a>(old: &'a Row, new: &'a Row) -> Option<Difference<'a>> {
-    if old.status == Status::Ok && new.status == Status::Error {
-        return Some(Difference { old, new, ratio: f64::NAN, change: Change::Broken });
+    let (ratio, change) = match (old.status, new.status) {
+        (Status::Ok, Status::Ok) => changed(old, new)?,
+        (Status::Ok, Status::Error) => (f64::NAN, Change::Broken),
+        (Status::Ok, Status::NotAvailable | Status::LeftOut) => (f64::NAN, Change::Lost),
+        _ => return None,
+    };
+    Some(Difference { old, new: Some(new), ratio, change })
+}
+
+fn changed(old: &Row, new: &Row) -> Option<(f64, Change)> {
+    if let (Some(before), Some(after)) = (old.bytes, new.bytes) {
+        let change = match (before, after) {
+            _ if after > LEAST * before => Change::Larger,
+            _ if before > LEAST * after => Change::Smaller,
+            _ => Change::Same,
+        };
+        return Some((after / before, change));
     }
     if old.wall.is_empty() || new.wall.is_empty() {
         return None;
     }
     let ratio = new.median() / old.median();
     let ((old_low, old_high), (new_low, new_high)) = (old.quartiles(), new.quartiles());
-    let change = if ratio > LEAST && new_low > old_high {
+    let change = if old.wall.len().min(new.wall.len()) < ENOUGH {
+        Change::TooFew
+    } else if ratio > LEAST && new_low > old_high {
         Change::Slower
     } else if ratio < 1.0 / LEAST && new_high < old_low {
         Change::Faster
     } else {
         Change::Same
     };
-    Some(Difference { old, new, ratio, change })
+    Some((ratio, change))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::plan::{Figure, Scale, Settings};
+    use super::super::row::tests::row;
     use super::*;
-
-    fn row(wall: &[f64]) -> Row {
-        let text = r#"{"figure":"4","scene":"equal","n":10,"at":null,"engine":"e","status":"ok","reason":"",
-            "pairs":0,"wall":[],"gpu":[],"phases":[],"bytes":null}"#;
-        Row { wall: wall.to_vec(), ..serde_json::from_str(text).unwrap() }
-    }
+    use crate::figures::Environment;
 
     #[test]
     fn only_what_leaves_the_noise_counts() {
-        let old = row(&[1.0, 1.1, 1.2, 1.3]);
-        let change = |wall: &[f64]| difference(&old, &row(wall)).map(|d| d.change);
-        assert_eq!(change(&[1.05, 1.15, 1.3, 1.6]), Some(Change::Same));
-        assert_eq!(change(&[1.5, 1.6, 1.7, 1.8]), Some(Change::Slower));
-        assert_eq!(change(&[0.5, 0.6, 0.7, 0.7]), Some(Change::Faster));
-        assert_eq!(change(&[]), None);
-        let broken = Row { status: Status::Error, ..row(&[]) };
-        assert_eq!(difference(&old, &broken).map(|d| d.change), Some(Change::Broken));
+        let old = row(&[1.0, 1.1, 1.2, 1.3, 1.4]);
+        let change = |new: &Row| difference(&old, new).map(|d| d.change);
+        let of = |wall: &[f64]| change(&row(wall));
+        assert_eq!(of(&[1.05, 1.15, 1.3, 1.6, 1.7]), Some(Change::Same));
+        assert_eq!(of(&[1.5, 1.6, 1.7, 1.8, 1.9]), Some(Change::Slower));
+        assert_eq!(of(&[0.5, 0.6, 0.7, 0.7, 0.8]), Some(Change::Faster));
+        assert_eq!(of(&[9.0, 9.0, 9.0, 9.0]), Some(Change::TooFew));
+        assert_eq!(of(&[]), None);
+        assert_eq!(change(&Row { status: Status::Error, ..row(&[]) }), Some(Change::Broken));
+        assert_eq!(change(&Row { status: Status::LeftOut, ..row(&[]) }), Some(Change::Lost));
+        assert_eq!(change(&Row { status: Status::NotAvailable, ..row(&[]) }), Some(Change::Lost));
+    }
+
+    #[test]
+    fn memory_is_compared_by_its_bytes() {
+        let with = |bytes: f64, wall: f64| Row { bytes: Some(bytes), ..row(&[wall]) };
+        let change = |after: &Row| difference(&with(100.0, 1.0), after).map(|d| d.change);
+        assert_eq!(change(&with(104.0, 9.0)), Some(Change::Same));
+        assert_eq!(change(&with(106.0, 1.0)), Some(Change::Larger));
+        assert_eq!(change(&with(90.0, 9.0)), Some(Change::Smaller));
+    }
+
+    fn results(scale: Scale, only: Figure, rows: Vec<Row>) -> Results {
+        let settings = Settings { scale, only: vec![only], runs: None, minutes: 1.0, seed: 1 };
+        let environment = Environment {
+            cpu: "c".to_owned(),
+            cores: 2,
+            memory_gib: 1.0,
+            system: "s".to_owned(),
+            adapter: None,
+            versions: vec![],
+            commit: String::new(),
+            date: String::new(),
+        };
+        Results { environment, settings, seconds: 1.0, rows }
+    }
+
+    #[test]
+    fn what_is_missing_is_lost_only_where_it_was_asked_for() {
+        let two = || vec![row(&[1.0; 5]), Row { engine: "f".to_owned(), ..row(&[1.0; 5]) }];
+        let old = results(Scale::Quick, Figure::F4, two());
+        let lost = |new: &Results| differences(&old, new).iter().filter(|d| d.change == Change::Lost).count();
+        assert_eq!(lost(&results(Scale::Quick, Figure::F4, two())), 0);
+        assert_eq!(lost(&results(Scale::Quick, Figure::F4, vec![row(&[1.0; 5])])), 1);
+        assert_eq!(lost(&results(Scale::Full, Figure::F4, vec![row(&[1.0; 5])])), 1);
+        // Other sizes, and another figure.
+        assert_eq!(lost(&results(Scale::Full, Figure::F4, vec![])), 0);
+        assert_eq!(lost(&results(Scale::Quick, Figure::F3a, vec![])), 0);
+    }
+
+    #[test]
+    fn other_circumstances_are_said() {
+        let old = results(Scale::Quick, Figure::F4, vec![]);
+        assert!(circumstances(&old, &old).is_empty());
+        let mut new = results(Scale::Full, Figure::F4, vec![]);
+        new.settings.runs = Some(3);
+        new.environment.cores = 4;
+        assert_eq!(circumstances(&old, &new).len(), 3);
     }
 }

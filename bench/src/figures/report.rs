@@ -7,8 +7,10 @@ mod html;
 mod markdown;
 mod peers;
 mod plot;
+mod ratios;
 mod sections;
 mod sweeps;
+mod table;
 
 use std::error::Error;
 use std::fs;
@@ -16,16 +18,18 @@ use std::path::Path;
 
 use super::row::Results;
 
-/// Writes everything into `folder`.
+/// Writes everything into `folder`. Engines on a software adapter are named so everywhere but in `results.json`, where
+/// the adapter says it, so that runs on different adapters can be compared.
 ///
 /// # Errors
 /// Where a file cannot be written.
 pub fn write(results: &Results, folder: &Path) -> Result<(), Box<dyn Error>> {
-    let document = sections::document(results)?;
+    let labelled = sections::labelled(results);
+    let document = sections::document(&labelled)?;
     let plots = folder.join("plots");
     let mut files = vec![
         (folder.join("results.json"), serde_json::to_string_pretty(results)?),
-        (folder.join("results.csv"), csv::table(results)),
+        (folder.join("results.csv"), csv::table(&labelled)),
         (folder.join("report.html"), html::page(&document)),
         (folder.join("RESULTS.md"), markdown::text(&document)),
     ];

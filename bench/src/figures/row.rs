@@ -99,11 +99,7 @@ impl Row {
 
     /// Lower and upper quartile of the seconds of a run.
     pub fn quartiles(&self) -> (f64, f64) {
-        let mut sorted = self.wall.clone();
-        sorted.sort_by(f64::total_cmp);
-        let last = sorted.len().saturating_sub(1);
-        let at = |share: f64| sorted.get((share * last as f64).round() as usize).copied().unwrap_or(f64::NAN);
-        (at(0.25), at(0.75))
+        quartiles(&self.wall)
     }
 
     /// Whether it is the same measurement as `other`, in another run.
@@ -114,6 +110,19 @@ impl Row {
             && self.at == other.at
             && self.engine == other.engine
     }
+}
+
+/// Lower and upper quartile, between neighbouring values in proportion. NaN where there is no value.
+pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let Some(last) = sorted.len().checked_sub(1) else { return (f64::NAN, f64::NAN) };
+    let at = |share: f64| {
+        let place = share * last as f64;
+        let (below, above) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
+        below + (above - below) * place.fract()
+    };
+    (at(0.25), at(0.75))
 }
 
 /// All that a run of the figures left behind: `results.json`.
@@ -133,5 +142,37 @@ impl Results {
     /// Rows with a wrong answer or a failure.
     pub fn errors(&self) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(|row| row.status == Status::Error)
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A row with these times.
+    pub(in super::super) fn row(wall: &[f64]) -> Row {
+        Row {
+            figure: "4".to_owned(),
+            scene: "equal".to_owned(),
+            n: 10,
+            at: None,
+            engine: "e".to_owned(),
+            status: Status::Ok,
+            reason: String::new(),
+            pairs: 0,
+            tangent: 0,
+            wall: wall.to_vec(),
+            gpu: vec![],
+            phases: vec![],
+            bytes: None,
+        }
+    }
+
+    #[test]
+    fn quartiles_are_as_far_from_either_end() {
+        assert_eq!(quartiles(&[4.0, 1.0, 3.0, 2.0]), (1.75, 3.25));
+        assert_eq!(quartiles(&[1.0, 2.0, 3.0, 4.0, 5.0]), (2.0, 4.0));
+        assert_eq!(quartiles(&[7.0]), (7.0, 7.0));
+        assert!(quartiles(&[]).0.is_nan());
     }
 }

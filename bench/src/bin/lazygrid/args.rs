@@ -178,7 +178,7 @@ pub(crate) struct Figures {
 }
 
 /// Says what changed between two runs of the figures by more than their noise: the medians differ by more than 5 % and
-/// the middle halves of the runs do not overlap. Exit code 1 where something became slower.
+/// the middle halves of the runs do not overlap. Exit code 1 where something broke, was lost, or became slower or larger.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Compare {
     /// The folder of the older run

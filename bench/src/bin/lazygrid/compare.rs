@@ -3,7 +3,7 @@ use std::fs;
 use std::path::Path;
 
 use lazygrid_bench::figures::Results;
-use lazygrid_bench::figures::compare::{Change, Difference, differences};
+use lazygrid_bench::figures::compare::{Change, Difference, circumstances, differences};
 
 use crate::args::Compare;
 use crate::failure::Failure;
@@ -15,37 +15,54 @@ pub(crate) fn run(args: &Compare) -> Result<(), Failure> {
     let mut differences = differences(&old, &new);
     differences.sort_by(|a, b| a.change.cmp(&b.change).then(b.ratio.total_cmp(&a.ratio)));
     let mut text = String::new();
-    if old.environment.machine() != new.environment.machine() {
-        text += "note: the two ran on different machines\n";
-    }
-    for difference in differences.iter().filter(|d| d.change != Change::Same) {
-        add(&mut text, difference);
-    }
-    let count = |change| differences.iter().filter(|d| d.change == change).count();
-    let (slower, broken) = (count(Change::Slower), count(Change::Broken));
     // Writing to a string cannot fail.
+    for note in circumstances(&old, &new) {
+        let _ = writeln!(text, "note: {note}");
+    }
+    differences.iter().for_each(|difference| add(&mut text, difference));
+    let count = |change| differences.iter().filter(|d| d.change == change).count();
+    let [broken, lost, slower, larger] =
+        [Change::Broken, Change::Lost, Change::Slower, Change::Larger].map(count);
     let _ = writeln!(
         text,
-        "{} measurements in both: {broken} broken, {slower} slower, {} faster, {} within the noise",
+        "{} measurements: {broken} broken, {lost} lost, {slower} slower, {} faster, {} within the noise, {} with too \
+         few runs to say; memory: {larger} larger, {} smaller",
         differences.len(),
         count(Change::Faster),
         count(Change::Same),
+        count(Change::TooFew),
+        count(Change::Smaller),
     );
-    print(text)?;
-    if slower + broken > 0 { Err(Failure::Slower { slower, broken }) } else { Ok(()) }
+    let verdict = match broken + lost + slower + larger {
+        0 => Ok(()),
+        _ => Err(Failure::Worse { broken, lost, slower, larger }),
+    };
+    // The verdict also counts where nobody reads any more.
+    let printed = print(text);
+    verdict.and(printed)
 }
 
 fn add(text: &mut String, difference: &Difference<'_>) {
     let Difference { old, new, ratio, change } = difference;
-    let at = new.at.map_or_else(String::new, |at| format!(" at {at}"));
-    let what = format!("{} {} {}{at}, {}", new.figure, new.scene, new.n, new.engine);
+    let at = old.at.map_or_else(String::new, |at| format!(" at {at}"));
+    let what = format!("{} {} {}{at}, {}", old.figure, old.scene, old.n, old.engine);
+    let reason = new.map_or("not in the new run", |new| &new.reason);
+    let times = || {
+        let (before, after) = (old.median(), new.map_or(f64::NAN, |new| new.median()));
+        format!("{before:.3e} s -> {after:.3e} s, {ratio:.2} times the time")
+    };
+    let bytes = || {
+        let [before, after] = [Some(*old), *new].map(|row| row.and_then(|row| row.bytes).unwrap_or(f64::NAN));
+        format!("{before:.0} -> {after:.0} bytes per sphere")
+    };
     let _ = match change {
-        Change::Broken => writeln!(text, "broken   {what}: {}", new.reason),
-        Change::Slower | Change::Faster | Change::Same => {
-            let word = if *change == Change::Slower { "slower" } else { "faster" };
-            let (before, after) = (old.median(), new.median());
-            writeln!(text, "{word}   {what}: {before:.3e} s -> {after:.3e} s, {ratio:.2} times the time")
-        }
+        Change::Broken => writeln!(text, "broken   {what}: {reason}"),
+        Change::Lost => writeln!(text, "lost     {what}: {reason}"),
+        Change::Slower => writeln!(text, "slower   {what}: {}", times()),
+        Change::Faster => writeln!(text, "faster   {what}: {}", times()),
+        Change::Larger => writeln!(text, "larger   {what}: {}", bytes()),
+        Change::Smaller => writeln!(text, "smaller  {what}: {}", bytes()),
+        _ => Ok(()),
     };
 }
 

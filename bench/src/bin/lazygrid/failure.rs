@@ -34,8 +34,10 @@ pub(crate) enum Failure {
     Figures(String),
     #[error("{errors} measurements have a wrong answer or failed; {} names them", report.display())]
     WrongAnswers { errors: usize, report: PathBuf },
-    #[error("{slower} measurements became slower and {broken} broke")]
-    Slower { slower: usize, broken: usize },
+    #[error(
+        "the new run is worse: {broken} measurements broke, {lost} are lost, {slower} slower, {larger} larger"
+    )]
+    Worse { broken: usize, lost: usize, slower: usize, larger: usize },
     #[error(transparent)]
     Simulation(#[from] lazygrid_sim::Error),
     #[error("cannot listen for Ctrl-C: {0}")]

@@ -24,11 +24,13 @@ pub(crate) fn run(args: &Figures) -> Result<(), Failure> {
     let results = figures::run(&settings, &args.out, &program, show).map_err(failure)?;
     bar.finish_and_clear();
     figures::write_report(&results, &args.out).map_err(failure)?;
-    print(summary(&results, args))?;
-    match results.errors().count() {
+    let verdict = match results.errors().count() {
         0 => Ok(()),
         errors => Err(Failure::WrongAnswers { errors, report: args.out.join("report.html") }),
-    }
+    };
+    // The verdict also counts where nobody reads any more.
+    let printed = print(summary(&results, args));
+    verdict.and(printed)
 }
 
 fn settings(args: &Figures) -> Settings {

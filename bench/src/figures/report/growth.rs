@@ -2,13 +2,16 @@
 
 use std::error::Error;
 
+use lazygrid::gpu;
+
 use super::super::fit::exponent;
 use super::super::plan::Figure;
 use super::super::row::{Row, Status};
 use super::document::{Cell, Plot, Section, Table};
-use super::plot::{Axes, Series, lines};
-use super::sections::{by_column, cell, count, engines, sizes, time};
-use crate::measure::Spread;
+use super::plot::{Axes, Mark, Series, lines};
+use super::table::{
+    Column, best_of_columns, by_engine, by_size, count, engines, find, gpu_times, mean, time,
+};
 
 /// Below this many spheres fixed costs hide how time grows.
 const FIT_FROM: usize = 1000;
@@ -23,14 +26,19 @@ pub(super) fn section(figure: Figure, rows: &[&Row], all: &[Row]) -> Result<Sect
     let mut series = series(rows, false);
     series.extend(self::series(&equal, true));
     let axes = Axes { title, x: "spheres", y: "mean seconds of a run" };
+    let dashed = if equal.is_empty() { "" } else { " Dashed: equal sizes, from figure 3a." };
     let plots = lines(&axes, &series)?.map(|svg| Plot {
         name: format!("figure-{figure}"),
-        caption: "Both axes logarithmic; wall time until the pairs are in host memory.".to_owned(),
+        caption: format!(
+            "Both axes logarithmic; wall time until the pairs are in host memory, bars from the lower to the upper \
+             quartile.{dashed}"
+        ),
         svg,
     });
-    let mut tables = vec![means(rows)];
-    tables.extend(gpu_times(rows));
-    tables.extend((!equal.is_empty()).then(|| beside_equal(rows, &equal)));
+    let columns = by_size(rows);
+    let mut tables = vec![means(rows, &columns)];
+    tables.extend(gpu_times("By number of spheres: ", rows, &columns));
+    tables.extend((!equal.is_empty()).then(|| beside_equal(rows, &equal, &columns)));
     tables.extend(phases(rows));
     Ok(Section {
         title: title.to_owned(),
@@ -46,7 +54,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
         Figure::F3b => (
             "Figure 3b: five sizes",
             "Radii 1, ½ … 1⁄16, equally frequent, centres uniform in a ball of which the spheres fill 5 %. Each run has \
-             another sample. Dashed in the plot: equal sizes, from figure 3a.",
+             another sample.",
         ),
         Figure::Point => (
             "All spheres at one point",
@@ -63,74 +71,39 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
 fn series(rows: &[&Row], dashed: bool) -> Vec<Series> {
     let of = |engine: &str| {
         let points = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
-        points.map(|row| (row.n as f64, row.mean().0)).collect()
+        points.map(|row| Mark::new(row.n as f64, row.mean().0, row.quartiles())).collect()
     };
     let name = |engine: &str| if dashed { format!("{engine}, equal") } else { engine.to_owned() };
     let engines = engines(rows).into_iter().enumerate();
     engines.map(|(colour, e)| Series { name: name(e), points: of(e), dashed, colour }).collect()
 }
 
-fn find<'a>(rows: &[&'a Row], engine: &str, n: usize) -> Option<&'a Row> {
-    rows.iter().copied().find(|row| row.engine == engine && row.n == n)
-}
-
 /// Mean and standard deviation, and the exponent of growth.
-fn means(rows: &[&Row]) -> Table {
-    let (engines, sizes) = (engines(rows), sizes(rows));
-    let shown = |row: &Row| {
-        let (mean, sd) = row.mean();
-        format!("{} ± {:.0} % ({})", time(mean), 100.0 * sd / mean, row.wall.len())
-    };
+fn means(rows: &[&Row], columns: &[Column]) -> Table {
     let fitted = |engine: &str| {
         let points = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
         let points: Vec<(usize, f64)> = points.map(|row| (row.n, row.median())).collect();
         exponent(&points, FIT_FROM).map_or_else(|| "–".to_owned(), |k| format!("{k:.2}"))
     };
-    let columns: Vec<(String, usize)> = sizes.iter().map(|&n| (count(n), n)).collect();
     let caption = format!(
-        "Mean wall time of a run ± standard deviation (runs), and k fitted from {FIT_FROM} spheres on"
+        "Mean wall time of a run ± standard deviation (runs); k is fitted to the medians, from {FIT_FROM} spheres on"
     );
-    let mut table = by_column(caption, &engines, &columns, |e, &n| find(rows, e, n), shown);
+    let mut table = by_engine(caption, rows, columns, |row| mean(row, time));
+    best_of_columns(&mut table, rows, columns, |row| row.mean().0);
     table.header.push("growth nᵏ".to_owned());
-    for (row, engine) in table.rows.iter_mut().zip(engines) {
-        row.push(Cell::plain(fitted(engine)));
+    for (line, engine) in table.rows.iter_mut().zip(engines(rows)) {
+        line.push(Cell::plain(fitted(engine)));
     }
     table
 }
 
-/// By the GPU's own clock, where it has one.
-fn gpu_times(rows: &[&Row]) -> Option<Table> {
-    let timed: Vec<&Row> = rows.iter().copied().filter(|row| !row.gpu.is_empty()).collect();
-    let sizes = sizes(&timed);
-    let row = |engine: &str| {
-        let shown = |n: &usize| cell(find(&timed, engine, *n), |row| time(Spread::of(&row.gpu).median));
-        std::iter::once(Cell::plain(engine)).chain(sizes.iter().map(shown)).collect()
-    };
-    let header = std::iter::once("engine".to_owned()).chain(sizes.iter().map(|&n| count(n)));
-    (!timed.is_empty()).then(|| Table {
-        caption: "Median GPU time of a run, by the GPU's own clock, without transfers".to_owned(),
-        header: header.collect(),
-        rows: engines(&timed).into_iter().map(row).collect(),
-    })
-}
-
 /// Five sizes over one.
-fn beside_equal(rows: &[&Row], equal: &[&Row]) -> Table {
-    let sizes = sizes(rows);
-    let row = |engine: &str| {
-        let ratio = |n: &usize| {
-            cell(find(rows, engine, *n), |row| match find(equal, engine, *n) {
-                Some(one) if !one.wall.is_empty() => format!("{:.2}", row.median() / one.median()),
-                _ => "–".to_owned(),
-            })
-        };
-        std::iter::once(Cell::plain(engine)).chain(sizes.iter().map(ratio)).collect()
+fn beside_equal(rows: &[&Row], equal: &[&Row], columns: &[Column]) -> Table {
+    let ratio = |row: &Row| {
+        let one = find(equal, &row.engine, Column::Size(row.n)).filter(|one| !one.wall.is_empty())?;
+        Some(format!("{:.2}", row.median() / one.median()))
     };
-    Table {
-        caption: "Median time with five sizes over that with equal ones".to_owned(),
-        header: std::iter::once("engine".to_owned()).chain(sizes.iter().map(|&n| count(n))).collect(),
-        rows: engines(rows).into_iter().map(row).collect(),
-    }
+    by_engine("Median time with five sizes over that with equal ones".to_owned(), rows, columns, ratio)
 }
 
 /// Where the time goes, at the largest size of each engine.
@@ -139,12 +112,42 @@ fn phases(rows: &[&Row]) -> Option<Table> {
     for engine in engines(rows) {
         let measured = rows.iter().filter(|row| row.engine == engine && !row.phases.is_empty());
         let Some(row) = measured.max_by_key(|row| row.n) else { continue };
-        let phases: Vec<String> = row.phases.iter().map(|(name, t)| format!("{name} {}", time(*t))).collect();
-        cells.push(vec![Cell::plain(engine), Cell::plain(count(row.n)), Cell::plain(phases.join(", "))]);
+        cells.push(vec![Cell::plain(engine), Cell::plain(count(row.n)), Cell::plain(listed(&row.phases))]);
     }
     (!cells.is_empty()).then(|| Table {
         caption: "Median time of each phase at the engine's largest size".to_owned(),
         header: ["engine", "spheres", "phases"].map(str::to_owned).into(),
         rows: cells,
     })
+}
+
+/// The phases in their order; those of the GPU pass while the host waits for it.
+fn listed(phases: &[(String, f64)]) -> String {
+    let has_waited = phases.iter().any(|(name, _)| name == "wait");
+    let on_device = |name: &str| has_waited && gpu::Phase::ALL.iter().any(|phase| phase.name() == name);
+    let shown = |device: bool| {
+        let of = phases.iter().filter(move |(name, _)| on_device(name) == device);
+        of.map(|(name, seconds)| (name.as_str(), format!("{name} {}", time(*seconds))))
+    };
+    let device: Vec<String> = shown(true).map(|(_, text)| text).collect();
+    let host = shown(false).map(|(name, text)| match name {
+        "wait" if !device.is_empty() => format!("{text} (of which {})", device.join(", ")),
+        _ => text,
+    });
+    host.collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::listed;
+
+    #[test]
+    fn phases_of_the_gpu_are_within_the_wait() {
+        let phases = |names: &[&str]| listed(&names.iter().map(|&n| (n.to_owned(), 1.0)).collect::<Vec<_>>());
+        assert_eq!(
+            phases(&["upload", "wait", "survey", "search", "read"]),
+            "upload 1.00 s, wait 1.00 s (of which survey 1.00 s, search 1.00 s), read 1.00 s"
+        );
+        assert_eq!(phases(&["survey", "search"]), "survey 1.00 s, search 1.00 s");
+    }
 }

@@ -1,18 +1,19 @@
-//! Figures 4 and 5: lazygrid beside others, and where the others are faster.
+//! Figures 4 and 5: lazygrid beside others.
 
 use std::error::Error;
-use std::fmt;
 
 use super::super::plan::Figure;
 use super::super::row::{Row, Status};
-use super::document::{Cell, Note, Plot, Section, Table};
-use super::plot::{Axes, Series, lines};
-use super::sections::{by_column, cell, count, engines, scenes, sizes, time};
-use crate::measure::Spread;
+use super::document::{Cell, Plot, Section, Table};
+use super::plot::{Axes, Mark, Series, lines};
+use super::ratios::{self, OURS, Times, peers, verdicts};
+use super::table::{
+    Column, best_of_columns, by_engine, by_setting, by_size, count, engines, find, gpu_times, mean, median,
+    scenes, sizes,
+};
 
-/// Engines that are judged beside all others, by their names.
-const OURS: [&str; 4] =
-    ["recursive-grid", "CPU path's own choice", "lazy-grid (GPU)", "lazy-grid (software GPU)"];
+/// What a line of a plot shows of a row: its place, its value, and the middle half of the runs.
+type Shown = fn(&Row) -> Mark;
 
 /// One thread, small moves: the trees that keep their structure, and grids that are built anew.
 pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
@@ -20,31 +21,33 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
         title: "Figure 4: one thread, beside trees that are kept from step to step".to_owned(),
         text: vec![
             "Every sphere moves by a tenth of its radius in a random direction at each step, up to 100 steps, fewer \
-             where they take long. Bullet is the real library: one proxy per sphere, kept; as shipped, with a margin \
-             of 0.05, and tuned, with a margin of 0.5 of the largest radius, for up to 30 000 equal spheres of 1. \
-             parry3d is what a Rust program would take. The plain cell list is the yardstick. Ratios are of the total \
-             time of all steps that both ran, as a tree with a margin is slow only now and then, when much of it is \
-             written; few steps may miss that, in its favour. Above 1, lazygrid is faster."
+             where they take long; the number is in brackets. Two warm-up steps are dropped, as trees write all their \
+             boxes with the margin in the second. Bullet is the real library: one proxy per sphere, kept; as shipped, \
+             with a margin of 0.05, and tuned, with a margin of 0.5 of the largest radius, for up to 30 000 equal \
+             spheres of 1. parry3d is what a Rust program would take. The plain cell list is the yardstick."
+                .to_owned(),
+            "Ratios are of the total time of all steps that both ran, as a tree with a margin is slow only now and \
+             then: Bullet tuned's boxes, all written together at the start, are rewritten about when spheres have \
+             moved a margin, so a run of few steps may miss that, in its favour. Above 1, lazygrid is faster."
                 .to_owned(),
         ],
         ..Section::default()
     };
     for scene in scenes(rows) {
         let rows: Vec<&Row> = rows.iter().copied().filter(|row| row.scene == scene).collect();
+        let columns = by_size(&rows);
         let title = format!("Figure 4: {scene}");
         let axes = Axes { title: &title, x: "spheres", y: "mean seconds of a step, one thread" };
-        let by_size = |row: &Row| row.n as f64;
+        let by_size = |row: &Row| Mark::new(row.n as f64, row.mean().0, row.quartiles());
         section.plots.extend(plot(&axes, &rows, format!("figure-4-{scene}"), by_size)?);
-        section.tables.push(per_sphere(scene, &rows));
-        for ours in OURS {
-            section.tables.extend(ratios(scene, &rows, ours));
-        }
-        section.notes.extend(verdicts(scene, &rows));
+        section.tables.push(per_sphere(scene, &rows, &columns));
+        section.tables.extend(ratios::ours(&rows).map(|ours| ratios::table(scene, &rows, &columns, ours)));
+        section.notes.extend(verdicts(scene, &rows, &columns));
     }
     Ok(section)
 }
 
-/// Figure 5: one table of times, one of speed-ups, per burst.
+/// Figure 5: tables of times and speed-ups per burst; plots of times in 5a, of speed-ups in 5b.
 pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let (title, text) = match figure {
         Figure::F5a => {
@@ -57,30 +60,33 @@ pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Er
     };
     let mut section = Section { title: title.to_owned(), text: vec![text.to_owned()], ..Section::default() };
     section.text.push(super::super::burst::DESCRIPTION.to_owned());
+    if figure == Figure::F5b {
+        for ours in ratios::ours(rows) {
+            section.plots.extend(speed_up(rows, ours)?);
+        }
+    }
     for n in sizes(rows) {
         let rows: Vec<&Row> = rows.iter().copied().filter(|row| row.n == n).collect();
+        let columns = by_setting(&rows, "s");
         let title = format!("{} carriers", count(n));
-        let axes = Axes { title: &title, x: "simulated time", y: "mean seconds of a search" };
-        let by_time = |row: &Row| row.at.unwrap_or_default();
-        section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{n}"), by_time)?);
-        section.tables.push(over_time(&title, &rows));
-        for ours in OURS {
-            section.tables.extend(speed_up(&title, &rows, ours));
+        if figure == Figure::F5a {
+            let axes =
+                Axes { title: &title, x: "simulated time in seconds", y: "median seconds of a search" };
+            let shown = |row: &Row| Mark::new(row.at.unwrap_or_default(), row.median(), row.quartiles());
+            section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{n}"), shown)?);
         }
-        section.notes.extend(verdicts(&format!("burst of {title}"), &rows));
+        section.tables.push(over_time(&title, &rows, &columns));
+        section.tables.extend(gpu_times(&format!("{title}: "), &rows, &columns));
+        section.tables.extend(ratios::ours(&rows).map(|ours| ratios::table(&title, &rows, &columns, ours)));
+        section.notes.extend(verdicts(&format!("burst of {title}"), &rows, &columns));
     }
     Ok(section)
 }
 
-fn plot(
-    axes: &Axes<'_>,
-    rows: &[&Row],
-    name: String,
-    x: impl Fn(&Row) -> f64,
-) -> Result<Option<Plot>, Box<dyn Error>> {
+fn plot(axes: &Axes<'_>, rows: &[&Row], name: String, shown: Shown) -> Result<Option<Plot>, Box<dyn Error>> {
     let of = |engine: &str| {
         let points = rows.iter().filter(|row| row.engine == engine && !row.wall.is_empty());
-        points.map(|row| (x(row), row.mean().0)).collect()
+        points.map(|row| shown(row)).collect()
     };
     let series: Vec<Series> = engines(rows)
         .into_iter()
@@ -92,137 +98,70 @@ fn plot(
             colour,
         })
         .collect();
-    let caption = format!("{}; both axes logarithmic, lazygrid's own solid.", axes.title);
+    let caption = format!(
+        "{}; both axes logarithmic, lazygrid's own solid, bars from the lower to the upper quartile.",
+        axes.title
+    );
     Ok(lines(axes, &series)?.map(|svg| Plot { name, caption, svg }))
 }
 
-fn find<'a>(rows: &[&'a Row], engine: &str, n: usize) -> Option<&'a Row> {
-    rows.iter().copied().find(|row| row.engine == engine && row.n == n)
+/// How many times as fast `ours` is as each peer by number of carriers, one line per moment.
+fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
+    let mut series = vec![];
+    for (k, peer) in peers(rows).into_iter().enumerate() {
+        for (colour, moment) in by_setting(rows, "s").into_iter().enumerate() {
+            let now: Vec<&Row> = rows.iter().copied().filter(|row| moment.holds(row)).collect();
+            let at = |n: usize| {
+                let of = |engine| find(&now, engine, Column::Size(n));
+                let times = Times::of(of(peer)?, of(ours)?)?;
+                Some(Mark::new(n as f64, times.total, times.quartiles()))
+            };
+            let name = format!("{}, {peer}", moment.name());
+            let points = sizes(&now).into_iter().filter_map(at).collect();
+            series.push(Series { name, points, dashed: k > 0, colour });
+        }
+    }
+    let title = format!("{ours}: how many times as fast, by carriers and simulated time");
+    let axes = Axes { title: &title, x: "carriers", y: "peer's time / lazygrid's" };
+    let name: String = ours.chars().filter(|c| c.is_ascii_alphanumeric() || matches!(c, ' ' | '-')).collect();
+    Ok(lines(&axes, &series)?.map(|svg| Plot {
+        name: format!("figure-5b-{}", name.to_lowercase().replace(' ', "-")),
+        caption: format!(
+            "Speed-up of {ours} over {}, both axes logarithmic; above 1, lazygrid is faster. Ratios of total times, \
+             bars from the lower to the upper quartile of single steps.",
+            listed(&peers(rows))
+        ),
+        svg,
+    }))
+}
+
+/// The first is drawn solid, the others dashed.
+fn listed(peers: &[&str]) -> String {
+    let named = |(k, peer): (usize, &&str)| match k {
+        0 => format!("{peer} (solid)"),
+        _ => format!("{peer} (dashed)"),
+    };
+    peers.iter().enumerate().map(named).collect::<Vec<_>>().join(" and ")
 }
 
 /// Nanoseconds per sphere and step.
-fn per_sphere(scene: &str, rows: &[&Row]) -> Table {
-    let (engines, sizes) = (engines(rows), sizes(rows));
-    let shown = |row: &Row| format!("{:.0} ({})", row.mean().0 * 1e9 / row.n as f64, row.wall.len());
-    by_column(
-        format!("{scene}: mean ns per sphere and step (steps run)"),
-        &engines,
-        &sizes.iter().map(|&n| (count(n), n)).collect::<Vec<_>>(),
-        |engine, &n| find(rows, engine, n),
-        shown,
-    )
-}
-
-/// How many times as fast `ours` is, step by step.
-fn ratios(scene: &str, rows: &[&Row], ours: &str) -> Option<Table> {
-    let sizes = sizes(rows);
-    rows.iter().find(|row| row.engine == ours)?;
-    let peers = engines(rows).into_iter().filter(|engine| !OURS.contains(engine));
-    let row = |peer: &str| {
-        let ratio = |n: &usize| {
-            cell(find(rows, peer, *n), |peer| {
-                find(rows, ours, *n)
-                    .and_then(|ours| over(peer, ours))
-                    .map_or("–".to_owned(), |r| r.to_string())
-            })
-        };
-        std::iter::once(Cell::plain(peer)).chain(sizes.iter().map(ratio)).collect()
-    };
-    Some(Table {
-        caption: format!("{scene}: {ours} is this many times as fast as (range of single steps)"),
-        header: std::iter::once("peer".to_owned()).chain(sizes.iter().map(|&n| count(n))).collect(),
-        rows: peers.map(row).collect(),
-    })
-}
-
-/// How many times as long `peer` took as `ours`.
-struct Times {
-    /// In all the steps that both ran: a tree that is written only now and then is slow only now and then.
-    total: f64,
-    by_step: Spread,
-}
-
-impl fmt::Display for Times {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.2} ({:.2}–{:.2})", self.total, self.by_step.low, self.by_step.high)
-    }
-}
-
-fn over(peer: &Row, ours: &Row) -> Option<Times> {
-    let both = || peer.wall.iter().zip(&ours.wall);
-    let ratios: Vec<f64> = both().map(|(p, o)| p / o).collect();
-    let (theirs, mine) = both().fold((0.0, 0.0), |(theirs, mine), (p, o)| (theirs + p, mine + o));
-    (!ratios.is_empty()).then(|| Times { total: theirs / mine, by_step: Spread::of(&ratios) })
-}
-
-/// A sentence for each place where somebody else is faster than lazygrid, or one that says that nobody is.
-fn verdicts(what: &str, rows: &[&Row]) -> Vec<Note> {
-    let mut notes = vec![];
-    let mut judged = vec![];
-    for ours in rows.iter().filter(|row| OURS.contains(&row.engine.as_str()) && !row.wall.is_empty()) {
-        if !judged.contains(&ours.engine.as_str()) {
-            judged.push(ours.engine.as_str());
-        }
-        let same = |peer: &&&Row| peer.n == ours.n && peer.at == ours.at && peer.status == Status::Ok;
-        for peer in rows.iter().filter(same).filter(|peer| !OURS.contains(&peer.engine.as_str())) {
-            let Some(ratio) = over(peer, ours) else { continue };
-            if ratio.total < 1.0 {
-                let at = ours.at.map_or_else(String::new, |at| format!(" at {at} s"));
-                // A burst already says how many there are.
-                let n = if at.is_empty() { format!(", {}", count(ours.n)) } else { String::new() };
-                let (peer, times) = (&peer.engine, 1.0 / ratio.total);
-                let ours = &ours.engine;
-                notes.push(format!("{what}{n}{at}: {peer} is {times:.2} × as fast as {ours}."));
-            }
-        }
-    }
-    if notes.is_empty() && !judged.is_empty() {
-        notes.push(format!("{what}: no peer that was measured is faster than {}.", judged.join(" or ")));
-    }
-    notes.into_iter().map(|text| Note { text, is_error: false }).collect()
-}
-
-/// Times by simulated time, and how many pairs there are.
-fn over_time(title: &str, rows: &[&Row]) -> Table {
-    let moments = moments(rows);
-    let mut table = by_column(
-        format!("{title}: mean time of a search, by simulated time"),
-        &engines(rows),
-        &moments,
-        |engine, &at| rows.iter().copied().find(|row| row.engine == engine && row.at == Some(at)),
-        |row| time(row.mean().0),
-    );
-    let pairs = |&(_, at): &(String, f64)| {
-        let found = rows.iter().find(|row| row.at == Some(at) && row.status == Status::Ok);
-        Cell::plain(found.map_or("–".to_owned(), |row| row.pairs.to_string()))
-    };
-    table.rows.push(std::iter::once(Cell::plain("(pairs)")).chain(moments.iter().map(pairs)).collect());
+fn per_sphere(scene: &str, rows: &[&Row], columns: &[Column]) -> Table {
+    let caption = format!("{scene}: mean ns per sphere and step ± standard deviation (steps run)");
+    let shown = |row: &Row| mean(row, |seconds| format!("{:.0}", seconds * 1e9 / row.n as f64));
+    let mut table = by_engine(caption, rows, columns, shown);
+    best_of_columns(&mut table, rows, columns, |row| row.mean().0);
     table
 }
 
-/// How many times as fast `ours` is, by simulated time.
-fn speed_up(title: &str, rows: &[&Row], ours: &str) -> Option<Table> {
-    let at = |engine: &str, at: f64| rows.iter().copied().find(|r| r.engine == engine && r.at == Some(at));
-    rows.iter().find(|row| row.engine == ours && !row.wall.is_empty())?;
-    let moments = moments(rows);
-    let ratio = |peer: &Row, moment: f64| Some(over(peer, at(ours, moment)?)?.to_string());
-    let row = |peer: &str| {
-        let cells = moments.iter().map(|&(_, moment)| {
-            cell(at(peer, moment), |peer| ratio(peer, moment).unwrap_or_else(|| "–".to_owned()))
-        });
-        std::iter::once(Cell::plain(peer)).chain(cells).collect()
+/// Times by simulated time, and how many pairs there are.
+fn over_time(title: &str, rows: &[&Row], columns: &[Column]) -> Table {
+    let caption = format!("{title}: median wall time of a search (quartiles; steps), by simulated time");
+    let mut table = by_engine(caption, rows, columns, |row| median(&row.wall));
+    best_of_columns(&mut table, rows, columns, Row::median);
+    let pairs = |column: &Column| {
+        let found = rows.iter().find(|row| column.holds(row) && row.status == Status::Ok);
+        Cell::plain(found.map_or("–".to_owned(), |row| row.pairs.to_string()))
     };
-    let names = moments.iter().map(|(name, _)| name.clone());
-    Some(Table {
-        caption: format!("{title}: {ours} is this many times as fast as (range of single steps)"),
-        header: std::iter::once("peer".to_owned()).chain(names).collect(),
-        rows: engines(rows).into_iter().filter(|engine| !OURS.contains(engine)).map(row).collect(),
-    })
-}
-
-fn moments(rows: &[&Row]) -> Vec<(String, f64)> {
-    let mut moments: Vec<f64> = rows.iter().filter_map(|row| row.at).collect();
-    moments.sort_by(f64::total_cmp);
-    moments.dedup();
-    moments.into_iter().map(|at| (format!("{at} s"), at)).collect()
+    table.rows.push(std::iter::once(Cell::plain("(pairs)")).chain(columns.iter().map(pairs)).collect());
+    table
 }

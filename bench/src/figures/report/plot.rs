@@ -5,16 +5,38 @@ use std::ops::Range;
 
 use plotters::prelude::*;
 
+/// A point of a line, with a bar for how far it scatters.
+#[derive(Clone, Copy)]
+pub(super) struct Mark {
+    at: (f64, f64),
+    bar: (f64, f64),
+}
+
+impl Mark {
+    pub(super) fn new(x: f64, y: f64, bar: (f64, f64)) -> Self {
+        Self { at: (x, y), bar }
+    }
+
+    /// Whether it has a place on logarithmic axes.
+    fn is_shown(&self) -> bool {
+        [self.at.0, self.at.1, self.bar.0, self.bar.1].into_iter().all(|v| v.is_finite() && v > 0.0)
+    }
+}
+
 /// A line of a plot.
 pub(super) struct Series {
     pub(super) name: String,
-    pub(super) points: Vec<(f64, f64)>,
+    pub(super) points: Vec<Mark>,
     pub(super) dashed: bool,
     /// Which colour; lines that belong together share one.
     pub(super) colour: usize,
 }
 
 impl Series {
+    fn marks(&self) -> impl Iterator<Item = Mark> + Clone {
+        self.points.iter().copied().filter(Mark::is_shown)
+    }
+
     fn colour(&self) -> RGBColor {
         COLOURS[self.colour % COLOURS.len()]
     }
@@ -27,9 +49,9 @@ pub(super) struct Axes<'a> {
     pub(super) y: &'a str,
 }
 
-const SIZE: (u32, u32) = (1000, 520);
-/// Width of the legend beside the plot.
-const LEGEND: u32 = 210;
+const SIZE: (u32, u32) = (1080, 520);
+/// Width of the legend beside the plot, enough for the longest name.
+const LEGEND: u32 = 270;
 const COLOURS: [RGBColor; 10] = [
     RGBColor(31, 119, 180),
     RGBColor(214, 39, 40),
@@ -48,9 +70,8 @@ const COLOURS: [RGBColor; 10] = [
 /// # Errors
 /// Where the drawing fails.
 pub(super) fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<dyn Error>> {
-    let positive = |v: f64| v.is_finite() && v > 0.0;
-    let points = || series.iter().flat_map(|s| &s.points).filter(|p| positive(p.0) && positive(p.1));
-    if points().next().is_none() {
+    let marks = || series.iter().flat_map(Series::marks);
+    if marks().next().is_none() {
         return Ok(None);
     }
     let mut svg = String::new();
@@ -58,7 +79,8 @@ pub(super) fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>
         let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
         root.fill(&WHITE)?;
         let (area, beside) = root.split_horizontally(SIZE.0 - LEGEND);
-        let (x, y) = (range(points().map(|p| p.0)), range(points().map(|p| p.1)));
+        let (x, y) =
+            (range(marks().map(|m| m.at.0)), range(marks().flat_map(|m| [m.at.1, m.bar.0, m.bar.1])));
         let mut chart = ChartBuilder::on(&area)
             .caption(axes.title, ("sans-serif", 20))
             .margin(12)
@@ -69,10 +91,14 @@ pub(super) fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>
         let mut mesh = chart.configure_mesh();
         mesh.x_desc(axes.x).y_desc(axes.y).x_label_formatter(&number).y_label_formatter(&number);
         mesh.light_line_style(WHITE).draw()?;
-        let drawn = series.iter().filter(|line| line.points.iter().any(|p| positive(p.0) && positive(p.1)));
+        let drawn = series.iter().filter(|line| line.marks().next().is_some());
         for (row, line) in (0..).zip(drawn) {
             let colour = line.colour();
-            let points = || line.points.iter().copied().filter(|p| positive(p.0) && positive(p.1));
+            let points = || line.marks().map(|mark| mark.at);
+            let bar = |Mark { at: (x, _), bar: (low, high) }| {
+                PathElement::new([(x, low), (x, high)], colour.mix(0.35).stroke_width(5))
+            };
+            chart.draw_series(line.marks().map(bar))?;
             if line.dashed {
                 chart.draw_series(DashedLineSeries::new(points(), 6, 4, colour.stroke_width(2)))?;
             } else {

@@ -3,10 +3,15 @@
 use std::error::Error;
 
 use super::super::plan::Figure;
-use super::super::row::{Row, Status};
-use super::document::{Cell, Kind, Plot, Section, Table};
-use super::plot::{Axes, Series, lines};
-use super::sections::{cell, count, engines, mark_best, scenes, sizes, time};
+use super::super::row::Row;
+use super::document::{Cell, Note, Plot, Section, Table};
+use super::plot::{Axes, Mark, Series, lines};
+use super::table::{
+    Column, by_engine, by_setting, cell, count, engines, find, mark_best, median, scenes, sizes,
+};
+
+/// A step that makes it less than this many times as fast does not count as scaling.
+const GAIN: f64 = 1.05;
 
 /// τ, raster ratio or threads.
 pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
@@ -23,6 +28,9 @@ pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn 
             let axes = Axes { title: &what, x: varied, y: "median seconds of a step" };
             section.plots.extend(plot(&axes, &rows, format!("{figure}-{scene}-{n}"))?);
             section.tables.push(table(figure, &what, &rows));
+            if figure == Figure::Threads {
+                section.notes.extend(scaling(&what, &rows));
+            }
         }
     }
     Ok(section)
@@ -32,16 +40,16 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     match figure {
         Figure::Tau => (
             "τ of the recursive grid",
-            "A cell's smaller spheres go to a finer level only when they are more than τ. Median time of a step in \
-             which every sphere moves by a tenth of its radius, all threads.",
+            "A cell's smaller spheres go to a finer level only when they are more than τ. Time of a step in which every \
+             sphere moves by a tenth of its radius, all threads.",
         ),
         Figure::Ratio => (
             "Raster ratio of the paper's grids",
-            "Cell edge over largest diameter. Median time of a step, all threads.",
+            "Cell edge over largest diameter. Time of a step, all threads.",
         ),
         _ => (
             "Strong scaling over threads",
-            "The same spheres on more threads; in brackets how many times as fast as one thread.",
+            "The same spheres on more threads; × says how many times as fast as one thread.",
         ),
     }
 }
@@ -49,7 +57,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
 fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Option<Plot>, Box<dyn Error>> {
     let of = |engine: &str| {
         let measured = rows.iter().filter(|row| row.engine == engine && !row.wall.is_empty());
-        measured.map(|row| (row.at.unwrap_or_default(), row.median())).collect()
+        measured.map(|row| Mark::new(row.at.unwrap_or_default(), row.median(), row.quartiles())).collect()
     };
     let line = |(colour, engine): (usize, &str)| Series {
         name: engine.to_owned(),
@@ -58,33 +66,63 @@ fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Option<Plot>, Bo
         colour,
     };
     let series: Vec<Series> = engines(rows).into_iter().enumerate().map(line).collect();
-    let caption = format!("{}; both axes logarithmic.", axes.title);
+    let caption =
+        format!("{}; both axes logarithmic, bars from the lower to the upper quartile.", axes.title);
     Ok(lines(axes, &series)?.map(|svg| Plot { name, caption, svg }))
 }
 
 /// One row per engine, one column per value, the best of each row marked.
 fn table(figure: Figure, what: &str, rows: &[&Row]) -> Table {
-    let mut values: Vec<f64> = rows.iter().filter_map(|row| row.at).collect();
-    values.sort_by(f64::total_cmp);
-    values.dedup();
-    let row = |engine: &str| {
-        let at = |value: f64| rows.iter().copied().find(|r| r.engine == engine && r.at == Some(value));
-        let first = values.first().and_then(|&value| at(value)).map_or(f64::NAN, Row::median);
-        let shown = |row: &Row| match figure {
-            Figure::Threads => format!("{} ({:.2} ×)", time(row.median()), first / row.median()),
-            _ => time(row.median()),
-        };
-        let found: Vec<Option<&Row>> = values.iter().map(|&value| at(value)).collect();
-        let mut cells: Vec<Cell> = found.iter().map(|row| cell(*row, shown)).collect();
-        mark_best(&mut cells, &found, Row::median);
-        std::iter::once(Cell::plain(engine)).chain(cells).collect()
+    let columns = by_setting(rows, "");
+    let shown = |row: &Row| {
+        let text = median(&row.wall)?;
+        let first = find(rows, &row.engine, *columns.first()?).filter(|first| !first.wall.is_empty());
+        match (figure, first) {
+            (Figure::Threads, Some(first)) => Some(format!("{text} {:.2} ×", first.median() / row.median())),
+            _ => Some(text),
+        }
     };
-    let varied = figure.varied().unwrap_or_default();
-    let header = std::iter::once(format!("engine, by {varied}")).chain(values.iter().map(f64::to_string));
-    Table {
-        caption: what.to_owned(),
-        header: header.collect(),
-        rows: engines(rows).into_iter().map(row).collect(),
+    let caption = format!("{what}: median (quartiles; steps)");
+    let mut table = by_engine(caption, rows, &columns, shown);
+    table.header[0] = format!("engine, by {}", figure.varied().unwrap_or_default());
+    for (line, engine) in table.rows.iter_mut().zip(engines(rows)) {
+        let found: Vec<Option<&Row>> = columns.iter().map(|&column| find(rows, engine, column)).collect();
+        mark_best(&mut line[1..], &found, Row::median);
+    }
+    table
+}
+
+/// A sentence per engine: how many times as fast on all threads as on one, and where it stops scaling.
+fn scaling(what: &str, rows: &[&Row]) -> Vec<Note> {
+    let note = |engine: &str| {
+        let times = by_setting(rows, "").into_iter().filter_map(|column| {
+            let row = find(rows, engine, column).filter(|row| !row.wall.is_empty())?;
+            Some((row.at?, row.median()))
+        });
+        let times: Vec<(f64, f64)> = times.collect();
+        let (&(first, one), &(all, last)) = (times.first()?, times.last()?);
+        (all > first).then(|| {
+            let speed = one / last;
+            Note {
+                text: format!(
+                    "{what}: {engine} is {speed:.2} × as fast on {all} threads as on {first}; {}.",
+                    limit(&times)
+                ),
+                is_error: false,
+            }
+        })
+    };
+    engines(rows).into_iter().filter_map(note).collect()
+}
+
+/// Where more threads no longer help, from threads and seconds by ascending threads.
+fn limit(times: &[(f64, f64)]) -> String {
+    let best_after = |k: usize| times[k + 1..].iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
+    let stop = (0..times.len()).find(|&k| times[k].1 < GAIN * best_after(k)).unwrap_or(0);
+    match times[stop].0 {
+        _ if stop + 1 == times.len() => "it scales up to there".to_owned(),
+        1.0 => "more than one thread gains less than 5 %".to_owned(),
+        threads => format!("more than {threads} threads gain less than 5 %"),
     }
 }
 
@@ -94,16 +132,8 @@ pub(super) fn memory(rows: &[&Row]) -> Section {
         sizes(rows).into_iter().flat_map(|n| scenes(rows).into_iter().map(move |scene| (n, scene))).collect();
     let row = |engine: &str| {
         let shown = |&(n, scene): &(usize, &str)| {
-            let found = rows.iter().find(|r| r.engine == engine && r.n == n && r.scene == scene);
-            match found {
-                Some(row) if row.status == Status::Ok => {
-                    Cell::plain(row.bytes.map_or("–".to_owned(), |bytes| format!("{bytes:.0}")))
-                }
-                Some(row) if row.status == Status::Error => {
-                    Cell { text: "wrong".to_owned(), kind: Kind::Error }
-                }
-                _ => Cell { text: "–".to_owned(), kind: Kind::Absent },
-            }
+            let of_scene: Vec<&Row> = rows.iter().copied().filter(|row| row.scene == scene).collect();
+            cell(find(&of_scene, engine, Column::Size(n)), |row| Some(format!("{:.0}", row.bytes?)))
         };
         std::iter::once(Cell::plain(engine)).chain(columns.iter().map(shown)).collect()
     };
@@ -120,5 +150,19 @@ pub(super) fn memory(rows: &[&Row]) -> Section {
         text: vec![text.to_owned()],
         tables: vec![table],
         ..Section::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::limit;
+
+    #[test]
+    fn where_threads_stop_helping() {
+        assert_eq!(limit(&[(1.0, 8.0), (2.0, 4.0), (4.0, 2.0)]), "it scales up to there");
+        assert_eq!(limit(&[(1.0, 8.0), (2.0, 4.0), (4.0, 3.9)]), "more than 2 threads gain less than 5 %");
+        assert_eq!(limit(&[(1.0, 8.0), (2.0, 8.1)]), "more than one thread gains less than 5 %");
+        // A dip on the way is none.
+        assert_eq!(limit(&[(1.0, 8.0), (2.0, 8.1), (4.0, 2.0)]), "it scales up to there");
     }
 }

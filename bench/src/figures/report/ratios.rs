@@ -1,0 +1,174 @@
+//! How many times as fast lazygrid is as somebody else, and where it is not.
+
+use std::fmt;
+
+use super::super::row::{Row, Status, quartiles};
+use super::document::{Note, Table};
+use super::table::{Column, by_engine, engines, find};
+use crate::measure::Spread;
+
+/// What an engine on a software adapter is called at its end.
+pub(super) const ON_SOFTWARE: &str = "(software GPU)";
+
+/// Engines that are judged beside all others, by their names.
+pub(super) const OURS: [&str; 4] =
+    ["recursive-grid", "CPU path's own choice", "lazy-grid (GPU)", "lazy-grid (software GPU)"];
+
+/// Total times that are as near as this say nothing where single steps fall either way.
+const NEAR: std::ops::RangeInclusive<f64> = 0.9..=1.1;
+
+/// How many times as long a peer took as one of ours.
+pub(super) struct Times {
+    /// In all the steps that both ran: a tree that is written only now and then is slow only now and then.
+    pub(super) total: f64,
+    /// Step by step.
+    pub(super) by_step: Vec<f64>,
+}
+
+impl Times {
+    /// Of the steps that both ran, if there are any.
+    pub(super) fn of(peer: &Row, ours: &Row) -> Option<Self> {
+        let both = || peer.wall.iter().zip(&ours.wall);
+        let by_step: Vec<f64> = both().map(|(p, o)| p / o).collect();
+        let (theirs, mine) = both().fold((0.0, 0.0), |(theirs, mine), (p, o)| (theirs + p, mine + o));
+        (!by_step.is_empty()).then(|| Self { total: theirs / mine, by_step })
+    }
+
+    pub(super) fn quartiles(&self) -> (f64, f64) {
+        quartiles(&self.by_step)
+    }
+
+    fn is_even(&self) -> bool {
+        let Spread { low, high, .. } = Spread::of(&self.by_step);
+        NEAR.contains(&self.total) && low <= 1.0 && high >= 1.0
+    }
+}
+
+impl fmt::Display for Times {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Spread { low, high, .. } = Spread::of(&self.by_step);
+        match self.by_step.len() {
+            1 => write!(f, "{:.2} (1 step)", self.total),
+            _ => write!(f, "{:.2} ({low:.2}–{high:.2})", self.total),
+        }
+    }
+}
+
+/// The engines that are not lazygrid's.
+pub(super) fn peers<'a>(rows: &[&'a Row]) -> Vec<&'a str> {
+    engines(rows).into_iter().filter(|engine| !OURS.contains(engine)).collect()
+}
+
+/// Those of lazygrid's engines that ran.
+pub(super) fn ours(rows: &[&Row]) -> impl Iterator<Item = &'static str> {
+    OURS.into_iter().filter(|&ours| rows.iter().any(|row| row.engine == ours && !row.wall.is_empty()))
+}
+
+/// How many times as fast `ours` is in the total of all steps that both ran.
+pub(super) fn table(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -> Table {
+    let others: Vec<&Row> = rows.iter().copied().filter(|row| !OURS.contains(&row.engine.as_str())).collect();
+    let ratio = |peer: &Row| {
+        let column = columns.iter().find(|column| column.holds(peer))?;
+        Some(Times::of(peer, find(rows, ours, *column)?)?.to_string())
+    };
+    let caption = format!("{what}: {ours} is this many times as fast, in total (range of single steps)");
+    let mut table = by_engine(caption, &others, columns, ratio);
+    table.header[0] = "peer".to_owned();
+    table
+}
+
+/// Who is faster than lazygrid, and where, or that nobody is; one sentence about engines on a software adapter.
+pub(super) fn verdicts(what: &str, rows: &[&Row], columns: &[Column]) -> Vec<Note> {
+    let mut notes = vec![];
+    let mut unbeaten = vec![];
+    for ours in self::ours(rows) {
+        if ours.ends_with(ON_SOFTWARE) {
+            notes.push(on_software(what, rows, columns, ours));
+            continue;
+        }
+        let beaten = peers(rows).into_iter().filter_map(|peer| verdict(what, rows, columns, (peer, ours)));
+        let before = notes.len();
+        notes.extend(beaten);
+        if notes.len() == before {
+            unbeaten.push(ours);
+        }
+    }
+    if !unbeaten.is_empty() {
+        notes.push(format!("{what}: no peer that was measured is as fast as {}.", unbeaten.join(" or ")));
+    }
+    notes.into_iter().map(|text| Note { text, is_error: false }).collect()
+}
+
+/// The columns in which both were measured, with the ratio there.
+fn ratios<'a>(
+    rows: &'a [&Row],
+    columns: &'a [Column],
+    (peer, ours): (&'a str, &'a str),
+) -> impl Iterator<Item = (Column, Times)> + 'a {
+    columns.iter().filter_map(move |&column| {
+        let peer = find(rows, peer, column).filter(|row| row.status == Status::Ok)?;
+        Some((column, Times::of(peer, find(rows, ours, column)?)?))
+    })
+}
+
+fn verdict(what: &str, rows: &[&Row], columns: &[Column], pair: (&str, &str)) -> Option<String> {
+    let (peer, ours) = pair;
+    let (mut faster, mut even) = (vec![], vec![]);
+    for (column, times) in ratios(rows, columns, pair) {
+        if times.is_even() {
+            even.push(column.name());
+        } else if times.total < 1.0 {
+            faster.push(format!("{:.2} × as fast at {}", 1.0 / times.total, column.name()));
+        }
+    }
+    if !even.is_empty() {
+        faster.push(format!("about as fast at {}", even.join(", ")));
+    }
+    (!faster.is_empty()).then(|| format!("{what}: {peer} beside {ours}: {}.", faster.join(", ")))
+}
+
+fn on_software(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -> String {
+    let measured = |column: &&Column| find(rows, ours, **column).is_some_and(|row| !row.wall.is_empty());
+    let slower = |column: &&Column| {
+        let of = |peer| ratios(rows, std::slice::from_ref(*column), (peer, ours)).any(|(_, t)| t.total < 1.0);
+        peers(rows).into_iter().any(of)
+    };
+    let all = columns.iter().filter(measured).count();
+    let slower = columns.iter().filter(slower).count();
+    format!(
+        "{what}: {ours} is slower than a peer at {slower} of {all} points; a software adapter runs on the CPU and says \
+         nothing about GPUs."
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::row::tests::row;
+    use super::*;
+
+    fn engine(name: &str, n: usize, wall: &[f64]) -> Row {
+        Row { engine: name.to_owned(), n, ..row(wall) }
+    }
+
+    #[test]
+    fn who_is_faster_is_said_once_and_noise_is_not() {
+        let rows = [
+            engine("recursive-grid", 10, &[1.0, 1.0]),
+            engine("recursive-grid", 100, &[1.0, 1.0]),
+            engine("CPU path's own choice", 10, &[0.1]),
+            engine("lazy-grid (software GPU)", 10, &[9.0]),
+            engine("tree", 10, &[0.5, 0.5]),
+            engine("tree", 100, &[0.9, 1.2]),
+        ];
+        let rows: Vec<&Row> = rows.iter().collect();
+        let columns = super::super::table::by_size(&rows);
+        let notes: Vec<String> = verdicts("equal", &rows, &columns).into_iter().map(|n| n.text).collect();
+        assert_eq!(notes.len(), 3, "{notes:?}");
+        assert_eq!(
+            notes[0],
+            "equal: tree beside recursive-grid: 2.00 × as fast at 10, about as fast at 100."
+        );
+        assert!(notes[1].contains("slower than a peer at 1 of 1 points"), "{}", notes[1]);
+        assert!(notes[2].ends_with("is as fast as CPU path's own choice."), "{}", notes[2]);
+    }
+}

@@ -1,0 +1,210 @@
+//! Tables of rows: which engines and columns there are, and what a cell says.
+
+use super::super::row::{Row, Status, quartiles};
+use super::document::{Cell, Kind, Table};
+use crate::measure::Spread;
+
+/// A column of a table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Column {
+    /// A number of spheres.
+    Size(usize),
+    /// A value of what is varied, and its unit.
+    Setting(f64, &'static str),
+}
+
+impl Column {
+    pub(super) fn holds(self, row: &Row) -> bool {
+        match self {
+            Self::Size(n) => row.n == n,
+            Self::Setting(at, _) => row.at == Some(at),
+        }
+    }
+
+    pub(super) fn name(self) -> String {
+        match self {
+            Self::Size(n) => count(n),
+            Self::Setting(at, "") => at.to_string(),
+            Self::Setting(at, unit) => format!("{at} {unit}"),
+        }
+    }
+}
+
+/// One column per number of spheres.
+pub(super) fn by_size(rows: &[&Row]) -> Vec<Column> {
+    sizes(rows).into_iter().map(Column::Size).collect()
+}
+
+/// One column per value of what is varied.
+pub(super) fn by_setting(rows: &[&Row], unit: &'static str) -> Vec<Column> {
+    let mut values: Vec<f64> = rows.iter().filter_map(|row| row.at).collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values.into_iter().map(|at| Column::Setting(at, unit)).collect()
+}
+
+/// The numbers of spheres, ascending.
+pub(super) fn sizes(rows: &[&Row]) -> Vec<usize> {
+    let mut sizes: Vec<usize> = rows.iter().map(|row| row.n).collect();
+    sizes.sort_unstable();
+    sizes.dedup();
+    sizes
+}
+
+/// The engines in the order of the rows.
+pub(super) fn engines<'a>(rows: &[&'a Row]) -> Vec<&'a str> {
+    distinct(rows, |row| &row.engine)
+}
+
+/// The scenes in the order of the rows.
+pub(super) fn scenes<'a>(rows: &[&'a Row]) -> Vec<&'a str> {
+    distinct(rows, |row| &row.scene)
+}
+
+fn distinct<'a>(rows: &[&'a Row], of: fn(&Row) -> &str) -> Vec<&'a str> {
+    let mut names = vec![];
+    for row in rows {
+        if !names.contains(&of(row)) {
+            names.push(of(row));
+        }
+    }
+    names
+}
+
+/// The row of an engine in a column.
+pub(super) fn find<'a>(rows: &[&'a Row], engine: &str, column: Column) -> Option<&'a Row> {
+    rows.iter().copied().find(|row| row.engine == engine && column.holds(row))
+}
+
+/// A number of spheres as it is written in tables.
+pub(super) fn count(n: usize) -> String {
+    match n {
+        1_000_000.. if n.is_multiple_of(100_000) => format!("{} M", n as f64 / 1e6),
+        1000.. if n.is_multiple_of(100) => format!("{} k", n as f64 / 1e3),
+        _ => n.to_string(),
+    }
+}
+
+/// A unit for about so many seconds, and how many of it a second has.
+fn unit(seconds: f64) -> (f64, &'static str) {
+    match seconds {
+        s if s < 1e-6 => (1e9, "ns"),
+        s if s < 1e-3 => (1e6, "µs"),
+        s if s < 1.0 => (1e3, "ms"),
+        _ => (1.0, "s"),
+    }
+}
+
+fn three_figures(value: f64) -> String {
+    let digits = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
+    format!("{value:.digits$}")
+}
+
+/// Seconds with a unit and three figures.
+pub(super) fn time(seconds: f64) -> String {
+    let (factor, unit) = unit(seconds);
+    format!("{} {unit}", three_figures(seconds * factor))
+}
+
+/// Median seconds, quartiles and number of these times.
+pub(super) fn median(times: &[f64]) -> Option<String> {
+    let median = Spread::of(times).median;
+    let (factor, _) = unit(median);
+    let (low, high) = quartiles(times);
+    match times.len() {
+        0 => None,
+        1 => Some(format!("{} (1 run)", time(median))),
+        runs => {
+            let [low, high] = [low, high].map(|t| three_figures(t * factor));
+            Some(format!("{} ({low}–{high}; {runs})", time(median)))
+        }
+    }
+}
+
+/// Mean as `written`, standard deviation in per cent, and number of runs.
+pub(super) fn mean(row: &Row, written: impl Fn(f64) -> String) -> Option<String> {
+    let (mean, deviation) = row.mean();
+    match row.wall.len() {
+        0 => None,
+        1 => Some(format!("{} (1 run)", written(mean))),
+        runs => Some(format!("{} ± {:.0} % ({runs})", written(mean), 100.0 * deviation / mean)),
+    }
+}
+
+/// A cell for a row, by `show` where it was measured.
+pub(super) fn cell(row: Option<&Row>, show: impl Fn(&Row) -> Option<String>) -> Cell {
+    let absent = |text: &str| (text.to_owned(), Kind::Absent);
+    let (text, kind) = match row.map(|row| (row, row.status)) {
+        None => absent("–"),
+        Some((row, Status::Ok)) => show(row).map_or_else(|| absent("–"), |text| (text, Kind::Plain)),
+        Some((_, Status::Error)) => ("wrong".to_owned(), Kind::Error),
+        Some((_, Status::NotAvailable)) => absent("not available"),
+        Some((_, Status::LeftOut)) => absent("left out"),
+    };
+    Cell { text, kind }
+}
+
+/// Marks the best of some measured cells.
+pub(super) fn mark_best(cells: &mut [Cell], rows: &[Option<&Row>], by: fn(&Row) -> f64) {
+    let value = |row: &Option<&Row>| row.filter(|r| r.status == Status::Ok).map_or(f64::NAN, by);
+    let values: Vec<f64> = rows.iter().map(value).collect();
+    let best = values.iter().copied().fold(f64::INFINITY, f64::min);
+    for (cell, value) in cells.iter_mut().zip(values) {
+        if value == best && cell.kind == Kind::Plain {
+            cell.kind = Kind::Best;
+        }
+    }
+}
+
+/// A table with one row per engine.
+pub(super) fn by_engine(
+    caption: String,
+    rows: &[&Row],
+    columns: &[Column],
+    show: impl Fn(&Row) -> Option<String>,
+) -> Table {
+    let line = |engine: &str| {
+        let cells = columns.iter().map(|&column| cell(find(rows, engine, column), &show));
+        std::iter::once(Cell::plain(engine)).chain(cells).collect()
+    };
+    let names = columns.iter().map(|column| column.name());
+    Table {
+        caption,
+        header: std::iter::once("engine".to_owned()).chain(names).collect(),
+        rows: engines(rows).into_iter().map(line).collect(),
+    }
+}
+
+/// Marks the best engine of each column of such a table.
+pub(super) fn best_of_columns(table: &mut Table, rows: &[&Row], columns: &[Column], by: fn(&Row) -> f64) {
+    for (k, &column) in columns.iter().enumerate() {
+        let found: Vec<Option<&Row>> =
+            engines(rows).into_iter().map(|engine| find(rows, engine, column)).collect();
+        let mut cells: Vec<Cell> = table.rows.iter().map(|line| line[k + 1].clone()).collect();
+        mark_best(&mut cells, &found, by);
+        for (line, cell) in table.rows.iter_mut().zip(cells) {
+            line[k + 1] = cell;
+        }
+    }
+}
+
+/// By the GPU's own clock, where it has one.
+pub(super) fn gpu_times(what: &str, rows: &[&Row], columns: &[Column]) -> Option<Table> {
+    let timed: Vec<&Row> = rows.iter().copied().filter(|row| !row.gpu.is_empty()).collect();
+    let caption = format!(
+        "{what}median GPU time, by the GPU's own clock and without transfers (quartiles; runs); wall times are above"
+    );
+    (!timed.is_empty()).then(|| by_engine(caption, &timed, columns, |row| median(&row.gpu)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_run_has_no_spread() {
+        assert_eq!(median(&[]), None);
+        assert_eq!(median(&[0.25]).as_deref(), Some("250 ms (1 run)"));
+        assert_eq!(median(&[1e-3, 2e-3, 3e-3]).as_deref(), Some("2.00 ms (1.50–2.50; 3)"));
+    }
+}
