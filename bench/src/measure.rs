@@ -10,6 +10,9 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use lazygrid::{Backend, Config, Detector, Pair, Phase, Sphere, gpu};
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 
 use crate::scenes::Scene;
 
@@ -210,13 +213,19 @@ pub fn compare(plan: &Plan, contenders: &[Contender]) -> Result<Vec<Timing>, Box
     for round in 0..=plan.rounds {
         let frames = motion.next_round();
         let mut expected = vec![None; frames.len()];
-        // Each round starts with another contender, so that none always profits from its predecessor.
-        for turn in 0..lanes.len() {
-            let k = (turn + round) % lanes.len();
+        for k in turns(lanes.len(), plan.seed.wrapping_add(round as u64)) {
             lanes[k].play(plan, frames, &mut expected, &mut now)?;
         }
     }
     Ok(lanes.into_iter().map(Lane::timing).collect())
+}
+
+/// Who runs when: the numbers below `lanes` in an order drawn from `seed`. A new order for each round leaves nobody
+/// always behind the same predecessor, which a rotation would: only who begins would change.
+pub fn turns(lanes: usize, seed: u64) -> Vec<usize> {
+    let mut turns: Vec<usize> = (0..lanes).collect();
+    turns.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
+    turns
 }
 
 /// The spheres, step after step.
@@ -332,6 +341,18 @@ mod tests {
         let wrong = compare(&PLAN, &[fixed(&[[0, 1], [2, 3]]), fixed(&[[0, 2], [1, 3]])]);
         assert!(wrong.is_err_and(|e| e.to_string().contains("equal of 10")));
         assert!(compare(&PLAN, &[fixed(&[[0, 1]]), fixed(&[])]).is_err());
+    }
+
+    #[test]
+    fn everybody_has_a_turn_and_predecessors_change() {
+        let mut before_the_last = std::collections::BTreeSet::new();
+        for seed in 0..50 {
+            let turns = turns(5, seed);
+            let place = |k| turns.iter().position(|&turn| turn == k).expect("everybody has a turn");
+            assert_eq!((turns.len(), (0..5).map(place).sum::<usize>()), (5, 10));
+            before_the_last.insert(place(4).checked_sub(1).map(|place| turns[place]));
+        }
+        assert_eq!(before_the_last.len(), 5, "nobody and each of the other four");
     }
 
     #[test]
