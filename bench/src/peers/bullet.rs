@@ -12,7 +12,8 @@ use crate::scenes::Scene;
 /// How Bullet is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// By how much a box grows on every side when it is written, in units of length; `None`: Bullet's 0.05.
+    /// By how much a box grows on every side when it is written, in units of length, which is the
+    /// largest radius in every scene; `None`: Bullet's 0.05.
     pub margin: Option<f32>,
     /// Whether the tree is searched once per step instead of once per box that was written.
     pub deferred: bool,
@@ -36,10 +37,15 @@ impl Tuning {
     }
 }
 
-/// The tunings to choose from, besides as shipped. Margins are in units of the largest radius.
-pub fn tunings() -> Vec<Contender> {
-    let mut tunings = vec![running("Bullet as shipped", Tuning::SHIPPED)];
-    for margin in [0.1, 0.2, 0.3, 0.5, 1.0] {
+/// The tunings to choose from; a margin of 0.05, not deferred, is as shipped.
+pub fn tunings(scene: Scene) -> Vec<Contender> {
+    let margins: &[f32] = match scene {
+        Scene::Equal | Scene::FiveSizes => &[0.05, 0.1, 0.25, 0.5, 1.0, 2.0],
+        // Wide margins would make pairs of nearly all boxes here.
+        Scene::Burst | Scene::BurstLinear | Scene::Point => &[0.0, 0.01, 0.05, 0.1, 0.25],
+    };
+    let mut tunings = vec![];
+    for &margin in margins {
         for (name, deferred) in [("", false), (", deferred", true)] {
             let tuning = Tuning { margin: Some(margin), deferred };
             tunings.push(running(format!("Bullet, margin {margin}{name}"), tuning));
