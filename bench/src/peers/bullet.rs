@@ -23,16 +23,17 @@ impl Tuning {
     /// As the library comes.
     pub const SHIPPED: Self = Self { margin: None, deferred: false };
 
-    /// The margin of the least total time over 60 steps and more after the tree's first full rewriting, all later
+    /// The margin of the least total time over 60 steps and more, fewer for bursts, after the tree's first full rewriting, all later
     /// waves of rewriting included, at 10 000 and 100 000 spheres, bursts at 10 000; from [`tunings`], by
     /// `cargo bench -p lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm cell-list --csv FILE`.
+    /// Equal spheres at 100 000 and bursts are from the shim alone, in processor time of its thread, on the same scenes.
     /// Nanoseconds per sphere and step with margins of 0.25, 0.5, 1 and 2, equal spheres: 311, 170, 123, 139 of 10 000
     /// and 1160, 417, 237, 556 of 100 000; five sizes: 147, 111, 108, 245 and 824, 475, 708, 1805.
     pub fn best(scene: Scene, _: usize) -> Self {
         let margin = match scene {
             Scene::Equal => 1.0,
             Scene::FiveSizes => 0.5,
-            // Bursts: 29 µs as shipped, 14 with 0.1, 5.6 with 0.25.
+            // Over 12 steps of 10 000: 29 µs with 0.05, 14 with 0.1, 5.6 with 0.25; wider ones were not measured.
             _ => 0.25,
         };
         Self { margin: Some(margin), deferred: false }
