@@ -10,14 +10,14 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use lazygrid::{Backend, Config, Detector, Pair, Phase, Sphere, gpu};
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 
 use crate::scenes::Scene;
 
 pub use options::Options;
 pub use present::{Spread, markdown, provenance};
-
-/// A contender that takes longer than this for one step runs only the last step of each round.
-const SLOW_STEP: Duration = Duration::from_millis(800);
 
 /// What a search found.
 #[derive(Clone, Copy, Debug)]
@@ -198,7 +198,8 @@ fn scramble(i: u32, j: u32) -> u64 {
 
 /// Runs all contenders through the same motion, round by round, and returns their times in the same order.
 /// Every answer of every step is compared, by number and checksum, with that of the first contender to list
-/// pairs; neither that nor the motion is timed.
+/// pairs; neither that nor the motion is timed. Nobody skips a step, however slow: a search that is kept from step to
+/// step would find its spheres further away than they move.
 ///
 /// # Errors
 /// Where a search fails or two answers differ.
@@ -210,13 +211,19 @@ pub fn compare(plan: &Plan, contenders: &[Contender]) -> Result<Vec<Timing>, Box
     for round in 0..=plan.rounds {
         let frames = motion.next_round();
         let mut expected = vec![None; frames.len()];
-        // Each round starts with another contender, so that none always profits from its predecessor.
-        for turn in 0..lanes.len() {
-            let k = (turn + round) % lanes.len();
+        for k in turns(lanes.len(), plan.seed.wrapping_add(round as u64)) {
             lanes[k].play(plan, frames, &mut expected, &mut now)?;
         }
     }
     Ok(lanes.into_iter().map(Lane::timing).collect())
+}
+
+/// Who runs when: the numbers below `lanes` in an order drawn from `seed`. A new order for each round leaves nobody
+/// always behind the same predecessor, which a rotation would: only who begins would change.
+pub fn turns(lanes: usize, seed: u64) -> Vec<usize> {
+    let mut turns: Vec<usize> = (0..lanes).collect();
+    turns.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
+    turns
 }
 
 /// The spheres, step after step.
@@ -248,14 +255,13 @@ impl Motion {
 struct Lane<'a> {
     contender: &'a Contender,
     search: Box<dyn Search>,
-    slow: bool,
     timing: Timing,
 }
 
 impl<'a> Lane<'a> {
     fn new(contender: &'a Contender) -> Result<Self, Box<dyn Error>> {
         let timing = Timing { name: contender.name.clone(), nanos: vec![], note: String::new(), pairs: 0 };
-        Ok(Self { contender, search: (contender.make)()?, slow: false, timing })
+        Ok(Self { contender, search: (contender.make)()?, timing })
     }
 
     fn play(
@@ -266,11 +272,7 @@ impl<'a> Lane<'a> {
         now: &mut [Sphere],
     ) -> Result<(), Box<dyn Error>> {
         let mut total = Duration::ZERO;
-        let mut played = 0;
         for (k, frame) in frames.iter().enumerate() {
-            if self.slow && k + 1 < frames.len() {
-                continue;
-            }
             now.copy_from_slice(frame);
             if plan.fresh {
                 self.search = (self.contender.make)()?;
@@ -291,11 +293,9 @@ impl<'a> Lane<'a> {
                 *judge = digest;
             }
             self.timing.pairs = digest.pairs;
-            self.slow |= time > SLOW_STEP;
             total += time;
-            played += 1;
         }
-        self.timing.nanos.push(total.as_nanos() as f64 / f64::from(played) / plan.n.max(1) as f64);
+        self.timing.nanos.push(total.as_nanos() as f64 / frames.len() as f64 / plan.n.max(1) as f64);
         Ok(())
     }
 
@@ -332,6 +332,18 @@ mod tests {
         let wrong = compare(&PLAN, &[fixed(&[[0, 1], [2, 3]]), fixed(&[[0, 2], [1, 3]])]);
         assert!(wrong.is_err_and(|e| e.to_string().contains("equal of 10")));
         assert!(compare(&PLAN, &[fixed(&[[0, 1]]), fixed(&[])]).is_err());
+    }
+
+    #[test]
+    fn everybody_has_a_turn_and_predecessors_change() {
+        let mut before_the_last = std::collections::BTreeSet::new();
+        for seed in 0..50 {
+            let turns = turns(5, seed);
+            let place = |k| turns.iter().position(|&turn| turn == k).expect("everybody has a turn");
+            assert_eq!((turns.len(), (0..5).map(place).sum::<usize>()), (5, 10));
+            before_the_last.insert(place(4).checked_sub(1).map(|place| turns[place]));
+        }
+        assert_eq!(before_the_last.len(), 5, "nobody and each of the other four");
     }
 
     #[test]

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use clap::{Parser, ValueEnum};
 use lazygrid::{Algorithm, Backend, Config, Order};
 use lazygrid_bench::measure::{Contender, Options, Plan, Timing, compare, markdown, provenance};
-use lazygrid_bench::peers::parry;
+use lazygrid_bench::peers::{cell_list, parry};
 
 /// Above this many spheres the naive detector is left out: its time grows with the square.
 const NAIVE_LIMIT: usize = 20_000;
@@ -56,6 +56,8 @@ enum Mode {
     /// The settings of Bullet, kept from step to step; one thread.
     #[cfg(feature = "bullet")]
     Bullet,
+    /// The settings of the plain cell list beside parry3d's tree, kept from step to step; one thread.
+    Yardstick,
     /// One call from arbitrary order; one thread.
     Scratch,
     /// One thread beside two.
@@ -92,7 +94,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         for plan in args.options.plans() {
             let plan = plan_for(mode, plan);
-            let timings = compare(&plan, &contenders(mode, &args, plan.n))?;
+            let timings = compare(&plan, &contenders(mode, &args, &plan))?;
             if args.options.is_quick() {
                 println!(
                     "{mode:?}, {}: {} searches agree on {} pairs",
@@ -124,7 +126,7 @@ fn plan_for(mode: Mode, plan: Plan) -> Plan {
 fn heading(mode: Mode, plan: &Plan) -> String {
     let Plan { scene, n, seed, rounds, steps, .. } = plan;
     let what = match mode {
-        Mode::Running => "kept from step to step, one thread",
+        Mode::Running | Mode::Yardstick => "kept from step to step, one thread",
         #[cfg(feature = "bullet")]
         Mode::Bullet => "kept from step to step, one thread",
         Mode::Scratch => "from scratch, one thread",
@@ -136,16 +138,19 @@ fn heading(mode: Mode, plan: &Plan) -> String {
     )
 }
 
-fn contenders(mode: Mode, args: &Args, n: usize) -> Vec<Contender> {
+fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<Contender> {
     let mut contenders = match mode {
         Mode::Running => parry::running(),
+        Mode::Yardstick => {
+            std::iter::once(parry::refitted("parry3d refit")).chain(cell_list::tunings(plan.scene)).collect()
+        }
         Mode::Scratch => parry::scratch(),
         #[cfg(feature = "bullet")]
-        Mode::Bullet => lazygrid_bench::peers::bullet::tunings(),
+        Mode::Bullet => lazygrid_bench::peers::bullet::tunings(plan.scene),
         Mode::Threads | Mode::Sizes => vec![],
     };
     let threads: &[usize] = if mode == Mode::Threads { &[1, 2] } else { &[1] };
-    for &algorithm in args.algorithm.iter().filter(|&&a| a != Algorithm::Naive || n <= NAIVE_LIMIT) {
+    for &algorithm in args.algorithm.iter().filter(|&&a| a != Algorithm::Naive || plan.n <= NAIVE_LIMIT) {
         for &output in &args.output {
             contenders.extend(threads.iter().map(|&threads| contender(algorithm, output, threads)));
         }

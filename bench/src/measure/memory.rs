@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::time::Instant;
 
-use super::{Contender, Found, Spread};
+use super::{Contender, Digest, Spread};
 use crate::scenes::Scene;
 
 /// What a search took in a process of its own.
@@ -15,6 +15,8 @@ pub struct Sample {
     pub bytes: Option<f64>,
     /// Pairs at the last step.
     pub pairs: u64,
+    /// [`Digest::sum`] of those pairs; none where they were only counted.
+    pub sum: Option<u64>,
 }
 
 /// Runs a search over `steps` steps and reports the peak of what this process came to hold.
@@ -33,26 +35,25 @@ pub fn sample(
     // Makes the peak start anew from the present.
     let reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
     let mut search = (contender.make)()?;
-    let mut pairs = count(&search.run(&spheres)?);
-    let mut most = pairs;
+    let mut found = Digest::of(&search.run(&spheres)?);
+    let mut most = found.pairs;
     let mut nanos = vec![];
     for step in 0..steps {
         Scene::advance(&mut spheres, seed, step);
         let start = Instant::now();
-        pairs = count(&search.run(&spheres)?);
+        let answer = search.run(&spheres)?;
         nanos.push(start.elapsed().as_nanos() as f64 / n.max(1) as f64);
-        most = most.max(pairs);
+        found = Digest::of(&answer);
+        most = most.max(found.pairs);
     }
     let peak = resident("VmHWM").filter(|_| reset);
     let held = before.zip(peak).map(|(before, peak)| peak - before - 8.0 * most as f64);
-    Ok(Sample { nanos: Spread::of(&nanos).median, bytes: held.map(|bytes| bytes / n.max(1) as f64), pairs })
-}
-
-fn count(found: &Found<'_>) -> u64 {
-    match found {
-        Found::Pairs(pairs) => pairs.len() as u64,
-        Found::Count(pairs) => *pairs,
-    }
+    Ok(Sample {
+        nanos: Spread::of(&nanos).median,
+        bytes: held.map(|bytes| bytes / n.max(1) as f64),
+        pairs: found.pairs,
+        sum: found.sum,
+    })
 }
 
 /// A line of `/proc/self/status` in bytes, where there is one.

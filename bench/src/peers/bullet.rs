@@ -12,7 +12,8 @@ use crate::scenes::Scene;
 /// How Bullet is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// By how much a box grows on every side when it is written, in units of length; `None`: Bullet's 0.05.
+    /// By how much a box grows on every side when it is written, in units of length, which is the
+    /// largest radius in every scene; `None`: Bullet's 0.05.
     pub margin: Option<f32>,
     /// Whether the tree is searched once per step instead of once per box that was written.
     pub deferred: bool,
@@ -22,24 +23,32 @@ impl Tuning {
     /// As the library comes.
     pub const SHIPPED: Self = Self { margin: None, deferred: false };
 
-    /// The fastest of [`tunings`] over a hundred steps, by
-    /// `cargo bench -p lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm cell-list --steps 100`:
-    /// a wide margin where few spheres or equal sizes keep the pairs of large boxes few.
-    pub fn best(scene: Scene, n: usize) -> Self {
+    /// The margin of the least total time over 60 steps and more, fewer for bursts, after the tree's first full rewriting, all later
+    /// waves of rewriting included, at 10 000 and 100 000 spheres, bursts at 10 000; from [`tunings`], by
+    /// `cargo bench -p lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm cell-list --csv FILE`.
+    /// Equal spheres at 100 000 and bursts are from the shim alone, in processor time of its thread, on the same scenes.
+    /// Nanoseconds per sphere and step with margins of 0.25, 0.5, 1 and 2, equal spheres: 311, 170, 123, 139 of 10 000
+    /// and 1160, 417, 237, 556 of 100 000; five sizes: 147, 111, 108, 245 and 824, 475, 708, 1805.
+    pub fn best(scene: Scene, _: usize) -> Self {
         let margin = match scene {
-            Scene::Equal if n <= 30_000 => 1.0,
-            Scene::Equal | Scene::FiveSizes => 0.5,
-            // Most spheres are far smaller than any margin that would do for the large ones.
-            _ => 0.05,
+            Scene::Equal => 1.0,
+            Scene::FiveSizes => 0.5,
+            // Over 12 steps of 10 000: 29 µs with 0.05, 14 with 0.1, 5.6 with 0.25; wider ones were not measured.
+            _ => 0.25,
         };
         Self { margin: Some(margin), deferred: false }
     }
 }
 
-/// The tunings to choose from, besides as shipped. Margins are in units of the largest radius.
-pub fn tunings() -> Vec<Contender> {
-    let mut tunings = vec![running("Bullet as shipped", Tuning::SHIPPED)];
-    for margin in [0.1, 0.2, 0.3, 0.5, 1.0] {
+/// The tunings to choose from; a margin of 0.05, not deferred, is as shipped.
+pub fn tunings(scene: Scene) -> Vec<Contender> {
+    let margins: &[f32] = match scene {
+        Scene::Equal | Scene::FiveSizes => &[0.05, 0.1, 0.25, 0.5, 1.0, 2.0],
+        // Wide margins would make pairs of nearly all boxes here.
+        Scene::Burst | Scene::BurstLinear | Scene::Point => &[0.05, 0.1, 0.25, 0.5],
+    };
+    let mut tunings = vec![];
+    for &margin in margins {
         for (name, deferred) in [("", false), (", deferred", true)] {
             let tuning = Tuning { margin: Some(margin), deferred };
             tunings.push(running(format!("Bullet, margin {margin}{name}"), tuning));

@@ -8,19 +8,71 @@ use lazygrid::{Pair, Sphere};
 
 use super::class::Class;
 use crate::measure::{Contender, Found, Search};
+use crate::scenes::Scene;
 
-/// Sizes of a class are within this factor of each other.
-const CLASS: f32 = 4.0;
 /// The smallest spheres, and points, share the last of this many classes.
 const CLASSES: usize = 24;
 
-/// The yardstick, which keeps the last step's order.
-pub fn running() -> Contender {
-    Contender::new("plain cell list", || Ok(CellList::default()))
+/// How the cells are made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tuning {
+    /// Edge of a class's cells over its largest diameter; less than 1.01 is taken as that.
+    pub edge: f32,
+    /// Sizes of a class are within this factor of each other, which is above 1.
+    pub class: f32,
 }
 
-#[derive(Default)]
+impl Tuning {
+    /// What does for spheres of which nothing is known.
+    pub const DEFAULT: Self = Self { edge: 1.5, class: 4.0 };
+
+    /// The fastest of [`tunings`] for a scene, by the ratio to parry3d's refitted tree within rounds, of
+    /// `cargo bench -p lazygrid-bench --bench peers -- --mode yardstick --algorithm cell-list --output unordered
+    /// --n 100000 --rounds 7 --steps 3`; bursts at 20 000, as cells as small as may be win there whatever the classes.
+    pub fn best(scene: Scene) -> Self {
+        match scene {
+            Scene::Equal => Self { edge: 2.5, ..Self::DEFAULT },
+            // A cell of the largest spheres holds no more than a vector compares, so one class does.
+            Scene::FiveSizes => Self { edge: 1.25, class: 32.0 },
+            Scene::Burst => Self { edge: 1.01, class: 2.0 },
+            Scene::BurstLinear | Scene::Point => Self::DEFAULT,
+        }
+    }
+}
+
+/// The tunings to choose from.
+pub fn tunings(scene: Scene) -> Vec<Contender> {
+    let classes: &[f32] = match scene {
+        Scene::Equal => &[4.0],
+        Scene::FiveSizes => &[2.0, 4.0, 32.0],
+        Scene::Burst | Scene::BurstLinear | Scene::Point => &[2.0, 4.0, 8.0],
+    };
+    let mut tunings = vec![];
+    for &class in classes {
+        for edge in [1.01, 1.25, 1.5, 2.0, 2.5] {
+            let name = format!("plain cell list, edge {edge}, class {class}");
+            tunings.push(with(name, Tuning { edge, class }));
+        }
+    }
+    tunings
+}
+
+/// The yardstick for any spheres, which keeps the last step's order.
+pub fn running() -> Contender {
+    with("plain cell list", Tuning::DEFAULT)
+}
+
+/// The yardstick as it is fastest for a scene.
+pub fn tuned(name: impl Into<String>, scene: Scene) -> Contender {
+    with(name, Tuning::best(scene))
+}
+
+fn with(name: impl Into<String>, tuning: Tuning) -> Contender {
+    Contender::new(name, move || Ok(CellList::new(tuning)))
+}
+
 struct CellList {
+    tuning: Tuning,
     /// From the largest spheres to the smallest.
     classes: Vec<Class>,
     pairs: Vec<Pair>,
@@ -28,14 +80,18 @@ struct CellList {
 }
 
 impl CellList {
+    fn new(tuning: Tuning) -> Self {
+        Self { tuning, classes: vec![], pairs: vec![], spheres: 0 }
+    }
+
     /// Sorts the spheres into classes by size, once: radii do not change from step to step.
     fn classify(&mut self, spheres: &[Sphere]) {
         let largest = spheres.iter().fold(0.0_f32, |largest, s| largest.max(s.radius));
         self.classes = std::iter::repeat_with(Class::default).take(CLASSES).collect();
         for (k, sphere) in (0..).zip(spheres) {
-            let halvings = (largest / sphere.radius).log(CLASS);
+            let halvings = (largest / sphere.radius).log2();
             // A radius of 0 has infinitely many, no radius at all NaN, which becomes 0.
-            let class = (halvings as usize).min(CLASSES - 1);
+            let class = ((halvings / self.tuning.class.log2()) as usize).min(CLASSES - 1);
             self.classes[class].order.push(k);
         }
         self.classes.retain(|class| !class.order.is_empty());
@@ -74,7 +130,7 @@ impl CellList {
     fn find_plainly(&mut self, spheres: &[Sphere]) {
         self.pairs.clear();
         for class in &mut self.classes {
-            class.build(spheres);
+            class.build(spheres, self.tuning.edge);
         }
         for (k, class) in self.classes.iter().enumerate() {
             class.pairs_within(&mut self.pairs);

@@ -5,74 +5,76 @@ use lazygrid::{Pair, Sphere};
 
 use super::touch;
 
-/// Cell edge over the class's largest diameter; PEERS' best lie between 1.5 and 2.5 for the uniform scenes.
-const EDGE: f32 = 1.5;
+/// Cell edge over the largest diameter at the least, so that no rounding makes two in contact skip a cell.
+const SMALLEST_EDGE: f32 = 1.01;
 /// No more cells than this per sphere, so that a spread-out cloud does not drown in empty ones.
-const CELLS_PER_SPHERE: f32 = 2.0;
-/// Candidates that are compared at once.
-const LANES: usize = 16;
+const CELLS_PER_SPHERE: f32 = 4.0;
+/// Candidates that are compared at once: a vector of AVX2.
+const LANES: usize = 8;
 
 /// The spheres of one class in the order of their cells.
 #[derive(Default)]
 pub(super) struct Class {
     pub(super) order: Vec<u32>,
-    /// Columns in that order; `LANES` more entries at the end that touch nothing, so that runs may be read in full.
+    /// Columns in that order; `LANES` more entries at the end, so that the last run may be read in full vectors.
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
     r: Vec<f32>,
+    /// Where each cell begins; a ring of empty cells is all around, so that every cell has all its neighbours.
     starts: Vec<u32>,
+    /// The spheres in the order of the last step, and their cells.
+    members: Vec<Sphere>,
     keys: Vec<u32>,
     sorted: Vec<u32>,
     origin: Vec3,
     per_edge: f32,
+    /// Cells along each axis, the ring included.
     cells: UVec3,
     largest: f32,
 }
 
 impl Class {
-    /// Sorts the class, whose members stand in `order`, by cell; the order of the last step comes in, so that both
-    /// reading and writing stay near each other.
-    pub(super) fn build(&mut self, spheres: &[Sphere]) {
-        self.raster(spheres);
+    /// Sorts the class, whose members stand in `order`, by cells whose edge is `edge` times the largest diameter. The
+    /// order of the last step comes in, so that both reading and writing stay near each other.
+    #[inline(always)]
+    pub(super) fn build(&mut self, spheres: &[Sphere], edge: f32) {
+        self.members.clear();
+        self.members.extend(self.order.iter().map(|&k| spheres[k as usize]));
+        self.raster(edge);
         let cells = self.cells.element_product() as usize;
         self.starts.clear();
         self.starts.resize(cells + 1, 0);
         self.keys.clear();
-        for &k in &self.order {
-            let key = self.key(self.cell(spheres[k as usize].center));
+        for sphere in &self.members {
+            let key = self.key(self.cell(sphere.center));
             self.keys.push(key);
-            self.starts[key as usize + 1] += 1;
+            self.starts[key as usize] += 1;
         }
-        for cell in 0..cells {
-            self.starts[cell + 1] += self.starts[cell];
+        // Counts become ends; each end steps down to its cell's start while the cell is filled from behind.
+        let mut end = 0;
+        for start in &mut self.starts {
+            end += *start;
+            *start = end;
         }
-        self.sorted.resize(self.order.len(), 0);
-        // `starts[cell]` runs ahead while its cell is filled; the starts then stand one place to the left.
-        for (&k, &key) in self.order.iter().zip(&self.keys) {
-            let place = &mut self.starts[key as usize];
-            self.sorted[*place as usize] = k;
-            *place += 1;
-        }
-        self.starts.copy_within(0..cells, 1);
-        self.starts[0] = 0;
-        std::mem::swap(&mut self.order, &mut self.sorted);
-        self.gather(spheres);
+        self.scatter();
     }
 
     /// Chooses the cells from the bounds of the centres.
-    fn raster(&mut self, spheres: &[Sphere]) {
-        let members = || self.order.iter().map(|&k| &spheres[k as usize]);
+    #[inline(always)]
+    fn raster(&mut self, edge: f32) {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let mut largest = 0.0_f32;
-        for sphere in members() {
+        for sphere in &self.members {
             (low, high) = (low.min(sphere.center), high.max(sphere.center));
             largest = largest.max(sphere.radius);
         }
         let extent = (high - low).max(Vec3::splat(f32::MIN_POSITIVE));
-        let most = (self.order.len() as f32 * CELLS_PER_SPHERE).max(1.0);
-        let mut edge = (2.0 * EDGE * largest).max(extent.max_element() / 1024.0);
-        let count = |edge: f32| (extent / edge).floor() + Vec3::ONE;
+        let far = low.abs().max(high.abs()).max_element();
+        let most = (self.members.len() as f32 * CELLS_PER_SPHERE).max(27.0);
+        let edge = 2.0 * edge.max(SMALLEST_EDGE) * largest + far * 1e-6;
+        let mut edge = edge.max(extent.max_element() / 1024.0);
+        let count = |edge: f32| (extent / edge).floor() + Vec3::splat(3.0);
         while count(edge).element_product() > most {
             edge *= 1.1;
         }
@@ -83,8 +85,9 @@ impl Class {
     /// The cell of a point; what lies outside belongs to the border, which keeps neighbours neighbours.
     #[inline(always)]
     fn cell(&self, point: Vec3) -> UVec3 {
-        let cell = ((point - self.origin) * self.per_edge).max(Vec3::ZERO);
-        cell.as_uvec3().min(self.cells - UVec3::ONE)
+        // Below zero this saturates.
+        let cell = ((point - self.origin) * self.per_edge).as_uvec3();
+        cell.min(self.cells - UVec3::splat(3)) + UVec3::ONE
     }
 
     #[inline(always)]
@@ -92,37 +95,46 @@ impl Class {
         (cell.z * self.cells.y + cell.y) * self.cells.x + cell.x
     }
 
-    fn gather(&mut self, spheres: &[Sphere]) {
+    #[inline(always)]
+    fn scatter(&mut self) {
+        let n = self.members.len();
         for column in [&mut self.x, &mut self.y, &mut self.z, &mut self.r] {
-            column.clear();
+            column.resize(n + LANES, 0.0);
         }
-        for &k in &self.order {
-            let Sphere { center, radius } = spheres[k as usize];
-            self.x.push(center.x);
-            self.y.push(center.y);
-            self.z.push(center.z);
-            self.r.push(radius);
+        self.sorted.resize(n, 0);
+        for (k, sphere) in self.members.iter().enumerate().rev() {
+            let place = &mut self.starts[self.keys[k] as usize];
+            *place -= 1;
+            let at = *place as usize;
+            (self.x[at], self.y[at], self.z[at]) = sphere.center.into();
+            self.r[at] = sphere.radius;
+            self.sorted[at] = self.order[k];
         }
-        for column in [&mut self.x, &mut self.y, &mut self.z, &mut self.r] {
-            column.resize(self.order.len() + LANES, f32::NAN);
-        }
+        std::mem::swap(&mut self.order, &mut self.sorted);
     }
 
-    /// All pairs within the class: each sphere with those behind it in its row of cells, and with the rows that
-    /// come after its own.
+    /// All pairs within the class: each sphere with those behind it in its row of cells, and with the four rows
+    /// next to it that come after its own.
     #[inline(always)]
     pub(super) fn pairs_within(&self, pairs: &mut Vec<Pair>) {
-        for at in 0..self.order.len() {
-            let sphere = self.at(at);
-            let (low, high) = self.around(&sphere);
-            let own = self.cell(sphere.center);
-            for z in own.z..=high.z {
-                let first = if z == own.z { own.y } else { low.y };
-                for y in first..=high.y {
-                    let own_row = z == own.z && y == own.y;
-                    let run = self.run(y, z, low.x, high.x);
-                    let run = if own_row { at + 1..run.end } else { run };
-                    self.compare(&sphere, self.order[at], run, pairs);
+        let row = self.cells.x as usize;
+        let layer = row * self.cells.y as usize;
+        for cell in layer..self.starts.len() - 1 - layer {
+            let own = self.starts[cell] as usize..self.starts[cell + 1] as usize;
+            if own.is_empty() {
+                continue;
+            }
+            let end = self.starts[cell + 2] as usize;
+            let mut runs = [(0, 0); 4];
+            for (run, ahead) in runs.iter_mut().zip([row, layer - row, layer, layer + row]) {
+                let middle = cell + ahead;
+                *run = (self.starts[middle - 1] as usize, self.starts[middle + 2] as usize);
+            }
+            for at in own {
+                let (sphere, index) = (self.at(at), self.order[at]);
+                self.compare(&sphere, index, at + 1..end, pairs);
+                for (start, end) in runs {
+                    self.compare(&sphere, index, start..end, pairs);
                 }
             }
         }
@@ -189,16 +201,18 @@ impl Class {
         let lanes = from..from + LANES;
         let (x, y) = (&self.x[lanes.clone()], &self.y[lanes.clone()]);
         let (z, r) = (&self.z[lanes.clone()], &self.r[lanes]);
-        let mut near = [false; LANES];
+        // Loops rather than iterators, whose closures would be compiled without the caller's wider vectors.
+        let mut room = [0.0; LANES];
         for k in 0..LANES {
             let (dx, dy, dz) = (x[k] - sphere.center.x, y[k] - sphere.center.y, z[k] - sphere.center.z);
             let reach = r[k] + sphere.radius;
-            near[k] = dx * dx + dy * dy + dz * dz <= reach * reach * 1.000_01;
+            room[k] = reach * reach * 1.000_01 - (dx * dx + dy * dy + dz * dz);
         }
-        let mut mask = 0;
-        for (k, &hit) in near.iter().enumerate() {
-            mask |= u32::from(hit) << k;
+        // By the sign bit: a comparison per lane would end in scalar code.
+        let mut apart = 0;
+        for (k, room) in room.iter().enumerate() {
+            apart |= (room.to_bits() >> 31) << k;
         }
-        mask
+        !apart & ((1 << LANES) - 1)
     }
 }

@@ -13,11 +13,31 @@ fn peers_agree_with_the_judge() {
         let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
         let mut contenders = vec![Contender::list("naive", judge)];
         contenders.extend([cell_list::running(), octree::running(), sweep::running()]);
+        contenders.extend(cell_list::tunings(scene));
         contenders.extend(parry::running());
         #[cfg(feature = "bullet")]
-        contenders.extend(bullet::tunings());
+        contenders.extend(bullet::tunings(scene));
         let timings = compare(&plan, &contenders).unwrap_or_else(|e| panic!("{scene}: {e}"));
         assert!(timings[0].pairs > 0, "{scene}");
+    }
+}
+
+/// Points that coincide, spheres that just touch, and a row of cells along one axis.
+#[test]
+fn cells_of_odd_shapes() {
+    let points = |n: usize| (0..n).map(|k| Sphere::new([(k / 2) as f32, 0.0, 0.0], 0.0)).collect();
+    let row = |gap: f32| (0..100).map(|k| Sphere::new([k as f32 * gap, 7.0, -7.0], 0.5)).collect();
+    let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
+    for spheres in [points(1), points(2), points(9), points(100), row(1.0), row(1.001), row(0.1)] {
+        let spheres: Vec<Sphere> = spheres;
+        let digest = |contender: &Contender| {
+            let mut search = (contender.make)().expect("made");
+            crate::measure::Digest::of(&search.run(&spheres).expect("found"))
+        };
+        let expected = digest(&Contender::list("naive", judge.clone()));
+        for contender in cell_list::tunings(Scene::FiveSizes) {
+            assert_eq!(digest(&contender), expected, "{}: {} spheres", contender.name, spheres.len());
+        }
     }
 }
 
