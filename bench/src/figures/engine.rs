@@ -59,7 +59,7 @@ impl Engine {
             Self::Parry => parry::refitted(name),
             Self::ParryMargin => parry::with_margin(name),
             Self::ParryOptimised => parry::optimised(name),
-            Self::PlainCellList => cell_list::running(),
+            Self::PlainCellList => cell_list::tuned(name, scene),
             Self::SortAndSweep => sweep::running(),
             Self::Octree => octree::running(),
         }
@@ -69,10 +69,17 @@ impl Engine {
     fn config(self) -> Config {
         let config = Config::default().backend(Backend::Cpu).order(Order::Unordered);
         let Self::Cpu { algorithm, threads, tau, ratio } = self else { return config };
-        let config = config.algorithm(algorithm);
-        let config = threads.map_or(config.clone(), |threads| config.threads(threads));
-        let config = tau.map_or(config.clone(), |tau| config.tau(tau));
-        ratio.map_or(config.clone(), |ratio| config.raster_ratio(ratio))
+        let mut config = config.algorithm(algorithm);
+        if let Some(threads) = threads {
+            config = config.threads(threads);
+        }
+        if let Some(tau) = tau {
+            config = config.tau(tau);
+        }
+        if let Some(ratio) = ratio {
+            config = config.raster_ratio(ratio);
+        }
+        config
     }
 
     #[cfg(feature = "bullet")]
@@ -100,8 +107,10 @@ impl Engine {
 
     /// Whether its time grows with the square of the number of spheres, or nearly.
     pub(super) fn is_quadratic(self) -> bool {
-        let naive = Self::Cpu { algorithm: Algorithm::Naive, threads: None, tau: None, ratio: None };
-        self == naive || matches!(self, Self::Gpu(Algorithm::Naive) | Self::SortAndSweep)
+        matches!(
+            self,
+            Self::Cpu { algorithm: Algorithm::Naive, .. } | Self::Gpu(Algorithm::Naive) | Self::SortAndSweep
+        )
     }
 
     /// Whether pairs within 4 ulp of tangency may fall either way.

@@ -5,11 +5,16 @@ use std::path::Path;
 use std::process::Command;
 
 use super::Engine;
+use super::judge::Reference;
 use super::plan::Point;
 use super::row::{Row, Status};
+use crate::measure::Digest;
 pub use crate::measure::memory::Sample;
 use crate::measure::memory::sample;
 use crate::scenes::Scene;
+
+/// Of the spheres and their motion, in each process the same.
+const SEED: u64 = 1;
 
 /// What an engine takes in this process, which must have done nothing else.
 ///
@@ -21,11 +26,17 @@ pub fn measure(engine: &str, scene: Scene, n: usize, steps: u32) -> Result<Sampl
         let names: Vec<String> = known.iter().map(Engine::to_string).collect();
         format!("unknown engine '{engine}'; expected one of {}", names.join(", "))
     })?;
-    sample(&engine.contender(scene, n), scene, n, steps, 1)
+    sample(&engine.contender(scene, n), scene, n, steps, SEED)
 }
 
 /// One row per engine. `program` is the `lazygrid` command.
-pub(super) fn rows(point: &Point, program: &Path) -> Vec<Row> {
+///
+/// # Errors
+/// Where the reference fails.
+pub(super) fn rows(point: &Point, program: &Path) -> Result<Vec<Row>, Box<dyn Error>> {
+    let mut spheres = point.scene.spheres(point.n, SEED);
+    (0..point.runs as u32).for_each(|step| Scene::advance(&mut spheres, SEED, step));
+    let reference = Reference::of(&spheres)?;
     let row = |&engine: &Engine| {
         let mut row = Row::new(point, engine);
         if cfg!(not(feature = "bullet")) && matches!(engine, Engine::BulletAsShipped | Engine::BulletTuned) {
@@ -33,7 +44,11 @@ pub(super) fn rows(point: &Point, program: &Path) -> Vec<Row> {
                 (Status::NotAvailable, "not built in; build with --features bullet".into());
             return row;
         }
-        match spawn(point, engine, program) {
+        let checked = spawn(point, engine, program).and_then(|sample| {
+            reference.check(Digest { pairs: sample.pairs, sum: sample.sum })?;
+            Ok(sample)
+        });
+        match checked {
             Ok(sample) => {
                 row.pairs = sample.pairs;
                 row.bytes = sample.bytes;
@@ -43,14 +58,7 @@ pub(super) fn rows(point: &Point, program: &Path) -> Vec<Row> {
         }
         row
     };
-    let mut rows: Vec<Row> = point.engines.iter().map(row).collect();
-    let expected = rows.iter().find(|row| row.status == Status::Ok).map(|row| row.pairs);
-    for row in &mut rows {
-        if row.status == Status::Ok && Some(row.pairs) != expected {
-            (row.status, row.reason) = (Status::Error, format!("wrong answer: {} pairs", row.pairs));
-        }
-    }
-    rows
+    Ok(point.engines.iter().map(row).collect())
 }
 
 fn spawn(point: &Point, engine: Engine, program: &Path) -> Result<Sample, Box<dyn Error>> {

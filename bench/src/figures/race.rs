@@ -12,7 +12,7 @@ use super::Engine;
 use super::judge::Reference;
 use super::plan::Point;
 use super::row::{Row, Status};
-use crate::measure::{Digest, Found, Search, Spread};
+use crate::measure::{Digest, Found, Search, Spread, turns};
 
 /// For how many times the time that it has an engine may go on until it has run often enough.
 const MORE: u32 = 3;
@@ -108,9 +108,8 @@ impl<'a> Race<'a> {
             self.began.get_or_insert_with(Instant::now);
         }
         let (lanes, limits, is_late) = (self.lanes.len(), self.limits, self.is_late());
-        // Each frame starts with another engine, so that none always profits from its predecessor.
-        for turn in 0..lanes {
-            let lane = &mut self.lanes[(turn + self.frames) % lanes];
+        for turn in turns(lanes, self.frames as u64) {
+            let lane = &mut self.lanes[turn];
             lane.last = None;
             if warm_up || !lane.is_done(limits, is_late) {
                 lane.run(spheres, warm_up);

@@ -141,7 +141,7 @@ fn rows_of(
         _ => too_long(engine),
     };
     match point.motion {
-        Motion::Processes => Ok(memory::rows(point, program)),
+        Motion::Processes => memory::rows(point, program),
         Motion::Simulated => burst::rows(point, limits, settings.seed, left_out),
         Motion::Fresh => {
             let sample = |k: usize, spheres: &mut Vec<_>| {

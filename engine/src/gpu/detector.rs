@@ -112,7 +112,7 @@ impl GpuDetector {
             timer,
             settings,
             entry_room: EntryRoom::NONE,
-            part_tiles: u32::MAX,
+            part_tiles: Call::UNPARTED,
         })
     }
 
@@ -215,7 +215,7 @@ impl GpuDetector {
     /// [`encode_rest`](Self::encode_rest) records a further part while the outcome is partial.
     pub(crate) fn set_part_tests(&mut self, tests: u64) {
         let tile = u64::from(k::GROUP) * u64::from(k::GROUP);
-        self.part_tiles = u32::try_from(tests / tile).unwrap_or(u32::MAX);
+        self.part_tiles = u32::try_from(tests / tile).unwrap_or(Call::UNPARTED);
     }
 
     /// Records a further part of the last recorded call.
