@@ -210,7 +210,7 @@ impl Lane {
         let fresh = Self::new(point, self.engine).row;
         let (status, reason) = match (self.row.status, at) {
             // It takes no further part.
-            (Status::Error, Some(at)) => (Status::LeftOut, format!("wrong at {at}")),
+            (Status::Error, Some(at)) => (Status::LeftOut, format!("wrong at {at} s")),
             (status, _) => (status, self.row.reason.clone()),
         };
         let mut row = std::mem::replace(&mut self.row, Row { status, reason, ..fresh });

@@ -23,8 +23,8 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
             "Every sphere moves by a tenth of its radius in a random direction at each step, up to 100 steps, fewer \
              where they take long; the number is in brackets. Two warm-up steps are dropped, as trees write all their \
              boxes with the margin in the second. Bullet is the real library: one proxy per sphere, kept; as shipped, \
-             with a margin of 0.05, and tuned, with a margin of 0.5 of the largest radius, for up to 30 000 equal \
-             spheres of 1. parry3d is what a Rust program would take. The plain cell list is the yardstick."
+             with a margin of 0.05, and tuned, with a margin of the largest radius for equal spheres and half of it \
+             for five sizes. parry3d is what a Rust program would take. The plain cell list, its cells chosen for the scene, is the yardstick."
                 .to_owned(),
             "Ratios are of the total time of all steps that both ran, as a tree with a margin is slow only now and \
              then: Bullet tuned's boxes, all written together at the start, are rewritten about when spheres have \

@@ -25,6 +25,10 @@ impl Column {
         match self {
             Self::Size(n) => count(n),
             Self::Setting(at, "") => at.to_string(),
+            Self::Setting(at, "s") => {
+                let (factor, unit) = unit(at);
+                format!("{} {unit}", (at * factor * 1e3).round() / 1e3)
+            }
             Self::Setting(at, unit) => format!("{at} {unit}"),
         }
     }
