@@ -1,49 +1,83 @@
-//! Small benchmarks for whoever changes a detector: every algorithm, scene and kind of result.
+//! Small benchmarks for whoever changes a detector: each stage of every algorithm, and every kind of result, by scene.
 //!
-//! `cargo bench -p lazygrid-bench --bench stages -- cell-list/burst`
+//! `cargo bench -p lazygrid-bench --bench stages -- cell-list/burst/sort`
 
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use lazygrid::{Algorithm, Backend, Config, Detector, Order};
+use std::time::Duration;
+
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
+use lazygrid::{Algorithm, Backend, Config, Detector, Order, Sphere, gpu};
 use lazygrid_bench::scenes::Scene;
 
 /// Few enough that one call is a matter of milliseconds even for the slow algorithms.
 const N: usize = 5_000;
 const SEED: u64 = 1;
 
-fn stages(criterion: &mut Criterion) {
-    for algorithm in Algorithm::CPU {
+fn algorithms(criterion: &mut Criterion) {
+    let on_cpu = Algorithm::CPU.map(|algorithm| (Backend::Cpu, algorithm));
+    let on_gpu = Algorithm::GPU.map(|algorithm| (Backend::Gpu, algorithm));
+    let with_gpu = if gpu::adapters().is_empty() { &[][..] } else { &on_gpu };
+    for &(backend, algorithm) in on_cpu.iter().chain(with_gpu) {
+        let of = match backend {
+            Backend::Gpu => format!("{algorithm} on the GPU"),
+            _ => algorithm.to_string(),
+        };
+        let config = Config::default().backend(backend).algorithm(algorithm);
         for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst, Scene::BurstLinear] {
             let spheres = scene.spheres(N, SEED);
-            let config = Config::default().backend(Backend::Cpu).algorithm(algorithm);
-            let mut ordered = Detector::new(config.clone()).expect("a CPU algorithm");
-            let mut unordered = Detector::new(config.order(Order::Unordered)).expect("a CPU algorithm");
-
-            let mut group = criterion.benchmark_group(format!("{algorithm}/{scene}"));
+            let mut group = criterion.benchmark_group(format!("{of}/{scene}"));
             group.sample_size(20).throughput(Throughput::Elements(N as u64));
-            group.bench_function(BenchmarkId::new("pairs", N), |b| {
-                b.iter(|| ordered.pairs(&spheres).expect("valid spheres").len());
-            });
-            group.bench_function(BenchmarkId::new("pairs-unordered", N), |b| {
-                b.iter(|| unordered.pairs(&spheres).expect("valid spheres").len());
-            });
-            group.bench_function(BenchmarkId::new("count", N), |b| {
-                b.iter(|| ordered.count(&spheres).expect("valid spheres"));
-            });
-            group.bench_function(BenchmarkId::new("neighbors", N), |b| {
-                b.iter(|| {
-                    ordered.neighbors(&spheres).expect("valid spheres");
-                });
-            });
+            stages(&mut group, &config, &spheres);
+            results(&mut group, &config, &spheres);
             group.finish();
         }
     }
 }
 
+fn detector(config: &Config) -> Detector {
+    Detector::new(config.clone()).expect("an algorithm of its backend")
+}
+
+/// Each stage by the time that the detector reports of it.
+fn stages(group: &mut BenchmarkGroup<'_, WallTime>, config: &Config, spheres: &[Sphere]) {
+    let mut detector = detector(config);
+    detector.pairs(spheres).expect("valid spheres");
+    let names: Vec<&str> = detector.report().phases.iter().map(|phase| phase.name).collect();
+    for name in names {
+        group.bench_function(name, |b| {
+            b.iter_custom(|calls| {
+                let of_one_call = |_| {
+                    detector.pairs(spheres).expect("valid spheres");
+                    let phase = detector.report().phases.iter().find(|phase| phase.name == name);
+                    phase.map_or(Duration::ZERO, |phase| phase.time)
+                };
+                (0..calls).map(of_one_call).sum()
+            });
+        });
+    }
+}
+
+/// Whole calls.
+fn results(group: &mut BenchmarkGroup<'_, WallTime>, config: &Config, spheres: &[Sphere]) {
+    let mut ordered = detector(config);
+    let mut unordered = detector(&config.clone().order(Order::Unordered));
+    group.bench_function("pairs", |b| b.iter(|| ordered.pairs(spheres).expect("valid spheres").len()));
+    group.bench_function("pairs-unordered", |b| {
+        b.iter(|| unordered.pairs(spheres).expect("valid spheres").len());
+    });
+    group.bench_function("count", |b| b.iter(|| ordered.count(spheres).expect("valid spheres")));
+    group.bench_function("neighbors", |b| {
+        b.iter(|| {
+            ordered.neighbors(spheres).expect("valid spheres");
+        });
+    });
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default()
-        .warm_up_time(std::time::Duration::from_millis(300))
-        .measurement_time(std::time::Duration::from_secs(1));
-    targets = stages
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_secs(1));
+    targets = algorithms
 }
 criterion_main!(benches);

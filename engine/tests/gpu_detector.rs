@@ -185,6 +185,18 @@ fn the_sign_of_zero_says_nothing() {
 }
 
 #[test]
+fn a_call_says_what_it_would_use_and_why() {
+    let Some(own) = device() else { return };
+    let detector = GpuDetector::new(&own.device, settings(Algorithm::Auto, true)).expect("made");
+    for (spheres, expected) in [(10, Algorithm::Naive), (1_000_000, Algorithm::LazyGrid)] {
+        let (chosen, reason) = detector.choice(spheres);
+        assert_eq!(chosen, expected);
+        assert!(reason.contains(&format!("{expected}: {spheres} spheres")), "{reason}");
+        assert_eq!(detector.plan_for(spheres).expect("it fits").algorithm, expected);
+    }
+}
+
+#[test]
 fn calls_of_changing_size_reuse_what_is_there() {
     let Some(own) = device() else { return };
     let mut detector = GpuDetector::new(&own.device, settings(Algorithm::Auto, true)).expect("made");

@@ -25,8 +25,8 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
     profit from it; every engine finds the pairs of the same consecutive steps. The first of them brings its structure \
     up to date and does not count. Times are of the search alone, on all threads, but for N3Sim's sweep, which has one.";
 
-/// Simulated seconds at which engines are timed, from a dozen pairs per carrier to none, at the most carriers.
-const MOMENTS: [f64; 5] = [30e-6, 100e-6, 500e-6, 5e-3, 50e-3];
+/// Simulated seconds at which engines are timed: from dozens of pairs per carrier to none, where carriers are most.
+const MOMENTS: [f64; 5] = [200e-6, 500e-6, 2e-3, 10e-3, 50e-3];
 /// Steps from one moment to the next.
 const STEPS: u32 = 10;
 /// Simulated seconds of a step while engines are timed: √(2·D·t) of a carrier of 1 nm and 245 µm²/s is 0.99 nm.

@@ -52,7 +52,7 @@ impl<'a> Reference<'a> {
     }
 
     /// How many of these pairs are on the other side of tangency than here, and within 4 ulp of it, relative to the
-    /// squared reach: as GPUs may round (see the contract in `ARCHITECTURE.md`).
+    /// squared reach: as GPUs may round (see "What is promised" in `README.md`).
     ///
     /// # Errors
     /// What is wrong, in words: a pair that is missing or extra and further from tangency, or is there twice.

@@ -31,7 +31,7 @@ pub struct Progress {
     pub points: usize,
     /// What comes next.
     pub next: String,
-    /// How long the rest takes at most, about.
+    /// About how long the rest takes. Points with engines that take long for a single run may need more.
     pub left: Duration,
 }
 

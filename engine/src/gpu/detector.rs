@@ -124,14 +124,18 @@ impl GpuDetector {
         Ok(self.plan_for(spheres)?.bytes())
     }
 
+    /// What a call of up to `spheres` spheres would use, and why.
+    pub fn choice(&self, spheres: u32) -> (Algorithm, String) {
+        choice::algorithm(self.settings.algorithm, (spheres, 1), (self.settings.crossover, "given"))
+    }
+
     /// What a call of up to `spheres` spheres would do.
     ///
     /// # Errors
     /// As [`memory_for`](Self::memory_for).
     pub fn plan_for(&self, spheres: u32) -> Result<Plan, GpuError> {
         let species = self.settings.interactions.as_ref().map_or(0, Interactions::species);
-        let GpuSettings { algorithm, crossover, pair_capacity: pairs, .. } = self.settings;
-        let (algorithm, _) = choice::algorithm(algorithm, (spheres, 1), (crossover, "given"));
+        let (pairs, (algorithm, _)) = (self.settings.pair_capacity, self.choice(spheres));
         let (entries, periodic) = (self.entry_room.of(spheres), self.settings.space.is_periodic());
         let request = Request { spheres, pairs, entries, algorithm, species, periodic };
         plan(&request, &DeviceLimits::of(&self.device))
@@ -234,9 +238,11 @@ impl GpuDetector {
         check(&self.settings).inspect_err(|_| self.settings.raster_ratio = before)
     }
 
-    /// Records the detection. Nothing is submitted, polled or read back; after the first call of a size nothing of
-    /// that size is allocated. With a larger size than before, buffers are replaced: take
-    /// [`pairs`](Self::pairs) and [`outcome`](Self::outcome) after the call, or [`reserve`](Self::reserve) first.
+    /// Records the detection, all of it in this encoder however crowded the spheres are: where a submission must end
+    /// within a watchdog's time, [`GpuSession`](super::GpuSession) splits it. Nothing is submitted, polled or read
+    /// back; after the first call of a size nothing of that size is allocated. With a larger size than before, buffers
+    /// are replaced: take [`pairs`](Self::pairs) and [`outcome`](Self::outcome) after the call, or
+    /// [`reserve`](Self::reserve) first.
     ///
     /// # Errors
     /// [`GpuError::Buffer`] and [`GpuError::Species`] for what was handed over, and as [`reserve`](Self::reserve).

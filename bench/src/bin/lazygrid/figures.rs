@@ -17,8 +17,8 @@ pub(crate) fn run(args: &Figures) -> Result<(), Failure> {
         bar.set_length(progress.points as u64);
         bar.set_position(progress.done as u64);
         let left = HumanDuration(progress.left);
-        bar.set_message(format!("{}, at most about {left} left", progress.next));
-        log::info!("{} of {}: {}", progress.done, progress.points, progress.next);
+        bar.set_message(format!("{}, about {left} left", progress.next));
+        log::info!("{} of {}: {}, about {left} left", progress.done, progress.points, progress.next);
     };
     let failure = |e: Box<dyn std::error::Error>| Failure::Figures(e.to_string());
     let results = figures::run(&settings, &args.out, &program, show).map_err(failure)?;
