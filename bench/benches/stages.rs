@@ -48,7 +48,8 @@ fn stages(group: &mut BenchmarkGroup<'_, WallTime>, config: &Config, spheres: &[
             b.iter_custom(|calls| {
                 let of_one_call = |_| {
                     detector.pairs(spheres).expect("valid spheres");
-                    let phase = detector.report().phases.iter().find(|phase| phase.name == name);
+                    let report = detector.report();
+                    let phase = report.phases.iter().find(|phase| phase.name == name);
                     phase.map_or(Duration::ZERO, |phase| phase.time)
                 };
                 (0..calls).map(of_one_call).sum()

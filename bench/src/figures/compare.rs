@@ -155,7 +155,7 @@ mod tests {
             commit: String::new(),
             date: String::new(),
         };
-        Results { environment, settings, seconds: 1.0, rows }
+        Results { environment, settings, seconds: 1.0, missing: vec![], rows }
     }
 
     #[test]

@@ -134,6 +134,9 @@ pub struct Results {
     pub settings: Settings,
     /// Seconds that its points took, in however many goes.
     pub seconds: f64,
+    /// Points for which there was no time.
+    #[serde(default)]
+    pub missing: Vec<String>,
     /// The measurements.
     pub rows: Vec<Row>,
 }

@@ -22,6 +22,9 @@ const PATIENCE: f64 = 4.0;
 /// Seconds that there always are for a run, even where points before it took longer than they should.
 const ALWAYS: f64 = 2.0;
 
+/// Points not begun after this many times the time there is are left out, which are the largest.
+const OVERRUN: f64 = 1.5;
+
 /// How far a run has come.
 #[derive(Clone, Debug)]
 pub struct Progress {
@@ -65,12 +68,16 @@ pub fn run(
     let kept: Vec<Option<Kept>> = points.iter().map(|p| load(&path_of(p), &mark)).collect();
 
     let mut clock = Clock::new(settings, &points, &kept);
-    let (mut rows, mut seconds) = (vec![], 0.0);
+    let (mut rows, mut seconds, mut missing) = (vec![], 0.0, vec![]);
     for (done, (point, kept)) in points.iter().zip(kept).enumerate() {
         let next = format!("{}: {} {}", point.figure, point.n, point.scene);
-        report(&Progress { done, points: points.len(), next, left: clock.left() });
+        report(&Progress { done, points: points.len(), next: next.clone(), left: clock.left() });
         let new = match kept {
             Some(kept) => kept,
+            None if clock.is_over() => {
+                missing.push(next);
+                continue;
+            }
             None => {
                 let began = Instant::now();
                 let rows = rows_of(point, settings, clock.share(point), &rows, program)?;
@@ -86,12 +93,14 @@ pub fn run(
     report(&Progress { done: points.len(), points: points.len(), next: String::new(), left: Duration::ZERO });
     let order = |row: &Row| Figure::ALL.iter().position(|figure| figure.name() == row.figure);
     rows.sort_by_key(order);
-    Ok(Results { environment, settings: settings.clone(), seconds, rows })
+    Ok(Results { environment, settings: settings.clone(), seconds, missing, rows })
 }
 
 /// The time there is and the points that are yet to share it.
 struct Clock {
     end: Instant,
+    /// No further point is begun after this.
+    latest: Instant,
     /// Of the points that are left.
     weight: f64,
 }
@@ -102,7 +111,12 @@ impl Clock {
         let left = points.iter().zip(kept).filter(|(_, kept)| kept.is_none());
         let weight: f64 = left.map(|(point, _)| point.weight()).sum();
         let seconds = settings.minutes * 60.0 * weight / all.max(f64::MIN_POSITIVE);
-        Self { end: Instant::now() + Duration::from_secs_f64(seconds.clamp(0.0, 1e7)), weight }
+        let (now, time) = (Instant::now(), Duration::from_secs_f64(seconds.clamp(0.0, 1e7)));
+        Self { end: now + time, latest: now + time.mul_f64(OVERRUN), weight }
+    }
+
+    fn is_over(&self) -> bool {
+        Instant::now() >= self.latest
     }
 
     fn left(&self) -> Duration {
@@ -221,4 +235,21 @@ fn save(path: &Path, kept: &Kept) -> Result<(), Box<dyn Error>> {
         .and_then(|()| fs::rename(&draft, path))
         .map_err(|e| format!("{}: cannot write: {e}", path.display()))?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where there is no time at all nothing is begun, and what is missing is named.
+    #[test]
+    fn points_for_which_there_is_no_time_are_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let only = vec![Figure::F3a];
+        let settings = Settings { scale: Scale::Full, only, runs: Some(1), minutes: 0.0, seed: 1 };
+        let results = run(&settings, folder.path(), Path::new("lazygrid"), |_| ()).expect("nothing is run");
+        assert!(results.rows.is_empty());
+        assert_eq!(results.missing.len(), settings.points().len());
+        assert_eq!(results.missing[0], "3a: 100 equal");
+    }
 }

@@ -61,19 +61,22 @@ fn environment(results: &Results) -> Section {
             row("took", format!("{:.1} minutes", results.seconds / 60.0)),
         ],
     };
-    let text = vec![
+    let mut text = vec![
         "Every answer was compared with the reference, by number of pairs and a checksum of the set, before its time \
          counted: naive up to 20 000 spheres, above that the plain cell list, which shares no code with the detectors. \
          Engines take turns on the same spheres, a warm-up is dropped, and times run until the pairs are in host \
          memory, in any order. All engines give exact pairs; only pairs within 4 ulp of tangency may fall either way on \
          a GPU, as the contract says, and where one did it is said."
             .to_owned(),
-        "200 runs, 100 steps in figure 4 and 5 steps per moment in figure 5 are the most; an engine that takes long has \
-         fewer, and how many it has is in brackets. Plots are in `report.html` and, as SVG, in `plots/` of the folder \
+        "200 runs, 100 steps in figure 4 and 10 steps per moment in figure 5 are the most, with `--quick` 20 and 5; an engine \
+         that takes long has fewer, and how many it has is in brackets. Plots are in `report.html` and, as SVG, in `plots/` of the folder \
          that the command leaves."
             .to_owned(),
         format!("```sh\n{}\n```", command(results)),
     ];
+    if !results.missing.is_empty() {
+        text.push(format!("There was no time left for {}.", results.missing.join(", ")));
+    }
     Section { title: "Machine and method".into(), text, tables: vec![table], ..Section::default() }
 }
 
