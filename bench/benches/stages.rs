@@ -1,11 +1,11 @@
 //! Small benchmarks for whoever changes a detector: each stage of every algorithm, and every kind of result, by scene.
 //!
-//! `cargo bench -p lazygrid-bench --bench stages -- cell-list/burst/sort`
+//! `cargo bench -p lazygrid-bench --bench stages -- cell-list/burst/stage/sort`
 
 use std::time::Duration;
 
 use criterion::measurement::WallTime;
-use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Sphere, gpu};
 use lazygrid_bench::scenes::Scene;
 
@@ -44,7 +44,7 @@ fn stages(group: &mut BenchmarkGroup<'_, WallTime>, config: &Config, spheres: &[
     detector.pairs(spheres).expect("valid spheres");
     let names: Vec<&str> = detector.report().phases.iter().map(|phase| phase.name).collect();
     for name in names {
-        group.bench_function(name, |b| {
+        group.bench_function(BenchmarkId::new("stage", name), |b| {
             b.iter_custom(|calls| {
                 let of_one_call = |_| {
                     detector.pairs(spheres).expect("valid spheres");

@@ -204,8 +204,8 @@ fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
         same && row.engine == name && !row.wall.is_empty()
     });
     let last = same.max_by(|a, b| a.n.cmp(&b.n).then(a.median().total_cmp(&b.median())))?;
-    // At one point there are as many pairs as comparisons.
-    let squared = engine.is_quadratic() || point.scene == Scene::Point;
+    // Of what starts at one point nearly everything is a pair of nearly everything, for a while.
+    let squared = engine.is_quadratic() || matches!(point.scene, Scene::Point | Scene::Burst);
     let exponent = if squared { 2.0 } else { 1.1 };
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
