@@ -7,7 +7,7 @@ use std::time::Duration;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Sphere, gpu};
-use lazygrid_bench::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 /// Few enough that one call is a matter of milliseconds even for the slow algorithms.
 const N: usize = 5_000;

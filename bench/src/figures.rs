@@ -1,4 +1,4 @@
-//! The paper's evaluation on the machine at hand: what `lazygrid figures` runs, checks, measures and writes.
+//! The paper's evaluation on the machine at hand: what `lazygrid-bench figures` runs, checks, measures and writes.
 //!
 //! Data flows one way: [`Settings`] → points → races between [`Engine`]s → [`Row`]s → files. No time is reported of an
 //! answer that was not checked against the reference.

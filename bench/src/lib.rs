@@ -1,12 +1,5 @@
-//! What the `lazygrid` command, the tests and the benchmarks share.
+//! The figures of the paper, the peers lazygrid is compared with, and how engines are timed beside each other.
 
 pub mod figures;
 pub mod measure;
 pub mod peers;
-pub mod read;
-pub mod scenes;
-pub mod write;
-
-mod error;
-
-pub use error::{At, Error, Place};

@@ -14,7 +14,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use crate::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 pub use options::Options;
 pub use present::{Spread, markdown, provenance};

@@ -1,14 +1,19 @@
 //! The figures at their smallest: every engine gives the right answer, and all files are there. No time is judged.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-#[allow(dead_code, reason = "other tests use the rest")]
-mod command;
-
+use std::ffi::OsStr;
 use std::fs;
 use std::path::Path;
 
-use command::{Run, lazygrid};
+use lazygrid_tests::command::{Program, Run};
 use serde_json::Value;
+
+const BENCH: Program = Program(env!("CARGO_BIN_EXE_lazygrid-bench"));
+
+/// Runs `lazygrid-bench` with these arguments.
+fn bench(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
+    BENCH.run(args)
+}
 
 fn read(folder: &Path, name: &str) -> String {
     fs::read_to_string(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
@@ -25,7 +30,7 @@ fn path(folder: &Path) -> &str {
 #[test]
 fn the_smallest_size_of_everything() {
     let folder = tempfile::tempdir().unwrap();
-    let run = lazygrid(["figures", "--smallest", "--out", path(folder.path())]).succeeds();
+    let run = bench(["figures", "--smallest", "--out", path(folder.path())]).succeeds();
     assert!(run.out.contains("0 with a wrong answer"), "{}", run.out);
 
     let results = results(folder.path());
@@ -63,7 +68,7 @@ fn the_smallest_size_of_everything() {
 fn a_run_goes_on_where_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let run = |only: &str| {
-        lazygrid(["figures", "--smallest", "--only", only, "--out", path(folder.path())]).succeeds();
+        bench(["figures", "--smallest", "--only", only, "--out", path(folder.path())]).succeeds();
         results(folder.path())["rows"].as_array().unwrap().clone()
     };
     let first = run("point,tau");
@@ -81,8 +86,8 @@ fn a_run_goes_on_where_it_was() {
 fn what_became_slower_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let [old, new] = ["old", "new"].map(|name| folder.path().join(name));
-    lazygrid(["figures", "--smallest", "--only", "tau", "--runs", "5", "--out", path(&old)]).succeeds();
-    let same = lazygrid(["compare", path(&old), path(&old)]).succeeds();
+    bench(["figures", "--smallest", "--only", "tau", "--runs", "5", "--out", path(&old)]).succeeds();
+    let same = bench(["compare", path(&old), path(&old)]).succeeds();
     assert!(same.out.contains("0 broken, 0 lost, 0 slower, 0 faster"), "{}", same.out);
 
     let mut slow = results(&old);
@@ -93,32 +98,32 @@ fn what_became_slower_is_said() {
     slow["rows"].as_array_mut().unwrap().remove(2);
     fs::create_dir(&new).unwrap();
     fs::write(new.join("results.json"), slow.to_string()).unwrap();
-    let changed = lazygrid(["compare", path(&old), path(&new)]);
+    let changed = bench(["compare", path(&old), path(&new)]);
     assert_eq!(changed.code, Some(1));
     assert!(changed.out.contains("1 broken, 1 lost, 1 slower"), "{}", changed.out);
     assert!(changed.out.starts_with("broken   tau"), "{}", changed.out);
     assert!(changed.out.contains("lost     tau equal 200"), "{}", changed.out);
     // Whoever stops reading does not make it right.
-    assert_eq!(Run::with_closed_output(["compare", path(&old), path(&new)]).code, Some(1));
-    assert_eq!(Run::with_closed_output(["compare", path(&old), path(&old)]).code, Some(0));
+    assert_eq!(BENCH.run_with_closed_output(["compare", path(&old), path(&new)]).code, Some(1));
+    assert_eq!(BENCH.run_with_closed_output(["compare", path(&old), path(&old)]).code, Some(0));
 }
 
 #[test]
 fn a_wrong_answer_is_an_error_whoever_reads() {
     let folder = tempfile::tempdir().unwrap();
     let args = ["figures", "--smallest", "--only", "point", "--out", path(folder.path())];
-    lazygrid(args).succeeds();
+    bench(args).succeeds();
     let point = fs::read_dir(folder.path().join("points")).unwrap().next().unwrap().unwrap().path();
     let mut kept: Value = serde_json::from_str(&fs::read_to_string(&point).unwrap()).unwrap();
     kept["rows"][0]["status"] = "error".into();
     fs::write(&point, kept.to_string()).unwrap();
-    assert_eq!(Run::with_closed_output(args).code, Some(1));
-    assert!(lazygrid(args).fails().out.contains("1 with a wrong answer"));
+    assert_eq!(BENCH.run_with_closed_output(args).code, Some(1));
+    assert!(bench(args).fails().out.contains("1 with a wrong answer"));
 }
 
 #[test]
 fn wrong_usage_is_refused() {
-    assert_eq!(lazygrid(["figures", "--only", "6"]).code, Some(2));
-    assert_eq!(lazygrid(["figures", "--quick", "--smallest"]).code, Some(2));
-    assert_eq!(lazygrid(["compare", "/nowhere", "/nowhere"]).code, Some(1));
+    assert_eq!(bench(["figures", "--only", "6"]).code, Some(2));
+    assert_eq!(bench(["figures", "--quick", "--smallest"]).code, Some(2));
+    assert_eq!(bench(["compare", "/nowhere", "/nowhere"]).code, Some(1));
 }

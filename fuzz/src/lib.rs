@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use lazygrid_bench::read::{Format, Frames, Options};
+use lazygrid_io::read::{Format, Frames, Options};
 
 /// Reads `bytes` as a file of known and of unknown length. Whatever they are, there is no panic, every sphere is
 /// valid, there are no more of them than bytes, and nothing follows an error.

@@ -1,7 +1,7 @@
 //! Pair counts in closed form: what a scene has on average, four standard errors either way.
 
 use lazygrid::{Config, Detector, Sphere};
-use lazygrid_bench::scenes::{Scene, periodic_box_pairs};
+use lazygrid_io::scenes::{Scene, periodic_box_pairs};
 use lazygrid_tests::Subject;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use lazygrid::Config;
-use lazygrid_bench::read::{Format, Frames, Options};
+use lazygrid_io::read::{Format, Frames, Options};
 use lazygrid_tests::{Scenario, Subject, checksum};
 
 fn data(name: &str) -> PathBuf {

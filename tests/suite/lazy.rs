@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use lazygrid::{Algorithm, Backend, Config, Sphere};
-use lazygrid_bench::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{Scenario, Subject};
 
 fn on_gpu() -> impl Iterator<Item = Subject> {

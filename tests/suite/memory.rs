@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Sphere};
-use lazygrid_bench::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 use lazygrid_tests::Subject;
 
 /// The system's allocator, counting.

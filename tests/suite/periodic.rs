@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid::{Backend, Config, Detector, Error, InputError, Order, Pair, Space, Sphere, Spheres};
-use lazygrid_bench::scenes::periodic_box_pairs;
+use lazygrid_io::scenes::periodic_box_pairs;
 use lazygrid_tests::{Periodic, Scenario, Subject, periodic};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};

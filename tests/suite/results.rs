@@ -212,7 +212,7 @@ fn rows_and_columns_are_the_same() {
 
 #[test]
 fn threads_of_its_own_or_of_the_caller() {
-    let scenario = Scenario::from(lazygrid_bench::scenes::Scene::FiveSizes.spheres(3000, 3));
+    let scenario = Scenario::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(3000, 3));
     let expected = scenario.oracle();
     for algorithm in Algorithm::CPU {
         for threads in THREADS {
@@ -227,14 +227,14 @@ fn threads_of_its_own_or_of_the_caller() {
 
 #[test]
 fn detect_is_a_detector_with_default_settings() {
-    let scenario = Scenario::from(lazygrid_bench::scenes::Scene::Equal.spheres(2000, 4));
+    let scenario = Scenario::from(lazygrid_io::scenes::Scene::Equal.spheres(2000, 4));
     assert_eq!(lazygrid::detect(&scenario.spheres), Ok(scenario.oracle()));
 }
 
 #[test]
 fn a_report_says_what_ran_and_why() {
     for n in [0, 100, 5000] {
-        let spheres = lazygrid_bench::scenes::Scene::FiveSizes.spheres(n, 4);
+        let spheres = lazygrid_io::scenes::Scene::FiveSizes.spheres(n, 4);
         for subject in Subject::all() {
             let mut detector = Detector::new(subject.config()).expect("a detector");
             assert_eq!(detector.report().algorithm, subject.algorithm);

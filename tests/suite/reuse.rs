@@ -65,7 +65,7 @@ fn any_sequence_of_inputs_and_calls() {
 
 #[test]
 fn after_errors() {
-    let good = Scenario::from(lazygrid_bench::scenes::Scene::FiveSizes.spheres(1000, 9));
+    let good = Scenario::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(1000, 9));
     let mut bad = good.clone();
     bad.spheres[10].radius = f32::NAN;
     let dense = Scenario::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 400]);
@@ -86,7 +86,7 @@ fn after_errors() {
 /// A detector's steps through a simulation: the case that starts from the last step's order.
 #[test]
 fn a_running_simulation() {
-    use lazygrid_bench::scenes::Scene;
+    use lazygrid_io::scenes::Scene;
     for scene in Scene::ALL {
         let mut scenario = Scenario::from(scene.spheres(1500, 21));
         let mut detectors: Vec<(Subject, Detector)> = Subject::each_algorithm()

@@ -1,7 +1,7 @@
 //! The scenes of tests, benchmarks and figures, for every subject.
 
 use lazygrid::{Backend, Config, Detector, Order, Pair};
-use lazygrid_bench::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{Scenario, Subject, difference};
 
 #[test]

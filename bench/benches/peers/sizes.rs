@@ -6,7 +6,7 @@ use std::process::Command;
 
 use lazygrid::{Algorithm, Detector};
 use lazygrid_bench::measure::{Spread, markdown, memory};
-use lazygrid_bench::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 use crate::{Args, NAIVE_LIMIT, Output, config, contender};
 

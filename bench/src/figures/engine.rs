@@ -4,7 +4,7 @@ use lazygrid::{Algorithm, Backend, Config, Order};
 
 use crate::measure::Contender;
 use crate::peers::{cell_list, octree, parry, sweep};
-use crate::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 /// A way to find pairs that takes part in the figures.
 #[derive(Clone, Copy, Debug, PartialEq)]

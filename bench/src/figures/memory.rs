@@ -11,7 +11,7 @@ use super::row::{Row, Status};
 use crate::measure::Digest;
 pub use crate::measure::memory::Sample;
 use crate::measure::memory::sample;
-use crate::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 /// Of the spheres and their motion, in each process the same.
 const SEED: u64 = 1;

@@ -5,7 +5,7 @@ use lazygrid::Algorithm;
 use serde::{Deserialize, Serialize};
 
 use super::Engine;
-use crate::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 /// A figure, or a table beside the paper's figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

@@ -258,7 +258,7 @@ mod tests {
     use super::*;
     use crate::figures::Figure;
     use crate::figures::plan::Motion;
-    use crate::scenes::Scene;
+    use lazygrid_io::scenes::Scene;
 
     struct Liar(Vec<Pair>);
 

@@ -12,7 +12,7 @@ use super::plan::{Figure, Motion, Point, Scale, Settings};
 use super::race::{Limits, Race};
 use super::row::{Results, Row};
 use super::{Engine, Environment, burst, memory};
-use crate::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 /// What of a point's time is for the runs that count; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;

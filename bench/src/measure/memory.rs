@@ -4,7 +4,7 @@ use std::error::Error;
 use std::time::Instant;
 
 use super::{Contender, Digest, Spread};
-use crate::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 /// What a search took in a process of its own.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

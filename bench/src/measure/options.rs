@@ -1,7 +1,7 @@
 use clap::Args;
 
 use super::Plan;
-use crate::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 /// The options that all benchmark programs share.
 #[derive(Args, Clone, Debug)]

@@ -7,7 +7,7 @@ use std::ptr::NonNull;
 use lazygrid::{Pair, Sphere};
 
 use crate::measure::{Contender, Found, Search};
-use crate::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 /// How Bullet is set up.
 #[derive(Clone, Copy, Debug, PartialEq)]

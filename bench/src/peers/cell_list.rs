@@ -8,7 +8,7 @@ use lazygrid::{Pair, Sphere};
 
 use super::class::Class;
 use crate::measure::{Contender, Found, Search};
-use crate::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 /// The smallest spheres, and points, share the last of this many classes.
 const CLASSES: usize = 24;

@@ -2,7 +2,7 @@ use lazygrid::{Algorithm, Backend, Config};
 
 use super::*;
 use crate::measure::{Contender, Plan, compare};
-use crate::scenes::Scene;
+use lazygrid_io::scenes::Scene;
 
 /// Every peer gives the naive detector's pairs, from step to step.
 #[test]

@@ -82,7 +82,7 @@ fn environment(results: &Results) -> Section {
 
 fn command(results: &Results) -> String {
     let settings = &results.settings;
-    let mut command = "cargo run --release --features bullet -- figures".to_owned();
+    let mut command = "cargo run --release -p lazygrid-bench --features bullet -- figures".to_owned();
     match settings.scale {
         Scale::Smallest => command += " --smallest",
         Scale::Quick => command += " --quick",

@@ -3,11 +3,9 @@
 mod args;
 mod cache;
 mod calibrate;
-mod compare;
 mod detect;
 mod devices;
 mod failure;
-mod figures;
 mod generate;
 mod input;
 mod progress;
@@ -31,9 +29,6 @@ fn main() -> ExitCode {
         Command::Simulate(args) => simulate::run(&args),
         Command::Devices => devices::run(),
         Command::Calibrate => calibrate::run(),
-        Command::Figures(args) => figures::run(&args),
-        Command::Compare(args) => compare::run(&args),
-        Command::MeasureMemory(args) => figures::measure_memory(&args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Args::command(), "lazygrid", &mut script);

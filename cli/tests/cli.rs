@@ -1,15 +1,21 @@
 //! The built command from outside: what it prints, what it writes, and with which exit code.
 
-mod command;
-
+use std::ffi::OsStr;
 use std::fs;
 use std::path::Path;
 
-use command::{Run, Scratch, data, lazygrid, lazygrid_with_cache, npy, table};
 use lazygrid::{Pair, Sphere};
-use lazygrid_bench::read::{Frames, Options};
-use lazygrid_bench::scenes::Scene;
+use lazygrid_io::read::{Frames, Options};
+use lazygrid_io::scenes::Scene;
+use lazygrid_tests::command::{Program, Run, Scratch, data, npy, table};
 use serde_json::Value;
+
+const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+
+/// Runs `lazygrid` with these arguments.
+fn lazygrid(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
+    LAZYGRID.run(args)
+}
 
 const SMOLDYN: [&str; 6] = ["--radius", "acid=0.1", "--radius", "base=0.15", "--radius", "salt=0.2"];
 
@@ -361,14 +367,15 @@ fn what_was_calibrated_is_kept_and_used() {
     let (scratch, pour) = (Scratch::new(), data("lammps-pour.dump"));
     let cache = scratch.path("cache");
     let reason = || {
-        let run = lazygrid_with_cache(&cache, &["detect", &pour, "--backend", "gpu", "--json"]).succeeds();
+        let run =
+            LAZYGRID.run_with_cache(&cache, &["detect", &pour, "--backend", "gpu", "--json"]).succeeds();
         (run.json()["reason"].as_str().unwrap().to_owned(), run.err)
     };
     let (assumed, warning) = reason();
     assert!(assumed.contains("not measured on this") && warning.is_empty(), "{assumed} {warning}");
 
     let file = scratch.path("cache/lazygrid/calibration.json");
-    let run = lazygrid_with_cache(&cache, &["calibrate"]).succeeds();
+    let run = LAZYGRID.run_with_cache(&cache, &["calibrate"]).succeeds();
     assert!(run.out.contains(&lazygrid::gpu::adapters()[0].name) && run.out.contains(&file), "{}", run.out);
     let kept: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
     let below = kept["calibrations"][0]["naive_below"].as_u64().unwrap();
@@ -383,7 +390,7 @@ fn what_was_calibrated_is_kept_and_used() {
     fs::write(&file, other).unwrap();
     assert!(reason().0.contains("not measured on this"));
     // Measuring again replaces it.
-    lazygrid_with_cache(&cache, &["calibrate"]).succeeds();
+    LAZYGRID.run_with_cache(&cache, &["calibrate"]).succeeds();
     let kept: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
     assert_eq!(kept["calibrations"].as_array().unwrap().len(), 1);
 
@@ -391,12 +398,12 @@ fn what_was_calibrated_is_kept_and_used() {
     let (assumed, warning) = reason();
     assert!(assumed.contains("not measured on this") && warning.contains(&file), "{assumed} {warning}");
     let nowhere = scratch.write("file", "");
-    let run = lazygrid_with_cache(&nowhere, &["calibrate"]).fails();
+    let run = LAZYGRID.run_with_cache(&nowhere, &["calibrate"]).fails();
     assert!(run.err.contains("cannot write") && run.err.contains(&nowhere), "{}", run.err);
 }
 
 #[test]
 fn a_reader_that_goes_away_is_no_failure() {
-    let run = Run::with_closed_output(["completions", "zsh"]);
+    let run = LAZYGRID.run_with_closed_output(["completions", "zsh"]);
     assert_eq!((run.code, run.err.as_str()), (Some(0), ""));
 }

@@ -1,5 +1,6 @@
 //! Running the command, and reading what it wrote without the crate's own readers.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::ffi::OsStr;
 use std::fs;
 use std::process::{Command, Output, Stdio};
@@ -8,31 +9,48 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// What a run of the command did.
-pub(crate) struct Run {
-    pub(crate) code: Option<i32>,
-    pub(crate) out: String,
-    pub(crate) err: String,
+pub struct Run {
+    /// The exit code.
+    pub code: Option<i32>,
+    /// Standard output.
+    pub out: String,
+    /// Standard error.
+    pub err: String,
 }
 
-fn command(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_lazygrid"));
-    // Without a run-time directory some Vulkan layers complain on standard error.
-    command
-        .args(args)
-        .env("XDG_RUNTIME_DIR", std::env::temp_dir())
-        .env_remove("RUST_LOG")
-        .stdin(Stdio::null());
-    command
-}
+/// A built command, by the path of its binary.
+#[derive(Clone, Copy, Debug)]
+pub struct Program(pub &'static str);
 
-/// Runs `lazygrid` with these arguments.
-pub(crate) fn lazygrid(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
-    command(args).output().unwrap().into()
-}
+impl Program {
+    fn command(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Command {
+        let mut command = Command::new(self.0);
+        // Without a run-time directory some Vulkan layers complain on standard error.
+        command
+            .args(args)
+            .env("XDG_RUNTIME_DIR", std::env::temp_dir())
+            .env_remove("RUST_LOG")
+            .stdin(Stdio::null());
+        command
+    }
 
-/// Runs `lazygrid` with these arguments and a cache directory of its own (on Linux).
-pub(crate) fn lazygrid_with_cache(cache: &str, args: &[&str]) -> Run {
-    command(args).env("XDG_CACHE_HOME", cache).output().unwrap().into()
+    /// Runs it with these arguments.
+    pub fn run(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
+        self.command(args).output().unwrap().into()
+    }
+
+    /// Runs it with these arguments and a cache directory of its own (on Linux).
+    pub fn run_with_cache(self, cache: &str, args: &[&str]) -> Run {
+        self.command(args).env("XDG_CACHE_HOME", cache).output().unwrap().into()
+    }
+
+    /// Runs it with a standard output that nobody reads.
+    pub fn run_with_closed_output(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let run = self.command(args).stdout(writer).stderr(Stdio::piped()).spawn().unwrap();
+        run.wait_with_output().unwrap().into()
+    }
 }
 
 impl From<Output> for Run {
@@ -43,68 +61,60 @@ impl From<Output> for Run {
 }
 
 impl Run {
-    /// Runs with a standard output that nobody reads.
-    pub(crate) fn with_closed_output(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Self {
-        let (reader, writer) = std::io::pipe().unwrap();
-        drop(reader);
-        command(args)
-            .stdout(writer)
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap()
-            .wait_with_output()
-            .unwrap()
-            .into()
-    }
-
-    pub(crate) fn succeeds(self) -> Self {
+    /// Exit code 0.
+    pub fn succeeds(self) -> Self {
         assert_eq!(self.code, Some(0), "{}", self.err);
         self
     }
 
     /// Fails as for bad input: one line on standard error, nothing of a panic.
-    pub(crate) fn fails(self) -> Self {
+    pub fn fails(self) -> Self {
         assert_eq!(self.code, Some(1), "{}", self.err);
         assert!(self.err.lines().last().is_some_and(|line| line.starts_with("error: ")), "{}", self.err);
         self
     }
 
-    pub(crate) fn json(&self) -> Value {
+    /// The one object that was printed.
+    pub fn json(&self) -> Value {
         let mut objects = self.json_lines();
         assert_eq!(objects.len(), 1, "{}", self.out);
         objects.remove(0)
     }
 
-    pub(crate) fn json_lines(&self) -> Vec<Value> {
+    /// The objects that were printed, one on a line.
+    pub fn json_lines(&self) -> Vec<Value> {
         self.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
     }
 }
 
 /// A file of `tests/data`.
-pub(crate) fn data(name: &str) -> String {
-    format!("{}/../tests/data/{name}", env!("CARGO_MANIFEST_DIR"))
+pub fn data(name: &str) -> String {
+    format!("{}/data/{name}", env!("CARGO_MANIFEST_DIR"))
 }
 
 /// A directory that goes away with the test.
-pub(crate) struct Scratch(TempDir);
+pub struct Scratch(TempDir);
 
 impl Scratch {
-    pub(crate) fn new() -> Self {
+    /// An empty one.
+    pub fn new() -> Self {
         Self(TempDir::new().unwrap())
     }
 
-    pub(crate) fn path(&self, name: &str) -> String {
+    /// The path of a file in it.
+    pub fn path(&self, name: &str) -> String {
         self.0.path().join(name).to_str().unwrap().to_owned()
     }
 
-    pub(crate) fn write(&self, name: &str, content: &str) -> String {
+    /// Writes a file and returns its path.
+    pub fn write(&self, name: &str, content: &str) -> String {
         let path = self.path(name);
         fs::write(&path, content).unwrap();
         path
     }
 
     /// The names of all files, temporary ones included.
-    pub(crate) fn names(&self) -> Vec<String> {
+    pub fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
         names.sort_unstable();
@@ -113,7 +123,7 @@ impl Scratch {
 }
 
 /// The shape and the 32-bit words of a NumPy file, `N` in a row.
-pub(crate) fn npy<const N: usize>(path: &str, kind: &str) -> (String, Vec<[u32; N]>) {
+pub fn npy<const N: usize>(path: &str, kind: &str) -> (String, Vec<[u32; N]>) {
     let bytes = fs::read(path).unwrap();
     assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
     let end = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -128,7 +138,7 @@ pub(crate) fn npy<const N: usize>(path: &str, kind: &str) -> (String, Vec<[u32; 
 }
 
 /// The rows of a table `i,j`.
-pub(crate) fn table(path: &str) -> Vec<[u32; 2]> {
+pub fn table(path: &str) -> Vec<[u32; 2]> {
     let text = fs::read_to_string(path).unwrap();
     let mut lines = text.lines();
     assert_eq!(lines.next(), Some("i,j"));

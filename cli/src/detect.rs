@@ -3,8 +3,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use lazygrid::{Detector, Spheres};
-use lazygrid_bench::write::{self, Draft, PairFile, TableFormat};
 use lazygrid_host::Error::TooManyPairs;
+use lazygrid_io::write::{self, Draft, PairFile, TableFormat};
 
 use crate::args::Detect;
 use crate::failure::Failure;

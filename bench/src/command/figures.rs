@@ -3,8 +3,8 @@ use std::time::Duration;
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use lazygrid_bench::figures::{self, Figure, Progress, Results, Scale, Settings};
 
-use crate::args::{Figures, MeasureMemory};
-use crate::failure::Failure;
+use crate::command::args::{Figures, MeasureMemory};
+use crate::command::failure::Failure;
 use crate::print;
 
 /// Runs the figures, writes the report, and says where it is.

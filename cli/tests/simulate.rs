@@ -1,11 +1,15 @@
 //! `lazygrid simulate` from outside.
 
-#[expect(dead_code, reason = "other tests use the rest")]
-mod command;
-
+use lazygrid_tests::command::{Program, Run, Scratch};
+use std::ffi::OsStr;
 use std::fs;
 
-use command::{Scratch, lazygrid};
+const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+
+/// Runs `lazygrid` with these arguments.
+fn lazygrid(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
+    LAZYGRID.run(args)
+}
 
 /// A little of everything.
 const SCENARIO: &str = r#"

@@ -1,4 +1,4 @@
-use lazygrid_kernels::Sphere;
+use lazygrid::Sphere;
 
 use super::Frame;
 use super::lines::Line;

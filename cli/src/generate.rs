@@ -1,6 +1,6 @@
 use lazygrid::Sphere;
-use lazygrid_bench::scenes::Scene;
-use lazygrid_bench::write;
+use lazygrid_io::scenes::Scene;
+use lazygrid_io::write;
 
 use crate::args::Generate;
 use crate::failure::Failure;

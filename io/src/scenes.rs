@@ -9,7 +9,7 @@ mod expected;
 use std::fmt;
 use std::str::FromStr;
 
-use lazygrid_kernels::Sphere;
+use lazygrid::Sphere;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -32,7 +32,7 @@ const TEN_TENTHS: [f32; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
 /// A distribution of spheres. Lengths are in units of the largest radius.
 ///
 /// ```
-/// # use lazygrid_bench::scenes::Scene;
+/// # use lazygrid_io::scenes::Scene;
 /// let scene: Scene = "five-sizes".parse()?;
 /// let mut spheres = scene.spheres(1000, 7);
 /// Scene::advance(&mut spheres, 7, 0);

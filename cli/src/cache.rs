@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use lazygrid::gpu::{Calibration, Crossover};
-use lazygrid_bench::write::Draft;
+use lazygrid_io::write::Draft;
 use serde::{Deserialize, Serialize};
 
 use crate::failure::Failure;
@@ -45,7 +45,7 @@ pub(crate) fn load() -> Vec<Calibration> {
 pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, Failure> {
     let path = path().ok_or(Failure::NoCacheDirectory)?;
     if let Some(directory) = path.parent() {
-        let failed = |source| lazygrid_bench::Error::Write { path: path.clone(), source };
+        let failed = |source| lazygrid_io::Error::Write { path: path.clone(), source };
         fs::create_dir_all(directory).map_err(failed)?;
     }
     let mut all = load();

@@ -4,7 +4,7 @@
 //! Rows of `f32` as this machine stores them are read straight into the spheres, with no copy in between. The
 //! file is read rather than mapped: a mapped file that another program shortens ends this one.
 
-use lazygrid_kernels::{MAX_SPHERES, Sphere};
+use lazygrid::{MAX_SPHERES, Sphere};
 
 use super::species::Species;
 use super::{Frame, Source};

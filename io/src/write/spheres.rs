@@ -2,7 +2,7 @@ use std::ffi::OsStr;
 use std::io::{self, Write};
 use std::path::Path;
 
-use lazygrid_kernels::Sphere;
+use lazygrid::Sphere;
 
 use super::text::Rows;
 use super::{Draft, npy_header};

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
-use lazygrid_bench::Error;
-use lazygrid_bench::read::{Frame, Frames};
+use lazygrid_io::Error;
+use lazygrid_io::read::{Frame, Frames};
 
 use crate::args::Detect;
 use crate::failure::Failure;

@@ -9,7 +9,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub(crate) enum Failure {
     #[error(transparent)]
-    File(#[from] lazygrid_bench::Error),
+    File(#[from] lazygrid_io::Error),
     #[error("{}, frame {frame}: {source}{}", path.display(), remedy(source))]
     Detection { path: PathBuf, frame: usize, source: lazygrid::Error },
     #[error(transparent)]
@@ -30,14 +30,6 @@ pub(crate) enum Failure {
     Calibration(GpuError),
     #[error("there is no place for the calibration; set HOME, or XDG_CACHE_HOME to a directory")]
     NoCacheDirectory,
-    #[error("{0}")]
-    Figures(String),
-    #[error("{errors} measurements have a wrong answer or failed; {} names them", report.display())]
-    WrongAnswers { errors: usize, report: PathBuf },
-    #[error(
-        "the new run is worse: {broken} measurements broke, {lost} are lost, {slower} slower, {larger} larger"
-    )]
-    Worse { broken: usize, lost: usize, slower: usize, larger: usize },
     #[error(transparent)]
     Simulation(#[from] lazygrid_sim::Error),
     #[error("cannot listen for Ctrl-C: {0}")]

@@ -5,8 +5,8 @@ use std::path::Path;
 use lazygrid_bench::figures::Results;
 use lazygrid_bench::figures::compare::{Change, Difference, circumstances, differences};
 
-use crate::args::Compare;
-use crate::failure::Failure;
+use crate::command::args::Compare;
+use crate::command::failure::Failure;
 use crate::print;
 
 /// Says what changed between two result folders by more than the noise.

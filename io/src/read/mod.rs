@@ -1,12 +1,12 @@
 //! Readers of simulators' files: frames of spheres, one at a time.
 //!
 //! ```no_run
-//! use lazygrid_bench::read::{Frames, Options};
+//! use lazygrid_io::read::{Frames, Options};
 //!
 //! for frame in Frames::open("pour.dump", Options::default())? {
 //!     println!("{} spheres", frame?.spheres.len());
 //! }
-//! # Ok::<(), lazygrid_bench::Error>(())
+//! # Ok::<(), lazygrid_io::Error>(())
 //! ```
 //!
 //! Memory is bounded to one frame. What a file says about its own size is never believed before the data is
@@ -30,7 +30,7 @@ use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use lazygrid_kernels::Sphere;
+use lazygrid::Sphere;
 
 use crate::error::{At, Error, Place};
 

@@ -1,0 +1,43 @@
+//! The `lazygrid-bench` command: the figures of the paper, and what changed between two runs of them.
+
+mod command {
+    pub(crate) mod args;
+    pub(crate) mod compare;
+    pub(crate) mod failure;
+    pub(crate) mod figures;
+}
+
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::command::args::{Args, Command};
+use crate::command::failure::Failure;
+use crate::command::{compare, figures};
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
+    let result = match args.command {
+        Command::Figures(args) => figures::run(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::MeasureMemory(args) => figures::measure_memory(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever reads has read enough, as in `lazygrid-bench … | head -1`.
+        Err(Failure::Stdout(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(failure) => {
+            // Where standard error is closed nobody can be told.
+            let _ = writeln!(io::stderr(), "error: {failure}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Writes to standard output at once, so that a pipe sees each result when it is there.
+fn print(text: impl AsRef<[u8]>) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    out.write_all(text.as_ref()).and_then(|()| out.flush()).map_err(Failure::Stdout)
+}

@@ -1,0 +1,10 @@
+//! Where spheres come from and pairs go to: [readers](read) of CSV, NumPy, extended XYZ, LAMMPS and Smoldyn files,
+//! [writers](write) of spheres and pairs, and the [scenes] that tests and benchmarks share.
+
+pub mod read;
+pub mod scenes;
+pub mod write;
+
+mod error;
+
+pub use error::{At, Error, Place};
