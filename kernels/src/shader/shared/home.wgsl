@@ -1,0 +1,49 @@
+// Where a sphere is at home: in level 0 where its cell there has few spheres, else at the level of its class.
+struct Home {
+    // In the table.
+    cell: u32,
+    // How many spheres there are in the cell of level 0 that it leaves; 0 where it does not.
+    crowd: u32,
+}
+
+#include density_slot
+
+fn home_of(index: u32, sphere: vec4<f32>) -> Home {
+    if (!is_accepted(index, sphere)) {
+        return Home(list.cells + 1u, 0u);
+    }
+    let own = level_of(class_of(effective_radius(index, sphere)));
+    if (own == LISTED) {
+        return Home(list.cells, 0u);
+    }
+    let position = image_of(sphere).xyz;
+    let coarsest = cell_of(position, 0u);
+    if (own == 0u || list.is_dense == 0u) {
+        return Home(coarsest, 0u);
+    }
+    let crowd = atomicLoad(&density[density_slot(coarsest)]);
+    if (crowd <= call.tau) {
+        return Home(coarsest, 0u);
+    }
+    return Home(cell_of(position, own), crowd);
+}
+
+var<workgroup> group_crowd: atomic<u32>;
+
+// Keeps for the next call that cells of level 0 were crowded. Called by all threads of a workgroup.
+fn keep_crowd(crowd: u32, lane: u32) {
+    if (lane == 0u) {
+        atomicStore(&group_crowd, 0u);
+    }
+    workgroupBarrier();
+    if (crowd != 0u) {
+        atomicMax(&group_crowd, crowd);
+    }
+    workgroupBarrier();
+    if (lane == 0u) {
+        let largest = atomicLoad(&group_crowd);
+        if (largest > atomicLoad(&outcome.densest)) {
+            atomicMax(&outcome.densest, largest);
+        }
+    }
+}

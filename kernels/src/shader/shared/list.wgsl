@@ -1,0 +1,59 @@
+// The cell list: every sphere in the one cell of its centre, at the level of its class of sizes. Cells of level k have
+// edges of 2^-k of those of level 0; on each axis they go round a ring, so that whatever cannot be told apart there
+// shares a cell, which costs tests and no pair.
+
+const LEVELS: u32 = 16u;
+// Classes of sizes: the exponent of the effective radius.
+const CLASSES: u32 = 256u;
+// Level of the classes that are listed and not put into cells, as they have so few spheres.
+const LISTED: u32 = 255u;
+
+// What the spheres are like. Zero says nothing yet: lower bounds are kept as complements. Bounds are of the centres of
+// valid spheres, floats in an order-preserving encoding.
+struct Survey {
+    low: array<atomic<u32>, 3>,
+    high: array<atomic<u32>, 3>,
+    // Complement of the bits of the smallest effective radius.
+    smallest: atomic<u32>,
+    quarantined: atomic<u32>,
+    // How many spheres each class has, and the bits of its largest radius.
+    members: array<atomic<u32>, 256>,
+    largest: array<atomic<u32>, 256>,
+}
+
+struct ListLevel {
+    // Cells once around each axis: 1, or 3 and more. 0 where the level has no spheres.
+    cells: vec3<u32>,
+    // The level's first cell in the table.
+    base: u32,
+    // The number of the cell in which an unbounded axis begins.
+    low: vec3<u32>,
+    // Quanta per unit of length, a power of two.
+    scale: f32,
+    // Cells per unit of length on a periodic axis; 0 where it has a single cell.
+    around: vec3<f32>,
+    // From here on coordinates are farther apart than spheres of this level reach.
+    far: f32,
+    // The largest radius that is at home here; half an edge or less.
+    reach: f32,
+}
+
+struct List {
+    // How many spheres the call has.
+    spheres: u32,
+    // Cells of all levels. In the table they are followed by one for listed and one for quarantined spheres.
+    cells: u32,
+    // Quanta per edge, at every level: 64 to 127.
+    quanta: u32,
+    // Levels that classes have, a bit each; the first always is.
+    levels: u32,
+    // 1 where smaller spheres leave the cells of level 0 that have more than `tau` of all.
+    is_dense: u32,
+    // 1 when no distance test of this call can overflow or underflow.
+    ordinary: u32,
+    // 1 where some class has a finer level than the first.
+    is_mixed: u32,
+    // Levels of the classes, four to a word.
+    class_levels: array<u32, 64>,
+    level: array<ListLevel, 16>,
+}

@@ -1,0 +1,66 @@
+// Which cell a coordinate lies in. Nothing is rounded on an unbounded axis: a coordinate times a power of two gives
+// whole quanta, and these are divided as integers. Hence cells are the same in every kernel, and two spheres that touch
+// lie in neighbouring cells.
+
+// The cell of coordinate 0, before `low` is taken off.
+const MIDDLE: u32 = 0x40000000u;
+// No more cells than this lie beyond `far` on either side; the rest share the last.
+const BEYOND: u32 = 0x1fffffffu;
+
+// Counted along an unbounded axis. From `far` on neighbouring floats are an edge apart or more, so that each has
+// a cell of its own.
+fn open_number(x: f32, level: u32) -> u32 {
+    let far = list.level[level].far;
+    let size = abs(x);
+    if (size < far) {
+        let quanta = bitcast<u32>(i32(floor(x * list.level[level].scale)));
+        return (quanta + (list.quanta << 24u)) / list.quanta + (MIDDLE - 0x1000000u);
+    }
+    let beyond = min(bitcast<u32>(size) - bitcast<u32>(far), BEYOND);
+    if (x < 0.0) {
+        return MIDDLE - (0x40000000u + list.quanta - 1u) / list.quanta - beyond;
+    }
+    return MIDDLE + 0x40000000u / list.quanta + beyond;
+}
+
+#ifdef PERIODIC
+// Counted from one turn before the seam, for coordinates less than half a turn beyond it.
+fn ring_number(x: f32, cells: u32, around: f32) -> u32 {
+    return u32(i32(floor(x * around + 0.5 * f32(cells))) + i32(cells));
+}
+#endif
+
+// How many cells along each axis, not yet brought round the ring.
+fn cell_numbers(position: vec3<f32>, level: u32) -> vec3<u32> {
+    var numbers = vec3(open_number(position.x, level), open_number(position.y, level), open_number(position.z, level))
+        - list.level[level].low;
+#ifdef PERIODIC
+    let cells = list.level[level].cells;
+    let around = list.level[level].around;
+    let ring = vec3(
+        ring_number(position.x, cells.x, around.x),
+        ring_number(position.y, cells.y, around.y),
+        ring_number(position.z, cells.z, around.z),
+    );
+    numbers = select(numbers, ring, periods() > vec3(0.0));
+#endif
+    return numbers;
+}
+
+// Place of a cell in the table.
+fn cell_index(cell: vec3<u32>, level: u32) -> u32 {
+    let cells = list.level[level].cells;
+    return list.level[level].base + (cell.z * cells.y + cell.y) * cells.x + cell.x;
+}
+
+fn cell_of(position: vec3<f32>, level: u32) -> u32 {
+    return cell_index(cell_numbers(position, level) % list.level[level].cells, level);
+}
+
+fn class_of(radius: f32) -> u32 {
+    return (bitcast<u32>(radius) >> 23u) & 255u;
+}
+
+fn level_of(class: u32) -> u32 {
+    return (list.class_levels[class / 4u] >> ((class % 4u) * 8u)) & 255u;
+}

@@ -1,0 +1,10 @@
+// Lengths of the periodic axes, 0 for unbounded ones.
+#ifdef PERIODIC
+fn periods() -> vec3<f32> {
+    return vec3(call.period_x, call.period_y, call.period_z);
+}
+#else
+fn periods() -> vec3<f32> {
+    return vec3(0.0);
+}
+#endif

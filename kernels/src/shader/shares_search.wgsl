@@ -1,0 +1,39 @@
+// Pairs of the spheres of crowded blocks with further shares of their candidates, so that a single crowded cell keeps
+// the whole device busy and no invocation takes more turns than some devices allow.
+#include layout
+#include list
+#include place
+#include sphere
+
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<storage, read> list: List;
+@group(0) @binding(2) var<storage, read> starts: array<u32>;
+@group(0) @binding(3) var<storage, read> sorted: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> cells: array<u32>;
+@group(0) @binding(5) var<storage, read> order: array<u32>;
+@group(0) @binding(6) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(7) var<storage, read_write> pairs: array<vec2<u32>>;
+@group(0) @binding(8) var<storage, read> crowded: array<u32>;
+#ifdef SPECIES
+@group(0) @binding(9) var<storage, read> sorted_species: array<u32>;
+@group(0) @binding(10) var<storage, read> reach: array<vec2<f32>>;
+@group(0) @binding(11) var<storage, read> table: array<f32>;
+#endif
+#include overlap
+#include pairs
+#include list_cells
+#include walk
+#include candidates
+
+// Blocks of one layer of the dispatch.
+const MAX_GROUPS: u32 = 65535u;
+
+@compute @workgroup_size(256)
+fn shares_search(@builtin(workgroup_id) id: vec3<u32>, place: Place) {
+    let begin = atomicLoad(&outcome.crowded_begin);
+    let listed = id.y + id.z * MAX_GROUPS;
+    if (listed >= atomicLoad(&outcome.crowded_end) - begin) {
+        return;
+    }
+    _ = search_share(crowded[begin + listed], id.x + 1u, place.lane);
+}

@@ -1,0 +1,28 @@
+// Puts the spheres in the order of their cells.
+#include layout
+#include list
+#include place
+
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<storage, read> list: List;
+@group(0) @binding(2) var<storage, read> spheres: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> starts: array<u32>;
+@group(0) @binding(4) var<storage, read> homes: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read_write> sorted: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> cells: array<u32>;
+@group(0) @binding(7) var<storage, read_write> order: array<u32>;
+#include periods
+#include image
+
+@compute @workgroup_size(256)
+fn spheres_place(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let index = number_of_group(id, groups) * 256u + place.lane;
+    if (index >= list.spheres) {
+        return;
+    }
+    let home = homes[index];
+    let position = starts[home.x] + home.y;
+    sorted[position] = image_of(spheres[index]);
+    cells[position] = home.x;
+    order[position] = index;
+}
