@@ -134,6 +134,21 @@ impl Kernel {
         }
     }
 
+    /// Every variant in which the kernel's text differs, over all sizes that subgroups have.
+    pub fn variants(&self) -> Vec<Variant> {
+        let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
+        let mut found = Vec::new();
+        for subgroups in subgroups {
+            for (species, periodic) in [(false, false), (false, true), (true, false), (true, true)] {
+                let variant = self.reduced(Variant { subgroups, species, periodic });
+                if !found.contains(&variant) {
+                    found.push(variant);
+                }
+            }
+        }
+        found
+    }
+
     /// The kernel's complete WGSL text.
     pub fn wgsl(&self, variant: Variant) -> String {
         Expansion { variant: self.reduced(variant) }.expand(self.source)

@@ -53,7 +53,6 @@ fn crowded_search(at: Builtins) {
     let start = block + NEAR + 1u;
     let end = run_end(run, block + GROUP);
     let share = start + at.group.x * per_share * GROUP;
-    let share_end = min(end, share + per_share * GROUP);
     let entry = block + place.lane;
     let row_used = run_of(keys[entry]) == run && !is_passive(keys[entry]) && entry + NEAR + 1u < end;
     var row: Row;
@@ -64,7 +63,11 @@ fn crowded_search(at: Builtins) {
 #endif
     // A row that begins here on every axis makes this cell the owner of all its pairs.
     let owns_all = is_owned(row.object, 0u) && call.window_begin == 0u && call.window_end >= grid.spheres;
-    for (var column = share; column < share_end; column += GROUP) {
+    for (var turn = 0u; turn < per_share; turn++) {
+        let column = share + turn * GROUP;
+        if (column >= end) {
+            break;
+        }
         workgroupBarrier();
         if (place.lane == 0u) {
             atomicStore(&tile_firsts, 0u);
@@ -96,9 +99,11 @@ fn crowded_search(at: Builtins) {
             }
             if (some_lane(hits != 0u)) {
                 var at_pair = pairs_reserve_lane(countOneBits(hits), place);
-                while (hits != 0u && at_pair < call.pair_capacity) {
+                for (; hits != 0u; hits &= hits - 1u) {
+                    if (at_pair >= call.pair_capacity) {
+                        break;
+                    }
                     let k = firstTrailingBit(hits);
-                    hits &= hits - 1u;
                     pair_write(at_pair, index_of(row.object), index_of(tile_objects[first + k]));
                     at_pair += 1u;
                 }

@@ -76,10 +76,8 @@ fn entries_emit(at: Builtins) {
     let own_depth = 31u - countLeadingZeros(depths_to(grid.depths, own.depth));
     var above = cells_at(own, 0u);
     var alive = select(0u, 0xffu, any(words != NO_CELLS));
-    var depths = grid.depths;
-    while (depths != 0u) {
+    for (var depths = grid.depths; depths != 0u; depths &= depths - 1u) {
         let depth = firstTrailingBit(depths);
-        depths &= depths - 1u;
         var found = Visit(0u, 0u, 0u);
         var here = above;
         if (alive != 0u) {
@@ -93,10 +91,12 @@ fn entries_emit(at: Builtins) {
         }
         workgroupBarrier();
         var at_entry = group_first + (scan.x & 0xffffu);
-        var left = select(0u, found.entries, group_first < call.entry_capacity);
-        while (left != 0u && at_entry < call.entry_capacity) {
+        let fitting = select(0u, found.entries, group_first < call.entry_capacity);
+        for (var left = fitting; left != 0u; left &= left - 1u) {
+            if (at_entry >= call.entry_capacity) {
+                break;
+            }
             let number = firstTrailingBit(left);
-            left &= left - 1u;
             let step = step_of(number);
             let is_passive = (found.passive >> number) & 1u;
             keys[at_entry] = (key_of(depth, here.first + step) << grid.passive) | is_passive;

@@ -199,5 +199,8 @@ fn grid_configure(at: Builtins) {
     grid.depths = 1u;
     grid.occupied = 1u;
     grid.passive = 0u;
-    grid.levels[0] = Level(folded_bits(axis_bits(low, high, turns, 0u), call.key_bits), 0u);
+    // All pairs have no keys.
+    if (call.key_bits != 0u) {
+        grid.levels[0] = Level(folded_bits(axis_bits(low, high, turns, 0u), call.key_bits), 0u);
+    }
 }

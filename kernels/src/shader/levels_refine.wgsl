@@ -52,9 +52,8 @@ fn levels_refine(at: Builtins) {
         } else {
             depths = 0u;
         }
-        while (depths != 0u) {
+        for (; depths != 0u; depths &= depths - 1u) {
             let depth = firstTrailingBit(depths);
-            depths &= depths - 1u;
             let here = cells_at(own, depth);
             for (var number = 0u; number < 8u; number++) {
                 let step = step_of(number);

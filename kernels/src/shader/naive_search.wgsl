@@ -1,6 +1,5 @@
 // All pairs: each workgroup takes 256 spheres and a share of the tiles of those with larger indices. There are so
-// many workgroups that no invocation takes more turns than some devices allow. Its loops run without a guard against
-// endless ones: whoever changes one proves anew, where the shader is compiled, that it ends.
+// many workgroups that no invocation takes more turns than some devices allow.
 #include layout
 #include place
 #include sphere
@@ -45,7 +44,11 @@ fn naive_search(at: Builtins) {
         row.species = min(species[row.object], call.species - 1u);
 #endif
     }
-    for (var column = block + place.group % splits; column < blocks; column += splits) {
+    for (var turn = 0u; turn < blocks; turn++) {
+        let column = block + place.group % splits + turn * splits;
+        if (column >= blocks) {
+            break;
+        }
         workgroupBarrier();
         if (place.lane < 8u) {
             atomicStore(&tile_valid[place.lane], 0u);
@@ -73,9 +76,11 @@ fn naive_search(at: Builtins) {
             }
             if (some_lane(hits != 0u)) {
                 var at_pair = pairs_reserve_lane(countOneBits(hits), place);
-                while (hits != 0u && at_pair < call.pair_capacity) {
+                for (; hits != 0u; hits &= hits - 1u) {
+                    if (at_pair >= call.pair_capacity) {
+                        break;
+                    }
                     let k = firstTrailingBit(hits);
-                    hits &= hits - 1u;
                     pair_write(at_pair, row.object, column * GROUP + first + k);
                     at_pair += 1u;
                 }

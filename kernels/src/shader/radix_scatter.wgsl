@@ -56,8 +56,12 @@ fn ones(mask: vec4<u32>) -> u32 {
 }
 
 fn rank_items(place: Place, count: u32, item_keys: ptr<function, array<u32, ITEMS>>) -> array<u32, ITEMS> {
-    for (var word = place.lane; word < place.subgroups * 128u; word += GROUP) {
-        atomicStore(&scratch[word], 0u);
+    let words = place.subgroups * 128u;
+    for (var turn = 0u; turn < (words + GROUP - 1u) / GROUP; turn++) {
+        let word = turn * GROUP + place.lane;
+        if (word < words) {
+            atomicStore(&scratch[word], 0u);
+        }
     }
     workgroupBarrier();
     var ranks: array<u32, ITEMS>;

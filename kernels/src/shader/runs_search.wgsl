@@ -88,7 +88,10 @@ fn runs_search(at: Builtins) {
 
     for (var near = 1u; near <= NEAR; near += 32u) {
         var hits = 0u;
-        for (var k = 0u; open && k < 32u; k++) {
+        for (var k = 0u; k < 32u; k++) {
+            if (!open) {
+                break;
+            }
             let other = entry + near + k;
             var same = other < count;
             if (same) {
@@ -122,9 +125,8 @@ fn runs_search(at: Builtins) {
         let again = atomicLoad(&group_open) != 0u;
         if (hits != 0u && group_first < call.pair_capacity) {
             var at_pair = group_first + before;
-            while (hits != 0u) {
+            for (; hits != 0u; hits &= hits - 1u) {
                 let k = firstTrailingBit(hits);
-                hits &= hits - 1u;
                 pair_write(at_pair, index_of(object), index_of(object_at(entry + near + k, block)));
                 at_pair += 1u;
             }

@@ -17,8 +17,9 @@ var<workgroup> scan: array<vec2<u32>, 512>;
 fn scan_spine(at: Builtins) {
     let tiles = lengths.counters / TILE + select(0u, 1u, lengths.counters % TILE != 0u);
     var carry = vec2(0u);
-    for (var start = 0u; start < tiles; start += 256u * ITEMS) {
-        let mine = start + at.lane * ITEMS;
+    let rounds = (tiles + 256u * ITEMS - 1u) / (256u * ITEMS);
+    for (var round = 0u; round < rounds; round++) {
+        let mine = (round * 256u + at.lane) * ITEMS;
         var sum = vec2(0u);
         for (var item = 0u; item < ITEMS; item++) {
             if (mine + item < tiles) {

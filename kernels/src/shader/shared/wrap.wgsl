@@ -40,8 +40,11 @@ fn wrap(coordinate: u32, period: u32) -> u32 {
     }
     var rest = x.digits % length.digits;
     var left = x.exponent - length.exponent;
-    // Eight digits a turn: 24 and these are all that 32 bits hold.
-    while (left != 0u) {
+    // Eight digits a turn, of 254 at most: 24 and these are all that 32 bits hold.
+    for (var turn = 0u; turn < 32u; turn++) {
+        if (left == 0u) {
+            break;
+        }
         let step = min(left, 8u);
         rest = (rest << step) % length.digits;
         left -= step;

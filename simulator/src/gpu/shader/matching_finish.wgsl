@@ -38,16 +38,16 @@ fn wait() {
 @compute @workgroup_size(256)
 fn matching_finish(@builtin(local_invocation_index) lane: u32) {
     let count = atomicLoad(&control.left[round.source]);
-    let turns = TURNS * (count / GROUP + 1u);
+    let shares = count / GROUP + 1u;
+    let rounds = params.turns / (TURNS * shares);
     if (lane < 2u) {
         atomicStore(&free[lane], 0u);
     }
     wait();
-    var spent = 0u;
-    var number = 0u;
-    while (spent + turns <= params.turns) {
-        for (var k = lane; k < count; k += GROUP) {
-            if (is_free_at(left[k])) {
+    for (var number = 0u; number < rounds; number++) {
+        for (var share = 0u; share < shares; share++) {
+            let k = share * GROUP + lane;
+            if (k < count && is_free_at(left[k])) {
                 clear(left[k]);
                 atomicAdd(&free[number & 1u], 1u);
             }
@@ -56,8 +56,9 @@ fn matching_finish(@builtin(local_invocation_index) lane: u32) {
         if (atomicLoad(&free[number & 1u]) == 0u) {
             return;
         }
-        for (var k = lane; k < count; k += GROUP) {
-            if (is_free_at(left[k])) {
+        for (var share = 0u; share < shares; share++) {
+            let k = share * GROUP + lane;
+            if (k < count && is_free_at(left[k])) {
                 propose(left[k]);
             }
         }
@@ -65,20 +66,20 @@ fn matching_finish(@builtin(local_invocation_index) lane: u32) {
             atomicStore(&free[(number + 1u) & 1u], 0u);
         }
         wait();
-        for (var k = lane; k < count; k += GROUP) {
-            if (is_free_at(left[k])) {
+        for (var share = 0u; share < shares; share++) {
+            let k = share * GROUP + lane;
+            if (k < count && is_free_at(left[k])) {
                 break_tie(left[k]);
             }
         }
         wait();
-        for (var k = lane; k < count; k += GROUP) {
-            if (is_free_at(left[k])) {
+        for (var share = 0u; share < shares; share++) {
+            let k = share * GROUP + lane;
+            if (k < count && is_free_at(left[k])) {
                 settle(left[k]);
             }
         }
         wait();
-        spent += turns;
-        number += 1u;
     }
     if (lane == 0u) {
         control.frozen = ROUNDS_LEFT;
