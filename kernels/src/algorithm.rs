@@ -44,7 +44,8 @@ impl Algorithm {
         [Self::Naive, Self::HashGrid, Self::ArrayGrid, Self::RecursiveGrid, Self::CellList];
 
     /// The algorithms that have GPU kernels, all pairs first.
-    pub const GPU: [Self; 4] = [Self::Naive, Self::ArrayGrid, Self::EagerGrid, Self::LazyGrid];
+    pub const GPU: [Self; 5] =
+        [Self::Naive, Self::ArrayGrid, Self::EagerGrid, Self::LazyGrid, Self::CellList];
 
     /// The name in lower case with hyphens.
     pub const fn name(self) -> &'static str {

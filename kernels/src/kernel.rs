@@ -100,6 +100,9 @@ pub const NAIVE_TILES: u32 = MAX_TURNS / NAIVE_TURNS;
 /// Tiles that one workgroup of the crowded search may compare with, after looking for the end of a run.
 pub const CROWDED_TILES: u32 = (MAX_TURNS - u32::BITS) / CROWDED_TURNS;
 
+/// Candidates of one sphere of a cell list that are tested by one invocation.
+pub const SHARE: u32 = 2048;
+
 const RADIX_ITEMS: u32 = 8;
 const SCAN_ITEMS: u32 = 8;
 const SPHERES_PER_THREAD: u32 = 4;
@@ -239,31 +242,78 @@ kernels! {
     NAIVE_SEARCH = "naive_search", GROUP, subgroups: true, periodic: true,
         [uniform("call"), read("grid"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("reach"), read("table")];
+    /// Bounds and sizes of the spheres of a cell list.
+    SPHERES_SURVEY = "spheres_survey", GROUP, subgroups: false, periodic: false,
+        [uniform("call"), read("count_source"), read("spheres"), write("survey"), write("starts"), write("density")],
+        species: [read("species"), read("reach")];
+    /// Chooses the cells of a cell list.
+    LIST_CONFIGURE = "list_configure", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), read("count_source"), read("spheres"), write("survey"), write("list"), write("outcome"),
+         write("lengths")],
+        species: [read("species"), read("reach")];
+    /// Counts the spheres in each cell of the first level.
+    DENSITY_COUNT = "density_count", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), read("list"), read("spheres"), write("density")],
+        species: [read("species"), read("reach")];
+    /// Finds each sphere's cell and counts those of each cell.
+    HOMES_COUNT = "homes_count", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), read("list"), read("spheres"), write("density"), write("outcome"), write("starts"),
+         write("homes")],
+        species: [read("species"), read("reach")];
+    /// Puts the spheres in the order of their cells.
+    SPHERES_PLACE = "spheres_place", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), read("list"), read("spheres"), read("starts"), read("homes"), write("sorted"),
+         write("cells"), write("order")],
+        species: [read("species"), write("sorted_species")];
+    /// Pairs of each sphere with the first share of its candidates.
+    LIST_SEARCH = "list_search", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), read("list"), read("starts"), read("sorted"), read("cells"), read("order"),
+         write("outcome"), write("pairs"), write("crowded")],
+        species: [read("sorted_species"), read("reach"), read("table")];
+    /// Sizes the search of further shares.
+    SHARES_OPEN = "shares_open", 1, subgroups: false, periodic: false,
+        [uniform("call"), write("outcome"), write("dispatch")], species: [];
+    /// Pairs of each sphere of a crowded block with a further share of its candidates.
+    SHARES_SEARCH = "shares_search", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), read("list"), read("starts"), read("sorted"), read("cells"), read("order"),
+         write("outcome"), write("pairs"), read("crowded")],
+        species: [read("sorted_species"), read("reach"), read("table")];
     /// Overflow flag and indirect-dispatch arguments.
     OUTCOME_FINISH = "outcome_finish", 1, subgroups: false, periodic: false,
         [uniform("call"), write("outcome")], species: [];
 }
 
 /// Shared pieces of WGSL by the name in `#include`.
-const PIECES: [(&str, &str); 18] = [
+const PIECES: [(&str, &str); 29] = [
+    ("candidates", include_str!("shader/shared/candidates.wgsl")),
     ("cells", include_str!("shader/shared/cells.wgsl")),
     ("crowd", include_str!("shader/shared/crowd.wgsl")),
     ("density", include_str!("shader/shared/density.wgsl")),
     ("density_add", include_str!("shader/shared/density_add.wgsl")),
+    ("density_slot", include_str!("shader/shared/density_slot.wgsl")),
     ("digit_pass", include_str!("shader/shared/digit_pass.wgsl")),
     ("entry", include_str!("shader/shared/entry.wgsl")),
     ("fold", include_str!("shader/shared/fold.wgsl")),
     ("group_scan", include_str!("shader/shared/group_scan.wgsl")),
+    ("home", include_str!("shader/shared/home.wgsl")),
+    ("image", include_str!("shader/shared/image.wgsl")),
     ("layout", include_str!("shader/shared/layout.wgsl")),
+    ("list", include_str!("shader/shared/list.wgsl")),
+    ("list_cells", include_str!("shader/shared/list_cells.wgsl")),
+    ("ordered", include_str!("shader/shared/ordered.wgsl")),
     ("overlap", include_str!("shader/shared/overlap.wgsl")),
     ("pairs", include_str!("shader/shared/pairs.wgsl")),
+    ("periods", include_str!("shader/shared/periods.wgsl")),
     ("place", include_str!("shader/shared/place.wgsl")),
     ("reach", include_str!("shader/shared/reach.wgsl")),
     ("reserve", include_str!("shader/shared/reserve.wgsl")),
     ("reserve_lane", include_str!("shader/shared/reserve_lane.wgsl")),
     ("sphere", include_str!("shader/shared/sphere.wgsl")),
+    ("thread", include_str!("shader/shared/thread.wgsl")),
     ("tile", include_str!("shader/shared/tile.wgsl")),
+    ("walk", include_str!("shader/shared/walk.wgsl")),
     ("wide", include_str!("shader/shared/wide.wgsl")),
+    ("wrap", include_str!("shader/shared/wrap.wgsl")),
 ];
 
 /// Expands `#include piece`, `#include piece argument`, `#ifdef NAME … #else … #endif` (not nested in one file) and
@@ -312,13 +362,14 @@ impl Expansion {
         }
     }
 
-    fn constants(&self) -> [(&'static str, u32); 7] {
+    fn constants(&self) -> [(&'static str, u32); 8] {
         [
             ("CROWDED_TILES", CROWDED_TILES),
             ("MAX_SUBGROUPS", GROUP / self.variant.subgroups.unwrap_or(GROUP).clamp(1, GROUP)),
             ("RADIX_ITEMS", RADIX_ITEMS),
             ("RADIX_SCRATCH", self.variant.radix_scratch()),
             ("SCAN_ITEMS", SCAN_ITEMS),
+            ("SHARE", SHARE),
             ("SPHERES_PER_THREAD", SPHERES_PER_THREAD),
             ("UNPARTED", Call::UNPARTED),
         ]

@@ -43,6 +43,12 @@ pub struct Call {
     pub period_y: f32,
     /// Length of the axis z where it is periodic, else 0.
     pub period_z: f32,
+    /// Cells that the table of a cell list has room for.
+    pub cells: u32,
+    /// Counters in that table: two more.
+    pub counters: u32,
+    /// Only pairs of one sphere with an index below this and one with an index from it on are found; 0 finds all.
+    pub split: u32,
 }
 
 impl Call {
@@ -142,6 +148,8 @@ pub struct Outcome {
     pub crowded_begin: u32,
     /// One past the last of them.
     pub crowded_end: u32,
+    /// Cell list: spheres in the fullest cell that smaller ones had to leave, or would have; 0 where there was none.
+    pub densest: u32,
 }
 
 impl Outcome {
@@ -170,6 +178,70 @@ impl Outcome {
     pub fn entries(&self) -> u64 {
         u64::from(self.entries_hi) << 32 | u64::from(self.entries_lo)
     }
+}
+
+/// What the spheres of a cell list are like, as the device finds it. Zero says nothing yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Survey {
+    /// Complements of the lowest centre, as integers in the order of the floats.
+    pub low: [u32; 3],
+    /// The highest centre, likewise.
+    pub high: [u32; 3],
+    /// Complement of the bits of the smallest effective radius.
+    pub smallest: u32,
+    /// Spheres that are not valid.
+    pub quarantined: u32,
+    /// How many spheres have each exponent of the effective radius.
+    pub members: [u32; 256],
+    /// The bits of the largest of these radii.
+    pub largest: [u32; 256],
+}
+
+/// A level of a cell list.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ListLevel {
+    /// Cells once around each axis.
+    pub cells: [u32; 3],
+    /// The level's first cell in the table.
+    pub base: u32,
+    /// The number of the cell in which an unbounded axis begins.
+    pub low: [u32; 3],
+    /// Quanta per unit of length.
+    pub scale: f32,
+    /// Cells per unit of length on a periodic axis.
+    pub around: [f32; 3],
+    /// From here on coordinates are farther apart than spheres of this level reach.
+    pub far: f32,
+    /// The largest radius that is at home here.
+    pub reach: f32,
+    /// Levels lie at a multiple of their alignment.
+    pub padding: [u32; 3],
+}
+
+/// The cells of a cell list, as the device chooses them.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct List {
+    /// How many spheres the call has.
+    pub spheres: u32,
+    /// Cells of all levels.
+    pub cells: u32,
+    /// Quanta per edge.
+    pub quanta: u32,
+    /// Levels that classes have, a bit each.
+    pub levels: u32,
+    /// 1 where smaller spheres leave crowded cells of the first level.
+    pub is_dense: u32,
+    /// 1 when no distance test of the call can overflow or underflow.
+    pub ordinary: u32,
+    /// Levels of the classes, four to a word.
+    pub class_levels: [u32; 64],
+    /// Structures with vectors begin at a multiple of 16 bytes.
+    pub padding: [u32; 2],
+    /// The levels.
+    pub level: [ListLevel; 16],
 }
 
 /// How many keys to sort and how many values to scan.

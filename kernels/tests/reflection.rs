@@ -3,7 +3,7 @@
 use std::mem::{offset_of, size_of};
 
 use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, Variant};
-use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level, Outcome};
+use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level, List, ListLevel, Outcome, Survey};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
@@ -114,8 +114,14 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             part_tiles,
             period_x,
             period_y,
-            period_z
+            period_z,
+            cells,
+            counters,
+            split
         }),
+        layout!(ListLevel { cells, base, low, scale, around, far, reach }),
+        layout!(List { spheres, cells, quanta, levels, is_dense, ordinary, class_levels, level }),
+        layout!(Survey { low, high, smallest, quarantined, members, largest }),
         layout!(Grid {
             origin,
             spheres,
@@ -145,7 +151,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             spheres,
             crowded_tiles,
             crowded_begin,
-            crowded_end
+            crowded_end,
+            densest
         }),
         layout!(Lengths { items, counters }),
     ];

@@ -318,6 +318,9 @@ impl GpuDetector {
             period_x,
             period_y,
             period_z,
+            cells: prepared.plan.cells,
+            counters: prepared.plan.counters,
+            split: 0,
         };
         let count = match input.count {
             Count::Host(_) => None,

@@ -1,6 +1,7 @@
 //! What one call will allocate and dispatch. Pure functions of sizes and limits: no device, no allocation.
 
 mod buffers;
+mod list;
 mod stages;
 
 use lazygrid_kernels::Algorithm;
@@ -101,8 +102,12 @@ pub struct Plan {
     pub refinement: Refinement,
     /// Whether spheres are first moved to their images nearest to the origin.
     pub periodic: bool,
-    /// Counters in either half of the density table; 0 without one.
+    /// Counters in either half of the density table, or of the crowds of a cell list; 0 without one.
     pub density_slots: u32,
+    /// Cells that the table of a cell list has room for; 0 without one.
+    pub cells: u32,
+    /// Counters in that table.
+    pub counters: u32,
     /// Workgroups of the naive search; 0 without it.
     pub search_groups: u32,
     /// The buffers and their bytes.
@@ -119,7 +124,7 @@ pub struct Plan {
 pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> {
     let algorithm = request.algorithm;
     let refinement = match algorithm {
-        Algorithm::Naive | Algorithm::ArrayGrid => Refinement::None,
+        Algorithm::Naive | Algorithm::ArrayGrid | Algorithm::CellList => Refinement::None,
         Algorithm::EagerGrid => Refinement::Every,
         Algorithm::LazyGrid => Refinement::Dense,
         other => return Err(GpuError::NotOnGpu(other)),
@@ -133,15 +138,22 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
         refinement,
         periodic: request.periodic,
         density_slots: 0,
+        cells: 0,
+        counters: 0,
         search_groups: 0,
         buffers: call_buffers(request.pairs).to_vec(),
         stages: Vec::new(),
     };
-    if request.periodic {
+    if request.periodic && algorithm != Algorithm::CellList {
         plan.buffers.push((Slot::Wrapped, bytes_of(request.spheres, 16)));
     }
     if algorithm == Algorithm::Naive {
         plan.search_groups = naive_groups(request.spheres, limits)?;
+    } else if algorithm == Algorithm::CellList {
+        plan.cells = list::cells(request.spheres, limits);
+        plan.counters = plan.cells + 2;
+        plan.density_slots = list::density_slots(request.spheres);
+        plan.buffers.extend(list::buffers(&plan, request.species != 0));
     } else {
         plan.entries = entry_capacity(request, limits)?;
         plan.key_bits = key_bits(request.spheres);
@@ -202,11 +214,20 @@ impl Plan {
             "count_source" => return Resource::Count,
             "digit_pass" => return Resource::Pass(stage.pass),
             "given" => return Resource::Spheres,
-            "spheres" if !self.periodic => return Resource::Spheres,
+            "spheres" if !self.periodic || self.algorithm == Algorithm::CellList => return Resource::Spheres,
             "spheres" | "wrapped" => Slot::Wrapped,
             "species" => return Resource::Species,
             "reach" => return Resource::Reach,
             "table" => return Resource::Table,
+            "survey" => Slot::Survey,
+            "list" => Slot::List,
+            "starts" => Slot::Starts,
+            "values" if self.algorithm == Algorithm::CellList => Slot::Starts,
+            "homes" => Slot::Homes,
+            "sorted" => Slot::Sorted,
+            "sorted_species" => Slot::SortedSpecies,
+            "cells" if self.algorithm == Algorithm::CellList => Slot::SortedCells,
+            "order" => Slot::Order,
             "bounds" => Slot::Bounds,
             "grid" => Slot::Grid,
             "outcome" => Slot::Outcome,

@@ -1,6 +1,6 @@
 use std::collections::HashMap;
 
-use lazygrid_kernels::kernel::{CROWDED_OPEN, Variant};
+use lazygrid_kernels::kernel::{CROWDED_OPEN, SHARES_OPEN, Variant};
 
 use super::GpuError;
 use super::pipelines::Pipelines;
@@ -100,7 +100,7 @@ impl Recording {
         let mut steps = Vec::new();
         let mut rest = None;
         for stage in stages {
-            if stage.kernel == &CROWDED_OPEN {
+            if stage.kernel == &CROWDED_OPEN || stage.kernel == &SHARES_OPEN {
                 rest = Some(steps.len());
             }
             let compiled = pipelines.get(stage.kernel, variant)?;

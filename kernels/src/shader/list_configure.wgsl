@@ -2,7 +2,7 @@
 // Clears the survey for the next call, and what this one counts.
 #include layout
 #include list
-#include place
+#include thread
 #include sphere
 
 @group(0) @binding(0) var<uniform> call: Call;
@@ -176,8 +176,8 @@ fn set_call(count: u32) {
         farthest = max(farthest, max(abs(decoded(low[axis])), abs(decoded(high[axis]))));
     }
     var widest = 0.0;
-    for (var class = 0u; class < CLASSES; class++) {
-        widest = max(widest, bitcast<f32>(largest[class]));
+    for (var size_class = 0u; size_class < CLASSES; size_class++) {
+        widest = max(widest, bitcast<f32>(largest[size_class]));
     }
     // Without a valid sphere the complement of nothing is no number, and nothing is tested.
     list.ordinary = select(0u, 1u, smallest > 0x1p-40 && farthest < 0x1p58 && widest < 0x1p58);

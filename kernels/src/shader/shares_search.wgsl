@@ -2,7 +2,7 @@
 // the whole device busy and no invocation takes more turns than some devices allow.
 #include layout
 #include list
-#include place
+#include thread
 #include sphere
 
 @group(0) @binding(0) var<uniform> call: Call;
@@ -28,12 +28,18 @@
 // Blocks of one layer of the dispatch.
 const MAX_GROUPS: u32 = 65535u;
 
+// The listed blocks that this part takes.
+var<workgroup> part: vec2<u32>;
+
 @compute @workgroup_size(256)
 fn shares_search(@builtin(workgroup_id) id: vec3<u32>, place: Place) {
-    let begin = atomicLoad(&outcome.crowded_begin);
-    let listed = id.y + id.z * MAX_GROUPS;
-    if (listed >= atomicLoad(&outcome.crowded_end) - begin) {
+    if (place.lane == 0u) {
+        part = vec2(atomicLoad(&outcome.crowded_begin), atomicLoad(&outcome.crowded_end));
+    }
+    let listed = workgroupUniformLoad(&part);
+    let block = listed.x + id.y + id.z * MAX_GROUPS;
+    if (block >= listed.y) {
         return;
     }
-    _ = search_share(crowded[begin + listed], id.x + 1u, place.lane);
+    search_share(crowded[block], id.x + 1u, place.lane);
 }

@@ -1,7 +1,7 @@
 // Puts the spheres in the order of their cells.
 #include layout
 #include list
-#include place
+#include thread
 
 @group(0) @binding(0) var<uniform> call: Call;
 @group(0) @binding(1) var<storage, read> list: List;
@@ -11,6 +11,10 @@
 @group(0) @binding(5) var<storage, read_write> sorted: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> cells: array<u32>;
 @group(0) @binding(7) var<storage, read_write> order: array<u32>;
+#ifdef SPECIES
+@group(0) @binding(8) var<storage, read> species: array<u32>;
+@group(0) @binding(9) var<storage, read_write> sorted_species: array<u32>;
+#endif
 #include periods
 #include image
 
@@ -25,4 +29,7 @@ fn spheres_place(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) 
     sorted[position] = image_of(spheres[index]);
     cells[position] = home.x;
     order[position] = index;
+#ifdef SPECIES
+    sorted_species[position] = min(species[index], call.species - 1u);
+#endif
 }

@@ -2,7 +2,7 @@
 // counts in. Each workgroup takes every so many spheres, so that few of them meet at the counters in memory.
 #include layout
 #include list
-#include place
+#include thread
 #include sphere
 
 @group(0) @binding(0) var<uniform> call: Call;
@@ -29,15 +29,15 @@ var<workgroup> group_largest: array<atomic<u32>, 256>;
 
 // Spheres of one class that a thread has met one after another.
 struct Streak {
-    class: u32,
+    size_class: u32,
     members: u32,
     largest: u32,
 }
 
 fn end_streak(streak: Streak) {
     if (streak.members != 0u) {
-        atomicAdd(&group_members[streak.class], streak.members);
-        atomicMax(&group_largest[streak.class], streak.largest);
+        atomicAdd(&group_members[streak.size_class], streak.members);
+        atomicMax(&group_largest[streak.size_class], streak.largest);
     }
 }
 
@@ -78,7 +78,7 @@ fn spheres_survey(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups)
         low = max(low, ~ordered(sphere.xyz));
         high = max(high, ordered(sphere.xyz));
         smallest = max(smallest, ~radius);
-        if (streak.class != radius >> 23u) {
+        if (streak.size_class != radius >> 23u) {
             end_streak(streak);
             streak = Streak(radius >> 23u, 0u, 0u);
         }

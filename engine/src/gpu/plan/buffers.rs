@@ -38,6 +38,22 @@ pub enum Slot {
     Crowded,
     /// Workgroups of the crowded search.
     Dispatch,
+    /// Bounds and sizes of the spheres of a cell list.
+    Survey,
+    /// The cells of a cell list.
+    List,
+    /// Where the spheres of each cell begin.
+    Starts,
+    /// The cell of each sphere, and its place there.
+    Homes,
+    /// The spheres in the order of their cells.
+    Sorted,
+    /// Their species.
+    SortedSpecies,
+    /// Their cells.
+    SortedCells,
+    /// Their indices.
+    Order,
 }
 
 /// What a kernel's binding is bound to.

@@ -3,7 +3,7 @@
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel::{self as k, Kernel};
 
-use super::{DeviceLimits, Plan, Refinement};
+use super::{DeviceLimits, Plan, Refinement, list};
 
 /// The parts of a call that are timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -60,6 +60,8 @@ pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
     ];
     if plan.algorithm == Algorithm::Naive {
         stages.push(stage(&k::NAIVE_SEARCH, plan.search_groups, Phase::Search));
+    } else if plan.algorithm == Algorithm::CellList {
+        stages = list::stages(plan);
     } else {
         if plan.refinement == Refinement::Dense {
             let groups = (2 * plan.density_slots).div_ceil(k::DENSITY_TILE);

@@ -8,6 +8,13 @@ const STRETCHES: u32 = 4096u;
 // Hits that the workgroup gathers before they are written.
 const HITS: u32 = 1024u;
 
+// One of the sorted spheres.
+struct Row {
+    sphere: vec4<f32>,
+    position: u32,
+    species: u32,
+}
+
 // Places of two spheres in the sorted order.
 var<workgroup> hits: array<vec2<u32>, HITS>;
 var<workgroup> hit_count: atomic<u32>;
@@ -16,18 +23,8 @@ var<workgroup> some_open: atomic<u32>;
 // Hits gathered, where they go, and whether a further round follows.
 var<workgroup> gathered: vec3<u32>;
 
-// How far a thread has come.
-struct Progress {
-    walk: Walk,
-    // Candidates that belong to earlier shares, and those that still belong to this one.
-    skip: u32,
-    left: u32,
-    // Whether there are no more at all.
-    done: bool,
-}
-
 // Whether a pair is among those asked for.
-fn is_wanted(a: u32, b: u32) -> bool {
+fn is_asked_for(a: u32, b: u32) -> bool {
     if (call.window_begin == 0u && call.window_end >= list.spheres && call.split == 0u) {
         return true;
     }
@@ -37,32 +34,32 @@ fn is_wanted(a: u32, b: u32) -> bool {
 }
 
 // Tests candidates until all are done or the list of hits is full.
-fn gather_hits(progress: ptr<function, Progress>, row: Row, cell: u32, radius: f32) {
+fn gather_hits(walk: ptr<function, Walk>, row: Row, cell: u32, radius: f32) {
     for (var turn = 0u; turn < SHARE + STRETCHES; turn++) {
-        if ((*progress).walk.at >= (*progress).walk.end) {
-            if (!walk_on(&(*progress).walk, row.object, cell, row.sphere, radius)) {
-                (*progress).done = true;
+        if ((*walk).at >= (*walk).end) {
+            if (!walk_on(walk, row.position, cell, row.sphere, radius)) {
+                (*walk).done = true;
                 break;
             }
-            let length = max((*progress).walk.end, (*progress).walk.at) - (*progress).walk.at;
-            let jump = min((*progress).skip, length);
-            (*progress).walk.at += jump;
-            (*progress).skip -= jump;
+            let length = max((*walk).end, (*walk).at) - (*walk).at;
+            let jump = min((*walk).skip, length);
+            (*walk).at += jump;
+            (*walk).skip -= jump;
             continue;
         }
-        if ((*progress).left == 0u) {
+        if ((*walk).left == 0u) {
             break;
         }
-        let other = (*progress).walk.at;
-        if (is_candidate_pair(row, other) && is_wanted(row.object, other)) {
+        let other = (*walk).at;
+        if (is_candidate_pair(row, other) && is_asked_for(row.position, other)) {
             let hit = atomicAdd(&hit_count, 1u);
             if (hit >= HITS) {
                 break;
             }
-            hits[hit] = vec2(row.object, other);
+            hits[hit] = vec2(row.position, other);
         }
-        (*progress).walk.at += 1u;
-        (*progress).left -= 1u;
+        (*walk).at += 1u;
+        (*walk).left -= 1u;
     }
 }
 
@@ -103,15 +100,16 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
     var row: Row;
     var cell = 0u;
     var radius = 0.0;
-    var progress: Progress;
-    progress.done = position >= starts[list.cells + 1u];
-    progress.skip = share * SHARE;
-    progress.left = SHARE;
-    if (!progress.done) {
+    var walk: Walk;
+    if (position < starts[list.cells + 1u]) {
         row = row_of(position);
         cell = cells[position];
         radius = radius_of(row);
-        progress.walk = walk_begin(cell);
+        walk = walk_begin(cell);
+        walk.skip = share * SHARE;
+        walk.left = SHARE;
+    } else {
+        walk.done = true;
     }
     if (lane == 0u) {
         atomicStore(&hit_count, 0u);
@@ -120,10 +118,10 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
     workgroupBarrier();
     // Each round but the last writes a full list.
     for (var round = 0u; round < SHARE * GROUP / HITS + SHARE; round++) {
-        if (!progress.done && progress.left != 0u) {
-            gather_hits(&progress, row, cell, radius);
+        if (!walk.done && walk.left != 0u) {
+            gather_hits(&walk, row, cell, radius);
         }
-        if (!progress.done && progress.left != 0u) {
+        if (!walk.done && walk.left != 0u) {
             atomicStore(&some_open, 1u);
         }
         workgroupBarrier();
@@ -152,13 +150,13 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
         workgroupBarrier();
     }
     var rest = 0u;
-    if (share == 0u && !progress.done) {
-        rest = max(progress.walk.end, progress.walk.at) - progress.walk.at;
+    if (share == 0u && !walk.done) {
+        rest = max(walk.end, walk.at) - walk.at;
         for (var turn = 0u; turn < STRETCHES; turn++) {
-            if (!walk_on(&progress.walk, position, cell, row.sphere, radius)) {
+            if (!walk_on(&walk, position, cell, row.sphere, radius)) {
                 break;
             }
-            rest += max(progress.walk.end, progress.walk.at) - progress.walk.at;
+            rest += max(walk.end, walk.at) - walk.at;
         }
     }
     return rest;

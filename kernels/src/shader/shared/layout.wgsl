@@ -33,6 +33,11 @@ struct Call {
     period_x: f32,
     period_y: f32,
     period_z: f32,
+    // Cells that the table of a cell list has room for, and counters in that table: two more.
+    cells: u32,
+    counters: u32,
+    // Only pairs of one sphere with an index below this and one with an index from it on are found; 0 finds all.
+    split: u32,
 }
 
 // What the spheres are like. Bounds of all valid ones, their widened radii included; floats in an order-preserving
@@ -107,6 +112,8 @@ struct Outcome {
     // Which of those blocks the present part of the crowded search takes.
     crowded_begin: atomic<u32>,
     crowded_end: atomic<u32>,
+    // Spheres in the fullest cell that smaller ones had to leave, or would have; 0 where there was none.
+    densest: atomic<u32>,
 }
 
 // How many keys there are to sort and how many values to scan.

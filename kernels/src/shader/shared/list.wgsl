@@ -51,8 +51,6 @@ struct List {
     is_dense: u32,
     // 1 when no distance test of this call can overflow or underflow.
     ordinary: u32,
-    // 1 where some class has a finer level than the first.
-    is_mixed: u32,
     // Levels of the classes, four to a word.
     class_levels: array<u32, 64>,
     level: array<ListLevel, 16>,

@@ -61,6 +61,6 @@ fn class_of(radius: f32) -> u32 {
     return (bitcast<u32>(radius) >> 23u) & 255u;
 }
 
-fn level_of(class: u32) -> u32 {
-    return (list.class_levels[class / 4u] >> ((class % 4u) * 8u)) & 255u;
+fn level_of(size_class: u32) -> u32 {
+    return (list.class_levels[size_class / 4u] >> ((size_class % 4u) * 8u)) & 255u;
 }

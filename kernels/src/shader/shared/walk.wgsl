@@ -19,6 +19,11 @@ struct Walk {
     // The stretch that is walked now.
     at: u32,
     end: u32,
+    // Candidates that belong to earlier shares, and those that still belong to this one.
+    skip: u32,
+    left: u32,
+    // Whether there are no more at all.
+    done: bool,
 }
 
 fn walk_begin(cell: u32) -> Walk {
