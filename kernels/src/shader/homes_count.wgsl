@@ -28,8 +28,12 @@ fn homes_count(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) gr
     var crowd = 0u;
     if (index < list.spheres) {
         let home = home_of(index, spheres[index]);
-        homes[index] = vec2(home.cell, atomicAdd(&starts[home.cell], 1u));
+        let before = atomicAdd(&starts[home.cell], 1u);
+        homes[index] = vec2(home.cell, before);
         crowd = home.crowd;
+        if (home.could_leave && before >= max(call.tau, atomicLoad(&outcome.densest))) {
+            atomicMax(&outcome.densest, before + 1u);
+        }
     }
     if (list.is_dense != 0u) {
         keep_crowd(crowd, place.lane);

@@ -53,6 +53,7 @@ var<workgroup> quanta: u32;
 var<workgroup> home_radius: f32;
 var<workgroup> is_single: u32;
 var<workgroup> level_cells: array<vec3<u32>, 16>;
+var<workgroup> is_dense: bool;
 
 fn power_of_two(exponent: i32) -> f32 {
     return bitcast<f32>(u32(clamp(127 + exponent, 1, 254)) << 23u);
@@ -209,6 +210,22 @@ fn sample_cell(lane: u32, count: u32) -> u32 {
     return cell_of(image_of(sphere).xyz, 0u);
 }
 
+// Whether smaller spheres leave the crowded cells of level 0: where they would gain from it, and where samples or the
+// last call found such cells.
+fn decide_density(count: u32) {
+    var finer = false;
+    for (var level = 1u; level < LEVELS; level++) {
+        finer = finer || atomicLoad(&populations[level]) != 0u;
+    }
+    // Ordered pairs of samples in one cell, as a share of all, times the spheres: how many share a cell on average.
+    let pairs = f32(atomicLoad(&sampled_pairs));
+    let crowd = pairs * f32(count) / f32(min(count, SAMPLES) * min(count, SAMPLES) + 1u);
+    let was_dense = atomicLoad(&outcome.densest) > call.tau;
+    is_dense = finer && ((pairs >= 4.0 && crowd > f32(call.tau)) || was_dense);
+    list.is_dense = select(0u, 1u, is_dense);
+    atomicStore(&outcome.densest, 0u);
+}
+
 @compute @workgroup_size(256)
 fn list_configure(place: Place) {
     let lane = place.lane;
@@ -269,16 +286,36 @@ fn list_configure(place: Place) {
     if (lane < 64u) {
         list.class_levels[lane] = atomicLoad(&packed_levels[lane]);
     }
-    storageBarrier();
     if (lane < LEVELS) {
+        level_cells[lane] = vec3(0u);
+    }
+    storageBarrier();
+    if (lane == 0u) {
+        set_level(0u, f32(call.cells));
+    }
+    storageBarrier();
+
+    let cell = sample_cell(lane, count);
+    sampled[lane] = cell;
+    workgroupBarrier();
+    var shared_with = 0u;
+    for (var other = 0u; other < SAMPLES; other++) {
+        shared_with += select(0u, 1u, sampled[other] == cell);
+    }
+    atomicAdd(&sampled_pairs, shared_with - 1u);
+    workgroupBarrier();
+    if (lane == 0u) {
+        decide_density(count);
+    }
+    // Where smaller spheres leave the first level its cells are chosen anew: half of the room goes in equal shares to all
+    // levels, half by numbers.
+    if (workgroupUniformLoad(&is_dense) && lane < LEVELS) {
         let population = atomicLoad(&populations[lane]);
         var levels = 1.0;
         for (var other = 1u; other < LEVELS; other++) {
             levels += select(0.0, 1.0, atomicLoad(&populations[other]) != 0u);
         }
-        // Half of the room in equal shares, half by numbers.
         let share = 0.5 / levels + 0.5 * f32(population) / f32(max(count, 1u));
-        level_cells[lane] = vec3(0u);
         if (lane == 0u || population != 0u) {
             set_level(lane, max(floor(f32(call.cells) * share * 0x1.ffffp-1), 1.0));
         }
@@ -296,25 +333,5 @@ fn list_configure(place: Place) {
         list.cells = base;
         list.levels = levels;
         lengths.counters = base + 2u;
-    }
-    storageBarrier();
-
-    let cell = sample_cell(lane, count);
-    sampled[lane] = cell;
-    workgroupBarrier();
-    var shared_with = 0u;
-    for (var other = 0u; other < SAMPLES; other++) {
-        shared_with += select(0u, 1u, sampled[other] == cell);
-    }
-    atomicAdd(&sampled_pairs, shared_with - 1u);
-    workgroupBarrier();
-    if (lane == 0u) {
-        // Ordered pairs of samples in one cell, as a share of all, times the spheres: how many share a cell on average.
-        let pairs = f32(atomicLoad(&sampled_pairs));
-        let crowd = pairs * f32(count) / f32(min(count, SAMPLES) * min(count, SAMPLES) + 1u);
-        let was_dense = atomicLoad(&outcome.densest) > call.tau;
-        let is_crowded = pairs >= 4.0 && crowd > f32(call.tau);
-        list.is_dense = select(0u, 1u, list.levels > 1u && (is_crowded || was_dense));
-        atomicStore(&outcome.densest, 0u);
     }
 }

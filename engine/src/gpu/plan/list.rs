@@ -14,6 +14,8 @@ const CELLS_PER_SPHERE: u64 = 3;
 const FEWEST_CELLS: u64 = 1 << 12;
 /// Most counters for the crowds of level 0: so many stay in the caches of today's devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
+/// Spheres that a thread of the survey looks at, where they are not more than its workgroups can share.
+const SPHERES_PER_THREAD: u32 = 8;
 /// Workgroups of the survey: enough for today's devices, and so few that they do not queue at its counters.
 const SURVEY_GROUPS: u32 = 1024;
 
@@ -55,7 +57,7 @@ pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(Slot, u64)> {
 pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
     let per_sphere = plan.spheres.div_ceil(k::GROUP);
     let stage = |kernel, groups, phase| Stage { kernel, groups, indirect: false, phase, pass: 0 };
-    let survey = plan.counters.div_ceil(k::GROUP).min(SURVEY_GROUPS);
+    let survey = plan.spheres.div_ceil(k::GROUP * SPHERES_PER_THREAD).clamp(1, SURVEY_GROUPS);
     let mut stages = vec![
         stage(&k::SPHERES_SURVEY, survey, Phase::Survey),
         stage(&k::LIST_CONFIGURE, 1, Phase::Survey),

@@ -3,15 +3,19 @@
 const GROUP: u32 = 256u;
 // Candidates of one sphere in a share.
 const SHARE: u32 = #{SHARE}u;
-// Stretches that a walk has at most between two looks at the list of hits; more go on in the next round.
-const STRETCHES: u32 = 4096u;
+// Rows of cells that a sphere looks through between two looks at the list of hits, in all and at one level; it goes on
+// with more of them in the next round.
+const ROWS: u32 = 256u;
 // Hits that the workgroup gathers before they are written.
 const HITS: u32 = 1024u;
 
 // One of the sorted spheres.
 struct Row {
     sphere: vec4<f32>,
+    // Its effective radius.
+    radius: f32,
     position: u32,
+    cell: u32,
     species: u32,
 }
 
@@ -23,6 +27,37 @@ var<workgroup> some_open: atomic<u32>;
 // Hits gathered, where they go, and whether a further round follows.
 var<workgroup> gathered: vec3<u32>;
 
+#ifdef SPECIES
+fn row_of(position: u32) -> Row {
+    let sphere = sorted[position];
+    let kind = sorted_species[position];
+    let half = reach[kind];
+    let radius = abs(select(half.y, max(half.y, sphere.w), half.x != 0.0));
+    return Row(sphere, radius, position, cells[position], kind);
+}
+
+fn is_ordinary() -> bool {
+    return false;
+}
+
+fn is_candidate_pair(row: Row, other: u32) -> bool {
+    return is_pair(row.sphere, sorted[other], row.species, sorted_species[other]);
+}
+#else
+fn row_of(position: u32) -> Row {
+    let sphere = sorted[position];
+    return Row(sphere, sphere.w, position, cells[position], 0u);
+}
+
+fn is_ordinary() -> bool {
+    return list.ordinary != 0u;
+}
+
+fn is_candidate_pair(row: Row, other: u32) -> bool {
+    return is_pair(row.sphere, sorted[other]);
+}
+#endif
+
 // Whether a pair is among those asked for.
 fn is_asked_for(a: u32, b: u32) -> bool {
     if (call.window_begin == 0u && call.window_end >= list.spheres && call.split == 0u) {
@@ -33,95 +68,114 @@ fn is_asked_for(a: u32, b: u32) -> bool {
     return is_in_window(i) && (call.split == 0u || (i < call.split && j >= call.split));
 }
 
-// Tests candidates until all are done or the list of hits is full.
-fn gather_hits(walk: ptr<function, Walk>, row: Row, cell: u32, radius: f32) {
-    for (var turn = 0u; turn < SHARE + STRETCHES; turn++) {
-        if ((*walk).at >= (*walk).end) {
-            if (!walk_on(walk, row.position, cell, row.sphere, radius)) {
-                (*walk).done = true;
-                break;
+// Which of the candidates from `begin` on pair with the row, one bit each; at most 32. Two loops, of which one has no
+// turns, as some devices run both sides of a branch.
+fn candidate_hits(row: Row, begin: u32, end: u32) -> u32 {
+    var bits = 0u;
+    let ordinary_end = select(begin, end, is_ordinary());
+    for (var other = begin; other < ordinary_end; other++) {
+        bits |= select(0u, 1u << (other - begin), is_within_ordinary(row.sphere, sorted[other]));
+    }
+    for (var other = ordinary_end; other < end; other++) {
+        bits |= select(0u, 1u << (other - begin), is_candidate_pair(row, other));
+    }
+    return bits;
+}
+
+// Tests the candidates from `begin` on. Returns the first that it did not take, as the list of hits was full.
+fn gather_stretch(row: Row, begin: u32, end: u32) -> u32 {
+    let chunks = (end - begin + 31u) / 32u;
+    for (var chunk = 0u; chunk < chunks; chunk++) {
+        let first = begin + chunk * 32u;
+        for (var bits = candidate_hits(row, first, min(first + 32u, end)); bits != 0u; bits &= bits - 1u) {
+            let other = first + firstTrailingBit(bits);
+            if (is_asked_for(row.position, other)) {
+                let hit = atomicAdd(&hit_count, 1u);
+                if (hit >= HITS) {
+                    return other;
+                }
+                hits[hit] = vec2(row.position, other);
             }
-            let length = max((*walk).end, (*walk).at) - (*walk).at;
-            let jump = min((*walk).skip, length);
-            (*walk).at += jump;
-            (*walk).skip -= jump;
-            continue;
         }
-        if ((*walk).left == 0u) {
+    }
+    return end;
+}
+
+// Tests candidates until the walk or its share is at an end or the list of hits is full.
+fn gather_hits(walk: ptr<function, Walk>, row: Row) {
+    for (var turn = 0u; turn < ROWS; turn++) {
+        for (var stretch = 0u; stretch < ROWS; stretch++) {
+            if ((*walk).at == (*walk).end) {
+                if ((*walk).rows + (*walk).beyond == 0u) {
+                    break;
+                }
+                next_stretch(walk);
+            }
+            let skipped = min((*walk).skip, (*walk).end - (*walk).at);
+            let begin = (*walk).at + skipped;
+            let end = begin + min((*walk).left, (*walk).end - begin);
+            let taken = gather_stretch(row, begin, end);
+            (*walk).skip -= skipped;
+            (*walk).left -= taken - begin;
+            (*walk).at = taken;
+            if (taken != (*walk).end) {
+                return;
+            }
+        }
+        if ((*walk).at == (*walk).end && (*walk).rows + (*walk).beyond == 0u) {
+            walk_up(walk, row.sphere, row.radius);
+        }
+        if ((*walk).level == NOWHERE) {
+            return;
+        }
+    }
+}
+
+// How many candidates are left on the way.
+fn candidates_left(walk: ptr<function, Walk>, row: Row) -> u32 {
+    var left = 0u;
+    for (var turn = 0u; turn < ROWS; turn++) {
+        if ((*walk).level == NOWHERE) {
             break;
         }
-        let other = (*walk).at;
-        if (is_candidate_pair(row, other) && is_asked_for(row.position, other)) {
-            let hit = atomicAdd(&hit_count, 1u);
-            if (hit >= HITS) {
+        for (var stretch = 0u; stretch < ROWS; stretch++) {
+            left += (*walk).end - (*walk).at;
+            (*walk).at = (*walk).end;
+            if ((*walk).rows + (*walk).beyond == 0u) {
                 break;
             }
-            hits[hit] = vec2(row.position, other);
+            next_stretch(walk);
         }
-        (*walk).at += 1u;
-        (*walk).left -= 1u;
+        if ((*walk).rows + (*walk).beyond == 0u) {
+            walk_up(walk, row.sphere, row.radius);
+        }
     }
+    return left;
 }
-
-#ifdef SPECIES
-fn row_of(position: u32) -> Row {
-    return Row(sorted[position], position, sorted_species[position]);
-}
-
-fn is_candidate_pair(row: Row, other: u32) -> bool {
-    return is_pair(row.sphere, sorted[other], row.species, sorted_species[other]);
-}
-
-fn radius_of(row: Row) -> f32 {
-    let r = reach[row.species];
-    return abs(select(r.y, max(r.y, row.sphere.w), r.x != 0.0));
-}
-#else
-fn row_of(position: u32) -> Row {
-    return Row(sorted[position], position, 0u);
-}
-
-fn is_candidate_pair(row: Row, other: u32) -> bool {
-    if (list.ordinary != 0u) {
-        return is_within_ordinary(row.sphere, sorted[other]);
-    }
-    return is_pair(row.sphere, sorted[other]);
-}
-
-fn radius_of(row: Row) -> f32 {
-    return row.sphere.w;
-}
-#endif
 
 // Finds the pairs of the block that starts here. Called by all threads of a workgroup. Returns how many candidates
 // of this thread's sphere belong to later shares, where it is asked about the first.
 fn search_share(block: u32, share: u32, lane: u32) -> u32 {
-    let position = block + lane;
     var row: Row;
-    var cell = 0u;
-    var radius = 0.0;
     var walk: Walk;
-    if (position < starts[list.cells + 1u]) {
-        row = row_of(position);
-        cell = cells[position];
-        radius = radius_of(row);
-        walk = walk_begin(cell);
+    walk.level = NOWHERE;
+    if (block + lane < starts[list.cells + 1u]) {
+        row = row_of(block + lane);
+        walk = walk_begin(row.position, row.cell);
         walk.skip = share * SHARE;
         walk.left = SHARE;
-    } else {
-        walk.done = true;
     }
     if (lane == 0u) {
         atomicStore(&hit_count, 0u);
         atomicStore(&some_open, 0u);
     }
     workgroupBarrier();
-    // Each round but the last writes a full list.
-    for (var round = 0u; round < SHARE * GROUP / HITS + SHARE; round++) {
-        if (!walk.done && walk.left != 0u) {
-            gather_hits(&walk, row, cell, radius);
+    // A round ends with a full list of hits, or with many rows of cells behind some sphere.
+    for (var round = 0u; round < 2u * SHARE * GROUP / HITS; round++) {
+        if (walk.left != 0u) {
+            gather_hits(&walk, row);
         }
-        if (!walk.done && walk.left != 0u) {
+        if (walk.left != 0u && walk.level != NOWHERE) {
             atomicStore(&some_open, 1u);
         }
         workgroupBarrier();
@@ -150,14 +204,8 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
         workgroupBarrier();
     }
     var rest = 0u;
-    if (share == 0u && !walk.done) {
-        rest = max(walk.end, walk.at) - walk.at;
-        for (var turn = 0u; turn < STRETCHES; turn++) {
-            if (!walk_on(&walk, position, cell, row.sphere, radius)) {
-                break;
-            }
-            rest += max(walk.end, walk.at) - walk.at;
-        }
+    if (share == 0u) {
+        rest = candidates_left(&walk, row);
     }
     return rest;
 }

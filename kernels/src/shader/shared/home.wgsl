@@ -4,28 +4,30 @@ struct Home {
     cell: u32,
     // How many spheres there are in the cell of level 0 that it leaves; 0 where it does not.
     crowd: u32,
+    // Whether it is in a cell of level 0 that it could leave.
+    could_leave: bool,
 }
 
 #include density_slot
 
 fn home_of(index: u32, sphere: vec4<f32>) -> Home {
     if (!is_accepted(index, sphere)) {
-        return Home(list.cells + 1u, 0u);
+        return Home(list.cells + 1u, 0u, false);
     }
     let own = level_of(class_of(effective_radius(index, sphere)));
     if (own == LISTED) {
-        return Home(list.cells, 0u);
+        return Home(list.cells, 0u, false);
     }
     let position = image_of(sphere).xyz;
     let coarsest = cell_of(position, 0u);
     if (own == 0u || list.is_dense == 0u) {
-        return Home(coarsest, 0u);
+        return Home(coarsest, 0u, own != 0u);
     }
     let crowd = atomicLoad(&density[density_slot(coarsest)]);
     if (crowd <= call.tau) {
-        return Home(coarsest, 0u);
+        return Home(coarsest, 0u, true);
     }
-    return Home(cell_of(position, own), crowd);
+    return Home(cell_of(position, own), crowd, false);
 }
 
 var<workgroup> group_crowd: atomic<u32>;

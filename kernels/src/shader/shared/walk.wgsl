@@ -1,132 +1,147 @@
-// A sphere's way through its candidates: stretches of the sorted spheres, one after another, so that every pair is met
-// from one of its two spheres and only once.
+// A sphere's way through its candidates: rows of cells, each a stretch or two of the sorted spheres, so that every pair
+// is met from one of its two spheres and only once.
 //
 // A sphere in a cell looks, at its own level, at the spheres that come later in its cell and at those of one half of the
-// cells around, row by row; then, at each coarser level that has spheres, at all cells that its box touches when widened
-// by that level's reach; at last at the listed spheres. A listed one looks at the listed ones behind it.
+// cells around; then, at each coarser level that has spheres, at all cells that its box touches when widened by that
+// level's reach; at last at the listed spheres. A listed one looks at the listed ones behind it.
+
+// Beyond the levels and the listed spheres there is nothing.
+const NOWHERE: u32 = 256u;
 
 struct Walk {
-    // Level whose cells come next; LISTED for the listed spheres, above it at the end.
+    // The level it is at; LISTED for the listed spheres, NOWHERE at the end.
     level: u32,
-    // Row of cells that comes next at that level, out of so many.
-    row: u32,
+    // Cells of that level around each axis, and its first cell.
+    around: vec3<u32>,
+    base: u32,
+    // Rows of cells there that are to come, in all and in the present plane, and how many a plane has.
     rows: u32,
-    // Cells of the box at that level: the first on each axis, and how many there are.
-    first: vec3<u32>,
-    span: vec3<u32>,
-    // Cells of the row beyond the seam, yet to come.
-    rest: vec2<u32>,
-    // The stretch that is walked now.
+    rows_in_plane: u32,
+    rows_per_plane: u32,
+    // The first cell of the next row, the first row of a plane, and how many cells a row has.
+    cell: vec3<u32>,
+    first_row: u32,
+    span: u32,
+    // Cells of the last row beyond the seam that are to come, from the first of the row on.
+    beyond: u32,
+    row: u32,
+    // The present stretch of candidates: its next and its end.
     at: u32,
     end: u32,
     // Candidates that belong to earlier shares, and those that still belong to this one.
     skip: u32,
     left: u32,
-    // Whether there are no more at all.
-    done: bool,
 }
 
-fn walk_begin(cell: u32) -> Walk {
+fn walk_begin(position: u32, own: u32) -> Walk {
     var walk: Walk;
-    walk.level = LISTED;
-    if (cell < list.cells) {
-        walk.level = home_level(cell);
-        let cells = list.level[walk.level].cells;
-        let local = cell - list.level[walk.level].base;
-        let own = vec3(local % cells.x, (local / cells.x) % cells.y, local / (cells.x * cells.y));
-        walk.first = vec3(previous(own.x, cells.x), previous(own.y, cells.y), own.z);
-        walk.span = min(cells, vec3(3u, 3u, 2u));
-        walk.rows = walk.span.y * walk.span.z;
-        // The rows before are those of the other half.
-        walk.row = select(0u, 1u, cells.y > 1u);
+    if (own >= list.cells) {
+        walk.level = LISTED;
+        walk.at = position + 1u;
+        walk.end = starts[list.cells + 1u];
+        return walk;
     }
+    walk.level = home_level(own);
+    walk.around = list.level[walk.level].cells;
+    walk.base = list.level[walk.level].base;
+    let row = (own - walk.base) / walk.around.x;
+    let x = own - walk.base - row * walk.around.x;
+    let z = row / walk.around.y;
+    let y = row - z * walk.around.y;
+    walk.cell = vec3(previous(x, walk.around.x), y, z);
+    walk.span = min(walk.around.x, 3u);
+    walk.first_row = previous(y, walk.around.y);
+    walk.rows_per_plane = min(walk.around.y, 3u);
+    walk.rows_in_plane = min(walk.around.y, 2u);
+    walk.rows = walk.rows_in_plane + select(0u, walk.rows_per_plane, walk.around.z > 1u);
+    // In its own row what comes later in its cell, and the next cell.
+    next_row(&walk);
+    let span = min(walk.around.x, 2u);
+    let end = min(x + span, walk.around.x);
+    walk.beyond = x + span - end;
+    walk.at = position + 1u;
+    walk.end = starts[walk.row + end];
     return walk;
 }
 
 // The cell before this one, round the ring.
-fn previous(cell: u32, cells: u32) -> u32 {
-    return select(cell, cells, cell == 0u) - 1u;
+fn previous(cell: u32, around: u32) -> u32 {
+    return select(cell, around, cell == 0u) - 1u;
+}
+
+fn next(cell: u32, around: u32) -> u32 {
+    return select(cell + 1u, 0u, cell + 1u == around);
 }
 
 fn home_level(cell: u32) -> u32 {
     var level = 0u;
-    for (var other = 1u; other < LEVELS; other++) {
-        if (list.level[other].cells.x != 0u && list.level[other].base <= cell) {
-            level = other;
-        }
+    for (var left = list.levels & ~1u; left != 0u; left &= left - 1u) {
+        let other = firstTrailingBit(left);
+        level = select(level, other, list.level[other].base <= cell);
     }
     return level;
 }
 
-// The next coarser level that has spheres.
-fn coarser(level: u32) -> u32 {
-    let left = list.levels & ((1u << level) - 1u);
-    return select(firstLeadingBit(left), LISTED, left == 0u);
+// Turns to the next row of cells.
+fn next_row(walk: ptr<function, Walk>) {
+    (*walk).row = (*walk).base + ((*walk).cell.z * (*walk).around.y + (*walk).cell.y) * (*walk).around.x;
+    (*walk).rows -= 1u;
+    (*walk).rows_in_plane -= 1u;
+    let is_last = (*walk).rows_in_plane == 0u;
+    (*walk).rows_in_plane = select((*walk).rows_in_plane, (*walk).rows_per_plane, is_last);
+    (*walk).cell.y = select(next((*walk).cell.y, (*walk).around.y), (*walk).first_row, is_last);
+    (*walk).cell.z = select((*walk).cell.z, next((*walk).cell.z, (*walk).around.z), is_last);
 }
 
-// Goes on with the box of a sphere at a coarser level than its own.
-fn walk_box(walk: ptr<function, Walk>, sphere: vec4<f32>, radius: f32) {
-    let level = (*walk).level;
-    let cells = list.level[level].cells;
+// Sets out on the next stretch of the level: the rest of a row beyond the seam, or another row.
+fn next_stretch(walk: ptr<function, Walk>) {
+    var first = 0u;
+    var last = (*walk).beyond;
+    (*walk).beyond = 0u;
+    if (last == 0u) {
+        next_row(walk);
+        first = (*walk).cell.x;
+        last = min(first + (*walk).span, (*walk).around.x);
+        (*walk).beyond = first + (*walk).span - last;
+    }
+    (*walk).at = starts[(*walk).row + first];
+    (*walk).end = starts[(*walk).row + last];
+}
+
+// Goes on from the end of a level to the next coarser one that has spheres, then to the listed spheres.
+fn walk_up(walk: ptr<function, Walk>, sphere: vec4<f32>, radius: f32) {
+    if ((*walk).level >= LISTED) {
+        (*walk).level = NOWHERE;
+        return;
+    }
+    let left = list.levels & ((1u << (*walk).level) - 1u);
+    if (left == 0u) {
+        (*walk).at = starts[list.cells];
+        (*walk).end = starts[list.cells + 1u];
+        (*walk).level = select(LISTED, NOWHERE, (*walk).at == (*walk).end);
+        return;
+    }
+    let level = firstLeadingBit(left);
+    let around = list.level[level].cells;
     let reach = radius + list.level[level].reach;
     let half = vec3(reach * 0x1.00001p0) + abs(sphere.xyz) * 0x1p-22 + periods() * 0x1p-21;
     let low = cell_numbers(clamp(sphere.xyz - half, vec3(-FARTHEST), vec3(FARTHEST)), level);
     let high = cell_numbers(clamp(sphere.xyz + half, vec3(-FARTHEST), vec3(FARTHEST)), level);
-    (*walk).first = low % cells;
-    (*walk).span = min(high - low, cells - vec3(1u)) + vec3(1u);
+    var first = low % around;
+    var span = min(high - low, around - vec3(1u)) + vec3(1u);
 #ifdef PERIODIC
     // A box as wide as the period is all of it; its corners may be too far off to be counted.
     let whole = (periods() > vec3(0.0)) & (2.0 * half >= periods());
-    (*walk).first = select((*walk).first, vec3(0u), whole);
-    (*walk).span = select((*walk).span, cells, whole);
+    first = select(first, vec3(0u), whole);
+    span = select(span, around, whole);
 #endif
-    (*walk).row = 0u;
-    (*walk).rows = (*walk).span.y * (*walk).span.z;
-}
-
-// Sets out on the next stretch, which may be empty. `position` is the sphere's own place, in the cell `cell`.
-// False when all is done.
-fn walk_on(walk: ptr<function, Walk>, position: u32, cell: u32, sphere: vec4<f32>, radius: f32) -> bool {
-    if ((*walk).rest.y != 0u) {
-        (*walk).at = starts[(*walk).rest.x];
-        (*walk).end = starts[(*walk).rest.x + (*walk).rest.y];
-        (*walk).rest.y = 0u;
-        return true;
-    }
-    if ((*walk).level < LISTED && (*walk).row == (*walk).rows) {
-        (*walk).level = coarser((*walk).level);
-        if ((*walk).level != LISTED) {
-            walk_box(walk, sphere, radius);
-        }
-    }
-    if ((*walk).level == LISTED) {
-        (*walk).level = LISTED + 1u;
-        (*walk).at = max(starts[list.cells], position + 1u);
-        (*walk).end = starts[list.cells + 1u];
-        return true;
-    }
-    if ((*walk).level > LISTED) {
-        return false;
-    }
-    let level = (*walk).level;
-    let cells = list.level[level].cells;
-    var y = (*walk).first.y + (*walk).row % (*walk).span.y;
-    var z = (*walk).first.z + (*walk).row / (*walk).span.y;
-    y -= select(0u, cells.y, y >= cells.y);
-    z -= select(0u, cells.z, z >= cells.z);
-    let row = list.level[level].base + (z * cells.y + y) * cells.x;
-    // The sphere's own row, where half of the cells are behind it.
-    let is_own = cell >= row && cell - row < cells.x;
-    var x = (*walk).first.x;
-    var span = (*walk).span.x;
-    if (is_own) {
-        x = cell - row;
-        span = min(cells.x, 2u);
-    }
-    let end = min(x + span, cells.x);
-    (*walk).at = select(starts[row + x], position + 1u, is_own);
-    (*walk).end = starts[row + end];
-    (*walk).rest = vec2(row, x + span - end);
-    (*walk).row += 1u;
-    return true;
+    (*walk).level = level;
+    (*walk).around = around;
+    (*walk).base = list.level[level].base;
+    (*walk).cell = first;
+    (*walk).first_row = first.y;
+    (*walk).span = span.x;
+    (*walk).rows = span.y * span.z;
+    (*walk).rows_in_plane = span.y;
+    (*walk).rows_per_plane = span.y;
 }
