@@ -58,43 +58,51 @@ fn is_candidate_pair(row: Row, other: u32) -> bool {
 }
 #endif
 
-// Whether a pair is among those asked for.
-fn is_asked_for(a: u32, b: u32) -> bool {
-    if (call.window_begin == 0u && call.window_end >= list.spheres && call.split == 0u) {
-        return true;
-    }
-    let i = min(order[a], order[b]);
-    let j = max(order[a], order[b]);
-    return is_in_window(i) && (call.split == 0u || (i < call.split && j >= call.split));
-}
-
-// Which of the candidates from `begin` on pair with the row, one bit each; at most 32. Two loops, of which one has no
-// turns, as some devices run both sides of a branch.
-fn candidate_hits(row: Row, begin: u32, end: u32) -> u32 {
+// Which of the candidates `begin..end` pair with the row, one bit each; at most 32. Two loops, of which one has no turns,
+// as some devices run both sides of a branch.
+fn candidate_hits(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
     var bits = 0u;
     let ordinary_end = select(begin, end, is_ordinary());
-    for (var other = begin; other < ordinary_end; other++) {
-        bits |= select(0u, 1u << (other - begin), is_within_ordinary(row.sphere, sorted[other]));
+    for (var number = begin; number < ordinary_end; number++) {
+        let hit = is_within_ordinary(row.sphere, sorted[candidate_at(stretches, number)]);
+        bits |= select(0u, 1u << (number - begin), hit);
     }
-    for (var other = ordinary_end; other < end; other++) {
-        bits |= select(0u, 1u << (other - begin), is_candidate_pair(row, other));
+    for (var number = ordinary_end; number < end; number++) {
+        let hit = is_candidate_pair(row, candidate_at(stretches, number));
+        bits |= select(0u, 1u << (number - begin), hit);
     }
     return bits;
 }
 
-// Tests the candidates from `begin` on. Returns the first that it did not take, as the list of hits was full.
-fn gather_stretch(row: Row, begin: u32, end: u32) -> u32 {
+// Those of the hits that the call asks for: within its window, and across its split.
+fn asked_for(row: Row, stretches: Stretches, first: u32, found: u32) -> u32 {
+    let asks_for_all = call.window_begin == 0u && call.window_end >= list.spheres && call.split == 0u;
+    var bits = found;
+    for (var left = select(found, 0u, asks_for_all); left != 0u; left &= left - 1u) {
+        let bit = firstTrailingBit(left);
+        let own = order[row.position];
+        let other = order[candidate_at(stretches, first + bit)];
+        let crosses = call.split == 0u || (min(own, other) < call.split && max(own, other) >= call.split);
+        bits &= ~select(1u << bit, 0u, crosses && is_in_window(min(own, other)));
+    }
+    return bits;
+}
+
+// Tests the candidates `begin..end`. Returns the first that it did not take, as the list of hits was full.
+fn gather_rows(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
     let chunks = (end - begin + 31u) / 32u;
     for (var chunk = 0u; chunk < chunks; chunk++) {
         let first = begin + chunk * 32u;
-        for (var bits = candidate_hits(row, first, min(first + 32u, end)); bits != 0u; bits &= bits - 1u) {
-            let other = first + firstTrailingBit(bits);
-            if (is_asked_for(row.position, other)) {
-                let hit = atomicAdd(&hit_count, 1u);
+        let bits = asked_for(row, stretches, first, candidate_hits(row, stretches, first, min(first + 32u, end)));
+        if (bits != 0u) {
+            var hit = atomicAdd(&hit_count, countOneBits(bits));
+            for (var left = bits; left != 0u; left &= left - 1u) {
+                let number = first + firstTrailingBit(left);
                 if (hit >= HITS) {
-                    return other;
+                    return number;
                 }
-                hits[hit] = vec2(row.position, other);
+                hits[hit] = vec2(row.position, candidate_at(stretches, number));
+                hit += 1u;
             }
         }
     }
@@ -104,30 +112,41 @@ fn gather_stretch(row: Row, begin: u32, end: u32) -> u32 {
 // Tests candidates until the walk or its share is at an end or the list of hits is full.
 fn gather_hits(walk: ptr<function, Walk>, row: Row) {
     for (var turn = 0u; turn < ROWS; turn++) {
-        for (var stretch = 0u; stretch < ROWS; stretch++) {
-            if ((*walk).at == (*walk).end) {
-                if ((*walk).rows + (*walk).beyond == 0u) {
-                    break;
-                }
-                next_stretch(walk);
+        for (var at_level = 0u; at_level < ROWS; at_level++) {
+            if ((*walk).rows == 0u) {
+                break;
             }
-            let skipped = min((*walk).skip, (*walk).end - (*walk).at);
-            let begin = (*walk).at + skipped;
-            let end = begin + min((*walk).left, (*walk).end - begin);
-            let taken = gather_stretch(row, begin, end);
+            var ahead = *walk;
+            let stretches = next_rows(&ahead, row.position, row.cell);
+            let skipped = min((*walk).skip, stretches.total - (*walk).taken);
+            let begin = (*walk).taken + skipped;
+            let end = begin + min((*walk).left, stretches.total - begin);
+            let taken = gather_rows(row, stretches, begin, end);
             (*walk).skip -= skipped;
             (*walk).left -= taken - begin;
-            (*walk).at = taken;
-            if (taken != (*walk).end) {
+            (*walk).taken = taken;
+            if (taken != stretches.total) {
                 return;
             }
+            walk_past(walk, ahead, stretches);
         }
-        if ((*walk).at == (*walk).end && (*walk).rows + (*walk).beyond == 0u) {
+        if ((*walk).rows == 0u) {
             walk_up(walk, row.sphere, row.radius);
         }
         if ((*walk).level == NOWHERE) {
             return;
         }
+    }
+}
+
+// Goes on from some rows to those ahead, or to what they have beyond the seam.
+fn walk_past(walk: ptr<function, Walk>, ahead: Walk, stretches: Stretches) {
+    (*walk).taken = 0u;
+    (*walk).beyond = stretches.wraps;
+    if (!stretches.wraps) {
+        (*walk).rows = ahead.rows;
+        (*walk).rows_in_plane = ahead.rows_in_plane;
+        (*walk).cell = ahead.cell;
     }
 }
 
@@ -138,15 +157,16 @@ fn candidates_left(walk: ptr<function, Walk>, row: Row) -> u32 {
         if ((*walk).level == NOWHERE) {
             break;
         }
-        for (var stretch = 0u; stretch < ROWS; stretch++) {
-            left += (*walk).end - (*walk).at;
-            (*walk).at = (*walk).end;
-            if ((*walk).rows + (*walk).beyond == 0u) {
+        for (var at_level = 0u; at_level < ROWS; at_level++) {
+            if ((*walk).rows == 0u) {
                 break;
             }
-            next_stretch(walk);
+            var ahead = *walk;
+            let stretches = next_rows(&ahead, row.position, row.cell);
+            left += stretches.total - (*walk).taken;
+            walk_past(walk, ahead, stretches);
         }
-        if ((*walk).rows + (*walk).beyond == 0u) {
+        if ((*walk).rows == 0u) {
             walk_up(walk, row.sphere, row.radius);
         }
     }
@@ -161,7 +181,7 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
     walk.level = NOWHERE;
     if (block + lane < starts[list.cells + 1u]) {
         row = row_of(block + lane);
-        walk = walk_begin(row.position, row.cell);
+        walk = walk_begin(row.cell);
         walk.skip = share * SHARE;
         walk.left = SHARE;
     }

@@ -22,23 +22,38 @@ struct Walk {
     cell: vec3<u32>,
     first_row: u32,
     span: u32,
-    // Cells of the last row beyond the seam that are to come, from the first of the row on.
-    beyond: u32,
-    row: u32,
-    // The present stretch of candidates: its next and its end.
-    at: u32,
-    end: u32,
+    // Whether the rows that come next are taken from the seam on.
+    beyond: bool,
+    // Candidates in these rows that are behind it.
+    taken: u32,
     // Candidates that belong to earlier shares, and those that still belong to this one.
     skip: u32,
     left: u32,
 }
 
-fn walk_begin(position: u32, own: u32) -> Walk {
+// Candidates of up to five rows of cells, counted through: of which number on the next row begins, and what makes a number
+// a place among the sorted spheres.
+struct Stretches {
+    until: vec4<u32>,
+    shift: vec4<u32>,
+    last_shift: u32,
+    total: u32,
+    // Whether the rows go on beyond the seam.
+    wraps: bool,
+}
+
+fn candidate_at(stretches: Stretches, number: u32) -> u32 {
+    var shift = select(stretches.shift.x, stretches.shift.y, number >= stretches.until.x);
+    shift = select(shift, stretches.shift.z, number >= stretches.until.y);
+    shift = select(shift, stretches.shift.w, number >= stretches.until.z);
+    return number + select(shift, stretches.last_shift, number >= stretches.until.w);
+}
+
+fn walk_begin(own: u32) -> Walk {
     var walk: Walk;
     if (own >= list.cells) {
         walk.level = LISTED;
-        walk.at = position + 1u;
-        walk.end = starts[list.cells + 1u];
+        walk.rows = 1u;
         return walk;
     }
     walk.level = home_level(own);
@@ -48,19 +63,13 @@ fn walk_begin(position: u32, own: u32) -> Walk {
     let x = own - walk.base - row * walk.around.x;
     let z = row / walk.around.y;
     let y = row - z * walk.around.y;
+    // The half of the cells around that comes behind the own row in x, then in y, then in z.
     walk.cell = vec3(previous(x, walk.around.x), y, z);
     walk.span = min(walk.around.x, 3u);
     walk.first_row = previous(y, walk.around.y);
     walk.rows_per_plane = min(walk.around.y, 3u);
     walk.rows_in_plane = min(walk.around.y, 2u);
     walk.rows = walk.rows_in_plane + select(0u, walk.rows_per_plane, walk.around.z > 1u);
-    // In its own row what comes later in its cell, and the next cell.
-    next_row(&walk);
-    let span = min(walk.around.x, 2u);
-    let end = min(x + span, walk.around.x);
-    walk.beyond = x + span - end;
-    walk.at = position + 1u;
-    walk.end = starts[walk.row + end];
     return walk;
 }
 
@@ -82,52 +91,75 @@ fn home_level(cell: u32) -> u32 {
     return level;
 }
 
-// Turns to the next row of cells.
-fn next_row(walk: ptr<function, Walk>) {
-    (*walk).row = (*walk).base + ((*walk).cell.z * (*walk).around.y + (*walk).cell.y) * (*walk).around.x;
+// The stretch of sorted spheres in the next row of cells, for the sphere at `position` in the cell `own`; turns to the
+// row after it.
+fn next_row(walk: ptr<function, Walk>, position: u32, own: u32) -> vec2<u32> {
+    if ((*walk).rows == 0u) {
+        return vec2(0u);
+    }
+    let row = (*walk).base + ((*walk).cell.z * (*walk).around.y + (*walk).cell.y) * (*walk).around.x;
     (*walk).rows -= 1u;
     (*walk).rows_in_plane -= 1u;
     let is_last = (*walk).rows_in_plane == 0u;
     (*walk).rows_in_plane = select((*walk).rows_in_plane, (*walk).rows_per_plane, is_last);
     (*walk).cell.y = select(next((*walk).cell.y, (*walk).around.y), (*walk).first_row, is_last);
     (*walk).cell.z = select((*walk).cell.z, next((*walk).cell.z, (*walk).around.z), is_last);
+    // In the sphere's own row half of the cells are behind it.
+    let is_own = own - row < (*walk).around.x;
+    let x = select((*walk).cell.x, own - row, is_own);
+    let end = x + select((*walk).span, min((*walk).around.x, 2u), is_own);
+    if ((*walk).beyond) {
+        return vec2(starts[row], starts[row + max(end, (*walk).around.x) - (*walk).around.x]);
+    }
+    let begin = starts[row + x];
+    return vec2(select(begin, position + 1u, is_own), starts[row + min(end, (*walk).around.x)]);
 }
 
-// Sets out on the next stretch of the level: the rest of a row beyond the seam, or another row.
-fn next_stretch(walk: ptr<function, Walk>) {
-    var first = 0u;
-    var last = (*walk).beyond;
-    (*walk).beyond = 0u;
-    if (last == 0u) {
-        next_row(walk);
-        first = (*walk).cell.x;
-        last = min(first + (*walk).span, (*walk).around.x);
-        (*walk).beyond = first + (*walk).span - last;
+// The candidates of the next five rows of cells.
+fn next_rows(walk: ptr<function, Walk>, position: u32, own: u32) -> Stretches {
+    if ((*walk).level == LISTED) {
+        (*walk).rows = 0u;
+        let begin = max(starts[list.cells], position + 1u);
+        let count = max(starts[list.cells + 1u], begin) - begin;
+        return Stretches(vec4(count), vec4(begin), begin, count, false);
     }
-    (*walk).at = starts[(*walk).row + first];
-    (*walk).end = starts[(*walk).row + last];
+    let a = next_row(walk, position, own);
+    let b = next_row(walk, position, own);
+    let c = next_row(walk, position, own);
+    let d = next_row(walk, position, own);
+    let e = next_row(walk, position, own);
+    var until = vec4(a.y, b.y, c.y, d.y) - vec4(a.x, b.x, c.x, d.x);
+    until.y += until.x;
+    until.z += until.y;
+    until.w += until.z;
+    let shift = vec4(a.x, b.x - until.x, c.x - until.y, d.x - until.z);
+    let wraps = !(*walk).beyond && (*walk).cell.x + (*walk).span > (*walk).around.x;
+    return Stretches(until, shift, e.x - until.w, until.w + e.y - e.x, wraps);
 }
 
 // Goes on from the end of a level to the next coarser one that has spheres, then to the listed spheres.
 fn walk_up(walk: ptr<function, Walk>, sphere: vec4<f32>, radius: f32) {
-    if ((*walk).level >= LISTED) {
+    if ((*walk).level == LISTED) {
         (*walk).level = NOWHERE;
         return;
     }
-    let left = list.levels & ((1u << (*walk).level) - 1u);
-    if (left == 0u) {
-        (*walk).at = starts[list.cells];
-        (*walk).end = starts[list.cells + 1u];
-        (*walk).level = select(LISTED, NOWHERE, (*walk).at == (*walk).end);
-        return;
+    let coarser = list.levels & ((1u << (*walk).level) - 1u);
+    (*walk).level = select(LISTED, NOWHERE, starts[list.cells] == starts[list.cells + 1u]);
+    (*walk).rows = 1u;
+    // A turn or none: some devices run both sides of a branch.
+    for (var once = select(1u, 0u, coarser != 0u); once < 1u; once++) {
+        enter_box(walk, firstLeadingBit(coarser), sphere, radius);
     }
-    let level = firstLeadingBit(left);
+}
+
+// Enters the box of a sphere at a coarser level than its own.
+fn enter_box(walk: ptr<function, Walk>, level: u32, sphere: vec4<f32>, radius: f32) {
     let around = list.level[level].cells;
     let reach = radius + list.level[level].reach;
     let half = vec3(reach * 0x1.00001p0) + abs(sphere.xyz) * 0x1p-22 + periods() * 0x1p-21;
     let low = cell_numbers(clamp(sphere.xyz - half, vec3(-FARTHEST), vec3(FARTHEST)), level);
     let high = cell_numbers(clamp(sphere.xyz + half, vec3(-FARTHEST), vec3(FARTHEST)), level);
-    var first = low % around;
+    var first = in_ring(low, around);
     var span = min(high - low, around - vec3(1u)) + vec3(1u);
 #ifdef PERIODIC
     // A box as wide as the period is all of it; its corners may be too far off to be counted.
