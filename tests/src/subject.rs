@@ -23,7 +23,7 @@ pub struct Subject {
 
 impl Subject {
     /// Every subject. A backend joins the suite here. `LAZYGRID_SUBJECTS=gpu` leaves out those of the CPU, which a
-    /// GPU's driver or its settings change nothing for.
+    /// GPU's driver or its settings change nothing for; `LAZYGRID_SUBJECTS=gpu/cell-list` leaves one algorithm.
     ///
     /// # Panics
     /// Where `LAZYGRID_SUBJECTS` has another value, or a GPU that is required is missing.
@@ -33,7 +33,14 @@ impl Subject {
         match env::var("LAZYGRID_SUBJECTS").as_deref() {
             Err(_) => on_cpu.chain(crate::gpu::subjects()).collect(),
             Ok("gpu") => crate::gpu::subjects(),
-            Ok(other) => panic!("LAZYGRID_SUBJECTS is {other}; the only subjects to choose are gpu"),
+            Ok(other) => {
+                let named = |algorithm: &Algorithm| other.strip_prefix("gpu/") == Some(algorithm.name());
+                assert!(
+                    Algorithm::GPU.iter().any(named),
+                    "LAZYGRID_SUBJECTS is {other}; choose gpu, or gpu/ and an algorithm"
+                );
+                crate::gpu::subjects().into_iter().filter(|subject| named(&subject.algorithm)).collect()
+            }
         }
     }
 
