@@ -88,8 +88,8 @@ fn turns_of(length: f32, edge: f32) -> f32 {
 #endif
 
 @compute @workgroup_size(256)
-fn grid_configure(at: Builtins) {
-    let lane = at.lane;
+fn grid_configure(place: Place) {
+    let lane = place.lane;
     let count = grid.spheres;
     if (lane == 0u) {
         atomicStore(&accepted, 0u);
