@@ -143,6 +143,15 @@ impl GpuDevice {
     }
 }
 
+/// The device of this process's tests; none where there is no adapter and none is required.
+#[cfg(test)]
+pub(crate) fn device_or_skip() -> Option<GpuDevice> {
+    match GpuDevice::shared(true) {
+        Err(GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => None,
+        own => Some(own.expect("a device")),
+    }
+}
+
 /// Features that are used where they are offered. A host application does well to request them for its device,
 /// together with the adapter's own limits; none is required.
 pub fn wanted_features() -> wgpu::Features {
