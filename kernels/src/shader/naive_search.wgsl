@@ -24,12 +24,12 @@ const GROUP: u32 = 256u;
 var<workgroup> tile_valid: array<atomic<u32>, 8>;
 
 @compute @workgroup_size(256)
-fn naive_search(at: Builtins) {
-    let place = place_of(at);
+fn naive_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
     let count = grid.spheres;
     let blocks = (count + GROUP - 1u) / GROUP;
     let splits = clamp(call.search_groups / max(blocks, 1u), 1u, max(blocks, 1u));
-    let block = place.group / splits;
+    let block = group / splits;
     let first_row = block * GROUP;
     if (block >= blocks || first_row >= call.window_end || first_row + (GROUP - 1u) < call.window_begin) {
         return;
@@ -45,7 +45,7 @@ fn naive_search(at: Builtins) {
 #endif
     }
     for (var turn = 0u; turn < blocks; turn++) {
-        let column = block + place.group % splits + turn * splits;
+        let column = block + group % splits + turn * splits;
         if (column >= blocks) {
             break;
         }

@@ -10,9 +10,9 @@
 #include wrap
 
 @compute @workgroup_size(256)
-fn spheres_wrap(at: Builtins) {
-    let place = place_of(at);
-    let index = place.group * 256u + place.lane;
+fn spheres_wrap(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
+    let index = group * 256u + place.lane;
     if (index >= grid.spheres) {
         return;
     }

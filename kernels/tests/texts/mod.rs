@@ -7,15 +7,15 @@ use std::path::Path;
 use lazygrid_kernels::kernel::{KERNELS, Kernel, Variant};
 
 /// The whole text of one kernel in one variant.
-pub struct Text {
+pub(crate) struct Text {
     /// What tells it from all others; fit for the name of a file.
-    pub name: String,
+    pub(crate) name: String,
     /// As `write` gave it.
-    pub wgsl: String,
+    pub(crate) wgsl: String,
 }
 
 /// The texts of this crate, as `write` gives them, then those of the simulator.
-pub fn all(write: fn(&Kernel, Variant) -> String) -> Vec<Text> {
+pub(crate) fn all(write: fn(&Kernel, Variant) -> String) -> Vec<Text> {
     let own = KERNELS.into_iter().flat_map(|kernel| {
         let text = move |variant| Text { name: name_of(kernel, variant), wgsl: write(kernel, variant) };
         kernel.variants().into_iter().map(text)

@@ -25,6 +25,8 @@ const TURNS: u32 = 32u;
 
 // How many candidates are free, by round in turn, so that clearing one does not disturb who still reads the other.
 var<workgroup> free: array<atomic<u32>, 2>;
+// How many candidates there are, read once for all.
+var<workgroup> listed: u32;
 
 fn is_free_at(index: u32) -> bool {
     return is_free(candidates[index], rules[candidates[index].rule]);
@@ -37,7 +39,10 @@ fn wait() {
 
 @compute @workgroup_size(256)
 fn matching_finish(@builtin(local_invocation_index) lane: u32) {
-    let count = atomicLoad(&control.left[round.source]);
+    if (lane == 0u) {
+        listed = atomicLoad(&control.left[round.source]);
+    }
+    let count = workgroupUniformLoad(&listed);
     let shares = count / GROUP + 1u;
     let rounds = params.turns / (TURNS * shares);
     if (lane < 2u) {
@@ -53,7 +58,7 @@ fn matching_finish(@builtin(local_invocation_index) lane: u32) {
             }
         }
         wait();
-        if (atomicLoad(&free[number & 1u]) == 0u) {
+        if (workgroupUniformLoad(&free[number & 1u]) == 0u) {
             return;
         }
         for (var share = 0u; share < shares; share++) {

@@ -10,7 +10,7 @@
 
 @compute @workgroup_size(256)
 fn survivors_scan(@builtin(local_invocation_index) lane: u32) {
-    if (control.frozen != 0u) {
+    if (stands_still(lane)) {
         return;
     }
     let count = (control.count + GROUP - 1u) / GROUP;
