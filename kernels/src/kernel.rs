@@ -293,7 +293,7 @@ kernels! {
 }
 
 /// Shared pieces of WGSL by the name in `#include`.
-const PIECES: [(&str, &str); 29] = [
+const PIECES: [(&str, &str); 28] = [
     ("candidates", include_str!("shader/shared/candidates.wgsl")),
     ("cells", include_str!("shader/shared/cells.wgsl")),
     ("crowd", include_str!("shader/shared/crowd.wgsl")),
@@ -318,7 +318,6 @@ const PIECES: [(&str, &str); 29] = [
     ("reserve", include_str!("shader/shared/reserve.wgsl")),
     ("reserve_lane", include_str!("shader/shared/reserve_lane.wgsl")),
     ("sphere", include_str!("shader/shared/sphere.wgsl")),
-    ("thread", include_str!("shader/shared/thread.wgsl")),
     ("tile", include_str!("shader/shared/tile.wgsl")),
     ("walk", include_str!("shader/shared/walk.wgsl")),
     ("wide", include_str!("shader/shared/wide.wgsl")),

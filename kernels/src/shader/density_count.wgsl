@@ -1,7 +1,7 @@
 // How many spheres lie in each cell of level 0, where smaller ones may have to leave it.
 #include layout
 #include list
-#include thread
+#include place
 #include sphere
 
 @group(0) @binding(0) var<uniform> call: Call;

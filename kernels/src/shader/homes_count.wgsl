@@ -1,7 +1,7 @@
 // Finds each sphere's cell, here and nowhere else, counts the spheres of each cell, and gives each its place there.
 #include layout
 #include list
-#include thread
+#include place
 #include sphere
 
 @group(0) @binding(0) var<uniform> call: Call;

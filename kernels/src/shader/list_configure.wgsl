@@ -2,7 +2,7 @@
 // Clears the survey for the next call, and what this one counts.
 #include layout
 #include list
-#include thread
+#include place
 #include sphere
 
 @group(0) @binding(0) var<uniform> call: Call;

@@ -2,7 +2,7 @@
 // listed for `shares_search`.
 #include layout
 #include list
-#include thread
+#include place
 #include sphere
 
 @group(0) @binding(0) var<uniform> call: Call;

@@ -2,7 +2,7 @@
 // the whole device busy and no invocation takes more turns than some devices allow.
 #include layout
 #include list
-#include thread
+#include place
 #include sphere
 
 @group(0) @binding(0) var<uniform> call: Call;

@@ -1,7 +1,7 @@
 // Puts the spheres in the order of their cells.
 #include layout
 #include list
-#include thread
+#include place
 
 @group(0) @binding(0) var<uniform> call: Call;
 @group(0) @binding(1) var<storage, read> list: List;

@@ -2,7 +2,7 @@
 // counts in. Each workgroup takes every so many spheres, so that few of them meet at the counters in memory.
 #include layout
 #include list
-#include thread
+#include place
 #include sphere
 
 @group(0) @binding(0) var<uniform> call: Call;
