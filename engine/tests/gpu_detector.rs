@@ -8,7 +8,7 @@ use common::{Random, device, upload};
 use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuError, GpuSettings, GpuSpheres, Outcome, wgpu};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Sphere};
 
-const ALGORITHMS: [Algorithm; 4] = Algorithm::GPU;
+const ALGORITHMS: [Algorithm; 5] = Algorithm::GPU;
 
 #[test]
 fn every_scene_agrees_with_all_pairs() {

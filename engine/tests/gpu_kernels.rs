@@ -13,7 +13,7 @@ use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level};
 
 /// Around a workgroup, and many.
 const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
-const PLAIN: Variant = Variant { subgroups: None, species: false, periodic: false };
+const PLAIN: Variant = Variant { subgroups: None, species: false, periodic: false, wide: false };
 const HAS_OWN: u32 = 1 << 31;
 const SLOTS: u32 = 4096;
 
@@ -376,7 +376,7 @@ fn active_entries_meet_all_of_their_run() {
         let (call, grid) =
             (upload(&own, &[settings]), upload(&own, &[Grid { passive, ..grid(count as usize, 2) }]));
         let (keys, objects) = (upload(&own, &keys), upload(&own, &objects));
-        let (lengths, spheres) = (upload(&own, &[Lengths::for_sort(count)]), upload(&own, &spheres));
+        let (lengths, spheres) = (upload(&own, &[Lengths::for_sort(count, k::NARROW_TILE)]), upload(&own, &spheres));
         let (outcome, pairs) = (upload(&own, &[Outcome::zeroed()]), upload(&own, &vec![[0_u32; 2]; 1 << 20]));
         let crowded = upload(&own, &vec![0_u32; 64]);
         let bound = [

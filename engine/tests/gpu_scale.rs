@@ -174,7 +174,7 @@ fn held(own: &GpuDevice, session: &GpuSession) -> [u64; 2] {
 #[test]
 fn the_crowded_search_is_opened_for_any_crowd() {
     let Some(own) = device() else { return };
-    let plain = Variant { subgroups: None, species: false, periodic: false };
+    let plain = Variant { subgroups: None, species: false, periodic: false, wide: false };
     let most = 65_535 * k::CROWDED_TILES;
     let blocks = [1, 5, 4096, 65_535, 65_536, most];
     let tiles = [1, k::CROWDED_TILES + 1, 65_535, 131_071, 196_606, 262_141, 1_000_003, most];

@@ -45,6 +45,9 @@ pub struct Variant {
     pub species: bool,
     /// Whether some axis is periodic.
     pub periodic: bool,
+    /// Whether a radix pass sorts tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`], which takes 20 KiB of workgroup
+    /// memory instead of 12 or more.
+    pub wide: bool,
 }
 
 impl Variant {
@@ -66,14 +69,22 @@ impl Variant {
             Some(size) if self.ranks_by_subgroup() => GROUP / size * 128,
             _ => 8 * GROUP,
         };
-        tables.max(RADIX_TILE)
+        tables.max(self.radix_tile())
+    }
+
+    /// Keys that one workgroup sorts in a radix pass.
+    pub fn radix_tile(self) -> u32 {
+        if self.wide { WIDE_TILE } else { NARROW_TILE }
     }
 }
 
 /// Threads per workgroup of every kernel that is not a single thread.
 pub const GROUP: u32 = 256;
-/// Keys that one workgroup sorts in a radix pass.
-pub const RADIX_TILE: u32 = GROUP * RADIX_ITEMS;
+/// Keys that one workgroup sorts in a radix pass where there is workgroup memory for them: runs of equal digits are
+/// as long as a cache line.
+pub const WIDE_TILE: u32 = GROUP * 16;
+/// Keys that one workgroup sorts elsewhere.
+pub const NARROW_TILE: u32 = GROUP * 8;
 /// Values that one workgroup scans.
 pub const SCAN_TILE: u32 = GROUP * SCAN_ITEMS;
 /// Spheres that one workgroup of `bounds_reduce` reads.
@@ -103,7 +114,6 @@ pub const CROWDED_TILES: u32 = (MAX_TURNS - u32::BITS) / CROWDED_TURNS;
 /// Candidates of one sphere of a cell list that are tested by one invocation.
 pub const SHARE: u32 = 2048;
 
-const RADIX_ITEMS: u32 = 8;
 const SCAN_ITEMS: u32 = 8;
 const SPHERES_PER_THREAD: u32 = 4;
 
@@ -134,6 +144,7 @@ impl Kernel {
             subgroups: variant.subgroups.filter(|_| self.uses_subgroups),
             species: variant.species && !self.species_bindings.is_empty(),
             periodic: variant.periodic && self.knows_periods,
+            wide: variant.wide && self.source.contains("#{RADIX_ITEMS}"),
         }
     }
 
@@ -141,12 +152,11 @@ impl Kernel {
     pub fn variants(&self) -> Vec<Variant> {
         let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
         let mut found = Vec::new();
-        for subgroups in subgroups {
-            for (species, periodic) in [(false, false), (false, true), (true, false), (true, true)] {
-                let variant = self.reduced(Variant { subgroups, species, periodic });
-                if !found.contains(&variant) {
-                    found.push(variant);
-                }
+        for (subgroups, flags) in subgroups.into_iter().flat_map(|size| (0..8).map(move |flags| (size, flags))) {
+            let [species, periodic, wide] = [1, 2, 4].map(|flag| flags & flag != 0);
+            let variant = self.reduced(Variant { subgroups, species, periodic, wide });
+            if !found.contains(&variant) {
+                found.push(variant);
             }
         }
         found
@@ -230,9 +240,12 @@ kernels! {
     /// Digit counts of a radix pass.
     RADIX_COUNT = "radix_count", GROUP, subgroups: false, periodic: false,
         [uniform("digit_pass"), read("lengths"), read("keys"), write("counts")], species: [];
+    /// Prefixes of the counts of each digit.
+    RADIX_SCAN = "radix_scan", GROUP, subgroups: true, periodic: false,
+        [read("lengths"), write("counts"), write("totals")], species: [];
     /// Moves keys and payload to their places.
     RADIX_SCATTER = "radix_scatter", GROUP, subgroups: true, periodic: false,
-        [uniform("digit_pass"), read("lengths"), read("keys"), read("payload"), read("places"),
+        [uniform("digit_pass"), read("lengths"), read("keys"), read("payload"), read("counts"), read("totals"),
          write("sorted_keys"), write("sorted_payload")], species: [];
     /// Pairs of entries close together in a run.
     RUNS_SEARCH = "runs_search", GROUP, subgroups: false, periodic: true,
@@ -269,6 +282,18 @@ kernels! {
         [uniform("call"), read("list"), read("spheres"), write("density"), write("outcome"), write("starts"),
          write("homes")],
         species: [read("species"), read("reach")];
+    /// Finds each sphere's cell as a key to sort by.
+    HOMES_KEY = "homes_key", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), uniform("digit_pass"), read("list"), read("lengths"), read("spheres"), write("density"),
+         write("outcome"), write("keys"), write("counts")],
+        species: [read("species"), read("reach")];
+    /// Where the spheres of each cell begin.
+    CELLS_INDEX = "cells_index", GROUP, subgroups: false, periodic: false,
+        [read("list"), read("cells"), write("starts")], species: [];
+    /// Brings the spheres into the order of their cells.
+    SPHERES_GATHER = "spheres_gather", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), read("list"), read("spheres"), read("order"), write("sorted")],
+        species: [read("species"), write("sorted_species")];
     /// Puts the spheres in the order of their cells.
     SPHERES_PLACE = "spheres_place", GROUP, subgroups: false, periodic: true,
         [uniform("call"), read("list"), read("spheres"), read("starts"), read("homes"), write("sorted"),
@@ -324,8 +349,28 @@ const PIECES: [(&str, &str); 28] = [
     ("wrap", include_str!("shader/shared/wrap.wgsl")),
 ];
 
-/// Expands `#include piece`, `#include piece argument`, `#ifdef NAME … #else … #endif` (not nested in one file) and
-/// `#{NAME}`; in an included piece `#{ARGUMENT}` is what was said behind its name. What is behind `#standard` is only
+/// The text with what is between `#repeat NAME 4` and `#end` written four times, and each time `#{NAME}` as the number of
+/// times before.
+fn repeated(source: &str) -> String {
+    let mut text = String::new();
+    let mut lines = source.lines();
+    while let Some(line) = lines.next() {
+        match line.strip_prefix("#repeat ").and_then(|rest| rest.split_once(' ')) {
+            None => drop(writeln!(text, "{line}")),
+            Some((name, times)) => {
+                let block: String =
+                    lines.by_ref().take_while(|line| *line != "#end").flat_map(|line| [line, "\n"]).collect();
+                for time in 0..times.parse().unwrap_or(0) {
+                    text += &block.replace(&format!("#{{{name}}}"), &u32::to_string(&time));
+                }
+            }
+        }
+    }
+    text
+}
+
+/// Expands `#include piece`, `#include piece argument`, `#ifdef NAME … #else … #endif` (not nested in one file),
+/// `#repeat` and `#{NAME}`; in an included piece `#{ARGUMENT}` is what was said behind its name. What is behind `#standard` is only
 /// in the text for compilers that go by the standard.
 struct Expansion {
     variant: Variant,
@@ -339,7 +384,7 @@ impl Expansion {
         for (name, value) in self.constants() {
             text = text.replace(&format!("#{{{name}}}"), &value.to_string());
         }
-        text
+        repeated(&text)
     }
 
     fn append(&self, source: &str, text: &mut String) {
@@ -374,14 +419,13 @@ impl Expansion {
         }
     }
 
-    fn constants(&self) -> [(&'static str, u32); 8] {
+    fn constants(&self) -> [(&'static str, u32); 7] {
         [
             ("CROWDED_TILES", CROWDED_TILES),
             ("MAX_SUBGROUPS", GROUP / self.variant.subgroups.unwrap_or(GROUP).clamp(1, GROUP)),
-            ("RADIX_ITEMS", RADIX_ITEMS),
+            ("RADIX_ITEMS", self.variant.radix_tile() / GROUP),
             ("RADIX_SCRATCH", self.variant.radix_scratch()),
             ("SCAN_ITEMS", SCAN_ITEMS),
-            ("SHARE", SHARE),
             ("SPHERES_PER_THREAD", SPHERES_PER_THREAD),
             ("UNPARTED", Call::UNPARTED),
         ]
@@ -397,7 +441,7 @@ mod tests {
     fn reduced_variants_have_the_whole_text() {
         for kernel in KERNELS {
             for (species, periodic) in [(false, true), (true, false), (true, true)] {
-                let variant = Variant { subgroups: None, species, periodic };
+                let variant = Variant { species, periodic, ..Variant::default() };
                 let whole = Expansion { variant, is_standard: false }.expand(kernel.source);
                 assert!(kernel.wgsl(variant) == whole, "{} {variant:?}", kernel.name);
             }

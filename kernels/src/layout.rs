@@ -49,6 +49,22 @@ pub struct Call {
     pub counters: u32,
     /// Only pairs of one sphere with an index below this and one with an index from it on are found; 0 finds all.
     pub split: u32,
+    /// Keys of a tile where a cell list is sorted by radix; 0 where it is sorted by counting.
+    pub tile: u32,
+    /// Candidates of one sphere that one invocation tests.
+    pub share: u32,
+}
+
+/// Which digit a radix pass sorts by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Pass {
+    /// Its lowest bit.
+    pub shift: u32,
+    /// What is left of a key shifted by that.
+    pub mask: u32,
+    /// 1 where the payload is the place of each key, and is not read.
+    pub is_first: u32,
 }
 
 impl Call {
@@ -255,8 +271,8 @@ pub struct Lengths {
 }
 
 impl Lengths {
-    /// The lengths for a sort of `items` keys: a counter per digit and tile.
-    pub fn for_sort(items: u32) -> Self {
-        Self { items, counters: items.div_ceil(crate::kernel::RADIX_TILE) << crate::kernel::DIGIT_BITS }
+    /// The lengths for a sort of `items` keys in tiles of so many: a counter per digit and tile.
+    pub fn for_sort(items: u32, tile: u32) -> Self {
+        Self { items, counters: items.div_ceil(tile) << crate::kernel::DIGIT_BITS }
     }
 }

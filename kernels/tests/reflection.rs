@@ -3,7 +3,7 @@
 use std::mem::{offset_of, size_of};
 
 use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, Variant};
-use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level, List, ListLevel, Outcome, Survey};
+use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level, List, ListLevel, Outcome, Pass, Survey};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
@@ -117,8 +117,11 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             period_z,
             cells,
             counters,
-            split
+            split,
+            tile,
+            share
         }),
+        layout!(Pass { shift, mask, is_first }),
         layout!(ListLevel { cells, base, low, scale, around, far, reach }),
         layout!(List { spheres, cells, quanta, levels, is_dense, ordinary, class_levels, level }),
         layout!(Survey { low, high, smallest, quarantined, members, largest }),

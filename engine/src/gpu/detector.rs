@@ -35,7 +35,6 @@ pub struct GpuDetector {
     /// See [`Call::part_tiles`].
     part_tiles: u32,
     pipelines: Pipelines,
-    passes: Vec<wgpu::Buffer>,
     tables: Option<Tables>,
     prepared: Option<Prepared>,
     timer: Option<Timer>,
@@ -106,7 +105,6 @@ impl GpuDetector {
         Ok(Self {
             device: device.clone(),
             pipelines: if settings.subgroups { pipelines } else { pipelines.without_subgroups() },
-            passes: pass_buffers(device)?,
             tables,
             prepared: None,
             timer,
@@ -137,7 +135,8 @@ impl GpuDetector {
         let species = self.settings.interactions.as_ref().map_or(0, Interactions::species);
         let (pairs, (algorithm, _)) = (self.settings.pair_capacity, self.choice(spheres));
         let (entries, periodic) = (self.entry_room.of(spheres), self.settings.space.is_periodic());
-        let request = Request { spheres, pairs, entries, algorithm, species, periodic };
+        let radix_from = self.settings.radix_from;
+        let request = Request { spheres, pairs, entries, algorithm, species, periodic, radix_from };
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
@@ -323,8 +322,10 @@ impl GpuDetector {
             period_y,
             period_z,
             cells: prepared.plan.cells,
-            counters: prepared.plan.counters,
+            counters: if prepared.plan.tile == 0 { prepared.plan.counters } else { 0 },
             split: 0,
+            tile: prepared.plan.tile,
+            share: prepared.plan.share,
         };
         let count = match input.count {
             Count::Host(_) => None,
@@ -335,8 +336,8 @@ impl GpuDetector {
         let position = match position {
             Some(position) => position,
             None => {
-                let owned = Owned { passes: &self.passes, tables: self.tables.as_ref() };
-                let recording = prepared.bind(&self.device, &self.pipelines, &key, owned)?;
+                let tables = self.tables.as_ref();
+                let recording = prepared.bind(&self.device, &self.pipelines, &key, tables)?;
                 prepared.recordings.truncate(KEPT_RECORDINGS - 1);
                 prepared.recordings.push_front((key, recording));
                 0
@@ -355,30 +356,25 @@ impl GpuDetector {
     }
 }
 
-/// Buffers of the detector that do not depend on the size of a call.
-struct Owned<'a> {
-    passes: &'a [wgpu::Buffer],
-    tables: Option<&'a Tables>,
-}
-
 impl Prepared {
     fn bind(
         &self,
         device: &wgpu::Device,
         pipelines: &Pipelines,
         key: &Key,
-        owned: Owned<'_>,
+        tables: Option<&Tables>,
     ) -> Result<Recording, GpuError> {
         let call = constant_buffer(device, "call", bytemuck::bytes_of(&key.call))?;
-        let species = owned.tables.is_some();
+        let passes = pass_buffers(device, &self.plan.digits())?;
+        let species = tables.is_some();
         let variant = Variant { species, periodic: self.plan.periodic, ..pipelines.variant() };
         let stages = self.plan.stages.iter().cloned();
         Recording::new(device, pipelines, variant, stages, |stage, binding| {
-            match (self.plan.resource(stage, binding), owned.tables, &key.species) {
+            match (self.plan.resource(stage, binding), tables, &key.species) {
                 (Resource::Own(slot), ..) => self.buffers.get(slot),
                 (Resource::Spheres, ..) => &key.spheres,
                 (Resource::Count, ..) => key.count.as_ref().unwrap_or(&call),
-                (Resource::Pass(pass), ..) => &owned.passes[pass as usize],
+                (Resource::Pass(pass), ..) => &passes[pass as usize],
                 (Resource::Species, _, Some(species)) => species,
                 (Resource::Reach, Some(tables), _) => &tables.reach,
                 (Resource::Table, Some(tables), _) => &tables.table,

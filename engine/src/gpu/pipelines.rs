@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use lazygrid_kernels::kernel::{Access, Kernel, Variant};
 
 use super::GpuError;
+use super::plan::DeviceLimits;
 use super::scope::scoped;
 
 /// Compiled kernels of one device, each made when first needed. Clones share them.
@@ -39,7 +40,8 @@ impl Pipelines {
 
     /// What this device is given of a kernel for calls of any kind; what else differs is up to the call.
     pub(crate) fn variant(&self) -> Variant {
-        Variant { subgroups: self.subgroups, ..Variant::default() }
+        let wide = DeviceLimits::of(&self.device).wide();
+        Variant { subgroups: self.subgroups, wide, ..Variant::default() }
     }
 
     /// The same kernels without subgroup operations.

@@ -6,12 +6,12 @@ mod stages;
 
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::Lengths;
+use lazygrid_kernels::layout::Pass;
 
 use super::GpuError;
-pub(super) use buffers::entry_buffers;
+pub(super) use buffers::sort_buffers;
 pub use buffers::{Resource, Slot};
-use buffers::{bytes_of, call_buffers, cell_buffers};
+use buffers::{bytes_of, call_buffers, cell_buffers, entry_buffers};
 use stages::stages;
 pub use stages::{Phase, Stage};
 pub(super) use stages::{flattened, scan_stages, sort_stages};
@@ -36,6 +36,8 @@ pub struct DeviceLimits {
     pub groups_per_dimension: u32,
     /// Storage buffers that one kernel may bind.
     pub storage_buffers: u32,
+    /// Bytes of memory that a workgroup may have.
+    pub workgroup_memory: u32,
 }
 
 impl DeviceLimits {
@@ -47,7 +49,18 @@ impl DeviceLimits {
             buffer: limits.max_buffer_size,
             groups_per_dimension: limits.max_compute_workgroups_per_dimension,
             storage_buffers: limits.max_storage_buffers_per_shader_stage,
+            workgroup_memory: limits.max_compute_workgroup_storage_size,
         }
+    }
+
+    /// Whether radix passes take wide tiles.
+    pub(super) fn wide(&self) -> bool {
+        k::Variant { wide: true, ..k::Variant::default() }.workgroup_memory() <= self.workgroup_memory
+    }
+
+    /// Keys that one workgroup sorts in a radix pass.
+    pub(super) fn radix_tile(&self) -> u32 {
+        k::Variant { wide: self.wide(), ..k::Variant::default() }.radix_tile()
     }
 
     /// The most bytes a buffer may have that is bound as a whole.
@@ -71,6 +84,8 @@ pub struct Request {
     pub species: u32,
     /// Whether some axis is periodic.
     pub periodic: bool,
+    /// From how many spheres on a cell list is sorted by radix instead of by counting.
+    pub radix_from: u32,
 }
 
 /// Which cells hand their smaller spheres down to the next level.
@@ -96,7 +111,7 @@ pub struct Plan {
     pub pairs: u32,
     /// Entries that the entry buffers hold; 0 for naive.
     pub entries: u32,
-    /// Bits of a cell's key; 0 for naive.
+    /// Bits of the keys that are sorted; 0 where none are.
     pub key_bits: u32,
     /// Which cells are refined.
     pub refinement: Refinement,
@@ -108,6 +123,10 @@ pub struct Plan {
     pub cells: u32,
     /// Counters in that table.
     pub counters: u32,
+    /// Keys that one workgroup sorts in a radix pass; 0 where a cell list is sorted by counting.
+    pub tile: u32,
+    /// Candidates of one sphere of a cell list that one invocation tests.
+    pub share: u32,
     /// Workgroups of the naive search; 0 without it.
     pub search_groups: u32,
     /// The buffers and their bytes.
@@ -140,6 +159,8 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
         density_slots: 0,
         cells: 0,
         counters: 0,
+        tile: limits.radix_tile(),
+        share: k::SHARE,
         search_groups: 0,
         buffers: call_buffers(request.pairs).to_vec(),
         stages: Vec::new(),
@@ -150,9 +171,7 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
     if algorithm == Algorithm::Naive {
         plan.search_groups = naive_groups(request.spheres, limits)?;
     } else if algorithm == Algorithm::CellList {
-        plan.cells = list::cells(request.spheres, limits);
-        plan.counters = plan.cells + 2;
-        plan.density_slots = list::density_slots(request.spheres);
+        list::size(&mut plan, request, limits);
         plan.buffers.extend(list::buffers(&plan, request.species != 0));
     } else {
         plan.entries = entry_capacity(request, limits)?;
@@ -161,7 +180,7 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
             plan.density_slots = density_slots(request.spheres);
         }
         plan.buffers.extend(cell_buffers(&plan));
-        plan.buffers.extend(entry_buffers(plan.entries));
+        plan.buffers.extend(entry_buffers(plan.entries, plan.tile));
     }
     plan.stages = stages(&plan);
     check(&plan, request.species != 0, limits)?;
@@ -179,6 +198,12 @@ impl Plan {
         self.key_bits.div_ceil(k::DIGIT_BITS)
     }
 
+    /// Which digit each of them sorts by.
+    pub fn digits(&self) -> Vec<Pass> {
+        // A cell list's objects are the places of its keys; entries say which theirs are.
+        digits(self.key_bits, self.algorithm == Algorithm::CellList)
+    }
+
     /// The most turns that all loops of one invocation of a stage take together.
     pub fn turns(&self, stage: &Stage) -> u64 {
         // Loops over what one thread reads, over subgroups, and over 256 samples on three axes.
@@ -191,8 +216,13 @@ impl Plan {
         } else if kernel == &k::CROWDED_SEARCH {
             u64::from(k::CROWDED_TILES * k::CROWDED_TURNS + u32::BITS)
         } else if kernel == &k::SCAN_SPINE {
-            let tiles = Lengths::for_sort(self.entries).counters.div_ceil(k::SCAN_TILE);
+            let tiles = self.counters.div_ceil(k::SCAN_TILE);
             FIXED * u64::from(tiles.div_ceil(k::SCAN_TILE)) / 32
+        } else if kernel == &k::RADIX_SCAN {
+            let tiles = self.entries.max(self.spheres).div_ceil(self.tile.max(1));
+            FIXED * u64::from(tiles.div_ceil(k::SCAN_TILE)) / 32
+        } else if [&k::LIST_SEARCH, &k::SHARES_SEARCH].contains(&kernel) {
+            u64::from(self.share) + u64::from(2 * self.share * k::GROUP / 1024 * 5)
         } else if kernel == &k::ENTRIES_EMIT {
             // At each level a look at eight cells, a scan over at most 64 subgroups, and eight entries.
             u64::from(k::DEPTHS) * (1 + 8 + 64 + 8)
@@ -221,13 +251,12 @@ impl Plan {
             "table" => return Resource::Table,
             "survey" => Slot::Survey,
             "list" => Slot::List,
-            "starts" => Slot::Starts,
-            "values" if self.algorithm == Algorithm::CellList => Slot::Starts,
+            "starts" | "values" => Slot::Starts,
             "homes" => Slot::Homes,
             "sorted" => Slot::Sorted,
             "sorted_species" => Slot::SortedSpecies,
-            "cells" if self.algorithm == Algorithm::CellList => Slot::SortedCells,
-            "order" => Slot::Order,
+            "cells" if self.algorithm == Algorithm::CellList => Slot::Keys(front),
+            "order" => Slot::Objects(front),
             "bounds" => Slot::Bounds,
             "grid" => Slot::Grid,
             "outcome" => Slot::Outcome,
@@ -237,7 +266,8 @@ impl Plan {
             "objects" | "payload" => Slot::Objects(front),
             "sorted_keys" => Slot::Keys(!front),
             "sorted_payload" => Slot::Objects(!front),
-            "counts" | "values" | "places" => Slot::Counts,
+            "counts" => Slot::Counts,
+            "totals" => Slot::Totals,
             "sums" => Slot::Sums,
             "total" => Slot::Total,
             "cells" => Slot::Cells,
@@ -247,6 +277,19 @@ impl Plan {
             other => unreachable!("no kernel binds `{other}`"),
         })
     }
+}
+
+/// Which digits a sort by the lowest `bits` bits takes, least significant first: as few as there can be, about equally
+/// wide.
+pub(super) fn digits(bits: u32, is_counted: bool) -> Vec<Pass> {
+    let passes = bits.div_ceil(k::DIGIT_BITS);
+    let width = bits.div_ceil(passes.max(1));
+    let digit = |pass: u32| {
+        let shift = pass * width;
+        let mask = u32::MAX >> (u32::BITS - width.min(bits - shift));
+        Pass { shift, mask, is_first: u32::from(is_counted && pass == 0) }
+    };
+    (0..passes).map(digit).collect()
 }
 
 /// The most entries that a device can hold and search.

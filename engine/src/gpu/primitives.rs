@@ -1,14 +1,14 @@
 //! The building blocks on their own: a stable radix sort and an exclusive prefix scan.
 
-use lazygrid_kernels::kernel::{DIGIT_BITS, SCAN_TILE};
-use lazygrid_kernels::layout::Lengths;
+use lazygrid_kernels::kernel::SCAN_TILE;
+use lazygrid_kernels::layout::{Lengths, Pass};
 
 use super::GpuError;
 use super::pipelines::Pipelines;
-use super::plan::{Slot, entry_buffers, scan_stages, sort_stages};
+use super::plan::{DeviceLimits, Slot, digits, scan_stages, sort_buffers, sort_stages};
 use super::recording::{Buffers, Recording, constant_buffer};
 
-/// A stable sort of `u32` keys with a `u32` payload, least significant digit first, eight bits a pass.
+/// A stable sort of `u32` keys with a `u32` payload, least significant digit first, up to eight bits a pass.
 ///
 /// Keys that are equal in the bits sorted by keep their order. Nothing spins on another workgroup, so that it
 /// runs on every device.
@@ -16,7 +16,6 @@ use super::recording::{Buffers, Recording, constant_buffer};
 pub struct RadixSort {
     device: wgpu::Device,
     pipelines: Pipelines,
-    passes: Vec<wgpu::Buffer>,
 }
 
 /// Where a recorded sort leaves its result, and the buffers it works in.
@@ -30,16 +29,12 @@ pub struct Sorted {
 
 impl RadixSort {
     /// With `subgroups` their operations are used where the device was made with them.
-    ///
-    /// # Errors
-    /// Where the device refuses a small buffer.
-    pub fn new(device: &wgpu::Device, subgroups: bool) -> Result<Self, GpuError> {
-        let passes = pass_buffers(device)?;
-        Ok(Self { device: device.clone(), pipelines: pipelines(device, subgroups), passes })
+    pub fn new(device: &wgpu::Device, subgroups: bool) -> Self {
+        Self { device: device.clone(), pipelines: pipelines(device, subgroups) }
     }
 
-    /// Records a sort of the first `count` keys by their lowest `bits` bits, rounded up to whole passes. The
-    /// buffers that come in are overwritten; the result is in those that come back.
+    /// Records a sort of the first `count` keys by their lowest `bits` bits, at least one. The buffers that come in are
+    /// overwritten; the result is in those that come back.
     ///
     /// # Errors
     /// Where the device refuses a buffer or a binding.
@@ -50,18 +45,18 @@ impl RadixSort {
         count: u32,
         bits: u32,
     ) -> Result<Sorted, GpuError> {
-        let passes = bits.clamp(1, 32).div_ceil(DIGIT_BITS);
-        let own = [Slot::Keys(true), Slot::Objects(true), Slot::Counts, Slot::Sums, Slot::Total];
-        let mut sizes = entry_buffers(count).to_vec();
-        sizes.retain(|(slot, _)| own.contains(slot));
+        let tile = DeviceLimits::of(&self.device).radix_tile();
+        let mut sizes = sort_buffers(count, tile).to_vec();
+        sizes.retain(|(slot, _)| !matches!(slot, Slot::Keys(false) | Slot::Objects(false)));
         let buffers = Buffers::allocate(&self.device, &sizes)?;
-        let lengths =
-            constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&Lengths::for_sort(count)))?;
+        let lengths = Lengths::for_sort(count, tile);
+        let lengths = constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&lengths))?;
         let keys = [&input.keys, buffers.get(Slot::Keys(true))];
         let payload = [&input.payload, buffers.get(Slot::Objects(true))];
         let variant = self.pipelines.variant();
-        let uniforms = &self.passes;
-        let stages = sort_stages(count, passes).filter(|stage| stage.groups > 0);
+        let uniforms = pass_buffers(&self.device, &digits(bits.clamp(1, 32), false))?;
+        let passes = uniforms.len() as u32;
+        let stages = sort_stages(count, tile, passes).filter(|stage| stage.groups > 0);
         let recording = Recording::new(&self.device, &self.pipelines, variant, stages, |stage, binding| {
             let front = stage.pass as usize % 2;
             match binding {
@@ -71,8 +66,7 @@ impl RadixSort {
                 "payload" => payload[front],
                 "sorted_keys" => keys[1 - front],
                 "sorted_payload" => payload[1 - front],
-                "sums" => buffers.get(Slot::Sums),
-                "total" => buffers.get(Slot::Total),
+                "totals" => buffers.get(Slot::Totals),
                 _ => buffers.get(Slot::Counts),
             }
         })?;
@@ -82,11 +76,9 @@ impl RadixSort {
     }
 }
 
-/// The uniforms of the four passes that a 32-bit key can need.
-pub(crate) fn pass_buffers(device: &wgpu::Device) -> Result<Vec<wgpu::Buffer>, GpuError> {
-    (0..u32::BITS / DIGIT_BITS)
-        .map(|pass| constant_buffer(device, "radix pass", bytemuck::bytes_of(&(pass * DIGIT_BITS))))
-        .collect()
+/// The uniforms of radix passes.
+pub(crate) fn pass_buffers(device: &wgpu::Device, digits: &[Pass]) -> Result<Vec<wgpu::Buffer>, GpuError> {
+    digits.iter().map(|digit| constant_buffer(device, "radix pass", bytemuck::bytes_of(digit))).collect()
 }
 
 /// Exclusive prefix sums of `u32` values in place. Sums beyond 32 bits keep their low word; the total is exact in

@@ -332,6 +332,7 @@ fn list_configure(place: Place) {
         }
         list.cells = base;
         list.levels = levels;
-        lengths.counters = base + 2u;
+        let tiles = (count + max(call.tile, 1u) - 1u) / max(call.tile, 1u);
+        lengths.counters = select(tiles * 256u, base + 2u, call.tile == 0u);
     }
 }

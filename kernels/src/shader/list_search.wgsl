@@ -46,7 +46,7 @@ fn list_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) gr
         let most = atomicLoad(&most_candidates);
         if (most != 0u) {
             crowded[atomicAdd(&outcome.crowded, 1u)] = block;
-            atomicMax(&outcome.crowded_tiles, (most + SHARE - 1u) / SHARE);
+            atomicMax(&outcome.crowded_tiles, (most + call.share - 1u) / call.share);
         }
     }
 }

@@ -1,12 +1,12 @@
 // First stage of a radix sort pass: how often each digit occurs in each tile, digit by digit.
 #include layout
 #include place
-#include digit_pass
 
 @group(0) @binding(0) var<uniform> digit_pass: Pass;
 @group(0) @binding(1) var<storage, read> lengths: Lengths;
 @group(0) @binding(2) var<storage, read> keys: array<u32>;
 @group(0) @binding(3) var<storage, read_write> counts: array<u32>;
+#include digit_pass
 
 const GROUP: u32 = 256u;
 const ITEMS: u32 = #{RADIX_ITEMS}u;
@@ -25,7 +25,7 @@ fn radix_count(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) gr
     for (var item = 0u; item < ITEMS; item++) {
         let index = start + item * GROUP + place.lane;
         if (index < lengths.items) {
-            atomicAdd(&histogram[(keys[index] >> digit_pass.shift) & 255u], 1u);
+            atomicAdd(&histogram[digit_of(keys[index])], 1u);
         }
     }
     workgroupBarrier();

@@ -1,17 +1,19 @@
 // Last stage of a radix sort pass: moves each key and its payload to its place, keeping the order of equal digits.
-// A tile is put in order in workgroup memory first, so that neighbours in memory are written together.
+// A tile is put in order in workgroup memory first, so that neighbours in memory are written together. What a thread
+// has of each of its keys stays in registers: loops over them are written out, as not every compiler does that.
 #include layout
 #include place
-#include digit_pass
 
 @group(0) @binding(0) var<uniform> digit_pass: Pass;
 @group(0) @binding(1) var<storage, read> lengths: Lengths;
 @group(0) @binding(2) var<storage, read> keys: array<u32>;
 @group(0) @binding(3) var<storage, read> payload: array<u32>;
-// Exclusive prefixes of what `radix_count` counted.
-@group(0) @binding(4) var<storage, read> places: array<u32>;
-@group(0) @binding(5) var<storage, read_write> sorted_keys: array<u32>;
-@group(0) @binding(6) var<storage, read_write> sorted_payload: array<u32>;
+// How often a digit occurs in the tiles before, and in all.
+@group(0) @binding(4) var<storage, read> counts: array<u32>;
+@group(0) @binding(5) var<storage, read> totals: array<u32>;
+@group(0) @binding(6) var<storage, read_write> sorted_keys: array<u32>;
+@group(0) @binding(7) var<storage, read_write> sorted_payload: array<u32>;
+#include digit_pass
 
 #include group_scan
 const ITEMS: u32 = #{RADIX_ITEMS}u;
@@ -23,10 +25,6 @@ var<workgroup> scratch: array<atomic<u32>, #{RADIX_SCRATCH}>;
 // How many keys of a digit the tile has; then what to add to a place in the tile to get the place in the result.
 var<workgroup> digits: array<u32, 256>;
 
-fn digit_of(key: u32) -> u32 {
-    return (key >> digit_pass.shift) & 255u;
-}
-
 #ifdef SUBGROUP_RANKING
 // Each subgroup ranks a stretch of the tile of its own, with a table of 16-bit counters, two to a word. Threads
 // of a subgroup follow each other's updates through the broadcast that ends every row.
@@ -37,10 +35,10 @@ fn item_index(place: Place, item: u32) -> u32 {
 // Threads of the subgroup that have the same digit.
 fn same_digit(digit: u32) -> vec4<u32> {
     var same = subgroupBallot(digit != NO_DIGIT);
-    for (var bit = 0u; bit < 8u; bit++) {
-        let is_set = (digit & (1u << bit)) != 0u;
-        same &= subgroupBallot(is_set) ^ select(vec4(0xffffffffu), vec4(0u), is_set);
-    }
+#repeat BIT 8
+    same &= subgroupBallot((digit & (1u << #{BIT}u)) != 0u)
+        ^ select(vec4(0xffffffffu), vec4(0u), (digit & (1u << #{BIT}u)) != 0u);
+#end
     return same;
 }
 
@@ -55,7 +53,7 @@ fn ones(mask: vec4<u32>) -> u32 {
     return counts.x + counts.y + counts.z + counts.w;
 }
 
-fn rank_items(place: Place, count: u32, item_keys: ptr<function, array<u32, ITEMS>>) -> array<u32, ITEMS> {
+fn clear_tables(place: Place) {
     let words = place.subgroups * 128u;
     for (var turn = 0u; turn < (words + GROUP - 1u) / GROUP; turn++) {
         let word = turn * GROUP + place.lane;
@@ -64,28 +62,26 @@ fn rank_items(place: Place, count: u32, item_keys: ptr<function, array<u32, ITEM
         }
     }
     workgroupBarrier();
-    var ranks: array<u32, ITEMS>;
-    let below = lanes_below(place.lane_in_subgroup);
-    for (var item = 0u; item < ITEMS; item++) {
-        let used = item_index(place, item) < count;
-        let digit = select(NO_DIGIT, digit_of((*item_keys)[item]), used);
-        let same = same_digit(digit);
-        let rank = ones(same & below);
-        let half = (digit & 1u) * 16u;
-        var before = 0u;
-        if (used && rank == 0u) {
-            let word = place.subgroup * 128u + digit / 2u;
-            before = (atomicAdd(&scratch[word], ones(same) << half) >> half) & 0xffffu;
-        }
-        let first = firstTrailingBit(same.x);
-        var leader = first;
-        if (same.x == 0u) {
-            leader = 32u + firstTrailingBit(same.y);
-        }
-        ranks[item] = rank + subgroupShuffle(before, select(0u, leader, used));
+}
+
+// How many keys of the same digit come before this one in its subgroup's stretch.
+fn rank_of(place: Place, key: u32, used: bool) -> u32 {
+    let digit = select(NO_DIGIT, digit_of(key), used);
+    let same = same_digit(digit);
+    let rank = ones(same & lanes_below(place.lane_in_subgroup));
+    let half = (digit & 1u) * 16u;
+    var before = 0u;
+    if (used && rank == 0u) {
+        let word = place.subgroup * 128u + digit / 2u;
+        before = (atomicAdd(&scratch[word], ones(same) << half) >> half) & 0xffffu;
     }
+    let leader = select(firstTrailingBit(same.x), 32u + firstTrailingBit(same.y), same.x == 0u);
+    return rank + subgroupShuffle(before, select(0u, leader, used));
+}
+
+// Subgroups one after another; both halves of a word at once, as neither sum reaches 2^16.
+fn merge_tables(place: Place) {
     workgroupBarrier();
-    // Subgroups one after another; both halves of a word at once, as neither sum reaches 2^16.
     if (place.lane < 128u) {
         var running = 0u;
         for (var s = 0u; s < place.subgroups; s++) {
@@ -98,58 +94,65 @@ fn rank_items(place: Place, count: u32, item_keys: ptr<function, array<u32, ITEM
         digits[place.lane * 2u + 1u] = running >> 16u;
     }
     workgroupBarrier();
-    for (var item = 0u; item < ITEMS; item++) {
-        let digit = digit_of((*item_keys)[item]);
-        let word = atomicLoad(&scratch[place.subgroup * 128u + digit / 2u]);
-        ranks[item] += (word >> ((digit & 1u) * 16u)) & 0xffffu;
-    }
-    workgroupBarrier();
-    return ranks;
+}
+
+// How many keys of the same digit earlier subgroups have.
+fn rank_before(place: Place, key: u32) -> u32 {
+    let digit = digit_of(key);
+    let word = atomicLoad(&scratch[place.subgroup * 128u + digit / 2u]);
+    return (word >> ((digit & 1u) * 16u)) & 0xffffu;
 }
 #else
 fn item_index(place: Place, item: u32) -> u32 {
     return item * GROUP + place.lane;
 }
 
-// Row by row: the threads with one digit set their bits in that digit's 256-bit mask; the bits below a thread's
-// own are its rank.
-fn rank_items(place: Place, count: u32, item_keys: ptr<function, array<u32, ITEMS>>) -> array<u32, ITEMS> {
+fn clear_tables(place: Place) {
     for (var word = 0u; word < 8u; word++) {
         atomicStore(&scratch[word * GROUP + place.lane], 0u);
     }
     digits[place.lane] = 0u;
     workgroupBarrier();
-    var ranks: array<u32, ITEMS>;
+}
+
+// How many keys of the same digit come before this one, in earlier rows of keys and in its own. In a row the threads with
+// one digit set their bits in that digit's 256-bit mask; the bits below a thread's own are its rank.
+fn rank_of(place: Place, key: u32, used: bool) -> u32 {
+    let digit = digit_of(key);
     let own_word = place.lane / 32u;
     let own_bit = 1u << (place.lane % 32u);
-    for (var item = 0u; item < ITEMS; item++) {
-        let used = item_index(place, item) < count;
-        let digit = digit_of((*item_keys)[item]);
-        if (used) {
-            atomicOr(&scratch[own_word * GROUP + digit], own_bit);
-        }
-        workgroupBarrier();
-        var rank = 0u;
-        var total = 0u;
-        if (used) {
-            for (var word = 0u; word < 8u; word++) {
-                let mask = atomicLoad(&scratch[word * GROUP + digit]);
-                let below = select(select(0u, own_bit - 1u, word == own_word), 0xffffffffu, word < own_word);
-                rank += countOneBits(mask & below);
-                total += countOneBits(mask);
-            }
-            ranks[item] = digits[digit] + rank;
-        }
-        workgroupBarrier();
-        if (used && rank == 0u) {
-            digits[digit] += total;
-            for (var word = 0u; word < 8u; word++) {
-                atomicStore(&scratch[word * GROUP + digit], 0u);
-            }
-        }
-        workgroupBarrier();
+    if (used) {
+        atomicOr(&scratch[own_word * GROUP + digit], own_bit);
     }
-    return ranks;
+    workgroupBarrier();
+    var in_row = 0u;
+    var total = 0u;
+    var rank = 0u;
+    if (used) {
+        for (var word = 0u; word < 8u; word++) {
+            let mask = atomicLoad(&scratch[word * GROUP + digit]);
+            let below = select(select(0u, own_bit - 1u, word == own_word), 0xffffffffu, word < own_word);
+            in_row += countOneBits(mask & below);
+            total += countOneBits(mask);
+        }
+        rank = digits[digit] + in_row;
+    }
+    workgroupBarrier();
+    if (used && in_row == 0u) {
+        digits[digit] += total;
+        for (var word = 0u; word < 8u; word++) {
+            atomicStore(&scratch[word * GROUP + digit], 0u);
+        }
+    }
+    workgroupBarrier();
+    return rank;
+}
+
+fn merge_tables(place: Place) {
+}
+
+fn rank_before(place: Place, key: u32) -> u32 {
+    return 0u;
 }
 #endif
 
@@ -161,48 +164,57 @@ fn radix_scatter(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) 
         return;
     }
     let count = min(TILE, lengths.items - start);
-    var item_keys: array<u32, ITEMS>;
-    for (var item = 0u; item < ITEMS; item++) {
-        let index = item_index(place, item);
-        if (index < count) {
-            item_keys[item] = keys[start + index];
-        }
+#repeat K #{RADIX_ITEMS}
+    let from_#{K} = item_index(place, #{K}u);
+    var key_#{K} = 0u;
+    if (from_#{K} < count) {
+        key_#{K} = keys[start + from_#{K}];
     }
-    var ranks = rank_items(place, count, &item_keys);
+#end
+    clear_tables(place);
+#repeat K #{RADIX_ITEMS}
+    var rank_#{K} = rank_of(place, key_#{K}, from_#{K} < count);
+#end
+    merge_tables(place);
+#repeat K #{RADIX_ITEMS}
+    rank_#{K} += rank_before(place, key_#{K});
+#end
+    workgroupBarrier();
 
     let in_tile = group_scan(digits[place.lane], place);
     digits[place.lane] = in_tile;
     workgroupBarrier();
-    for (var item = 0u; item < ITEMS; item++) {
-        if (item_index(place, item) < count) {
-            ranks[item] += digits[digit_of(item_keys[item])];
-            atomicStore(&scratch[ranks[item]], item_keys[item]);
-        }
+#repeat K #{RADIX_ITEMS}
+    if (from_#{K} < count) {
+        rank_#{K} += digits[digit_of(key_#{K})];
+        atomicStore(&scratch[rank_#{K}], key_#{K});
     }
+#end
+    let smaller = group_scan(totals[place.lane], place);
+    digits[place.lane] = smaller + counts[place.lane * (lengths.counters / 256u) + group] - in_tile;
     workgroupBarrier();
-    digits[place.lane] = places[place.lane * (lengths.counters / 256u) + group] - in_tile;
-    workgroupBarrier();
-    var targets: array<u32, ITEMS>;
-    for (var item = 0u; item < ITEMS; item++) {
-        let index = item * GROUP + place.lane;
-        if (index < count) {
-            let key = atomicLoad(&scratch[index]);
-            targets[item] = digits[digit_of(key)] + index;
-            sorted_keys[targets[item]] = key;
-        }
+#repeat K #{RADIX_ITEMS}
+    var to_#{K} = 0u;
+    if (#{K}u * GROUP + place.lane < count) {
+        let key = atomicLoad(&scratch[#{K}u * GROUP + place.lane]);
+        to_#{K} = digits[digit_of(key)] + #{K}u * GROUP + place.lane;
+        sorted_keys[to_#{K}] = key;
     }
+#end
     workgroupBarrier();
-    for (var item = 0u; item < ITEMS; item++) {
-        let index = item_index(place, item);
-        if (index < count) {
-            atomicStore(&scratch[ranks[item]], payload[start + index]);
+#repeat K #{RADIX_ITEMS}
+    if (from_#{K} < count) {
+        var carried = start + from_#{K};
+        if (digit_pass.is_first == 0u) {
+            carried = payload[start + from_#{K}];
         }
+        atomicStore(&scratch[rank_#{K}], carried);
     }
+#end
     workgroupBarrier();
-    for (var item = 0u; item < ITEMS; item++) {
-        let index = item * GROUP + place.lane;
-        if (index < count) {
-            sorted_payload[targets[item]] = atomicLoad(&scratch[index]);
-        }
+#repeat K #{RADIX_ITEMS}
+    if (#{K}u * GROUP + place.lane < count) {
+        sorted_payload[to_#{K}] = atomicLoad(&scratch[#{K}u * GROUP + place.lane]);
     }
+#end
 }

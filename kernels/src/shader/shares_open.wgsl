@@ -10,15 +10,13 @@
 const UNPARTED: u32 = #{UNPARTED}u;
 // Workgroups of one dimension.
 const MAX_GROUPS: u32 = 65535u;
-// Tests of one share of one block, in tiles of 256 by 256.
-const SHARE_TILES: u32 = #{SHARE}u / 256u;
 
 @compute @workgroup_size(1)
 fn shares_open() {
     let begin = atomicLoad(&outcome.crowded_end);
     let shares = atomicLoad(&outcome.crowded_tiles);
     let left = atomicLoad(&outcome.crowded) - begin;
-    let fitting = max(call.part_tiles / (max(shares, 1u) * SHARE_TILES), 1u);
+    let fitting = max(call.part_tiles / (max(shares, 1u) * (call.share / 256u)), 1u);
     let blocks = select(min(left, fitting), left, call.part_tiles == UNPARTED);
     atomicStore(&outcome.crowded_begin, begin);
     atomicStore(&outcome.crowded_end, begin + blocks);

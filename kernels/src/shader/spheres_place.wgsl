@@ -15,7 +15,6 @@
 @group(0) @binding(8) var<storage, read> species: array<u32>;
 @group(0) @binding(9) var<storage, read_write> sorted_species: array<u32>;
 #endif
-#include periods
 #include image
 
 @compute @workgroup_size(256)

@@ -28,7 +28,8 @@ fn name_of(kernel: &Kernel, variant: Variant) -> String {
     if let Some(size) = variant.subgroups {
         name += &format!("-subgroups-{size}");
     }
-    for (is_so, what) in [(variant.species, "-species"), (variant.periodic, "-periodic")] {
+    let parts = [(variant.species, "-species"), (variant.periodic, "-periodic"), (variant.wide, "-wide")];
+    for (is_so, what) in parts {
         name += if is_so { what } else { "" };
     }
     name

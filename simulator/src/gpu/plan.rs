@@ -99,6 +99,7 @@ mod tests {
         buffer: 1 << 30,
         groups_per_dimension: 65_535,
         storage_buffers: 8,
+        workgroup_memory: 32 << 10,
     };
 
     #[test]

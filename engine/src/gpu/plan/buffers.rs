@@ -28,8 +28,10 @@ pub enum Slot {
     Keys(bool),
     /// Objects of the entries, likewise.
     Objects(bool),
-    /// Digit counts of a radix pass.
+    /// Digit counts of a radix pass, by digit and tile.
     Counts,
+    /// Those of all tiles together.
+    Totals,
     /// Sums of the tiles of a scan.
     Sums,
     /// Total of a scan.
@@ -50,10 +52,6 @@ pub enum Slot {
     Sorted,
     /// Their species.
     SortedSpecies,
-    /// Their cells.
-    SortedCells,
-    /// Their indices.
-    Order,
 }
 
 /// What a kernel's binding is bound to.
@@ -93,19 +91,25 @@ pub(super) fn cell_buffers(plan: &Plan) -> [(Slot, u64); 2] {
 }
 
 /// The buffers for entries and their sort.
-pub(in crate::gpu) fn entry_buffers(entries: u32) -> [(Slot, u64); 10] {
-    let counters = Lengths::for_sort(entries).counters;
-    [
+pub(super) fn entry_buffers(entries: u32, tile: u32) -> Vec<(Slot, u64)> {
+    let mut buffers = sort_buffers(entries, tile).to_vec();
+    buffers.extend([
         (Slot::Lengths, size_of::<Lengths>() as u64),
-        (Slot::Keys(false), bytes_of(entries, 4)),
-        (Slot::Keys(true), bytes_of(entries, 4)),
-        (Slot::Objects(false), bytes_of(entries, 4)),
-        (Slot::Objects(true), bytes_of(entries, 4)),
-        (Slot::Counts, bytes_of(counters, 4)),
-        (Slot::Sums, bytes_of(counters.div_ceil(k::SCAN_TILE), 8)),
-        (Slot::Total, 16),
         (Slot::Crowded, bytes_of(entries.div_ceil(k::GROUP), 4)),
         (Slot::Dispatch, 16),
+    ]);
+    buffers
+}
+
+/// The buffers of a radix sort.
+pub(in crate::gpu) fn sort_buffers(items: u32, tile: u32) -> [(Slot, u64); 6] {
+    [
+        (Slot::Keys(false), bytes_of(items, 4)),
+        (Slot::Keys(true), bytes_of(items, 4)),
+        (Slot::Objects(false), bytes_of(items, 4)),
+        (Slot::Objects(true), bytes_of(items, 4)),
+        (Slot::Counts, bytes_of(Lengths::for_sort(items, tile).counters, 4)),
+        (Slot::Totals, bytes_of(1 << k::DIGIT_BITS, 4)),
     ]
 }
 

@@ -3,51 +3,67 @@
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Lengths, List, Survey};
 
-use super::buffers::{Slot, bytes_of};
-use super::stages::{Phase, Stage, scan_stages};
-use super::{DeviceLimits, Plan};
+use super::buffers::{Slot, bytes_of, sort_buffers};
+use super::stages::{Phase, Stage, scan_stages, sort_stages};
+use super::{DeviceLimits, Plan, Request};
 
-/// Cells per sphere: with more of them a sphere has fewer candidates, and the table takes longer. At 3 a sphere among
-/// equal ones at 5 % density has 8.5 candidates, at 2 it has 10.8, at 4 it has 6.4.
-const CELLS_PER_SPHERE: u64 = 3;
+/// Halves of cells per sphere where the list is sorted by counting: with more of them a sphere has fewer candidates, and
+/// the table takes longer. At 3 cells a sphere among equal ones at 5 % density has 8.5 candidates, at 2 it has 10.8, at
+/// 4 it has 6.4.
+const COUNTED_HALF_CELLS: u64 = 6;
+/// The same where it is sorted by radix, where the table is too large for caches: 12.4 candidates.
+const SORTED_HALF_CELLS: u64 = 3;
 /// The fewest cells: every level needs some.
 const FEWEST_CELLS: u64 = 1 << 12;
+/// The most cells, with which numbers of counters stay below 2³¹.
+const MOST_CELLS: u64 = 1 << 30;
 /// Most counters for the crowds of level 0: so many stay in the caches of today's devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
-/// Spheres that a thread of the survey looks at, where they are not more than its workgroups can share.
-const SPHERES_PER_THREAD: u32 = 8;
 /// Workgroups of the survey: enough for today's devices, and so few that they do not queue at its counters.
 const SURVEY_GROUPS: u32 = 1024;
+/// Spheres that a thread of the survey looks at, where they are not more than its workgroups can share.
+const SPHERES_PER_THREAD: u32 = 8;
+/// Cells of which one workgroup finds the beginnings.
+const INDEX_BLOCK: u32 = 2048;
 
-/// Cells that the table has room for.
-pub(super) fn cells(spheres: u32, limits: &DeviceLimits) -> u32 {
-    let wanted = (u64::from(spheres) * CELLS_PER_SPHERE).max(FEWEST_CELLS);
-    // The two counters behind the cells need room too. Below 2³² by the limits of bindings.
-    wanted.min(limits.bytes() / 4 - 2).min(1 << 30) as u32
-}
-
-/// Counters of the crowds of level 0, a power of two.
-pub(super) fn density_slots(spheres: u32) -> u32 {
-    spheres.max(256).next_power_of_two().min(MAX_DENSITY_SLOTS)
+/// Chooses the way to sort and the sizes of all tables.
+pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
+    let is_counted = request.spheres < request.radix_from;
+    let half_cells = if is_counted { COUNTED_HALF_CELLS } else { SORTED_HALF_CELLS };
+    let wanted = (u64::from(request.spheres) * half_cells / 2).clamp(FEWEST_CELLS, MOST_CELLS);
+    // The two counters behind the cells need room too. Below 2³¹.
+    plan.cells = wanted.min(limits.bytes() / 4 - 2) as u32;
+    plan.counters = plan.cells + 2;
+    plan.density_slots = request.spheres.max(256).next_power_of_two().min(MAX_DENSITY_SLOTS);
+    if is_counted {
+        plan.tile = 0;
+    } else {
+        plan.key_bits = u32::BITS - (plan.counters - 1).leading_zeros();
+    }
 }
 
 pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(Slot, u64)> {
-    let sums = plan.counters.div_ceil(k::SCAN_TILE);
     let mut buffers = vec![
         (Slot::Survey, size_of::<Survey>() as u64),
         (Slot::List, size_of::<List>() as u64),
         (Slot::Lengths, size_of::<Lengths>() as u64),
         (Slot::Starts, bytes_of(plan.counters, 4)),
         (Slot::Density, bytes_of(plan.density_slots, 4)),
-        (Slot::Homes, bytes_of(plan.spheres, 8)),
         (Slot::Sorted, bytes_of(plan.spheres, 16)),
-        (Slot::SortedCells, bytes_of(plan.spheres, 4)),
-        (Slot::Order, bytes_of(plan.spheres, 4)),
-        (Slot::Sums, bytes_of(sums, 8)),
-        (Slot::Total, 16),
         (Slot::Crowded, bytes_of(plan.spheres.div_ceil(k::GROUP), 4)),
         (Slot::Dispatch, 16),
     ];
+    if plan.tile == 0 {
+        buffers.extend([
+            (Slot::Homes, bytes_of(plan.spheres, 8)),
+            (Slot::Keys(false), bytes_of(plan.spheres, 4)),
+            (Slot::Objects(false), bytes_of(plan.spheres, 4)),
+            (Slot::Sums, bytes_of(plan.counters.div_ceil(k::SCAN_TILE), 8)),
+            (Slot::Total, 16),
+        ]);
+    } else {
+        buffers.extend(sort_buffers(plan.spheres, plan.tile));
+    }
     if species {
         buffers.push((Slot::SortedSpecies, bytes_of(plan.spheres, 4)));
     }
@@ -62,11 +78,20 @@ pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
         stage(&k::SPHERES_SURVEY, survey, Phase::Survey),
         stage(&k::LIST_CONFIGURE, 1, Phase::Survey),
         stage(&k::DENSITY_COUNT, per_sphere, Phase::Entries),
-        stage(&k::HOMES_COUNT, per_sphere, Phase::Entries),
     ];
-    stages.extend(scan_stages(plan.counters, 0));
+    if plan.tile == 0 {
+        stages.push(stage(&k::HOMES_COUNT, per_sphere, Phase::Entries));
+        stages.extend(scan_stages(plan.counters, 0));
+        stages.push(stage(&k::SPHERES_PLACE, per_sphere, Phase::Sort));
+    } else {
+        stages.push(stage(&k::HOMES_KEY, plan.spheres.div_ceil(plan.tile), Phase::Entries));
+        // The digits of the first pass are counted already.
+        stages.extend(sort_stages(plan.spheres, plan.tile, plan.passes()).skip(1));
+        let sorted = |kernel, groups| Stage { pass: plan.passes(), ..stage(kernel, groups, Phase::Sort) };
+        stages.push(sorted(&k::CELLS_INDEX, plan.counters.div_ceil(INDEX_BLOCK)));
+        stages.push(sorted(&k::SPHERES_GATHER, per_sphere));
+    }
     stages.extend([
-        stage(&k::SPHERES_PLACE, per_sphere, Phase::Sort),
         stage(&k::LIST_SEARCH, per_sphere, Phase::Search),
         stage(&k::SHARES_OPEN, 1, Phase::Search),
         Stage { indirect: true, ..stage(&k::SHARES_SEARCH, 1, Phase::Search) },

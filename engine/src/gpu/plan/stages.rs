@@ -76,7 +76,7 @@ pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
         }
         stages.push(stage(&k::ENTRIES_EMIT, per_sphere, Phase::Entries));
         stages.push(stage(&k::ENTRIES_CLOSE, 1, Phase::Entries));
-        stages.extend(sort_stages(plan.entries, plan.passes()));
+        stages.extend(sort_stages(plan.entries, plan.tile, plan.passes()));
         stages.push(stage(&k::RUNS_SEARCH, plan.entries.div_ceil(k::GROUP), Phase::Search));
         stages.push(stage(&k::CROWDED_OPEN, 1, Phase::Search));
         stages.push(Stage { indirect: true, ..stage(&k::CROWDED_SEARCH, 1, Phase::Search) });
@@ -93,12 +93,12 @@ pub(in crate::gpu) fn flattened(groups: u32, limits: &DeviceLimits) -> [u32; 2] 
 }
 
 /// The stages of a stable radix sort of at most `items` keys by `passes` digits.
-pub(in crate::gpu) fn sort_stages(items: u32, passes: u32) -> impl Iterator<Item = Stage> {
-    let tiles = items.div_ceil(k::RADIX_TILE);
+pub(in crate::gpu) fn sort_stages(items: u32, tile: u32, passes: u32) -> impl Iterator<Item = Stage> {
+    let tiles = items.div_ceil(tile);
+    let digits = if tiles == 0 { 0 } else { 1 << k::DIGIT_BITS };
     (0..passes).flat_map(move |pass| {
         let stage = move |kernel, groups| Stage { kernel, groups, indirect: false, phase: Phase::Sort, pass };
-        let [reduce, spine, spread] = scan_stages(tiles * (1 << k::DIGIT_BITS), pass);
-        [stage(&k::RADIX_COUNT, tiles), reduce, spine, spread, stage(&k::RADIX_SCATTER, tiles)]
+        [stage(&k::RADIX_COUNT, tiles), stage(&k::RADIX_SCAN, digits), stage(&k::RADIX_SCATTER, tiles)]
     })
 }
 

@@ -5,11 +5,20 @@ const LAVAPIPE: DeviceLimits = DeviceLimits {
     buffer: (1 << 31) - 1,
     groups_per_dimension: 65_535,
     storage_buffers: 32,
+    workgroup_memory: 32 << 10,
 };
 const H200: DeviceLimits = DeviceLimits { storage_binding: (1 << 31) - 4, buffer: 4_292_870_144, ..LAVAPIPE };
 
 fn request(spheres: u32, pairs: u32) -> Request {
-    Request { spheres, pairs, entries: 0, algorithm: Algorithm::ArrayGrid, species: 0, periodic: false }
+    Request {
+        spheres,
+        pairs,
+        entries: 0,
+        algorithm: Algorithm::ArrayGrid,
+        species: 0,
+        periodic: false,
+        radix_from: 1 << 19,
+    }
 }
 
 #[test]
@@ -57,7 +66,7 @@ fn passes_follow_the_spheres() {
 fn every_binding_has_a_resource_and_sort_passes_alternate() {
     let request = Request { species: 2, periodic: true, ..request(10_000_000, 1) };
     let plan = plan(&request, &H200).expect("fits");
-    let variant = k::Variant { subgroups: None, species: true, periodic: true };
+    let variant = k::Variant { species: true, periodic: true, ..k::Variant::default() };
     for stage in &plan.stages {
         let resources: Vec<_> =
             stage.kernel.bindings(variant).map(|b| plan.resource(stage, b.name)).collect();

@@ -1,8 +1,6 @@
 // Tests a block of 256 sorted spheres, one per thread, with a share of each one's candidates.
 
 const GROUP: u32 = 256u;
-// Candidates of one sphere in a share.
-const SHARE: u32 = #{SHARE}u;
 // Rows of cells that a sphere looks through between two looks at the list of hits, in all and at one level; it goes on
 // with more of them in the next round.
 const ROWS: u32 = 256u;
@@ -182,8 +180,8 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
     if (block + lane < starts[list.cells + 1u]) {
         row = row_of(block + lane);
         walk = walk_begin(row.cell);
-        walk.skip = share * SHARE;
-        walk.left = SHARE;
+        walk.skip = share * call.share;
+        walk.left = call.share;
     }
     if (lane == 0u) {
         atomicStore(&hit_count, 0u);
@@ -191,7 +189,7 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
     }
     workgroupBarrier();
     // A round ends with a full list of hits, or with many rows of cells behind some sphere.
-    for (var round = 0u; round < 2u * SHARE * GROUP / HITS; round++) {
+    for (var round = 0u; round < 2u * call.share * GROUP / HITS; round++) {
         if (walk.left != 0u) {
             gather_hits(&walk, row);
         }

@@ -38,6 +38,10 @@ struct Call {
     counters: u32,
     // Only pairs of one sphere with an index below this and one with an index from it on are found; 0 finds all.
     split: u32,
+    // Keys of a tile where a cell list is sorted by radix; 0 where it is sorted by counting.
+    tile: u32,
+    // Candidates of one sphere of a cell list that one invocation tests.
+    share: u32,
 }
 
 // What the spheres are like. Bounds of all valid ones, their widened radii included; floats in an order-preserving

@@ -1,0 +1,107 @@
+// Where the spheres of each cell begin among those sorted by cell: each workgroup takes a block of cells, however many
+// spheres these have.
+#include layout
+#include list
+#include place
+
+@group(0) @binding(0) var<storage, read> list: List;
+@group(0) @binding(1) var<storage, read> cells: array<u32>;
+@group(0) @binding(2) var<storage, read_write> starts: array<u32>;
+
+const GROUP: u32 = 256u;
+const ITEMS: u32 = 8u;
+const BLOCK: u32 = GROUP * ITEMS;
+// Blocks of more spheres are not read through: the beginning of each of their cells is looked for.
+const MOST_READ: u32 = 32768u;
+
+// The first sphere of each cell of the block; the end of the block's where there is none.
+var<workgroup> firsts: array<atomic<u32>, BLOCK>;
+// The earliest first of what is behind each thread's cells.
+var<workgroup> later: array<u32, 512>;
+// Where the block's spheres begin and end.
+var<workgroup> stretch: array<u32, 2>;
+
+// The first sphere from `low` up to `high` whose cell is not before this one.
+fn first_from(cell: u32, low: u32, high: u32) -> u32 {
+    var begin = low;
+    var end = high;
+    for (var turn = 0u; turn < 32u; turn++) {
+        if (begin >= end) {
+            break;
+        }
+        let middle = begin + (end - begin) / 2u;
+        if (cells[middle] < cell) {
+            begin = middle + 1u;
+        } else {
+            end = middle;
+        }
+    }
+    return begin;
+}
+
+@compute @workgroup_size(256)
+fn cells_index(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let first_cell = number_of_group(id, groups) * BLOCK;
+    let counters = list.cells + 2u;
+    if (first_cell >= counters) {
+        return;
+    }
+    if (place.lane < 2u) {
+        stretch[place.lane] = first_from(first_cell + place.lane * BLOCK, 0u, list.spheres);
+    }
+    let begin = workgroupUniformLoad(&stretch[0]);
+    let end = workgroupUniformLoad(&stretch[1]);
+    if (end - begin > MOST_READ) {
+        for (var item = 0u; item < ITEMS; item++) {
+            let cell = first_cell + item * GROUP + place.lane;
+            if (cell < counters) {
+                starts[cell] = first_from(cell, begin, end);
+            }
+        }
+        return;
+    }
+
+    for (var item = 0u; item < ITEMS; item++) {
+        atomicStore(&firsts[item * GROUP + place.lane], end);
+    }
+    workgroupBarrier();
+    let rounds = (end - begin + GROUP - 1u) / GROUP;
+    for (var round = 0u; round < rounds; round++) {
+        let position = begin + round * GROUP + place.lane;
+        if (position < end) {
+            let cell = cells[position];
+            if (position == begin || cells[position - 1u] != cell) {
+                atomicStore(&firsts[cell - first_cell], position);
+            }
+        }
+    }
+    workgroupBarrier();
+    var earliest = end;
+    for (var item = 0u; item < ITEMS; item++) {
+        earliest = min(earliest, atomicLoad(&firsts[place.lane * ITEMS + item]));
+    }
+    var front = 0u;
+    later[place.lane] = earliest;
+    workgroupBarrier();
+    for (var step = 1u; step < GROUP; step *= 2u) {
+        var value = later[front + place.lane];
+        if (place.lane + step < GROUP) {
+            value = min(value, later[front + place.lane + step]);
+        }
+        front = GROUP - front;
+        later[front + place.lane] = value;
+        workgroupBarrier();
+    }
+    // Backwards: a cell without spheres begins where the next one does.
+    var start = end;
+    if (place.lane + 1u < GROUP) {
+        start = later[front + place.lane + 1u];
+    }
+    for (var item = 0u; item < ITEMS; item++) {
+        let number = place.lane * ITEMS + (ITEMS - 1u - item);
+        start = min(start, atomicLoad(&firsts[number]));
+        if (first_cell + number < counters) {
+            starts[first_cell + number] = start;
+        }
+    }
+}

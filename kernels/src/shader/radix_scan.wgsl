@@ -1,0 +1,40 @@
+// Second stage of a radix sort pass: for each digit, a workgroup turns its counts in all tiles into their exclusive
+// prefixes, and leaves their sum.
+#include layout
+#include place
+
+@group(0) @binding(0) var<storage, read> lengths: Lengths;
+@group(0) @binding(1) var<storage, read_write> counts: array<u32>;
+@group(0) @binding(2) var<storage, read_write> totals: array<u32>;
+
+#include group_scan
+const ITEMS: u32 = 8u;
+
+@compute @workgroup_size(256)
+fn radix_scan(@builtin(workgroup_id) id: vec3<u32>, place: Place) {
+    let tiles = lengths.counters / 256u;
+    let row = id.x * tiles;
+    let rounds = (tiles + GROUP * ITEMS - 1u) / (GROUP * ITEMS);
+    var carry = 0u;
+    for (var round = 0u; round < rounds; round++) {
+        let mine = (round * GROUP + place.lane) * ITEMS;
+        var sum = 0u;
+        for (var item = 0u; item < ITEMS; item++) {
+            if (mine + item < tiles) {
+                sum += counts[row + mine + item];
+            }
+        }
+        var running = carry + group_scan(sum, place);
+        carry += group_sum();
+        for (var item = 0u; item < ITEMS; item++) {
+            if (mine + item < tiles) {
+                let next = running + counts[row + mine + item];
+                counts[row + mine + item] = running;
+                running = next;
+            }
+        }
+    }
+    if (place.lane == 0u) {
+        totals[id.x] = carry;
+    }
+}
