@@ -6,7 +6,7 @@ use common::{Random, device, download, submit, upload};
 use lazygrid::gpu::{GpuDevice, PrefixScan, RadixSort, Sorted};
 
 /// Around a workgroup, a tile, and what one dimension of a dispatch holds.
-const SIZES: [usize; 11] = [0, 1, 255, 256, 257, 2047, 2048, 4095, 4096, 4097, 300_000, 65_535 * 256 + 1];
+const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 4095, 4096, 4097, 300_000, 65_535 * 256 + 1];
 
 fn scan_on(own: &GpuDevice, scan: &mut PrefixScan, values: &[u32]) -> (Vec<u32>, u64) {
     let buffer = upload(own, values);
