@@ -1,9 +1,11 @@
+use std::convert::Infallible;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
+use lazygrid::gpu::AdapterId;
 use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order, Space};
 use lazygrid_io::read::{Format, Options};
 use lazygrid_io::scenes::Scene;
@@ -36,7 +38,11 @@ pub(crate) enum Command {
         after_help = "The result is kept in the user's cache directory, as lazygrid/calibration.json, for the \
                             adapter, its driver and this version; --json of `detect` says whether it was used."
     )]
-    Calibrate,
+    Calibrate {
+        /// On which GPU: its index among those that `lazygrid devices` lists, or a part of its name
+        #[arg(long, value_name = "NAME|INDEX", value_parser = adapter)]
+        adapter: Option<AdapterId>,
+    },
     /// Write a completion script for a shell to standard output
     Completions {
         /// The shell
@@ -83,6 +89,9 @@ pub(crate) struct Detect {
     /// Where to run
     #[arg(long, default_value_t, value_parser = one_of(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,
+    /// On which GPU: its index among those that `lazygrid devices` lists, or a part of its name
+    #[arg(long, value_name = "NAME|INDEX", value_parser = adapter)]
+    pub(crate) adapter: Option<AdapterId>,
     /// How to search; eager-grid and lazy-grid are GPU algorithms
     #[arg(long, default_value_t, value_parser = one_of(Algorithm::ALL.map(Algorithm::name)).try_map(|name| name.parse::<Algorithm>()))]
     pub(crate) algorithm: Algorithm,
@@ -210,6 +219,7 @@ impl Detect {
     pub(crate) fn config(&self) -> Config {
         let order = if self.unordered { Order::Unordered } else { Order::Canonical };
         let config = Config::default().backend(self.backend).algorithm(self.algorithm).order(order);
+        let config = with(config, self.adapter.clone(), Config::adapter);
         let config = with(config, self.periodic, Config::space);
         let config = if self.backend == Backend::Cpu { config } else { config.calibration(cache::load()) };
         let config = with(config, self.tau, Config::tau);
@@ -228,6 +238,10 @@ fn with<T>(config: Config, value: Option<T>, set: impl FnOnce(Config, T) -> Conf
 
 fn one_of<const N: usize>(names: [&'static str; N]) -> PossibleValuesParser {
     PossibleValuesParser::new(names)
+}
+
+fn adapter(text: &str) -> Result<AdapterId, Infallible> {
+    Ok(text.into())
 }
 
 fn radius(text: &str) -> Result<(String, f32), String> {

@@ -1,13 +1,14 @@
 use std::fmt::Write;
 
-use lazygrid::gpu::{self, GpuDevice};
+use lazygrid::gpu::{self, AdapterId, GpuDevice};
 
 use crate::failure::Failure;
 use crate::{cache, print};
 
 /// Measures on the GPU that `detect` would take, says what was seen, and keeps it for later runs.
-pub(crate) fn run() -> Result<(), Failure> {
-    let own = GpuDevice::shared(true).map_err(Failure::Calibration)?;
+pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), Failure> {
+    let own = adapter.map_or_else(|| GpuDevice::shared(true), GpuDevice::shared_adapter);
+    let own = own.map_err(Failure::Calibration)?;
     print(format!(
         "{}\n{}\n\nsizes  spheres       naive        grid\n",
         own.adapter.name, own.adapter.driver

@@ -18,7 +18,7 @@ pub(crate) fn run() -> Result<(), Failure> {
     };
     let mut text = format!("cpu  {threads} threads, {vectors}\n");
     let found = adapters();
-    found.iter().for_each(|adapter| text += &described(adapter));
+    found.iter().enumerate().for_each(|(index, adapter)| text += &described(index, adapter));
     if found.is_empty()
         && let Err(error) = Detector::new(Config::default().backend(Backend::Gpu))
     {
@@ -28,7 +28,7 @@ pub(crate) fn run() -> Result<(), Failure> {
     print(text)
 }
 
-fn described(adapter: &AdapterSummary) -> String {
+fn described(index: usize, adapter: &AdapterSummary) -> String {
     let kind = if adapter.is_hardware { "hardware" } else { "software" };
     let subgroups = match (adapter.has_subgroups, adapter.subgroup_sizes) {
         (false, _) => "no subgroups".to_owned(),
@@ -37,7 +37,7 @@ fn described(adapter: &AdapterSummary) -> String {
     };
     let timestamps = if adapter.has_timestamps { "timestamps" } else { "no timestamps" };
     format!(
-        "gpu  {}, {kind}\n     {} by {}, {subgroups}, {timestamps}\n     \
+        "gpu  {index}: {}, {kind}\n     {} by {}, {subgroups}, {timestamps}\n     \
          {} MiB per storage binding, {} MiB per buffer, {} KiB per workgroup, {} workgroups per dimension\n",
         adapter.name,
         adapter.driver,

@@ -46,7 +46,9 @@ impl Failure {
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::Stopped { .. } => ExitCode::from(130),
-            Self::Setting(lazygrid::Error::NotOnBackend { .. }) => ExitCode::from(2),
+            Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::AdapterOnCpu { .. }) => {
+                ExitCode::from(2)
+            }
             _ => ExitCode::FAILURE,
         }
     }

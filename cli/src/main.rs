@@ -28,7 +28,7 @@ fn main() -> ExitCode {
         Command::Generate(args) => generate::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Devices => devices::run(),
-        Command::Calibrate => calibrate::run(),
+        Command::Calibrate { adapter } => calibrate::run(adapter.as_ref()),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Args::command(), "lazygrid", &mut script);

@@ -2,7 +2,7 @@ use std::fmt::{self, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use lazygrid::Report;
+use lazygrid::{Report, gpu};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -84,7 +84,11 @@ impl fmt::Display for Summary {
         if let Some(output) = &self.output {
             row("output", &output.display())?;
         }
-        let total: Duration = self.phases().map(|(_, time)| time).sum();
+        // What the GPU does, the host waits for.
+        let waits = self.phases().any(|(name, _)| name == "wait");
+        let is_waited_for = |name: &str| waits && gpu::Phase::ALL.iter().any(|phase| phase.name() == name);
+        let total: Duration =
+            self.phases().filter(|(name, _)| !is_waited_for(name)).map(|(_, time)| time).sum();
         let mut title = "time";
         for (name, time) in self.phases().chain([("total", total)]) {
             let mut shown = String::new();

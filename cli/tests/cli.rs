@@ -357,6 +357,80 @@ fn the_gpu_finds_the_pairs_of_both_files() {
     assert_eq!(pairs("smoldyn-burst.lst", &SMOLDYN), Some(35_236));
 }
 
+/// The rows of `time` in what was printed, in seconds.
+fn times(out: &str) -> Vec<(&str, f64)> {
+    let (_, rows) = out.split_once("\ntime ").unwrap();
+    rows.lines()
+        .map(|row| {
+            let [name, time] = row.split_whitespace().collect::<Vec<_>>().try_into().unwrap();
+            let unit = time.find(|c: char| c.is_alphabetic()).unwrap();
+            let scale = match &time[unit..] {
+                "s" => 1.0,
+                "ms" => 1e-3,
+                "µs" => 1e-6,
+                _ => 1e-9,
+            };
+            (name, time[..unit].parse::<f64>().unwrap() * scale)
+        })
+        .collect()
+}
+
+/// What the GPU does is a part of what the host waits for, and not a further part of the whole.
+#[test]
+fn the_total_time_counts_nothing_twice() {
+    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
+        return;
+    }
+    for backend in ["cpu", "gpu"] {
+        let run = lazygrid(["detect", &data("lammps-pour.dump"), "--backend", backend]).succeeds();
+        let times = times(&run.out);
+        let waits = times.iter().any(|(name, _)| *name == "wait");
+        assert_eq!(waits, backend == "gpu", "{}", run.out);
+        let on_device = ["survey", "entries", "sort", "search"];
+        let counted =
+            times.iter().filter(|(name, _)| *name != "total" && !(waits && on_device.contains(name)));
+        let (sum, total) = (counted.map(|(_, time)| time).sum::<f64>(), times.last().unwrap());
+        assert!(total.0 == "total" && (sum - total.1).abs() < 0.02 * total.1, "{sum}: {}", run.out);
+    }
+}
+
+/// Each adapter by its index; those of which no other has the name, by a part of it.
+#[test]
+fn an_adapter_is_chosen_by_index_or_by_name() {
+    let (pour, adapters) = (data("lammps-pour.dump"), lazygrid::gpu::adapters());
+    let detect = |options: &[&str]| lazygrid(["detect", &pour, "--json"].iter().chain(options));
+    let devices = lazygrid(["devices"]).succeeds().out;
+    for (index, adapter) in adapters.iter().enumerate() {
+        assert!(devices.contains(&format!("gpu  {index}: {}", adapter.name)), "{devices}");
+        let found = detect(&["--adapter", &index.to_string()]).succeeds().json();
+        assert_eq!((&found["adapter"], &found["pairs"]), (&adapter.name.as_str().into(), &3072.into()));
+        if adapters.iter().filter(|other| other.name == adapter.name).count() == 1 {
+            let name = adapter.name.to_uppercase();
+            let found = detect(&["--adapter", &name, "--backend", "gpu"]).succeeds().json();
+            assert_eq!(found["adapter"], adapter.name);
+        }
+    }
+    let unknown = detect(&["--adapter", "nobody's card"]).fails().err;
+    match adapters.first() {
+        None => assert!(unknown.contains("no GPU adapter"), "{unknown}"),
+        Some(first) => {
+            assert!(unknown.contains("nobody's card") && unknown.contains(&first.name), "{unknown}")
+        }
+    }
+    let contradiction = detect(&["--adapter", "0", "--backend", "cpu"]);
+    assert!(
+        contradiction.code == Some(2) && contradiction.err.contains("adapter '0'"),
+        "{}",
+        contradiction.err
+    );
+    if adapters.len() < 2 {
+        #[expect(clippy::print_stderr, reason = "a test says what it could not look at")]
+        {
+            eprintln!("skipped: choosing one of several adapters, as there are only {}", adapters.len());
+        }
+    }
+}
+
 #[test]
 #[cfg(target_os = "linux")]
 fn what_was_calibrated_is_kept_and_used() {

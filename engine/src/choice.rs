@@ -3,11 +3,23 @@
 
 use lazygrid_kernels::Algorithm;
 
-use crate::gpu::{Calibration, Crossover, GpuError};
+use crate::gpu::{AdapterId, Calibration, Crossover, GpuError};
 use crate::{Backend, Error};
 
 /// The algorithm of a GPU where there are too many spheres to test all pairs.
 pub(crate) const GRID: Algorithm = Algorithm::LazyGrid;
+
+/// The backend that is meant where an adapter may have been named: nobody names one in order not to run on it.
+///
+/// # Errors
+/// [`Error::AdapterOnCpu`] for the CPU and an adapter.
+pub(crate) fn meant(asked: Backend, adapter: Option<&AdapterId>) -> Result<Backend, Error> {
+    match (asked, adapter) {
+        (asked, None) => Ok(asked),
+        (Backend::Cpu, Some(adapter)) => Err(Error::AdapterOnCpu { adapter: adapter.to_string() }),
+        (_, Some(_)) => Ok(Backend::Gpu),
+    }
+}
 
 /// The device to run on, as `open` gives it with its name, or none for the CPU; and why. `open` is told whether a
 /// software adapter will do, and is asked only where a GPU could run.
@@ -24,6 +36,7 @@ pub(crate) fn backend<D>(
     let (on_cpu, on_gpu) = (runs_on(&Algorithm::CPU), runs_on(&Algorithm::GPU));
     let insist = |why: &str, open: Result<(String, D), GpuError>| match open {
         Ok((name, device)) => Ok((Some(device), format!("GPU {name}: {why}"))),
+        Err(unknown @ GpuError::UnknownAdapter { .. }) => Err(Error::Gpu(unknown)),
         Err(error) => Err(Error::GpuUnavailable { reason: error.to_string() }),
     };
     match asked {
@@ -143,6 +156,23 @@ mod tests {
                 (found, expected) => assert_eq!(found.err(), expected.err(), "{case}"),
             }
         }
+    }
+
+    #[test]
+    fn who_names_an_adapter_means_the_gpu() {
+        let card = AdapterId::from("card");
+        for asked in Backend::ALL {
+            assert_eq!(meant(asked, None), Ok(asked));
+        }
+        assert_eq!(meant(Backend::Auto, Some(&card)), Ok(Backend::Gpu));
+        assert_eq!(meant(Backend::Gpu, Some(&card)), Ok(Backend::Gpu));
+        let refused = meant(Backend::Cpu, Some(&card)).expect_err("a contradiction").to_string();
+        assert!(refused.contains("card") && refused.contains("cpu"), "{refused}");
+        // What is wrong is not that there is no GPU.
+        let unknown = GpuError::UnknownAdapter { asked: String::new(), fitting: 0, there_are: String::new() };
+        let open = |_| Err::<(String, ()), _>(unknown.clone());
+        let found = backend(Backend::Gpu, Algorithm::Auto, open);
+        assert_eq!(found, Err(Error::Gpu(unknown.clone())));
     }
 
     #[test]

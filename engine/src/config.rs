@@ -6,7 +6,7 @@ use lazygrid_host::{Settings, Simd};
 use lazygrid_kernels::{Algorithm, Interactions, Space};
 
 use crate::Order;
-use crate::gpu::Calibration;
+use crate::gpu::{AdapterId, Calibration};
 
 /// Where the work is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -62,6 +62,7 @@ impl FromStr for Backend {
 #[derive(Clone, Debug, Default)]
 pub struct Config {
     pub(crate) backend: Backend,
+    pub(crate) adapter: Option<AdapterId>,
     pub(crate) settings: Settings,
     /// τ and raster ratio where they were asked for; else each backend has its own.
     pub(crate) tau: Option<u32>,
@@ -76,6 +77,19 @@ impl Config {
     /// Where to run. Default: [`Backend::Auto`].
     pub fn backend(mut self, backend: Backend) -> Self {
         self.backend = backend;
+        self
+    }
+
+    /// On which GPU, where there are several: by its index among [`gpu::adapters`](crate::gpu::adapters), or by a part of its
+    /// name that no other has. Whoever names one means [`Backend::Gpu`], and may name a software adapter. Default: the
+    /// best one, discrete before integrated.
+    ///
+    /// ```
+    /// # use lazygrid::Config;
+    /// let config = Config::default().adapter("nvidia");
+    /// ```
+    pub fn adapter(mut self, adapter: impl Into<AdapterId>) -> Self {
+        self.adapter = Some(adapter.into());
         self
     }
 

@@ -38,10 +38,17 @@ impl Detector {
     /// # Errors
     /// [`Error::GpuUnavailable`] where the GPU is asked for by name and cannot be used;
     /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Host`] and
-    /// [`Error::Gpu`] for a setting outside its range.
+    /// [`Error::Gpu`] for a setting outside its range, or an adapter that there is not.
     pub fn new(config: Config) -> Result<Self, Error> {
-        let open = |software| GpuDevice::shared(software).map(|own| (own.adapter.name.clone(), own));
-        let (own, backend_reason) = choice::backend(config.backend, config.settings.algorithm, open)?;
+        let open = |software| {
+            let own = match &config.adapter {
+                Some(named) => GpuDevice::shared_adapter(named),
+                None => GpuDevice::shared(software),
+            };
+            own.map(|own| (own.adapter.name.clone(), own))
+        };
+        let asked = choice::meant(config.backend, config.adapter.as_ref())?;
+        let (own, backend_reason) = choice::backend(asked, config.settings.algorithm, open)?;
         log::info!("{backend_reason}");
         let engine = match own {
             Some(own) => Engine::Device(Box::new(DeviceDetector::new(own, config)?)),

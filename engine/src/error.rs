@@ -20,6 +20,12 @@ pub enum Error {
         /// Why not.
         reason: String,
     },
+    /// An adapter was named, and the CPU asked for.
+    #[error("adapter '{adapter}' and the cpu backend were asked for together; leave one of them out")]
+    AdapterOnCpu {
+        /// The adapter that was named.
+        adapter: String,
+    },
     /// The algorithm does not run on the backend.
     #[error("{algorithm} does not run on the {backend} backend; choose `auto`")]
     NotOnBackend {

@@ -19,7 +19,6 @@ pub struct Report {
     pub algorithm: Algorithm,
     /// Why this backend and this algorithm.
     pub reason: String,
-    /// Time of each phase, in the order they ran. Of a search that a GPU does in several submissions, its own times are
-    /// those of the first; `wait` is of all.
+    /// Time of each phase, in the order they ran. A call that takes a GPU several submissions has the sum of all.
     pub phases: Vec<Phase>,
 }

@@ -134,9 +134,33 @@ impl Kernel {
         }
     }
 
-    /// The kernel's complete WGSL text.
+    /// Every variant in which the kernel's text differs, over all sizes that subgroups have.
+    pub fn variants(&self) -> Vec<Variant> {
+        let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
+        let mut found = Vec::new();
+        for subgroups in subgroups {
+            for (species, periodic) in [(false, false), (false, true), (true, false), (true, true)] {
+                let variant = self.reduced(Variant { subgroups, species, periodic });
+                if !found.contains(&variant) {
+                    found.push(variant);
+                }
+            }
+        }
+        found
+    }
+
+    /// The kernel's complete WGSL text, as naga takes it.
     pub fn wgsl(&self, variant: Variant) -> String {
-        Expansion { variant: self.reduced(variant) }.expand(self.source)
+        Expansion { variant: self.reduced(variant), is_standard: false }.expand(self.source)
+    }
+
+    /// The same for compilers that go by the standard, such as those of browsers. They ask for subgroups to be
+    /// enabled, which naga 30 refuses, and for leave to use them where only this library knows that a whole subgroup
+    /// arrives, which makes naga warn.
+    pub fn standard_wgsl(&self, variant: Variant) -> String {
+        let variant = self.reduced(variant);
+        let text = Expansion { variant, is_standard: true }.expand(self.source);
+        if variant.subgroups.is_some() { format!("enable subgroups;\n{text}") } else { text }
     }
 }
 
@@ -252,9 +276,11 @@ const PIECES: [(&str, &str); 18] = [
 ];
 
 /// Expands `#include piece`, `#include piece argument`, `#ifdef NAME … #else … #endif` (not nested in one file) and
-/// `#{NAME}`; in an included piece `#{ARGUMENT}` is what was said behind its name.
+/// `#{NAME}`; in an included piece `#{ARGUMENT}` is what was said behind its name. What is behind `#standard` is only
+/// in the text for compilers that go by the standard.
 struct Expansion {
     variant: Variant,
+    is_standard: bool,
 }
 
 impl Expansion {
@@ -275,6 +301,8 @@ impl Expansion {
                 ("#else", _) => kept = !kept,
                 ("#endif", _) => kept = true,
                 _ if !kept => {}
+                ("#standard", rest) if self.is_standard => drop(writeln!(text, "{rest}")),
+                ("#standard", _) => {}
                 ("#include", rest) => {
                     let (name, argument) = rest.split_once(' ').unwrap_or((rest, ""));
                     let piece = PIECES.iter().find(|(piece, _)| *piece == name);
@@ -320,7 +348,7 @@ mod tests {
         for kernel in KERNELS {
             for (species, periodic) in [(false, true), (true, false), (true, true)] {
                 let variant = Variant { subgroups: None, species, periodic };
-                let whole = Expansion { variant }.expand(kernel.source);
+                let whole = Expansion { variant, is_standard: false }.expand(kernel.source);
                 assert!(kernel.wgsl(variant) == whole, "{} {variant:?}", kernel.name);
             }
             let unbounded = kernel.wgsl(Variant::default());

@@ -1,6 +1,5 @@
 //! Holds the metadata and the Rust layouts against every shader, with naga and without a device.
 
-use std::collections::HashSet;
 use std::mem::{offset_of, size_of};
 
 use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, Variant};
@@ -8,23 +7,9 @@ use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level, Outcome};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
-fn variants() -> impl Iterator<Item = Variant> {
-    [None, Some(4), Some(8), Some(16), Some(32), Some(64)]
-        .into_iter()
-        .flat_map(|subgroups| [false, true].map(|species| (subgroups, species)))
-        .flat_map(|(subgroups, species)| {
-            [false, true].map(|periodic| Variant { subgroups, species, periodic })
-        })
-}
-
-/// The variants of one kernel whose texts differ.
-fn texts(kernel: &Kernel) -> HashSet<Variant> {
-    variants().map(|variant| kernel.reduced(variant)).collect()
-}
-
 fn each_shader(mut check: impl FnMut(&'static Kernel, Variant, &Module, &ModuleInfo)) {
     for kernel in KERNELS {
-        for variant in texts(kernel) {
+        for variant in kernel.variants() {
             let source = kernel.wgsl(variant);
             let module = naga::front::wgsl::parse_str(&source).unwrap_or_else(|error| {
                 panic!("{} {variant:?}: {}", kernel.name, error.emit_to_string(&source))
@@ -98,7 +83,7 @@ fn every_shader_translates_to_spirv() {
         assert_eq!(words[0], 0x0723_0203);
         written += 1;
     });
-    assert_eq!(written, KERNELS.iter().map(|kernel| texts(kernel).len()).sum::<usize>());
+    assert_eq!(written, KERNELS.iter().map(|kernel| kernel.variants().len()).sum::<usize>());
     assert!(written > 2 * KERNELS.len());
 }
 

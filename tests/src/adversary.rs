@@ -169,6 +169,31 @@ pub fn one_magnitude() -> Spheres {
         .boxed()
 }
 
+/// Lengths at which arithmetic in `f32` changes: the smallest numbers, those that many devices take for zero and their
+/// neighbours, those whose squares underflow, and as far up.
+pub(crate) fn extreme_unit() -> impl Strategy<Value = f32> {
+    let exponents =
+        [-149, -147, -130, -127, -126, -125, -120, -101, -76, -64, -41, -39, 59, 64, 100, 119, 121];
+    select(exponents.to_vec()).prop_map(|exponent| (f64::from(exponent)).exp2() as f32)
+}
+
+/// Spheres a few such units wide and apart, many of them in contact; some of another unit, some about a place that is
+/// far away on one axis.
+pub fn extremes() -> Spheres {
+    let element = (uniform3(-32_i8..=32), 0_u8..=8, (0_u8..8).prop_map(|k| k == 0));
+    let away = select(vec![[0.0_f32; 3], [0.0, 1.0, 0.0], [1e30, 0.0, 0.0], [0.0, 0.0, -3e38]]);
+    (extreme_unit(), extreme_unit(), away, many(element))
+        .prop_map(|(unit, other, away, spheres)| {
+            let place = |(at, size, is_other): ([i8; 3], u8, bool)| {
+                let quarter = 0.25 * f64::from(if is_other { other } else { unit });
+                let along = |axis: usize| (f64::from(at[axis]) * quarter + f64::from(away[axis])) as f32;
+                sphere(Vec3::new(along(0), along(1), along(2)), (f64::from(size) * quarter) as f32)
+            };
+            spheres.into_iter().map(place).collect()
+        })
+        .boxed()
+}
+
 /// Radii whose squares overflow `f32`, anywhere.
 pub fn huge_radii() -> Spheres {
     let radius = (1e19_f32.to_bits()..=f32::MAX.to_bits()).prop_map(f32::from_bits);
@@ -199,6 +224,7 @@ pub fn any_spheres() -> Spheres {
         far(),
         any_floats(),
         one_magnitude(),
+        extremes(),
         huge_radii(),
         soup(),
     ];

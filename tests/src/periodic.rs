@@ -227,6 +227,22 @@ pub fn unwrapped() -> impl Strategy<Value = Periodic> {
     })
 }
 
+/// Spheres and boxes of lengths at which arithmetic in `f32` changes, up to some boxes outside.
+pub fn extremes() -> impl Strategy<Value = Periodic> {
+    let spheres = vec((proptest::array::uniform3(-32_i8..=32), 0_u8..=8), 0..200);
+    let box_of = prop_oneof![
+        3 => lengths(vec![1.0, 2.5, 7.0, 16.0, 0.25]).prop_map(|lengths| (lengths, true)),
+        1 => lengths(vec![1.0, 3e38]).prop_map(|lengths| (lengths, false)),
+    ];
+    (adversary::extreme_unit(), box_of, spheres).prop_map(|(unit, (lengths, in_units), spheres)| {
+        let of = |quarters: f64| (0.25 * quarters * f64::from(unit)) as f32;
+        // The smallest units have no parts.
+        let length = |length: f32| if in_units { of(4.0 * f64::from(length)).max(unit) } else { length };
+        let sphere = |(at, size): ([i8; 3], u8)| Sphere::new(at.map(|at| of(at.into())), of(size.into()));
+        periodic(spheres.into_iter().map(sphere).collect(), lengths.map(|of| of.map(length)))
+    })
+}
+
 /// One sphere of about the size of the box among many far smaller ones.
 pub fn giant() -> impl Strategy<Value = Periodic> {
     let tiny = vec(proptest::array::uniform3(0.0_f32..10.0), 0..300);

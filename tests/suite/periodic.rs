@@ -51,6 +51,13 @@ fn coordinates_far_outside() {
 }
 
 #[test]
+fn lengths_that_devices_flush_or_whose_squares_do_not_fit() {
+    check(96, (periodic::extremes(), settings()), |(spheres, settings)| {
+        spheres.judge(&spheres.oracle(), &settings)
+    });
+}
+
+#[test]
 fn giants_in_small_boxes() {
     check(64, (periodic::giant(), settings()), |(spheres, settings)| {
         spheres.judge(&spheres.oracle(), &settings)

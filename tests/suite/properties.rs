@@ -92,6 +92,11 @@ fn any_magnitude_with_subnormals() {
 }
 
 #[test]
+fn lengths_that_devices_flush_or_whose_squares_do_not_fit() {
+    every_subject_agrees(128, adversary::extremes());
+}
+
+#[test]
 fn radii_whose_squares_overflow() {
     every_subject_agrees(96, adversary::huge_radii());
 }

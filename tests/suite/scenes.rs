@@ -3,6 +3,8 @@
 use lazygrid::{Backend, Config, Detector, Order, Pair};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{Scenario, Subject, difference};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 
 #[test]
 fn every_scene_against_the_oracle() {
@@ -92,6 +94,27 @@ fn the_same_bytes_at_every_step_for_any_number_of_threads() {
                 }
             }
             Scene::advance(&mut spheres, 8, step);
+        }
+    }
+}
+
+/// Radii that devices may take for zero, at distances that they do not.
+#[test]
+fn a_crowd_about_the_smallest_normal_number() {
+    let pair = [lazygrid::Sphere::new([0.0; 3], 1e-38), lazygrid::Sphere::new([1.5e-38, 0.0, 0.0], 1e-38)];
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut unit = || (rng.next_u32() >> 8) as f32 / (1 << 24) as f32;
+    let mut place = || [unit(), unit(), unit(), unit()];
+    let crowd = (0..1000)
+        .map(|_| place())
+        .map(|[x, y, z, r]| lazygrid::Sphere::new([x, y, z].map(|x| (2.0 * x - 1.0) * 2e-38), r * 1.2e-38));
+    for spheres in [pair.to_vec(), crowd.collect()] {
+        let scenario = Scenario::from(spheres);
+        let expected = scenario.oracle();
+        assert!(!expected.is_empty());
+        for subject in Subject::each_algorithm() {
+            let verdict = subject.judge(&scenario, &expected, &Config::default());
+            verdict.unwrap_or_else(|text| panic!("{text}"));
         }
     }
 }

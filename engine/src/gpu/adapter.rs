@@ -1,3 +1,5 @@
+use std::collections::HashMap;
+use std::fmt;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::GpuError;
@@ -37,6 +39,69 @@ pub fn adapters() -> Vec<AdapterSummary> {
     enumerate().iter().map(summary).collect()
 }
 
+/// Names one of several adapters. As text an index is a number; everything else is a name.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum AdapterId {
+    /// Its place among [`adapters`], from 0 on; `lazygrid devices` lists them.
+    Index(usize),
+    /// Its name or a part of it that no other adapter has, in upper or lower case.
+    Name(String),
+}
+
+impl From<usize> for AdapterId {
+    fn from(index: usize) -> Self {
+        Self::Index(index)
+    }
+}
+
+impl From<&str> for AdapterId {
+    fn from(text: &str) -> Self {
+        text.parse().map_or_else(|_| Self::Name(text.to_owned()), Self::Index)
+    }
+}
+
+impl fmt::Display for AdapterId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Index(index) => write!(f, "{index}"),
+            Self::Name(name) => f.write_str(name),
+        }
+    }
+}
+
+impl AdapterId {
+    /// The place among the adapters that there are.
+    fn place_in(&self, found: &[AdapterSummary]) -> Result<usize, GpuError> {
+        let named = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
+            (0..found.len()).filter(|&place| fits(&found[place].name.to_lowercase())).collect()
+        };
+        let fitting = match self {
+            Self::Index(index) => (*index..found.len()).take(1).collect(),
+            Self::Name(name) => {
+                let name = name.to_lowercase();
+                // One whole name may be a part of another.
+                match named(&|other| other == name) {
+                    whole if whole.len() == 1 => whole,
+                    _ => named(&|other| other.contains(&name)),
+                }
+            }
+        };
+        if let [place] = fitting[..] {
+            return Ok(place);
+        }
+        let one = |place: usize| format!("{place} {} ({})", found[place].name, found[place].api);
+        let there_are = (0..found.len()).map(one).collect::<Vec<_>>().join(", ");
+        Err(GpuError::UnknownAdapter { asked: self.to_string(), fitting: fitting.len(), there_are })
+    }
+}
+
+/// How a shared device was asked for.
+#[derive(Debug, PartialEq, Eq, Hash)]
+enum Shared {
+    Best { software: bool },
+    Named(AdapterId),
+}
+
 /// A device, our own or a host application's, and what it runs on.
 #[derive(Clone, Debug)]
 pub struct GpuDevice {
@@ -63,9 +128,27 @@ impl GpuDevice {
             [] => "none is installed".to_owned(),
             some => some.iter().map(|a| a.get_info().name).collect::<Vec<_>>().join(", ") + " is software",
         };
-        let Some(adapter) = found.iter().find(|adapter| software || summary(adapter).is_hardware) else {
-            return Err(GpuError::NoAdapter { reason: names() });
-        };
+        match found.iter().find(|adapter| software || summary(adapter).is_hardware) {
+            Some(adapter) => Self::open_on(adapter),
+            None => Err(GpuError::NoAdapter { reason: names() }),
+        }
+    }
+
+    /// Opens this adapter, be it hardware or software.
+    ///
+    /// # Errors
+    /// [`GpuError::UnknownAdapter`] where no adapter is meant, or several are; [`GpuError::NoAdapter`] where there is
+    /// none at all, and [`GpuError::NoDevice`].
+    pub fn open_adapter(id: &AdapterId) -> Result<Self, GpuError> {
+        let found = enumerate();
+        if found.is_empty() {
+            return Err(GpuError::NoAdapter { reason: "none is installed".to_owned() });
+        }
+        let summaries: Vec<_> = found.iter().map(summary).collect();
+        Self::open_on(&found[id.place_in(&summaries)?])
+    }
+
+    fn open_on(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
         let summary = summary(adapter);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("lazygrid"),
@@ -106,14 +189,31 @@ impl GpuDevice {
     /// # Errors
     /// As [`open`](Self::open).
     pub fn shared(software: bool) -> Result<Self, GpuError> {
-        static SHARED: Mutex<[Option<Result<GpuDevice, GpuError>>; 2]> = Mutex::new([None, None]);
-        let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
-        match &shared[usize::from(software)] {
+        Self::share(Shared::Best { software }, || Self::open(software))
+    }
+
+    /// As [`open_adapter`](Self::open_adapter), but one device for the whole process, as [`shared`](Self::shared) has
+    /// it.
+    ///
+    /// # Errors
+    /// As [`open_adapter`](Self::open_adapter).
+    pub fn shared_adapter(id: &AdapterId) -> Result<Self, GpuError> {
+        Self::share(Shared::Named(id.clone()), || Self::open_adapter(id))
+    }
+
+    fn share(which: Shared, open: impl FnOnce() -> Result<Self, GpuError>) -> Result<Self, GpuError> {
+        type Devices = HashMap<Shared, Result<GpuDevice, GpuError>>;
+        static DEVICES: Mutex<Option<Devices>> = Mutex::new(None);
+        let mut devices = DEVICES.lock().unwrap_or_else(PoisonError::into_inner);
+        let devices = devices.get_or_insert_default();
+        match devices.get(&which) {
             Some(Ok(own)) if own.probe().is_ok() => return Ok(own.clone()),
             Some(Err(error @ GpuError::NoAdapter { .. })) => return Err(error.clone()),
             _ => {}
         }
-        shared[usize::from(software)].insert(Self::open(software)).clone()
+        let opened = open();
+        devices.insert(which, opened.clone());
+        opened
     }
 
     /// # Errors
@@ -140,6 +240,15 @@ impl GpuDevice {
             Ok(_) | Err(GpuError::OutOfMemory { .. }) => Ok(()),
             Err(error) => Err(GpuError::DeviceLost { reason: error.to_string() }),
         }
+    }
+}
+
+/// The device of this process's tests; none where there is no adapter and none is required.
+#[cfg(test)]
+pub(crate) fn device_or_skip() -> Option<GpuDevice> {
+    match GpuDevice::shared(true) {
+        Err(GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => None,
+        own => Some(own.expect("a device")),
     }
 }
 
@@ -181,5 +290,65 @@ fn summarize(info: wgpu::AdapterInfo, limits: &wgpu::Limits, features: wgpu::Fea
         workgroup_memory: limits.max_compute_workgroup_storage_size,
         groups_per_dimension: limits.max_compute_workgroups_per_dimension,
         name: info.name,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn summary(name: &str) -> AdapterSummary {
+        AdapterSummary {
+            name: name.to_owned(),
+            driver: String::new(),
+            api: "vulkan".to_owned(),
+            is_hardware: true,
+            subgroup_sizes: [32; 2],
+            has_subgroups: true,
+            has_timestamps: true,
+            storage_binding: 1 << 31,
+            buffer: 1 << 31,
+            workgroup_memory: 48 << 10,
+            groups_per_dimension: 65_535,
+        }
+    }
+
+    #[test]
+    fn adapters_go_by_index_or_by_a_name_that_only_one_has() {
+        let found = ["Card H1", "Card H1 Large", "Small Card", "llvmpipe (LLVM 15)", "llvmpipe"].map(summary);
+        for (asked, expected) in [
+            ("0", Ok(0)),
+            ("4", Ok(4)),
+            ("small", Ok(2)),
+            ("LARGE", Ok(1)),
+            // The whole name of one, and a part of another.
+            ("card h1", Ok(0)),
+            ("llvmpipe", Ok(4)),
+            ("LLVM 15", Ok(3)),
+            ("card", Err(3)),
+            ("h1", Err(2)),
+            ("5", Err(0)),
+            ("18446744073709551615", Err(0)),
+            ("-1", Err(0)),
+            ("radeon", Err(0)),
+            ("", Err(5)),
+        ] {
+            match (AdapterId::from(asked).place_in(&found), expected) {
+                (Ok(place), Ok(expected)) => assert_eq!(place, expected, "{asked}"),
+                (Err(error), Err(how_many)) => {
+                    let text = error.to_string();
+                    assert!(
+                        matches!(error, GpuError::UnknownAdapter { fitting, .. } if fitting == how_many),
+                        "{asked}: {text}"
+                    );
+                    assert!(text.contains(asked) && text.contains("1 Card H1 Large (vulkan)"), "{text}");
+                }
+                (found, expected) => panic!("{asked}: {found:?} instead of {expected:?}"),
+            }
+        }
+        // Two cards of one kind have but their indices.
+        let twins = ["Card", "Card"].map(summary);
+        assert!(AdapterId::from("card").place_in(&twins).is_err());
+        assert_eq!(AdapterId::from(1).place_in(&twins), Ok(1));
     }
 }

@@ -222,10 +222,14 @@ impl GpuDetector {
         self.part_tiles = u32::try_from(tests / tile).unwrap_or(Call::UNPARTED);
     }
 
-    /// Records a further part of the last recorded call.
+    /// Records a further part of the last recorded call, whose search it is timed as.
     pub(crate) fn encode_rest(&self, encoder: &mut wgpu::CommandEncoder) {
         if let Some(prepared) = &self.prepared {
-            prepared.recordings[prepared.current].1.encode_rest(encoder);
+            let recording = &prepared.recordings[prepared.current].1;
+            recording.encode_rest(encoder, self.timer.as_ref().map(Timer::queries));
+            if let Some(timer) = &self.timer {
+                timer.resolve(encoder);
+            }
         }
     }
 

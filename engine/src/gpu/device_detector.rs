@@ -190,15 +190,13 @@ mod tests {
     use lazygrid_kernels::{Algorithm, Sphere};
 
     use super::*;
+    use crate::gpu::adapter::device_or_skip;
     use crate::gpu::wgpu;
 
     /// Twenty sizes at one point, on a device that can bind a tenth of their entries.
     #[test]
     fn a_report_says_why_one_level_had_to_do() {
-        let own = match GpuDevice::open(true) {
-            Err(GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => return,
-            own => own.expect("a device"),
-        };
+        let Some(own) = device_or_skip() else { return };
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
         let adapter = adapters.into_iter().find(|a| a.get_info().name == own.adapter.name).expect("the same");

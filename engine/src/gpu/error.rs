@@ -13,6 +13,22 @@ pub enum GpuError {
         /// What was asked and what came back.
         reason: String,
     },
+    /// No adapter, or more than one, is what was asked for.
+    #[error(
+        "{} by '{asked}'; give the index or a part of one name only: {there_are}",
+        match .fitting {
+            0 => "no adapter is meant".to_owned(),
+            several => format!("{several} adapters are meant"),
+        }
+    )]
+    UnknownAdapter {
+        /// The index or name.
+        asked: String,
+        /// How many adapters fit it.
+        fitting: usize,
+        /// Index, name and API of each adapter.
+        there_are: String,
+    },
     /// The adapter refused to open a device.
     #[error("adapter {adapter} refused a device: {reason}")]
     NoDevice {

@@ -19,7 +19,7 @@ mod scope;
 mod session;
 mod slot;
 
-pub use adapter::{AdapterSummary, GpuDevice, adapters, wanted_features};
+pub use adapter::{AdapterId, AdapterSummary, GpuDevice, adapters, wanted_features};
 pub use calibration::{Calibration, Crossover, Sample, calibrate};
 pub use detector::{GpuDetector, read_outcome};
 pub(crate) use device_detector::DeviceDetector;

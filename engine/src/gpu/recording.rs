@@ -134,26 +134,36 @@ impl Recording {
         self.steps.iter().for_each(|step| step.dispatch(&mut pass));
     }
 
-    /// Records a further part of a call that is too much for one submission.
-    pub(crate) fn encode_rest(&self, encoder: &mut wgpu::CommandEncoder) {
-        let descriptor = wgpu::ComputePassDescriptor { label: Some("lazygrid rest"), timestamp_writes: None };
+    /// Records a further part of a call that is too much for one submission; with timestamps where there are queries,
+    /// in place of those of the search before.
+    pub(crate) fn encode_rest(&self, encoder: &mut wgpu::CommandEncoder, queries: Option<&wgpu::QuerySet>) {
+        let descriptor = wgpu::ComputePassDescriptor {
+            label: Some("lazygrid rest"),
+            timestamp_writes: queries.map(|queries| ends_of(Phase::Search, queries)),
+        };
         let mut pass = encoder.begin_compute_pass(&descriptor);
         self.steps[self.rest..].iter().for_each(|step| step.dispatch(&mut pass));
     }
 
     /// Records a pass for each phase with a timestamp at either end.
     pub(crate) fn encode_timed(&self, encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet) {
-        for (phase, at) in Phase::ALL.into_iter().zip((0..).step_by(2)) {
-            let writes = wgpu::ComputePassTimestampWrites {
-                query_set: queries,
-                beginning_of_pass_write_index: Some(at),
-                end_of_pass_write_index: Some(at + 1),
+        for phase in Phase::ALL {
+            let descriptor = wgpu::ComputePassDescriptor {
+                label: Some(phase.name()),
+                timestamp_writes: Some(ends_of(phase, queries)),
             };
-            let descriptor =
-                wgpu::ComputePassDescriptor { label: Some(phase.name()), timestamp_writes: Some(writes) };
             let mut pass = encoder.begin_compute_pass(&descriptor);
             self.steps.iter().filter(|step| step.phase == phase).for_each(|step| step.dispatch(&mut pass));
         }
+    }
+}
+
+/// Has a pass write the times at which it begins and ends, as those of a phase.
+fn ends_of(phase: Phase, queries: &wgpu::QuerySet) -> wgpu::ComputePassTimestampWrites<'_> {
+    wgpu::ComputePassTimestampWrites {
+        query_set: queries,
+        beginning_of_pass_write_index: Some(2 * phase as u32),
+        end_of_pass_write_index: Some(2 * phase as u32 + 1),
     }
 }
 

@@ -71,8 +71,8 @@ struct Flight {
     mapping: Mapping,
     staged: u64,
     capacity: u32,
-    /// Whether it took the times of the phases.
-    timed: bool,
+    /// The phases whose times it took.
+    timed: &'static [Phase],
 }
 
 /// What a submission does.
@@ -158,7 +158,8 @@ impl GpuSession {
         &self.last
     }
 
-    /// Times of the last finished call: GPU phases where they can be taken, and what the host waited for.
+    /// Times of the last finished call: GPU phases where they can be taken, and what the host waited for; of all
+    /// submissions together where it took several.
     pub fn timings(&self) -> &[Timing] {
         &self.timings
     }
@@ -235,7 +236,7 @@ impl GpuSession {
     /// # Errors
     /// Where the device fails.
     pub fn finish_count(&mut self, ticket: Ticket) -> Result<u64, GpuError> {
-        self.pairs.clear();
+        self.forget_last();
         pollster::block_on(self.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking))
             .map(|outcome| outcome.found())
     }
@@ -251,7 +252,7 @@ impl GpuSession {
         ticket: Ticket,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), GpuError> {
-        self.pairs.clear();
+        self.forget_last();
         let outcome = pollster::block_on(self.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking))?;
         if outcome.found() == self.pairs.len() as u64 {
             let _ = consume(&mut self.pairs);
@@ -263,7 +264,7 @@ impl GpuSession {
     }
 
     async fn collect(&mut self, ticket: Ticket, limit: u64, wait: Wait) -> Result<(), GpuError> {
-        self.pairs.clear();
+        self.forget_last();
         let number = ticket.number;
         let found = self.settle(number, GpuSpheres::ALL, wait).await?.found();
         if found > limit {
@@ -290,6 +291,12 @@ impl GpuSession {
         result
     }
 
+    /// Makes room for what the next call to be finished has found.
+    fn forget_last(&mut self) {
+        self.pairs.clear();
+        self.timings.clear();
+    }
+
     fn capacity(&self) -> u32 {
         self.detector.pair_capacity()
     }
@@ -314,7 +321,11 @@ impl GpuSession {
         let Some(spheres) = slot.spheres.clone() else { return Ok(()) };
         let mut encoder =
             scoped(&own.device, "an encoder", 0, || own.device.create_command_encoder(&Default::default()))?;
-        let timed = matches!(work, Work::Call(_)) && detector.ticks().is_some();
+        let timed: &[Phase] = match work {
+            _ if detector.ticks().is_none() => &[],
+            Work::Call(_) => &Phase::ALL,
+            Work::Rest => &[Phase::Search],
+        };
         match work {
             Work::Call(window) => {
                 // Whatever comes of it, nothing of an earlier call is left to go on with.
@@ -363,9 +374,10 @@ impl GpuSession {
         if outcome.found() <= flight.staged.min(flight.capacity.into()) {
             returned.append_pairs(outcome.found() as usize, &mut self.pairs);
         }
-        if flight.timed {
-            let period = f64::from(self.own.queue.get_timestamp_period()) * 1e-9;
-            for (phase, [begin, end]) in Phase::ALL.into_iter().zip(returned.ticks()) {
+        if !flight.timed.is_empty() {
+            let (period, ticks) = (f64::from(self.own.queue.get_timestamp_period()) * 1e-9, returned.ticks());
+            for phase in flight.timed {
+                let [begin, end] = ticks[*phase as usize];
                 self.time(phase.name(), Duration::from_secs_f64(end.saturating_sub(begin) as f64 * period));
             }
         }

@@ -31,10 +31,10 @@ fn ordered(value: vec3<f32>) -> vec3<u32> {
 }
 
 @compute @workgroup_size(256)
-fn bounds_reduce(at: Builtins) {
-    let place = place_of(at);
+fn bounds_reduce(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
     let count = grid.spheres;
-    let start = place.group * GROUP * ITEMS;
+    let start = group * GROUP * ITEMS;
     if (start >= count) {
         return;
     }

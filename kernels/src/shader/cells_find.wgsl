@@ -66,9 +66,9 @@ fn cells_of(sphere: vec4<f32>, radius: f32) -> Cells {
 }
 
 @compute @workgroup_size(256)
-fn cells_find(at: Builtins) {
-    let place = place_of(at);
-    if (place.group * GROUP >= grid.spheres) {
+fn cells_find(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
+    if (group * GROUP >= grid.spheres) {
         return;
     }
     if (place.lane == 0u) {
@@ -78,7 +78,7 @@ fn cells_find(at: Builtins) {
         atomicStore(&group_descending[place.lane], 0u);
     }
     workgroupBarrier();
-    let index = place.group * GROUP + place.lane;
+    let index = group * GROUP + place.lane;
     if (index < grid.spheres) {
         let sphere = spheres[index];
         var words = NO_CELLS;

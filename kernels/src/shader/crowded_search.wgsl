@@ -27,6 +27,14 @@ const GROUP: u32 = 256u;
 
 // Where the objects of the tile begin, all taken together.
 var<workgroup> tile_firsts: atomic<u32>;
+// Which of the listed blocks this part of the search takes, and the most tiles that one of them is compared with.
+struct Part {
+    begin: u32,
+    end: u32,
+    tiles: u32,
+}
+
+var<workgroup> group_part: Part;
 
 // Bits of the pairs among `hits` that this cell owns and that are asked for.
 fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
@@ -39,21 +47,25 @@ fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
 }
 
 @compute @workgroup_size(256)
-fn crowded_search(at: Builtins) {
-    let place = place_of(at);
-    let part = atomicLoad(&outcome.crowded_begin);
-    let blocks = atomicLoad(&outcome.crowded_end) - part;
-    let listed = at.group.y + at.group.z * MAX_GROUPS;
-    if (listed >= blocks) {
+fn crowded_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    if (place.lane == 0u) {
+        group_part = Part(
+            atomicLoad(&outcome.crowded_begin),
+            atomicLoad(&outcome.crowded_end),
+            atomicLoad(&outcome.crowded_tiles),
+        );
+    }
+    let part = workgroupUniformLoad(&group_part);
+    let listed = part.begin + id.y + id.z * MAX_GROUPS;
+    if (listed >= part.end) {
         return;
     }
-    let per_share = tiles_per_share(blocks, atomicLoad(&outcome.crowded_tiles));
-    let block = crowded[part + listed];
+    let per_share = tiles_per_share(part.end - part.begin, part.tiles);
+    let block = crowded[listed];
     let run = run_of(keys[block + GROUP - 1u]);
     let start = block + NEAR + 1u;
     let end = run_end(run, block + GROUP);
-    let share = start + at.group.x * per_share * GROUP;
-    let share_end = min(end, share + per_share * GROUP);
+    let share = start + id.x * per_share * GROUP;
     let entry = block + place.lane;
     let row_used = run_of(keys[entry]) == run && !is_passive(keys[entry]) && entry + NEAR + 1u < end;
     var row: Row;
@@ -64,7 +76,11 @@ fn crowded_search(at: Builtins) {
 #endif
     // A row that begins here on every axis makes this cell the owner of all its pairs.
     let owns_all = is_owned(row.object, 0u) && call.window_begin == 0u && call.window_end >= grid.spheres;
-    for (var column = share; column < share_end; column += GROUP) {
+    for (var turn = 0u; turn < per_share; turn++) {
+        let column = share + turn * GROUP;
+        if (column >= end) {
+            break;
+        }
         workgroupBarrier();
         if (place.lane == 0u) {
             atomicStore(&tile_firsts, 0u);
@@ -96,9 +112,11 @@ fn crowded_search(at: Builtins) {
             }
             if (some_lane(hits != 0u)) {
                 var at_pair = pairs_reserve_lane(countOneBits(hits), place);
-                while (hits != 0u && at_pair < call.pair_capacity) {
+                for (; hits != 0u; hits &= hits - 1u) {
+                    if (at_pair >= call.pair_capacity) {
+                        break;
+                    }
                     let k = firstTrailingBit(hits);
-                    hits &= hits - 1u;
                     pair_write(at_pair, index_of(row.object), index_of(tile_objects[first + k]));
                     at_pair += 1u;
                 }

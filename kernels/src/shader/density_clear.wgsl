@@ -9,13 +9,13 @@
 const ITEMS: u32 = #{SPHERES_PER_THREAD}u;
 
 @compute @workgroup_size(256)
-fn density_clear(at: Builtins) {
-    let place = place_of(at);
+fn density_clear(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
     if (grid.refinement != 2u) {
         return;
     }
     for (var item = 0u; item < ITEMS; item++) {
-        let slot = (place.group * ITEMS + item) * 256u + place.lane;
+        let slot = (group * ITEMS + item) * 256u + place.lane;
         if (slot < 2u * call.density_slots) {
             atomicStore(&density[slot], 0u);
         }

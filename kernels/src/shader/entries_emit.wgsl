@@ -16,7 +16,13 @@
 #include reserve entries
 #include group_scan
 
-var<workgroup> group_first: u32;
+// Where the workgroup's entries of one level begin, and how many of its spheres go on to the next.
+struct Share {
+    first: u32,
+    going_on: u32,
+}
+
+var<workgroup> share: Share;
 
 // A sphere's cells at one level, by number: where it has entries, which of these are passive, and which cells hand
 // it down.
@@ -62,12 +68,12 @@ fn visit(here: Cells, above: Cells, alive: u32, is_own: bool) -> Visit {
 }
 
 @compute @workgroup_size(256)
-fn entries_emit(at: Builtins) {
-    let place = place_of(at);
-    if (place.group * GROUP >= grid.spheres) {
+fn entries_emit(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
+    if (group * GROUP >= grid.spheres) {
         return;
     }
-    let index = place.group * GROUP + place.lane;
+    let index = group * GROUP + place.lane;
     var words = NO_CELLS;
     if (index < grid.spheres) {
         words = cells[index];
@@ -76,10 +82,8 @@ fn entries_emit(at: Builtins) {
     let own_depth = 31u - countLeadingZeros(depths_to(grid.depths, own.depth));
     var above = cells_at(own, 0u);
     var alive = select(0u, 0xffu, any(words != NO_CELLS));
-    var depths = grid.depths;
-    while (depths != 0u) {
+    for (var depths = grid.depths; depths != 0u; depths &= depths - 1u) {
         let depth = firstTrailingBit(depths);
-        depths &= depths - 1u;
         var found = Visit(0u, 0u, 0u);
         var here = above;
         if (alive != 0u) {
@@ -87,23 +91,26 @@ fn entries_emit(at: Builtins) {
             found = visit(here, above, alive, depth == own_depth);
         }
         // Counted together: in the upper half, how many spheres go on.
-        let scan = group_scan(countOneBits(found.entries) | select(0u, 0x10000u, found.handed != 0u), place);
+        let before = group_scan(countOneBits(found.entries) | select(0u, 0x10000u, found.handed != 0u), place);
         if (place.lane == 0u) {
-            group_first = entries_reserve(scan.y & 0xffffu);
+            let all = group_sum();
+            share = Share(entries_reserve(all & 0xffffu), all >> 16u);
         }
-        workgroupBarrier();
-        var at_entry = group_first + (scan.x & 0xffffu);
-        var left = select(0u, found.entries, group_first < call.entry_capacity);
-        while (left != 0u && at_entry < call.entry_capacity) {
+        let own_share = workgroupUniformLoad(&share);
+        var at_entry = own_share.first + (before & 0xffffu);
+        let fitting = select(0u, found.entries, own_share.first < call.entry_capacity);
+        for (var left = fitting; left != 0u; left &= left - 1u) {
+            if (at_entry >= call.entry_capacity) {
+                break;
+            }
             let number = firstTrailingBit(left);
-            left &= left - 1u;
             let step = step_of(number);
             let is_passive = (found.passive >> number) & 1u;
             keys[at_entry] = (key_of(depth, here.first + step) << grid.passive) | is_passive;
             objects[at_entry] = index | ((number ^ 7u) << 29u);
             at_entry += 1u;
         }
-        if ((scan.y >> 16u) == 0u) {
+        if (own_share.going_on == 0u) {
             break;
         }
         above = here;

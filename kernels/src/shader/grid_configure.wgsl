@@ -28,6 +28,11 @@ var<workgroup> accepted: atomic<u32>;
 // Lower quartile, median and upper quartile of the samples.
 var<workgroup> quartiles: array<array<f32, 3>, 3>;
 
+// Whether an axis with this period is unbounded; by its bits, as devices may take small ones for 0.
+fn is_open(period: f32) -> bool {
+    return bitcast<u32>(period) == 0u;
+}
+
 fn decoded(key: u32) -> f32 {
     return bitcast<f32>(select(~key, key & 0x7fffffffu, key >= 0x80000000u));
 }
@@ -57,7 +62,7 @@ fn from_first(sample: vec3<f32>) -> vec3<f32> {
 // nor the seam makes one cell of neighbours, or else so small a power of two that the raster has but one cell until
 // cells are so small that it has four. 0 where the axis is not periodic.
 fn turns_of(length: f32, edge: f32) -> f32 {
-    if (length == 0.0) {
+    if (is_open(length)) {
         return 0.0;
     }
     if (length < SHORTEST || length > LONGEST || edge >= 0x1p120 || length < edge * FEWEST_TURNS) {
@@ -88,8 +93,8 @@ fn turns_of(length: f32, edge: f32) -> f32 {
 #endif
 
 @compute @workgroup_size(256)
-fn grid_configure(at: Builtins) {
-    let lane = at.lane;
+fn grid_configure(place: Place) {
+    let lane = place.lane;
     let count = grid.spheres;
     if (lane == 0u) {
         atomicStore(&accepted, 0u);
@@ -144,8 +149,8 @@ fn grid_configure(at: Builtins) {
     let radius_max = bitcast<f32>(atomicLoad(&bounds.radius_max));
     let radius_min = bitcast<f32>(min(atomicLoad(&bounds.radius_min), 0x7f7fffffu));
     let lengths = periods();
-    let is_open = lengths == vec3(0.0);
-    let aside = select(vec3(0.0), abs(origin), is_open);
+    let open = vec3(is_open(lengths.x), is_open(lengths.y), is_open(lengths.z));
+    let aside = select(vec3(0.0), abs(origin), open);
     let far = max(max(aside.x, aside.y), aside.z);
     let spheres_count = f32(max(count, 1u));
     // Sparse points need no finer raster than their distances ask for, however small they are: about an eighth of
@@ -161,8 +166,8 @@ fn grid_configure(at: Builtins) {
     let turns = vec3(turns_of(lengths.x, edge), turns_of(lengths.y, edge), turns_of(lengths.z, edge));
     let open_inverse = select(0.0, 1.0 / edge, edge < 0x1p120);
     let ring_inverse = select(vec3(0.0), turns / max(lengths, vec3(SHORTEST)), turns > vec3(FEWEST_TURNS));
-    let inverse_edge = select(ring_inverse, vec3(open_inverse), is_open);
-    let corner = select(-0.5 * lengths, origin, is_open);
+    let inverse_edge = select(ring_inverse, vec3(open_inverse), open);
+    let corner = select(-0.5 * lengths, origin, open);
     let lowest = vec3(
         decoded(atomicLoad(&bounds.low_x)),
         decoded(atomicLoad(&bounds.low_y)),
@@ -180,8 +185,8 @@ fn grid_configure(at: Builtins) {
         high = max(low, cell_of(highest, corner, inverse_edge));
     }
     // Boxes stick out over the seam by less than an edge.
-    low = select(vec3(-1), low, is_open);
-    high = select(vec3<i32>(turns) + vec3(1), high, is_open);
+    low = select(vec3(-1), low, open);
+    high = select(vec3<i32>(turns) + vec3(1), high, open);
     let largest = max(
         max(max(abs(lowest.x), abs(lowest.y)), abs(lowest.z)),
         max(max(abs(highest.x), abs(highest.y)), abs(highest.z)),
@@ -199,5 +204,8 @@ fn grid_configure(at: Builtins) {
     grid.depths = 1u;
     grid.occupied = 1u;
     grid.passive = 0u;
-    grid.levels[0] = Level(folded_bits(axis_bits(low, high, turns, 0u), call.key_bits), 0u);
+    // All pairs have no keys.
+    if (call.key_bits != 0u) {
+        grid.levels[0] = Level(folded_bits(axis_bits(low, high, turns, 0u), call.key_bits), 0u);
+    }
 }

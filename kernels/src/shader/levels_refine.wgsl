@@ -28,16 +28,16 @@ fn dense_cells(coarse: Cells) -> u32 {
 }
 
 @compute @workgroup_size(256)
-fn levels_refine(at: Builtins) {
-    let place = place_of(at);
-    if (place.group * GROUP >= grid.spheres || grid.refinement != 2u) {
+fn levels_refine(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
+    if (group * GROUP >= grid.spheres || grid.refinement != 2u) {
         return;
     }
     if (place.lane < 32u) {
         atomicStore(&group_descending[place.lane], 0u);
     }
     workgroupBarrier();
-    let index = place.group * GROUP + place.lane;
+    let index = group * GROUP + place.lane;
     var words = NO_CELLS;
     if (index < grid.spheres) {
         words = cells[index];
@@ -52,9 +52,8 @@ fn levels_refine(at: Builtins) {
         } else {
             depths = 0u;
         }
-        while (depths != 0u) {
+        for (; depths != 0u; depths &= depths - 1u) {
             let depth = firstTrailingBit(depths);
-            depths &= depths - 1u;
             let here = cells_at(own, depth);
             for (var number = 0u; number < 8u; number++) {
                 let step = step_of(number);

@@ -15,11 +15,8 @@ var<workgroup> weights: array<u32, 32>;
 var<workgroup> sizes: array<u32, 32>;
 
 @compute @workgroup_size(32)
-fn levels_settle(at: Builtins) {
-    let depth = at.lane;
-    if (grid.refinement == 0u) {
-        return;
-    }
+fn levels_settle(place: Place) {
+    let depth = place.lane;
     let occupied = atomicLoad(&bounds.depths);
     var deeper = 0u;
     var weight = 0u;

@@ -1,6 +1,5 @@
 // All pairs: each workgroup takes 256 spheres and a share of the tiles of those with larger indices. There are so
-// many workgroups that no invocation takes more turns than some devices allow. Its loops run without a guard against
-// endless ones: whoever changes one proves anew, where the shader is compiled, that it ends.
+// many workgroups that no invocation takes more turns than some devices allow.
 #include layout
 #include place
 #include sphere
@@ -25,12 +24,12 @@ const GROUP: u32 = 256u;
 var<workgroup> tile_valid: array<atomic<u32>, 8>;
 
 @compute @workgroup_size(256)
-fn naive_search(at: Builtins) {
-    let place = place_of(at);
+fn naive_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
     let count = grid.spheres;
     let blocks = (count + GROUP - 1u) / GROUP;
     let splits = clamp(call.search_groups / max(blocks, 1u), 1u, max(blocks, 1u));
-    let block = place.group / splits;
+    let block = group / splits;
     let first_row = block * GROUP;
     if (block >= blocks || first_row >= call.window_end || first_row + (GROUP - 1u) < call.window_begin) {
         return;
@@ -45,7 +44,11 @@ fn naive_search(at: Builtins) {
         row.species = min(species[row.object], call.species - 1u);
 #endif
     }
-    for (var column = block + place.group % splits; column < blocks; column += splits) {
+    for (var turn = 0u; turn < blocks; turn++) {
+        let column = block + group % splits + turn * splits;
+        if (column >= blocks) {
+            break;
+        }
         workgroupBarrier();
         if (place.lane < 8u) {
             atomicStore(&tile_valid[place.lane], 0u);
@@ -73,9 +76,11 @@ fn naive_search(at: Builtins) {
             }
             if (some_lane(hits != 0u)) {
                 var at_pair = pairs_reserve_lane(countOneBits(hits), place);
-                while (hits != 0u && at_pair < call.pair_capacity) {
+                for (; hits != 0u; hits &= hits - 1u) {
+                    if (at_pair >= call.pair_capacity) {
+                        break;
+                    }
                     let k = firstTrailingBit(hits);
-                    hits &= hits - 1u;
                     pair_write(at_pair, row.object, column * GROUP + first + k);
                     at_pair += 1u;
                 }

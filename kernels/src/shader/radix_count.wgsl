@@ -14,9 +14,9 @@ const ITEMS: u32 = #{RADIX_ITEMS}u;
 var<workgroup> histogram: array<atomic<u32>, 256>;
 
 @compute @workgroup_size(256)
-fn radix_count(at: Builtins) {
-    let place = place_of(at);
-    let start = place.group * GROUP * ITEMS;
+fn radix_count(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
+    let start = group * GROUP * ITEMS;
     if (start >= lengths.items) {
         return;
     }
@@ -29,5 +29,5 @@ fn radix_count(at: Builtins) {
         }
     }
     workgroupBarrier();
-    counts[place.lane * (lengths.counters / 256u) + place.group] = atomicLoad(&histogram[place.lane]);
+    counts[place.lane * (lengths.counters / 256u) + group] = atomicLoad(&histogram[place.lane]);
 }

@@ -56,8 +56,12 @@ fn ones(mask: vec4<u32>) -> u32 {
 }
 
 fn rank_items(place: Place, count: u32, item_keys: ptr<function, array<u32, ITEMS>>) -> array<u32, ITEMS> {
-    for (var word = place.lane; word < place.subgroups * 128u; word += GROUP) {
-        atomicStore(&scratch[word], 0u);
+    let words = place.subgroups * 128u;
+    for (var turn = 0u; turn < (words + GROUP - 1u) / GROUP; turn++) {
+        let word = turn * GROUP + place.lane;
+        if (word < words) {
+            atomicStore(&scratch[word], 0u);
+        }
     }
     workgroupBarrier();
     var ranks: array<u32, ITEMS>;
@@ -150,9 +154,9 @@ fn rank_items(place: Place, count: u32, item_keys: ptr<function, array<u32, ITEM
 #endif
 
 @compute @workgroup_size(256)
-fn radix_scatter(at: Builtins) {
-    let place = place_of(at);
-    let start = place.group * TILE;
+fn radix_scatter(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
+    let start = group * TILE;
     if (start >= lengths.items) {
         return;
     }
@@ -166,7 +170,7 @@ fn radix_scatter(at: Builtins) {
     }
     var ranks = rank_items(place, count, &item_keys);
 
-    let in_tile = group_scan(digits[place.lane], place).x;
+    let in_tile = group_scan(digits[place.lane], place);
     digits[place.lane] = in_tile;
     workgroupBarrier();
     for (var item = 0u; item < ITEMS; item++) {
@@ -176,7 +180,7 @@ fn radix_scatter(at: Builtins) {
         }
     }
     workgroupBarrier();
-    digits[place.lane] = places[place.lane * (lengths.counters / 256u) + place.group] - in_tile;
+    digits[place.lane] = places[place.lane * (lengths.counters / 256u) + group] - in_tile;
     workgroupBarrier();
     var targets: array<u32, ITEMS>;
     for (var item = 0u; item < ITEMS; item++) {

@@ -28,7 +28,13 @@ var<workgroup> block_spheres: array<vec4<f32>, 256>;
 var<workgroup> group_hits: atomic<u32>;
 var<workgroup> group_open: atomic<u32>;
 var<workgroup> group_far: atomic<u32>;
-var<workgroup> group_first: u32;
+// What becomes of a stretch of 32 partners: where its pairs begin, and whether some thread has partners beyond.
+struct Stretch {
+    first: u32,
+    open: u32,
+}
+
+var<workgroup> stretch: Stretch;
 
 fn object_at(entry: u32, block: u32) -> u32 {
     if (entry - block < GROUP) {
@@ -55,10 +61,10 @@ fn is_entry_pair(object: u32, sphere: vec4<f32>, other_object: u32, other: u32, 
 }
 
 @compute @workgroup_size(256)
-fn runs_search(at: Builtins) {
-    let place = place_of(at);
+fn runs_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
     let count = lengths.items;
-    let block = place.group * GROUP;
+    let block = group * GROUP;
     if (block >= count) {
         return;
     }
@@ -88,7 +94,10 @@ fn runs_search(at: Builtins) {
 
     for (var near = 1u; near <= NEAR; near += 32u) {
         var hits = 0u;
-        for (var k = 0u; open && k < 32u; k++) {
+        for (var k = 0u; k < 32u; k++) {
+            if (!open) {
+                break;
+            }
             let other = entry + near + k;
             var same = other < count;
             if (same) {
@@ -114,30 +123,26 @@ fn runs_search(at: Builtins) {
         workgroupBarrier();
         if (place.lane == 0u) {
             let total = atomicLoad(&group_hits);
+            var first = 0u;
             if (total != 0u) {
-                group_first = found_reserve(total);
+                first = found_reserve(total);
             }
+            stretch = Stretch(first, atomicLoad(&group_open));
+            atomicStore(&group_hits, 0u);
+            atomicStore(&group_open, 0u);
         }
-        workgroupBarrier();
-        let again = atomicLoad(&group_open) != 0u;
-        if (hits != 0u && group_first < call.pair_capacity) {
-            var at_pair = group_first + before;
-            while (hits != 0u) {
+        let settled = workgroupUniformLoad(&stretch);
+        if (hits != 0u && settled.first < call.pair_capacity) {
+            var at_pair = settled.first + before;
+            for (; hits != 0u; hits &= hits - 1u) {
                 let k = firstTrailingBit(hits);
-                hits &= hits - 1u;
                 pair_write(at_pair, index_of(object), index_of(object_at(entry + near + k, block)));
                 at_pair += 1u;
             }
         }
-        if (!again) {
+        if (settled.open == 0u) {
             break;
         }
-        workgroupBarrier();
-        if (place.lane == 0u) {
-            atomicStore(&group_hits, 0u);
-            atomicStore(&group_open, 0u);
-        }
-        workgroupBarrier();
     }
     if (place.lane == 0u && atomicLoad(&group_far) != 0u) {
         crowded[atomicAdd(&outcome.crowded, 1u)] = block;

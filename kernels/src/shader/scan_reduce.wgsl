@@ -12,9 +12,9 @@ const ITEMS: u32 = #{SCAN_ITEMS}u;
 var<workgroup> tree: array<vec2<u32>, 256>;
 
 @compute @workgroup_size(256)
-fn scan_reduce(at: Builtins) {
-    let place = place_of(at);
-    let start = place.group * 256u * ITEMS;
+fn scan_reduce(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
+    let start = group * 256u * ITEMS;
     if (start >= lengths.counters) {
         return;
     }
@@ -34,6 +34,6 @@ fn scan_reduce(at: Builtins) {
         workgroupBarrier();
     }
     if (place.lane == 0u) {
-        sums[place.group] = tree[0];
+        sums[group] = tree[0];
     }
 }

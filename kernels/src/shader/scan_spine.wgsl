@@ -14,11 +14,12 @@ const ITEMS: u32 = 8u;
 var<workgroup> scan: array<vec2<u32>, 512>;
 
 @compute @workgroup_size(256)
-fn scan_spine(at: Builtins) {
+fn scan_spine(place: Place) {
     let tiles = lengths.counters / TILE + select(0u, 1u, lengths.counters % TILE != 0u);
     var carry = vec2(0u);
-    for (var start = 0u; start < tiles; start += 256u * ITEMS) {
-        let mine = start + at.lane * ITEMS;
+    let rounds = (tiles + 256u * ITEMS - 1u) / (256u * ITEMS);
+    for (var round = 0u; round < rounds; round++) {
+        let mine = (round * 256u + place.lane) * ITEMS;
         var sum = vec2(0u);
         for (var item = 0u; item < ITEMS; item++) {
             if (mine + item < tiles) {
@@ -26,20 +27,20 @@ fn scan_spine(at: Builtins) {
             }
         }
         var front = 0u;
-        scan[at.lane] = sum;
+        scan[place.lane] = sum;
         workgroupBarrier();
         for (var step = 1u; step < 256u; step *= 2u) {
-            var value = scan[front + at.lane];
-            if (at.lane >= step) {
-                value = wide_add(value, scan[front + at.lane - step]);
+            var value = scan[front + place.lane];
+            if (place.lane >= step) {
+                value = wide_add(value, scan[front + place.lane - step]);
             }
             front = 256u - front;
-            scan[front + at.lane] = value;
+            scan[front + place.lane] = value;
             workgroupBarrier();
         }
         var running = carry;
-        if (at.lane > 0u) {
-            running = wide_add(carry, scan[front + at.lane - 1u]);
+        if (place.lane > 0u) {
+            running = wide_add(carry, scan[front + place.lane - 1u]);
         }
         carry = wide_add(carry, scan[front + 255u]);
         for (var item = 0u; item < ITEMS; item++) {
@@ -51,7 +52,7 @@ fn scan_spine(at: Builtins) {
         }
         workgroupBarrier();
     }
-    if (at.lane == 0u) {
+    if (place.lane == 0u) {
         total = carry;
     }
 }

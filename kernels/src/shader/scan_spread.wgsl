@@ -11,9 +11,9 @@
 const ITEMS: u32 = #{SCAN_ITEMS}u;
 
 @compute @workgroup_size(256)
-fn scan_spread(at: Builtins) {
-    let place = place_of(at);
-    let start = place.group * GROUP * ITEMS;
+fn scan_spread(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
+    let start = group * GROUP * ITEMS;
     if (start >= lengths.counters) {
         return;
     }
@@ -24,7 +24,7 @@ fn scan_spread(at: Builtins) {
             sum += values[mine + item];
         }
     }
-    var running = sums[place.group].x + group_scan(sum, place).x;
+    var running = sums[group].x + group_scan(sum, place);
     for (var item = 0u; item < ITEMS; item++) {
         if (mine + item < lengths.counters) {
             let next = running + values[mine + item];

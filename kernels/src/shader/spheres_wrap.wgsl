@@ -48,8 +48,11 @@ fn wrap(coordinate: u32, period: u32) -> u32 {
     }
     var rest = x.digits % length.digits;
     var left = x.exponent - length.exponent;
-    // Eight digits a turn: 24 and these are all that 32 bits hold.
-    while (left != 0u) {
+    // Eight digits a turn, of 254 at most: 24 and these are all that 32 bits hold.
+    for (var turn = 0u; turn < 32u; turn++) {
+        if (left == 0u) {
+            break;
+        }
         let step = min(left, 8u);
         rest = (rest << step) % length.digits;
         left -= step;
@@ -61,9 +64,9 @@ fn wrap(coordinate: u32, period: u32) -> u32 {
 }
 
 @compute @workgroup_size(256)
-fn spheres_wrap(at: Builtins) {
-    let place = place_of(at);
-    let index = place.group * 256u + place.lane;
+fn spheres_wrap(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let group = number_of_group(id, groups);
+    let index = group * 256u + place.lane;
     if (index >= grid.spheres) {
         return;
     }

@@ -1,9 +1,10 @@
-//! The wrap kernel against `Space::wrap`.
+//! The wrap kernel against `Space::wrap`, and the times of a call in parts.
 
 use lazygrid_kernels::{Algorithm, Space, Sphere};
 
 use super::*;
-use crate::gpu::GpuDevice;
+use crate::gpu::adapter::device_or_skip;
+use crate::gpu::{GpuDevice, Phase};
 
 /// What the kernel makes of these spheres.
 fn wrapped(own: &GpuDevice, space: Space, spheres: &[Sphere]) -> Vec<Sphere> {
@@ -33,10 +34,7 @@ fn wrapped(own: &GpuDevice, space: Space, spheres: &[Sphere]) -> Vec<Sphere> {
 
 #[test]
 fn the_kernel_wraps_as_the_host_does() {
-    let own = match GpuDevice::shared(true) {
-        Err(GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => return,
-        own => own.expect("a device"),
-    };
+    let Some(own) = device_or_skip() else { return };
     let tiny = f32::from_bits(1);
     let lengths =
         [1.0, 0.1, 3.0, 1.0 / 3.0, 16_777_215.0, 1e-30, 1e30, f32::MAX, f32::MIN_POSITIVE, 3.0 * tiny, tiny];
@@ -64,6 +62,55 @@ fn the_kernel_wraps_as_the_host_does() {
             }
             assert_eq!(given.center.y.to_bits(), found.center.y.to_bits());
             assert_eq!(found.radius, 1.0);
+        }
+    }
+}
+
+/// The ticks of the last recorded call or part, by phase.
+fn ticks(own: &GpuDevice, detector: &GpuDetector, mut encoder: wgpu::CommandEncoder) -> Vec<[u64; 2]> {
+    let ticks = detector.ticks().expect("timed");
+    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+    let descriptor =
+        wgpu::BufferDescriptor { label: Some("test"), size: ticks.size(), usage, mapped_at_creation: false };
+    let back = own.device.create_buffer(&descriptor);
+    encoder.copy_buffer_to_buffer(ticks, 0, &back, 0, ticks.size());
+    own.queue.submit([encoder.finish()]);
+    back.slice(..).map_async(wgpu::MapMode::Read, |result| result.expect("mapped"));
+    own.device.poll(wgpu::PollType::wait_indefinitely()).expect("finished");
+    bytemuck::pod_collect_to_vec(&back.slice(..).get_mapped_range().expect("mapped"))
+}
+
+#[test]
+fn a_further_part_is_timed_as_a_search() {
+    let Some(own) = device_or_skip() else { return };
+    if !own.adapter.has_timestamps {
+        return;
+    }
+    let settings = GpuSettings { algorithm: Algorithm::ArrayGrid, timed: true, ..GpuSettings::default() };
+    let mut detector =
+        GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings).expect("made");
+    detector.set_part_tests(1 << 20);
+    let spheres = vec![Sphere::new([1.0; 3], 0.5); 3000];
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+    let size = size_of_val(&spheres[..]) as u64;
+    let descriptor = wgpu::BufferDescriptor { label: Some("test"), size, usage, mapped_at_creation: false };
+    let given = own.device.create_buffer(&descriptor);
+    own.queue.write_buffer(&given, 0, bytemuck::cast_slice(&spheres));
+    let mut encoder = own.device.create_command_encoder(&Default::default());
+    let input =
+        GpuSpheres { spheres: &given, count: Count::Host(3000), species: None, window: GpuSpheres::ALL };
+    detector.encode(&mut encoder, &input).expect("recorded");
+    let first = ticks(&own, &detector, encoder);
+    let mut encoder = own.device.create_command_encoder(&Default::default());
+    detector.encode_rest(&mut encoder);
+    let rest = ticks(&own, &detector, encoder);
+    for phase in Phase::ALL {
+        let ([begin, end], [rest_begin, rest_end]) = (first[phase as usize], rest[phase as usize]);
+        assert!(begin <= end && rest_begin <= rest_end, "{phase:?}: {first:?}, {rest:?}");
+        if phase == Phase::Search {
+            assert!(end <= rest_begin && begin < rest_begin, "{first:?}, {rest:?}");
+        } else {
+            assert_eq!([begin, end], [rest_begin, rest_end], "{phase:?}");
         }
     }
 }

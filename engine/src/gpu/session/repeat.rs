@@ -46,7 +46,6 @@ impl GpuSession {
         window: Range<u32>,
         wait: Wait,
     ) -> Result<Outcome, GpuError> {
-        self.timings.clear();
         loop {
             let outcome = self.land(number, wait).await.map_err(|error| self.own.reason(error))?;
             self.last = outcome;
@@ -155,9 +154,42 @@ impl GpuSession {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use Algorithm::{ArrayGrid, LazyGrid};
+    use lazygrid_kernels::{Sphere, Spheres};
 
     use super::*;
+    use crate::gpu::GpuSpheres;
+    use crate::gpu::adapter::device_or_skip;
+
+    /// However long a submission takes, what was there before stays in the sum.
+    #[test]
+    fn times_are_those_of_all_submissions_of_a_call() {
+        const BEFORE: Duration = Duration::from_secs(1 << 30);
+        let Some(own) = device_or_skip() else { return };
+        let settings = GpuSettings { algorithm: ArrayGrid, timed: true, ..GpuSettings::default() };
+        let mut session = GpuSession::new(own, settings).expect("made");
+        session.set_part_tests(1 << 20);
+        let spheres = vec![Sphere::new([1.0; 3], 0.5); 3000];
+        let search = |session: &GpuSession| {
+            session.timings().iter().find(|timing| timing.name == "search").map_or(Duration::ZERO, |t| t.time)
+        };
+        let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+        session.time("search", BEFORE);
+        let whole = session.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking);
+        let outcome = pollster::block_on(whole).expect("settled");
+        assert!(outcome.crowded_begin > 0, "one part only: {outcome:?}");
+        assert!(search(&session) >= BEFORE, "{:?}", session.timings());
+        let windows =
+            session.windows(ticket.number, outcome.found(), Wait::Blocking, |_| ControlFlow::Continue(()));
+        pollster::block_on(windows).expect("found");
+        assert!(search(&session) >= BEFORE, "{:?}", session.timings());
+        drop(ticket);
+        let next = session.begin(Spheres::from(&spheres)).expect("begun");
+        assert_eq!(session.finish_count(next), Ok(outcome.found()));
+        assert!(search(&session) < BEFORE, "a call has the times of the one before: {:?}", session.timings());
+    }
 
     #[test]
     fn a_call_becomes_coarser_and_at_last_has_one_level() {

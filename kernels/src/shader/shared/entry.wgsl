@@ -31,7 +31,11 @@ fn is_passive(key: u32) -> bool {
 fn run_end(run: u32, begin: u32) -> u32 {
     var low = begin;
     var high = lengths.items;
-    while (low < high) {
+    // Each turn leaves less than half of them.
+    for (var turn = 0u; turn < 32u; turn++) {
+        if (low >= high) {
+            break;
+        }
         let middle = low + (high - low) / 2u;
         if (run_of(keys[middle]) == run) {
             low = middle + 1u;

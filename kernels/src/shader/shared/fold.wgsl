@@ -1,6 +1,8 @@
 // Fewest bits of a folded axis: with eight cells before the fold repeats, two overlapping spheres never meet in
 // different cells of one key.
 const FOLD_BITS: u32 = 3u;
+// More bits than an axis has at any depth: 19 at the first, and one more at each of the 31 others.
+const MOST_BITS: u32 = 50u;
 
 // Bits that tell the cells of this depth apart on each axis. A ring of cells has a multiple of four, so that a fold
 // to fewer bits keeps neighbours apart across the seam too.
@@ -15,10 +17,13 @@ fn axis_bits(low: vec3<i32>, high: vec3<i32>, turns: vec3<f32>, depth: u32) -> v
 #endif
 }
 
-// Bits of each axis, taken from the longest ones until `budget`, which is at least nine, is met.
+// Bits of each axis, taken from the longest ones until `budget` is met, or the fewest that there may be.
 fn folded_bits(wanted: vec3<u32>, budget: u32) -> vec3<u32> {
-    var bits = wanted;
-    while (bits.x + bits.y + bits.z > budget) {
+    var bits = min(wanted, vec3(MOST_BITS));
+    for (var turn = 0u; turn < 3u * MOST_BITS; turn++) {
+        if (bits.x + bits.y + bits.z <= max(budget, 3u * FOLD_BITS)) {
+            break;
+        }
         if (bits.x >= bits.y && bits.x >= bits.z) {
             bits.x = max(bits.x - 1u, FOLD_BITS);
         } else if (bits.y >= bits.z) {

@@ -4,8 +4,9 @@ const GROUP: u32 = 256u;
 var<workgroup> group_sums: array<u32, #{MAX_SUBGROUPS}>;
 var<workgroup> group_total: u32;
 
-// Exclusive prefix sum of `value` over the workgroup in x, the sum of all in y. Called by all threads.
-fn group_scan(value: u32, place: Place) -> vec2<u32> {
+// Exclusive prefix sum of `value` over the workgroup; `group_sum` is the sum of all from then on until the next scan.
+// Called by all threads.
+fn group_scan(value: u32, place: Place) -> u32 {
     let before = subgroupExclusiveAdd(value);
     let sum = subgroupAdd(value);
     if (place.lane_in_subgroup == 0u) {
@@ -22,15 +23,20 @@ fn group_scan(value: u32, place: Place) -> vec2<u32> {
         group_total = running;
     }
     workgroupBarrier();
-    let result = vec2(before + group_sums[place.subgroup], group_total);
+    let prefix = before + group_sums[place.subgroup];
     workgroupBarrier();
-    return result;
+    return prefix;
+}
+
+fn group_sum() -> u32 {
+    return group_total;
 }
 #else
 var<workgroup> group_sums: array<u32, 512>;
 
-// Exclusive prefix sum of `value` over the workgroup in x, the sum of all in y. Called by all threads.
-fn group_scan(value: u32, place: Place) -> vec2<u32> {
+// Exclusive prefix sum of `value` over the workgroup; `group_sum` is the sum of all from then on until the next scan.
+// Called by all threads.
+fn group_scan(value: u32, place: Place) -> u32 {
     var front = 0u;
     group_sums[place.lane] = value;
     workgroupBarrier();
@@ -43,8 +49,13 @@ fn group_scan(value: u32, place: Place) -> vec2<u32> {
         group_sums[front + place.lane] = sum;
         workgroupBarrier();
     }
-    let result = vec2(group_sums[front + place.lane] - value, group_sums[front + GROUP - 1u]);
+    let prefix = group_sums[front + place.lane] - value;
     workgroupBarrier();
-    return result;
+    return prefix;
+}
+
+fn group_sum() -> u32 {
+    // After eight steps the sums lie in the first half.
+    return group_sums[GROUP - 1u];
 }
 #endif

@@ -1,18 +1,6 @@
-// Where a thread stands: its workgroup in the flattened dispatch, and its lane.
+// Where a thread stands in its workgroup. What is the same for the whole workgroup is passed beside it: as members of
+// one structure compilers would take all of it to differ from thread to thread, and refuse barriers behind a branch.
 struct Place {
-    group: u32,
-    lane: u32,
-#ifdef SUBGROUPS
-    subgroup: u32,
-    subgroups: u32,
-    lane_in_subgroup: u32,
-    subgroup_size: u32,
-#endif
-}
-
-struct Builtins {
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 #ifdef SUBGROUPS
     @builtin(subgroup_id) subgroup: u32,
@@ -23,15 +11,6 @@ struct Builtins {
 }
 
 // Workgroups are numbered over two dimensions, as one holds no more than 65 535 of them.
-fn place_of(at: Builtins) -> Place {
-    var place: Place;
-    place.group = at.group.x + at.group.y * at.groups.x;
-    place.lane = at.lane;
-#ifdef SUBGROUPS
-    place.subgroup = at.subgroup;
-    place.subgroups = at.subgroups;
-    place.lane_in_subgroup = at.lane_in_subgroup;
-    place.subgroup_size = at.subgroup_size;
-#endif
-    return place;
+fn number_of_group(id: vec3<u32>, groups: vec3<u32>) -> u32 {
+    return id.x + id.y * groups.x;
 }

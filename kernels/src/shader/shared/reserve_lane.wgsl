@@ -6,7 +6,9 @@ fn some_lane(wanted: bool) -> bool {
     return subgroupAny(wanted);
 }
 
-// Places for this thread's `count` pairs, without a workgroup barrier: one atomic per subgroup.
+// Places for this thread's `count` pairs, without a workgroup barrier: one atomic per subgroup. Called behind
+// `some_lane`, which is the same for all its threads; no compiler knows that yet.
+#standard @diagnostic(off, subgroup_uniformity)
 fn pairs_reserve_lane(count: u32, place: Place) -> u32 {
     let before = subgroupExclusiveAdd(count);
     let total = subgroupAdd(count);

@@ -25,6 +25,8 @@ const TURNS: u32 = 32u;
 
 // How many candidates are free, by round in turn, so that clearing one does not disturb who still reads the other.
 var<workgroup> free: array<atomic<u32>, 2>;
+// How many candidates there are, read once for all.
+var<workgroup> listed: u32;
 
 fn is_free_at(index: u32) -> bool {
     return is_free(candidates[index], rules[candidates[index].rule]);
@@ -37,27 +39,31 @@ fn wait() {
 
 @compute @workgroup_size(256)
 fn matching_finish(@builtin(local_invocation_index) lane: u32) {
-    let count = atomicLoad(&control.left[round.source]);
-    let turns = TURNS * (count / GROUP + 1u);
+    if (lane == 0u) {
+        listed = atomicLoad(&control.left[round.source]);
+    }
+    let count = workgroupUniformLoad(&listed);
+    let shares = count / GROUP + 1u;
+    let rounds = params.turns / (TURNS * shares);
     if (lane < 2u) {
         atomicStore(&free[lane], 0u);
     }
     wait();
-    var spent = 0u;
-    var number = 0u;
-    while (spent + turns <= params.turns) {
-        for (var k = lane; k < count; k += GROUP) {
-            if (is_free_at(left[k])) {
+    for (var number = 0u; number < rounds; number++) {
+        for (var share = 0u; share < shares; share++) {
+            let k = share * GROUP + lane;
+            if (k < count && is_free_at(left[k])) {
                 clear(left[k]);
                 atomicAdd(&free[number & 1u], 1u);
             }
         }
         wait();
-        if (atomicLoad(&free[number & 1u]) == 0u) {
+        if (workgroupUniformLoad(&free[number & 1u]) == 0u) {
             return;
         }
-        for (var k = lane; k < count; k += GROUP) {
-            if (is_free_at(left[k])) {
+        for (var share = 0u; share < shares; share++) {
+            let k = share * GROUP + lane;
+            if (k < count && is_free_at(left[k])) {
                 propose(left[k]);
             }
         }
@@ -65,20 +71,20 @@ fn matching_finish(@builtin(local_invocation_index) lane: u32) {
             atomicStore(&free[(number + 1u) & 1u], 0u);
         }
         wait();
-        for (var k = lane; k < count; k += GROUP) {
-            if (is_free_at(left[k])) {
+        for (var share = 0u; share < shares; share++) {
+            let k = share * GROUP + lane;
+            if (k < count && is_free_at(left[k])) {
                 break_tie(left[k]);
             }
         }
         wait();
-        for (var k = lane; k < count; k += GROUP) {
-            if (is_free_at(left[k])) {
+        for (var share = 0u; share < shares; share++) {
+            let k = share * GROUP + lane;
+            if (k < count && is_free_at(left[k])) {
                 settle(left[k]);
             }
         }
         wait();
-        spent += turns;
-        number += 1u;
     }
     if (lane == 0u) {
         control.frozen = ROUNDS_LEFT;

@@ -19,7 +19,12 @@ fn matching_open(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroup
                  @builtin(local_invocation_index) lane: u32) {
     let count = atomicLoad(&control.left[round.source]);
     let threads = groups.x * GROUP;
-    for (var k = group.x * GROUP + lane; k < count; k += threads) {
+    let turns = count / threads + 1u;
+    for (var turn = 0u; turn < turns; turn++) {
+        let k = group.x * GROUP + lane + turn * threads;
+        if (k >= count) {
+            break;
+        }
         let index = left[k];
         if (is_free(candidates[index], rules[candidates[index].rule])) {
             left_next[atomicAdd(&control.left[1u - round.source], 1u)] = index;

@@ -28,7 +28,12 @@ fn matching_settle(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
         atomicStore(&control.left[round.source], 0u);
     }
     let threads = groups.x * GROUP;
-    for (var k = first; k < count; k += threads) {
+    let turns = count / threads + 1u;
+    for (var turn = 0u; turn < turns; turn++) {
+        let k = first + turn * threads;
+        if (k >= count) {
+            break;
+        }
         settle(left_next[k]);
     }
 }

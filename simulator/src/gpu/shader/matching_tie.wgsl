@@ -17,7 +17,12 @@ fn matching_tie(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups
                 @builtin(local_invocation_index) lane: u32) {
     let count = atomicLoad(&control.left[1u - round.source]);
     let threads = groups.x * GROUP;
-    for (var k = group.x * GROUP + lane; k < count; k += threads) {
+    let turns = count / threads + 1u;
+    for (var turn = 0u; turn < turns; turn++) {
+        let k = group.x * GROUP + lane + turn * threads;
+        if (k >= count) {
+            break;
+        }
         break_tie(left_next[k]);
     }
 }

@@ -7,8 +7,11 @@
 
 @compute @workgroup_size(256)
 fn step_begin(@builtin(local_invocation_index) lane: u32) {
-    for (var k = lane; k < params.tallies; k += GROUP) {
-        atomicStore(&control.tallies[k], 0u);
+    for (var turn = 0u; turn < params.tallies / GROUP + 1u; turn++) {
+        let k = turn * GROUP + lane;
+        if (k < params.tallies) {
+            atomicStore(&control.tallies[k], 0u);
+        }
     }
     if (lane != 0u) {
         return;

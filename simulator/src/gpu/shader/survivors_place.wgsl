@@ -17,8 +17,7 @@
 @compute @workgroup_size(256)
 fn survivors_place(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                    @builtin(local_invocation_index) lane: u32) {
-    // Uniform: nothing in this dispatch writes it.
-    if (control.frozen != 0u) {
+    if (stands_still(lane)) {
         return;
     }
     let at = place_of(group, groups, lane);

@@ -10,7 +10,7 @@
 
 @compute @workgroup_size(256)
 fn survivors_scan(@builtin(local_invocation_index) lane: u32) {
-    if (control.frozen != 0u) {
+    if (stands_still(lane)) {
         return;
     }
     let count = (control.count + GROUP - 1u) / GROUP;
@@ -28,8 +28,11 @@ fn survivors_scan(@builtin(local_invocation_index) lane: u32) {
         sums[k] = before;
         before += here;
     }
-    for (var k = lane; k < params.tallies; k += GROUP) {
-        atomicAdd(&control.tallies[params.tallies + k], atomicLoad(&control.tallies[k]));
+    for (var turn = 0u; turn < params.tallies / GROUP + 1u; turn++) {
+        let k = turn * GROUP + lane;
+        if (k < params.tallies) {
+            atomicAdd(&control.tallies[params.tallies + k], atomicLoad(&control.tallies[k]));
+        }
     }
     if (lane == GROUP - 1u) {
         control.alive = through;

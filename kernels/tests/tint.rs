@@ -1,0 +1,34 @@
+//! Tint, the compiler of Chromium and Dawn, takes every text; naga takes some that it refuses. It also proves that
+//! barriers are reached by whole workgroups, which naga does not look at.
+//!
+//! `npm ci --prefix kernels/tint` installs it. Without it the test is skipped, unless `LAZYGRID_REQUIRE_TINT` is set.
+
+mod texts;
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use lazygrid_kernels::kernel::Kernel;
+
+#[test]
+fn tint_takes_every_text() {
+    let tint = Path::new(env!("CARGO_MANIFEST_DIR")).join("tint");
+    if !tint.join("node_modules").exists() && std::env::var_os("LAZYGRID_REQUIRE_TINT").is_none() {
+        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+        {
+            eprintln!("skipped: Tint is not installed; `npm ci --prefix kernels/tint` does that");
+        }
+        return;
+    }
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("wgsl");
+    // Texts of an earlier state are none of ours.
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).expect("a folder");
+    for text in texts::all(Kernel::standard_wgsl) {
+        fs::write(folder.join(text.name).with_extension("wgsl"), text.wgsl).expect("written");
+    }
+    let run = Command::new("node").arg(tint.join("check.mjs")).arg(&folder).output().expect("node runs");
+    let said = format!("{}{}", String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+    assert!(run.status.success(), "{said}the texts are in {}", folder.display());
+}
