@@ -50,8 +50,10 @@ pub(crate) enum Command {
 #[command(after_help = "Formats:
   csv      a header with x,y,z and r or radius in any order, optionally species
   npy      a NumPy array of shape (n, 4), f32 or f64: x, y, z, radius
-  xyz      plain (radii from --radius) or extended, with a radius column
-  lammps   text dumps with x y z (or xu, xs, xsu) and radius or diameter; species by type
+  xyz      plain (radii from --radius) or extended, with a radius column; a Lattice along the axes is
+           periodic where pbc says T, or on all sides without pbc
+  lammps   text dumps with x y z (or xu, xs, xsu) and radius or diameter; species by type; periodic
+           along the axes whose BOX BOUNDS say pp
   smoldyn  output of listmols (radii from --radius)
 
 Output:
@@ -66,7 +68,7 @@ Examples:
   lazygrid detect pour.dump
   lazygrid detect burst.lst --radius acid=0.1 --radius base=0.15 --radius salt=0.2 -o pairs.csv
   lazygrid detect run.lammpstrj --frame 3 -o pairs.npy
-  lazygrid detect slab.dump --periodic 10,10,- -o pairs.npy
+  lazygrid detect slab.csv --periodic 10,10,- -o pairs.npy
   lazygrid detect run.xyz --json | jq .pairs")]
 pub(crate) struct Detect {
     /// The file with the spheres
@@ -77,7 +79,8 @@ pub(crate) struct Detect {
     /// The radius of a species, by name or by LAMMPS type; wins over a radius in the file. May be repeated
     #[arg(long = "radius", value_name = "SPECIES=R", value_parser = radius)]
     pub(crate) radii: Vec<(String, f32)>,
-    /// The lengths of a periodic box; - for an axis that is unbounded. Where the box begins makes no difference
+    /// The lengths of a periodic box, - for an axis that is unbounded; or none, for unbounded space whatever the file
+    /// says. Where the box begins makes no difference [default: the file's box where it declares one]
     #[arg(long, value_name = "X,Y,Z", value_parser = space, allow_hyphen_values = true)]
     pub(crate) periodic: Option<Space>,
     /// Where to run
@@ -204,13 +207,13 @@ const ON_CPU: [Algorithm; 6] = [
 
 impl Detect {
     pub(crate) fn options(&self) -> Options {
-        Options { format: self.format, radii: self.radii.iter().cloned().collect() }
+        Options { format: self.format, radii: self.radii.iter().cloned().collect(), space: self.periodic }
     }
 
+    /// The settings of a detector; the space comes with each frame.
     pub(crate) fn config(&self) -> Config {
         let order = if self.unordered { Order::Unordered } else { Order::Canonical };
         let config = Config::default().backend(self.backend).algorithm(self.algorithm).order(order);
-        let config = with(config, self.periodic, Config::space);
         let config = if self.backend == Backend::Cpu { config } else { config.calibration(cache::load()) };
         let config = with(config, self.tau, Config::tau);
         let config = with(config, self.raster_ratio, Config::raster_ratio);
@@ -239,14 +242,21 @@ fn radius(text: &str) -> Result<(String, f32), String> {
 }
 
 fn space(text: &str) -> Result<Space, String> {
+    if text == "none" {
+        return Ok(Space::UNBOUNDED);
+    }
     let length = |text: &str| match text.trim() {
         "-" => Ok(None),
-        number => {
-            f32::from_str(number).map(Some).map_err(|_| format!("'{number}' is neither a length nor -"))
-        }
+        number => match f32::from_str(number) {
+            Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(length)),
+            Ok(_) => Err(format!(
+                "the length {number} is not a finite number above zero; write - for an axis that is unbounded"
+            )),
+            Err(_) => Err(format!("'{number}' is neither a length nor -")),
+        },
     };
     let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;
-    let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-")?;
+    let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-, or none")?;
     Space::periodic(lengths).map_err(|error| error.to_string())
 }
 

@@ -2,7 +2,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use lazygrid::{Detector, Spheres};
+use lazygrid::{Config, Detector, Space, Spheres};
 use lazygrid_host::Error::TooManyPairs;
 use lazygrid_io::write::{self, Draft, PairFile, TableFormat};
 
@@ -19,7 +19,7 @@ const FRAME: &str = "{frame}";
 
 /// Reads frame after frame, finds the pairs of each with one detector, and says what was found.
 pub(crate) fn run(args: &Detect) -> Result<(), Failure> {
-    let mut detector = Detector::new(args.config()).map_err(Failure::Setting)?;
+    let mut engine = Engine::new(args.config())?;
     let mut input = Input::open(args)?;
     let own_output = args.output.as_ref().is_some_and(|(path, _)| path.to_string_lossy().contains(FRAME));
     // The output of a file with one frame keeps its temporary name until it is clear that there is no other.
@@ -31,8 +31,8 @@ pub(crate) fn run(args: &Detect) -> Result<(), Failure> {
         let output = args.output.as_ref().map(|(path, format)| (numbered(path, number), *format));
         let spheres = Spheres::from(&frame.spheres);
         let spinner = progress::working("searching", spheres.len());
-        let mut search =
-            Search { args, frame: number, spheres, detector: &mut detector, writing: Duration::ZERO };
+        let detector = engine.detector(frame.space)?;
+        let mut search = Search { args, frame: number, spheres, detector, writing: Duration::ZERO };
         drafts = search.run(output.as_ref())?;
         let writing = search.writing;
         spinner.finish_and_clear();
@@ -42,7 +42,9 @@ pub(crate) fn run(args: &Detect) -> Result<(), Failure> {
         let summary = Summary {
             frame: number,
             step: frame.step,
-            report: detector.report(),
+            space: frame.space,
+            space_given: args.periodic.is_some(),
+            report: engine.detector.report(),
             species: if frame.species.is_some() { input.species_met() } else { 0 },
             read: time,
             write: output.is_some().then_some(writing),
@@ -55,6 +57,29 @@ pub(crate) fn run(args: &Detect) -> Result<(), Failure> {
 
 fn publish(drafts: &mut Vec<Draft>) -> Result<(), Failure> {
     drafts.drain(..).try_for_each(|draft| Ok(draft.publish()?))
+}
+
+/// The detector for the frames of a file, whose box may change from one to the next.
+struct Engine {
+    config: Config,
+    space: Space,
+    detector: Detector,
+}
+
+impl Engine {
+    fn new(config: Config) -> Result<Self, Failure> {
+        let detector = Detector::new(config.clone()).map_err(Failure::Setting)?;
+        Ok(Self { config, space: Space::UNBOUNDED, detector })
+    }
+
+    /// The detector for this space; a new one where the last frame's was another.
+    fn detector(&mut self, space: Space) -> Result<&mut Detector, Failure> {
+        if space != self.space {
+            self.detector = Detector::new(self.config.clone().space(space)).map_err(Failure::Setting)?;
+            self.space = space;
+        }
+        Ok(&mut self.detector)
+    }
 }
 
 /// The search of one frame.

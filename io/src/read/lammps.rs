@@ -1,16 +1,22 @@
 //! LAMMPS text dumps (`dump custom`): any number of frames, columns by name.
 //!
 //! Positions are `x y z`, unwrapped `xu yu zu`, or fractions of the box `xs ys zs` and `xsu ysu zsu`; sizes are
-//! `radius` or `diameter`; species are `type`, or `element` where there is no `type`. The order is the file's.
+//! `radius` or `diameter`; species are `type`, or `element` where there is no `type`. The order is the file's. An axis
+//! is periodic where `BOX BOUNDS` says `pp`; old dumps do not say, and are unbounded.
 
+use lazygrid::Space;
+
+use super::cell::Cell;
 use super::columns::{Column, Columns};
 use super::lines::{Line, Lines};
 use super::species::Species;
 use super::{Frame, RESERVE, Source};
-use crate::error::Error;
+use crate::error::{Error, Place};
 
 pub(super) struct Lammps {
     lines: Lines,
+    /// The space that was given.
+    space: Option<Space>,
 }
 
 /// What a frame's head says before its atoms.
@@ -22,15 +28,16 @@ struct Head {
     bounds: Option<Bounds>,
 }
 
-/// The simulation box: a corner and the three edges from it.
+/// The simulation box: a corner, the edges from it, and where the file says so.
 struct Bounds {
     corner: [f64; 3],
-    edges: [[f64; 3]; 3],
+    cell: Cell,
+    place: Place,
 }
 
 impl Lammps {
-    pub(super) fn new(source: Source) -> Self {
-        Self { lines: Lines::new(source) }
+    pub(super) fn new(source: Source, space: Option<Space>) -> Self {
+        Self { lines: Lines::new(source), space }
     }
 
     pub(super) fn next_frame(&mut self, species: &mut Species) -> Result<Option<Frame>, Error> {
@@ -42,8 +49,8 @@ impl Lammps {
                 Some(b"NUMBER OF ATOMS") => head.atoms = Some(self.atoms()?),
                 Some(b"UNITS" | b"TIME") => drop(self.head_line()?),
                 Some(item) if item.starts_with(b"BOX BOUNDS") => {
-                    let style = Style::of(item);
-                    head.bounds = Some(self.bounds(style)?);
+                    let (style, periodic, place) = (Style::of(item), periodic(item), line.place());
+                    head.bounds = Some(self.bounds(style, periodic, place)?);
                 }
                 Some(item) if item.starts_with(b"ATOMS") => {
                     let Some(atoms) = head.atoms else {
@@ -77,7 +84,12 @@ impl Lammps {
         species: &mut Species,
     ) -> Result<Frame, Error> {
         let scaled = columns.has(Column::Scaled(0));
-        let mut frame = Frame { step: head.step, ..Frame::with_capacity(atoms.min(RESERVE)) };
+        let space = match (self.space, &head.bounds) {
+            (Some(given), _) => given,
+            (None, Some(bounds)) => bounds.cell.space(&bounds.place)?,
+            (None, None) => Space::UNBOUNDED,
+        };
+        let mut frame = Frame { step: head.step, space, ..Frame::with_capacity(atoms.min(RESERVE)) };
         for found in 0..atoms {
             let line = self.lines.required("atoms", found, atoms)?;
             let mut row = columns.row(line, line.words())?;
@@ -102,7 +114,7 @@ impl Lammps {
         self.head_line()?.count("the number of atoms")
     }
 
-    fn bounds(&mut self, style: Style) -> Result<Bounds, Error> {
+    fn bounds(&mut self, style: Style, periodic: [bool; 3], place: Place) -> Result<Bounds, Error> {
         let mut rows = [[0.0; 4]; 3];
         for row in &mut rows {
             let line = self.head_line()?;
@@ -112,8 +124,17 @@ impl Lammps {
                 *value = line.number("box bound", word)?;
             }
         }
-        Ok(style.bounds(rows))
+        let (corner, edges) = style.box_of(rows);
+        Ok(Bounds { corner, cell: Cell { edges, periodic }, place })
     }
+}
+
+/// The axes that are periodic, from the end of `BOX BOUNDS pp pp ff`, where both sides of an axis say `p`.
+fn periodic(item: &[u8]) -> [bool; 3] {
+    let mut words = item.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).rev();
+    let mut last = || words.next() == Some(b"pp");
+    let [z, y, x] = [last(), last(), last()];
+    [x, y, z]
 }
 
 /// The ways in which dumps describe the box.
@@ -144,9 +165,10 @@ impl Style {
         }
     }
 
-    fn bounds(self, rows: [[f64; 4]; 3]) -> Bounds {
+    /// The corner of the box and its edges.
+    fn box_of(self, rows: [[f64; 4]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
         if let Self::Edges = self {
-            return Bounds { corner: rows.map(|row| row[3]), edges: rows.map(|[x, y, z, _]| [x, y, z]) };
+            return (rows.map(|row| row[3]), rows.map(|[x, y, z, _]| [x, y, z]));
         }
         // The third column is zero in an orthogonal box.
         let [xy, xz, yz] = rows.map(|row| row[2]);
@@ -157,7 +179,7 @@ impl Style {
         };
         let corner = [bound(0, 0), bound(1, 0), bound(2, 0)];
         let length = |axis: usize| bound(axis, 1) - corner[axis];
-        Bounds { corner, edges: [[length(0), 0.0, 0.0], [xy, length(1), 0.0], [xz, yz, length(2)]] }
+        (corner, [[length(0), 0.0, 0.0], [xy, length(1), 0.0], [xz, yz, length(2)]])
     }
 }
 
@@ -166,7 +188,7 @@ impl Bounds {
     fn place(&self, line: Line<'_>, scaled: [f64; 3]) -> Result<[f32; 3], Error> {
         let mut center = [0.0; 3];
         for (axis, (coordinate, name)) in center.iter_mut().zip(["x", "y", "z"]).enumerate() {
-            let steps = self.edges.iter().zip(scaled).map(|(edge, part)| edge[axis] * part);
+            let steps = self.cell.edges.iter().zip(scaled).map(|(edge, part)| edge[axis] * part);
             let value = self.corner[axis] + steps.sum::<f64>();
             *coordinate = value as f32;
             if !coordinate.is_finite() {

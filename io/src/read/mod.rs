@@ -12,7 +12,9 @@
 //! Memory is bounded to one frame. What a file says about its own size is never believed before the data is
 //! there. Radii and coordinates are `f32`, rounded once from what is written.
 
+mod cell;
 mod columns;
+mod comment;
 mod csv;
 mod lammps;
 mod lines;
@@ -30,7 +32,7 @@ use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use lazygrid::Sphere;
+use lazygrid::{Space, Sphere};
 
 use crate::error::{At, Error, Place};
 
@@ -125,6 +127,9 @@ pub struct Options {
     pub format: Option<Format>,
     /// Radii by species, for files that have none; they win over a radius column.
     pub radii: Radii,
+    /// The space of all frames; else what each frame declares: a periodic box along the axes (`Lattice` and `pbc` of
+    /// extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded space where it declares none.
+    pub space: Option<Space>,
 }
 
 /// The spheres of one moment.
@@ -132,6 +137,8 @@ pub struct Options {
 pub struct Frame {
     /// The simulator's number of the time step, where the file has one.
     pub step: Option<i64>,
+    /// The space that the frame declares, or the one that was given.
+    pub space: Space,
     /// The spheres in the order of the file; finite, with radii that are not negative.
     pub spheres: Vec<Sphere>,
     /// A species id per sphere where the file has species; names are in [`Frames::species`].
@@ -148,6 +155,8 @@ impl Frame {
 pub struct Frames {
     format: Format,
     reader: Reader,
+    /// The space of formats that declare none.
+    space: Space,
     species: Species,
 }
 
@@ -196,10 +205,11 @@ impl Frames {
             Format::Csv => Reader::Single(csv::read, source),
             Format::Npy => Reader::Single(npy::read, source),
             Format::Smoldyn => Reader::Single(smoldyn::read, source),
-            Format::Xyz => Reader::Xyz(xyz::Xyz::new(source)),
-            Format::Lammps => Reader::Lammps(lammps::Lammps::new(source)),
+            Format::Xyz => Reader::Xyz(xyz::Xyz::new(source, options.space)),
+            Format::Lammps => Reader::Lammps(lammps::Lammps::new(source, options.space)),
         };
-        Ok(Self { format, reader, species: Species::new(options.radii) })
+        let space = options.space.unwrap_or_default();
+        Ok(Self { format, reader, space, species: Species::new(options.radii) })
     }
 
     /// The format that is being read.
@@ -214,7 +224,10 @@ impl Frames {
 
     fn read(&mut self) -> Result<Option<Frame>, Error> {
         match std::mem::replace(&mut self.reader, Reader::Ended) {
-            Reader::Single(read, source) => read(source, &mut self.species).map(Some),
+            Reader::Single(read, source) => {
+                let frame = read(source, &mut self.species)?;
+                Ok(Some(Frame { space: self.space, ..frame }))
+            }
             Reader::Xyz(mut xyz) => {
                 let frame = xyz.next_frame(&mut self.species)?;
                 self.reader = Reader::Xyz(xyz);
