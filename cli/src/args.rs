@@ -62,7 +62,7 @@ Output:
   near.offsets.npy (u64) and near.indices.npy (u32): the neighbours of sphere k are
   indices[offsets[k]:offsets[k+1]].
   More pairs than --max-pairs are streamed to the file, without a list in memory.
-  Files appear when they are complete; {frame} in the name stands for the number of the frame.
+  Files appear when they are complete, and none replaces the input; {frame} in the name stands for the number of the frame.
 
 Examples:
   lazygrid detect pour.dump
@@ -151,7 +151,8 @@ pub(crate) struct Generate {
                       far, what receivers say by species, pairs and settled overlaps of the last step
   frames.xyz          frames in extended XYZ, where the scenario asks for them
   frame-000000000.npy frames as structured arrays: id, species, x, y, z, r
-  checkpoint          what --resume goes on from; also after Ctrl-C, which ends the run with exit code 130
+  checkpoint          what --resume goes on from; also after Ctrl-C or SIGTERM, which end the run with exit
+                      code 130 or 143
 
 Examples:
   lazygrid simulate simulator/scenarios/acid-base.toml

@@ -29,6 +29,9 @@ pub(crate) fn run(args: &Detect) -> Result<(), Failure> {
             return Err(Failure::SeveralFrames { path: args.file.clone() });
         }
         let output = args.output.as_ref().map(|(path, format)| (numbered(path, number), *format));
+        if let Some((path, format)) = &output {
+            refuse_input(args, path, *format)?;
+        }
         let spheres = Spheres::from(&frame.spheres);
         let spinner = progress::working("searching", spheres.len());
         let detector = engine.detector(frame.space)?;
@@ -105,20 +108,23 @@ impl Search<'_> {
                 return timed(&mut self.writing, || Ok(write::neighbors(path, *format, lists)?));
             }
             Some((path, format)) => {
-                let mut file = PairFile::create(path, *format)?;
-                match self.detector.pairs(self.spheres) {
-                    Ok(pairs) => timed(&mut self.writing, || file.add(pairs))?,
-                    Err(lazygrid::Error::Host(TooManyPairs { .. })) => self.stream(&mut file)?,
+                let create = |pairs: u64| PairFile::create(path, *format, pairs);
+                let file = match self.detector.pairs(self.spheres) {
+                    Ok(pairs) => timed(&mut self.writing, || {
+                        let mut file = create(pairs.len() as u64)?;
+                        file.add(pairs).map(|()| file)
+                    })?,
+                    Err(lazygrid::Error::Host(TooManyPairs { found, .. })) => self.stream(create(found)?)?,
                     Err(error) => return Err(failure(error)),
-                }
-                return Ok(vec![timed(&mut self.writing, || file.finish())?]);
+                };
+                return Ok(vec![file.finish()]);
             }
         }
         Ok(Vec::new())
     }
 
     /// Writes more pairs than a list may hold, chunk by chunk.
-    fn stream(&mut self, file: &mut PairFile) -> Result<(), Failure> {
+    fn stream(&mut self, mut file: PairFile) -> Result<PairFile, Failure> {
         let Self { detector, writing, .. } = self;
         let mut failed = None;
         let streamed =
@@ -130,8 +136,15 @@ impl Search<'_> {
                 }
             });
         streamed.map_err(failure_in(&self.args.file, self.frame))?;
-        failed.map_or(Ok(()), |error| Err(error.into()))
+        failed.map_or(Ok(file), |error| Err(error.into()))
     }
+}
+
+/// Refuses an output that would replace the input, under whichever name.
+fn refuse_input(args: &Detect, output: &Path, format: TableFormat) -> Result<(), Failure> {
+    let files = write::files_of(output, format, args.neighbors);
+    let same = files.into_iter().find(|file| same_file::is_same_file(file, &args.file).unwrap_or(false));
+    same.map_or(Ok(()), |output| Err(Failure::OutputIsInput { input: args.file.clone(), output }))
 }
 
 /// Runs `work` and adds the time it takes.

@@ -9,6 +9,7 @@ mod failure;
 mod generate;
 mod input;
 mod progress;
+mod signals;
 mod simulate;
 mod summary;
 
@@ -24,8 +25,8 @@ fn main() -> ExitCode {
     let args = Args::parse();
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
     let result = match args.command {
-        Command::Detect(args) => detect::run(&args),
-        Command::Generate(args) => generate::run(&args),
+        Command::Detect(args) => signals::end_cleanly().and_then(|()| detect::run(&args)),
+        Command::Generate(args) => signals::end_cleanly().and_then(|()| generate::run(&args)),
         Command::Simulate(args) => simulate::run(&args),
         Command::Devices => devices::run(),
         Command::Calibrate => calibrate::run(),

@@ -243,6 +243,13 @@ fn a_full_disk_shows_before_the_run() {
 #[test]
 #[cfg(unix)]
 fn an_interrupted_run_goes_on() {
+    for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
+        interrupted_run_goes_on(signal, code);
+    }
+}
+
+#[cfg(unix)]
+fn interrupted_run_goes_on(signal: &str, code: i32) {
     use std::process::{Command, Stdio};
     use std::time::Duration;
 
@@ -261,10 +268,10 @@ fn an_interrupted_run_goes_on() {
         std::thread::sleep(Duration::from_millis(10));
     }
     std::thread::sleep(Duration::from_millis(200));
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
     let ended = child.wait_with_output().unwrap();
     let message = String::from_utf8(ended.stderr).unwrap();
-    assert_eq!(ended.status.code(), Some(130), "{message}");
+    assert_eq!(ended.status.code(), Some(code), "{message}");
     let steps: u32 = message.split_whitespace().nth(3).unwrap().parse().unwrap();
     assert!(message.starts_with("error: stopped after ") && message.contains("--resume"), "{message}");
     // A few steps further it is where a run without interruption is.

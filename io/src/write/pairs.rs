@@ -1,5 +1,4 @@
-use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use lazygrid::{Neighbors, Pair};
 
@@ -12,21 +11,20 @@ use crate::Error;
 pub struct PairFile {
     draft: Draft,
     format: TableFormat,
-    rows: u64,
 }
 
 impl PairFile {
-    /// A table without rows.
+    /// A table for so many `pairs`, which then have to be added.
     ///
     /// # Errors
     /// [`Error::Write`].
-    pub fn create(path: &Path, format: TableFormat) -> Result<Self, Error> {
+    pub fn create(path: &Path, format: TableFormat, pairs: u64) -> Result<Self, Error> {
         let mut draft = Draft::create(path)?;
         draft.put(|out| match format {
             TableFormat::Csv => out.write_all(b"i,j\n"),
-            TableFormat::Npy => out.write_all(&npy_header("u4", "(0, 2)")),
+            TableFormat::Npy => out.write_all(&npy_header("u4", &format!("({pairs}, 2)"))),
         })?;
-        Ok(Self { draft, format, rows: 0 })
+        Ok(Self { draft, format })
     }
 
     /// Adds rows.
@@ -34,7 +32,6 @@ impl PairFile {
     /// # Errors
     /// [`Error::Write`].
     pub fn add(&mut self, pairs: &[Pair]) -> Result<(), Error> {
-        self.rows += pairs.len() as u64;
         self.draft.put(|out| match self.format {
             TableFormat::Npy => out.write_all(bytemuck::cast_slice(pairs)),
             TableFormat::Csv => {
@@ -46,14 +43,16 @@ impl PairFile {
     }
 
     /// The complete file, not published yet.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
-    pub fn finish(mut self) -> Result<Draft, Error> {
-        if self.format == TableFormat::Npy {
-            self.draft.put_at_start(&npy_header("u4", &format!("({}, 2)", self.rows)))?;
-        }
-        Ok(self.draft)
+    pub fn finish(self) -> Draft {
+        self.draft
+    }
+}
+
+/// The files that [`PairFile`], or [`neighbors`], write for this name.
+pub fn files_of(path: &Path, format: TableFormat, neighbors: bool) -> Vec<PathBuf> {
+    match (neighbors, format) {
+        (true, TableFormat::Npy) => ["offsets.npy", "indices.npy"].map(|end| path.with_extension(end)).into(),
+        _ => vec![path.to_owned()],
     }
 }
 
@@ -69,8 +68,9 @@ pub fn neighbors(path: &Path, format: TableFormat, lists: Neighbors<'_>) -> Resu
     match format {
         TableFormat::Csv => Ok(vec![table(path, lists)?]),
         TableFormat::Npy => {
-            let offsets = array(&path.with_extension("offsets.npy"), "u8", lists.offsets)?;
-            let indices = array(&path.with_extension("indices.npy"), "u4", lists.indices)?;
+            let files = files_of(path, format, true);
+            let offsets = array(&files[0], "u8", lists.offsets)?;
+            let indices = array(&files[1], "u4", lists.indices)?;
             Ok(vec![offsets, indices])
         }
     }
