@@ -28,6 +28,19 @@ pub(crate) enum Failure {
     SeveralFrames { path: PathBuf },
     #[error("{}: this is the input {}, which the pairs would replace; choose another --output", output.display(), input.display())]
     OutputIsInput { input: PathBuf, output: PathBuf },
+    #[error(
+        "{}: this tells neither .csv nor .npy, with or without .gz or .zst behind it; rename it, or say --output-format",
+        path.display()
+    )]
+    OutputFormat { path: PathBuf },
+    #[error(
+        "neighbour lists as NumPy arrays are several files, and standard output is one; say --output-format csv"
+    )]
+    NeighborsToStdout,
+    #[error("--radius {species} is given twice, as {} and {}; give one", values[0], values[1])]
+    RadiusTwice { species: String, values: [f32; 2] },
+    #[error("{}, frame {frame}: id {id} is that of two spheres, and --ids would mix them up; leave --ids out", path.display())]
+    IdTwice { path: PathBuf, frame: usize, id: i64 },
     #[error("no memory for {spheres} spheres; generate fewer")]
     NoMemory { spheres: u64 },
     #[error("calibration failed: {0}")]
@@ -50,9 +63,11 @@ impl Failure {
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::Stopped { signal, .. } => ExitCode::from(128 + (*signal & 0x7F) as u8),
-            Self::Setting(lazygrid::Error::NotOnBackend { .. }) | Self::OutputIsInput { .. } => {
-                ExitCode::from(2)
-            }
+            Self::Setting(lazygrid::Error::NotOnBackend { .. })
+            | Self::OutputIsInput { .. }
+            | Self::OutputFormat { .. }
+            | Self::NeighborsToStdout
+            | Self::RadiusTwice { .. } => ExitCode::from(2),
             _ => ExitCode::FAILURE,
         }
     }
@@ -64,6 +79,7 @@ fn remedy(error: &lazygrid::Error) -> &'static str {
         lazygrid::Error::Host(lazygrid_host::Error::TooManyPairs { .. }) => {
             " (--count, --output without --neighbors, or --max-pairs)"
         }
+        lazygrid::Error::Gpu(GpuError::Timeout { .. }) => " (--timeout)",
         _ => "",
     }
 }

@@ -9,6 +9,7 @@ mod failure;
 mod generate;
 mod input;
 mod progress;
+mod search;
 mod signals;
 mod simulate;
 mod summary;
@@ -39,7 +40,11 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever reads has read enough, as in `lazygrid … | head -1`.
-        Err(Failure::Stdout(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(Failure::Stdout(error) | Failure::File(lazygrid_io::Error::Write { source: error, .. }))
+            if error.kind() == io::ErrorKind::BrokenPipe =>
+        {
+            ExitCode::SUCCESS
+        }
         Err(failure) => {
             // Where standard error is closed nobody can be told.
             let _ = writeln!(io::stderr(), "error: {failure}");

@@ -49,7 +49,7 @@ impl Summary {
             frame: self.frame,
             step: self.step,
             periodic: self.space.is_periodic().then(|| self.space.lengths()),
-            periodic_from: self.space_said().then(|| if self.space_given { "option" } else { "file" }),
+            periodic_from: self.space_said().then_some(if self.space_given { "option" } else { "file" }),
             spheres: report.spheres,
             pairs: report.pairs,
             backend: report.backend.name(),

@@ -26,6 +26,7 @@ pub fn read(format: Option<Format>, bytes: &[u8]) {
                 }
             }
         }
-        assert!(spheres <= bytes.len());
+        // Compressed bytes may hold any number.
+        assert!(spheres <= bytes.len() || bytes.starts_with(b"\x1F\x8B") || bytes.starts_with(b"\x28\xB5\x2F\xFD"));
     }
 }

@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
+use crate::read::bare;
+
 /// Where in a file something is wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
@@ -178,7 +180,14 @@ pub enum Error {
 
 fn remedy(species: Option<&str>) -> String {
     match species {
-        Some(name) => format!("species '{name}'; give it with --radius '{name}=R'"),
+        Some(name) => match bare(name) {
+            bare if bare != name => {
+                format!(
+                    "species '{name}'; give it with --radius '{bare}=R', or '{name}=R' for that state alone"
+                )
+            }
+            _ => format!("species '{name}'; give it with --radius '{name}=R'"),
+        },
         None => "spheres without species; add a radius column".to_owned(),
     }
 }

@@ -7,16 +7,16 @@
 use lazygrid::Space;
 
 use super::cell::Cell;
-use super::columns::{Column, Columns};
+use super::columns::{Column, Columns, Row};
 use super::lines::{Line, Lines};
-use super::species::Species;
-use super::{Frame, RESERVE, Source};
+use super::rows::Table;
+use super::session::Session;
+use super::source::Source;
+use super::{Frame, RESERVE};
 use crate::error::{Error, Place};
 
 pub(super) struct Lammps {
-    lines: Lines,
-    /// The space that was given.
-    space: Option<Space>,
+    pub(super) lines: Lines,
 }
 
 /// What a frame's head says before its atoms.
@@ -36,11 +36,11 @@ struct Bounds {
 }
 
 impl Lammps {
-    pub(super) fn new(source: Source, space: Option<Space>) -> Self {
-        Self { lines: Lines::new(source), space }
+    pub(super) fn new(source: Source) -> Self {
+        Self { lines: Lines::new(source) }
     }
 
-    pub(super) fn next_frame(&mut self, species: &mut Species) -> Result<Option<Frame>, Error> {
+    pub(super) fn next_frame(&mut self, session: &mut Session) -> Result<Option<Frame>, Error> {
         let mut head = Head::default();
         while let Some(line) = self.lines.next()? {
             head.begun = true;
@@ -56,11 +56,11 @@ impl Lammps {
                     let Some(atoms) = head.atoms else {
                         return Err(line.unexpected("ITEM: NUMBER OF ATOMS before the atoms"));
                     };
-                    let columns = columns(line, species)?;
+                    let columns = columns(line, session)?;
                     if columns.has(Column::Scaled(0)) && head.bounds.is_none() {
                         return Err(line.unexpected("ITEM: BOX BOUNDS before scaled coordinates"));
                     }
-                    return self.atoms_of(head, atoms, &columns, species).map(Some);
+                    return self.atoms_of(head, atoms, columns, session).map(Some);
                 }
                 _ => return Err(line.unexpected("ITEM: TIMESTEP, NUMBER OF ATOMS, BOX BOUNDS or ATOMS")),
             }
@@ -80,24 +80,18 @@ impl Lammps {
         &mut self,
         head: Head,
         atoms: u64,
-        columns: &Columns,
-        species: &mut Species,
+        columns: Columns,
+        session: &mut Session,
     ) -> Result<Frame, Error> {
-        let scaled = columns.has(Column::Scaled(0));
-        let space = match (self.space, &head.bounds) {
+        let space = match (session.space, &head.bounds) {
             (Some(given), _) => given,
             (None, Some(bounds)) => bounds.cell.space(&bounds.place)?,
             (None, None) => Space::UNBOUNDED,
         };
         let mut frame = Frame { step: head.step, space, ..Frame::with_capacity(atoms.min(RESERVE)) };
-        for found in 0..atoms {
-            let line = self.lines.required("atoms", found, atoms)?;
-            let mut row = columns.row(line, line.words())?;
-            if let Some(bounds) = head.bounds.as_ref().filter(|_| scaled) {
-                row.center = bounds.place(line, row.scaled)?;
-            }
-            frame.push(line, row, species)?;
-        }
+        let scaled = columns.has(Column::Scaled(0));
+        let table = Atoms { columns, scale: head.bounds.filter(|_| scaled) };
+        self.lines.rows(&table, ("atoms", atoms), session, &mut frame)?;
         Ok(frame)
     }
 
@@ -126,6 +120,27 @@ impl Lammps {
         }
         let (corner, edges) = style.box_of(rows);
         Ok(Bounds { corner, cell: Cell { edges, periodic }, place })
+    }
+}
+
+/// The atoms of a frame, a row on every line.
+struct Atoms {
+    columns: Columns,
+    /// The box of which coordinates are fractions.
+    scale: Option<Bounds>,
+}
+
+impl Table for Atoms {
+    fn columns(&self) -> &Columns {
+        &self.columns
+    }
+
+    fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error> {
+        let mut row = self.columns.row(line, line.words())?;
+        if let Some(bounds) = &self.scale {
+            row.center = bounds.place(line, row.scaled)?;
+        }
+        Ok(Some(row))
     }
 }
 
@@ -202,7 +217,7 @@ impl Bounds {
 
 /// The columns of `ITEM: ATOMS id type x y z radius`. Where a dump has a value in several forms, the first of
 /// those named at the top of this file is taken.
-fn columns(header: Line<'_>, species: &Species) -> Result<Columns, Error> {
+fn columns(header: Line<'_>, session: &Session) -> Result<Columns, Error> {
     let names: Vec<_> =
         header.words().skip(2).map(|name| String::from_utf8_lossy(name).into_owned()).collect();
     let has = |wanted: &&str| names.iter().any(|name| name == wanted);
@@ -219,10 +234,11 @@ fn columns(header: Line<'_>, species: &Species) -> Result<Columns, Error> {
             None if Some(name) == kind => Column::Species,
             None if Some(name) == size && name == "radius" => Column::Radius,
             None if Some(name) == size => Column::Diameter,
+            None if name == "id" => Column::Id,
             None => Column::Other,
         };
         (name.to_owned(), meaning)
     }));
-    columns.check(header, species)?;
+    columns.check(header, session)?;
     Ok(columns)
 }

@@ -1,10 +1,15 @@
 //! Every reader on what it accepts and on what it refuses.
 
 mod arrays;
+mod blocks;
+mod compressed;
 mod damaged;
 mod spaces;
+mod tables;
 
-use std::io::{Cursor, Read};
+use std::io::{self, Cursor, Read};
+
+use lazygrid::Sphere;
 
 use super::*;
 
@@ -72,7 +77,7 @@ impl MapColumn for Vec<[f32; 4]> {
 #[test]
 fn csv_refusals_name_line_and_value() {
     for (text, message) in [
-        ("", "a.csv: expected a header with x, y, z and r or radius, found an empty file"),
+        ("", "a.csv: expected a header with x, y, z and r, radius or diameter, found an empty file"),
         ("x,y,r\n", "a.csv, line 1: expected a column `z`, found columns x, y, r"),
         ("x,y,z\n", "a.csv, line 1: expected a radius column, found columns x, y, z"),
         (
@@ -99,7 +104,7 @@ fn csv_refusals_name_line_and_value() {
         ),
         (
             "x,y,z,species,r\n1,2,3,\"a,b\",4\n",
-            "a.csv, line 2: expected quotes around whole fields without commas or quotes in them, found \
+            "a.csv, line 2: expected quotes around whole fields without separators or quotes in them, found \
              '1,2,3,\"a,b\",4'",
         ),
         ("x,y,z,r\n1,2,3,\x1b[31m\n", "a.csv, line 2: r '\\u{1b}[31m' is not a number"),
@@ -257,7 +262,8 @@ fn smoldyn_refusals_name_line_and_value() {
         ("A(up) 1 2 3 4\nA 1 2 3 4\n", "line 2: expected name(state) x y z serial, found 'A 1 2 3 4'"),
         (
             "A(up) 1 2 3 4\nB(up) 1 2 3 5\n",
-            "line 2: no radius column and no radius for species 'B(up)'; give it with --radius 'B(up)=R'",
+            "line 2: no radius column and no radius for species 'B(up)'; give it with --radius 'B=R', or \
+             'B(up)=R' for that state alone",
         ),
         (
             "A(up) 1 2 3 4\nA(up) 1 2 3 5\nA(up) 1 2 3 4\n",
@@ -293,8 +299,8 @@ fn a_failing_disk_is_an_error_with_the_file_named() {
         }
     }
     for format in Format::ALL {
-        let result = Frames::new("a", Broken, None, options(Some(format), &[])).unwrap().next().unwrap();
-        assert_eq!(result.unwrap_err().to_string(), "a: cannot read: input/output error");
+        let refused = Frames::new("a", Broken, None, options(Some(format), &[])).err();
+        assert_eq!(refused.unwrap().to_string(), "a: cannot read: input/output error");
     }
     assert_eq!(
         Frames::open("/nowhere/a.csv", Options::default()).err().unwrap().to_string(),

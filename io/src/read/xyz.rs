@@ -5,44 +5,53 @@
 use lazygrid::Space;
 
 use super::cell::Cell;
-use super::columns::{Column, Columns};
+use super::columns::{Column, Columns, Row};
 use super::comment::{elements, value_of};
 use super::lines::{Line, Lines};
-use super::species::Species;
-use super::{Frame, RESERVE, Source};
+use super::rows::Table;
+use super::session::Session;
+use super::source::Source;
+use super::{Frame, RESERVE};
 use crate::error::Error;
 
 pub(super) struct Xyz {
-    lines: Lines,
-    /// The space that was given.
-    space: Option<Space>,
+    pub(super) lines: Lines,
 }
 
 impl Xyz {
-    pub(super) fn new(source: Source, space: Option<Space>) -> Self {
-        Self { lines: Lines::new(source), space }
+    pub(super) fn new(source: Source) -> Self {
+        Self { lines: Lines::new(source) }
     }
 
-    pub(super) fn next_frame(&mut self, species: &mut Species) -> Result<Option<Frame>, Error> {
+    pub(super) fn next_frame(&mut self, session: &mut Session) -> Result<Option<Frame>, Error> {
         let Some(line) = self.lines.next()? else { return Ok(None) };
         let count = line.count("the number of spheres of the next frame")?;
         let comment = self.lines.required("lines of the frame's head", 1, 2)?;
-        let columns = columns(comment, species)?;
-        let space = match self.space {
+        let columns = columns(comment, session)?;
+        let space = match session.space {
             Some(given) => given,
             None => space(comment)?,
         };
         let mut frame = Frame { space, ..Frame::with_capacity(count.min(RESERVE)) };
-        for found in 0..count {
-            let line = self.lines.required("spheres", found, count)?;
-            let row = columns.row(line, line.words())?;
-            frame.push(line, row, species)?;
-        }
+        self.lines.rows(&Words(columns), ("spheres", count), session, &mut frame)?;
         Ok(Some(frame))
     }
 }
 
-fn columns(comment: Line<'_>, species: &Species) -> Result<Columns, Error> {
+/// A table whose fields stand between white space, a row on every line.
+struct Words(Columns);
+
+impl Table for Words {
+    fn columns(&self) -> &Columns {
+        &self.0
+    }
+
+    fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error> {
+        self.0.row(line, line.words()).map(Some)
+    }
+}
+
+fn columns(comment: Line<'_>, session: &Session) -> Result<Columns, Error> {
     let columns = match value_of(comment.bytes, "Properties") {
         Some(properties) => Columns::new(declared(comment, properties)?),
         None => {
@@ -51,7 +60,7 @@ fn columns(comment: Line<'_>, species: &Species) -> Result<Columns, Error> {
             Columns::new(plain.map(|(name, meaning)| (name.to_owned(), meaning))).open_ended()
         }
     };
-    columns.check(comment, species)?;
+    columns.check(comment, session)?;
     Ok(columns)
 }
 
@@ -74,6 +83,8 @@ fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)
                 columns.extend(axes.map(|(k, axis)| (axis.to_owned(), Column::Axis(k))));
             }
             ("radius" | "radii", 1) => columns.push((name, Column::Radius)),
+            ("diameter", 1) => columns.push((name, Column::Diameter)),
+            ("id", 1) => columns.push((name, Column::Id)),
             ("species", 1) => columns.push((name, Column::Species)),
             _ => columns.extend(std::iter::repeat_n((name, Column::Other), width)),
         }

@@ -1,20 +1,20 @@
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::fmt;
+
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use super::encoder::{Encoder, encoder};
 use super::temporary::Temporary;
 use crate::Error;
 
-/// Bytes gathered before they go to the system.
-const BUFFER: usize = 1 << 20;
-
-/// A file that is being written under a temporary name beside its own. Unless it is published it disappears.
-#[derive(Debug)]
+/// A file that is being written under a temporary name beside its own, compressed where its name ends in `.gz` or
+/// `.zst`. Unless it is published it disappears.
 #[must_use = "a draft that is not published disappears"]
 pub struct Draft {
     path: PathBuf,
-    temporary: Temporary,
-    out: BufWriter<File>,
+    /// None for standard output, which has no name to be given.
+    temporary: Option<Temporary>,
+    out: Box<dyn Encoder>,
 }
 
 impl Draft {
@@ -28,10 +28,22 @@ impl Draft {
             Some(parent) if parent != Path::new("") => parent,
             _ => Path::new("."),
         };
-        match Temporary::create(directory) {
-            Ok((file, temporary)) => {
-                Ok(Self { path, temporary, out: BufWriter::with_capacity(BUFFER, file) })
-            }
+        let created =
+            Temporary::create(directory).and_then(|(file, temporary)| Ok((temporary, encoder(&path, file)?)));
+        match created {
+            Ok((temporary, out)) => Ok(Self { path, temporary: Some(temporary), out }),
+            Err(source) => Err(Error::Write { path, source }),
+        }
+    }
+
+    /// Standard output, to which everything goes at once.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn stdout() -> Result<Self, Error> {
+        let path = PathBuf::from(STDOUT);
+        match encoder(&path, io::stdout()) {
+            Ok(out) => Ok(Self { path, temporary: None, out }),
             Err(source) => Err(Error::Write { path, source }),
         }
     }
@@ -48,15 +60,26 @@ impl Draft {
     ///
     /// # Errors
     /// [`Error::Write`] where the last bytes cannot be written or the name cannot be given.
-    pub fn publish(mut self) -> Result<(), Error> {
-        self.put(|out| out.flush())?;
-        let Self { path, temporary, .. } = self;
-        temporary.rename(&path).map_err(|source| Error::Write { path, source })
+    pub fn publish(self) -> Result<(), Error> {
+        let Self { path, temporary, out } = self;
+        let published = out.finish().and_then(|()| temporary.map_or(Ok(()), |file| file.rename(&path)));
+        published.map_err(|source| Error::Write { path, source })
     }
 }
 
+impl fmt::Debug for Draft {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Draft").field("path", &self.path).finish_non_exhaustive()
+    }
+}
+
+/// What standard output is called in messages.
+pub(super) const STDOUT: &str = "standard output";
+
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
+
     use super::*;
 
     #[test]
@@ -80,7 +103,8 @@ mod tests {
         let path = directory.path().join("a.npy");
         let (_, temporary) = Temporary::create(directory.path()).unwrap();
         let full = File::options().write(true).open("/dev/full").unwrap();
-        let mut draft = Draft { path: path.clone(), temporary, out: BufWriter::new(full) };
+        let out = encoder(&path, full).unwrap();
+        let mut draft = Draft { path: path.clone(), temporary: Some(temporary), out };
         draft.put(|out| out.write_all(b"fits the buffer")).unwrap();
         let error = draft.publish().unwrap_err().to_string();
         assert_eq!(error, format!("{}: cannot write: No space left on device (os error 28)", path.display()));

@@ -1,6 +1,7 @@
 //! Writers of results and scenes. A file appears under its name only when it is complete.
 
 mod draft;
+mod encoder;
 mod pairs;
 mod spheres;
 mod temporary;
@@ -10,7 +11,7 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 pub use draft::Draft;
-pub use pairs::{PairFile, files_of, neighbors};
+pub use pairs::{Output, PairFile, neighbors};
 pub use spheres::{SphereFormat, spheres};
 pub use temporary::discard_drafts;
 
@@ -24,9 +25,9 @@ pub enum TableFormat {
 }
 
 impl TableFormat {
-    /// The format that a file name's extension stands for.
+    /// The format that a file name's extension stands for; the one before `.gz` or `.zst`, where that is the last.
     pub fn from_extension(path: &Path) -> Option<Self> {
-        match path.extension().and_then(OsStr::to_str)? {
+        match encoder::uncompressed(path).extension().and_then(OsStr::to_str)? {
             "csv" => Some(Self::Csv),
             "npy" => Some(Self::Npy),
             _ => None,

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use lazygrid::Sphere;
 
+use super::encoder::uncompressed;
 use super::text::Rows;
 use super::{Draft, npy_header};
 use crate::Error;
@@ -20,9 +21,9 @@ pub enum SphereFormat {
 }
 
 impl SphereFormat {
-    /// The format that a file name's extension stands for.
+    /// The format that a file name's extension stands for; the one before `.gz` or `.zst`, where that is the last.
     pub fn from_extension(path: &Path) -> Option<Self> {
-        match path.extension().and_then(OsStr::to_str)? {
+        match uncompressed(path).extension().and_then(OsStr::to_str)? {
             "csv" => Some(Self::Csv),
             "npy" => Some(Self::Npy),
             "xyz" => Some(Self::Xyz),
