@@ -43,15 +43,25 @@ pub(crate) fn ask_to_stop() -> Result<Asked, Failure> {
     Ok(asked)
 }
 
-/// Calls `handle` with each signal, in a thread of its own. SIGHUP is left as it is, so that `nohup` works.
+/// Calls `handle` with each signal, in a thread of its own. SIGHUP is one of them unless it is ignored, as under `nohup`.
 #[cfg(unix)]
 fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), Failure> {
-    use signal_hook::consts::{SIGINT, SIGTERM};
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     use signal_hook::iterator::Signals;
 
-    let mut signals = Signals::new([SIGINT, SIGTERM]).map_err(Failure::Signal)?;
+    let hangup = (!is_ignored(SIGHUP)).then_some(SIGHUP);
+    let mut signals = Signals::new([SIGINT, SIGTERM].into_iter().chain(hangup)).map_err(Failure::Signal)?;
     std::thread::spawn(move || signals.forever().for_each(handle));
     Ok(())
+}
+
+/// Whether whoever started the process had it ignore this signal; where the system does not tell, it may be so.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return true };
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_none_or(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
 /// Calls `handle` with each Ctrl-C, in a thread of its own.

@@ -1,4 +1,5 @@
 //! `lazygrid detect` in pipelines: standard input and output, compressed files, ids, and warnings.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
 use std::io::Write;

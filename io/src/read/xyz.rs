@@ -32,7 +32,8 @@ impl Xyz {
             Some(given) => given,
             None => space(comment)?,
         };
-        let mut frame = Frame { space, ..Frame::with_capacity(count.min(RESERVE)) };
+        let step = value_of(comment.bytes, "Step").and_then(|step| lexical_core::parse(step).ok());
+        let mut frame = Frame { step, space, ..Frame::with_capacity(count.min(RESERVE)) };
         self.lines.rows(&Words(columns), ("spheres", count), session, &mut frame)?;
         Ok(Some(frame))
     }

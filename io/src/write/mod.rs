@@ -2,6 +2,7 @@
 
 mod draft;
 mod encoder;
+pub mod frames;
 mod pairs;
 mod spheres;
 mod temporary;
@@ -35,33 +36,35 @@ impl TableFormat {
     }
 }
 
-/// A header of the NumPy format, always of the same length.
-fn npy_header(kind: &str, shape: &str) -> [u8; NPY_HEADER] {
-    const START: &[u8] = b"\x93NUMPY\x01\x00\x76\x00";
-    const _: () = assert!(START.len() + 0x76 == NPY_HEADER);
-    let order = if cfg!(target_endian = "big") { '>' } else { '<' };
-    let text = format!("{{'descr': '{order}{kind}', 'fortran_order': False, 'shape': {shape}, }}");
-    let mut header = [b' '; NPY_HEADER];
-    header[..START.len()].copy_from_slice(START);
-    header[START.len()..][..text.len()].copy_from_slice(text.as_bytes());
-    header[NPY_HEADER - 1] = b'\n';
-    header
+/// A header of the NumPy format for elements of this type and an array of this shape. The format asks for a multiple of
+/// 64 bytes, with a line break at the end.
+fn npy_header(descr: &str, shape: &str) -> Vec<u8> {
+    const START: &[u8] = b"\x93NUMPY\x01\x00";
+    let before = START.len() + size_of::<u16>();
+    let text = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}");
+    let length = (before + text.len() + 1).next_multiple_of(64) - before;
+    let text = format!("{text:<0$}\n", length - 1);
+    [START, &(length as u16).to_le_bytes(), text.as_bytes()].concat()
 }
 
-/// Long enough for any shape of two 64-bit numbers; a multiple of 64, as the format asks.
-const NPY_HEADER: usize = 128;
+/// The type of a number in a header, as `u4` in this machine's order of bytes.
+fn number(kind: &str) -> String {
+    let order = if cfg!(target_endian = "big") { '>' } else { '<' };
+    format!("'{order}{kind}'")
+}
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn headers_have_one_length_whatever_the_shape() {
-        for shape in ["(0, 2)".to_owned(), format!("({}, 2)", u64::MAX), format!("({},)", u64::MAX)] {
-            let header = npy_header("u8", &shape);
+    fn headers_are_as_the_format_asks() {
+        for (shape, length) in [("(0, 2)", 128), ("(18446744073709551615, 2)", 128), ("(7,)", 128)] {
+            let header = npy_header(&number("u8"), shape);
+            assert_eq!((header.len(), &header[..10]), (length, &b"\x93NUMPY\x01\x00\x76\x00"[..]));
             let text = std::str::from_utf8(&header[10..]).unwrap();
-            assert!(text.contains(&format!("'shape': {shape}, }} ")), "{text}");
-            assert!(text.ends_with(" \n"));
+            assert!(text.contains(&format!("'shape': {shape}, }} ")) && text.ends_with(" \n"), "{text}");
         }
+        assert_eq!(frames::npy_frame_header(usize::MAX).len(), frames::npy_frame_header(0).len());
     }
 }

@@ -7,7 +7,7 @@ use lexical_core::ToLexical;
 use super::draft::STDOUT;
 use super::encoder::uncompressed;
 use super::text::Rows;
-use super::{Draft, TableFormat, npy_header};
+use super::{Draft, TableFormat, npy_header, number};
 use crate::Error;
 
 /// Where pairs or neighbours go, and how they are written.
@@ -73,7 +73,7 @@ impl<'a> PairFile<'a> {
             TableFormat::Csv => out.write_all(header_line(ids.is_some())),
             TableFormat::Npy => {
                 let kind = if ids.is_some() { "i8" } else { "u4" };
-                out.write_all(&npy_header(kind, &format!("({pairs}, 2)")))
+                out.write_all(&npy_header(&number(kind), &format!("({pairs}, 2)")))
             }
         })?;
         Ok(Self { draft, format: output.format, ids })
@@ -164,7 +164,7 @@ fn table(output: &Output, lists: Neighbors<'_>, ids: Option<&[i64]>) -> Result<D
 fn array<T: Pod>(path: &Path, kind: &str, values: &[T]) -> Result<Draft, Error> {
     let mut draft = Draft::create(path)?;
     draft.put(|out| {
-        out.write_all(&npy_header(kind, &format!("({},)", values.len())))?;
+        out.write_all(&npy_header(&number(kind), &format!("({},)", values.len())))?;
         out.write_all(bytemuck::cast_slice(values))
     })?;
     Ok(draft)

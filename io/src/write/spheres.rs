@@ -6,7 +6,7 @@ use lazygrid::Sphere;
 
 use super::encoder::uncompressed;
 use super::text::Rows;
-use super::{Draft, npy_header};
+use super::{Draft, npy_header, number};
 use crate::Error;
 
 /// How spheres are written.
@@ -40,7 +40,7 @@ pub fn spheres(path: &Path, format: SphereFormat, spheres: &[Sphere]) -> Result<
     let mut draft = Draft::create(path)?;
     draft.put(|out| match format {
         SphereFormat::Npy => {
-            out.write_all(&npy_header("f4", &format!("({}, 4)", spheres.len())))?;
+            out.write_all(&npy_header(&number("f4"), &format!("({}, 4)", spheres.len())))?;
             out.write_all(bytemuck::cast_slice(spheres))
         }
         SphereFormat::Csv => {
