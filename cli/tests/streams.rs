@@ -272,3 +272,23 @@ fn a_time_out_is_told_with_its_option() {
     let run = LAZYGRID.run(["detect", &file, "--backend", "gpu", "--count", "--timeout", "1e-9"]).fails();
     assert!(run.err.contains("did not finish") && run.err.contains("(--timeout)"), "{}", run.err);
 }
+
+/// On a machine without a desktop a library of the driver's had something to say, and it looked like an error of ours.
+#[test]
+fn nobody_else_speaks_on_standard_error() {
+    let scratch = Scratch::new();
+    let file = scratch.write("a.csv", SPHERES);
+    for args in [&["devices"][..], &["detect", &file]] {
+        for directory in [None, Some("relative")] {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_lazygrid"));
+            command
+                .args(args)
+                .env_remove("XDG_RUNTIME_DIR")
+                .env_remove("WAYLAND_DISPLAY")
+                .env_remove("RUST_LOG");
+            directory.map(|directory| command.env("XDG_RUNTIME_DIR", directory));
+            let run = Run::from(command.output().unwrap()).succeeds();
+            assert_eq!(run.err, "", "{args:?}");
+        }
+    }
+}
