@@ -9,9 +9,11 @@ use crate::error::{At, Error, Place, excerpt};
 
 /// The longest line that is read. Bounds memory where a file turns out not to be text.
 const LONGEST_LINE: usize = 1 << 20;
-/// Bytes read at first, and the most that are held at a time. A block is up to four times the one before.
+/// Bytes read at first. A block is up to four times the one before.
 const FIRST_BLOCK: usize = 1 << 16;
-const BLOCK: usize = 8 << 20;
+/// The most bytes in a block, for each thread that shares in it, and in all.
+const SHARE: usize = 1 << 20;
+const LARGEST_BLOCK: usize = 32 << 20;
 /// Bytes parsed by one thread at a time, or a little more, up to the end of a line.
 const PIECE: usize = 1 << 17;
 
@@ -114,13 +116,14 @@ impl Lines {
         Place { path: self.source.path.clone(), at }
     }
 
-    /// Hands whole lines to `parse`, which may share them out among threads, while the lines behind them are read;
-    /// all of them, or no more than `most`. Returns what `parse` made of them, and how many there were: none at the
-    /// end.
+    /// Hands whole lines to `parse`, which may share them out among threads, while `meanwhile` is done and the lines
+    /// behind them are read; all of them, or no more than `most`. Returns what `parse` made of them, and how many there
+    /// were: none at the end.
     pub(super) fn parse<T: Send>(
         &mut self,
         most: u64,
         parse: impl FnOnce(&[Piece<'_>]) -> T + Send,
+        meanwhile: impl FnOnce() + Send,
     ) -> Result<(T, u64), Error> {
         loop {
             let Self { source, buffer, spare, unread, number, ended, failed, .. } = &mut *self;
@@ -134,11 +137,20 @@ impl Lines {
             }
             let parsed = if lines == most || *ended || failed.is_some() {
                 unread.start += end;
-                parse(&pieces)
+                if pieces.len() > 1 {
+                    rayon::join(|| parse(&pieces), meanwhile).0
+                } else {
+                    meanwhile();
+                    parse(&pieces)
+                }
             } else {
                 let (rest, left) = (&text.bytes[end..], most - lines);
                 spare.resize(larger(text.bytes.len()), 0);
-                let (parsed, read) = rayon::join(|| parse(&pieces), || read_on(source, spare, rest, left));
+                let read_on = || {
+                    meanwhile();
+                    read_on(source, spare, rest, left)
+                };
+                let (parsed, read) = rayon::join(|| parse(&pieces), read_on);
                 std::mem::swap(buffer, spare);
                 *unread = 0..read.filled;
                 (*ended, *failed) = (read.ended, read.failed);
@@ -254,7 +266,8 @@ fn read_on(source: &mut Source, spare: &mut [u8], rest: &[u8], lines: u64) -> Re
 
 /// The size of a block behind one of so many bytes.
 fn larger(bytes: usize) -> usize {
-    (4 * bytes).clamp(FIRST_BLOCK, BLOCK)
+    let most = (SHARE * rayon::current_num_threads()).clamp(2 * LONGEST_LINE, LARGEST_BLOCK);
+    (4 * bytes).clamp(FIRST_BLOCK, most)
 }
 
 fn too_long(place: Place) -> Error {

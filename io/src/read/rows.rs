@@ -49,15 +49,10 @@ impl Lines {
         session: &mut Session,
         frame: &mut Frame,
     ) -> Result<(), Error> {
-        let mut found = 0;
-        while found < expected {
-            let lines = self.some_rows(table, expected - found, session, frame)?;
-            if lines == 0 {
-                return Err(Error::Truncated { place: self.place(), what, found, expected });
-            }
-            found += lines;
+        match self.up_to(expected, table, session, frame)? {
+            found if found < expected => Err(Error::Truncated { place: self.place(), what, found, expected }),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// Adds the rows of a table to a frame, up to the end of the file.
@@ -67,40 +62,61 @@ impl Lines {
         session: &mut Session,
         frame: &mut Frame,
     ) -> Result<(), Error> {
-        while self.some_rows(table, u64::MAX, session, frame)? > 0 {}
-        Ok(())
+        self.up_to(u64::MAX, table, session, frame).map(drop)
     }
 
-    /// Adds what has been read; returns how many lines that were.
-    fn some_rows(
+    /// Adds so many lines of a table, or all; returns how many there were. What threads have made of a block is put
+    /// together while they parse the next.
+    fn up_to(
         &mut self,
-        table: &impl Table,
         most: u64,
+        table: &impl Table,
         session: &mut Session,
         frame: &mut Frame,
     ) -> Result<u64, Error> {
-        let known = &*session;
+        let blank = Blank { species: session.species.anew(), ids: session.ids };
         let parse = |pieces: &[Piece<'_>]| match pieces {
-            [piece] => vec![Part::of(*piece, table, known)],
-            _ => pieces.par_iter().map(|piece| Part::of(*piece, table, known)).collect::<Vec<_>>(),
+            [piece] => vec![Part::of(*piece, table, &blank)],
+            _ => pieces.par_iter().map(|piece| Part::of(*piece, table, &blank)).collect::<Vec<_>>(),
         };
-        let (parts, lines) = self.parse(most, parse)?;
-        let place = self.place();
-        parts.into_iter().try_for_each(|part| frame.add(part, table, session, &place))?;
-        Ok(lines)
+        let (mut parts, mut lines) = (Vec::new(), 0);
+        loop {
+            let (place, mut added) = (self.place(), Ok(()));
+            let mut add = |parts: Vec<Part>| {
+                parts.into_iter().try_for_each(|part| frame.add(part, table, session, &place))
+            };
+            if lines == most {
+                return add(parts).map(|()| lines);
+            }
+            let mut before = Some(parts);
+            let parsed = self.parse(most - lines, parse, || added = add(before.take().unwrap_or_default()));
+            // Where nothing was parsed, that is still to do.
+            added.and_then(|()| add(before.unwrap_or_default()))?;
+            let (next, more) = parsed?;
+            if more == 0 {
+                return Ok(lines);
+            }
+            (parts, lines) = (next, lines + more);
+        }
     }
 }
 
+/// What every part begins with: the radii that were given, and whether ids are wanted.
+struct Blank {
+    species: Species,
+    ids: bool,
+}
+
 impl Part {
-    fn of(piece: Piece<'_>, table: &impl Table, session: &Session) -> Self {
-        let mut part = Self { species: session.species.anew(), ..Self::default() };
+    fn of(piece: Piece<'_>, table: &impl Table, blank: &Blank) -> Self {
+        let mut part = Self { species: blank.species.anew(), ..Self::default() };
         part.spheres.reserve(piece.rows());
-        part.error = piece.lines().try_for_each(|line| part.push(line?, table, session)).err();
+        part.error = piece.lines().try_for_each(|line| part.push(line?, table, blank.ids)).err();
         part
     }
 
     /// Adds the sphere of a row, with the radius of its species where one is given, else its own.
-    fn push(&mut self, line: Line<'_>, table: &impl Table, session: &Session) -> Result<(), Error> {
+    fn push(&mut self, line: Line<'_>, table: &impl Table, ids: bool) -> Result<(), Error> {
         let Some(row) = table.row(line)? else { return Ok(()) };
         let mut radius = row.radius;
         if let Some(name) = row.species {
@@ -116,7 +132,7 @@ impl Part {
             if table.has_serials() {
                 self.serials.push((smoldyn::serial(line, id)?, line.number));
             }
-            if session.ids {
+            if ids {
                 self.ids.push(line.id(id)?);
             }
         }
