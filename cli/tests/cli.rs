@@ -241,7 +241,7 @@ fn bad_input_is_named_and_leaves_no_output() {
 fn the_seeds_of_the_fuzz_targets_are_valid_files() {
     let seeds = fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../fuzz/seeds")).unwrap();
     let files: Vec<_> = seeds.map(|entry| entry.unwrap().path()).collect();
-    assert_eq!(files.len(), 6);
+    assert_eq!(files.len(), 8);
     for file in files {
         lazygrid([Path::new("detect"), &file, Path::new("--radius=A=1"), Path::new("--radius=1=2")])
             .succeeds();

@@ -260,6 +260,7 @@ fn an_interrupted_run_goes_on() {
 }
 
 #[cfg(unix)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 fn interrupted_run_goes_on(signal: &str, code: i32) {
     use std::process::{Command, Stdio};
     use std::time::Duration;

@@ -1,4 +1,4 @@
-use super::lines::Line;
+use super::line::Line;
 use super::session::Session;
 use crate::error::{Error, excerpt};
 

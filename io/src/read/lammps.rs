@@ -8,7 +8,8 @@ use lazygrid::Space;
 
 use super::cell::Cell;
 use super::columns::{Column, Columns, Row};
-use super::lines::{Line, Lines};
+use super::line::Line;
+use super::lines::Lines;
 use super::rows::Table;
 use super::session::Session;
 use super::source::Source;

@@ -17,6 +17,7 @@ mod columns;
 mod comment;
 mod csv;
 mod lammps;
+mod line;
 mod lines;
 mod npy;
 mod rows;

@@ -5,7 +5,8 @@ use lazygrid::{MAX_SPHERES, Sphere};
 use rayon::prelude::*;
 
 use super::columns::{Columns, Row};
-use super::lines::{Line, Lines, Piece};
+use super::line::Line;
+use super::lines::{Lines, Piece};
 use super::session::Session;
 use super::species::Species;
 use super::{Frame, smoldyn};

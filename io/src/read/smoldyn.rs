@@ -6,7 +6,8 @@
 
 use super::Frame;
 use super::columns::{Column, Columns, Row};
-use super::lines::{Line, Lines};
+use super::line::Line;
+use super::lines::Lines;
 use super::rows::Table;
 use super::session::Session;
 use super::source::Source;
