@@ -108,6 +108,7 @@ fn a_run_writes_what_the_scenario_asks_for() {
 
     let xyz = fs::read_to_string(out.clone() + "/frames.xyz").unwrap();
     let frame = xyz.split("Step=20\n").nth(1).unwrap();
+    let out_dir = out.clone();
     let npy = fs::read(out + "/frame-000000020.npy").unwrap();
     let end = 10 + usize::from(u16::from_le_bytes([npy[8], npy[9]]));
     let fields = "('id', '<u4'), ('species', '<u4'), ('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('r', '<f4')";
@@ -115,6 +116,16 @@ fn a_run_writes_what_the_scenario_asks_for() {
     assert!(header.starts_with(&format!("{{'descr': [{fields}], ")), "{header}");
     let rows = npy[end..].chunks_exact(24);
     assert!(header.contains(&format!("'shape': ({},)", rows.len())), "{header}");
+    // Both are read back, and have the same pairs.
+    let lists = ["frames.xyz", "frame-000000020.npy"].map(|name| {
+        let (file, list) = (out_dir.clone() + "/" + name, scratch.path("pairs.csv"));
+        let frame = if name == "frames.xyz" { "2" } else { "0" };
+        let args = ["detect", &file, "--frame", frame, "--periodic", "4,4,4", "--ids", "--output", &list];
+        let run = lazygrid(args).succeeds();
+        assert!(!name.ends_with("xyz") || run.out.contains("frame      2 (step 20)"), "{}", run.out);
+        fs::read_to_string(list).unwrap()
+    });
+    assert!(lists[0] == lists[1] && lists[0].lines().count() > 1, "{}", lists[0]);
     for (line, row) in frame.lines().zip(rows) {
         let words: Vec<[u8; 4]> = row.chunks_exact(4).map(|word| word.try_into().unwrap()).collect();
         let name = ["acid", "base", "salt"][u32::from_le_bytes(words[1]) as usize];
@@ -243,6 +254,14 @@ fn a_full_disk_shows_before_the_run() {
 #[test]
 #[cfg(unix)]
 fn an_interrupted_run_goes_on() {
+    for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
+        interrupted_run_goes_on(signal, code);
+    }
+}
+
+#[cfg(unix)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn interrupted_run_goes_on(signal: &str, code: i32) {
     use std::process::{Command, Stdio};
     use std::time::Duration;
 
@@ -261,10 +280,10 @@ fn an_interrupted_run_goes_on() {
         std::thread::sleep(Duration::from_millis(10));
     }
     std::thread::sleep(Duration::from_millis(200));
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
     let ended = child.wait_with_output().unwrap();
     let message = String::from_utf8(ended.stderr).unwrap();
-    assert_eq!(ended.status.code(), Some(130), "{message}");
+    assert_eq!(ended.status.code(), Some(code), "{message}");
     let steps: u32 = message.split_whitespace().nth(3).unwrap().parse().unwrap();
     assert!(message.starts_with("error: stopped after ") && message.contains("--resume"), "{message}");
     // A few steps further it is where a run without interruption is.

@@ -46,7 +46,10 @@ impl DeviceDetector {
             reason: String::new(),
             phases: Vec::new(),
         };
-        let session = GpuSession::new(own, gpu)?;
+        let mut session = GpuSession::new(own, gpu)?;
+        if let Some(timeout) = config.timeout {
+            session.set_timeout(timeout);
+        }
         let (canonical, lists, pairs) = Default::default();
         Ok(Self { session, settings, crossover, canonical, lists, pairs, report })
     }

@@ -52,7 +52,7 @@ impl Files {
             if self.output.npy {
                 let path = self.directory.join(format!("frame-{step:09}.npy"));
                 let mut frame = Growing::create(path)?;
-                frame.put(|out| frames::npy(out, &state.particles))?;
+                frame.put(|out| frames::npy(out, simulation.model(), &state.particles))?;
                 frame.sync()?;
             }
         }
