@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
+use crate::Error;
 use crate::columns::Columns;
 use crate::contact::{Rule, scan};
 use crate::detector::Input;
 use crate::entries::CLASS_BITS;
+use crate::memory::{extend, push};
 use crate::radix::{Entry, Key};
 use crate::simd::{Task, Vector};
 use crate::sink::{Output, Sink, search_pieces};
@@ -91,12 +91,16 @@ pub(crate) struct Batch {
 
 impl Batch {
     /// Adds the entries of one cell, sorted by class.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
     #[inline]
-    pub(crate) fn push(&mut self, run: &[impl Occupant]) {
+    pub(crate) fn push(&mut self, run: &[impl Occupant]) -> Result<(), Error> {
         if owns_pairs(run) {
-            self.cells.push(starts(run, self.ids.len()));
-            self.ids.extend(run.iter().map(Occupant::id));
+            push(&mut self.cells, starts(run, self.ids.len()), "a batch of cells")?;
+            extend(&mut self.ids, run.iter().map(Occupant::id), "a batch of cells")?;
         }
+        Ok(())
     }
 
     /// How many spheres wait.
@@ -105,12 +109,16 @@ impl Batch {
     }
 
     /// Compares inside every cell, and empties the batch.
-    pub(crate) fn search<S: Sink>(&mut self, input: &Input<'_>, sink: &mut S) {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<S: Sink>(&mut self, input: &Input<'_>, sink: &mut S) -> Result<(), Error> {
         let Self { ids, cells, columns } = self;
-        columns.gather(&input.rule, ids.iter().copied());
+        columns.gather(&input.rule, ids.iter().copied())?;
         input.run(Cells { columns, rule: &input.rule, cells, sink });
         ids.clear();
         cells.clear();
+        Ok(())
     }
 }
 
@@ -159,62 +167,77 @@ struct Row {
 
 impl Crowd {
     /// Compares inside one cell, whose entries are sorted by class.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
     pub(crate) fn within<'o, O: Output>(
         &mut self,
         input: &Input<'_>,
         run: &[impl Occupant],
         (output, sink): (&'o O, O::Sink<'o>),
-    ) -> O::Sink<'o> {
+    ) -> Result<O::Sink<'o>, Error> {
         if !owns_pairs(run) {
-            return sink;
+            return Ok(sink);
         }
         self.rows.clear();
-        self.columns.gather(&input.rule, run.iter().map(Occupant::id));
+        self.columns.gather(&input.rule, run.iter().map(Occupant::id))?;
         let starts = starts(run, 0);
-        self.plan(&starts, &starts, &LATER);
+        self.plan(&starts, &starts, &LATER)?;
         self.search(input, output, sink)
     }
 
     /// Compares the spheres `large` of one cell with each other and with its other spheres `small`; the entries of
     /// both are sorted by class.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
     pub(crate) fn among<'o, O: Output>(
         &mut self,
         input: &Input<'_>,
         (large, small): (&[impl Occupant], &[impl Occupant]),
         (output, sink): (&'o O, O::Sink<'o>),
-    ) -> O::Sink<'o> {
+    ) -> Result<O::Sink<'o>, Error> {
         self.rows.clear();
         let ids = |k: usize| if k < large.len() { large[k].id() } else { small[k - large.len()].id() };
-        self.columns.gather(&input.rule, (0..large.len() + small.len()).map(ids));
+        self.columns.gather(&input.rule, (0..large.len() + small.len()).map(ids))?;
         let (first, second) = (starts(large, 0), starts(small, large.len()));
-        self.plan(&first, &first, &LATER);
-        self.plan(&first, &second, &ANY);
+        self.plan(&first, &first, &LATER)?;
+        self.plan(&first, &second, &ANY)?;
         self.search(input, output, sink)
     }
 
     /// Adds rows for every class of `of` with its partners among those of `with`.
-    fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[Classes]; CLASSES]) {
+    fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[Classes]; CLASSES]) -> Result<(), Error> {
         for (class, partners) in partners.iter().enumerate() {
             for &partners in *partners {
                 let (of, with) = (range(of, (class, class + 1)), range(with, partners));
                 for tile in pieces(of, TILE) {
                     let with = with.start.max(tile.start)..with.end;
-                    self.rows.extend(pieces(with, ROW).map(|with| Row { of: tile.clone(), with }));
+                    for with in pieces(with, ROW) {
+                        push(&mut self.rows, Row { of: tile.clone(), with }, "tiles of a crowded cell")?;
+                    }
                 }
             }
         }
+        Ok(())
     }
 
-    fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O, sink: O::Sink<'o>) -> O::Sink<'o> {
-        let compare = |mut sink: O::Sink<'o>, row: &Row| {
+    fn search<'o, O: Output>(
+        &self,
+        input: &Input<'_>,
+        output: &'o O,
+        sink: O::Sink<'o>,
+    ) -> Result<O::Sink<'o>, Error> {
+        let compare = |mut sink: O::Sink<'o>, row: usize| {
+            let row = &self.rows[row];
             input.run(Tiles { columns: &self.columns, rule: &input.rule, row, sink: &mut sink });
-            sink
+            sink.checked()
         };
         let comparisons: usize = self.rows.iter().map(|row| row.of.len() * row.with.len()).sum();
         if comparisons < SPREAD {
-            return self.rows.iter().fold(sink, compare);
+            return (0..self.rows.len()).try_fold(sink, compare);
         }
-        sink.merge(search_pieces(output, self.rows.par_iter().with_max_len(1), compare))
+        sink.merge(search_pieces((output, input.threads), (self.rows.len(), 1), compare)?)
     }
 }
 

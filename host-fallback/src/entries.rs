@@ -1,13 +1,15 @@
 //! An array of (cell, sphere) entries, one for every cell that a sphere overlaps, sorted by cell and class.
 
 use glam::UVec3;
-use rayon::prelude::*;
 
+use crate::Error;
 use crate::cover::{Cover, HOME, Raster};
 use crate::detector::Input;
+use crate::memory::{more, resize};
 use crate::radix::{Entry, Key, Radix};
 use crate::report::Report;
 use crate::scatter::split_at;
+use crate::threads::Threads;
 
 /// Spheres per piece of the passes that count and write entries.
 const PIECE: usize = 1 << 14;
@@ -84,14 +86,21 @@ pub(crate) trait Visit {
 
 impl Entries {
     /// Writes and sorts the entries.
-    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
         match input.is_periodic() {
             true => self.build_in::<true>(input, report),
             false => self.build_in::<false>(input, report),
         }
     }
 
-    fn build_in<const PERIODIC: bool>(&mut self, input: &Input<'_>, report: &mut Report) {
+    fn build_in<const PERIODIC: bool>(
+        &mut self,
+        input: &Input<'_>,
+        report: &mut Report,
+    ) -> Result<(), Error> {
         let survey = &input.survey;
         self.raster = Raster::new(survey, input.settings.raster_ratio, input.rule.lengths());
         if survey.spheres > 0 {
@@ -105,16 +114,18 @@ impl Entries {
             (raster.cover::<PERIODIC>(center, radius), HOME, k as u32)
         };
         let place = |cell| raster.wrap::<PERIODIC>(cell);
+        let (n, threads) = (survey.spheres, input.threads);
         if packing.is_narrow() {
             wide.entries.clear();
-            report.time("map", || fill(survey.spheres, (sphere, place), *packing, (narrow, offsets)));
-            report.time("sort", || narrow.sort(packing.bits()));
+            report.time("map", || fill((n, threads), (sphere, place), *packing, (narrow, offsets)))?;
+            report.time("sort", || narrow.sort(packing.bits(), threads))?;
         } else {
             narrow.entries.clear();
-            report.time("map", || fill(survey.spheres, (sphere, place), *packing, (wide, offsets)));
-            report.time("sort", || wide.sort(packing.bits()));
+            report.time("map", || fill((n, threads), (sphere, place), *packing, (wide, offsets)))?;
+            report.time("sort", || wide.sort(packing.bits(), threads))?;
         }
         log::trace!("{} entries, {} key bits", narrow.entries.len() + wide.entries.len(), packing.bits());
+        Ok(())
     }
 
     /// The entries, at the width they have.
@@ -140,28 +151,35 @@ pub(crate) fn most_cells(ratio: f32) -> u64 {
 /// Writes an entry for every cell that each of `n` spheres overlaps, sphere by sphere. `sphere` tells what the `k`-th
 /// covers, the most that its classes can have, and its id; where there are many it is asked twice, to count first.
 /// `place` tells the cell from one that is covered.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
 pub(crate) fn fill<K: Key>(
-    n: usize,
+    (n, threads): (usize, Threads),
     (sphere, place): (impl Fn(usize) -> (Cover, u8, u32) + Sync, impl Fn(UVec3) -> UVec3 + Sync),
     packing: Packing,
     (radix, offsets): (&mut Radix<K>, &mut Vec<usize>),
-) {
+) -> Result<(), Error> {
     let entries = &mut radix.entries;
     if n <= PIECE {
         entries.clear();
         for (cover, most, id) in (0..n).map(&sphere) {
+            more(entries, cover.cells(), "entries of cells")?;
+            #[expect(clippy::disallowed_methods, reason = "there is room for all cells of the sphere")]
             cover.for_each(|cell, class| {
-                entries.push(Entry { key: packing.key(place(cell), class & most), id })
+                entries.push(Entry { key: packing.key(place(cell), class & most), id });
             });
         }
-        return;
+        return Ok(());
     }
     let range = |piece: usize| piece * PIECE..n.min((piece + 1) * PIECE);
-    let count = |piece| range(piece).map(|k| sphere(k).0.cells()).sum::<usize>();
-    (0..n.div_ceil(PIECE)).into_par_iter().map(count).collect_into_vec(offsets);
-    entries.resize(accumulate(offsets), Entry::default());
-    let targets = split_at(entries, offsets.iter().copied());
-    targets.into_par_iter().enumerate().for_each(|(piece, target)| {
+    resize(offsets, n.div_ceil(PIECE), "counting entries of cells")?;
+    threads.each(offsets, |piece, count| {
+        *count = range(piece).map(|k| sphere(k).0.cells()).sum();
+    });
+    resize(entries, accumulate(offsets), "entries of cells")?;
+    let mut targets = split_at(entries, offsets.iter().copied())?;
+    threads.each(&mut targets, |piece, target| {
         let mut slots = target.iter_mut();
         for (cover, most, id) in range(piece).map(&sphere) {
             cover.for_each(|cell, class| {
@@ -171,6 +189,7 @@ pub(crate) fn fill<K: Key>(
             });
         }
     });
+    Ok(())
 }
 
 /// Turns the lengths of pieces into their ends; returns the last.

@@ -2,18 +2,20 @@
 //! overlaps. Only occupied cells cost memory; cells of one hash share a chain and are told apart by coordinates.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
 
+use bytemuck::Zeroable;
 use glam::UVec3;
-use rayon::prelude::*;
 
+use crate::Error;
 use crate::cell::{Batch, Crowd};
 use crate::cover::{Cover, Raster};
 use crate::detector::Input;
 use crate::entries::{accumulate, most_cells};
+use crate::memory::{extend, push, resize};
 use crate::radix::Entry;
 use crate::report::Report;
-use crate::scatter::split_at;
+use crate::scatter::{shared, split_at};
 use crate::sink::{Output, search_pieces};
 use crate::workspace::Workspaces;
 
@@ -30,14 +32,14 @@ const END: u32 = u32::MAX;
 #[derive(Debug, Default)]
 pub(crate) struct HashGrid {
     /// The last entry inserted in each chain.
-    heads: Vec<AtomicU32>,
+    heads: Vec<u32>,
     entries: Vec<Linked>,
     offsets: Vec<usize>,
     workspaces: Workspaces<Workspace>,
 }
 
 /// A sphere in a cell, and the entry before it in its chain.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Zeroable)]
 struct Linked {
     cell: UVec3,
     class: u32,
@@ -58,47 +60,56 @@ type UVec3Key = [u32; 3];
 
 impl HashGrid {
     /// Builds for these spheres: counts the entries, sizes the table, inserts.
-    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
         match input.is_periodic() {
             true => self.build_in::<true>(input, report),
             false => self.build_in::<false>(input, report),
         }
     }
 
-    fn build_in<const PERIODIC: bool>(&mut self, input: &Input<'_>, report: &mut Report) {
-        let raster = report.time("count", || self.count::<PERIODIC>(input));
+    fn build_in<const PERIODIC: bool>(
+        &mut self,
+        input: &Input<'_>,
+        report: &mut Report,
+    ) -> Result<(), Error> {
+        let raster = report.time("count", || self.count::<PERIODIC>(input))?;
         let total = self.offsets.last().copied().unwrap_or(0);
+        log::trace!("{total} entries");
         report.time("insert", || {
             let chains = total.next_power_of_two().max(2);
-            self.heads.resize_with(chains, AtomicU32::default);
-            self.heads.par_iter_mut().for_each(|head| *head.get_mut() = END);
-            self.entries.resize(total, Linked::default());
-            self.insert::<PERIODIC>(input, &raster);
-        });
-        log::trace!("{total} entries");
+            resize(&mut self.heads, chains, "chains of a hash table")?;
+            input.threads.each_stretch(&mut self.heads, PIECE, |_, heads| heads.fill(END));
+            resize(&mut self.entries, total, "entries of cells")?;
+            self.insert::<PERIODIC>(input, &raster)
+        })
     }
 
     /// Counts entries, piece by piece, in cells large enough that 32 bits number the entries.
-    fn count<const PERIODIC: bool>(&mut self, input: &Input<'_>) -> Raster {
+    fn count<const PERIODIC: bool>(&mut self, input: &Input<'_>) -> Result<Raster, Error> {
         let mut raster = Raster::new(&input.survey, input.settings.raster_ratio, input.rule.lengths());
         loop {
             let cells = |id| cover::<PERIODIC>(input, &raster, id).cells();
-            let count = |piece| spheres(input, piece).map(cells).sum::<usize>();
-            let pieces = input.survey.spheres.div_ceil(PIECE);
-            (0..pieces).into_par_iter().map(count).collect_into_vec(&mut self.offsets);
+            resize(&mut self.offsets, input.survey.spheres.div_ceil(PIECE), "counting entries of cells")?;
+            input.threads.each(&mut self.offsets, |piece, count| {
+                *count = spheres(input, piece).map(cells).sum();
+            });
             if accumulate(&mut self.offsets) < END as usize {
-                return raster;
+                return Ok(raster);
             }
             raster = raster.coarser(input.rule.lengths());
         }
     }
 
     /// Hangs every entry at the head of its chain; threads swap heads without locks.
-    fn insert<const PERIODIC: bool>(&mut self, input: &Input<'_>, raster: &Raster) {
+    fn insert<const PERIODIC: bool>(&mut self, input: &Input<'_>, raster: &Raster) -> Result<(), Error> {
         let Self { heads, entries, offsets, .. } = self;
-        let ends = offsets.iter().copied();
         let shift = shift(heads.len());
-        split_at(entries, ends).into_par_iter().enumerate().for_each(|(piece, target)| {
+        let heads = shared(heads);
+        let mut targets = split_at(entries, offsets.iter().copied())?;
+        input.threads.each(&mut targets, |piece, target| {
             let mut number = if piece == 0 { 0 } else { offsets[piece - 1] as u32 };
             let mut slots = target.iter_mut();
             for id in spheres(input, piece) {
@@ -112,11 +123,21 @@ impl HashGrid {
                 });
             }
         });
+        Ok(())
     }
 
     /// Finds all pairs.
-    pub(crate) fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
-        search_pieces(output, self.heads.par_chunks(CHAINS), |sink, heads| {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<'o, O: Output>(
+        &self,
+        input: &Input<'_>,
+        output: &'o O,
+    ) -> Result<O::Sink<'o>, Error> {
+        let pieces = (self.heads.len().div_ceil(CHAINS), usize::MAX);
+        search_pieces((output, input.threads), pieces, |sink, piece| {
+            let heads = &self.heads[piece * CHAINS..self.heads.len().min((piece + 1) * CHAINS)];
             self.workspaces.lend(|workspace| self.chains(heads, workspace, (input, output, sink)))
         })
     }
@@ -124,52 +145,53 @@ impl HashGrid {
     /// Compares inside all cells of some chains.
     fn chains<'o, O: Output>(
         &self,
-        heads: &[AtomicU32],
+        heads: &[u32],
         workspace: &mut Workspace,
         (input, output, mut sink): (&Input<'_>, &'o O, O::Sink<'o>),
-    ) -> O::Sink<'o> {
+    ) -> Result<O::Sink<'o>, Error> {
         let Workspace { chain, run, batch, crowd } = workspace;
-        for head in heads {
-            self.collect(head.load(Relaxed), chain);
+        for &head in heads {
+            self.collect(head, chain)?;
             for cell in chain.chunk_by(|a, b| a.0 == b.0) {
                 if cell.len() < 2 {
                     continue;
                 }
                 run.clear();
-                run.extend(cell.iter().map(|&(_, entry)| entry));
+                extend(run, cell.iter().map(|&(_, entry)| entry), "a chain of a hash table")?;
                 if run.len() > BATCH {
-                    batch.search(input, &mut sink);
-                    sink = crowd.within(input, run, (output, sink));
+                    batch.search(input, &mut sink)?;
+                    sink = crowd.within(input, run, (output, sink))?;
                 } else {
-                    batch.push(run);
+                    batch.push(run)?;
                 }
             }
             if batch.len() > BATCH {
-                batch.search(input, &mut sink);
+                batch.search(input, &mut sink)?;
             }
         }
-        batch.search(input, &mut sink);
-        sink
+        batch.search(input, &mut sink)?;
+        Ok(sink)
     }
 
     /// Gathers a chain, ordered by cell, class and sphere: the order in which threads inserted must not show.
-    fn collect(&self, head: u32, chain: &mut Vec<(UVec3Key, Entry<u32>)>) {
+    fn collect(&self, head: u32, chain: &mut Vec<(UVec3Key, Entry<u32>)>) -> Result<(), Error> {
         chain.clear();
         let mut at = head;
         while at != END {
             let Linked { cell, class, id, next } = self.entries[at as usize];
-            chain.push((cell.to_array(), Entry { key: class, id }));
+            push(chain, (cell.to_array(), Entry { key: class, id }), "a chain of a hash table")?;
             at = next;
         }
         if chain.len() > 1 {
             chain.sort_unstable_by_key(|&(cell, entry)| (cell, entry.key, entry.id));
         }
+        Ok(())
     }
 
     /// An upper estimate of the bytes held for `spheres` spheres.
     pub(crate) fn memory_for(spheres: u64, ratio: f32) -> u64 {
         let entries = spheres * most_cells(ratio);
-        let table = entries.next_power_of_two() * size_of::<AtomicU32>() as u64;
+        let table = entries.next_power_of_two() * size_of::<u32>() as u64;
         entries * size_of::<Linked>() as u64 + table + spheres * GATHERED
     }
 }

@@ -217,7 +217,7 @@ mod tests {
             let mut columns = Columns::default();
             let spheres: Vec<_> =
                 (0..40).map(|k| Sphere::new([k as f32, 39.0 - k as f32, 0.3], 0.5)).collect();
-            columns.gather(&Rule::new((&spheres).into(), None), 0..40);
+            columns.gather(&Rule::new((&spheres).into(), None), 0..40).expect("there is memory");
             let mut jobs = Jobs::new();
             for count in [1, 2, 15, 16] {
                 for (low, high) in [(8.0, 12.0), (f32::NEG_INFINITY, 30.5), (20.0, f32::INFINITY)] {

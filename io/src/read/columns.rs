@@ -117,11 +117,17 @@ impl Columns {
 impl Frame {
     /// Adds the sphere of a row, with the radius of its species where one is given, else its own.
     pub(super) fn push(&mut self, line: Line<'_>, row: Row<'_>, species: &mut Species) -> Result<(), Error> {
+        let spheres = self.spheres.len() as u64 + 1;
+        let memory = |_| Error::TooManySpheres { place: line.place(), spheres, limit: "memory" };
+        // Room first, so that a refusal is an error and leaves the columns of one length.
+        self.spheres.try_reserve(1).map_err(memory)?;
         let mut radius = row.radius;
         if let Some(name) = row.species {
             let (id, given) = species.intern(name);
             radius = given.or(radius);
-            self.species.get_or_insert_default().push(id);
+            let ids = self.species.get_or_insert_default();
+            ids.try_reserve(1).map_err(memory)?;
+            ids.push(id);
         }
         let radius = radius.ok_or_else(|| {
             let species = row.species.map(|name| String::from_utf8_lossy(name).into_owned());

@@ -27,7 +27,7 @@ pub(super) fn read(mut source: Source, _: &mut Species) -> Result<Frame, Error> 
         spheres.try_reserve_exact(header.rows as usize).map_err(|_| header.too_many(&source, "memory"))?;
     }
     if header.number == Number::NATIVE && !header.fortran {
-        read_rows(&mut source, header.rows, &mut spheres)?;
+        read_rows(&mut source, &header, &mut spheres)?;
     } else {
         decode(&mut source, &header, &mut spheres)?;
     }
@@ -38,10 +38,12 @@ pub(super) fn read(mut source: Source, _: &mut Species) -> Result<Frame, Error> 
 }
 
 /// Rows that are stored as spheres are.
-fn read_rows(source: &mut Source, rows: u64, spheres: &mut Vec<Sphere>) -> Result<(), Error> {
+fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) -> Result<(), Error> {
+    let rows = header.rows;
     while (spheres.len() as u64) < rows {
         let start = spheres.len();
         let block = (rows - start as u64).min(BLOCK as u64) as usize;
+        spheres.try_reserve(block).map_err(|_| header.too_many(source, "memory"))?;
         spheres.resize(start + block, Sphere::default());
         let bytes = bytemuck::cast_slice_mut(&mut spheres[start..]);
         let read = source.fill(bytes)?;
@@ -78,6 +80,7 @@ fn decode(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) -> Re
             };
             check(source, (row, column), value as f32, value)?;
             if column == 0 {
+                spheres.try_reserve(1).map_err(|_| header.too_many(source, "memory"))?;
                 spheres.push(Sphere::default());
             }
             bytemuck::cast_mut::<_, [f32; 4]>(&mut spheres[row as usize])[column] = value as f32;
