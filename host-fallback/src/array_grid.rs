@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::cell::{Batch, Crowd};
 use crate::detector::Input;
-use crate::entries::{Entries, Packing, Visit, cells_of_piece, run_end};
+use crate::entries::{ENTRY, Entries, Packing, Visit, cells_of_piece, most_entries, run_end};
 use crate::radix::{Entry, Key};
 use crate::report::Report;
 use crate::sink::{Output, search_pieces};
@@ -43,9 +43,11 @@ impl ArrayGrid {
         self.entries.visit(Search { grid: self, input, output })
     }
 
-    /// An upper estimate of the bytes held for `spheres` spheres.
-    pub(crate) fn memory_for(spheres: u64, ratio: f32) -> u64 {
-        Entries::memory_for(spheres, ratio)
+    /// The most bytes held for `spheres` spheres whose keys are narrow.
+    pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
+        let entries = most_entries(spheres as usize, ratio) as u64;
+        let batches = threads * Batch::memory_for(entries.min((PIECE + CROWDED) as u64));
+        entries * ENTRY + batches + Crowd::memory_for(spheres, threads)
     }
 }
 

@@ -36,12 +36,12 @@ impl Canonical {
     /// chunks out, so that a hundred are better than one.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// [`Error::OutOfMemory`], [`Error::Threads`].
     ///
     /// # Panics
     /// Where an `i` is far from below `spheres`.
     pub fn order(&mut self, chunks: &[&[Pair]], spheres: usize, out: &mut Vec<Pair>) -> Result<(), Error> {
-        self.order_with(Threads::here(), chunks, spheres, out)
+        self.order_with(Threads::here()?, chunks, spheres, out)
     }
 
     /// The same with these threads.

@@ -3,7 +3,7 @@ use std::sync::Mutex;
 use std::sync::atomic::AtomicU64;
 
 use lazygrid_kernels::{Algorithm, Pair, Space, Sphere, Spheres};
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 
 use crate::array_grid::ArrayGrid;
 use crate::canonical::Canonical;
@@ -11,14 +11,14 @@ use crate::cell_list::CellList;
 use crate::columns::Columns;
 use crate::contact::Rule;
 use crate::hash_grid::HashGrid;
-use crate::memory::{GROWTH, collect, extend, resize};
+use crate::memory::{collect, extend, resize, with_growth};
 use crate::neighbors::Lists;
 use crate::recursive_grid::RecursiveGrid;
 use crate::scatter::{shared, split_at};
 use crate::simd::Task;
 use crate::sink::{Consume, Count, Output, To, Written};
 use crate::survey::{Survey, check, check_species};
-use crate::threads::Threads;
+use crate::threads::{self, Threads};
 use crate::{Error, Neighbors, Order, Report, Settings, Simd, choice, naive};
 
 /// Spheres per piece of wrapping.
@@ -78,11 +78,9 @@ impl HostDetector {
     pub fn new(settings: Settings) -> Result<Self, Error> {
         settings.check()?;
         let pool = match settings.threads {
-            None => None,
-            Some(threads) => {
-                let built = ThreadPoolBuilder::new().num_threads(threads).build();
-                Some(built.map_err(|e| Error::Threads { threads, reason: e.to_string() })?)
-            }
+            // One thread is the calling one.
+            None | Some(1) => None,
+            Some(threads) => Some(threads::pool(threads)?),
         };
         log::debug!("vector code: {:?}", settings.simd);
         let report = Report { algorithm: settings.algorithm, ..Report::default() };
@@ -164,21 +162,35 @@ impl HostDetector {
         &self.state.report
     }
 
-    /// An upper estimate of the bytes held for `spheres` spheres, besides the result.
+    /// The most bytes held for `spheres` spheres, besides the result and what threads write it to.
+    ///
+    /// For the paper's grids that is the most where space has up to 2²⁹ of their cells, else up to four times as much;
+    /// where periodic axes are shorter than three cells there may be up to four times as many entries too. For the
+    /// recursive grid there is room for one crowd of all spheres, and none inside another: each that is adds up to 150
+    /// bytes for each of its spheres.
     pub fn memory_for(&self, spheres: u64) -> u64 {
-        let ratio = self.settings.raster_ratio;
+        let (ratio, threads) = (self.settings.raster_ratio, self.threads() as u64);
         let wrapped = match self.settings.space.is_periodic() {
-            true => (spheres + spheres / GROWTH as u64) * size_of::<Sphere>() as u64,
+            true => with_growth(spheres * size_of::<Sphere>() as u64),
             false => 0,
         };
         let own = match self.settings.algorithm {
-            Algorithm::Naive => spheres * (Columns::BYTES_PER_SPHERE + 4),
-            Algorithm::HashGrid => HashGrid::memory_for(spheres, ratio),
-            Algorithm::ArrayGrid => ArrayGrid::memory_for(spheres, ratio),
-            Algorithm::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio),
+            Algorithm::Naive => with_growth(spheres * Columns::BYTES_PER_SPHERE),
+            Algorithm::HashGrid => HashGrid::memory_for(spheres, ratio, threads),
+            Algorithm::ArrayGrid => ArrayGrid::memory_for(spheres, ratio, threads),
+            Algorithm::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio, threads),
             _ => CellList::memory_for(spheres),
         };
         own + wrapped
+    }
+
+    /// How many threads a call from here has.
+    fn threads(&self) -> usize {
+        match (&self.pool, self.settings.threads) {
+            (Some(pool), _) => pool.current_num_threads(),
+            (None, Some(threads)) => threads,
+            (None, None) => threads::count(),
+        }
     }
 
     /// The pairs of the last list, without a copy.
@@ -195,7 +207,11 @@ impl HostDetector {
         let Self { settings, pool, state } = self;
         let task = || {
             state.report = Report { spheres: spheres.len() as u64, ..Report::default() };
-            let (threads, interactions) = (Threads::here(), settings.interactions.as_ref());
+            let threads = match settings.threads {
+                Some(1) => Threads::Calling,
+                _ => Threads::here()?,
+            };
+            let interactions = settings.interactions.as_ref();
             check_species(spheres, interactions, threads)?;
             let mut wrapped = std::mem::take(&mut state.wrapped);
             let near = match settings.space.is_periodic() {

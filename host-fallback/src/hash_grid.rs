@@ -8,12 +8,11 @@ use bytemuck::Zeroable;
 use glam::UVec3;
 
 use crate::Error;
-use crate::cell::{Batch, Crowd};
+use crate::cell::{Batch, Crowd, Occupant};
 use crate::cover::{Cover, Raster};
 use crate::detector::Input;
-use crate::entries::{accumulate, most_cells};
-use crate::memory::{extend, push, resize};
-use crate::radix::Entry;
+use crate::entries::{accumulate, most_entries};
+use crate::memory::{push, resize, with_growth};
 use crate::report::Report;
 use crate::scatter::{shared, split_at};
 use crate::sink::{Output, search_pieces};
@@ -49,14 +48,28 @@ struct Linked {
 
 #[derive(Debug, Default)]
 struct Workspace {
-    chain: Vec<(UVec3Key, Entry<u32>)>,
-    run: Vec<Entry<u32>>,
+    chain: Vec<InChain>,
     batch: Batch,
     crowd: Crowd,
 }
 
-/// A cell's coordinates as something to sort by.
-type UVec3Key = [u32; 3];
+/// A sphere in a cell, in the order in which a chain is searched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct InChain {
+    cell: [u32; 3],
+    class: u32,
+    id: u32,
+}
+
+impl Occupant for InChain {
+    fn id(&self) -> u32 {
+        self.id
+    }
+
+    fn class(&self) -> usize {
+        self.class as usize
+    }
+}
 
 impl HashGrid {
     /// Builds for these spheres: counts the entries, sizes the table, inserts.
@@ -87,19 +100,28 @@ impl HashGrid {
         })
     }
 
-    /// Counts entries, piece by piece, in cells large enough that 32 bits number the entries.
+    /// Counts entries, piece by piece, in a raster where they are few, of cells large enough that 32 bits number them.
     fn count<const PERIODIC: bool>(&mut self, input: &Input<'_>) -> Result<Raster, Error> {
-        let mut raster = Raster::new(&input.survey, input.settings.raster_ratio, input.rule.lengths());
+        let (n, ratio, lengths) = (input.survey.spheres, input.settings.raster_ratio, input.rule.lengths());
+        let mut raster = Raster::new(&input.survey, ratio, lengths);
+        let mut most = most_entries(n, ratio);
+        resize(&mut self.offsets, n.div_ceil(PIECE), "counting entries of cells")?;
         loop {
             let cells = |id| cover::<PERIODIC>(input, &raster, id).cells();
-            resize(&mut self.offsets, input.survey.spheres.div_ceil(PIECE), "counting entries of cells")?;
             input.threads.each(&mut self.offsets, |piece, count| {
                 *count = spheres(input, piece).map(cells).sum();
             });
-            if accumulate(&mut self.offsets) < END as usize {
+            let total = accumulate(&mut self.offsets);
+            if total <= most.min(END as usize - 1) {
                 return Ok(raster);
             }
-            raster = raster.coarser(input.rule.lengths());
+            raster = if total > most {
+                most = usize::MAX;
+                let sphere = |k: usize| input.rule.effective(k as u32);
+                raster.shifted::<PERIODIC>(ratio, sphere, (n, input.threads))
+            } else {
+                raster.coarser(lengths)
+            };
         }
     }
 
@@ -149,15 +171,10 @@ impl HashGrid {
         workspace: &mut Workspace,
         (input, output, mut sink): (&Input<'_>, &'o O, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
-        let Workspace { chain, run, batch, crowd } = workspace;
+        let Workspace { chain, batch, crowd } = workspace;
         for &head in heads {
             self.collect(head, chain)?;
-            for cell in chain.chunk_by(|a, b| a.0 == b.0) {
-                if cell.len() < 2 {
-                    continue;
-                }
-                run.clear();
-                extend(run, cell.iter().map(|&(_, entry)| entry), "a chain of a hash table")?;
+            for run in chain.chunk_by(|a, b| a.cell == b.cell).filter(|run| run.len() > 1) {
                 if run.len() > BATCH {
                     batch.search(input, &mut sink)?;
                     sink = crowd.within(input, run, (output, sink))?;
@@ -174,30 +191,29 @@ impl HashGrid {
     }
 
     /// Gathers a chain, ordered by cell, class and sphere: the order in which threads inserted must not show.
-    fn collect(&self, head: u32, chain: &mut Vec<(UVec3Key, Entry<u32>)>) -> Result<(), Error> {
+    fn collect(&self, head: u32, chain: &mut Vec<InChain>) -> Result<(), Error> {
         chain.clear();
         let mut at = head;
         while at != END {
             let Linked { cell, class, id, next } = self.entries[at as usize];
-            push(chain, (cell.to_array(), Entry { key: class, id }), "a chain of a hash table")?;
+            push(chain, InChain { cell: cell.to_array(), class, id }, "a chain of a hash table")?;
             at = next;
         }
         if chain.len() > 1 {
-            chain.sort_unstable_by_key(|&(cell, entry)| (cell, entry.key, entry.id));
+            chain.sort_unstable();
         }
         Ok(())
     }
 
-    /// An upper estimate of the bytes held for `spheres` spheres.
-    pub(crate) fn memory_for(spheres: u64, ratio: f32) -> u64 {
-        let entries = spheres * most_cells(ratio);
+    /// The most bytes held for `spheres` spheres: the table, one chain of all, and what is gathered.
+    pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
+        let entries = most_entries(spheres as usize, ratio) as u64;
         let table = entries.next_power_of_two() * size_of::<u32>() as u64;
-        entries * size_of::<Linked>() as u64 + table + spheres * GATHERED
+        let batches = threads * Batch::memory_for(entries.min(2 * BATCH as u64));
+        let chain = with_growth(spheres * size_of::<InChain>() as u64) + Crowd::memory_for(spheres, threads);
+        entries * size_of::<Linked>() as u64 + table + batches + chain
     }
 }
-
-/// Bytes per sphere of a chain that is fetched, ordered and put into columns; one chain may hold all spheres.
-const GATHERED: u64 = 96;
 
 fn spheres(input: &Input<'_>, piece: usize) -> Range<u32> {
     (piece * PIECE) as u32..input.survey.spheres.min((piece + 1) * PIECE) as u32

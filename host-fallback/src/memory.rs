@@ -9,10 +9,17 @@ use bytemuck::allocation::try_zeroed_vec;
 use crate::Error;
 
 /// A growing buffer gets room for one part in this many beyond what is asked for.
-pub(crate) const GROWTH: usize = 8;
+const GROWTH: usize = 8;
 
-/// Values that a buffer grows by at least.
+/// Values that a buffer which has some grows by at least.
 const FEW: usize = 64;
+/// Values from which a buffer no longer doubles when it grows one by one.
+const MANY: usize = 4096;
+
+/// The most bytes that a buffer holds which has needed so many.
+pub(crate) fn with_growth(bytes: u64) -> u64 {
+    bytes + bytes / GROWTH as u64
+}
 
 /// Gives a buffer this length; its values are then of no meaning. `what` says what they are.
 ///
@@ -54,10 +61,17 @@ pub(crate) fn more<T>(buffer: &mut Vec<T>, count: usize, what: &'static str) -> 
 #[inline]
 pub(crate) fn push<T>(buffer: &mut Vec<T>, value: T, what: &'static str) -> Result<(), Error> {
     if buffer.len() == buffer.capacity() {
-        buffer.try_reserve(1).map_err(|_| refused::<T>(2 * buffer.len().max(FEW), what))?;
+        grow(buffer, what)?;
     }
     buffer.push(value);
     Ok(())
+}
+
+/// Makes room for some values more: twice as many where there are few, else [`GROWTH`].
+#[cold]
+fn grow<T>(buffer: &mut Vec<T>, what: &'static str) -> Result<(), Error> {
+    let len = buffer.len();
+    more(buffer, if len < MANY { len.max(4) } else { len / GROWTH }, what)
 }
 
 /// Appends values.

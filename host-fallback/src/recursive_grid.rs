@@ -17,7 +17,7 @@ use crate::Error;
 use crate::cell::{Batch, Crowd, Occupant, owns_pairs};
 use crate::cover::{Cover, Raster};
 use crate::detector::Input;
-use crate::entries::{Entries, Packing, Visit, cells_of_piece, fill, run_end};
+use crate::entries::{ENTRY, Entries, Packing, Visit, cells_of_piece, fill, most_entries, run_end};
 use crate::memory::{extend, more};
 use crate::radix::{Entry, Key, Radix};
 use crate::report::Report;
@@ -102,11 +102,13 @@ impl Split {
 
     /// Makes them all large.
     fn join(&mut self) -> Result<(), Error> {
-        if self.large.is_empty() {
-            std::mem::swap(&mut self.large, &mut self.small);
-        } else {
-            extend(&mut self.large, self.small.drain(..), "spheres of a crowded cell")?;
-            self.large.sort_unstable_by_key(|member| (member.class, member.id));
+        let Self { large, small, .. } = self;
+        let joined = !large.is_empty();
+        // The small ones were all once, so that there is room.
+        extend(small, large.drain(..), "spheres of a crowded cell")?;
+        std::mem::swap(large, small);
+        if joined {
+            large.sort_unstable_by_key(|member| (member.class, member.id));
         }
         Ok(())
     }
@@ -230,9 +232,14 @@ impl RecursiveGrid {
         }
     }
 
-    /// An upper estimate of the bytes held for `spheres` spheres.
-    pub(crate) fn memory_for(spheres: u64, ratio: f32) -> u64 {
-        Entries::memory_for(spheres, ratio)
+    /// The most bytes held for `spheres` spheres whose keys are narrow and of which no crowd lies in another: the top
+    /// raster, one crowd of all that is split, and what is gathered.
+    pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
+        let entries = most_entries(spheres as usize, ratio) as u64;
+        let batches = 2 * threads * Batch::memory_for(entries.min(2 * PIECE as u64));
+        // Finer cells may be no wider than the spheres in them.
+        let split = spheres * (size_of::<Member>() as u64 + 8 * ENTRY);
+        entries * ENTRY + split + batches + Crowd::memory_for(spheres, threads)
     }
 }
 
@@ -354,7 +361,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
             (Cover { low: within(low), high: within(high) }, member.class, member.id)
         };
         let threads = self.input.threads;
-        fill((small.len(), threads), (sphere, |at| at), packing, (finer, offsets))?;
+        fill((small.len(), threads), (sphere, |at| at), packing, (finer, offsets, usize::MAX))?;
         finer.sort(packing.bits(), threads)?;
         let cell = |key: u32| cell.finer(parts, first + packing.cell(key).as_dvec3());
         self.level(&finer.entries, cell, sink)

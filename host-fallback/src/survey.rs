@@ -4,6 +4,7 @@ use bytemuck::cast;
 use glam::Vec3;
 use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Spheres};
 
+use crate::Error;
 use crate::contact::Rule;
 use crate::threads::Threads;
 
@@ -57,11 +58,12 @@ impl Survey {
     ///
     /// # Errors
     /// [`InputError::TooManySpheres`], [`InputError::SpeciesMissing`], [`InputError::SpeciesId`] for the first species
-    /// outside the table, and [`InputError::Sphere`] for the first sphere that is not finite or has a negative radius.
-    pub fn new(spheres: Spheres<'_>, interactions: Option<&Interactions>) -> Result<Self, InputError> {
-        let threads = Threads::here();
+    /// outside the table, and [`InputError::Sphere`] for the first sphere that is not finite or has a negative radius;
+    /// [`Error::Threads`].
+    pub fn new(spheres: Spheres<'_>, interactions: Option<&Interactions>) -> Result<Self, Error> {
+        let threads = Threads::here()?;
         check_species(spheres, interactions, threads)?;
-        Self::of(&Rule::new(spheres, interactions), threads)
+        Ok(Self::of(&Rule::new(spheres, interactions), threads)?)
     }
 
     /// Checks and surveys the spheres of `rule`, whose species ids are checked already.

@@ -15,7 +15,7 @@ mod sort;
 
 use crate::columns::Columns;
 use crate::detector::Input;
-use crate::memory::{GROWTH, push};
+use crate::memory::{push, with_growth};
 use crate::report::Report;
 use crate::simd::Vector;
 use crate::sink::Output;
@@ -119,8 +119,7 @@ impl CellList {
     /// An upper estimate of the bytes held for `spheres` spheres.
     pub(crate) fn memory_for(spheres: u64) -> u64 {
         let cells = (CELLS_PER_SPHERE as u64 * spheres).max(64);
-        let bytes = spheres * (Columns::BYTES_PER_SPHERE + Sorter::BYTES_PER_SPHERE) + 4 * cells;
-        bytes + bytes / GROWTH as u64
+        with_growth(spheres * (Columns::BYTES_PER_SPHERE + Sorter::BYTES_PER_SPHERE) + 4 * cells)
     }
 }
 
