@@ -30,6 +30,14 @@ pub enum Error {
         /// How many there would have been.
         released: u64,
     },
+    /// The system refused memory for more particles.
+    #[error("no memory for {particles} particles: {bytes} bytes were refused; release fewer")]
+    OutOfMemory {
+        /// How many there would have been.
+        particles: u64,
+        /// How many bytes one column of them takes.
+        bytes: u64,
+    },
     /// The detector refused the particles, or found more pairs than fit.
     #[error("step {step}: {source}")]
     Step {

@@ -138,6 +138,7 @@ impl Simulation {
                 "a particle is of species {species} and the model has {known}"
             )));
         }
+        self.state.particles.reserve(particles.len() as u64, with_velocity)?;
         for at in 0..particles.len() {
             let particle = particles.get(at);
             self.state.next_id = self.state.next_id.max(particle.id.saturating_add(1));
@@ -190,6 +191,7 @@ impl Simulation {
         let State { particles, step, next_id, totals } = &mut self.state;
         for transmitter in &self.model.transmitters {
             if transmitter.fires(*step, self.model.time_step) {
+                particles.reserve(transmitter.burst(), self.model.has_velocity())?;
                 transmitter.release(&self.model, self.key, next_id, particles)?;
                 for &(species, count) in &transmitter.release {
                     totals.released[species as usize] += u64::from(count);

@@ -62,7 +62,7 @@ impl DeviceDetector {
     pub(crate) fn neighbors(&mut self, spheres: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
         self.list(spheres, Order::Canonical)?;
         let start = Instant::now();
-        let neighbors = self.lists.fill(&self.pairs, spheres.len());
+        let neighbors = self.lists.fill(&self.pairs, spheres.len())?;
         self.report.phases.push(Phase { name: "neighbors", time: start.elapsed() });
         Ok(neighbors)
     }
@@ -182,6 +182,9 @@ impl From<GpuError> for Error {
         match error {
             GpuError::TooManyPairs { found, limit } => {
                 Self::Host(lazygrid_host::Error::TooManyPairs { found, limit })
+            }
+            GpuError::NoHostMemory { what, bytes } => {
+                Self::Host(lazygrid_host::Error::OutOfMemory { what, bytes })
             }
             other => Self::Gpu(other),
         }

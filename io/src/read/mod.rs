@@ -164,7 +164,10 @@ pub struct Frame {
 
 impl Frame {
     fn with_capacity(spheres: u64) -> Self {
-        Self { spheres: Vec::with_capacity(spheres as usize), ..Self::default() }
+        let mut frame = Self::default();
+        // A refusal now means nothing yet: room is made again as spheres come.
+        let _ = frame.spheres.try_reserve_exact(spheres as usize);
+        frame
     }
 
     /// Puts the spheres in the order of their ids, where they have any, so that frames whose rows come in different

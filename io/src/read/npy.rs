@@ -41,12 +41,12 @@ pub(super) fn read(mut source: Source, session: &mut Session) -> Result<Frame, E
             return Err(syntax(&source, expected, "an array of numbers"));
         }
         Layout::Plain { kind: Kind::NATIVE_F32, fortran: false } => {
-            read_rows(&mut source, header.rows, &mut frame.spheres)?;
+            read_rows(&mut source, &header, &mut frame.spheres)?;
         }
         &Layout::Plain { kind, fortran } => {
-            decode(&mut source, (header.rows, kind, fortran), &mut frame.spheres, session)?;
+            decode(&mut source, (&header, kind, fortran), &mut frame.spheres, session)?;
         }
-        Layout::Structured(fields) => fields.read(&mut source, header.rows, &mut frame, session)?,
+        Layout::Structured(fields) => fields.read(&mut source, &header, &mut frame, session)?,
     }
     if source.fill(&mut [0])? != 0 {
         return Err(syntax(&source, "the end of the file after the array", "further bytes"));
@@ -55,10 +55,12 @@ pub(super) fn read(mut source: Source, session: &mut Session) -> Result<Frame, E
 }
 
 /// Rows that are stored as spheres are.
-fn read_rows(source: &mut Source, rows: u64, spheres: &mut Vec<Sphere>) -> Result<(), Error> {
+fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) -> Result<(), Error> {
+    let rows = header.rows;
     while (spheres.len() as u64) < rows {
         let start = spheres.len();
         let block = (rows - start as u64).min(BLOCK as u64) as usize;
+        spheres.try_reserve(block).map_err(|_| header.too_many(source, "memory"))?;
         spheres.resize(start + block, Sphere::default());
         let bytes = bytemuck::cast_slice_mut(&mut spheres[start..]);
         let read = source.fill(bytes)?;
@@ -80,12 +82,13 @@ fn read_rows(source: &mut Source, rows: u64, spheres: &mut Vec<Sphere>) -> Resul
 /// Values in any other arrangement, one after the other.
 fn decode(
     source: &mut Source,
-    (rows, kind, fortran): (u64, Kind, bool),
+    (header, kind, fortran): (&Header, Kind, bool),
     spheres: &mut Vec<Sphere>,
     session: &mut Session,
 ) -> Result<(), Error> {
     let width = kind.width;
     let mut bytes = vec![0; BLOCK * width];
+    let rows = header.rows;
     let total = rows * 4;
     let mut next = 0;
     while next < total {
@@ -100,6 +103,7 @@ fn decode(
                 session.warn_of_rounding(source.at(At::Row(row)), COLUMNS[column], written);
             }
             if column == 0 {
+                spheres.try_reserve(1).map_err(|_| header.too_many(source, "memory"))?;
                 spheres.push(Sphere::default());
             }
             bytemuck::cast_mut::<_, [f32; 4]>(&mut spheres[row as usize])[column] = value;

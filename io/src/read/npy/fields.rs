@@ -1,10 +1,12 @@
 //! Structured arrays: rows of fields with names.
 
+use std::collections::TryReserveError;
+
 use lazygrid::Sphere;
 
 use super::dictionary::Field;
 use super::kind::{Class, Kind};
-use super::{Session, Source, check, syntax, truncated};
+use super::{Header, Session, Source, check, syntax, truncated};
 use crate::error::{At, Error, excerpt};
 use crate::read::Frame;
 use crate::read::columns::{Column, Columns};
@@ -72,7 +74,7 @@ impl Fields {
     pub(super) fn read(
         &self,
         source: &mut Source,
-        rows: u64,
+        header: &Header,
         frame: &mut Frame,
         session: &mut Session,
     ) -> Result<(), Error> {
@@ -81,12 +83,14 @@ impl Fields {
             let found = format!("fields {}", excerpt(self.columns.names().join(", ").as_bytes()));
             return Err(syntax(source, &expected, &found));
         }
+        let rows = header.rows;
         let most = (BLOCK / self.width).max(1) as u64;
         let mut bytes = vec![0; most.min(rows) as usize * self.width];
         let mut found = 0;
         while found < rows {
             let block = &mut bytes[..(rows - found).min(most) as usize * self.width];
             let read = source.fill(block)?;
+            self.make_room(read / self.width, frame, session).map_err(|_| header.too_many(source, "memory"))?;
             for row in block[..read].chunks_exact(self.width) {
                 self.push(source, (found, row), frame, session)?;
                 found += 1;
@@ -98,7 +102,19 @@ impl Fields {
         Ok(())
     }
 
-    /// Adds the sphere of a row.
+    /// Makes room for so many spheres more.
+    fn make_room(&self, rows: usize, frame: &mut Frame, session: &Session) -> Result<(), TryReserveError> {
+        frame.spheres.try_reserve(rows)?;
+        if self.columns.has(Column::Species) {
+            frame.species.get_or_insert_default().try_reserve(rows)?;
+        }
+        if session.ids {
+            frame.ids.get_or_insert_default().try_reserve(rows)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the sphere of a row, for which there is room.
     fn push(
         &self,
         source: &Source,
