@@ -34,6 +34,7 @@
 pub mod boundary;
 pub mod checkpoint;
 pub mod contact;
+pub mod crossing;
 pub mod gpu;
 pub mod matching;
 pub mod model;
@@ -50,6 +51,7 @@ pub mod transmitter;
 
 mod error;
 mod output;
+mod release;
 mod simulation;
 mod simulator;
 

@@ -103,6 +103,30 @@ impl Model {
         (2.0 * self.species[species as usize].diffusion * self.time_step).sqrt()
     }
 
+    /// By species: where their centres may be.
+    pub(crate) fn rooms(&self) -> Vec<Boundary> {
+        self.species.iter().map(|species| self.boundary.inset(species.radius)).collect()
+    }
+
+    /// What is wrong where particles of a species have no room between the walls.
+    pub(crate) fn misfit(&self, species: &Species) -> Option<String> {
+        let (axis, apart) = self.boundary.too_narrow(species.radius)?;
+        Some(format!(
+            "species {} has the radius {}, and the walls are {apart} apart along {axis}, too close for it; make the \
+             radius less than half of that, or the box larger",
+            species.name, species.radius
+        ))
+    }
+
+    /// What is wrong where particles are to bounce off each other and have no velocity to do so.
+    pub(crate) fn idle_contact(&self) -> Option<String> {
+        (self.contact == Contact::Elastic && !self.has_velocity()).then(|| {
+            "contact is elastic but no species has a thermal-speed, so that nothing has a velocity to bounce with; give \
+             a species a thermal-speed, or let contact = \"separate\" push diffusing ones apart"
+                .to_owned()
+        })
+    }
+
     /// Checks what is needed for a run to make sense.
     ///
     /// # Errors
@@ -126,6 +150,12 @@ impl Model {
             if !species.drift.iter().all(|v| v.is_finite()) {
                 return Err(Error::Model(of("the drift") + " must be finite"));
             }
+            if let Some(message) = self.misfit(species) {
+                return Err(Error::Model(message));
+            }
+        }
+        if let Some(message) = self.idle_contact() {
+            return Err(Error::Model(message));
         }
         for reaction in &self.reactions {
             let of = |what: &str| format!("{what} of {}", reaction.name);

@@ -6,11 +6,12 @@
 use rayon::prelude::*;
 
 use crate::boundary::Boundary;
+use crate::crossing::{Draws, Path, meets};
 use crate::model::Model;
 use crate::normal::normals;
 use crate::particles::Particles;
 use crate::philox::{Key, Purpose, yes_up_to};
-use crate::receiver::{Kind, Receiver, meets};
+use crate::receiver::{Kind, Receiver};
 
 /// What a model says about the step of single particles, made ready.
 #[derive(Clone, Debug)]
@@ -19,7 +20,7 @@ pub struct Motion {
     pub(crate) steps: Vec<Step>,
     time_step: f32,
     with_velocity: bool,
-    boundary: Boundary,
+    bounded: bool,
     /// Receivers that remove particles, with their places in the model.
     receivers: Vec<(u32, Receiver)>,
     pub(crate) decays: Vec<Decays>,
@@ -35,6 +36,8 @@ pub(crate) struct Step {
     pub(crate) diffusion: f32,
     /// Drift in one step, in µm.
     pub(crate) drift: [f32; 3],
+    /// Where its centre may be.
+    room: Boundary,
 }
 
 /// Each way that one species decays: up to which word it does, its place in the model, and what comes of it.
@@ -74,6 +77,7 @@ impl Motion {
             length: (2.0 * species.diffusion * time_step).sqrt() as f32,
             diffusion: (species.diffusion * time_step) as f32,
             drift: species.drift.map(|v| (v * time_step) as f32),
+            room: model.boundary.inset(species.radius),
         };
         let removing = model.receivers.iter().enumerate().filter(|(_, r)| r.kind != Kind::Transparent);
         let decays: Vec<_> = (0..model.species.len() as u32).map(|s| decays_of(model, s)).collect();
@@ -81,7 +85,7 @@ impl Motion {
             steps: model.species.iter().map(step).collect(),
             time_step: time_step as f32,
             with_velocity: model.has_velocity(),
-            boundary: model.boundary,
+            bounded: !model.boundary.is_open(),
             receivers: removing.map(|(at, receiver)| (at as u32, receiver.clone())).collect(),
             any_decay: decays.iter().any(|d| !d.is_empty()),
             decays,
@@ -90,22 +94,26 @@ impl Motion {
 
     /// Moves all particles and returns what befell them, by place.
     pub fn advance(&self, particles: &mut Particles, key: Key, step: u32) -> Vec<Event> {
-        let Particles { position: [x, y, z], velocity: [u, v, w], species, id, .. } = particles;
+        let Particles { position: [x, y, z], velocity, species, id, .. } = particles;
+        // Columns of velocities are empty where particles have none.
+        let mut columns = velocity.each_mut().map(|column| column.chunks_mut(CHUNK));
+        let velocities: Vec<[&mut [f32]; 3]> = (0..id.len().div_ceil(CHUNK))
+            .map(|_| columns.each_mut().map(|chunks| chunks.next().unwrap_or_default()))
+            .collect();
         let chunks = (
             x.par_chunks_mut(CHUNK),
             y.par_chunks_mut(CHUNK),
             z.par_chunks_mut(CHUNK),
+            velocities,
             id.par_chunks(CHUNK),
             species.par_chunks(CHUNK),
         );
         let events: Vec<Vec<Event>> = chunks
             .into_par_iter()
             .enumerate()
-            .map(|(chunk, (x, y, z, id, species))| {
-                let base = chunk * CHUNK;
-                let velocity =
-                    if self.with_velocity { [&*u, &*v, &*w].map(|c| &c[base..]) } else { [&[][..]; 3] };
-                self.advance_chunk(Chunk { base, position: [x, y, z], velocity, id, species }, key, step)
+            .map(|(chunk, (x, y, z, velocity, id, species))| {
+                let chunk = Chunk { base: chunk * CHUNK, position: [x, y, z], velocity, id, species };
+                self.advance_chunk(chunk, key, step)
             })
             .collect();
         events.concat()
@@ -114,7 +122,6 @@ impl Motion {
     fn advance_chunk(&self, chunk: Chunk<'_>, key: Key, step: u32) -> Vec<Event> {
         let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
         let watches = !self.receivers.is_empty() || self.any_decay;
-        let bounded = !self.boundary.is_open();
         let mut events = Vec::new();
         let mut random = [[0.0; BLOCK]; 3];
         for (block, ids) in id.chunks(BLOCK).enumerate() {
@@ -122,20 +129,28 @@ impl Motion {
             let first = block * BLOCK;
             for (k, &id) in ids.iter().enumerate() {
                 let at = first + k;
-                let Step { length, diffusion, mut drift } = self.steps[species[at] as usize];
+                let Step { length, diffusion, mut drift, ref room } = self.steps[species[at] as usize];
                 if self.with_velocity {
                     drift = std::array::from_fn(|axis| drift[axis] + velocity[axis][at] * self.time_step);
                 }
                 let before = [x[at], y[at], z[at]];
-                let mut after: [f32; 3] =
+                let end: [f32; 3] =
                     std::array::from_fn(|axis| before[axis] + (length * random[axis][k] + drift[axis]));
-                if bounded {
-                    after = self.boundary.place(after);
+                let mut after = end;
+                if self.bounded {
+                    if self.with_velocity {
+                        for (axis, bounds) in room.axes.into_iter().enumerate() {
+                            let v = &mut velocity[axis][at];
+                            *v = if bounds.turns(end[axis]) { -*v } else { *v };
+                        }
+                    }
+                    after = room.place(end);
                 }
                 [x[at], y[at], z[at]] = after;
                 if watches {
-                    let particle = Watched { at: (base + at) as u32, id, species: species[at], diffusion };
-                    events.extend(self.befalls(particle, [before, after], key, step));
+                    let path = Path { before, end, after, drift, diffusion };
+                    let who = Watched { at: (base + at) as u32, species: species[at] };
+                    events.extend(self.befalls(who, &path, Draws { key, id, step }));
                 }
             }
         }
@@ -143,12 +158,10 @@ impl Motion {
     }
 
     /// The first thing that befalls a particle: a receiver, in their order, else a decay.
-    fn befalls(&self, particle: Watched, ends: [[f32; 3]; 2], key: Key, step: u32) -> Option<Event> {
-        let Watched { at, id, species, diffusion } = particle;
+    fn befalls(&self, Watched { at, species }: Watched, path: &Path, draws: Draws) -> Option<Event> {
+        let room = &self.steps[species as usize].room;
         for (place, receiver) in &self.receivers {
-            if receiver.sees[species as usize]
-                && meets(receiver, &self.boundary, ends, diffusion).happens(key, id, *place, step)
-            {
+            if receiver.sees[species as usize] && meets(receiver, *place, room, path, draws) {
                 return Some(Event::Arrived { at, receiver: *place });
             }
         }
@@ -156,7 +169,7 @@ impl Motion {
         if decays.is_empty() {
             return None;
         }
-        let [word, ..] = key.draw(id, 0, step, Purpose::Decay);
+        let [word, ..] = draws.key.draw(draws.id, 0, draws.step, Purpose::Decay);
         let &(_, decay, product) = decays.iter().find(|(up_to, ..)| word <= *up_to)?;
         Some(Event::Decayed { at, decay, product })
     }
@@ -165,16 +178,14 @@ impl Motion {
 struct Chunk<'a> {
     base: usize,
     position: [&'a mut [f32]; 3],
-    velocity: [&'a [f32]; 3],
+    velocity: [&'a mut [f32]; 3],
     id: &'a [u32],
     species: &'a [u32],
 }
 
 struct Watched {
     at: u32,
-    id: u32,
     species: u32,
-    diffusion: f32,
 }
 
 /// With rates k₁, k₂, …: the probability 1 − exp(−ΣkΔt) shared out in proportion, as words that lie one above the
@@ -252,6 +263,28 @@ mod tests {
         (0..2).for_each(|step| drop(motion.advance(&mut two, Key::new(1), step)));
         let length = (2.0_f64 * 2.0 * 0.1).sqrt() as f32;
         assert_eq!(all.position[0][5], two.position[0][5] + (length * x + 0.1));
+    }
+
+    #[test]
+    fn walls_turn_velocities_round() {
+        let boundary = Boundary {
+            axes: [
+                crate::Axis::Reflecting { low: -1.0, high: 1.0 },
+                crate::Axis::Periodic { low: -1.0, high: 1.0 },
+                crate::Axis::Open,
+            ],
+        };
+        let species = vec![Species { thermal_speed: 1.0, drift: [0.0; 3], ..species(0.0) }];
+        let model = Model { time_step: 1.0, species, boundary, ..Model::default() };
+        let mut particles = Particles::default();
+        for (id, u) in (0..).zip([0.5, 1.5, -1.5, 3.5, -3.5]) {
+            particles.push(Particle { id, velocity: [u; 3], ..Particle::default() }, true);
+        }
+        Motion::new(&model).advance(&mut particles, Key::new(1), 0);
+        assert_eq!(particles.velocity[0], [0.5, -1.5, 1.5, 3.5, -3.5]);
+        assert_eq!(particles.position[0], [0.5, 0.5, -0.5, -0.5, 0.5]);
+        assert_eq!(particles.velocity[1], [0.5, 1.5, -1.5, 3.5, -3.5]);
+        assert_eq!(particles.velocity[2], particles.velocity[1]);
     }
 
     #[test]

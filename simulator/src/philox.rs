@@ -21,6 +21,8 @@ pub enum Purpose {
     Pair = 4,
     /// First-order decay of a particle.
     Decay = 5,
+    /// Where a particle was within a step; drawn by particle and piece of its path.
+    Path = 6,
 }
 
 /// The seed of a run as Philox takes it.

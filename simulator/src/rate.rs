@@ -14,9 +14,22 @@
 
 use crate::Error;
 
-/// Where √(2DΔt), D being the sum of both diffusion coefficients, is more than this part of the binding radius, partners are so likely to jump over each other that
-/// the rate is right only for well-mixed partners; what happens near a partner or a surface is not resolved.
+/// Where √(2DΔt), D being the sum of both diffusion coefficients, is more than this part of the binding radius, partners
+/// are so likely to jump over each other that the rate is right only for well-mixed partners; what happens near a
+/// partner or a surface is not resolved.
 pub const LONG_STEP: f64 = 1.0;
+
+/// The longest time step, in s, that is not long beside the binding radius.
+pub fn longest_step(binding_radius: f64, diffusion: f64) -> f64 {
+    (LONG_STEP * binding_radius).powi(2) / (2.0 * diffusion)
+}
+
+/// The longest time step, in s, that is not long beside the binding radius that has the rate constant at that very
+/// step: where the step is as long as it may be, a radius σ has the constant 4πDσ·c with a c that is known.
+pub fn longest_step_for(rate: f64, diffusion: f64) -> f64 {
+    let radius = rate / (4.0 * std::f64::consts::PI * diffusion * absorbed(LONG_STEP));
+    longest_step(radius, diffusion)
+}
 
 /// The binding radius, in µm, that gives the rate constant `rate`, in µm³/s, to partners whose diffusion coefficients
 /// add up to `diffusion`, in µm²/s, in steps of `time_step` s.

@@ -20,6 +20,8 @@ pub struct Reactions {
     reactions: Vec<Reaction>,
     diffusion: Vec<f64>,
     boundary: Boundary,
+    /// By species: where walls let their centres be.
+    rooms: Vec<Boundary>,
 }
 
 /// What is needed to decide about a pair.
@@ -64,8 +66,14 @@ impl Reactions {
             table[a as usize * species + b as usize] = rule;
             table[b as usize * species + a as usize] = rule;
         }
-        let diffusion = model.species.iter().map(|s| s.diffusion).collect();
-        Self { species, table, reactions: model.reactions.clone(), diffusion, boundary: model.boundary }
+        Self {
+            species,
+            table,
+            reactions: model.reactions.clone(),
+            diffusion: model.species.iter().map(|s| s.diffusion).collect(),
+            boundary: model.boundary,
+            rooms: model.rooms(),
+        }
     }
 
     /// Whether nothing reacts.
@@ -128,8 +136,8 @@ impl Reactions {
             _ => [0.0; 3],
         };
         let outcome = |k: usize, along: f32| {
-            let position =
-                self.boundary.place(std::array::from_fn(|axis| meeting[axis] + along * apart[axis]));
+            let room = reaction.products[k].map_or(&self.boundary, |product| &self.rooms[product as usize]);
+            let position = room.place(std::array::from_fn(|axis| meeting[axis] + along * apart[axis]));
             let outcome = Outcome { at: candidate.at[k], product: reaction.products[k], position };
             candidate.claims[k].then_some(outcome)
         };

@@ -11,7 +11,7 @@ use crate::motion::{Event, Motion};
 use crate::particles::Particles;
 use crate::philox::Key;
 use crate::reactions::{Reactions, interactions};
-use crate::receiver::{Kind, height};
+use crate::receiver::Kind;
 
 /// All that changes in a run: with the model and the seed it says how the run goes on, to the last bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -45,9 +45,38 @@ pub struct Totals {
     pub contacts: u64,
 }
 
+impl State {
+    /// The beginning of a run, at which transmitters have released what is due at once.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where the model makes no sense, [`Error::OutOfIds`] where it releases too many particles.
+    pub fn new(model: &Model, seed: u64) -> Result<Self, Error> {
+        model.check()?;
+        let mut state = Self { totals: Totals::of(model), ..Self::default() };
+        state.release(model, Key::new(seed))?;
+        Ok(state)
+    }
+
+    /// Releases what is due at the beginning of the next step.
+    fn release(&mut self, model: &Model, key: Key) -> Result<(), Error> {
+        let before = self.particles.len();
+        self.next_id = model.release(key, self.step, self.next_id, &mut self.particles)?;
+        self.totals.enter(&self.particles.species[before..]);
+        Ok(())
+    }
+}
+
 impl Totals {
+    /// Enters particles of these species that were released.
+    pub(crate) fn enter(&mut self, species: &[u32]) {
+        for &species in species {
+            self.released[species as usize] += 1;
+            self.present[species as usize] += 1;
+        }
+    }
+
     /// Nothing yet.
-    pub(crate) fn of(model: &Model) -> Self {
+    fn of(model: &Model) -> Self {
         let species = model.species.len();
         Self {
             present: vec![0; species],
@@ -79,9 +108,9 @@ impl Simulation {
     /// The work is done in the rayon pool of whoever calls.
     ///
     /// # Errors
-    /// [`Error::Model`] where the model makes no sense, [`Error::Detection`] where the detector refuses it.
+    /// As [`State::new`], and [`Error::Detection`] where the detector refuses the model.
     pub fn new(model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, Error> {
-        let state = State { totals: Totals::of(&model), ..State::default() };
+        let state = State::new(&model, seed)?;
         Self::resume(model, seed, algorithm, state)
     }
 
@@ -141,25 +170,15 @@ impl Simulation {
         for at in 0..particles.len() {
             let particle = particles.get(at);
             self.state.next_id = self.state.next_id.max(particle.id.saturating_add(1));
-            self.state.totals.released[particle.species as usize] += 1;
-            self.state.totals.present[particle.species as usize] += 1;
             self.state.particles.push(particle, with_velocity);
         }
+        self.state.totals.enter(&particles.species);
         Ok(())
     }
 
     /// How many particles of each species are now inside a receiver's sphere.
     pub fn inside(&self, receiver: usize) -> Vec<u64> {
-        let (particles, sphere) = (&self.state.particles, &self.model.receivers[receiver]);
-        let mut counts = vec![0; self.model.species.len()];
-        for at in 0..particles.len() {
-            let species = particles.species[at] as usize;
-            let is_inside = || height(sphere, &self.model.boundary, particles.position_of(at)) <= 0.0;
-            if sphere.sees[species] && is_inside() {
-                counts[species] += 1;
-            }
-        }
-        counts
+        self.model.receivers[receiver].inside(&self.model.boundary, &self.state.particles)
     }
 
     /// What each receiver has to say: arrivals so far, or how many are inside a transparent one; by species.
@@ -171,33 +190,18 @@ impl Simulation {
         self.model.receivers.iter().enumerate().map(says).collect()
     }
 
-    /// Does one step: transmitters release; every particle moves, meets walls and receivers, and may decay; pairs are
-    /// found, react, and push each other away.
+    /// Does one step: every particle moves, meets walls and receivers, and may decay; pairs are found, react, and push
+    /// each other away; transmitters release what is due next.
     ///
     /// # Errors
     /// [`Error::OutOfIds`], and [`Error::Step`] with what the detector said, such as that there are too many pairs.
     pub fn step(&mut self) -> Result<(), Error> {
-        self.release()?;
         let step = self.state.step;
         let events = self.motion.advance(&mut self.state.particles, self.key, step);
         self.apply_events(&events);
         self.interact()?;
         self.state.step += 1;
-        Ok(())
-    }
-
-    fn release(&mut self) -> Result<(), Error> {
-        let State { particles, step, next_id, totals } = &mut self.state;
-        for transmitter in &self.model.transmitters {
-            if transmitter.fires(*step, self.model.time_step) {
-                transmitter.release(&self.model, self.key, next_id, particles)?;
-                for &(species, count) in &transmitter.release {
-                    totals.released[species as usize] += u64::from(count);
-                    totals.present[species as usize] += u64::from(count);
-                }
-            }
-        }
-        Ok(())
+        self.state.release(&self.model, self.key)
     }
 
     fn apply_events(&mut self, events: &[Event]) {
@@ -229,6 +233,11 @@ impl Simulation {
                 totals.present[species as usize] += 1;
                 particles.species[place] = species;
                 particles.radius[place] = self.model.species[species as usize].radius;
+                if !self.model.boundary.is_open() {
+                    // What is larger than it was may stand in a wall.
+                    let room = self.model.boundary.inset(particles.radius[place]);
+                    particles.set_position(place, room.place(particles.position_of(place)));
+                }
             }
         }
     }

@@ -1,9 +1,7 @@
 //! Where particles come from: bursts at given times.
 
-use crate::model::Model;
-use crate::particles::{Particle, Particles};
-use crate::philox::{Key, Purpose, open_unit};
-use crate::{Error, normal};
+use crate::normal;
+use crate::philox::open_unit;
 
 /// Releases particles at given times.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,7 +12,7 @@ pub struct Transmitter {
     pub center: [f32; 3],
     /// Where around the centre particles appear.
     pub shape: Shape,
-    /// When, in s. A burst falls on the first step that begins then or later, and takes part in it.
+    /// When, in s. A burst appears before the first step that begins then or later, and takes part in it.
     pub times: Vec<f64>,
     /// How many of each species at each time.
     pub release: Vec<(u32, u32)>,
@@ -43,43 +41,22 @@ impl Transmitter {
         self.times.iter().any(|&time| step_of(time, time_step) == Some(step))
     }
 
+    /// How many bursts there are from step `begin` on and before step `end`.
+    pub fn fires_between(&self, begin: u32, end: u32, time_step: f64) -> usize {
+        let within = |&time: &f64| step_of(time, time_step).is_some_and(|step| (begin..end).contains(&step));
+        self.times.iter().copied().filter(|t| within(t)).count()
+    }
+
+    /// The first of the times that do not come within so many steps, and how many they are.
+    pub fn after(&self, steps: u32, time_step: f64) -> Option<(f64, usize)> {
+        let late =
+            || self.times.iter().copied().filter(|&t| step_of(t, time_step).is_none_or(|step| step >= steps));
+        Some((late().min_by(f64::total_cmp)?, late().count()))
+    }
+
     /// How many particles one burst has.
     pub fn burst(&self) -> u64 {
         self.release.iter().map(|&(_, count)| u64::from(count)).sum()
-    }
-
-    /// Adds one burst, with ids from `next_id` on.
-    ///
-    /// # Errors
-    /// [`Error::OutOfIds`] where there are too few ids left.
-    pub fn release(
-        &self,
-        model: &Model,
-        key: Key,
-        next_id: &mut u32,
-        particles: &mut Particles,
-    ) -> Result<(), Error> {
-        let released = u64::from(*next_id) + self.burst();
-        if released > lazygrid::MAX_SPHERES {
-            return Err(Error::OutOfIds { released });
-        }
-        let with_velocity = model.has_velocity();
-        let mut place = 0;
-        for &(species, count) in &self.release {
-            let kind = &model.species[species as usize];
-            for _ in 0..count {
-                let id = *next_id;
-                let velocity = normal::normals(key.draw(id, 0, 0, Purpose::Velocity))
-                    .map(|z| z * kind.thermal_speed as f32);
-                let offset = self.shape.offset(key.draw(id, 0, 0, Purpose::Release), place);
-                let position = model.boundary.place(std::array::from_fn(|k| self.center[k] + offset[k]));
-                particles
-                    .push(Particle { position, velocity, radius: kind.radius, species, id }, with_velocity);
-                *next_id += 1;
-                place += 1;
-            }
-        }
-        Ok(())
     }
 }
 
@@ -92,7 +69,7 @@ fn step_of(time: f64, time_step: f64) -> Option<u32> {
 
 impl Shape {
     /// Where the particle with these words, the `place`th of its burst, appears.
-    fn offset(self, words: [u32; 4], place: u32) -> [f32; 3] {
+    pub(crate) fn offset(self, words: [u32; 4], place: u32) -> [f32; 3] {
         match self {
             Self::Point => [0.0; 3],
             Self::Gaussian(width) => normal::normals(words).map(|z| z * width),
@@ -123,6 +100,7 @@ pub fn direction(first: u32, second: u32) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::philox::{Key, Purpose};
 
     #[test]
     fn a_burst_belongs_to_the_step_that_begins_at_its_time() {

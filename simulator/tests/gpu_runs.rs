@@ -58,13 +58,15 @@ fn dyadic() -> Model {
     };
     let decay =
         |reactant, product, rate| Decay { name: format!("decay of {reactant}"), reactant, product, rate };
+    let sized = |radius, name, drift| Species { radius, ..species(name, 0.0, drift) };
     Model {
         time_step: 1.0,
+        // Walls act on surfaces, and what C turns into is larger than C.
         species: vec![
-            species("A", 0.0, [0.125, 0.0, 0.25]),
-            species("B", 0.0, [-0.125, 0.0625, 0.0]),
-            species("C", 0.0, [0.0, -0.125, 0.0]),
-            species("E", 0.0, [0.0; 3]),
+            sized(0.25, "A", [0.125, 0.0, 0.25]),
+            sized(0.125, "B", [-0.125, 0.0625, 0.0]),
+            sized(0.0625, "C", [0.0, -0.125, 0.0]),
+            sized(0.5, "E", [0.0; 3]),
         ],
         reactions: vec![
             reaction([0, 1], [Some(2), None], 0.5, 0.5),
@@ -348,8 +350,35 @@ fn what_has_no_kernels_is_refused_by_name() {
         }
     };
     assert!(refused(|m| m.contact = Contact::Separate).contains("separating"));
-    assert!(refused(|m| m.contact = Contact::Elastic).contains("elastic"));
+    let elastic = refused(|m| {
+        m.contact = Contact::Elastic;
+        m.species[0].thermal_speed = 1.0;
+    });
+    assert!(elastic.contains("elastic"));
     assert!(refused(|m| m.species[1].thermal_speed = 1.0).contains("species B"));
+    let past = |drift: f64, diffusion: f64, low: f32| {
+        let mut model = brownian(false);
+        let receiver = |center| Receiver {
+            name: "rx".into(),
+            center,
+            radius: 0.25,
+            kind: Kind::Absorbing,
+            sees: vec![true, false],
+        };
+        model.receivers = vec![receiver([-1.5, 0.0, 0.0])];
+        model.species[0] = species("A", diffusion, [drift, 0.0, 0.0]);
+        model.boundary.axes[0] = Axis::Reflecting { low, high: 2.0 };
+        match GpuSimulation::new(model, 1, own.clone(), GpuOptions::default()) {
+            Err(Error::NotOnGpu { what }) => Some(what),
+            other => other.map(|_| None).expect("a model"),
+        }
+    };
+    assert_eq!(past(15.0, 1e-3, -2.0), None);
+    assert!(past(20.0, 1e-3, -2.0).is_some_and(|what| what.contains("the way of A past receiver rx")));
+    assert_eq!(past(20.0, 10.0, -2.0), None);
+    assert_eq!(past(20.0, 0.0, -2.0), None);
+    assert!(past(300.0, 0.0, -2.0).is_some());
+    assert_eq!(past(300.0, 0.0, -4.0), None);
 }
 
 #[test]

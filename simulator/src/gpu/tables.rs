@@ -2,11 +2,11 @@
 
 use super::layout::{Fate, Kind, NOTHING, Params, Rule, Watch};
 use crate::model::{Contact, Model};
-use crate::motion::Motion;
+use crate::motion::{Motion, Step};
 use crate::philox::Key;
 use crate::reactions::Reactions;
 use crate::receiver::Kind as Counting;
-use crate::{Axis, Error};
+use crate::{Axis, Boundary, Error, crossing};
 
 /// Everything that a model says to the kernels.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,7 +60,35 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     if let Some(species) = model.species.iter().find(|species| species.thermal_speed > 0.0) {
         return refused(format!("velocities, which species {} has", species.name));
     }
+    let steps = Motion::new(model).steps;
+    for receiver in model.receivers.iter().filter(|receiver| receiver.kind == Counting::Absorbing) {
+        let seen = (0..steps.len()).filter(|&species| receiver.sees[species]);
+        if let Some(species) = seen.into_iter().find(|&s| drifts_past(receiver, &steps[s], &model.boundary)) {
+            return refused(format!(
+                "the way of {} past receiver {}, by which its drift may carry it within a step; steps of a sixteenth \
+                 of the receiver's radius would do",
+                model.species[species].name, receiver.name
+            ));
+        }
+    }
     Ok(())
+}
+
+/// Whether the ends of a step do not tell whether a receiver was met between them: drift may carry past what diffuses,
+/// and on a straight way a wall or another image of the receiver may turn up.
+fn drifts_past(receiver: &crate::Receiver, step: &Step, boundary: &Boundary) -> bool {
+    if step.length > 0.0 {
+        let drift = step.drift.iter().map(|d| d * d).sum::<f32>().sqrt();
+        return crossing::is_long(drift, step.length, receiver.radius);
+    }
+    (0..3).filter(|&k| step.drift[k] != 0.0).any(|k| {
+        let (center, reach) = (receiver.center[k], receiver.radius + step.drift[k].abs());
+        match boundary.axes[k] {
+            Axis::Open => false,
+            Axis::Reflecting { low, high } => center - reach < low || center + reach > high,
+            Axis::Periodic { low, high } => 2.0 * reach > high - low,
+        }
+    })
 }
 
 impl Tables {

@@ -11,8 +11,7 @@ pub(super) struct File {
     pub(super) steps: u32,
     #[serde(default)]
     pub(super) seed: u64,
-    #[serde(default)]
-    pub(super) contact: Contact,
+    pub(super) contact: Option<Spanned<Contact>>,
     pub(super) boundary: Option<Boundary>,
     pub(super) species: Vec<Species>,
     #[serde(default, rename = "reaction")]
@@ -56,8 +55,7 @@ pub(super) enum BoundaryKind {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Species {
     pub(super) name: Spanned<Name>,
-    #[serde(default)]
-    pub(super) radius: NotNegative,
+    pub(super) radius: Option<Spanned<NotNegative>>,
     #[serde(default)]
     pub(super) diffusion: NotNegative,
     #[serde(default)]
@@ -89,9 +87,8 @@ pub(super) struct Decay {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Transmitter {
-    pub(super) name: Name,
-    #[serde(default)]
-    pub(super) center: [Finite; 3],
+    pub(super) name: Spanned<Name>,
+    pub(super) center: Option<Spanned<[Finite; 3]>>,
     #[serde(default = "at_once")]
     pub(super) times: Vec<NotNegative>,
     #[serde(default)]
@@ -136,7 +133,7 @@ pub(super) enum Shape {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Receiver {
     pub(super) name: Name,
-    pub(super) center: [Finite; 3],
+    pub(super) center: Spanned<[Finite; 3]>,
     pub(super) radius: Positive,
     pub(super) kind: ReceiverKind,
     pub(super) species: Option<Vec<Spanned<String>>>,

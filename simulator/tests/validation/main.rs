@@ -46,7 +46,7 @@ impl Row {
 /// An item of the list, and what measures it.
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 9] = [
+const ITEMS: [Item; 11] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -56,6 +56,8 @@ const ITEMS: [Item; 9] = [
     ("7-well-mixed", reactions::well_mixed),
     ("8-hard-spheres", crowd::hard_spheres),
     ("9-identity", identity::same_bytes),
+    ("10-gas-in-a-box", crowd::gas_between_walls),
+    ("11-flow", receivers::absorbing_in_flow),
 ];
 
 fn main() -> ExitCode {
