@@ -148,7 +148,11 @@ pub(crate) struct Generate {
                       far, what receivers say by species, pairs and settled overlaps of the last step
   frames.xyz          frames in extended XYZ, where the scenario asks for them
   frame-000000000.npy frames as structured arrays: id, species, x, y, z, r
-  checkpoint          what --resume goes on from; also after Ctrl-C, which ends the run with exit code 130
+  checkpoint          what --resume goes on from; also after Ctrl-C and SIGTERM, which end the run
+  .lock               locked while a run writes to the directory
+
+Exit code: 0 all steps are done; 1 bad input or failure; 2 wrong usage; 130 stopped by Ctrl-C, SIGTERM or SIGHUP,
+with a checkpoint to go on from.
 
 Examples:
   lazygrid simulate simulator/scenarios/acid-base.toml
@@ -181,6 +185,9 @@ pub(crate) struct Simulate {
     /// Replace the run that is in the output directory
     #[arg(long)]
     pub(crate) overwrite: bool,
+    /// Begin whatever room the disk has, and go on until it is full
+    #[arg(long)]
+    pub(crate) no_space_check: bool,
     /// Where it runs, cpu or gpu; the statistics are the same, and a GPU may round differently
     #[arg(long, default_value_t = Backend::Cpu, value_parser = one_of([Backend::Cpu, Backend::Gpu].map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,

@@ -41,8 +41,8 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
-    /// 2 where the options contradict each other, which no other input would mend; 130, as shells say, after Ctrl-C;
-    /// else 1.
+    /// 2 where the options contradict each other, which no other input would mend; 130, as shells say of Ctrl-C, after
+    /// that and other requests to end; else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::Stopped { .. } => ExitCode::from(130),
