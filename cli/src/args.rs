@@ -146,6 +146,7 @@ pub(crate) struct Generate {
 #[command(after_help = "Output, in the directory:
   series.csv          a row after every so many steps: step, time, particles by species, reactions and decays so
                       far, what receivers say by species, pairs and settled overlaps of the last step
+  symbols.csv         the time, transmitter and value of each symbol, where bits are sent
   frames.xyz          frames in extended XYZ, where the scenario asks for them
   frame-000000000.npy frames as structured arrays: id, species, x, y, z, r
   checkpoint          what --resume goes on from; also after Ctrl-C and SIGTERM, which end the run

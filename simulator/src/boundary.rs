@@ -3,6 +3,7 @@
 use lazygrid::Space;
 
 use crate::Error;
+use crate::vessel::Vessel;
 
 /// What bounds an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -105,22 +106,26 @@ fn round_trip(way: f32, length: f32) -> f32 {
 pub struct Boundary {
     /// Axis by axis.
     pub axes: [Axis; 3],
+    /// A vessel around everything, across which axes are open.
+    pub vessel: Option<Vessel>,
 }
 
 impl Boundary {
     /// Walls that reflect on all sides of a box.
     pub fn reflecting(low: [f32; 3], high: [f32; 3]) -> Self {
-        Self { axes: std::array::from_fn(|k| Axis::Reflecting { low: low[k], high: high[k] }) }
+        let axes = std::array::from_fn(|k| Axis::Reflecting { low: low[k], high: high[k] });
+        Self { axes, vessel: None }
     }
 
     /// A box that repeats along all axes.
     pub fn periodic(low: [f32; 3], high: [f32; 3]) -> Self {
-        Self { axes: std::array::from_fn(|k| Axis::Periodic { low: low[k], high: high[k] }) }
+        let axes = std::array::from_fn(|k| Axis::Periodic { low: low[k], high: high[k] });
+        Self { axes, vessel: None }
     }
 
     /// Whether space is unbounded.
     pub fn is_open(&self) -> bool {
-        self.axes == [Axis::Open; 3]
+        self.axes == [Axis::Open; 3] && self.vessel.is_none()
     }
 
     /// The space that the detector searches.
@@ -138,23 +143,34 @@ impl Boundary {
     /// Where the centres of spheres of this radius may be: their surfaces stay between walls.
     #[inline(always)]
     pub fn inset(&self, radius: f32) -> Self {
-        Self { axes: self.axes.map(|axis| axis.inset(radius)) }
+        Self {
+            axes: self.axes.map(|axis| axis.inset(radius)),
+            vessel: self.vessel.map(|vessel| vessel.inset(radius)),
+        }
     }
 
-    /// The first axis between whose walls a sphere of this radius has no room, and how far apart they are.
-    pub fn too_narrow(&self, radius: f32) -> Option<(char, f32)> {
-        ['x', 'y', 'z'].into_iter().zip(self.axes).find_map(|(name, axis)| match (axis, axis.inset(radius)) {
+    /// The first axis between whose walls a sphere of this radius has no room, or the vessel, and how wide that is.
+    pub fn too_narrow(&self, radius: f32) -> Option<(&'static str, f32)> {
+        let inset = self.inset(radius);
+        let walls = ["along x", "along y", "along z"].into_iter().zip(self.axes.into_iter().zip(inset.axes));
+        let narrow = walls.into_iter().find_map(|(name, axes)| match axes {
             (Axis::Reflecting { low, high }, Axis::Reflecting { low: from, high: to }) if from >= to => {
                 Some((name, high - low))
             }
             _ => None,
-        })
+        });
+        let vessel = || self.vessel.filter(|vessel| vessel.radius <= radius);
+        narrow.or_else(|| Some(("across the cylinder", 2.0 * vessel()?.radius)))
     }
 
     /// A position, put back where it may be.
     #[inline(always)]
     pub fn place(&self, p: [f32; 3]) -> [f32; 3] {
-        [self.axes[0].place(p[0]), self.axes[1].place(p[1]), self.axes[2].place(p[2])]
+        let p = [self.axes[0].place(p[0]), self.axes[1].place(p[1]), self.axes[2].place(p[2])];
+        match &self.vessel {
+            None => p,
+            Some(vessel) => vessel.place(p),
+        }
     }
 
     /// The vector from `p` to the nearest image of `q`.
@@ -201,7 +217,15 @@ mod tests {
         let walls = Boundary::reflecting([-1.0; 3], [1.0, 2.0, 3.0]);
         assert_eq!(walls.inset(0.25).place([0.875, 1.875, -1.0]), [0.625, 1.625, -0.5]);
         assert_eq!(walls.too_narrow(0.999), None);
-        assert_eq!(walls.too_narrow(1.0), Some(('x', 2.0)));
+        assert_eq!(walls.too_narrow(1.0), Some(("along x", 2.0)));
+        let vessel = Vessel { along: 2, center: [0.0; 3], radius: 1.0 };
+        let vessel = Boundary { vessel: Some(vessel), ..Boundary::default() };
+        assert_eq!(vessel.inset(0.25).place([0.0, 1.0, 9.0]), [0.0, 0.5, 9.0]);
+        assert_eq!(
+            (vessel.too_narrow(0.9), vessel.too_narrow(1.0)),
+            (None, Some(("across the cylinder", 2.0)))
+        );
+        assert!(!vessel.is_open());
         let periodic = Boundary::periodic([-1.0; 3], [1.0; 3]);
         assert_eq!((periodic.inset(9.0), periodic.too_narrow(9.0)), (periodic, None));
     }

@@ -30,9 +30,9 @@ pub struct Path {
     pub diffusion: f32,
 }
 
-/// The random numbers of a particle in a step.
+/// Who draws: a particle in a step.
 #[derive(Clone, Copy, Debug)]
-pub struct Draws {
+pub struct Who {
     /// The seed.
     pub key: Key,
     /// The particle.
@@ -53,7 +53,7 @@ const LAST: u32 = 1 << 12;
 
 /// Whether a path met the receiver, the `place`th of its model. `room` is where the particle's centre may be.
 #[inline]
-pub fn meets(receiver: &Receiver, place: u32, room: &Boundary, path: &Path, draws: Draws) -> bool {
+pub fn meets(receiver: &Receiver, place: u32, room: &Boundary, path: &Path, who: Who) -> bool {
     let b = height(receiver, room, path.after);
     if b <= 0.0 {
         return true;
@@ -63,7 +63,7 @@ pub fn meets(receiver: &Receiver, place: u32, room: &Boundary, path: &Path, draw
     }
     let a = height(receiver, room, path.before);
     if path.drift == [0.0; 3] {
-        return draws.crosses(place, a * b / path.diffusion);
+        return who.crosses(place, a * b / path.diffusion);
     }
     if path.diffusion == 0.0 {
         return a < 0.0 || straight(receiver, room, path);
@@ -74,7 +74,7 @@ pub fn meets(receiver: &Receiver, place: u32, room: &Boundary, path: &Path, draw
         spread: (2.0 * path.diffusion).sqrt(),
         drift: length(path.drift),
     };
-    Bridge { receiver, place, room, draws }.meets(piece)
+    Bridge { receiver, place, room, who }.meets(piece)
 }
 
 /// Whether the ends of a piece do not tell whether it met a sphere: with this drift and standard deviation along each
@@ -83,7 +83,7 @@ pub(crate) fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
     drift > PIECE[0] * radius && drift > PIECE[1] * spread
 }
 
-impl Draws {
+impl Who {
     /// Draws where chance decides, with probability exp(−`exponent`).
     #[inline]
     fn crosses(self, other: u32, exponent: f32) -> bool {
@@ -97,7 +97,7 @@ struct Bridge<'a> {
     receiver: &'a Receiver,
     place: u32,
     room: &'a Boundary,
-    draws: Draws,
+    who: Who,
 }
 
 /// A part of a path.
@@ -127,9 +127,9 @@ impl Bridge<'_> {
         if number >= LAST || !is_long(drift, spread, self.receiver.radius) {
             let [a, b] = [p, q].map(|end| self.height(end));
             let other = self.place | (number - 1) << 16;
-            return b <= 0.0 || self.draws.crosses(other, a * b / (0.5 * spread * spread));
+            return b <= 0.0 || self.who.crosses(other, a * b / (0.5 * spread * spread));
         }
-        let Draws { key, id, step } = self.draws;
+        let Who { key, id, step } = self.who;
         let z = normals(key.draw(id, number, step, Purpose::Path));
         let middle = std::array::from_fn(|k| middle[k] + 0.5 * spread * z[k]);
         let part = |number, ends| Piece {
@@ -208,7 +208,7 @@ mod tests {
         Receiver { name: "r".into(), center: [1.0, 0.0, 0.0], radius: 1.0, kind, sees: vec![true] }
     }
 
-    const DRAWS: Draws = Draws { key: Key::new(1), id: 7, step: 3 };
+    const DRAWS: Who = Who { key: Key::new(1), id: 7, step: 3 };
 
     fn path(before: [f32; 3], end: [f32; 3], room: &Boundary, diffusion: f32) -> Path {
         let drift = std::array::from_fn(|k| if diffusion == 0.0 { end[k] - before[k] } else { 0.0 });
@@ -220,9 +220,8 @@ mod tests {
         let open = Boundary::default();
         let step = path([2.5, 0.0, 0.0], [1.0, 1.25, 0.0], &open, 0.25);
         let n = 20_000;
-        let met = |kind| {
-            (0..n).filter(|&id| meets(&receiver(kind), 2, &open, &step, Draws { id, ..DRAWS })).count()
-        };
+        let met =
+            |kind| (0..n).filter(|&id| meets(&receiver(kind), 2, &open, &step, Who { id, ..DRAWS })).count();
         let p = (-0.5_f64).exp();
         let error = (met(Kind::Absorbing) as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
         assert!(error.abs() < 4.0, "{error} standard errors");

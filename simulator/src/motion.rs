@@ -6,12 +6,15 @@
 use rayon::prelude::*;
 
 use crate::boundary::Boundary;
-use crate::crossing::{Draws, Path, meets};
-use crate::model::Model;
+use crate::crossing::{Path, Who, meets};
+use crate::decay::Decays;
+use crate::model::{Flow, Model};
 use crate::normal::normals;
 use crate::particles::Particles;
 use crate::philox::{Key, Purpose, yes_up_to};
 use crate::receiver::{Kind, Receiver};
+use crate::stream::Stream;
+use crate::transmitter::direction;
 
 /// What a model says about the step of single particles, made ready.
 #[derive(Clone, Debug)]
@@ -21,10 +24,10 @@ pub struct Motion {
     time_step: f32,
     with_velocity: bool,
     bounded: bool,
+    stream: Option<Stream>,
     /// Receivers that remove particles, with their places in the model.
     receivers: Vec<(u32, Receiver)>,
-    pub(crate) decays: Vec<Decays>,
-    any_decay: bool,
+    pub(crate) decays: Decays,
 }
 
 /// The step of one species.
@@ -38,10 +41,9 @@ pub(crate) struct Step {
     pub(crate) drift: [f32; 3],
     /// Where its centre may be.
     room: Boundary,
+    /// The largest word at which a swimmer tumbles, and its speed in µm/s.
+    tumbles: Option<(u32, f32)>,
 }
-
-/// Each way that one species decays: up to which word it does, its place in the model, and what comes of it.
-pub(crate) type Decays = Vec<(u32, u32, Option<u32>)>;
 
 /// What befell a particle at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +55,7 @@ pub enum Event {
         /// The receiver's place in the model.
         receiver: u32,
     },
-    /// It decayed.
+    /// It decayed; what came of that may have done so in turn, in the next event.
     Decayed {
         /// Where the particle is.
         at: u32,
@@ -73,22 +75,28 @@ impl Motion {
     /// The step of a model that was checked.
     pub fn new(model: &Model) -> Self {
         let time_step = model.time_step;
+        let plug = match model.flow {
+            Some(Flow::Plug(velocity)) => velocity,
+            _ => [0.0; 3],
+        };
         let step = |species: &crate::model::Species| Step {
             length: (2.0 * species.diffusion * time_step).sqrt() as f32,
             diffusion: (species.diffusion * time_step) as f32,
-            drift: species.drift.map(|v| (v * time_step) as f32),
+            drift: std::array::from_fn(|k| ((species.drift[k] + plug[k]) * time_step) as f32),
+            tumbles: yes_up_to(-libm::expm1(-species.tumble_rate * time_step))
+                .filter(|_| species.speed > 0.0)
+                .map(|up_to| (up_to, species.speed as f32)),
             room: model.boundary.inset(species.radius),
         };
         let removing = model.receivers.iter().enumerate().filter(|(_, r)| r.kind != Kind::Transparent);
-        let decays: Vec<_> = (0..model.species.len() as u32).map(|s| decays_of(model, s)).collect();
         Self {
             steps: model.species.iter().map(step).collect(),
             time_step: time_step as f32,
             with_velocity: model.has_velocity(),
             bounded: !model.boundary.is_open(),
+            stream: Stream::new(model),
             receivers: removing.map(|(at, receiver)| (at as u32, receiver.clone())).collect(),
-            any_decay: decays.iter().any(|d| !d.is_empty()),
-            decays,
+            decays: Decays::new(model),
         }
     }
 
@@ -121,7 +129,7 @@ impl Motion {
 
     fn advance_chunk(&self, chunk: Chunk<'_>, key: Key, step: u32) -> Vec<Event> {
         let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
-        let watches = !self.receivers.is_empty() || self.any_decay;
+        let watches = !self.receivers.is_empty() || !self.decays.is_empty();
         let mut events = Vec::new();
         let mut random = [[0.0; BLOCK]; 3];
         for (block, ids) in id.chunks(BLOCK).enumerate() {
@@ -129,15 +137,29 @@ impl Motion {
             let first = block * BLOCK;
             for (k, &id) in ids.iter().enumerate() {
                 let at = first + k;
-                let Step { length, diffusion, mut drift, ref room } = self.steps[species[at] as usize];
+                let Step { length, diffusion, mut drift, ref room, tumbles } =
+                    self.steps[species[at] as usize];
                 if self.with_velocity {
-                    drift = std::array::from_fn(|axis| drift[axis] + velocity[axis][at] * self.time_step);
+                    let mut own = std::array::from_fn(|axis| velocity[axis][at]);
+                    if let Some((up_to, speed)) = tumbles {
+                        tumble(&mut own, (up_to, speed), key.draw(id, 0, step, Purpose::Tumble));
+                        (0..3).for_each(|axis| velocity[axis][at] = own[axis]);
+                    }
+                    drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.time_step);
                 }
                 let before = [x[at], y[at], z[at]];
-                let end: [f32; 3] =
+                let mut end: [f32; 3] =
                     std::array::from_fn(|axis| before[axis] + (length * random[axis][k] + drift[axis]));
                 let mut after = end;
-                if self.bounded {
+                if let Some(stream) = &self.stream {
+                    let mut own = std::array::from_fn(|axis| velocity[axis].get(at).copied().unwrap_or(0.0));
+                    let carried = stream.carry(room, [before, end], &mut own);
+                    (end, after) = (carried.end, carried.after);
+                    drift[stream.vessel.along] += carried.by;
+                    if self.with_velocity {
+                        (0..3).for_each(|axis| velocity[axis][at] = own[axis]);
+                    }
+                } else if self.bounded {
                     if self.with_velocity {
                         for (axis, bounds) in room.axes.into_iter().enumerate() {
                             let v = &mut velocity[axis][at];
@@ -149,29 +171,33 @@ impl Motion {
                 [x[at], y[at], z[at]] = after;
                 if watches {
                     let path = Path { before, end, after, drift, diffusion };
-                    let who = Watched { at: (base + at) as u32, species: species[at] };
-                    events.extend(self.befalls(who, &path, Draws { key, id, step }));
+                    let watched = Watched { at: (base + at) as u32, species: species[at] };
+                    self.befalls(watched, &path, Who { key, id, step }, &mut events);
                 }
             }
         }
         events
     }
 
-    /// The first thing that befalls a particle: a receiver, in their order, else a decay.
-    fn befalls(&self, Watched { at, species }: Watched, path: &Path, draws: Draws) -> Option<Event> {
+    /// What befalls a particle: the first receiver that it meets, in their order, else decays.
+    fn befalls(&self, Watched { at, species }: Watched, path: &Path, who: Who, events: &mut Vec<Event>) {
         let room = &self.steps[species as usize].room;
         for (place, receiver) in &self.receivers {
-            if receiver.sees[species as usize] && meets(receiver, *place, room, path, draws) {
-                return Some(Event::Arrived { at, receiver: *place });
+            if receiver.sees[species as usize] && meets(receiver, *place, room, path, who) {
+                return events.push(Event::Arrived { at, receiver: *place });
             }
         }
-        let decays = &self.decays[species as usize];
-        if decays.is_empty() {
-            return None;
-        }
-        let [word, ..] = draws.key.draw(draws.id, 0, draws.step, Purpose::Decay);
-        let &(_, decay, product) = decays.iter().find(|(up_to, ..)| word <= *up_to)?;
-        Some(Event::Decayed { at, decay, product })
+        let Who { key, id, step } = who;
+        self.decays.befall(species, (key, id, step), |decay, product| {
+            events.push(Event::Decayed { at, decay, product });
+        });
+    }
+}
+
+/// Gives a swimmer a new direction where chance says so.
+fn tumble(velocity: &mut [f32; 3], (up_to, speed): (u32, f32), [word, first, second, _]: [u32; 4]) {
+    if word <= up_to {
+        *velocity = direction(first, second).map(|c| c * speed);
     }
 }
 
@@ -186,21 +212,6 @@ struct Chunk<'a> {
 struct Watched {
     at: u32,
     species: u32,
-}
-
-/// With rates k₁, k₂, …: the probability 1 − exp(−ΣkΔt) shared out in proportion, as words that lie one above the
-/// other.
-fn decays_of(model: &Model, species: u32) -> Decays {
-    let own = |d: &&(usize, &crate::model::Decay)| d.1.reactant == species && d.1.rate > 0.0;
-    let decays: Vec<_> = model.decays.iter().enumerate().collect();
-    let total: f64 = decays.iter().filter(own).map(|(_, d)| d.rate).sum();
-    let probability = -libm::expm1(-total * model.time_step);
-    let mut below = 0.0;
-    let share = |&(place, decay): &(usize, &crate::model::Decay)| {
-        below += decay.rate / total;
-        yes_up_to(probability * below).map(|up_to| (up_to, place as u32, decay.product))
-    };
-    decays.iter().filter(own).filter_map(share).collect()
 }
 
 /// Draws the normal numbers of a block of particles.
@@ -273,6 +284,7 @@ mod tests {
                 crate::Axis::Periodic { low: -1.0, high: 1.0 },
                 crate::Axis::Open,
             ],
+            vessel: None,
         };
         let species = vec![Species { thermal_speed: 1.0, drift: [0.0; 3], ..species(0.0) }];
         let model = Model { time_step: 1.0, species, boundary, ..Model::default() };
@@ -289,7 +301,7 @@ mod tests {
 
     #[test]
     fn decays_share_their_probability() {
-        let decay = |rate, product| Decay { name: String::new(), reactant: 0, product, rate };
+        let decay = |rate, product| Decay { products: [product, None], rate, ..Decay::default() };
         let model = Model {
             time_step: 0.5,
             species: vec![species(0.0), species(0.0)],

@@ -7,6 +7,7 @@ use lazygrid::{Algorithm, Backend};
 
 use crate::checkpoint::Checkpoint;
 use crate::output::{self, Files, Forecast, Lock};
+use crate::pace::Pace;
 use crate::scenario::Scenario;
 use crate::{Error, Simulator};
 
@@ -76,12 +77,15 @@ impl Run {
     ) -> Result<(End, Simulator), Error> {
         self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
         let (mut simulation, mut files) = if self.resume { self.go_on()? } else { self.begin()? };
+        let mut pace = Pace::default();
         let mut end = End::Finished;
         if watch(&simulation).is_break() {
             end = End::Stopped;
         }
         while end == End::Finished && simulation.step_count() < self.scenario.steps {
-            simulation.advance(self.steps_to_next(simulation.step_count()))?;
+            let (step, before) = (simulation.step_count(), simulation.totals().clone());
+            simulation.advance(self.steps_to_next(step))?;
+            pace.see(simulation.model(), [&before, simulation.totals()], simulation.step_count() - step);
             if self.is_disk_full(&simulation)? {
                 self.save(&simulation, &mut files)?;
                 return Err(self.no_room(format!(
@@ -100,6 +104,7 @@ impl Run {
             }
         }
         self.save(&simulation, &mut files)?;
+        pace.advice(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
         Ok((end, simulation))
     }
 
@@ -118,7 +123,7 @@ impl Run {
         let lock = output::prepare(&self.directory, self.overwrite)?;
         // Before anything that is there is replaced.
         self.foretell(&simulation)?;
-        let mut files = Files::create(&self.directory, *output, model, lock)?;
+        let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
         files.record(&simulation)?;
         // What cannot be written shows now.
         self.save(&simulation, &mut files)?;

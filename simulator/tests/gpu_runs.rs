@@ -9,8 +9,8 @@ use lazygrid::Algorithm;
 use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Error, Kind, Model, Particle, Reaction, Receiver, Shape, Simulation,
-    Species, State, Transmitter,
+    Axis, Boundary, Chance, Contact, Decay, Error, Kind, Model, Particle, Reaction, Receiver, Schedule,
+    Shape, Simulation, Species, State, Transmitter, Vessel,
 };
 
 fn device() -> Option<GpuDevice> {
@@ -32,7 +32,7 @@ fn reaction(
         reactants,
         products,
         binding_radius,
-        probability,
+        chance: Chance::PerStep(probability),
         ..Reaction::default()
     }
 }
@@ -42,7 +42,8 @@ fn lattice(center: [f32; 3], times: &[f64], species: u32, places: u32) -> Transm
         name: format!("lattice of {species}"),
         center,
         shape: Shape::Lattice([8.0; 3], [places; 3]),
-        times: times.to_vec(),
+        schedule: Schedule::Times(times.to_vec()),
+        numbers: Default::default(),
         release: vec![(species, places.pow(3))],
     }
 }
@@ -56,8 +57,13 @@ fn dyadic() -> Model {
         kind,
         sees: vec![true; 4],
     };
-    let decay =
-        |reactant, product, rate| Decay { name: format!("decay of {reactant}"), reactant, product, rate };
+    let decay = |reactant, product, rate| Decay {
+        name: format!("decay of {reactant}"),
+        reactant,
+        products: [product, None],
+        rate,
+        ..Decay::default()
+    };
     let sized = |radius, name, drift| Species { radius, ..species(name, 0.0, drift) };
     Model {
         time_step: 1.0,
@@ -91,6 +97,7 @@ fn dyadic() -> Model {
                 Axis::Open,
                 Axis::Reflecting { low: -5.0, high: 6.0 },
             ],
+            vessel: None,
         },
         ..Model::default()
     }
@@ -203,8 +210,8 @@ fn brownian(reacts: bool) -> Model {
         name: format!("{species}"),
         center: [0.0; 3],
         shape: Shape::Box([4.0; 3]),
-        times: vec![0.0],
         release: vec![(species, 1000)],
+        ..Transmitter::default()
     };
     Model {
         time_step: 0.001,
@@ -238,8 +245,8 @@ fn mean_square_displacement() {
         name: "burst".into(),
         center: [1.0, 0.0, 0.0],
         shape: Shape::Point,
-        times: vec![0.0],
         release: vec![(0, n)],
+        ..Transmitter::default()
     };
     let species = vec![species("A", 2.0, [0.0; 3])];
     let model = Model { time_step: 0.01, species, transmitters: vec![burst], ..Model::default() };
@@ -301,8 +308,8 @@ fn absorbing_receiver() {
         name: "burst".into(),
         center: [0.0; 3],
         shape: Shape::Point,
-        times: vec![0.0],
         release: vec![(0, n)],
+        ..Transmitter::default()
     };
     let reached = |kind| {
         let model = Model {
@@ -356,6 +363,20 @@ fn what_has_no_kernels_is_refused_by_name() {
     });
     assert!(elastic.contains("elastic"));
     assert!(refused(|m| m.species[1].thermal_speed = 1.0).contains("species B"));
+    fn decay(reactant: u32, products: [Option<u32>; 2]) -> Decay {
+        Decay { reactant, products, rate: 40.0, ..Decay::default() }
+    }
+    let chain = refused(|m| m.decays = vec![decay(0, [Some(1), None]), decay(1, [None, None])]);
+    assert!(chain.contains("behind") && chain.contains("time-step = 5.00e-4"), "{chain}");
+    assert!(refused(|m| m.decays = vec![decay(0, [Some(1), Some(1)])]).contains("one particle becomes two"));
+    let channels = refused(|m| m.reactions.push(reaction([1, 0], [Some(1), None], 0.2, 0.5)));
+    assert!(channels.contains("several reactions of the same reactants"), "{channels}");
+    assert!(refused(|m| m.species[0].speed = 1.0).contains("swimmers, such as A"));
+    let vessel = Vessel { along: 0, center: [0.0; 3], radius: 1.0 };
+    let mut in_vessel = brownian(false);
+    in_vessel.boundary = Boundary { vessel: Some(vessel), ..Boundary::default() };
+    let error = GpuSimulation::new(in_vessel, 1, own.clone(), GpuOptions::default()).expect_err("a cylinder");
+    assert!(error.to_string().contains("cannot do a cylinder"), "{error}");
     let past = |drift: f64, diffusion: f64, low: f32| {
         let mut model = brownian(false);
         let receiver = |center| Receiver {

@@ -8,11 +8,13 @@ use super::layout::Head;
 use super::plan::{GpuOptions, MAX_TURNS, Sizes, grown, steps_between_looks};
 use super::stages::{Base, Groups, Stage, Steps};
 use super::tables::{Tables, Tallies, check};
+use crate::decay::Decays;
 use crate::model::Model;
 use crate::particles::{Particle, Particles};
 use crate::philox::Key;
 use crate::reactions::interactions;
 use crate::receiver::Kind;
+use crate::release::Released;
 use crate::{Error, State, Totals};
 
 mod room;
@@ -26,6 +28,7 @@ use room::prepare;
 pub struct GpuSimulation {
     model: Model,
     key: Key,
+    decays: Decays,
     tallies: Tallies,
     base: Base,
     detector: Option<GpuDetector>,
@@ -46,8 +49,7 @@ pub struct GpuSimulation {
 /// What appears before a step.
 struct Burst {
     step: u32,
-    particles: Particles,
-    next_id: u32,
+    released: Released,
 }
 
 /// Rounds of a matching by the whole device, at most. With random priorities their number grows as the logarithm of
@@ -93,6 +95,7 @@ impl GpuSimulation {
         let steps = prepare(&mut base, sizes, options.rounds, detector.as_mut())?;
         let mut simulation = Self {
             key,
+            decays: Decays::new(&model),
             tallies: tables.tallies,
             base,
             detector,
@@ -161,7 +164,8 @@ impl GpuSimulation {
         while self.step < end {
             let most = end - self.step;
             let bursts = self.bursts(most.min(steps_between_looks(self.steps.sizes.particles)))?;
-            let added = bursts.iter().map(|burst| burst.particles.len()).sum::<usize>() + self.due.len();
+            let added =
+                bursts.iter().map(|burst| burst.released.particles.len()).sum::<usize>() + self.due.len();
             let step = self.step;
             let at_step = |error| match error {
                 Error::Detection(source) => Error::Step { step, source },
@@ -213,10 +217,10 @@ impl GpuSimulation {
         let mut next_id = self.next_id;
         let mut bursts = Vec::new();
         for step in self.step + 1..=self.step + steps {
-            let mut particles = Particles::default();
-            next_id = self.model.release(self.key, step, next_id, &mut particles)?;
-            if !particles.is_empty() {
-                bursts.push(Burst { step, particles, next_id });
+            let released = self.model.release(&self.decays, self.key, step, next_id)?;
+            if released.next_id > next_id {
+                next_id = released.next_id;
+                bursts.push(Burst { step, released });
             }
         }
         Ok(bursts)
@@ -233,7 +237,9 @@ impl GpuSimulation {
         for step in self.step..self.step + steps {
             let burst = match step == self.step {
                 true => Some(&due),
-                false => bursts_left.next_if(|burst| burst.step == step).map(|burst| &burst.particles),
+                false => {
+                    bursts_left.next_if(|burst| burst.step == step).map(|burst| &burst.released.particles)
+                }
             };
             let burst = burst.filter(|particles| !particles.is_empty());
             particles += burst.map_or(0, Particles::len) as u32;
@@ -334,7 +340,7 @@ impl GpuSimulation {
         for (k, decay) in model.decays.iter().enumerate() {
             let count = count(tallies.decay(k));
             totals.decayed[k] += count;
-            turn(decay.reactant, decay.product, count);
+            turn(decay.reactant, decay.products[0], count);
         }
         for (k, reaction) in model.reactions.iter().enumerate() {
             let count = count(tallies.reaction(k));
@@ -358,10 +364,10 @@ impl GpuSimulation {
             self.due = Particles::default();
         }
         for burst in bursts.iter().take_while(|burst| burst.step <= done) {
-            self.next_id = burst.next_id;
-            self.totals.enter(&burst.particles.species);
+            self.next_id = burst.released.next_id;
+            self.totals.enter(&burst.released);
             if burst.step == done {
-                self.due = burst.particles.clone();
+                self.due = burst.released.particles.clone();
             }
         }
         self.step = done;

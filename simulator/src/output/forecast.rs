@@ -64,7 +64,7 @@ pub(crate) fn next(run: &Simulator, output: Output) -> u64 {
 
 /// Whether particles may disappear otherwise than by decay.
 fn loses(model: &Model) -> bool {
-    model.decays.iter().any(|decay| decay.product.is_none())
+    model.decays.iter().any(|decay| decay.products[0].is_none())
         || model.reactions.iter().any(|reaction| reaction.products.contains(&None))
         || model.receivers.iter().any(|receiver| receiver.kind != Kind::Transparent)
 }
@@ -90,10 +90,9 @@ impl Crowd {
         for k in 0..moments {
             let (begin, end) = (moment(k), moment(k + 1));
             for transmitter in &model.transmitters {
-                let bursts = transmitter.fires_between(begin + 1, end + 1, model.time_step) as f64;
-                for &(species, count) in &transmitter.release {
-                    now[species as usize] += bursts * f64::from(count);
-                    ids += bursts * f64::from(count);
+                for (species, count) in transmitter.mean_between([begin + 1, end + 1], model.time_step) {
+                    now[species as usize] += count;
+                    ids += count;
                 }
             }
             decay(model, &mut now, f64::from(end - begin) * model.time_step);
@@ -112,7 +111,7 @@ fn decay(model: &Model, now: &mut [f64], time: f64) {
         let gone = -count * libm::expm1(-total * time);
         now[species] -= gone;
         for decay in own().filter(|_| total > 0.0) {
-            if let Some(product) = decay.product {
+            for product in decay.products.into_iter().flatten() {
                 now[product as usize] += gone * decay.rate / total;
             }
         }

@@ -1,10 +1,11 @@
-//! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on, and
-//! `checkpoint`.
+//! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on,
+//! `symbols.csv` where messages are sent, and `checkpoint`.
 
 mod forecast;
 mod frames;
 mod lock;
 mod series;
+mod symbols;
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -28,11 +29,21 @@ pub(crate) struct Files {
 
 impl Files {
     /// New files of a new run.
-    pub(crate) fn create(directory: &Path, output: Output, model: &Model, lock: Lock) -> Result<Self, Error> {
+    pub(crate) fn create(
+        directory: &Path,
+        output: Output,
+        (model, seed): (&Model, u64),
+        lock: Lock,
+    ) -> Result<Self, Error> {
         let series = Growing::create(directory.join("series.csv"))?;
         let xyz = output.xyz.then(|| Growing::create(directory.join("frames.xyz"))).transpose()?;
         let mut files = Self { directory: directory.to_owned(), output, series, xyz, _lock: lock };
         files.series.put(|out| series::header(out, model))?;
+        if symbols::any(model) {
+            let mut sent = Growing::create(directory.join("symbols.csv"))?;
+            sent.put(|out| symbols::write(out, model, seed))?;
+            sent.sync()?;
+        }
         Ok(files)
     }
 

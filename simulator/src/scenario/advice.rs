@@ -1,7 +1,8 @@
 //! What an author may not have meant, with what to change. Pure functions.
 
 use crate::boundary::{Axis, Boundary};
-use crate::model::{Contact, Model, Species};
+use crate::chances::undoes;
+use crate::model::{Contact, Decay, Model, Reaction, Species, Unbinding};
 use crate::rate;
 
 /// Whether walls keep everything away from a sphere.
@@ -11,7 +12,8 @@ pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) 
         _ => 0.0,
     };
     let squares = boundary.axes.into_iter().zip(center).map(|pair| beyond(pair).powi(2));
-    squares.sum::<f32>() > radius * radius
+    let across = boundary.vessel.map_or(0.0, |v| (v.distance(center) as f32 - v.radius).max(0.0));
+    squares.sum::<f32>() + across * across > radius * radius
 }
 
 /// What to write instead of a place outside a periodic box.
@@ -20,7 +22,7 @@ pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
         Axis::Periodic { .. } => axis,
         _ => Axis::Open,
     });
-    let image = Boundary { axes: images }.place(center);
+    let image = Boundary { axes: images, vessel: None }.place(center);
     (image != center).then(|| {
         format!(
             "{center:?} is outside the periodic box and means its image {image:?}; write that, if it is meant"
@@ -48,7 +50,16 @@ pub(super) fn walls(boundary: &Boundary) -> String {
             }
         })
     };
-    format!("the walls of the box from {:?} to {:?}", corner(false), corner(true))
+    match &boundary.vessel {
+        None => format!("the walls of the box from {:?} to {:?}", corner(false), corner(true)),
+        Some(v) => {
+            let name = ["x", "y", "z"].get(v.along).unwrap_or(&"x");
+            format!(
+                "the cylinder of radius {} along {name} through {:?}, or beyond its ends",
+                v.radius, v.center
+            )
+        }
+    }
 }
 
 /// A number of three digits that is no larger.
@@ -81,6 +92,53 @@ pub(super) fn long_step(
     ))
 }
 
+/// The part of a lifetime that a step may take where what comes of it is noticed only in the next one.
+const FAST_DECAY: f64 = 0.02;
+/// The part of the mean time to a reaction that a step may take: it is looked for at the ends of steps only.
+const FAST_REACTION: f64 = 0.2;
+
+/// What is wrong with a reaction that is fast beside the time step.
+pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option<String> {
+    (rate * time_step > FAST_REACTION).then(|| {
+        format!(
+            "'{equation}': those within reach of each other react in {:.3e} s on average, and a step has {time_step:.3e} s; \
+             many come and go unseen; time-step = {} is short enough",
+            1.0 / rate,
+            below(FAST_REACTION / rate)
+        )
+    })
+}
+
+/// What is wrong with a decay that is fast beside the time step, of what appears at the ends of steps. (Decays of what is
+/// released or comes of other decays are right for steps of any length.)
+pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
+    let part = decay.rate * model.time_step;
+    let species = decay.reactant;
+    // What goes to and fro between two states does so in the right proportion.
+    let exchanged = |reaction: &Reaction| {
+        let back =
+            |decay: &&Decay| undoes(decay, reaction) && matches!(decay.unbinding, Unbinding::Within(_));
+        model.decays.iter().any(|decay| back(&decay) && decay.reactant == species)
+    };
+    let from_pairs = model
+        .reactions
+        .iter()
+        .any(|reaction| reaction.products.contains(&Some(species)) && !exchanged(reaction));
+    let from_splits =
+        model.decays.iter().any(|decay| decay.splits() && decay.products.contains(&Some(species)));
+    let late = decay.splits() && model.decays.iter().any(|other| other.products.contains(&Some(species)));
+    (part > FAST_DECAY && (from_pairs || from_splits || late)).then(|| {
+        let name = &model.species[species as usize].name;
+        format!(
+            "'{}': {:.1} % of {name} decay in a step, and what comes of others does so from the next step on: on average it \
+             lives half a step too long; time-step = {} is short enough",
+            decay.name,
+            100.0 * part,
+            below(FAST_DECAY / decay.rate)
+        )
+    })
+}
+
 /// What is wrong with contact that particles jump over, and the longest time step without that.
 pub(super) fn missed_contact(model: &Model) -> Option<String> {
     if !matches!(model.contact, Contact::Separate | Contact::Elastic) {
@@ -110,7 +168,8 @@ fn touch(a: &Species, b: &Species) -> f64 {
 /// Of the way of two particles towards each other: twice the sum of their diffusion coefficients, and their speed.
 fn relative(a: &Species, b: &Species) -> [f64; 2] {
     let drift: f64 = a.drift.iter().zip(b.drift).map(|(u, v)| (u - v).powi(2)).sum();
-    let thermal = a.thermal_speed.powi(2) + b.thermal_speed.powi(2);
+    let squares = [a.thermal_speed, b.thermal_speed, a.speed, b.speed].map(|speed| speed * speed);
+    let thermal: f64 = squares.into_iter().sum();
     [2.0 * (a.diffusion + b.diffusion), drift.sqrt() + thermal.sqrt()]
 }
 

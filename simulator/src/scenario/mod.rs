@@ -83,9 +83,13 @@ impl Scenario {
         let end = f64::from(self.steps) * self.model.time_step;
         let late = |t: &Transmitter| {
             let (first, count) = t.after(self.steps, self.model.time_step)?;
+            let what = match count {
+                Some(count) => format!("has {count} releases"),
+                None => "is to release".to_owned(),
+            };
             Some(format!(
-                "transmitter {} has {count} releases from {first} s on, and the run ends at {end} s; make `steps` more \
-                 than {}, or take these times away",
+                "transmitter {} {what} from {first} s on, and the run ends at {end} s; make `steps` more than {}, or take \
+                 these times away",
                 t.name,
                 (first / self.model.time_step).ceil()
             ))

@@ -1,6 +1,8 @@
 //! From names in a file to places in a model.
 
 mod reactions;
+mod schedule;
+mod space;
 mod transceivers;
 
 use std::ops::Range;
@@ -9,7 +11,6 @@ use toml::Spanned;
 
 use super::file::{self, File, Finite};
 use super::{Output, Problem, advice};
-use crate::boundary::Boundary;
 use crate::model::{Contact, Model, Species};
 
 /// What a file says.
@@ -26,7 +27,7 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
     let mut advice = Vec::new();
     let mut model = Model {
         time_step: file.time_step.0,
-        boundary: boundary(file.boundary)?,
+        boundary: space::boundary(file.boundary.as_ref())?,
         contact: match file.contact.as_ref().map(|contact| *contact.get_ref()) {
             None | Some(file::Contact::Ignore) => Contact::Ignore,
             Some(file::Contact::Count) => Contact::Count,
@@ -35,6 +36,7 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         },
         ..Model::default()
     };
+    model.flow = space::flow(file.flow.as_ref(), &model.boundary)?;
     for one in &file.species {
         let species = species(one, &model)?;
         model.species.push(species);
@@ -46,9 +48,11 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         advice.extend(advice::missed_contact(&model).map(|message| Problem::at(contact.span(), message)));
     }
     let names = Names(&model.species);
-    let reactions = reactions::reactions(&file.reactions, &names, model.time_step, &mut advice)?;
-    let decays = file.decays.iter().map(|d| reactions::decay(d, &names)).collect::<Result<_, _>>()?;
-    let transmitters = transceivers::transmitters(file.transmitters, &names, &model.boundary, &mut advice)?;
+    let (reactions, decays) =
+        reactions::resolve((&file.reactions, &file.decays), &names, model.time_step, &mut advice)?;
+    let mut transmitters =
+        transceivers::transmitters(file.transmitters, &names, &model.boundary, &mut advice)?;
+    transmitters.extend(transceivers::sources(&file.sources, &names, &model.boundary, &mut advice)?);
     let receivers = transceivers::receivers(file.receivers, &names, &model.boundary, &mut advice)?;
     model = Model { reactions, decays, transmitters, receivers, ..model };
     let every = file.output.every.map_or(1, Into::into);
@@ -74,7 +78,14 @@ fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
         drift: one.drift.map(|Finite(v)| v),
         mass: one.mass.0.0,
         thermal_speed: one.thermal_speed.0,
+        speed: one.speed.as_ref().map_or(0.0, |speed| speed.get_ref().0),
+        tumble_rate: one.tumble_rate.0,
     };
+    if let (Some(speed), true) = (&one.speed, species.speed > 0.0 && species.thermal_speed > 0.0) {
+        let message =
+            "a swimmer has a speed, and a particle of a gas a thermal-speed; take one away".to_owned();
+        return Err(Problem::at(speed.span(), message));
+    }
     match (model.misfit(&species), &one.radius) {
         (Some(message), Some(radius)) => Err(Problem::at(radius.span(), message)),
         (Some(message), None) => Err(Problem::at(span, message)),
@@ -110,17 +121,4 @@ impl Names<'_> {
         };
         Ok([side(left)?, side(right)?])
     }
-}
-
-fn boundary(boundary: Option<file::Boundary>) -> Result<Boundary, Problem> {
-    let Some(file::Boundary { kind, low, high }) = boundary else { return Ok(Boundary::default()) };
-    let [from, to] = [low, *high.get_ref()].map(|corner| corner.map(|Finite(x)| x as f32));
-    if (0..3).any(|k| from[k] >= to[k]) {
-        let message = format!("{to:?} is not above low = {from:?} along every axis");
-        return Err(Problem::at(high.span(), message));
-    }
-    Ok(match kind {
-        file::BoundaryKind::Reflecting => Boundary::reflecting(from, to),
-        file::BoundaryKind::Periodic => Boundary::periodic(from, to),
-    })
 }

@@ -1,11 +1,13 @@
 //! Transmitters and receivers.
 
 use super::Names;
-use crate::boundary::Boundary;
+use super::schedule::{place, schedule};
+use super::space::number;
+use crate::boundary::{Axis, Boundary};
 use crate::receiver::{Kind, Receiver};
-use crate::scenario::file::{self, Finite};
+use crate::scenario::file;
 use crate::scenario::{Problem, advice};
-use crate::transmitter::{Shape, Transmitter};
+use crate::transmitter::{Numbers, Schedule, Shape, Transmitter};
 
 pub(super) fn transmitters(
     many: Vec<file::Transmitter>,
@@ -24,28 +26,130 @@ fn transmitter(
 ) -> Result<Transmitter, Problem> {
     let (center, span) = match &transmitter.center {
         None => ([0.0; 3], transmitter.name.span()),
-        Some(center) => (center.get_ref().map(|Finite(x)| x as f32), center.span()),
+        Some(center) => (place(*center.get_ref()), center.span()),
     };
     check_place(boundary, span, (center, 0.0), advice)?;
-    let release =
-        |release: &file::Release| -> Result<_, Problem> { Ok((names.get(&release.species)?, release.count)) };
+    let (schedule, release) = schedule(&transmitter, names)?;
     Ok(Transmitter {
         name: transmitter.name.into_inner().0,
         center,
-        shape: match transmitter.shape {
-            file::Shape::Point => Shape::Point,
-            file::Shape::Gaussian { width } => Shape::Gaussian(width.0 as f32),
-            file::Shape::Ball { inner_radius, radius } => {
-                Shape::Shell(inner_radius.0 as f32, radius.0 as f32)
-            }
-            file::Shape::Box { size } => Shape::Box(size.map(|edge| edge.0 as f32)),
-            file::Shape::Lattice { size, places } => {
-                Shape::Lattice(size.map(|edge| edge.0 as f32), places.map(Into::into))
-            }
+        shape: shape(transmitter.shape),
+        schedule,
+        release,
+        numbers: match transmitter.numbers {
+            file::Numbers::Fixed => Numbers::Fixed,
+            file::Numbers::Poisson => Numbers::Poisson,
         },
-        times: transmitter.times.into_iter().map(|time| time.0).collect(),
-        release: transmitter.release.iter().map(release).collect::<Result<_, _>>()?,
     })
+}
+
+fn shape(shape: file::Shape) -> Shape {
+    match shape {
+        file::Shape::Point => Shape::Point,
+        file::Shape::Gaussian { width } => Shape::Gaussian(width.0 as f32),
+        file::Shape::Ball { inner_radius, radius } => Shape::Shell(inner_radius.0 as f32, radius.0 as f32),
+        file::Shape::Box { size } => Shape::Box(size.map(|edge| edge.0 as f32)),
+        file::Shape::Cylinder { axis, radius, length } => {
+            Shape::Cylinder(number(axis), radius.0 as f32, length.0 as f32)
+        }
+        file::Shape::Lattice { size, places } => {
+            Shape::Lattice(size.map(|edge| edge.0 as f32), places.map(Into::into))
+        }
+    }
+}
+
+/// Particles that appear everywhere or in a region, as transmitters that release all the time.
+pub(super) fn sources(
+    many: &[file::Source],
+    names: &Names<'_>,
+    boundary: &Boundary,
+    advice: &mut Vec<Problem>,
+) -> Result<Vec<Transmitter>, Problem> {
+    many.iter().map(|one| source(one, names, boundary, advice)).collect()
+}
+
+fn source(
+    source: &file::Source,
+    names: &Names<'_>,
+    boundary: &Boundary,
+    advice: &mut Vec<Problem>,
+) -> Result<Transmitter, Problem> {
+    let (text, span) = (source.equation.get_ref(), source.equation.span());
+    let [left, right] = names.equation(&source.equation)?;
+    let ([], &[species]) = (left.as_slice(), right.as_slice()) else {
+        return Err(Problem::at(
+            span,
+            format!("'{text}' must have no reactant and one product, as in '-> A'"),
+        ));
+    };
+    let given = source.center.as_ref().map(|center| (place(*center.get_ref()), center.span()));
+    let (center, shape, volume) = match &source.shape {
+        None => {
+            if let Some((_, span)) = given {
+                let message = "a center needs a shape; without both, particles appear everywhere".to_owned();
+                return Err(Problem::at(span, message));
+            }
+            let Some((center, shape, volume)) = everywhere(boundary, names.0[species as usize].radius) else {
+                let message = format!("'{text}' needs a [boundary], or a shape in which particles appear");
+                return Err(Problem::at(span, message));
+            };
+            (center, shape, volume)
+        }
+        Some(spanned) => {
+            let shape = shape(*spanned.get_ref());
+            let volume = match shape {
+                Shape::Shell(inner, outer) => {
+                    4.0 / 3.0 * std::f64::consts::PI * (f64::from(outer).powi(3) - f64::from(inner).powi(3))
+                }
+                Shape::Box(edges) => edges.map(f64::from).into_iter().product(),
+                _ => {
+                    let message =
+                        "particles appear in a ball or in a box; these shapes have a volume".to_owned();
+                    return Err(Problem::at(spanned.span(), message));
+                }
+            };
+            let (center, span) = given.unwrap_or(([0.0; 3], spanned.span()));
+            check_place(boundary, span, (center, 0.0), advice)?;
+            (center, shape, volume)
+        }
+    };
+    let rates = vec![(species, source.rate.0 * volume)];
+    Ok(Transmitter {
+        name: text.trim().to_owned(),
+        center,
+        shape,
+        schedule: Schedule::Steady { from: 0.0, until: f64::INFINITY, rates },
+        release: Vec::new(),
+        numbers: Numbers::Poisson,
+    })
+}
+
+/// Where the centres of such spheres may be, as a shape around a middle, and the volume between the walls.
+fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)> {
+    let side = |axis: Axis| match axis {
+        Axis::Open => None,
+        Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some([low, high]),
+    };
+    let inset = boundary.inset(radius);
+    if let Some(vessel) = inset.vessel {
+        let [[low, high], [from, to]] = [side(inset.axes[vessel.along])?, side(boundary.axes[vessel.along])?];
+        let mut center = vessel.center;
+        center[vessel.along] = 0.5 * (low + high);
+        let volume = disk(vessel.radius + radius) * f64::from(to - from);
+        return Some((center, Shape::Cylinder(vessel.along, vessel.radius, high - low), volume));
+    }
+    let sides = |boundary: &Boundary| {
+        let [x, y, z] = boundary.axes.map(side);
+        Some([x?, y?, z?])
+    };
+    let inside = sides(&inset)?;
+    let volume = sides(boundary)?.map(|[low, high]| f64::from(high - low)).into_iter().product();
+    let edges = inside.map(|[low, high]| high - low);
+    Some((inside.map(|[low, high]| 0.5 * (low + high)), Shape::Box(edges), volume))
+}
+
+fn disk(radius: f32) -> f64 {
+    std::f64::consts::PI * f64::from(radius).powi(2)
 }
 
 pub(super) fn receivers(
@@ -67,7 +171,7 @@ fn receiver(
     for name in receiver.species.iter().flatten() {
         sees[names.get(name)? as usize] = true;
     }
-    let center = receiver.center.get_ref().map(|Finite(x)| x as f32);
+    let center = place(*receiver.center.get_ref());
     let radius = receiver.radius.0 as f32;
     check_place(boundary, receiver.center.span(), (center, radius), advice)?;
     Ok(Receiver {
