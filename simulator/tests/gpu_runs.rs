@@ -396,7 +396,7 @@ fn what_has_no_kernels_is_refused_by_name() {
     };
     assert_eq!(past(15.0, 1e-3, -2.0), None);
     assert!(past(20.0, 1e-3, -2.0).is_some_and(|what| what.contains("the way of A past receiver rx")));
-    assert_eq!(past(20.0, 10.0, -2.0), None);
+    assert_eq!(past(20.0, 20.0, -2.0), None);
     assert_eq!(past(20.0, 0.0, -2.0), None);
     assert!(past(300.0, 0.0, -2.0).is_some());
     assert_eq!(past(300.0, 0.0, -4.0), None);
@@ -413,4 +413,18 @@ fn particles_that_leave_the_range_of_numbers_are_an_error() {
     let error = run.run(5).expect_err("an error");
     assert!(matches!(error, Error::NotFinite { step: 1, particles: 1000 }), "{error}");
     assert_eq!(run.state().expect("a state").step, 1);
+}
+
+#[test]
+fn a_lost_device_is_said_to_be_lost() {
+    // Not the one that other tests have.
+    let Some(own) = or_skip(GpuDevice::open(true)) else { return };
+    let mut run = gpu(&own, &brownian(true), 1, GpuOptions::default());
+    run.run(2).expect("steps");
+    own.device.destroy();
+    let errors = [run.run(2).expect_err("no device"), run.state().expect_err("no device")];
+    let again = GpuSimulation::new(brownian(true), 1, own, GpuOptions::default()).expect_err("no device");
+    for error in errors.into_iter().chain([again]) {
+        assert!(error.to_string().contains("the device was lost"), "{error}");
+    }
 }
