@@ -137,46 +137,53 @@ impl Motion {
             let first = block * BLOCK;
             for (k, &id) in ids.iter().enumerate() {
                 let at = first + k;
-                let Step { length, diffusion, mut drift, ref room, tumbles } =
-                    self.steps[species[at] as usize];
-                if self.with_velocity {
-                    let mut own = std::array::from_fn(|axis| velocity[axis][at]);
-                    if let Some((up_to, speed)) = tumbles {
-                        tumble(&mut own, (up_to, speed), key.draw(id, 0, step, Purpose::Tumble));
-                        (0..3).for_each(|axis| velocity[axis][at] = own[axis]);
-                    }
-                    drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.time_step);
+                let kind = &self.steps[species[at] as usize];
+                let mut own = self.with_velocity.then(|| [0, 1, 2].map(|axis: usize| velocity[axis][at]));
+                if let (Some(own), Some(turns)) = (&mut own, kind.tumbles) {
+                    tumble(own, turns, key.draw(id, 0, step, Purpose::Tumble));
                 }
-                let before = [x[at], y[at], z[at]];
-                let mut end: [f32; 3] =
-                    std::array::from_fn(|axis| before[axis] + (length * random[axis][k] + drift[axis]));
-                let mut after = end;
-                if let Some(stream) = &self.stream {
-                    let mut own = std::array::from_fn(|axis| velocity[axis].get(at).copied().unwrap_or(0.0));
-                    let carried = stream.carry(room, [before, end], &mut own);
-                    (end, after) = (carried.end, carried.after);
-                    drift[stream.vessel.along] += carried.by;
-                    if self.with_velocity {
-                        (0..3).for_each(|axis| velocity[axis][at] = own[axis]);
-                    }
-                } else if self.bounded {
-                    if self.with_velocity {
-                        for (axis, bounds) in room.axes.into_iter().enumerate() {
-                            let v = &mut velocity[axis][at];
-                            *v = if bounds.turns(end[axis]) { -*v } else { *v };
-                        }
-                    }
-                    after = room.place(end);
+                let normal = [0, 1, 2].map(|axis: usize| random[axis][k]);
+                let path = self.path(kind, [x[at], y[at], z[at]], normal, own.as_mut());
+                [x[at], y[at], z[at]] = path.after;
+                if let Some(own) = own {
+                    (0..3).for_each(|axis| velocity[axis][at] = own[axis]);
                 }
-                [x[at], y[at], z[at]] = after;
                 if watches {
-                    let path = Path { before, end, after, drift, diffusion };
                     let watched = Watched { at: (base + at) as u32, species: species[at] };
                     self.befalls(watched, &path, Who { key, id, step }, &mut events);
                 }
             }
         }
         events
+    }
+
+    /// The way of a particle in a step, with what chance adds along each axis. Walls turn its velocity round, where it
+    /// has one.
+    #[inline(always)]
+    fn path(
+        &self,
+        kind: &Step,
+        before: [f32; 3],
+        normal: [f32; 3],
+        mut velocity: Option<&mut [f32; 3]>,
+    ) -> Path {
+        let Step { length, diffusion, mut drift, ref room, .. } = *kind;
+        if let Some(own) = &velocity {
+            drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.time_step);
+        }
+        let end: [f32; 3] = std::array::from_fn(|axis| before[axis] + (length * normal[axis] + drift[axis]));
+        if let Some(stream) = &self.stream {
+            let carried = stream.carry(room, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
+            drift[stream.vessel.along] += carried.by;
+            return Path { before, end: carried.end, after: carried.after, drift, diffusion };
+        }
+        if !self.bounded {
+            return Path { before, end, after: end, drift, diffusion };
+        }
+        if let Some(own) = &mut velocity {
+            (0..3).filter(|&axis| room.axes[axis].turns(end[axis])).for_each(|axis| own[axis] = -own[axis]);
+        }
+        Path { before, end, after: room.place(end), drift, diffusion }
     }
 
     /// What befalls a particle: the first receiver that it meets, in their order, else decays.

@@ -1,0 +1,188 @@
+mod network;
+
+use super::*;
+use crate::{Boundary, Chance, Contact, Kind, Reaction, Schedule, Shape};
+
+const GOOD: &str = r#"
+time-step = 0.001
+steps = 10
+contact = "separate"
+
+[boundary]
+kind = "periodic"
+low = [-1, -1, -1]
+high = [1, 1, 1.5]
+
+[[species]]
+name = "acid"
+radius = 0.1
+diffusion = 100.0
+
+[[species]]
+name = "base"
+diffusion = 50
+drift = [1, 0, 0]
+
+[[reaction]]
+equation = "acid + base -> base"
+binding-radius = 1.5
+probability = 0.5
+
+[[decay]]
+equation = "base ->"
+rate = 2.0
+
+[[transmitter]]
+name = "tx"
+times = [0.0, 0.5]
+shape = { kind = "gaussian", width = 0.5 }
+release = [{ species = "acid", count = 3 }]
+
+[[receiver]]
+name = "rx"
+center = [1, 0, 0]
+radius = 0.5
+kind = "transparent"
+species = ["base"]
+
+[output]
+every = 5
+frames = ["npy"]
+"#;
+
+fn parse(text: &str) -> Result<Scenario, Error> {
+    Scenario::parse(Path::new("s.toml"), text.to_owned())
+}
+
+#[test]
+fn every_key_arrives() {
+    let Scenario { model, steps, seed, output, .. } = parse(GOOD).unwrap();
+    assert_eq!((steps, seed, model.time_step, model.contact), (10, 0, 0.001, Contact::Separate));
+    assert_eq!(model.boundary, Boundary::periodic([-1.0; 3], [1.0, 1.0, 1.5]));
+    assert_eq!(model.species[1].drift, [1.0, 0.0, 0.0]);
+    let reaction = Reaction {
+        name: "acid + base -> base".into(),
+        reactants: [0, 1],
+        products: [None, Some(1)],
+        binding_radius: 1.5,
+        unbinding_radius: 0.0,
+        chance: Chance::PerStep(0.5),
+    };
+    assert_eq!(model.reactions, [reaction]);
+    let decay = &model.decays[0];
+    assert_eq!((decay.reactant, decay.products, decay.rate), (1, [None, None], 2.0));
+    assert_eq!(model.transmitters[0].shape, Shape::Gaussian(0.5));
+    assert_eq!(
+        (&model.transmitters[0].schedule, &model.transmitters[0].release),
+        (&Schedule::Times(vec![0.0, 0.5]), &vec![(0, 3)])
+    );
+    assert_eq!((model.receivers[0].kind, &model.receivers[0].sees), (Kind::Transparent, &vec![false, true]));
+    let expected = Output { every: 5, frames_every: 5, xyz: false, npy: true, checkpoint_every: None };
+    assert_eq!(output, expected);
+}
+
+#[test]
+fn a_mistake_is_named_by_line_and_key() {
+    let mistakes = [
+        ("time-step = 0.001", "time-step = -1", 2, "time-step", "-1 is not a positive number"),
+        ("steps = 10", "steps = \"x\"", 3, "steps", "invalid type: string"),
+        ("contact = \"separate\"", "contact = \"push\"", 4, "contact", "unknown variant `push`"),
+        ("high = [1, 1, 1.5]", "high = [1, 1, -2]", 9, "high", "not above low"),
+        ("radius = 0.1", "radios = 0.1", 13, "radios", "unknown field"),
+        ("name = \"base\"", "name = \"acid\"", 17, "name", "two species 'acid'"),
+        ("drift = [1, 0, 0]", "drift = [1, 0]", 19, "drift", "invalid length 2"),
+        (
+            "acid + base -> base",
+            "acid + bas -> base",
+            22,
+            "equation",
+            "no species 'bas'; there are acid, base",
+        ),
+        ("acid + base -> base", "acid -> base", 22, "equation", "must have two reactants"),
+        ("acid + base -> base", "acid + base", 22, "equation", "no '->'"),
+        ("acid + base -> base", "acid + base -> base + acid", 22, "equation", "changes nothing"),
+        ("binding-radius = 1.5", "rate = 1.5", 24, "probability", "goes with binding-radius"),
+        ("probability = 0.5", "probability = 1.5", 24, "probability", "1.5 is not a probability"),
+        ("count = 3", "count = -3", 34, "release", "invalid value: integer `-3`"),
+        ("kind = \"gaussian\", width", "kind = \"gaussian\", with", 33, "with", "unknown field"),
+        ("radius = 0.5\n", "", 36, "radius", "missing field"),
+        ("[\"base\"]", "[\"salt\"]", 41, "species", "no species 'salt'"),
+        ("every = 5", "every = 0", 44, "every", "nonzero"),
+    ];
+    for (right, wrong, line, key, message) in mistakes {
+        let text = GOOD.replace(right, wrong);
+        assert_ne!(text, GOOD, "{right}");
+        let error = parse(&text).expect_err(wrong).to_string();
+        assert!(error.starts_with(&format!("s.toml, line {line}, `{key}`: ")), "{wrong}: {error}");
+        assert!(error.contains(message) && !error.contains('\n'), "{wrong}: {error}");
+    }
+}
+
+#[test]
+fn what_cannot_be_meant_is_refused() {
+    let walls = GOOD.replace("\"periodic\"", "\"reflecting\"");
+    let elastic = "contact = \"elastic\"";
+    let far = "center = [2.5, 0, 0]";
+    let mistakes = [
+        ("radius = 0.1", "radius = 1", 13, "radius", "there is room of 2 between walls along x"),
+        ("name = \"tx\"", "name = \"tx\"\ncenter = [0, 0, 1.6]", 32, "center", "outside the walls"),
+        ("center = [1, 0, 0]", far, 38, "center", "[2.5, 0.0, 0.0] is outside the walls of the box from [-1"),
+        ("contact = \"separate\"", elastic, 4, "contact", "give a species a thermal-speed"),
+    ];
+    for (right, wrong, line, key, message) in mistakes {
+        let text = walls.replace(right, wrong);
+        assert_ne!(text, walls, "{right}");
+        let error = parse(&text).expect_err(wrong).to_string();
+        assert!(error.starts_with(&format!("s.toml, line {line}, `{key}`: ")), "{wrong}: {error}");
+        assert!(error.contains(message) && !error.contains('\n'), "{wrong}: {error}");
+    }
+    // Part of it is inside.
+    assert!(parse(&walls.replace("center = [1, 0, 0]", "center = [1.25, 0, 0]")).is_ok());
+}
+
+#[test]
+fn what_may_not_be_meant_is_said() {
+    // Steps of half a micrometre beside radii of 0.1 µm and none.
+    let said = parse(GOOD).unwrap().advice;
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(said[0].starts_with("s.toml, line 4, `contact`: a step takes acid and base "), "{said:?}");
+    assert!(said[0].contains("time-step = 3.33e-5 resolves it"), "{said:?}");
+    assert!(said[1].starts_with("s.toml, line 38, `center`: "), "{said:?}");
+    assert!(said[1].contains("means its image [-1.0, 0.0, 0.0]"), "{said:?}");
+    let mended = GOOD.replace("0.001", "3.33e-5").replace("[1, 0, 0]\nradius", "[-1, 0, 0]\nradius");
+    assert_eq!(parse(&mended).unwrap().advice, [""; 0]);
+    let rare = mended.replace("binding-radius = 1.5\nprobability = 0.5", "rate = 7.5");
+    let said = parse(&rare).unwrap().advice;
+    assert!(said.len() == 1 && said[0].starts_with("s.toml, line 23, `rate`: 'acid + base"), "{said:?}");
+}
+
+#[test]
+fn releases_behind_the_end_are_said() {
+    let mut scenario = parse(GOOD).unwrap();
+    let late = scenario.late_releases();
+    assert!(late.len() == 1 && late[0].contains("tx has 1 releases from 0.5 s on"), "{late:?}");
+    assert!(late[0].contains("the run ends at 0.01 s; make `steps` more than 500"), "{late:?}");
+    scenario.steps = 501;
+    assert_eq!(scenario.late_releases(), [""; 0]);
+}
+
+#[test]
+fn a_rate_becomes_a_binding_radius() {
+    let text = GOOD.replace("binding-radius = 1.5", "rate = 1000").replace("probability = 0.5", "");
+    let radius = parse(&text).unwrap().model.reactions[0].binding_radius;
+    let back = crate::rate::rate_constant(f64::from(radius), 150.0, 0.001);
+    assert!((back / 1000.0 - 1.0).abs() < 1e-5);
+}
+
+#[test]
+fn shipped_scenarios_are_valid() {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+    let mut count = 0;
+    for entry in std::fs::read_dir(directory).unwrap() {
+        let path = entry.unwrap().path();
+        let scenario = Scenario::read(&path).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!((scenario.late_releases(), scenario.advice), (vec![], vec![]), "{}", path.display());
+        count += 1;
+    }
+    assert!(count >= 3);
+}
