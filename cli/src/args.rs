@@ -178,10 +178,14 @@ pub(crate) struct Generate {
 #[command(after_help = "Output, in the directory:
   series.csv          a row after every so many steps: step, time, particles by species, reactions and decays so
                       far, what receivers say by species, pairs and settled overlaps of the last step
+  symbols.csv         the time, transmitter and value of each symbol, where bits are sent
   frames.xyz          frames in extended XYZ, where the scenario asks for them
   frame-000000000.npy frames as structured arrays: id, species, x, y, z, r
-  checkpoint          what --resume goes on from; also after Ctrl-C or SIGTERM, which end the run with exit
-                      code 130 or 143
+  checkpoint          what --resume goes on from; also after Ctrl-C and SIGTERM, which end the run
+  .lock               locked while a run writes to the directory
+
+Exit code: 0 all steps are done; 1 bad input or failure; 2 wrong usage; 128 and the signal's number, with a checkpoint
+to go on from, after Ctrl-C (130), SIGTERM (143) or SIGHUP (129).
 
 Examples:
   lazygrid simulate simulator/scenarios/acid-base.toml
@@ -214,6 +218,9 @@ pub(crate) struct Simulate {
     /// Replace the run that is in the output directory
     #[arg(long)]
     pub(crate) overwrite: bool,
+    /// Begin whatever room the disk has, and go on until it is full
+    #[arg(long)]
+    pub(crate) no_space_check: bool,
     /// Where it runs, cpu or gpu; the statistics are the same, and a GPU may round differently
     #[arg(long, default_value_t = Backend::Cpu, value_parser = one_of([Backend::Cpu, Backend::Gpu].map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,

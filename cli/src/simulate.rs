@@ -34,6 +34,7 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         threads: args.threads.map(Into::into),
         resume: args.resume,
         overwrite: args.overwrite,
+        space_check: !args.no_space_check,
     };
     let mut started = false;
     let (end, simulation) = run.run(|simulation| {

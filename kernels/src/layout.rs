@@ -181,10 +181,3 @@ pub struct Lengths {
     /// Values to scan.
     pub counters: u32,
 }
-
-impl Lengths {
-    /// The lengths for a sort of `items` keys: a counter per digit and tile.
-    pub fn for_sort(items: u32) -> Self {
-        Self { items, counters: items.div_ceil(crate::kernel::RADIX_TILE) << crate::kernel::DIGIT_BITS }
-    }
-}

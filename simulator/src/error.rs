@@ -24,7 +24,8 @@ pub enum Error {
     Model(String),
     /// More particles than ids can name.
     #[error(
-        "particle ids are used up: {released} particles were released and ids have 32 bits; release fewer"
+        "particle ids are used up: {released} particles were released or came of others, and ids have 32 bits; release \
+         fewer, or end the run before"
     )]
     OutOfIds {
         /// How many there would have been.

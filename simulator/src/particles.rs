@@ -84,6 +84,17 @@ impl Particles {
         self.id.push(particle.id);
     }
 
+    /// Adds particles at the end, which have velocities if these have.
+    pub fn append(&mut self, mut others: Self) {
+        for axis in 0..3 {
+            self.position[axis].append(&mut others.position[axis]);
+            self.velocity[axis].append(&mut others.velocity[axis]);
+        }
+        self.radius.append(&mut others.radius);
+        self.species.append(&mut others.species);
+        self.id.append(&mut others.id);
+    }
+
     /// The particle at a place.
     pub fn get(&self, at: usize) -> Particle {
         Particle {

@@ -9,8 +9,8 @@ use lazygrid_io::write::frames::{self, Moment, Particle};
 use crate::boundary::Axis;
 use crate::{Model, Particles, State};
 
-/// About how many bytes a particle takes in extended XYZ.
-pub(super) const XYZ_ROW: u64 = 56;
+/// Bytes of the header of a NumPy file.
+pub(super) const NPY_HEADER: usize = 192;
 /// Bytes of a particle in a NumPy file.
 pub(super) const NPY_ROW: u64 = frames::NPY_ROW;
 
