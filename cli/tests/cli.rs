@@ -362,6 +362,7 @@ fn the_gpu_finds_the_pairs_of_both_files() {
 }
 
 /// The rows of `time` in what was printed, in seconds.
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 fn times(out: &str) -> Vec<(&str, f64)> {
     let (_, rows) = out.split_once("\ntime ").unwrap();
     rows.lines()

@@ -257,7 +257,10 @@ fn a_run_that_will_not_fit_the_disk_is_refused() {
 #[test]
 fn a_run_goes_on_on_another_back_end_and_says_so() {
     if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
-        eprintln!("skipped: no Vulkan, Metal or DirectX 12 here");
+        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+        {
+            eprintln!("skipped: no Vulkan, Metal or DirectX 12 here");
+        }
         return;
     }
     let scratch = Scratch::new();
@@ -294,6 +297,7 @@ fn a_full_disk_shows_before_the_run() {
 struct Endless(Option<std::process::Child>);
 
 #[cfg(unix)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 impl Endless {
     /// Sends it a signal and waits for its end.
     fn end(mut self, signal: &str) -> std::process::Output {
@@ -305,6 +309,7 @@ impl Endless {
 }
 
 #[cfg(unix)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 impl Drop for Endless {
     fn drop(&mut self) {
         if let Some(child) = &mut self.0 {
@@ -315,6 +320,7 @@ impl Drop for Endless {
 
 /// A run after its first checkpoint.
 #[cfg(unix)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 fn endless(scenario: &str, out: &str) -> Endless {
     use std::process::{Command, Stdio};
 

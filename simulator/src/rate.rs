@@ -20,7 +20,7 @@
 //! ```
 //!
 //! where κ pairs react in a step for a density of 1. They include those that meet again at once. So κ/Δt is the rate
-//! constant that the law of mass action has: with a rate k′ of coming apart, [C]/[A][B] = κ/(k′Δt).
+//! constant that the law of mass action has: with a rate k′ of coming apart, \[C\]/\[A\]\[B\] = κ/(k′Δt).
 
 use crate::Error;
 

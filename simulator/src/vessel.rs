@@ -29,13 +29,13 @@ impl Vessel {
         [(self.along + 1) % 3, (self.along + 2) % 3]
     }
 
-    fn from_middle(&self, p: [f32; 3]) -> [f64; 2] {
+    fn offset(&self, p: [f32; 3]) -> [f64; 2] {
         self.across().map(|k| f64::from(p[k]) - f64::from(self.center[k]))
     }
 
     /// The distance of a point from the middle line, in µm.
     pub fn distance(&self, p: [f32; 3]) -> f64 {
-        let [y, z] = self.from_middle(p);
+        let [y, z] = self.offset(p);
         y.hypot(z)
     }
 
@@ -44,7 +44,7 @@ impl Vessel {
         let (distance, radius) = (self.distance(p), f64::from(self.radius));
         if distance > radius {
             let factor = (2.0 * radius - distance).max(0.0) / distance;
-            let mirrored = self.from_middle(p).map(|c| c * factor);
+            let mirrored = self.offset(p).map(|c| c * factor);
             self.put(&mut p, mirrored);
         }
         p
@@ -71,8 +71,8 @@ impl Vessel {
         if self.distance(to) <= radius {
             return to;
         }
-        let mut at = self.from_middle(from);
-        let end = self.from_middle(to);
+        let mut at = self.offset(from);
+        let end = self.offset(to);
         let mut way = [end[0] - at[0], end[1] - at[1]];
         // Rounding may have left it a little outside.
         let outside = (at[0].hypot(at[1]) / radius).max(1.0);

@@ -95,7 +95,6 @@ pub fn data(name: &str) -> String {
 /// A directory that goes away with the test.
 pub struct Scratch(TempDir);
 
-#[expect(clippy::new_without_default, reason = "a directory on disk is no default value")]
 impl Scratch {
     /// An empty one.
     #[expect(clippy::new_without_default, reason = "a default that makes a directory would surprise")]

@@ -169,11 +169,6 @@ fn memory_for_is_no_more_than_half_as_much_again_as_is_taken() {
             subject.run(|| detector.count(&spheres)).expect("a count");
             let peak = measurement.peak();
             bound = subject.run(|| detector.memory_for(n as u64)) as usize;
-            println!(
-                "{subject}, {scene}: {:.1} of {:.1} bytes per sphere",
-                peak as f64 / n as f64,
-                bound as f64 / n as f64
-            );
             most = most.max(peak);
             equal = if scene == "equal" { peak } else { equal };
         }

@@ -40,7 +40,7 @@ fn arrived(time: f64) -> f64 {
 /// The probability that fewer than the threshold arrive, of Poisson bursts or of fixed ones, of which those of `parts`
 /// of each are in time.
 fn too_few(parts: &[f64], is_poisson: bool) -> f64 {
-    let mut below = vec![0.0; THRESHOLD];
+    let mut below = [0.0; THRESHOLD];
     below[0] = 1.0;
     if is_poisson {
         let mean = f64::from(N) * parts.iter().sum::<f64>();

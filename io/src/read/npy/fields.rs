@@ -90,7 +90,8 @@ impl Fields {
         while found < rows {
             let block = &mut bytes[..(rows - found).min(most) as usize * self.width];
             let read = source.fill(block)?;
-            self.make_room(read / self.width, frame, session).map_err(|_| header.too_many(source, "memory"))?;
+            self.make_room(read / self.width, frame, session)
+                .map_err(|_| header.too_many(source, "memory"))?;
             for row in block[..read].chunks_exact(self.width) {
                 self.push(source, (found, row), frame, session)?;
                 found += 1;
