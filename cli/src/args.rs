@@ -2,16 +2,19 @@ use std::convert::Infallible;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use lazygrid::gpu::AdapterId;
 use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order, Space};
-use lazygrid_io::read::{Format, Options};
+use lazygrid_io::read::{Format, Options, Radii};
 use lazygrid_io::scenes::Scene;
-use lazygrid_io::write::{SphereFormat, TableFormat};
+use lazygrid_io::write::{Output, SphereFormat, TableFormat};
 
 use crate::cache;
+use crate::failure::Failure;
+use crate::input::STANDARD;
 
 /// All pairs of overlapping spheres.
 #[derive(Debug, Parser)]
@@ -54,28 +57,38 @@ pub(crate) enum Command {
 /// apart. Prints how many spheres and pairs there are, what was chosen and why, and the time of each phase.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Formats:
-  csv      a header with x,y,z and r or radius in any order, optionally species
-  npy      a NumPy array of shape (n, 4), f32 or f64: x, y, z, radius
-  xyz      plain (radii from --radius) or extended, with a radius column
-  lammps   text dumps with x y z (or xu, xs, xsu) and radius or diameter; species by type
-  smoldyn  output of listmols (radii from --radius)
+  csv      a header with x,y,z and r, radius or diameter in any order, optionally species and id;
+           commas, semicolons or tabs between; lines that begin with # are comments, and may hold the
+           header
+  npy      a NumPy array of shape (n, 4), f32 or f64: x, y, z, radius; or a structured one with such
+           fields, optionally species and id
+  xyz      plain (radii from --radius) or extended, with a radius column; a Lattice along the axes is
+           periodic where pbc says T, or on all sides without pbc
+  lammps   text dumps with x y z (or xu, xs, xsu) and radius or diameter; species by type; periodic
+           along the axes whose BOX BOUNDS say pp
+  smoldyn  output of listmols (radii from --radius, for acid and all its states, or for acid(solution))
+Each may be compressed with gzip or Zstandard.
 
 Output:
   pairs.csv  rows i,j;  pairs.npy  an array of shape (n, 2), u32; zero-based, i < j, by i, then j.
   With --neighbors, every pair stands twice in near.csv, and near.npy becomes two files,
   near.offsets.npy (u64) and near.indices.npy (u32): the neighbours of sphere k are
   indices[offsets[k]:offsets[k+1]].
+  With --ids, rows are id_i,id_j, and arrays of pairs are of type i64; spheres are taken by ascending id, so
+  that frames can be compared whatever the order of their rows. near.ids.npy has the id of each sphere.
+  With -o - the summary goes to standard error.
   More pairs than --max-pairs are streamed to the file, without a list in memory.
-  Files appear when they are complete; {frame} in the name stands for the number of the frame.
+  Files appear when they are complete, and none replaces the input; {frame} in the name stands for the number of the frame.
 
 Examples:
   lazygrid detect pour.dump
   lazygrid detect burst.lst --radius acid=0.1 --radius base=0.15 --radius salt=0.2 -o pairs.csv
-  lazygrid detect run.lammpstrj --frame 3 -o pairs.npy
-  lazygrid detect slab.dump --periodic 10,10,- -o pairs.npy
+  lazygrid detect run.lammpstrj.gz --ids -o pairs-{frame}.npy
+  xz -dc run.xyz.xz | lazygrid detect - --frame 3 -o - | sort | uniq -c
+  lazygrid detect slab.csv --periodic 10,10,- -o pairs.npy
   lazygrid detect run.xyz --json | jq .pairs")]
 pub(crate) struct Detect {
-    /// The file with the spheres
+    /// The file with the spheres; - for standard input
     pub(crate) file: PathBuf,
     /// Its format [default: by extension, else by content]
     #[arg(long, value_parser = one_of(Format::ALL.map(Format::name)).try_map(|name| name.parse::<Format>()))]
@@ -83,7 +96,8 @@ pub(crate) struct Detect {
     /// The radius of a species, by name or by LAMMPS type; wins over a radius in the file. May be repeated
     #[arg(long = "radius", value_name = "SPECIES=R", value_parser = radius)]
     pub(crate) radii: Vec<(String, f32)>,
-    /// The lengths of a periodic box; - for an axis that is unbounded. Where the box begins makes no difference
+    /// The lengths of a periodic box, - for an axis that is unbounded; or none, for unbounded space whatever the file
+    /// says. Where the box begins makes no difference [default: the file's box where it declares one]
     #[arg(long, value_name = "X,Y,Z", value_parser = space, allow_hyphen_values = true)]
     pub(crate) periodic: Option<Space>,
     /// Where to run
@@ -102,17 +116,26 @@ pub(crate) struct Detect {
     #[arg(long, value_name = "RATIO", value_parser = raster_ratio)]
     pub(crate) raster_ratio: Option<f32>,
     /// Threads of the CPU [default: all]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<NonZeroUsize>,
-    /// Write the pairs to this file, .csv or .npy
-    #[arg(long, short, value_name = "PATH", value_parser = PathWith(TableFormat::from_extension, ".csv or .npy"))]
-    pub(crate) output: Option<(PathBuf, TableFormat)>,
+    /// The most seconds that a frame may take on a GPU [default: 600]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub(crate) timeout: Option<Duration>,
+    /// Write the pairs to this file, .csv or .npy, compressed with .gz or .zst behind that; - for standard output
+    #[arg(long, short, value_name = "PATH")]
+    pub(crate) output: Option<PathBuf>,
+    /// The format of the output [default: by its name; csv on standard output]
+    #[arg(long, value_name = "FORMAT", requires = "output", value_parser = one_of(["csv", "npy"]).map(table_format))]
+    pub(crate) output_format: Option<TableFormat>,
     /// Do not sort the pairs
     #[arg(long, conflicts_with_all = ["count", "neighbors"])]
     pub(crate) unordered: bool,
     /// Only count the pairs, in memory that does not depend on their number
     #[arg(long, conflicts_with_all = ["output", "neighbors"])]
     pub(crate) count: bool,
+    /// Write the ids of spheres instead of their rows, from a column id (Smoldyn: serial numbers)
+    #[arg(long, requires = "output")]
+    pub(crate) ids: bool,
     /// Find neighbour lists instead of pairs
     #[arg(long)]
     pub(crate) neighbors: bool,
@@ -144,8 +167,8 @@ pub(crate) struct Generate {
     /// Move every sphere K times, each time by a tenth of its radius in a random direction
     #[arg(long, value_name = "K", default_value_t = 0)]
     pub(crate) step: u32,
-    /// The file to write, .npy, .csv or .xyz
-    #[arg(long, short, value_name = "PATH", value_parser = PathWith(SphereFormat::from_extension, ".npy, .csv or .xyz"))]
+    /// The file to write, .npy, .csv or .xyz, compressed with .gz or .zst behind that
+    #[arg(long, short, value_name = "PATH", value_parser = PathWith(SphereFormat::from_extension, ".npy, .csv or .xyz, with or without .gz or .zst behind it"))]
     pub(crate) output: (PathBuf, SphereFormat),
 }
 
@@ -155,9 +178,14 @@ pub(crate) struct Generate {
 #[command(after_help = "Output, in the directory:
   series.csv          a row after every so many steps: step, time, particles by species, reactions and decays so
                       far, what receivers say by species, pairs and settled overlaps of the last step
+  symbols.csv         the time, transmitter and value of each symbol, where bits are sent
   frames.xyz          frames in extended XYZ, where the scenario asks for them
   frame-000000000.npy frames as structured arrays: id, species, x, y, z, r
-  checkpoint          what --resume goes on from; also after Ctrl-C, which ends the run with exit code 130
+  checkpoint          what --resume goes on from; also after Ctrl-C and SIGTERM, which end the run
+  .lock               locked while a run writes to the directory
+
+Exit code: 0 all steps are done; 1 bad input or failure; 2 wrong usage; 128 and the signal's number, with a checkpoint
+to go on from, after Ctrl-C (130), SIGTERM (143) or SIGHUP (129).
 
 Examples:
   lazygrid simulate simulator/scenarios/acid-base.toml
@@ -190,6 +218,9 @@ pub(crate) struct Simulate {
     /// Replace the run that is in the output directory
     #[arg(long)]
     pub(crate) overwrite: bool,
+    /// Begin whatever room the disk has, and go on until it is full
+    #[arg(long)]
+    pub(crate) no_space_check: bool,
     /// Where it runs, cpu or gpu; the statistics are the same, and a GPU may round differently
     #[arg(long, default_value_t = Backend::Cpu, value_parser = one_of([Backend::Cpu, Backend::Gpu].map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,
@@ -197,7 +228,7 @@ pub(crate) struct Simulate {
     #[arg(long, default_value_t, value_parser = one_of(ON_CPU.map(Algorithm::name)).try_map(|name| name.parse::<Algorithm>()))]
     pub(crate) algorithm: Algorithm,
     /// Threads of the CPU [default: all]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<NonZeroUsize>,
 }
 
@@ -212,19 +243,39 @@ const ON_CPU: [Algorithm; 6] = [
 ];
 
 impl Detect {
-    pub(crate) fn options(&self) -> Options {
-        Options { format: self.format, radii: self.radii.iter().cloned().collect() }
+    pub(crate) fn options(&self) -> Result<Options, Failure> {
+        let mut radii = Radii::new();
+        for (species, radius) in &self.radii {
+            if let Some(first) = radii.insert(species.clone(), *radius) {
+                return Err(Failure::RadiusTwice { species: species.clone(), values: [first, *radius] });
+            }
+        }
+        Ok(Options { format: self.format, radii, space: self.periodic, ids: self.ids })
     }
 
+    /// Where the pairs go.
+    pub(crate) fn output(&self) -> Result<Option<Output>, Failure> {
+        let Some(path) = &self.output else { return Ok(None) };
+        let to_stdout = path.as_os_str() == STANDARD;
+        let by_name = if to_stdout { Some(TableFormat::Csv) } else { TableFormat::from_extension(path) };
+        let format = self.output_format.or(by_name);
+        let format = format.ok_or_else(|| Failure::OutputFormat { path: path.clone() })?;
+        if to_stdout && self.neighbors && format == TableFormat::Npy {
+            return Err(Failure::NeighborsToStdout);
+        }
+        Ok(Some(Output { path: (!to_stdout).then(|| path.clone()), format }))
+    }
+
+    /// The settings of a detector; the space comes with each frame.
     pub(crate) fn config(&self) -> Config {
         let order = if self.unordered { Order::Unordered } else { Order::Canonical };
         let config = Config::default().backend(self.backend).algorithm(self.algorithm).order(order);
         let config = with(config, self.adapter.clone(), Config::adapter);
-        let config = with(config, self.periodic, Config::space);
         let config = if self.backend == Backend::Cpu { config } else { config.calibration(cache::load()) };
         let config = with(config, self.tau, Config::tau);
         let config = with(config, self.raster_ratio, Config::raster_ratio);
         let config = with(config, self.threads.map(NonZeroUsize::get), Config::threads);
+        let config = with(config, self.timeout, Config::timeout);
         with(config, self.max_pairs, Config::max_pairs)
     }
 }
@@ -253,15 +304,36 @@ fn radius(text: &str) -> Result<(String, f32), String> {
 }
 
 fn space(text: &str) -> Result<Space, String> {
+    if text == "none" {
+        return Ok(Space::UNBOUNDED);
+    }
     let length = |text: &str| match text.trim() {
         "-" => Ok(None),
-        number => {
-            f32::from_str(number).map(Some).map_err(|_| format!("'{number}' is neither a length nor -"))
-        }
+        number => match f32::from_str(number) {
+            Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(length)),
+            Ok(_) => Err(format!(
+                "the length {number} is not a finite number above zero; write - for an axis that is unbounded"
+            )),
+            Err(_) => Err(format!("'{number}' is neither a length nor -")),
+        },
     };
     let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;
-    let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-")?;
+    let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-, or none")?;
     Space::periodic(lengths).map_err(|error| error.to_string())
+}
+
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().map_err(|_| "expected a whole number above zero; leave it out to use all threads".to_owned())
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = f64::from_str(text).ok().filter(|seconds| *seconds > 0.0);
+    let time = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    time.ok_or_else(|| "expected a number of seconds above zero".to_owned())
+}
+
+fn table_format(name: String) -> TableFormat {
+    if name == "npy" { TableFormat::Npy } else { TableFormat::Csv }
 }
 
 fn raster_ratio(text: &str) -> Result<f32, String> {

@@ -2,7 +2,7 @@
 //! (`$XDG_CACHE_HOME/lazygrid/calibration.json` on Linux).
 
 use std::fs;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use lazygrid::gpu::{Calibration, Crossover};

@@ -1,54 +1,68 @@
-use std::ops::ControlFlow;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use lazygrid::{Detector, Spheres};
-use lazygrid_host::Error::TooManyPairs;
-use lazygrid_io::write::{self, Draft, PairFile, TableFormat};
+use lazygrid::Spheres;
+use lazygrid_io::write::{Draft, Output};
+use same_file::Handle;
 
 use crate::args::Detect;
 use crate::failure::Failure;
-use crate::input::{Input, Numbered};
+use crate::input::{self, Input, Numbered};
+use crate::print;
+use crate::search::{Engine, Search};
 use crate::summary::Summary;
-use crate::{print, progress};
 
-/// Pairs per chunk where a result is streamed, 8 MiB.
-const CHUNK: usize = 1 << 20;
 /// Stands for the number of the frame in the name of an output.
 const FRAME: &str = "{frame}";
 
 /// Reads frame after frame, finds the pairs of each with one detector, and says what was found.
 pub(crate) fn run(args: &Detect) -> Result<(), Failure> {
-    let mut detector = Detector::new(args.config()).map_err(Failure::Setting)?;
+    let output = args.output()?;
+    let mut engine = Engine::new(args.config())?;
     let mut input = Input::open(args)?;
-    let own_output = args.output.as_ref().is_some_and(|(path, _)| path.to_string_lossy().contains(FRAME));
+    let to_stdout = output.as_ref().is_some_and(|output| output.path.is_none());
+    let own_output = output.as_ref().is_some_and(has_number);
     // The output of a file with one frame keeps its temporary name until it is clear that there is no other.
     let mut drafts = Vec::new();
-    while let Some(Numbered { number, frame, time }) = input.next()? {
-        if !drafts.is_empty() {
-            return Err(Failure::SeveralFrames { path: args.file.clone() });
+    while let Some(Numbered { number, mut frame, time }) = input.next()? {
+        // What is written to standard output cannot be taken back.
+        if !drafts.is_empty() || (to_stdout && !input.is_last()?) {
+            return Err(Failure::SeveralFrames { path: input::name(&args.file).to_owned() });
         }
-        let output = args.output.as_ref().map(|(path, format)| (numbered(path, number), *format));
-        let spheres = Spheres::from(&frame.spheres);
-        let spinner = progress::working("searching", spheres.len());
-        let mut search =
-            Search { args, frame: number, spheres, detector: &mut detector, writing: Duration::ZERO };
+        let output = output.as_ref().map(|output| numbered(output, number));
+        output.as_ref().map_or(Ok(()), |output| refuse_input(args, output))?;
+        if args.ids {
+            let path = || input::name(&args.file).to_owned();
+            frame.sort_by_id().map_err(|id| Failure::IdTwice { path: path(), frame: number, id })?;
+        }
+        let mut search = Search {
+            args,
+            frame: number,
+            spheres: Spheres::from(&frame.spheres),
+            ids: frame.ids.as_deref(),
+            detector: engine.detector(frame.space)?,
+            progress: &input.progress,
+            writing: Duration::ZERO,
+        };
         drafts = search.run(output.as_ref())?;
         let writing = search.writing;
-        spinner.finish_and_clear();
-        if own_output {
+        if own_output || to_stdout {
             publish(&mut drafts)?;
         }
         let summary = Summary {
             frame: number,
             step: frame.step,
-            report: detector.report(),
+            space: frame.space,
+            space_given: args.periodic.is_some(),
+            report: engine.detector.report(),
             species: if frame.species.is_some() { input.species_met() } else { 0 },
             read: time,
             write: output.is_some().then_some(writing),
-            output: output.map(|(path, _)| path),
+            output: output.map(|output| output.name().to_owned()),
         };
-        input.beside_the_bar(|| print(if args.json { summary.json() } else { summary.to_string() }))?;
+        let text = if args.json { summary.json() } else { summary.to_string() };
+        input.progress.beside(|| if to_stdout { print_aside(&text) } else { print(text) })?;
     }
     publish(&mut drafts)
 }
@@ -57,74 +71,37 @@ fn publish(drafts: &mut Vec<Draft>) -> Result<(), Failure> {
     drafts.drain(..).try_for_each(|draft| Ok(draft.publish()?))
 }
 
-/// The search of one frame.
-struct Search<'a> {
-    args: &'a Detect,
-    frame: usize,
-    spheres: Spheres<'a>,
-    detector: &'a mut Detector,
-    /// Time spent writing.
-    writing: Duration,
+/// Says on standard error what standard output has no room for.
+fn print_aside(text: &str) -> Result<(), Failure> {
+    // Where standard error is closed nobody wants to know.
+    let _ = io::stderr().write_all(text.as_bytes());
+    Ok(())
 }
 
-impl Search<'_> {
-    /// Finds what is asked for and writes it to `output`; the files are yet to be published.
-    fn run(&mut self, output: Option<&(PathBuf, TableFormat)>) -> Result<Vec<Draft>, Failure> {
-        let failure = failure_in(&self.args.file, self.frame);
-        match output {
-            None if self.args.count => drop(self.detector.count(self.spheres).map_err(failure)?),
-            None if self.args.neighbors => drop(self.detector.neighbors(self.spheres).map_err(failure)?),
-            None => drop(self.detector.pairs(self.spheres).map_err(failure)?),
-            Some((path, format)) if self.args.neighbors => {
-                let lists = self.detector.neighbors(self.spheres).map_err(failure)?;
-                return timed(&mut self.writing, || Ok(write::neighbors(path, *format, lists)?));
-            }
-            Some((path, format)) => {
-                let mut file = PairFile::create(path, *format)?;
-                match self.detector.pairs(self.spheres) {
-                    Ok(pairs) => timed(&mut self.writing, || file.add(pairs))?,
-                    Err(lazygrid::Error::Host(TooManyPairs { .. })) => self.stream(&mut file)?,
-                    Err(error) => return Err(failure(error)),
-                }
-                return Ok(vec![timed(&mut self.writing, || file.finish())?]);
-            }
+/// Refuses an output that would replace the input, under whichever name.
+fn refuse_input(args: &Detect, output: &Output) -> Result<(), Failure> {
+    let Some(read) = input::handle(&args.file) else { return Ok(()) };
+    let same = |written: io::Result<Handle>| written.is_ok_and(|written| written == read);
+    let refused = match output.path {
+        None => same(Handle::stdout()).then(|| output.name().to_owned()),
+        Some(_) => {
+            let files = output.files(args.neighbors, args.ids);
+            files.into_iter().find(|file| same(Handle::from_path(file)))
         }
-        Ok(Vec::new())
-    }
-
-    /// Writes more pairs than a list may hold, chunk by chunk.
-    fn stream(&mut self, file: &mut PairFile) -> Result<(), Failure> {
-        let Self { detector, writing, .. } = self;
-        let mut failed = None;
-        let streamed =
-            detector.stream(self.spheres, CHUNK, |pairs| match timed(writing, || file.add(pairs)) {
-                Ok(()) => ControlFlow::Continue(()),
-                Err(error) => {
-                    failed = Some(error);
-                    ControlFlow::Break(())
-                }
-            });
-        streamed.map_err(failure_in(&self.args.file, self.frame))?;
-        failed.map_or(Ok(()), |error| Err(error.into()))
-    }
+    };
+    let input = || input::name(&args.file).to_owned();
+    refused.map_or(Ok(()), |output| Err(Failure::OutputIsInput { input: input(), output }))
 }
 
-/// Runs `work` and adds the time it takes.
-fn timed<T>(time: &mut Duration, work: impl FnOnce() -> T) -> T {
-    let start = Instant::now();
-    let result = work();
-    *time += start.elapsed();
-    result
+fn has_number(output: &Output) -> bool {
+    output.path.as_ref().is_some_and(|path| path.to_string_lossy().contains(FRAME))
 }
 
-fn failure_in(file: &Path, frame: usize) -> impl Fn(lazygrid::Error) -> Failure + Copy {
-    move |source| Failure::Detection { path: file.to_owned(), frame, source }
-}
-
-/// The path of this frame's output.
-fn numbered(path: &Path, frame: usize) -> PathBuf {
-    match path.to_str() {
-        Some(text) => text.replace(FRAME, &frame.to_string()).into(),
+/// This frame's output.
+fn numbered(output: &Output, frame: usize) -> Output {
+    let with_number = |path: &Path| match path.to_str() {
+        Some(text) => PathBuf::from(text.replace(FRAME, &frame.to_string())),
         None => path.to_owned(),
-    }
+    };
+    Output { path: output.path.as_deref().map(with_number), ..output.clone() }
 }

@@ -5,6 +5,8 @@ use std::process::ExitCode;
 use lazygrid::gpu::GpuError;
 use thiserror::Error;
 
+use crate::signals::SignalError;
+
 /// Why the command did not do what it was asked for.
 #[derive(Debug, Error)]
 pub(crate) enum Failure {
@@ -24,6 +26,21 @@ pub(crate) enum Failure {
         path.display()
     )]
     SeveralFrames { path: PathBuf },
+    #[error("{}: this is the input {}, which the pairs would replace; choose another --output", output.display(), input.display())]
+    OutputIsInput { input: PathBuf, output: PathBuf },
+    #[error(
+        "{}: this tells neither .csv nor .npy, with or without .gz or .zst behind it; rename it, or say --output-format",
+        path.display()
+    )]
+    OutputFormat { path: PathBuf },
+    #[error(
+        "neighbour lists as NumPy arrays are several files, and standard output is one; say --output-format csv"
+    )]
+    NeighborsToStdout,
+    #[error("--radius {species} is given twice, as {} and {}; give one", values[0], values[1])]
+    RadiusTwice { species: String, values: [f32; 2] },
+    #[error("{}, frame {frame}: id {id} is that of two spheres, and --ids would mix them up; leave --ids out", path.display())]
+    IdTwice { path: PathBuf, frame: usize, id: i64 },
     #[error("no memory for {spheres} spheres; generate fewer")]
     NoMemory { spheres: u64 },
     #[error("calibration failed: {0}")]
@@ -33,22 +50,24 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Simulation(#[from] lazygrid_sim::Error),
     #[error("cannot listen for Ctrl-C: {0}")]
-    Signal(ctrlc::Error),
+    Signal(SignalError),
     #[error("stopped after {steps} steps; go on with: lazygrid simulate {} --output {} --resume", scenario.display(), directory.display())]
-    Stopped { steps: u32, scenario: PathBuf, directory: PathBuf },
+    Stopped { steps: u32, scenario: PathBuf, directory: PathBuf, signal: i32 },
     #[error("cannot write to standard output: {0}")]
     Stdout(io::Error),
 }
 
 impl Failure {
-    /// 2 where the options contradict each other, which no other input would mend; 130, as shells say, after Ctrl-C;
-    /// else 1.
+    /// 2 where the options contradict each other, which no other input would mend; 128 and the signal's number, as
+    /// shells say, after Ctrl-C (130) or SIGTERM (143); else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Stopped { .. } => ExitCode::from(130),
-            Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::AdapterOnCpu { .. }) => {
-                ExitCode::from(2)
-            }
+            Self::Stopped { signal, .. } => ExitCode::from(128 + (*signal & 0x7F) as u8),
+            Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::AdapterOnCpu { .. })
+            | Self::OutputIsInput { .. }
+            | Self::OutputFormat { .. }
+            | Self::NeighborsToStdout
+            | Self::RadiusTwice { .. } => ExitCode::from(2),
             _ => ExitCode::FAILURE,
         }
     }
@@ -60,6 +79,7 @@ fn remedy(error: &lazygrid::Error) -> &'static str {
         lazygrid::Error::Host(lazygrid_host::Error::TooManyPairs { .. }) => {
             " (--count, --output without --neighbors, or --max-pairs)"
         }
+        lazygrid::Error::Gpu(GpuError::Timeout { .. }) => " (--timeout)",
         _ => "",
     }
 }

@@ -4,20 +4,20 @@ use lazygrid_io::write;
 
 use crate::args::Generate;
 use crate::failure::Failure;
-use crate::progress;
+use crate::progress::Progress;
 
 /// Writes a scene after some moves.
 pub(crate) fn run(args: &Generate) -> Result<(), Failure> {
     let n = args.spheres as usize;
     // The scene would end the program where memory is refused.
     Vec::<Sphere>::new().try_reserve_exact(n).map_err(|_| Failure::NoMemory { spheres: args.spheres })?;
-    let spinner = progress::working("generating", n);
+    let progress = Progress::new(None);
+    progress.say(format!("generating {n} spheres"));
     let mut spheres = args.scene.spheres(n, args.seed);
     for step in 0..args.step {
         Scene::advance(&mut spheres, args.seed, step);
     }
     let (path, format) = &args.output;
-    write::spheres(path, *format, &spheres)?;
-    spinner.finish_and_clear();
-    Ok(())
+    progress.say(format!("writing {n} spheres"));
+    Ok(write::spheres(path, *format, &spheres)?)
 }

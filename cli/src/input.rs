@@ -1,24 +1,30 @@
 use std::fs::File;
-use std::io;
-use std::path::PathBuf;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use indicatif::ProgressBar;
 use lazygrid_io::Error;
 use lazygrid_io::read::{Frame, Frames};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use same_file::Handle;
 
 use crate::args::Detect;
 use crate::failure::Failure;
-use crate::progress;
+use crate::progress::Progress;
+
+/// Stands for standard input, and as an output for standard output.
+pub(crate) const STANDARD: &str = "-";
 
 /// The frames of the file that are asked for.
 pub(crate) struct Input {
     path: PathBuf,
     frames: Frames,
+    /// What reads text; the threads of the process where there is none.
+    pool: Option<ThreadPool>,
     /// How many frames were read.
     read: usize,
     wanted: Option<usize>,
-    bar: ProgressBar,
+    pub(crate) progress: Progress,
 }
 
 /// A frame, its number in the file, and how long it took to read.
@@ -30,23 +36,31 @@ pub(crate) struct Numbered {
 
 impl Input {
     pub(crate) fn open(args: &Detect) -> Result<Self, Failure> {
-        let path = args.file.clone();
-        let open = || -> io::Result<_> {
-            let file = File::open(&path)?;
-            let metadata = file.metadata()?;
-            Ok((file, metadata.is_file().then_some(metadata.len())))
-        };
-        let (file, length) = open().map_err(|source| Error::Read { path: path.clone(), source })?;
-        let bar = progress::reading(length);
-        let frames = Frames::new(&path, bar.wrap_read(file), length, args.options())?;
-        Ok(Self { path, frames, read: 0, wanted: args.frame, bar })
+        let path = name(&args.file).to_owned();
+        let (input, length) =
+            open(&args.file).map_err(|source| Error::Read { path: path.clone(), source })?;
+        let progress = Progress::new(length);
+        progress.say("reading");
+        let frames = Frames::new(&path, progress.wrap(input), length, args.options()?)?;
+        // The detector has its own.
+        let pool = args.threads.and_then(|threads| {
+            let useful = std::thread::available_parallelism().map_or(threads, |cores| cores.min(threads));
+            ThreadPoolBuilder::new().num_threads(useful.get()).build().ok()
+        });
+        Ok(Self { path, frames, pool, read: 0, wanted: args.frame, progress })
     }
 
     /// The next frame that is asked for. Says so where there is none at all.
     pub(crate) fn next(&mut self) -> Result<Option<Numbered>, Failure> {
         let start = Instant::now();
         while self.wanted.is_none_or(|wanted| wanted >= self.read) {
-            let Some(frame) = self.frames.next().transpose()? else { return self.end() };
+            self.progress.say("reading");
+            let Self { frames, pool, .. } = self;
+            let frame = match pool {
+                Some(pool) => pool.install(|| frames.next()),
+                None => frames.next(),
+            };
+            let Some(frame) = frame.transpose()? else { return self.end() };
             let number = self.read;
             self.read += 1;
             if self.wanted.is_none_or(|wanted| wanted == number) {
@@ -56,8 +70,12 @@ impl Input {
         self.end()
     }
 
+    /// Whether the frame that was read is the last that is asked for.
+    pub(crate) fn is_last(&mut self) -> Result<bool, Failure> {
+        Ok(self.wanted.is_some() || self.frames.at_end()?)
+    }
+
     fn end(&self) -> Result<Option<Numbered>, Failure> {
-        self.bar.finish_and_clear();
         match self.wanted {
             Some(frame) if frame >= self.read => {
                 return Err(Failure::NoFrame { path: self.path.clone(), frame, frames: self.read });
@@ -78,9 +96,26 @@ impl Input {
     pub(crate) fn species_met(&self) -> usize {
         self.frames.species().names().len()
     }
+}
 
-    /// Does what would disturb the progress bar.
-    pub(crate) fn beside_the_bar<T>(&self, work: impl FnOnce() -> T) -> T {
-        self.bar.suspend(work)
+/// What a file is called in messages.
+pub(crate) fn name(file: &Path) -> &Path {
+    if file == Path::new(STANDARD) { Path::new("standard input") } else { file }
+}
+
+/// The file, or standard input, and its length where it has one.
+fn open(path: &Path) -> io::Result<(Box<dyn Read + Send>, Option<u64>)> {
+    if path == Path::new(STANDARD) {
+        return Ok((Box::new(io::stdin()), None));
     }
+    let file = File::open(path)?;
+    let metadata = file.metadata()?;
+    Ok((Box::new(file), metadata.is_file().then_some(metadata.len())))
+}
+
+/// The file that is read, to be told from those that are written.
+pub(crate) fn handle(path: &Path) -> Option<Handle> {
+    let handle = if path == Path::new(STANDARD) { Handle::stdin() } else { Handle::from_path(path) };
+    // A terminal may well be both.
+    handle.ok().filter(|handle| handle.as_file().metadata().is_ok_and(|metadata| metadata.is_file()))
 }

@@ -1,32 +1,70 @@
+use std::borrow::Cow;
+use std::io::Read;
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressBarIter, ProgressDrawTarget, ProgressStyle};
 
-/// Reading fewer bytes than this takes no time worth a bar.
-const LONG_FILE: u64 = 64 << 20;
-/// Searching fewer spheres than this takes no time worth a spinner.
-const LONG_SEARCH: usize = 1_000_000;
+/// What takes less time needs no progress.
+const PATIENCE: Duration = Duration::from_secs(1);
+const TICK: Duration = Duration::from_millis(200);
 
-/// A bar for reading a file of this length. Like all of these it shows on a terminal only.
-pub(crate) fn reading(length: Option<u64>) -> ProgressBar {
-    match length {
-        Some(length) if length >= LONG_FILE => {
-            let bar = ProgressBar::new(length).with_message("reading");
-            bar.with_style(style("{msg} {wide_bar} {bytes}/{total_bytes} {bytes_per_sec}"))
-        }
-        _ => ProgressBar::hidden(),
+/// What is being done, and how much of the input is read; on a terminal only, and only where it takes long.
+pub(crate) struct Progress {
+    bar: ProgressBar,
+}
+
+impl Progress {
+    /// Of work on an input of so many bytes, where that is known. It shows after a second.
+    pub(crate) fn new(length: Option<u64>) -> Self {
+        let progress = Self::hidden(length);
+        let bar = progress.bar.downgrade();
+        std::thread::spawn(move || {
+            std::thread::sleep(PATIENCE);
+            if let Some(bar) = bar.upgrade() {
+                show(&bar, ProgressDrawTarget::stderr());
+            }
+        });
+        progress
+    }
+
+    fn hidden(length: Option<u64>) -> Self {
+        let bar = ProgressBar::with_draw_target(length, ProgressDrawTarget::hidden());
+        let template = match length {
+            Some(_) => "{spinner} {elapsed} {msg} {wide_bar} {bytes}/{total_bytes} read",
+            None => "{spinner} {elapsed} {msg}",
+        };
+        Self { bar: bar.with_style(style(template)) }
+    }
+
+    /// Counts what is read.
+    pub(crate) fn wrap<R: Read>(&self, input: R) -> ProgressBarIter<R> {
+        self.bar.wrap_read(input)
+    }
+
+    /// Says what is being done from now on.
+    pub(crate) fn say(&self, what: impl Into<Cow<'static, str>>) {
+        self.bar.set_message(what);
+    }
+
+    /// Does what would disturb the line.
+    pub(crate) fn beside<T>(&self, work: impl FnOnce() -> T) -> T {
+        self.bar.suspend(work)
     }
 }
 
-/// A spinner for work on this many spheres.
-pub(crate) fn working(what: &'static str, spheres: usize) -> ProgressBar {
-    if spheres < LONG_SEARCH {
-        return ProgressBar::hidden();
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
     }
-    let message = format!("{what}, {spheres} spheres");
-    let spinner = ProgressBar::new_spinner().with_message(message);
-    spinner.enable_steady_tick(Duration::from_millis(200));
-    spinner.with_style(style("{spinner} {msg} {elapsed}"))
+}
+
+/// Shows a bar that was hidden, unless its work is done.
+fn show(bar: &ProgressBar, target: ProgressDrawTarget) {
+    if !bar.is_finished() {
+        bar.set_draw_target(target);
+        bar.tick();
+        bar.enable_steady_tick(TICK);
+    }
 }
 
 /// A bar for a run of so many steps.
@@ -37,4 +75,78 @@ pub(crate) fn running(steps: u32) -> ProgressBar {
 
 fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+    use std::sync::{Arc, Mutex};
+
+    use indicatif::TermLike;
+
+    use super::*;
+
+    /// A terminal that remembers what was written.
+    #[derive(Clone, Debug, Default)]
+    struct Terminal(Arc<Mutex<String>>);
+
+    impl TermLike for Terminal {
+        fn width(&self) -> u16 {
+            100
+        }
+
+        fn move_cursor_up(&self, _: usize) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn move_cursor_down(&self, _: usize) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn move_cursor_right(&self, _: usize) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn move_cursor_left(&self, _: usize) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn write_line(&self, text: &str) -> io::Result<()> {
+            self.write_str(text)
+        }
+
+        fn write_str(&self, text: &str) -> io::Result<()> {
+            self.0.lock().unwrap().push_str(text);
+            Ok(())
+        }
+
+        fn clear_line(&self) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn flush(&self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn what_is_done_shows_until_it_is_done() {
+        let terminal = Terminal::default();
+        let target = || ProgressDrawTarget::term_like(Box::new(terminal.clone()));
+        let progress = Progress::hidden(Some(2000));
+        progress.wrap(&[0; 500][..]).read_exact(&mut [0; 500]).unwrap();
+        progress.say("searching 7 spheres");
+        assert_eq!(*terminal.0.lock().unwrap(), "");
+        show(&progress.bar, target());
+        let shown = terminal.0.lock().unwrap().clone();
+        assert!(shown.contains("searching 7 spheres") && shown.contains("500 B/"), "{shown}");
+
+        let done = Progress::hidden(None);
+        let bar = done.bar.clone();
+        drop(done);
+        terminal.0.lock().unwrap().clear();
+        show(&bar, target());
+        drop(progress);
+        assert!(!terminal.0.lock().unwrap().contains("searching"));
+    }
 }

@@ -1,7 +1,5 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use lazygrid_sim::Simulator;
 use lazygrid_sim::run::{End, Run};
@@ -9,7 +7,8 @@ use lazygrid_sim::scenario::Scenario;
 
 use crate::args::Simulate;
 use crate::failure::Failure;
-use crate::{print, progress};
+use crate::signals::Asked;
+use crate::{print, progress, signals};
 
 /// Runs a scenario and says what came of it.
 pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
@@ -24,9 +23,7 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         let name = args.scenario.file_stem().unwrap_or(args.scenario.as_os_str());
         PathBuf::from(name)
     });
-    let stop = Arc::new(AtomicBool::new(false));
-    let asked = Arc::clone(&stop);
-    ctrlc::set_handler(move || asked.store(true, Ordering::Relaxed)).map_err(Failure::Signal)?;
+    let asked = signals::ask_to_stop()?;
     let bar = progress::running(scenario.steps);
     let run = Run {
         scenario,
@@ -37,6 +34,7 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         threads: args.threads.map(Into::into),
         resume: args.resume,
         overwrite: args.overwrite,
+        space_check: !args.no_space_check,
     };
     let mut started = false;
     let (end, simulation) = run.run(|simulation| {
@@ -49,7 +47,7 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         bar.set_position(simulation.step_count().into());
         let particles: u64 = simulation.totals().present.iter().sum();
         bar.set_message(format!("{particles} particles"));
-        if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if asked.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     bar.finish_and_clear();
     print(summary(&simulation, &run))?;
@@ -57,7 +55,8 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         End::Finished => Ok(()),
         End::Stopped => {
             let steps = simulation.step_count();
-            Err(Failure::Stopped { steps, scenario: run.path, directory: run.directory })
+            let signal = asked.signal().unwrap_or(Asked::CTRL_C);
+            Err(Failure::Stopped { steps, scenario: run.path, directory: run.directory, signal })
         }
     }
 }

@@ -2,7 +2,7 @@ use std::fmt::{self, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use lazygrid::{Report, gpu};
+use lazygrid::{Report, Space, gpu};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -11,6 +11,9 @@ pub(crate) struct Summary {
     pub(crate) frame: usize,
     /// The simulator's number of the time step.
     pub(crate) step: Option<i64>,
+    pub(crate) space: Space,
+    /// Whether the space was given, and is not what the file declares.
+    pub(crate) space_given: bool,
     pub(crate) report: Report,
     /// How many species were met so far; 0 where the file has none.
     pub(crate) species: usize,
@@ -25,6 +28,9 @@ pub(crate) struct Summary {
 struct Object<'a> {
     frame: usize,
     step: Option<i64>,
+    /// The length of each axis that is periodic.
+    periodic: Option<[Option<f32>; 3]>,
+    periodic_from: Option<&'a str>,
     spheres: u64,
     pairs: u64,
     backend: &'a str,
@@ -42,6 +48,8 @@ impl Summary {
         let object = Object {
             frame: self.frame,
             step: self.step,
+            periodic: self.space.is_periodic().then(|| self.space.lengths()),
+            periodic_from: self.space_said().then_some(if self.space_given { "option" } else { "file" }),
             spheres: report.spheres,
             pairs: report.pairs,
             backend: report.backend.name(),
@@ -54,6 +62,11 @@ impl Summary {
         let mut line = serde_json::to_string(&object).unwrap_or_default();
         line.push('\n');
         line
+    }
+
+    /// Whether anybody said what the space is like.
+    fn space_said(&self) -> bool {
+        self.space_given || self.space.is_periodic()
     }
 
     fn phases(&self) -> impl Iterator<Item = (&'static str, Duration)> {
@@ -69,6 +82,13 @@ impl fmt::Display for Summary {
         match self.step {
             Some(step) => row("frame", &format_args!("{} (step {step})", self.frame))?,
             None => row("frame", &self.frame)?,
+        }
+        if self.space_said() {
+            let source = match self.space_given {
+                true => "--periodic",
+                false => "as the file says; --periodic none for unbounded space",
+            };
+            row("periodic", &format_args!("{} ({source})", lengths(self.space)))?;
         }
         match self.species {
             0 => row("spheres", &report.spheres)?,
@@ -98,4 +118,12 @@ impl fmt::Display for Summary {
         }
         Ok(())
     }
+}
+
+/// The lengths of a space as `--periodic` takes them.
+fn lengths(space: Space) -> String {
+    if !space.is_periodic() {
+        return "none".to_owned();
+    }
+    space.lengths().map(|length| length.map_or("-".to_owned(), |length| length.to_string())).join(",")
 }

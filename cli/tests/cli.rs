@@ -75,8 +75,9 @@ fn json_has_the_documented_fields() {
     let Value::Object(map) = &object else { panic!("not an object: {object}") };
     let names: Vec<_> = map.keys().map(String::as_str).collect();
     let documented =
-        ["frame", "step", "spheres", "pairs", "backend", "adapter", "algorithm", "reason", "phases"];
-    assert_eq!(names, documented);
+        "frame step periodic periodic_from spheres pairs backend adapter algorithm reason phases";
+    assert_eq!(names.join(" "), documented);
+    assert_eq!((&object["periodic"], &object["periodic_from"]), (&Value::Null, &Value::Null));
     assert_eq!(object["step"], 3000);
     assert_eq!(object["pairs"], 3072);
     assert_eq!(object["backend"], "cpu");
@@ -240,7 +241,7 @@ fn bad_input_is_named_and_leaves_no_output() {
 fn the_seeds_of_the_fuzz_targets_are_valid_files() {
     let seeds = fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../fuzz/seeds")).unwrap();
     let files: Vec<_> = seeds.map(|entry| entry.unwrap().path()).collect();
-    assert_eq!(files.len(), 6);
+    assert_eq!(files.len(), 8);
     for file in files {
         lazygrid([Path::new("detect"), &file, Path::new("--radius=A=1"), Path::new("--radius=1=2")])
             .succeeds();
@@ -278,10 +279,13 @@ fn a_periodic_box_has_pairs_across_its_seams() {
     assert_eq!(pairs("-,-,-"), Some(0));
     assert_eq!(pairs("10,-,-"), Some(1));
     assert_eq!(pairs("10,10,5"), Some(3));
+    assert_eq!(pairs("none"), Some(0));
     for lengths in ["10", "10,10", "10,10,0", "10,10,-1", "10,x,10", "1,1,1,1", "inf,1,1"] {
         let run = lazygrid(["detect", &file, "--periodic", lengths]);
         assert_eq!(run.code, Some(2), "{lengths}: {}", run.err);
     }
+    let zero = lazygrid(["detect", &file, "--periodic", "0,1,1"]).err;
+    assert!(zero.contains("the length 0 is not a finite number above zero; write - for an axis"), "{zero}");
 }
 
 #[test]
@@ -358,6 +362,7 @@ fn the_gpu_finds_the_pairs_of_both_files() {
 }
 
 /// The rows of `time` in what was printed, in seconds.
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 fn times(out: &str) -> Vec<(&str, f64)> {
     let (_, rows) = out.split_once("\ntime ").unwrap();
     rows.lines()

@@ -76,9 +76,11 @@ fn a_run_writes_what_the_scenario_asks_for() {
     let run = lazygrid(["simulate", &scenario, "--output", &out]).succeeds();
     assert!(run.out.starts_with("steps      40 (0.04 s)\nseed       5\nspecies    acid: "), "{}", run.out);
     assert!(run.out.contains("acid: ") && run.out.contains(" of 400 released\n"), "{}", run.out);
+    // So many so near each other react fast.
+    assert!(run.err.lines().all(|line| line.contains("'acid + base -> salt': ")), "{}", run.err);
     let names: Vec<_> = files(&out).into_iter().map(|(name, _)| name).collect();
     let frames = [0, 10, 20, 30, 40].map(|step| format!("frame-{step:09}.npy"));
-    let expected: Vec<_> = ["checkpoint".to_owned()]
+    let expected: Vec<_> = [".lock".to_owned(), "checkpoint".to_owned()]
         .into_iter()
         .chain(frames)
         .chain(["frames.xyz".into(), "series.csv".into()])
@@ -89,7 +91,7 @@ fn a_run_writes_what_the_scenario_asks_for() {
     let mut lines = series.lines();
     let header = "step,time,acid,base,salt,acid + base -> salt,salt -> acid,rx:acid,rx:base,pairs,contacts";
     assert_eq!(lines.next(), Some(header));
-    assert_eq!(lines.next(), Some("0,0,0,0,0,0,0,0,0,0,0"));
+    assert_eq!(lines.next(), Some("0,0,200,150,0,0,0,0,0,0,0"));
     let rows: Vec<Vec<f64>> =
         lines.map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect();
     assert_eq!(
@@ -98,7 +100,7 @@ fn a_run_writes_what_the_scenario_asks_for() {
     );
     for row in &rows {
         let [step, acid, base, salt, bound, decayed] = [row[0], row[2], row[3], row[4], row[5], row[6]];
-        let bursts = if step > 15.0 { 2.0 } else { 1.0 };
+        let bursts = if step >= 15.0 { 2.0 } else { 1.0 };
         assert_eq!(acid + row[7] + bound - decayed, 200.0 * bursts, "at step {step}");
         assert_eq!(base + row[8] + bound, 150.0 * bursts, "at step {step}");
         assert_eq!(salt, bound - decayed, "at step {step}");
@@ -107,7 +109,9 @@ fn a_run_writes_what_the_scenario_asks_for() {
     assert!([5, 6, 7, 9, 10].iter().all(|&k| last[k] > 0.0), "something never happened: {last:?}");
 
     let xyz = fs::read_to_string(out.clone() + "/frames.xyz").unwrap();
+    assert!(xyz.starts_with("350\n") && xyz.lines().nth(1).is_some_and(|line| line.ends_with(" Step=0")));
     let frame = xyz.split("Step=20\n").nth(1).unwrap();
+    let out_dir = out.clone();
     let npy = fs::read(out + "/frame-000000020.npy").unwrap();
     let end = 10 + usize::from(u16::from_le_bytes([npy[8], npy[9]]));
     let fields = "('id', '<u4'), ('species', '<u4'), ('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('r', '<f4')";
@@ -115,6 +119,16 @@ fn a_run_writes_what_the_scenario_asks_for() {
     assert!(header.starts_with(&format!("{{'descr': [{fields}], ")), "{header}");
     let rows = npy[end..].chunks_exact(24);
     assert!(header.contains(&format!("'shape': ({},)", rows.len())), "{header}");
+    // Both are read back, and have the same pairs.
+    let lists = ["frames.xyz", "frame-000000020.npy"].map(|name| {
+        let (file, list) = (out_dir.clone() + "/" + name, scratch.path("pairs.csv"));
+        let frame = if name == "frames.xyz" { "2" } else { "0" };
+        let args = ["detect", &file, "--frame", frame, "--periodic", "4,4,4", "--ids", "--output", &list];
+        let run = lazygrid(args).succeeds();
+        assert!(!name.ends_with("xyz") || run.out.contains("frame      2 (step 20)"), "{}", run.out);
+        fs::read_to_string(list).unwrap()
+    });
+    assert!(lists[0] == lists[1] && lists[0].lines().count() > 1, "{}", lists[0]);
     for (line, row) in frame.lines().zip(rows) {
         let words: Vec<[u8; 4]> = row.chunks_exact(4).map(|word| word.try_into().unwrap()).collect();
         let name = ["acid", "base", "salt"][u32::from_le_bytes(words[1]) as usize];
@@ -167,6 +181,10 @@ fn mistakes_are_named_by_line_and_key() {
     assert!(run.err.ends_with(message), "{}", run.err);
     assert_eq!(scratch.names(), ["s.toml"]);
     lazygrid(["simulate", &scratch.path("none.toml")]).fails();
+    // What is probably not meant is only said.
+    let scenario = scratch.write("long.toml", &SCENARIO.replace("radius = 0.1\n", "radius = 0.01\n"));
+    let run = lazygrid(["simulate", &scenario, "--output", &out]).succeeds();
+    assert!(run.err.contains("long.toml, line 5, `contact`: a step takes two acid"), "{}", run.err);
 }
 
 #[test]
@@ -182,6 +200,12 @@ fn a_run_is_replaced_only_when_that_is_asked_for() {
     assert!(simulate(&[]).fails().err.contains("holds a run already"));
     assert!(simulate(&["--resume", "--seed", "8"]).fails().err.contains("give --seed 5"));
     assert!(simulate(&["--resume", "--every", "2"]).fails().err.contains("--every 3"));
+    let run = lazygrid(["simulate", &scenario, "--output", &out, "--resume", "--steps", "4"]).fails();
+    assert!(
+        run.err.contains("5 steps are done and the run is to have 4 in all; give --steps 5"),
+        "{}",
+        run.err
+    );
     let other = scratch.write("other.toml", &SCENARIO.replace("0.15", "0.16"));
     let run = lazygrid(["simulate", &other, "--output", &out, "--resume"]).fails();
     assert!(run.err.contains("another scenario"), "{}", run.err);
@@ -223,7 +247,35 @@ fn a_run_that_will_not_fit_the_disk_is_refused() {
     let out = scratch.path("out");
     let args = ["simulate", &scenario, "--steps", "4000000000", "--frames-every", "1", "--output", &out];
     let run = lazygrid(args).fails();
-    assert!(run.err.contains("the run is going to write about"), "{}", run.err);
+    assert!(
+        run.err.contains("the run is going to write about") && run.err.contains("--no-space-check"),
+        "{}",
+        run.err
+    );
+}
+
+#[test]
+fn a_run_goes_on_on_another_back_end_and_says_so() {
+    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
+        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+        {
+            eprintln!("skipped: no Vulkan, Metal or DirectX 12 here");
+        }
+        return;
+    }
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", &SCENARIO.replace("separate", "ignore"));
+    let out = scratch.path("out");
+    let simulate = |steps: &str, more: &[&str]| {
+        let args = ["simulate", &scenario, "--output", &out, "--steps", steps];
+        lazygrid(args.iter().chain(more)).succeeds().err
+    };
+    simulate("5", &[]);
+    assert!(!simulate("10", &["--resume"]).contains("steps were done on"));
+    let said = simulate("15", &["--resume", "--backend", "gpu"]);
+    assert!(said.contains("the first 10 steps were done on the cpu, those to come are on the gpu"), "{said}");
+    let said = simulate("20", &["--resume"]);
+    assert!(said.contains("the first 15 steps were done on the gpu, those to come are on the cpu"), "{said}");
 }
 
 #[test]
@@ -240,38 +292,87 @@ fn a_full_disk_shows_before_the_run() {
     assert!(run.err.contains("series.csv: cannot write: No space left on device"), "{}", run.err);
 }
 
-#[test]
+/// A run that would not end by itself. It ends with this.
 #[cfg(unix)]
-fn an_interrupted_run_goes_on() {
-    use std::process::{Command, Stdio};
-    use std::time::Duration;
+struct Endless(Option<std::process::Child>);
 
-    let scratch = Scratch::new();
-    let scenario = scratch.write("s.toml", SCENARIO);
-    let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
+#[cfg(unix)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+impl Endless {
+    /// Sends it a signal and waits for its end.
+    fn end(mut self, signal: &str) -> std::process::Output {
+        let child = self.0.take().unwrap();
+        let id = child.id().to_string();
+        assert!(std::process::Command::new("kill").args([signal, &id]).status().unwrap().success());
+        child.wait_with_output().unwrap()
+    }
+}
+
+#[cfg(unix)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+impl Drop for Endless {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.0 {
+            child.kill().unwrap();
+        }
+    }
+}
+
+/// A run after its first checkpoint.
+#[cfg(unix)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn endless(scenario: &str, out: &str) -> Endless {
+    use std::process::{Command, Stdio};
+
     let started = Command::new(env!("CARGO_BIN_EXE_lazygrid"))
-        .args(["simulate", &scenario, "--output", &out])
+        .args(["simulate", scenario, "--output", out])
         .args(["--steps", "100000000", "--every", "1000000", "--frames-every", "100000000"])
+        .env("RUST_LOG", "error")
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn();
     let child = started.unwrap();
-    while !std::path::Path::new(&(out.clone() + "/checkpoint")).exists() {
-        std::thread::sleep(Duration::from_millis(10));
+    while !std::path::Path::new(out).join("checkpoint").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(10));
     }
-    std::thread::sleep(Duration::from_millis(200));
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-    let ended = child.wait_with_output().unwrap();
-    let message = String::from_utf8(ended.stderr).unwrap();
-    assert_eq!(ended.status.code(), Some(130), "{message}");
-    let steps: u32 = message.split_whitespace().nth(3).unwrap().parse().unwrap();
-    assert!(message.starts_with("error: stopped after ") && message.contains("--resume"), "{message}");
-    // A few steps further it is where a run without interruption is.
-    let steps = (steps + 5).to_string();
-    for (out, resume) in [(&out, Some("--resume")), (&whole, None)] {
-        let args = ["simulate", &scenario, "--output", out, "--steps", &steps, "--every", "1000000"];
-        lazygrid(args.into_iter().chain(["--frames-every", "100000000"]).chain(resume)).succeeds();
+    Endless(Some(child))
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_run_goes_on() {
+    for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
+        let scratch = Scratch::new();
+        let scenario = scratch.write("s.toml", SCENARIO);
+        let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
+        let ended = endless(&scenario, &out).end(signal);
+        let message = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(code), "{signal}: {message}");
+        let steps: u32 = message.split_whitespace().nth(3).unwrap().parse().unwrap();
+        assert!(message.starts_with("error: stopped after ") && message.contains("--resume"), "{message}");
+        // A few steps further it is where a run without interruption is.
+        let steps = (steps + 5).to_string();
+        for (out, resume) in [(&out, Some("--resume")), (&whole, None)] {
+            let args = ["simulate", &scenario, "--output", out, "--steps", &steps, "--every", "1000000"];
+            lazygrid(args.into_iter().chain(["--frames-every", "100000000"]).chain(resume)).succeeds();
+        }
+        assert_eq!(files(&out), files(&whole), "{signal}");
     }
-    assert_eq!(files(&out), files(&whole));
+}
+
+#[test]
+#[cfg(unix)]
+fn two_runs_do_not_write_to_one_directory() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let out = scratch.path("out");
+    let running = endless(&scenario, &out);
+    for more in [&["--overwrite"][..], &["--resume"], &[]] {
+        let run = lazygrid(["simulate", &scenario, "--output", &out].iter().chain(more)).fails();
+        assert!(run.err.contains("another run is writing to it"), "{more:?}: {}", run.err);
+    }
+    // A lock of the system is gone with the process, however that ends.
+    running.end("-KILL");
+    lazygrid(["simulate", &scenario, "--output", &out, "--steps", "5", "--overwrite"]).succeeds();
 }

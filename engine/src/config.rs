@@ -1,6 +1,7 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
+use std::time::Duration;
 
 use lazygrid_host::{Settings, Simd};
 use lazygrid_kernels::{Algorithm, Interactions, Space};
@@ -68,6 +69,8 @@ pub struct Config {
     pub(crate) tau: Option<u32>,
     pub(crate) raster_ratio: Option<f32>,
     pub(crate) calibrations: Vec<Calibration>,
+    /// How long a call on the GPU may take.
+    pub(crate) timeout: Option<Duration>,
 }
 
 impl Config {
@@ -152,6 +155,13 @@ impl Config {
     /// Which species pair, and at which distance. Spheres must then carry species ids.
     pub fn interactions(mut self, interactions: Interactions) -> Self {
         self.settings.interactions = Some(interactions);
+        self
+    }
+
+    /// How long a call on the GPU may take before it is given up with
+    /// [`GpuError::Timeout`](crate::gpu::GpuError::Timeout). Default: ten minutes.
+    pub fn timeout(mut self, timeout: Duration) -> Self {
+        self.timeout = Some(timeout);
         self
     }
 

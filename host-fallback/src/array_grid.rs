@@ -1,10 +1,9 @@
 //! The paper's ArrayGrid: an array of (cell, sphere) entries for every cell that a sphere overlaps, sorted by cell.
 
-use rayon::prelude::*;
-
+use crate::Error;
 use crate::cell::{Batch, Crowd};
 use crate::detector::Input;
-use crate::entries::{Entries, Packing, Visit, cells_of_piece, run_end};
+use crate::entries::{ENTRY, Entries, Packing, Visit, cells_of_piece, most_entries, run_end};
 use crate::radix::{Entry, Key};
 use crate::report::Report;
 use crate::sink::{Output, search_pieces};
@@ -25,18 +24,30 @@ pub(crate) struct ArrayGrid {
 
 impl ArrayGrid {
     /// Builds for these spheres.
-    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
-        self.entries.build(input, report);
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
+        self.entries.build(input, report)
     }
 
     /// Finds all pairs.
-    pub(crate) fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<'o, O: Output>(
+        &self,
+        input: &Input<'_>,
+        output: &'o O,
+    ) -> Result<O::Sink<'o>, Error> {
         self.entries.visit(Search { grid: self, input, output })
     }
 
-    /// An upper estimate of the bytes held for `spheres` spheres.
-    pub(crate) fn memory_for(spheres: u64, ratio: f32) -> u64 {
-        Entries::memory_for(spheres, ratio)
+    /// The most bytes held for `spheres` spheres whose keys are narrow.
+    pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
+        let entries = most_entries(spheres as usize, ratio) as u64;
+        let batches = threads * Batch::memory_for(entries.min((PIECE + CROWDED) as u64));
+        entries * ENTRY + batches + Crowd::memory_for(spheres, threads)
     }
 }
 
@@ -47,11 +58,12 @@ struct Search<'s, 'o, O> {
 }
 
 impl<'o, O: Output> Visit for Search<'_, 'o, O> {
-    type Result = O::Sink<'o>;
+    type Result = Result<O::Sink<'o>, Error>;
 
-    fn visit<K: Key>(self, entries: &[Entry<K>], _: Packing) -> O::Sink<'o> {
+    fn visit<K: Key>(self, entries: &[Entry<K>], _: Packing) -> Self::Result {
         let Self { grid, input, output } = self;
-        search_pieces(output, (0..entries.len().div_ceil(PIECE)).into_par_iter(), |sink, piece| {
+        let pieces = (entries.len().div_ceil(PIECE), usize::MAX);
+        search_pieces((output, input.threads), pieces, |sink, piece| {
             grid.batches.lend(|batch| {
                 let entries = cells_of_piece(entries, piece, PIECE);
                 cells(grid, entries, batch, (input, output, sink))
@@ -66,21 +78,21 @@ fn cells<'o, K: Key, O: Output>(
     entries: &[Entry<K>],
     batch: &mut Batch,
     (input, output, mut sink): (&Input<'_>, &'o O, O::Sink<'o>),
-) -> O::Sink<'o> {
+) -> Result<O::Sink<'o>, Error> {
     let mut from = 0;
     while from < entries.len() {
         let to = run_end(entries, from);
         let run = &entries[from..to];
         from = to;
         if run.len() <= CROWDED {
-            batch.push(run);
+            batch.push(run)?;
         } else {
-            batch.search(input, &mut sink);
-            sink = grid.crowds.lend(|crowd| crowd.within(input, run, (output, sink)));
+            batch.search(input, &mut sink)?;
+            sink = grid.crowds.lend(|crowd| crowd.within(input, run, (output, sink)))?;
         }
     }
-    batch.search(input, &mut sink);
-    sink
+    batch.search(input, &mut sink)?;
+    Ok(sink)
 }
 
 #[cfg(test)]

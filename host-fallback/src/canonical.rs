@@ -4,11 +4,11 @@
 //! ordered on its own by a radix sort of `j` and `i`.
 
 use lazygrid_kernels::Pair;
-use rayon::prelude::*;
 
 use crate::Error;
-use crate::columns::reserve;
+use crate::memory::{collect, resize};
 use crate::scatter::{Disjoint, split_at};
+use crate::threads::Threads;
 
 /// Pieces of the first pass at most: enough for any number of threads, few enough for a counter per piece and bucket.
 const PIECES: usize = 128;
@@ -27,6 +27,8 @@ const DIGIT: u32 = 11;
 pub struct Canonical {
     scratch: Vec<Pair>,
     starts: Vec<usize>,
+    /// By piece and bucket: first how many pairs there are, then where the next one goes.
+    offsets: Vec<usize>,
 }
 
 impl Canonical {
@@ -34,57 +36,74 @@ impl Canonical {
     /// chunks out, so that a hundred are better than one.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// [`Error::OutOfMemory`], [`Error::Threads`].
     ///
     /// # Panics
     /// Where an `i` is far from below `spheres`.
     pub fn order(&mut self, chunks: &[&[Pair]], spheres: usize, out: &mut Vec<Pair>) -> Result<(), Error> {
+        self.order_with(Threads::here()?, chunks, spheres, out)
+    }
+
+    /// The same with these threads.
+    pub(crate) fn order_with(
+        &mut self,
+        threads: Threads,
+        chunks: &[&[Pair]],
+        spheres: usize,
+        out: &mut Vec<Pair>,
+    ) -> Result<(), Error> {
         let total: usize = chunks.iter().map(|chunk| chunk.len()).sum();
-        reserve(&mut self.scratch, total, "ordering pairs")?;
-        reserve(out, total, "pairs")?;
+        resize(&mut self.scratch, total, "ordering pairs")?;
+        resize(out, total, "pairs")?;
         let buckets = (total / BUCKET).max(spheres / MAX_WIDTH).next_power_of_two().min(MAX_BUCKETS);
         let width = spheres.div_ceil(buckets).max(1).next_power_of_two();
         let shift = width.trailing_zeros();
         let buckets = spheres.div_ceil(width).max(1);
-        self.scratch.resize(total, Pair::default());
-        out.resize(total, Pair::default());
-
-        let pieces: Vec<&[&[Pair]]> = chunks.chunks(chunks.len().div_ceil(PIECES).max(1)).collect();
-        self.spread(&pieces, shift, buckets);
+        self.spread(threads, chunks, (shift, buckets))?;
 
         let ends = self.starts[1..].iter().copied();
-        let targets = split_at(out, ends.clone());
-        let sources = split_at(&mut self.scratch, ends);
+        let targets = split_at(out, ends.clone())?;
+        let sources = split_at(&mut self.scratch, ends)?;
         let bits = (shift, usize::BITS - spheres.saturating_sub(1).leading_zeros());
-        targets.into_par_iter().zip(sources).enumerate().for_each(|(bucket, (target, source))| {
+        let mut pieces = collect(targets.into_iter().zip(sources), "buckets of pairs")?;
+        threads.each(&mut pieces, |bucket, (target, source)| {
             order_bucket(source, target, (bucket << shift) as u32, bits);
         });
         Ok(())
     }
 
     /// Moves the pairs to `scratch`, bucket by bucket, and notes where each bucket starts.
-    fn spread(&mut self, pieces: &[&[&[Pair]]], shift: u32, buckets: usize) {
-        let count = |piece: &&[&[Pair]]| {
-            let mut counts = vec![0_usize; buckets];
-            for pair in piece.iter().copied().flatten() {
+    fn spread(
+        &mut self,
+        threads: Threads,
+        chunks: &[&[Pair]],
+        (shift, buckets): (u32, usize),
+    ) -> Result<(), Error> {
+        let Self { scratch, starts, offsets } = self;
+        let share = chunks.len().div_ceil(PIECES).max(1);
+        let pieces = chunks.len().div_ceil(share);
+        let piece = |k: usize| chunks[k * share..chunks.len().min((k + 1) * share)].iter().copied().flatten();
+        resize(offsets, pieces * buckets, "buckets of pairs")?;
+        let mut rows = collect(offsets.chunks_mut(buckets), "buckets of pairs")?;
+        threads.each(&mut rows, |k, counts| {
+            counts.fill(0);
+            for pair in piece(k) {
                 counts[(pair.i >> shift) as usize] += 1;
             }
-            counts
-        };
-        let mut offsets: Vec<Vec<usize>> = pieces.par_iter().map(count).collect();
-        self.starts.clear();
+        });
+        resize(starts, buckets + 1, "buckets of pairs")?;
         let mut at = 0;
         for bucket in 0..buckets {
-            self.starts.push(at);
-            for piece in &mut offsets {
-                at += std::mem::replace(&mut piece[bucket], at);
+            starts[bucket] = at;
+            for row in &mut rows {
+                at += std::mem::replace(&mut row[bucket], at);
             }
         }
-        self.starts.push(at);
+        starts[buckets] = at;
 
-        let scratch = Disjoint::new(&mut self.scratch);
-        pieces.par_iter().zip(offsets).for_each(|(piece, mut next)| {
-            for &pair in piece.iter().copied().flatten() {
+        let scratch = Disjoint::new(scratch);
+        threads.each(&mut rows, |k, next| {
+            for &pair in piece(k) {
                 let slot = &mut next[(pair.i >> shift) as usize];
                 // SAFETY: the exclusive prefix sums over (bucket, piece) give every pair a slot of its own below
                 // `total`, the length of `scratch`.
@@ -92,6 +111,7 @@ impl Canonical {
                 *slot += 1;
             }
         });
+        Ok(())
     }
 }
 
@@ -100,7 +120,8 @@ impl Canonical {
 fn order_bucket(source: &mut [Pair], target: &mut [Pair], first: u32, (i_bits, j_bits): (u32, u32)) {
     let passes = (i_bits + j_bits).div_ceil(DIGIT).max(1);
     let digit = (i_bits + j_bits).div_ceil(passes);
-    let mut counts = vec![0_u32; 1 << digit];
+    let mut counts = [0_u32; 1 << DIGIT];
+    let counts = &mut counts[..1 << digit];
     let (mut from, mut to) = (&mut *source, &mut *target);
     for pass in 0..passes {
         let key = |pair: &Pair| {
@@ -109,7 +130,7 @@ fn order_bucket(source: &mut [Pair], target: &mut [Pair], first: u32, (i_bits, j
         };
         from.iter().for_each(|pair| counts[key(pair)] += 1);
         let mut at = 0;
-        for count in &mut counts {
+        for count in &mut *counts {
             at += std::mem::replace(count, at);
         }
         for pair in from.iter() {

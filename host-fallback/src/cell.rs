@@ -2,15 +2,16 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
+use crate::Error;
 use crate::columns::Columns;
 use crate::contact::{Rule, scan};
 use crate::detector::Input;
 use crate::entries::CLASS_BITS;
+use crate::memory::{extend, push, with_growth};
 use crate::radix::{Entry, Key};
 use crate::simd::{Task, Vector};
 use crate::sink::{Output, Sink, search_pieces};
+use crate::workspace::Workspaces;
 
 /// How many classes there are.
 const CLASSES: usize = 1 << CLASS_BITS;
@@ -33,12 +34,12 @@ const ANY: [&[Classes]; CLASSES] = [
 /// Spheres per tile side, so that what a tile loops over stays in the first-level cache's reach.
 const TILE: usize = 1024;
 /// Spheres that one row of tiles compares with at most: a unit of work for a thread.
-const ROW: usize = 1 << 15;
+const ROW: usize = 1 << 13;
 /// Comparisons from which a cell's rows are spread over threads, about 0.1 ms.
 const SPREAD: usize = 1 << 20;
 
 /// A sphere in a cell.
-pub(crate) trait Occupant {
+pub(crate) trait Occupant: Sync {
     /// Its index in the input.
     fn id(&self) -> u32;
     /// On which axes the cell is its lowest, one bit per axis.
@@ -91,12 +92,22 @@ pub(crate) struct Batch {
 
 impl Batch {
     /// Adds the entries of one cell, sorted by class.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
     #[inline]
-    pub(crate) fn push(&mut self, run: &[impl Occupant]) {
+    pub(crate) fn push(&mut self, run: &[impl Occupant]) -> Result<(), Error> {
         if owns_pairs(run) {
-            self.cells.push(starts(run, self.ids.len()));
-            self.ids.extend(run.iter().map(Occupant::id));
+            push(&mut self.cells, starts(run, self.ids.len()), "a batch of cells")?;
+            extend(&mut self.ids, run.iter().map(Occupant::id), "a batch of cells")?;
         }
+        Ok(())
+    }
+
+    /// The most bytes held where no more than `entries` are gathered: ids, columns, and the classes of cells of two, for
+    /// which room is doubled.
+    pub(crate) fn memory_for(entries: u64) -> u64 {
+        with_growth((4 + Columns::BYTES_PER_SPHERE) * entries) + size_of::<Starts>() as u64 * entries + 4096
     }
 
     /// How many spheres wait.
@@ -105,12 +116,16 @@ impl Batch {
     }
 
     /// Compares inside every cell, and empties the batch.
-    pub(crate) fn search<S: Sink>(&mut self, input: &Input<'_>, sink: &mut S) {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<S: Sink>(&mut self, input: &Input<'_>, sink: &mut S) -> Result<(), Error> {
         let Self { ids, cells, columns } = self;
-        columns.gather(&input.rule, ids.iter().copied());
+        columns.gather(&input.rule, ids.iter().copied())?;
         input.run(Cells { columns, rule: &input.rule, cells, sink });
         ids.clear();
         cells.clear();
+        Ok(())
     }
 }
 
@@ -143,11 +158,12 @@ impl<S: Sink> Task for Cells<'_, S> {
     }
 }
 
-/// A crowded cell, whose comparisons are cut into tiles.
+/// A crowded cell, whose comparisons are cut into rows of tiles. Each row's spheres are fetched for it alone, so that
+/// no more of them are held than a row has, however many are in the cell.
 #[derive(Debug, Default)]
 pub(crate) struct Crowd {
-    columns: Columns,
     rows: Vec<Row>,
+    columns: Workspaces<Columns>,
 }
 
 /// Some spheres and a range of others, none of them earlier, to compare them with.
@@ -158,63 +174,104 @@ struct Row {
 }
 
 impl Crowd {
+    /// The most bytes held for cells of `spheres` spheres.
+    pub(crate) fn memory_for(spheres: u64, threads: u64) -> u64 {
+        threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
+    }
+
     /// Compares inside one cell, whose entries are sorted by class.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
     pub(crate) fn within<'o, O: Output>(
         &mut self,
         input: &Input<'_>,
         run: &[impl Occupant],
         (output, sink): (&'o O, O::Sink<'o>),
-    ) -> O::Sink<'o> {
+    ) -> Result<O::Sink<'o>, Error> {
         if !owns_pairs(run) {
-            return sink;
+            return Ok(sink);
         }
         self.rows.clear();
-        self.columns.gather(&input.rule, run.iter().map(Occupant::id));
         let starts = starts(run, 0);
-        self.plan(&starts, &starts, &LATER);
-        self.search(input, output, sink)
+        self.plan(&starts, &starts, &LATER)?;
+        self.search(input, |k| run[k].id(), (output, sink))
     }
 
     /// Compares the spheres `large` of one cell with each other and with its other spheres `small`; the entries of
     /// both are sorted by class.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
     pub(crate) fn among<'o, O: Output>(
         &mut self,
         input: &Input<'_>,
         (large, small): (&[impl Occupant], &[impl Occupant]),
         (output, sink): (&'o O, O::Sink<'o>),
-    ) -> O::Sink<'o> {
+    ) -> Result<O::Sink<'o>, Error> {
         self.rows.clear();
-        let ids = |k: usize| if k < large.len() { large[k].id() } else { small[k - large.len()].id() };
-        self.columns.gather(&input.rule, (0..large.len() + small.len()).map(ids));
         let (first, second) = (starts(large, 0), starts(small, large.len()));
-        self.plan(&first, &first, &LATER);
-        self.plan(&first, &second, &ANY);
-        self.search(input, output, sink)
+        self.plan(&first, &first, &LATER)?;
+        self.plan(&first, &second, &ANY)?;
+        let id = |k: usize| if k < large.len() { large[k].id() } else { small[k - large.len()].id() };
+        self.search(input, id, (output, sink))
     }
 
     /// Adds rows for every class of `of` with its partners among those of `with`.
-    fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[Classes]; CLASSES]) {
+    fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[Classes]; CLASSES]) -> Result<(), Error> {
         for (class, partners) in partners.iter().enumerate() {
             for &partners in *partners {
                 let (of, with) = (range(of, (class, class + 1)), range(with, partners));
                 for tile in pieces(of, TILE) {
                     let with = with.start.max(tile.start)..with.end;
-                    self.rows.extend(pieces(with, ROW).map(|with| Row { of: tile.clone(), with }));
+                    for with in pieces(with, ROW) {
+                        push(&mut self.rows, Row { of: tile.clone(), with }, "tiles of a crowded cell")?;
+                    }
                 }
             }
         }
+        Ok(())
     }
 
-    fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O, sink: O::Sink<'o>) -> O::Sink<'o> {
-        let compare = |mut sink: O::Sink<'o>, row: &Row| {
-            input.run(Tiles { columns: &self.columns, rule: &input.rule, row, sink: &mut sink });
-            sink
+    /// Compares the rows; `id` tells the sphere at a place in the cell.
+    fn search<'o, O: Output>(
+        &self,
+        input: &Input<'_>,
+        id: impl Fn(usize) -> u32 + Sync,
+        (output, sink): (&'o O, O::Sink<'o>),
+    ) -> Result<O::Sink<'o>, Error> {
+        let compare = |mut sink: O::Sink<'o>, row: usize| {
+            let row = &self.rows[row];
+            self.columns.lend(|columns| {
+                let local = row.gather(columns, &input.rule, &id)?;
+                input.run(Tiles { columns, rule: &input.rule, row: &local, sink: &mut sink });
+                sink.checked()
+            })
         };
         let comparisons: usize = self.rows.iter().map(|row| row.of.len() * row.with.len()).sum();
         if comparisons < SPREAD {
-            return self.rows.iter().fold(sink, compare);
+            return (0..self.rows.len()).try_fold(sink, compare);
         }
-        sink.merge(search_pieces(output, self.rows.par_iter().with_max_len(1), compare))
+        sink.merge(search_pieces((output, input.threads), (self.rows.len(), 1), compare)?)
+    }
+}
+
+impl Row {
+    /// Fetches the row's spheres; returns where they are in the columns.
+    fn gather(
+        &self,
+        columns: &mut Columns,
+        rule: &Rule<'_>,
+        id: impl Fn(usize) -> u32,
+    ) -> Result<Self, Error> {
+        let Self { of, with } = self;
+        // From here on those compared with follow in the columns, whether they do in the cell or not.
+        let rest = with.start.max(of.end)..with.end.max(of.end);
+        let (own, fetched) = (of.len(), of.len() + rest.len());
+        let place = |k: usize| if k < own { of.start + k } else { rest.start + k - own };
+        columns.gather(rule, (0..fetched).map(|k| id(place(k))))?;
+        let local = |at: usize| if at < of.end { at - of.start } else { at - rest.start + own };
+        Ok(Self { of: 0..own, with: local(with.start)..local(with.end) })
     }
 }
 

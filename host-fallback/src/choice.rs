@@ -31,10 +31,11 @@ mod tests {
 
     use super::*;
     use crate::contact::Rule;
+    use crate::threads::Threads;
 
     fn chosen(n: usize, radii: &[f32]) -> Algorithm {
         let spheres: Vec<_> = (0..n).map(|k| Sphere::new([k as f32; 3], radii[k % radii.len()])).collect();
-        let survey = Survey::of(&Rule::new((&spheres).into(), None)).expect("all are valid");
+        let survey = Survey::of(&Rule::new((&spheres).into(), None), Threads::Pool).expect("all are valid");
         choose(Algorithm::Auto, &survey).0
     }
 
@@ -56,7 +57,7 @@ mod tests {
     #[test]
     fn what_was_asked_for_is_never_overruled() {
         let spheres = [Sphere::default()];
-        let survey = Survey::of(&Rule::new((&spheres).into(), None)).expect("all are valid");
+        let survey = Survey::of(&Rule::new((&spheres).into(), None), Threads::Pool).expect("all are valid");
         for asked in Algorithm::CPU {
             assert_eq!(choose(asked, &survey).0, asked);
         }

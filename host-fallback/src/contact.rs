@@ -44,6 +44,7 @@ struct Species<'a> {
 impl<'a> Rule<'a> {
     /// The rule for spheres whose species ids, where interactions are given, are already checked.
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&'a Interactions>) -> Self {
+        #[expect(clippy::disallowed_methods, reason = "a table has at most 4096 species")]
         let species = interactions.zip(spheres.species()).map(|(table, ids)| {
             let reach = (0..table.species()).map(|s| table.reach(s)).collect();
             Species { table, ids, reach }

@@ -1,22 +1,24 @@
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU32, AtomicU64};
+use std::sync::atomic::AtomicU64;
 
 use lazygrid_kernels::{Algorithm, Pair, Space, Sphere, Spheres};
-use rayon::prelude::*;
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 
 use crate::array_grid::ArrayGrid;
 use crate::canonical::Canonical;
 use crate::cell_list::CellList;
-use crate::columns::{Columns, GROWTH, reserve, resize};
+use crate::columns::Columns;
 use crate::contact::Rule;
 use crate::hash_grid::HashGrid;
+use crate::memory::{collect, extend, resize, with_growth};
 use crate::neighbors::Lists;
 use crate::recursive_grid::RecursiveGrid;
+use crate::scatter::{shared, split_at};
 use crate::simd::Task;
 use crate::sink::{Consume, Count, Output, To, Written};
 use crate::survey::{Survey, check, check_species};
+use crate::threads::{self, Threads};
 use crate::{Error, Neighbors, Order, Report, Settings, Simd, choice, naive};
 
 /// Spheres per piece of wrapping.
@@ -53,6 +55,7 @@ pub(crate) struct Input<'a> {
     pub(crate) survey: Survey,
     pub(crate) settings: &'a Settings,
     pub(crate) simd: Simd,
+    pub(crate) threads: Threads,
 }
 
 impl Input<'_> {
@@ -75,11 +78,9 @@ impl HostDetector {
     pub fn new(settings: Settings) -> Result<Self, Error> {
         settings.check()?;
         let pool = match settings.threads {
-            None => None,
-            Some(threads) => {
-                let built = ThreadPoolBuilder::new().num_threads(threads).build();
-                Some(built.map_err(|e| Error::Threads { threads, reason: e.to_string() })?)
-            }
+            // One thread is the calling one.
+            None | Some(1) => None,
+            Some(threads) => Some(threads::pool(threads)?),
         };
         log::debug!("vector code: {:?}", settings.simd);
         let report = Report { algorithm: settings.algorithm, ..Report::default() };
@@ -116,7 +117,7 @@ impl HostDetector {
     pub fn neighbors(&mut self, spheres: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
         self.run(spheres, |state, input| state.list(input, Order::Canonical))?;
         let State { report, lists, pairs, .. } = &mut self.state;
-        Ok(report.time("neighbors", || lists.fill(pairs, spheres.len())))
+        report.time("neighbors", || lists.fill(pairs, spheres.len()))
     }
 
     /// How many pairs there are.
@@ -125,7 +126,7 @@ impl HostDetector {
     /// [`Error::Input`] for a bad input, [`Error::OutOfMemory`].
     pub fn count(&mut self, spheres: Spheres<'_>) -> Result<u64, Error> {
         self.run(spheres, |state, input| {
-            state.report.pairs = state.search(input, &Count).0;
+            state.report.pairs = state.search(input, &Count)?.0;
             Ok(())
         })?;
         Ok(self.state.report.pairs)
@@ -149,10 +150,7 @@ impl HostDetector {
             ControlFlow::Continue(())
         };
         self.run(spheres, |state, input| match order {
-            Order::Unordered => {
-                state.hand_over(input, &mut consume);
-                Ok(())
-            }
+            Order::Unordered => state.hand_over(input, &mut consume),
             Order::Canonical => state.stream_in_order(input, limit, &mut consume),
         })?;
         self.state.report.pairs = handed;
@@ -164,21 +162,35 @@ impl HostDetector {
         &self.state.report
     }
 
-    /// An upper estimate of the bytes held for `spheres` spheres, besides the result.
+    /// The most bytes held for `spheres` spheres, besides the result and what threads write it to.
+    ///
+    /// For the paper's grids that is the most where space has up to 2²⁹ of their cells, else up to four times as much;
+    /// where periodic axes are shorter than three cells there may be up to four times as many entries too. For the
+    /// recursive grid there is room for one crowd of all spheres, and none inside another: each that is adds up to 150
+    /// bytes for each of its spheres.
     pub fn memory_for(&self, spheres: u64) -> u64 {
-        let ratio = self.settings.raster_ratio;
+        let (ratio, threads) = (self.settings.raster_ratio, self.threads() as u64);
         let wrapped = match self.settings.space.is_periodic() {
-            true => (spheres + spheres / GROWTH as u64) * size_of::<Sphere>() as u64,
+            true => with_growth(spheres * size_of::<Sphere>() as u64),
             false => 0,
         };
         let own = match self.settings.algorithm {
-            Algorithm::Naive => spheres * (Columns::BYTES_PER_SPHERE + 4),
-            Algorithm::HashGrid => HashGrid::memory_for(spheres, ratio),
-            Algorithm::ArrayGrid => ArrayGrid::memory_for(spheres, ratio),
-            Algorithm::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio),
+            Algorithm::Naive => with_growth(spheres * Columns::BYTES_PER_SPHERE),
+            Algorithm::HashGrid => HashGrid::memory_for(spheres, ratio, threads),
+            Algorithm::ArrayGrid => ArrayGrid::memory_for(spheres, ratio, threads),
+            Algorithm::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio, threads),
             _ => CellList::memory_for(spheres),
         };
         own + wrapped
+    }
+
+    /// How many threads a call from here has.
+    fn threads(&self) -> usize {
+        match (&self.pool, self.settings.threads) {
+            (Some(pool), _) => pool.current_num_threads(),
+            (None, Some(threads)) => threads,
+            (None, None) => threads::count(),
+        }
     }
 
     /// The pairs of the last list, without a copy.
@@ -195,21 +207,27 @@ impl HostDetector {
         let Self { settings, pool, state } = self;
         let task = || {
             state.report = Report { spheres: spheres.len() as u64, ..Report::default() };
+            let threads = match settings.threads {
+                Some(1) => Threads::Calling,
+                _ => Threads::here()?,
+            };
             let interactions = settings.interactions.as_ref();
-            check_species(spheres, interactions)?;
+            check_species(spheres, interactions, threads)?;
             let mut wrapped = std::mem::take(&mut state.wrapped);
             let near = match settings.space.is_periodic() {
-                true => state.report.time("wrap", || wrap(spheres, &settings.space, &mut wrapped))?,
+                true => {
+                    state.report.time("wrap", || wrap(spheres, &settings.space, &mut wrapped, threads))?
+                }
                 false => spheres,
             };
             let rule = Rule::new(near, interactions).in_space(settings.space);
-            let survey = state.report.time("survey", || Survey::of(&rule));
+            let survey = state.report.time("survey", || Survey::of(&rule, threads));
             // What is wrong is said of the spheres as they were given.
-            let survey = survey.or_else(|error| check(spheres).and(Err(error)))?;
+            let survey = survey.or_else(|error| check(spheres, threads).and(Err(error)))?;
             let (algorithm, reason) = choice::choose(settings.algorithm, &survey);
             log::debug!("{reason}");
             (state.report.algorithm, state.report.reason) = (algorithm, reason);
-            let input = Input { rule, survey, settings, simd: settings.simd };
+            let input = Input { rule, survey, settings, simd: settings.simd, threads };
             state.build(&input)?;
             work(state, &input)?;
             state.wrapped = wrapped;
@@ -223,10 +241,14 @@ impl HostDetector {
 }
 
 /// Writes the spheres' images nearest to the origin.
-fn wrap<'w>(spheres: Spheres<'w>, space: &Space, wrapped: &'w mut Vec<Sphere>) -> Result<Spheres<'w>, Error> {
-    reserve(wrapped, spheres.len(), "wrapped spheres")?;
-    resize(wrapped, spheres.len());
-    wrapped.par_chunks_mut(WRAPPED).enumerate().for_each(|(piece, targets)| {
+fn wrap<'w>(
+    spheres: Spheres<'w>,
+    space: &Space,
+    wrapped: &'w mut Vec<Sphere>,
+    threads: Threads,
+) -> Result<Spheres<'w>, Error> {
+    resize(wrapped, spheres.len(), "wrapped spheres")?;
+    threads.each_stretch(wrapped, WRAPPED, |piece, targets| {
         for (k, target) in targets.iter_mut().enumerate() {
             let Sphere { center, radius } = spheres.get(piece * WRAPPED + k);
             *target = Sphere { center: space.wrap(center), radius };
@@ -241,18 +263,16 @@ impl State {
         let Self { report, columns, cell_list, hash_grid, array_grid, recursive_grid, .. } = self;
         match report.algorithm {
             Algorithm::Naive => {
-                columns.reserve(input.survey.spheres)?;
-                report.time("gather", || columns.gather(&input.rule, 0..input.survey.spheres as u32));
+                report.time("gather", || columns.gather(&input.rule, 0..input.survey.spheres as u32))
             }
             Algorithm::HashGrid => hash_grid.build(input, report),
             Algorithm::ArrayGrid => array_grid.build(input, report),
             Algorithm::RecursiveGrid => recursive_grid.build(input, report),
-            _ => cell_list.build(input, report)?,
+            _ => cell_list.build(input, report),
         }
-        Ok(())
     }
 
-    fn search<'o, O: Output>(&mut self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
+    fn search<'o, O: Output>(&mut self, input: &Input<'_>, output: &'o O) -> Result<O::Sink<'o>, Error> {
         let Self { report, columns, cell_list, hash_grid, array_grid, recursive_grid, .. } = self;
         match report.algorithm {
             Algorithm::Naive => report.time("search", || naive::search(input, columns, output)),
@@ -263,84 +283,93 @@ impl State {
         }
     }
 
-    /// Collects at most `limit` pairs with `i` in `window`; returns how many there are and the chunks.
+    /// Collects at most `limit` pairs, of those with `i` in `window` where there is one; returns how many there are and
+    /// the chunks.
     fn collect(
         &mut self,
         input: &Input<'_>,
         limit: u64,
-        window: std::ops::Range<u32>,
-    ) -> (u64, Vec<Vec<Pair>>) {
+        window: Option<Range<u32>>,
+    ) -> Result<(u64, Vec<Vec<Pair>>), Error> {
         let list = To::List { limit, kept: AtomicU64::new(0) };
         let output = Written { window, ..Written::new(list, std::mem::take(&mut self.spare)) };
-        let (found, chunks) = self.search(input, &output).finish();
+        let found = self.search(input, &output)?.finish()?;
         self.spare = output.into_spare();
-        (found, chunks)
+        Ok(found)
     }
 
     /// Moves collected chunks into `pairs` and keeps their memory.
-    fn arrange(&mut self, mut chunks: Vec<Vec<Pair>>, order: Order, spheres: usize) -> Result<(), Error> {
+    fn arrange(&mut self, mut chunks: Vec<Vec<Pair>>, order: Order, input: &Input<'_>) -> Result<(), Error> {
         let Self { report, canonical, pairs, .. } = self;
         report.time("order", || match order {
             Order::Canonical => {
-                let chunks: Vec<&[Pair]> = chunks.iter().map(Vec::as_slice).collect();
-                canonical.order(&chunks, spheres, pairs)
+                let chunks = collect(chunks.iter().map(Vec::as_slice), "chunks of pairs")?;
+                canonical.order_with(input.threads, &chunks, input.survey.spheres, pairs)
             }
             Order::Unordered => {
-                reserve(pairs, chunks.iter().map(Vec::len).sum(), "pairs")?;
-                pairs.clear();
-                chunks.iter().for_each(|chunk| pairs.extend_from_slice(chunk));
+                let mut end = 0;
+                let ends = chunks.iter().map(|chunk| {
+                    end += chunk.len();
+                    end
+                });
+                let ends = collect(ends, "chunks of pairs")?;
+                resize(pairs, end, "pairs")?;
+                let mut targets = split_at(pairs, ends.into_iter())?;
+                input.threads.each(&mut targets, |k, target| {
+                    target.copy_from_slice(&chunks[k]);
+                });
                 Ok(())
             }
         })?;
         chunks.iter_mut().for_each(Vec::clear);
-        self.spare.append(&mut chunks);
-        Ok(())
+        extend(&mut self.spare, chunks.drain(..), "chunks of pairs")
     }
 
     fn list(&mut self, input: &Input<'_>, order: Order) -> Result<(), Error> {
         let limit = input.settings.max_pairs;
-        let (found, chunks) = self.collect(input, limit, 0..u32::MAX);
+        let (found, chunks) = self.collect(input, limit, None)?;
         self.report.pairs = found;
         if found > limit {
             self.spare.clear();
             return Err(Error::TooManyPairs { found, limit });
         }
-        self.arrange(chunks, order, input.survey.spheres)
+        self.arrange(chunks, order, input)
     }
 
     /// Streams as the threads find.
-    fn hand_over(&mut self, input: &Input<'_>, consume: Consume<'_>) {
+    fn hand_over(&mut self, input: &Input<'_>, consume: Consume<'_>) -> Result<(), Error> {
         let output = Written::new(To::Consumer(Mutex::new(consume)), std::mem::take(&mut self.spare));
-        self.search(input, &output).finish();
+        self.search(input, &output)?.finish()?;
         self.spare = output.into_spare();
+        Ok(())
     }
 
     /// Streams in canonical order: from one list where that is within the limit, else from as many lists of
     /// consecutive `i` as it takes, one search for each.
     fn stream_in_order(&mut self, input: &Input<'_>, limit: u64, consume: Consume<'_>) -> Result<(), Error> {
-        let (found, chunks) = self.collect(input, limit, 0..u32::MAX);
+        let (found, chunks) = self.collect(input, limit, None)?;
         let spheres = input.survey.spheres;
         if found <= limit {
-            self.arrange(chunks, Order::Canonical, spheres)?;
+            self.arrange(chunks, Order::Canonical, input)?;
             let _ = consume(&self.pairs);
             return Ok(());
         }
         drop(chunks);
-        let counts: Vec<AtomicU32> = (0..spheres).map(|_| AtomicU32::new(0)).collect();
-        let tally = Written::new(To::Tally(&counts), std::mem::take(&mut self.spare));
-        self.search(input, &tally).finish();
+        let mut counts = collect(std::iter::repeat_n(0_u32, spheres), "pairs of each sphere")?;
+        let tally = Written::new(To::Tally(shared(&mut counts)), std::mem::take(&mut self.spare));
+        self.search(input, &tally)?.finish()?;
         self.spare = tally.into_spare();
 
         let mut from = 0;
         while from < spheres {
             let mut total = 0;
-            let fits = |count: &&AtomicU32| {
-                total += u64::from(count.load(std::sync::atomic::Ordering::Relaxed));
+            let fits = |count: &&u32| {
+                total += u64::from(**count);
                 total <= limit
             };
             let to = from + counts[from..].iter().take_while(fits).count().max(1);
-            let (_, chunks) = self.collect(input, u64::MAX, from as u32..to as u32);
-            self.arrange(chunks, Order::Canonical, spheres)?;
+            let (_, chunks) = self.collect(input, u64::MAX, Some(from as u32..to as u32))?;
+            self.arrange(chunks, Order::Canonical, input)?;
             if consume(&self.pairs).is_break() {
                 break;
             }

@@ -1,13 +1,15 @@
 //! An array of (cell, sphere) entries, one for every cell that a sphere overlaps, sorted by cell and class.
 
 use glam::UVec3;
-use rayon::prelude::*;
 
+use crate::Error;
 use crate::cover::{Cover, HOME, Raster};
 use crate::detector::Input;
+use crate::memory::{more, resize};
 use crate::radix::{Entry, Key, Radix};
 use crate::report::Report;
 use crate::scatter::split_at;
+use crate::threads::Threads;
 
 /// Spheres per piece of the passes that count and write entries.
 const PIECE: usize = 1 << 14;
@@ -84,37 +86,55 @@ pub(crate) trait Visit {
 
 impl Entries {
     /// Writes and sorts the entries.
-    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
         match input.is_periodic() {
             true => self.build_in::<true>(input, report),
             false => self.build_in::<false>(input, report),
         }
     }
 
-    fn build_in<const PERIODIC: bool>(&mut self, input: &Input<'_>, report: &mut Report) {
+    fn build_in<const PERIODIC: bool>(
+        &mut self,
+        input: &Input<'_>,
+        report: &mut Report,
+    ) -> Result<(), Error> {
         let survey = &input.survey;
-        self.raster = Raster::new(survey, input.settings.raster_ratio, input.rule.lengths());
-        if survey.spheres > 0 {
-            let largest = survey.largest_radius();
-            let (low, high) = self.raster.bounds_of(survey.min, survey.max, largest);
-            self.packing = Packing::new(low, high);
-        }
-        let Self { raster, packing, offsets, narrow, wide } = self;
-        let sphere = |k: usize| {
-            let (center, radius) = input.rule.effective(k as u32);
-            (raster.cover::<PERIODIC>(center, radius), HOME, k as u32)
-        };
-        let place = |cell| raster.wrap::<PERIODIC>(cell);
-        if packing.is_narrow() {
-            wide.entries.clear();
-            report.time("map", || fill(survey.spheres, (sphere, place), *packing, (narrow, offsets)));
-            report.time("sort", || narrow.sort(packing.bits()));
-        } else {
+        let (n, threads, ratio) = (survey.spheres, input.threads, input.settings.raster_ratio);
+        let sphere = |k: usize| input.rule.effective(k as u32);
+        let (mut raster, mut most) =
+            (Raster::new(survey, ratio, input.rule.lengths()), most_entries(n, ratio));
+        let Self { packing, offsets, narrow, wide, .. } = self;
+        // At the second try the raster is where it has the fewest entries.
+        while !report.time("map", || {
+            if n > 0 {
+                let (low, high) = raster.bounds_of(survey.min, survey.max, survey.largest_radius());
+                *packing = Packing::new(low, high);
+            }
+            let cover = |k: usize| {
+                let (center, radius) = sphere(k);
+                (raster.cover::<PERIODIC>(center, radius), HOME, k as u32)
+            };
+            let place = |cell| raster.wrap::<PERIODIC>(cell);
             narrow.entries.clear();
-            report.time("map", || fill(survey.spheres, (sphere, place), *packing, (wide, offsets)));
-            report.time("sort", || wide.sort(packing.bits()));
+            wide.entries.clear();
+            match packing.is_narrow() {
+                true => fill((n, threads), (cover, place), *packing, (narrow, offsets, most)),
+                false => fill((n, threads), (cover, place), *packing, (wide, offsets, most)),
+            }
+        })? {
+            raster = report.time("map", || raster.shifted::<PERIODIC>(ratio, sphere, (n, threads)));
+            most = usize::MAX;
         }
+        self.raster = raster;
+        report.time("sort", || match packing.is_narrow() {
+            true => narrow.sort(packing.bits(), threads),
+            false => wide.sort(packing.bits(), threads),
+        })?;
         log::trace!("{} entries, {} key bits", narrow.entries.len() + wide.entries.len(), packing.bits());
+        Ok(())
     }
 
     /// The entries, at the width they have.
@@ -124,53 +144,68 @@ impl Entries {
             false => visitor.visit(&self.wide.entries, self.packing),
         }
     }
-
-    /// An upper estimate of the bytes held for `spheres` spheres: every one in as many cells as it can overlap, with
-    /// wide keys.
-    pub(crate) fn memory_for(spheres: u64, ratio: f32) -> u64 {
-        spheres * most_cells(ratio) * Radix::<u128>::BYTES_PER_ENTRY
-    }
 }
 
-/// How many cells a sphere overlaps at most where the raster's edge is `ratio` × the largest diameter.
-pub(crate) fn most_cells(ratio: f32) -> u64 {
-    if ratio < 1.0 { 27 } else { 8 }
+/// Bytes per entry whose key is narrow, as it is but for spaces of more than 2²⁹ cells; a wide one takes four times as
+/// much.
+pub(crate) const ENTRY: u64 = Radix::<u32>::BYTES_PER_ENTRY;
+
+/// How many entries `spheres` spheres have at most, where the raster is shifted when it would be more. A twentieth more
+/// than the bound, since chance is no reason to look for another place; most of small numbers is chance.
+pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
+    (1.05 * Raster::most_cells(ratio) * spheres as f64) as usize + 64
 }
 
 /// Writes an entry for every cell that each of `n` spheres overlaps, sphere by sphere. `sphere` tells what the `k`-th
 /// covers, the most that its classes can have, and its id; where there are many it is asked twice, to count first.
-/// `place` tells the cell from one that is covered.
+/// `place` tells the cell from one that is covered. Where there are more than `most`, says `false` and holds none.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
 pub(crate) fn fill<K: Key>(
-    n: usize,
+    (n, threads): (usize, Threads),
     (sphere, place): (impl Fn(usize) -> (Cover, u8, u32) + Sync, impl Fn(UVec3) -> UVec3 + Sync),
     packing: Packing,
-    (radix, offsets): (&mut Radix<K>, &mut Vec<usize>),
-) {
+    (radix, offsets, most): (&mut Radix<K>, &mut Vec<usize>, usize),
+) -> Result<bool, Error> {
     let entries = &mut radix.entries;
+    entries.clear();
     if n <= PIECE {
-        entries.clear();
-        for (cover, most, id) in (0..n).map(&sphere) {
+        for (cover, classes, id) in (0..n).map(&sphere) {
+            if cover.cells() > most - entries.len() {
+                entries.clear();
+                return Ok(false);
+            }
+            more(entries, cover.cells(), "entries of cells")?;
+            #[expect(clippy::disallowed_methods, reason = "there is room for all cells of the sphere")]
             cover.for_each(|cell, class| {
-                entries.push(Entry { key: packing.key(place(cell), class & most), id })
+                entries.push(Entry { key: packing.key(place(cell), class & classes), id });
             });
         }
-        return;
+        return Ok(true);
     }
     let range = |piece: usize| piece * PIECE..n.min((piece + 1) * PIECE);
-    let count = |piece| range(piece).map(|k| sphere(k).0.cells()).sum::<usize>();
-    (0..n.div_ceil(PIECE)).into_par_iter().map(count).collect_into_vec(offsets);
-    entries.resize(accumulate(offsets), Entry::default());
-    let targets = split_at(entries, offsets.iter().copied());
-    targets.into_par_iter().enumerate().for_each(|(piece, target)| {
+    resize(offsets, n.div_ceil(PIECE), "counting entries of cells")?;
+    threads.each(offsets, |piece, count| {
+        *count = range(piece).map(|k| sphere(k).0.cells()).sum();
+    });
+    let total = accumulate(offsets);
+    if total > most {
+        return Ok(false);
+    }
+    resize(entries, total, "entries of cells")?;
+    let mut targets = split_at(entries, offsets.iter().copied())?;
+    threads.each(&mut targets, |piece, target| {
         let mut slots = target.iter_mut();
-        for (cover, most, id) in range(piece).map(&sphere) {
+        for (cover, classes, id) in range(piece).map(&sphere) {
             cover.for_each(|cell, class| {
                 if let Some(slot) = slots.next() {
-                    *slot = Entry { key: packing.key(place(cell), class & most), id };
+                    *slot = Entry { key: packing.key(place(cell), class & classes), id };
                 }
             });
         }
     });
+    Ok(true)
 }
 
 /// Turns the lengths of pieces into their ends; returns the last.

@@ -2,18 +2,19 @@
 //! overlaps. Only occupied cells cost memory; cells of one hash share a chain and are told apart by coordinates.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
 
+use bytemuck::Zeroable;
 use glam::UVec3;
-use rayon::prelude::*;
 
-use crate::cell::{Batch, Crowd};
+use crate::Error;
+use crate::cell::{Batch, Crowd, Occupant};
 use crate::cover::{Cover, Raster};
 use crate::detector::Input;
-use crate::entries::{accumulate, most_cells};
-use crate::radix::Entry;
+use crate::entries::{accumulate, most_entries};
+use crate::memory::{push, resize, with_growth};
 use crate::report::Report;
-use crate::scatter::split_at;
+use crate::scatter::{shared, split_at};
 use crate::sink::{Output, search_pieces};
 use crate::workspace::Workspaces;
 
@@ -30,14 +31,14 @@ const END: u32 = u32::MAX;
 #[derive(Debug, Default)]
 pub(crate) struct HashGrid {
     /// The last entry inserted in each chain.
-    heads: Vec<AtomicU32>,
+    heads: Vec<u32>,
     entries: Vec<Linked>,
     offsets: Vec<usize>,
     workspaces: Workspaces<Workspace>,
 }
 
 /// A sphere in a cell, and the entry before it in its chain.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Zeroable)]
 struct Linked {
     cell: UVec3,
     class: u32,
@@ -47,58 +48,90 @@ struct Linked {
 
 #[derive(Debug, Default)]
 struct Workspace {
-    chain: Vec<(UVec3Key, Entry<u32>)>,
-    run: Vec<Entry<u32>>,
+    chain: Vec<InChain>,
     batch: Batch,
     crowd: Crowd,
 }
 
-/// A cell's coordinates as something to sort by.
-type UVec3Key = [u32; 3];
+/// A sphere in a cell, in the order in which a chain is searched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct InChain {
+    cell: [u32; 3],
+    class: u32,
+    id: u32,
+}
+
+impl Occupant for InChain {
+    fn id(&self) -> u32 {
+        self.id
+    }
+
+    fn class(&self) -> usize {
+        self.class as usize
+    }
+}
 
 impl HashGrid {
     /// Builds for these spheres: counts the entries, sizes the table, inserts.
-    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
         match input.is_periodic() {
             true => self.build_in::<true>(input, report),
             false => self.build_in::<false>(input, report),
         }
     }
 
-    fn build_in<const PERIODIC: bool>(&mut self, input: &Input<'_>, report: &mut Report) {
-        let raster = report.time("count", || self.count::<PERIODIC>(input));
+    fn build_in<const PERIODIC: bool>(
+        &mut self,
+        input: &Input<'_>,
+        report: &mut Report,
+    ) -> Result<(), Error> {
+        let raster = report.time("count", || self.count::<PERIODIC>(input))?;
         let total = self.offsets.last().copied().unwrap_or(0);
+        log::trace!("{total} entries");
         report.time("insert", || {
             let chains = total.next_power_of_two().max(2);
-            self.heads.resize_with(chains, AtomicU32::default);
-            self.heads.par_iter_mut().for_each(|head| *head.get_mut() = END);
-            self.entries.resize(total, Linked::default());
-            self.insert::<PERIODIC>(input, &raster);
-        });
-        log::trace!("{total} entries");
+            resize(&mut self.heads, chains, "chains of a hash table")?;
+            input.threads.each_stretch(&mut self.heads, PIECE, |_, heads| heads.fill(END));
+            resize(&mut self.entries, total, "entries of cells")?;
+            self.insert::<PERIODIC>(input, &raster)
+        })
     }
 
-    /// Counts entries, piece by piece, in cells large enough that 32 bits number the entries.
-    fn count<const PERIODIC: bool>(&mut self, input: &Input<'_>) -> Raster {
-        let mut raster = Raster::new(&input.survey, input.settings.raster_ratio, input.rule.lengths());
+    /// Counts entries, piece by piece, in a raster where they are few, of cells large enough that 32 bits number them.
+    fn count<const PERIODIC: bool>(&mut self, input: &Input<'_>) -> Result<Raster, Error> {
+        let (n, ratio, lengths) = (input.survey.spheres, input.settings.raster_ratio, input.rule.lengths());
+        let mut raster = Raster::new(&input.survey, ratio, lengths);
+        let mut most = most_entries(n, ratio);
+        resize(&mut self.offsets, n.div_ceil(PIECE), "counting entries of cells")?;
         loop {
             let cells = |id| cover::<PERIODIC>(input, &raster, id).cells();
-            let count = |piece| spheres(input, piece).map(cells).sum::<usize>();
-            let pieces = input.survey.spheres.div_ceil(PIECE);
-            (0..pieces).into_par_iter().map(count).collect_into_vec(&mut self.offsets);
-            if accumulate(&mut self.offsets) < END as usize {
-                return raster;
+            input.threads.each(&mut self.offsets, |piece, count| {
+                *count = spheres(input, piece).map(cells).sum();
+            });
+            let total = accumulate(&mut self.offsets);
+            if total <= most.min(END as usize - 1) {
+                return Ok(raster);
             }
-            raster = raster.coarser(input.rule.lengths());
+            raster = if total > most {
+                most = usize::MAX;
+                let sphere = |k: usize| input.rule.effective(k as u32);
+                raster.shifted::<PERIODIC>(ratio, sphere, (n, input.threads))
+            } else {
+                raster.coarser(lengths)
+            };
         }
     }
 
     /// Hangs every entry at the head of its chain; threads swap heads without locks.
-    fn insert<const PERIODIC: bool>(&mut self, input: &Input<'_>, raster: &Raster) {
+    fn insert<const PERIODIC: bool>(&mut self, input: &Input<'_>, raster: &Raster) -> Result<(), Error> {
         let Self { heads, entries, offsets, .. } = self;
-        let ends = offsets.iter().copied();
         let shift = shift(heads.len());
-        split_at(entries, ends).into_par_iter().enumerate().for_each(|(piece, target)| {
+        let heads = shared(heads);
+        let mut targets = split_at(entries, offsets.iter().copied())?;
+        input.threads.each(&mut targets, |piece, target| {
             let mut number = if piece == 0 { 0 } else { offsets[piece - 1] as u32 };
             let mut slots = target.iter_mut();
             for id in spheres(input, piece) {
@@ -112,11 +145,21 @@ impl HashGrid {
                 });
             }
         });
+        Ok(())
     }
 
     /// Finds all pairs.
-    pub(crate) fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
-        search_pieces(output, self.heads.par_chunks(CHAINS), |sink, heads| {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<'o, O: Output>(
+        &self,
+        input: &Input<'_>,
+        output: &'o O,
+    ) -> Result<O::Sink<'o>, Error> {
+        let pieces = (self.heads.len().div_ceil(CHAINS), usize::MAX);
+        search_pieces((output, input.threads), pieces, |sink, piece| {
+            let heads = &self.heads[piece * CHAINS..self.heads.len().min((piece + 1) * CHAINS)];
             self.workspaces.lend(|workspace| self.chains(heads, workspace, (input, output, sink)))
         })
     }
@@ -124,58 +167,53 @@ impl HashGrid {
     /// Compares inside all cells of some chains.
     fn chains<'o, O: Output>(
         &self,
-        heads: &[AtomicU32],
+        heads: &[u32],
         workspace: &mut Workspace,
         (input, output, mut sink): (&Input<'_>, &'o O, O::Sink<'o>),
-    ) -> O::Sink<'o> {
-        let Workspace { chain, run, batch, crowd } = workspace;
-        for head in heads {
-            self.collect(head.load(Relaxed), chain);
-            for cell in chain.chunk_by(|a, b| a.0 == b.0) {
-                if cell.len() < 2 {
-                    continue;
-                }
-                run.clear();
-                run.extend(cell.iter().map(|&(_, entry)| entry));
+    ) -> Result<O::Sink<'o>, Error> {
+        let Workspace { chain, batch, crowd } = workspace;
+        for &head in heads {
+            self.collect(head, chain)?;
+            for run in chain.chunk_by(|a, b| a.cell == b.cell).filter(|run| run.len() > 1) {
                 if run.len() > BATCH {
-                    batch.search(input, &mut sink);
-                    sink = crowd.within(input, run, (output, sink));
+                    batch.search(input, &mut sink)?;
+                    sink = crowd.within(input, run, (output, sink))?;
                 } else {
-                    batch.push(run);
+                    batch.push(run)?;
                 }
             }
             if batch.len() > BATCH {
-                batch.search(input, &mut sink);
+                batch.search(input, &mut sink)?;
             }
         }
-        batch.search(input, &mut sink);
-        sink
+        batch.search(input, &mut sink)?;
+        Ok(sink)
     }
 
     /// Gathers a chain, ordered by cell, class and sphere: the order in which threads inserted must not show.
-    fn collect(&self, head: u32, chain: &mut Vec<(UVec3Key, Entry<u32>)>) {
+    fn collect(&self, head: u32, chain: &mut Vec<InChain>) -> Result<(), Error> {
         chain.clear();
         let mut at = head;
         while at != END {
             let Linked { cell, class, id, next } = self.entries[at as usize];
-            chain.push((cell.to_array(), Entry { key: class, id }));
+            push(chain, InChain { cell: cell.to_array(), class, id }, "a chain of a hash table")?;
             at = next;
         }
         if chain.len() > 1 {
-            chain.sort_unstable_by_key(|&(cell, entry)| (cell, entry.key, entry.id));
+            chain.sort_unstable();
         }
+        Ok(())
     }
 
-    /// An upper estimate of the bytes held for `spheres` spheres.
-    pub(crate) fn memory_for(spheres: u64, ratio: f32) -> u64 {
-        let entries = spheres * most_cells(ratio);
-        let table = entries.next_power_of_two() * size_of::<AtomicU32>() as u64;
-        entries * size_of::<Linked>() as u64 + table + spheres * GATHERED
+    /// The most bytes held for `spheres` spheres: the table, one chain of all, and what is gathered.
+    pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
+        let entries = most_entries(spheres as usize, ratio) as u64;
+        let table = entries.next_power_of_two() * size_of::<u32>() as u64;
+        let batches = threads * Batch::memory_for(entries.min(2 * BATCH as u64));
+        let chain = with_growth(spheres * size_of::<InChain>() as u64) + Crowd::memory_for(spheres, threads);
+        entries * size_of::<Linked>() as u64 + table + batches + chain
     }
 }
-
-/// Bytes per sphere of a chain that is fetched, ordered and put into columns; one chain may hold all spheres.
-const GATHERED: u64 = 96;
 
 fn spheres(input: &Input<'_>, piece: usize) -> Range<u32> {
     (piece * PIECE) as u32..input.survey.spheres.min((piece + 1) * PIECE) as u32

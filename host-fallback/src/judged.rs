@@ -54,6 +54,8 @@ pub(crate) fn inputs() -> Vec<(&'static str, Vec<Sphere>)> {
         ("dense gas", many(500, 2, |r, _| (r.point(2.0), 0.5))),
         ("duplicates", many(600, 3, |r, _| (r.point(3.0).map(f32::round), 0.25))),
         ("one point", many(400, 4, |_, _| ([1.7; 3], 0.25))),
+        ("one point, the origin", many(400, 4, |_, _| ([0.0; 3], 0.25))),
+        ("one point, the origin, many sizes", many(500, 5, |r, _| ([0.0; 3], powers(r, 10)))),
         ("one point, many sizes", many(500, 5, |r, _| ([-3.3; 3], powers(r, 10)))),
         ("giant among tiny", many(800, 6, |r, k| (r.point(1000.0), if k == 99 { 1e3 } else { 1e-3 }))),
         ("giant among clustered tiny", {

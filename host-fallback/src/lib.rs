@@ -3,6 +3,8 @@
 //! [`HostDetector`] is the way in. Data flows one way: spheres → [`Survey`] → [`choice`] → plan → detector → pairs.
 //! Most programs use it through the `lazygrid` crate.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods, clippy::disallowed_macros))]
+
 pub mod choice;
 
 mod array_grid;
@@ -18,6 +20,7 @@ mod error;
 mod hash_grid;
 #[cfg(test)]
 mod judged;
+mod memory;
 mod naive;
 mod neighbors;
 mod radix;
@@ -28,6 +31,7 @@ mod settings;
 mod simd;
 mod sink;
 mod survey;
+mod threads;
 mod workspace;
 
 pub use canonical::Canonical;

@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
+use crate::Error;
 use crate::columns::Columns;
 use crate::contact::{Rule, scan};
 use crate::detector::Input;
@@ -35,16 +34,23 @@ impl<S: Sink> Task for Tile<'_, S> {
 }
 
 /// Finds all pairs among the spheres of `columns`, in tiles spread over the threads.
-pub(crate) fn search<'o, O: Output>(input: &Input<'_>, columns: &Columns, output: &'o O) -> O::Sink<'o> {
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub(crate) fn search<'o, O: Output>(
+    input: &Input<'_>,
+    columns: &Columns,
+    output: &'o O,
+) -> Result<O::Sink<'o>, Error> {
     let tiles = columns.len().div_ceil(TILE);
     let range = |tile: usize| tile * TILE..columns.len().min((tile + 1) * TILE);
-    search_pieces(output, (0..tiles).into_par_iter().with_max_len(1), |mut sink, a| {
+    search_pieces((output, input.threads), (tiles, 1), |mut sink, a| {
         for b in a..tiles {
             if !sink.stopped() {
                 let sink = &mut sink;
                 input.run(Tile { columns, rule: &input.rule, a: range(a), b: range(b), sink });
             }
         }
-        sink
+        Ok(sink)
     })
 }

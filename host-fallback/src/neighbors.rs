@@ -1,5 +1,8 @@
 use lazygrid_kernels::Pair;
 
+use crate::Error;
+use crate::memory::resize;
+
 /// Neighbour lists in compressed sparse rows: the neighbours of sphere `k` are
 /// `indices[offsets[k]..offsets[k + 1]]`, ascending. Every pair stands in both lists.
 #[derive(Clone, Copy, Debug)]
@@ -44,30 +47,34 @@ impl Lists {
     /// For each sphere the pairs in which it comes second are met before those in which it comes first, each kind
     /// ascending, so writing them in that order leaves every list sorted.
     ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    ///
     /// # Panics
     /// Where an index is not below `spheres`.
-    pub fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Neighbors<'_> {
-        self.offsets.clear();
-        self.offsets.resize(spheres + 1, 0);
+    pub fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Result<Neighbors<'_>, Error> {
+        let Self { offsets, next, indices } = self;
+        resize(offsets, spheres + 1, "neighbour lists")?;
+        resize(next, spheres, "neighbour lists")?;
+        resize(indices, 2 * pairs.len(), "neighbour lists")?;
+        offsets.fill(0);
         for pair in pairs {
-            self.offsets[pair.i as usize + 1] += 1;
-            self.offsets[pair.j as usize + 1] += 1;
+            offsets[pair.i as usize + 1] += 1;
+            offsets[pair.j as usize + 1] += 1;
         }
         for k in 1..=spheres {
-            self.offsets[k] += self.offsets[k - 1];
+            offsets[k] += offsets[k - 1];
         }
-        self.next.clear();
-        self.next.extend_from_slice(&self.offsets[..spheres]);
-        self.indices.resize(2 * pairs.len(), 0);
+        next.copy_from_slice(&offsets[..spheres]);
         for backward in [true, false] {
             for pair in pairs {
                 let (of, other) = if backward { (pair.j, pair.i) } else { (pair.i, pair.j) };
-                let slot = &mut self.next[of as usize];
-                self.indices[*slot as usize] = other;
+                let slot = &mut next[of as usize];
+                indices[*slot as usize] = other;
                 *slot += 1;
             }
         }
-        Neighbors { offsets: &self.offsets, indices: &self.indices }
+        Ok(Neighbors { offsets, indices })
     }
 }
 
@@ -79,7 +86,7 @@ mod tests {
     fn every_pair_stands_in_both_lists_ascending() {
         let pairs = [(0, 2), (0, 4), (1, 2), (2, 3), (2, 4)].map(|(i, j)| Pair { i, j });
         let mut lists = Lists::default();
-        let neighbors = lists.fill(&pairs, 6);
+        let neighbors = lists.fill(&pairs, 6).expect("there is memory");
         let expected: [&[u32]; 6] = [&[2, 4], &[2], &[0, 1, 3, 4], &[2], &[0, 2], &[]];
         assert_eq!(neighbors.len(), 6);
         for (k, list) in expected.iter().enumerate() {
@@ -90,7 +97,8 @@ mod tests {
     #[test]
     fn no_spheres_and_no_pairs() {
         let mut lists = Lists::default();
-        assert!(lists.fill(&[], 0).is_empty());
-        assert_eq!(lists.fill(&[], 2).of(1), &[] as &[u32]);
+        let mut none = |spheres| lists.fill(&[], spheres).expect("there is memory").len();
+        assert_eq!((none(0), none(2)), (0, 2));
+        assert_eq!(lists.fill(&[], 2).expect("there is memory").of(1), &[] as &[u32]);
     }
 }

@@ -4,9 +4,12 @@
 //! every piece its places, and each piece moves its entries. Only bits that keys can have are looked at, and a pass
 //! in which all digits agree moves nothing. The result does not depend on the number of threads.
 
-use rayon::prelude::*;
+use bytemuck::Zeroable;
 
+use crate::Error;
+use crate::memory::resize;
 use crate::scatter::Disjoint;
+use crate::threads::Threads;
 
 /// Entries per piece at least, 512 KiB of narrow ones: far more than there are digits to count.
 const PIECE: usize = 1 << 16;
@@ -18,7 +21,7 @@ const DIGIT: u32 = 8;
 const DIGITS: usize = 1 << DIGIT;
 
 /// A number to sort by.
-pub(crate) trait Key: Copy + Ord + Default + Send + Sync + From<u32> {
+pub(crate) trait Key: Copy + Ord + Zeroable + Send + Sync + From<u32> {
     /// Moves the bits up by less than the width of the type and puts others in the room made.
     fn append(self, low: u32, bits: u32) -> Self;
     /// Moves the bits down by less than the width of the type.
@@ -52,7 +55,7 @@ key!(u32);
 key!(u128);
 
 /// A sphere under a key.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Zeroable)]
 pub(crate) struct Entry<K> {
     pub(crate) key: K,
     pub(crate) id: u32,
@@ -72,34 +75,38 @@ impl<K: Key> Radix<K> {
     pub(crate) const BYTES_PER_ENTRY: u64 = 2 * size_of::<Entry<K>>() as u64;
 
     /// Sorts the entries by keys that are below 2^`bits`; those of equal keys stay in order.
-    pub(crate) fn sort(&mut self, bits: u32) {
-        self.spare.resize(self.entries.len(), Entry::default());
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn sort(&mut self, bits: u32, threads: Threads) -> Result<(), Error> {
+        resize(&mut self.spare, self.entries.len(), "sorting entries of cells")?;
         for shift in (0..bits).step_by(DIGIT as usize) {
-            if self.pass(shift) {
+            if self.pass(shift, threads)? {
                 std::mem::swap(&mut self.entries, &mut self.spare);
             }
         }
+        Ok(())
     }
 
     /// Moves the entries to `spare` by one digit; `false` where that would move nothing.
-    fn pass(&mut self, shift: u32) -> bool {
+    fn pass(&mut self, shift: u32, threads: Threads) -> Result<bool, Error> {
         let Self { entries, spare, counts } = self;
-        let Some(first) = entries.first() else { return false };
+        let Some(first) = entries.first() else { return Ok(false) };
         let digit = |key: K| key.without(shift).low() as usize % DIGITS;
-        let piece = entries.len().div_ceil(MAX_PIECES).max(PIECE);
-        counts.resize(entries.len().div_ceil(piece), [0; DIGITS]);
-        // Counters on the stack: the compiler then knows that entries are none of them.
-        let count = |(counts, piece): (&mut [usize; DIGITS], &[Entry<K>])| {
+        let size = entries.len().div_ceil(MAX_PIECES).max(PIECE);
+        let piece = |k: usize| &entries[k * size..entries.len().min((k + 1) * size)];
+        resize(counts, entries.len().div_ceil(size), "counting entries of cells")?;
+        threads.each(counts, |k, counts| {
+            // Counters on the stack: the compiler then knows that entries are none of them.
             let mut own = [0; DIGITS];
-            for entry in piece {
+            for entry in piece(k) {
                 own[digit(entry.key)] += 1;
             }
             *counts = own;
-        };
-        each(counts.par_iter_mut().zip(entries.par_chunks(piece)), count);
+        });
         let alike: usize = counts.iter().map(|counts| counts[digit(first.key)]).sum();
         if alike == entries.len() {
-            return false;
+            return Ok(false);
         }
 
         let mut at = 0;
@@ -109,25 +116,18 @@ impl<K: Key> Radix<K> {
             }
         }
         let target = Disjoint::new(spare);
-        let scatter = |(places, piece): (&mut [usize; DIGITS], &[Entry<K>])| {
+        threads.each(counts, |k, places| {
             let mut own = *places;
-            for &entry in piece {
+            for &entry in piece(k) {
                 let place = &mut own[digit(entry.key)];
                 // SAFETY: the exclusive prefix sums over (digit, piece) give every entry a place of its own below
                 // their number, the length of `spare`.
                 unsafe { target.write(*place, entry) };
                 *place += 1;
             }
-        };
-        each(counts.par_iter_mut().zip(entries.par_chunks(piece)), scatter);
-        true
+        });
+        Ok(true)
     }
-}
-
-/// Does the pieces; a single one on this thread, since small sorts are many and waking others costs more.
-fn each<I: IndexedParallelIterator>(pieces: I, work: impl Fn(I::Item) + Sync + Send) {
-    let least = if pieces.len() == 1 { usize::MAX } else { 1 };
-    pieces.with_min_len(least).for_each(work);
 }
 
 #[cfg(test)]
@@ -142,12 +142,12 @@ mod tests {
         if bits <= 32 {
             let entries = wide.entries.iter().map(|e| Entry { key: e.key as u32, id: e.id }).collect();
             let mut narrow = Radix::<u32> { entries, ..Radix::default() };
-            narrow.sort(bits);
+            narrow.sort(bits, Threads::Pool).expect("there is memory");
             let sorted: Vec<_> =
                 narrow.entries.iter().map(|e| Entry { key: u128::from(e.key), id: e.id }).collect();
             assert!(sorted == expected, "{} narrow entries of {bits} bits", keys.len());
         }
-        wide.sort(bits);
+        wide.sort(bits, Threads::Pool).expect("there is memory");
         assert!(wide.entries == expected, "{} wide entries of {bits} bits", keys.len());
     }
 

@@ -12,12 +12,13 @@
 //! the spheres in a cell, and a recursion ends after some tens of steps on any input.
 
 use glam::{DVec3, UVec3, Vec3};
-use rayon::prelude::*;
 
+use crate::Error;
 use crate::cell::{Batch, Crowd, Occupant, owns_pairs};
 use crate::cover::{Cover, Raster};
 use crate::detector::Input;
-use crate::entries::{Entries, Packing, Visit, cells_of_piece, fill, run_end};
+use crate::entries::{ENTRY, Entries, Packing, Visit, cells_of_piece, fill, most_entries, run_end};
+use crate::memory::{extend, more};
 use crate::radix::{Entry, Key, Radix};
 use crate::report::Report;
 use crate::sink::{Output, Sink, search_pieces};
@@ -79,30 +80,37 @@ impl Occupant for Member {
 
 impl Split {
     /// Starts with the spheres of a run, all of them small.
-    fn start(&mut self, input: &Input<'_>, run: &[impl Occupant]) {
+    fn start(&mut self, input: &Input<'_>, run: &[impl Occupant]) -> Result<(), Error> {
         self.small.clear();
-        self.small.extend(run.iter().map(|entry| {
+        let members = run.iter().map(|entry| {
             let (center, radius) = input.rule.effective(entry.id());
             Member { center, radius, id: entry.id(), class: entry.class() as u8 }
-        }));
+        });
+        extend(&mut self.small, members, "spheres of a crowded cell")
     }
 
     /// Moves those with a radius above `limit` out of the small ones.
-    fn part(&mut self, limit: f64) {
+    fn part(&mut self, limit: f64) -> Result<(), Error> {
         let Self { large, small, .. } = self;
         large.clear();
-        let is_large = |member: &mut Member| f64::from(member.radius) > limit;
-        large.extend(small.extract_if(.., is_large));
+        let is_large = |member: &Member| f64::from(member.radius) > limit;
+        more(large, small.iter().filter(|member| is_large(member)).count(), "spheres of a crowded cell")?;
+        #[expect(clippy::disallowed_methods, reason = "there is room for all that are large")]
+        large.extend(small.extract_if(.., |member| is_large(member)));
+        Ok(())
     }
 
     /// Makes them all large.
-    fn join(&mut self) {
-        if self.large.is_empty() {
-            std::mem::swap(&mut self.large, &mut self.small);
-        } else {
-            self.large.append(&mut self.small);
-            self.large.sort_unstable_by_key(|member| (member.class, member.id));
+    fn join(&mut self) -> Result<(), Error> {
+        let Self { large, small, .. } = self;
+        let joined = !large.is_empty();
+        // The small ones were all once, so that there is room.
+        extend(small, large.drain(..), "spheres of a crowded cell")?;
+        std::mem::swap(large, small);
+        if joined {
+            large.sort_unstable_by_key(|member| (member.class, member.id));
         }
+        Ok(())
     }
 
     /// Where the small spheres lie, seen from this cell.
@@ -202,21 +210,36 @@ impl Cell {
 
 impl RecursiveGrid {
     /// Builds the top raster for these spheres.
-    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) {
-        self.entries.build(input, report);
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
+        self.entries.build(input, report)
     }
 
     /// Finds all pairs.
-    pub(crate) fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<'o, O: Output>(
+        &self,
+        input: &Input<'_>,
+        output: &'o O,
+    ) -> Result<O::Sink<'o>, Error> {
         match input.is_periodic() {
             true => self.entries.visit(Search::<O, true> { grid: self, input, output }),
             false => self.entries.visit(Search::<O, false> { grid: self, input, output }),
         }
     }
 
-    /// An upper estimate of the bytes held for `spheres` spheres.
-    pub(crate) fn memory_for(spheres: u64, ratio: f32) -> u64 {
-        Entries::memory_for(spheres, ratio)
+    /// The most bytes held for `spheres` spheres whose keys are narrow and of which no crowd lies in another: the top
+    /// raster, one crowd of all that is split, and what is gathered.
+    pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
+        let entries = most_entries(spheres as usize, ratio) as u64;
+        let batches = 2 * threads * Batch::memory_for(entries.min(2 * PIECE as u64));
+        // Finer cells may be no wider than the spheres in them.
+        let split = spheres * (size_of::<Member>() as u64 + 8 * ENTRY);
+        entries * ENTRY + split + batches + Crowd::memory_for(spheres, threads)
     }
 }
 
@@ -227,9 +250,9 @@ struct Search<'s, 'o, O, const PERIODIC: bool> {
 }
 
 impl<'o, O: Output, const PERIODIC: bool> Visit for Search<'_, 'o, O, PERIODIC> {
-    type Result = O::Sink<'o>;
+    type Result = Result<O::Sink<'o>, Error>;
 
-    fn visit<K: Key>(self, entries: &[Entry<K>], packing: Packing) -> O::Sink<'o> {
+    fn visit<K: Key>(self, entries: &[Entry<K>], packing: Packing) -> Self::Result {
         self.level(entries, |key| Cell::top(&self.grid.entries.raster, packing.cell(key)), self.output.open())
     }
 }
@@ -241,17 +264,20 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         entries: &[Entry<K>],
         cell: impl Fn(K) -> Cell + Sync,
         sink: O::Sink<'o>,
-    ) -> O::Sink<'o> {
+    ) -> Result<O::Sink<'o>, Error> {
         let piece = |sink: O::Sink<'o>, piece: usize| {
             self.grid
                 .workspaces
                 .lend(|workspace| self.cells(cells_of_piece(entries, piece, PIECE), &cell, (workspace, sink)))
         };
         match entries.len().div_ceil(PIECE) {
-            0 | 1 if sink.stopped() => sink,
+            0 | 1 if sink.stopped() => Ok(sink),
             // Without a task: most cells that are split hold little.
-            pieces @ (0 | 1) => (0..pieces).fold(sink, piece),
-            pieces => sink.merge(search_pieces(self.output, (0..pieces).into_par_iter(), piece)),
+            pieces @ (0 | 1) => (0..pieces).try_fold(sink, piece),
+            pieces => {
+                let threads = self.input.threads;
+                sink.merge(search_pieces((self.output, threads), (pieces, usize::MAX), piece)?)
+            }
         }
     }
 
@@ -261,25 +287,25 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         entries: &[Entry<K>],
         cell: impl Fn(K) -> Cell,
         (workspace, mut sink): (&mut Workspace, O::Sink<'o>),
-    ) -> O::Sink<'o> {
+    ) -> Result<O::Sink<'o>, Error> {
         let mut from = 0;
         while from < entries.len() {
             let to = run_end(entries, from);
             let run = &entries[from..to];
             from = to;
             if run.len() <= self.tau().min(PIECE) {
-                workspace.batch.push(run);
+                workspace.batch.push(run)?;
             } else if owns_pairs(run) {
-                workspace.batch.search(self.input, &mut sink);
-                workspace.split.start(self.input, run);
-                sink = self.crowded(cell(run[0].key), workspace, sink);
+                workspace.batch.search(self.input, &mut sink)?;
+                workspace.split.start(self.input, run)?;
+                sink = self.crowded(cell(run[0].key), workspace, sink)?;
             }
             if workspace.batch.len() > PIECE {
-                workspace.batch.search(self.input, &mut sink);
+                workspace.batch.search(self.input, &mut sink)?;
             }
         }
-        workspace.batch.search(self.input, &mut sink);
-        sink
+        workspace.batch.search(self.input, &mut sink)?;
+        Ok(sink)
     }
 
     fn tau(&self) -> usize {
@@ -287,23 +313,28 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
     }
 
     /// Finds the pairs of the cell whose many spheres are the small ones in the workspace.
-    fn crowded(&self, cell: Cell, workspace: &mut Workspace, mut sink: O::Sink<'o>) -> O::Sink<'o> {
+    fn crowded(
+        &self,
+        cell: Cell,
+        workspace: &mut Workspace,
+        mut sink: O::Sink<'o>,
+    ) -> Result<O::Sink<'o>, Error> {
         let Workspace { split, crowd, .. } = workspace;
         let edge = self.grid.entries.raster.edge() / cell.fineness;
         let mut limit = edge / 4.0;
         loop {
-            split.part(limit);
+            split.part(limit)?;
             let extent = split.extent::<PERIODIC>(&self.grid.entries.raster, &cell);
             let few = split.small.len() <= self.tau();
             let step = if few { Step::Stop } else { step(&cell, edge, split.small.len(), &extent) };
             if let Step::Stop = step {
-                split.join();
+                split.join()?;
             }
             if !split.large.is_empty() {
-                sink = crowd.among(self.input, (&split.large, &split.small), (self.output, sink));
+                sink = crowd.among(self.input, (&split.large, &split.small), (self.output, sink))?;
             }
             match step {
-                Step::Stop => return sink,
+                Step::Stop => return Ok(sink),
                 Step::Settle(radius) => limit = radius,
                 Step::Into(parts) => return self.split(&cell, (parts, extent), (split, sink)),
             }
@@ -316,7 +347,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         cell: &Cell,
         (parts, extent): (f64, Extent),
         (split, sink): (&mut Split, O::Sink<'o>),
-    ) -> O::Sink<'o> {
+    ) -> Result<O::Sink<'o>, Error> {
         let Split { small, finer, offsets, .. } = split;
         let raster = &self.grid.entries.raster;
         // One cell more on either side, for what rounding may do.
@@ -329,8 +360,9 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
             let within = |at| (cell.part(at, parts) - first).as_uvec3();
             (Cover { low: within(low), high: within(high) }, member.class, member.id)
         };
-        fill(small.len(), (sphere, |at| at), packing, (finer, offsets));
-        finer.sort(packing.bits());
+        let threads = self.input.threads;
+        fill((small.len(), threads), (sphere, |at| at), packing, (finer, offsets, usize::MAX))?;
+        finer.sort(packing.bits(), threads)?;
         let cell = |key: u32| cell.finer(parts, first + packing.cell(key).as_dvec3());
         self.level(&finer.entries, cell, sink)
     }

@@ -1,6 +1,9 @@
 //! Writing to one slice from several threads.
 
 use std::marker::PhantomData;
+use std::sync::atomic::AtomicU32;
+
+use crate::{Error, memory};
 
 /// A slice whose elements several threads may write, each element by one thread only.
 pub(crate) struct Disjoint<'a, T> {
@@ -30,13 +33,28 @@ impl<'a, T: Copy> Disjoint<'a, T> {
     }
 }
 
+/// Numbers that several threads may change.
+pub(crate) fn shared(numbers: &mut [u32]) -> &[AtomicU32] {
+    let len = numbers.len();
+    const { assert!(align_of::<AtomicU32>() == align_of::<u32>()) };
+    // SAFETY: an `AtomicU32` has the size and the values of a `u32`, and here its alignment; while the result lives
+    // nobody else has access, since the borrow it comes from is exclusive.
+    unsafe { std::slice::from_raw_parts(numbers.as_mut_ptr().cast(), len) }
+}
+
 /// Cuts a slice at ascending positions, the last of which is its length.
-pub(crate) fn split_at<T>(mut slice: &mut [T], ends: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub(crate) fn split_at<T>(
+    mut slice: &mut [T],
+    ends: impl ExactSizeIterator<Item = usize>,
+) -> Result<Vec<&mut [T]>, Error> {
     let mut from = 0;
     let cut = |end: usize| {
         let (head, tail) = std::mem::take(&mut slice).split_at_mut(end - from);
         (slice, from) = (tail, end);
         head
     };
-    ends.map(cut).collect()
+    memory::collect(ends.map(cut), "stretches of a buffer")
 }

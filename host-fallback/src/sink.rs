@@ -8,30 +8,33 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lazygrid_kernels::Pair;
-use rayon::iter::{IndexedParallelIterator, ParallelIterator};
 
+use crate::Error;
+use crate::memory::{self, resize};
 use crate::simd::{MAX_LANES, Vector};
+use crate::threads::Threads;
 
 /// Pairs per buffer of a thread, 64 KiB: far below a core's cache, far above the cost of handing it on.
 const CHUNK: usize = 8192;
 
 /// One thread's end of an output.
-pub(crate) trait Sink: Send {
-    /// Takes one pair, in either order.
-    fn pair(&mut self, i: u32, j: u32);
-
+pub(crate) trait Sink: Send + Sized {
     /// Takes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes`.
-    #[inline(always)]
-    fn hits<V: Vector>(&mut self, _: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32) {
-        let mut open = lanes;
-        while open != 0 {
-            self.pair(id, ids[open.trailing_zeros() as usize % MAX_LANES]);
-            open &= open - 1;
-        }
-    }
+    fn hits<V: Vector>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32);
 
     /// Adds what the sink of the work that follows has taken.
-    fn merge(self, later: Self) -> Self;
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    fn merge(self, later: Self) -> Result<Self, Error>;
+
+    /// The sink itself, unless it has taken pairs that it found no memory for.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    fn checked(self) -> Result<Self, Error> {
+        Ok(self)
+    }
 
     /// Whether nobody wants further pairs.
     fn stopped(&self) -> bool {
@@ -48,14 +51,20 @@ pub(crate) trait Output: Sync {
 }
 
 /// Searches pieces of work over the threads, each from a sink to that sink with more in it, and merges the sinks in the
-/// order of the pieces. None is begun that nobody wants any more.
-pub(crate) fn search_pieces<'o, O: Output, P>(
-    output: &'o O,
-    pieces: impl IndexedParallelIterator<Item = P>,
-    search: impl Fn(O::Sink<'o>, P) -> O::Sink<'o> + Send + Sync,
-) -> O::Sink<'o> {
-    let piece = |sink: O::Sink<'o>, piece| if sink.stopped() { sink } else { search(sink, piece) };
-    pieces.fold(|| output.open(), piece).reduce(|| output.open(), Sink::merge)
+/// order of the pieces. None is begun that nobody wants any more. `most` pieces at a time are done by one thread.
+///
+/// # Errors
+/// Those of `search`, and [`Error::OutOfMemory`].
+pub(crate) fn search_pieces<'o, O: Output>(
+    (output, threads): (&'o O, Threads),
+    (pieces, most): (usize, usize),
+    search: impl Fn(O::Sink<'o>, usize) -> Result<O::Sink<'o>, Error> + Send + Sync,
+) -> Result<O::Sink<'o>, Error> {
+    let piece = |sink: O::Sink<'o>, piece| match sink.stopped() {
+        true => Ok(sink),
+        false => search(sink, piece)?.checked(),
+    };
+    threads.fold((pieces, most), || output.open(), piece, Sink::merge)
 }
 
 /// Counts pairs.
@@ -72,26 +81,21 @@ impl Output for Count {
 }
 
 impl Sink for Counter {
-    #[inline]
-    fn pair(&mut self, _: u32, _: u32) {
-        self.0 += 1;
-    }
-
     #[inline(always)]
     fn hits<V: Vector>(&mut self, _: V, _: u32, _: &[u32; MAX_LANES], lanes: u32) {
         self.0 += u64::from(lanes.count_ones());
     }
 
-    fn merge(self, later: Self) -> Self {
-        Self(self.0 + later.0)
+    fn merge(self, later: Self) -> Result<Self, Error> {
+        Ok(Self(self.0 + later.0))
     }
 }
 
 /// Writes pairs into chunks, which `to` keeps or hands over.
 pub(crate) struct Written<'c> {
     pub(crate) to: To<'c>,
-    /// Only pairs whose smaller index lies in here are taken.
-    pub(crate) window: Range<u32>,
+    /// Only pairs whose smaller index lies in here are taken; all where there is none.
+    pub(crate) window: Option<Range<u32>>,
     /// Empty chunks to be used again.
     pub(crate) spare: Mutex<Vec<Vec<Pair>>>,
     pub(crate) stop: AtomicBool,
@@ -113,7 +117,7 @@ pub(crate) enum To<'c> {
 impl<'c> Written<'c> {
     pub(crate) fn new(to: To<'c>, spare: Vec<Vec<Pair>>) -> Self {
         let (spare, stop) = (Mutex::new(spare), AtomicBool::new(false));
-        Self { to, window: 0..u32::MAX, spare, stop }
+        Self { to, window: None, spare, stop }
     }
 
     /// The chunks that can be used again.
@@ -126,13 +130,26 @@ impl<'c> Written<'c> {
         matches!(&self.to, To::List { limit, kept } if kept.load(Relaxed) > *limit)
     }
 
+    /// Those of the `lanes` of `ids` whose pairs with sphere `id` are inside the window. Pairs outside it never fill a
+    /// chunk, so that chunks take no more memory than the pairs that are asked for.
+    #[inline(always)]
+    fn inside(&self, id: u32, ids: &[u32; MAX_LANES], lanes: u32) -> u32 {
+        let Some(Range { start, end }) = self.window else { return lanes };
+        if id < start {
+            return 0;
+        }
+        let others = if id < end { u32::MAX - start } else { end - start };
+        let wanted = |k: usize| u32::from(ids[k].wrapping_sub(start) < others) << k;
+        lanes & (0..MAX_LANES).fold(0, |mask, k| mask | wanted(k))
+    }
+
     /// Disposes of a chunk; `Some` gives it back to be kept.
-    fn dispose(&self, mut chunk: Vec<Pair>) -> Option<Vec<Pair>> {
+    fn dispose(&self, chunk: Vec<Pair>) -> Result<Option<Vec<Pair>>, Error> {
         match &self.to {
             To::List { limit, kept } => {
                 let len = chunk.len() as u64;
                 if kept.fetch_add(len, Relaxed) + len <= *limit {
-                    return Some(chunk);
+                    return Ok(Some(chunk));
                 }
             }
             To::Consumer(consume) => {
@@ -147,9 +164,17 @@ impl<'c> Written<'c> {
                 }
             }
         }
-        chunk.clear();
-        lock(&self.spare).push(chunk);
-        None
+        self.put_back(chunk)?;
+        Ok(None)
+    }
+
+    /// Keeps a chunk's memory to be used again.
+    fn put_back(&self, mut chunk: Vec<Pair>) -> Result<(), Error> {
+        if chunk.capacity() > 0 {
+            chunk.clear();
+            memory::push(&mut lock(&self.spare), chunk, "chunks of pairs")?;
+        }
+        Ok(())
     }
 }
 
@@ -160,7 +185,8 @@ impl<'c> Output for Written<'c> {
         Self: 'o;
 
     fn open(&self) -> Writer<'_, 'c> {
-        Writer { output: self, found: 0, chunk: Vec::new(), len: 0, counting: false, chunks: Vec::new() }
+        let (chunk, chunks) = (Vec::new(), Vec::new());
+        Writer { output: self, found: 0, chunk, len: 0, counting: false, chunks, refused: None }
     }
 }
 
@@ -171,78 +197,100 @@ pub(crate) struct Writer<'o, 'c> {
     /// Empty, or [`CHUNK`] pairs of which `len` are taken.
     chunk: Vec<Pair>,
     len: usize,
-    /// Set once the list is known to be too long: from then on pairs are only counted.
+    /// Set once the list is known to be too long, or memory is refused: from then on pairs are only counted.
     counting: bool,
     chunks: Vec<Vec<Pair>>,
+    /// Why pairs were not written.
+    refused: Option<Error>,
 }
 
 impl Writer<'_, '_> {
     /// Hands on the last chunk; returns how many pairs were taken and those that were kept, in order.
-    pub(crate) fn finish(mut self) -> (u64, Vec<Vec<Pair>>) {
-        self.flush();
-        (self.found, self.chunks)
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn finish(mut self) -> Result<(u64, Vec<Vec<Pair>>), Error> {
+        self.flush()?;
+        Ok((self.found, self.chunks))
     }
 
-    /// Room for the pairs of one comparison.
+    /// Room for the pairs of one comparison; none where memory for it is refused.
     #[inline(always)]
-    fn room(&mut self) -> &mut [Pair; MAX_LANES] {
-        if self.chunk.len() < self.len + MAX_LANES {
-            self.renew();
+    fn room(&mut self) -> Option<&mut [Pair; MAX_LANES]> {
+        if self.chunk.len() < self.len + MAX_LANES
+            && let Err(error) = self.renew()
+        {
+            self.refuse(error);
+            return None;
         }
-        let room = self.chunk[self.len..].first_chunk_mut();
-        room.expect("a new chunk has room")
+        self.chunk[self.len..].first_chunk_mut()
     }
 
     #[cold]
     #[inline(never)]
-    fn renew(&mut self) {
-        self.flush();
+    fn renew(&mut self) -> Result<(), Error> {
+        self.flush()?;
         self.chunk = lock(&self.output.spare).pop().unwrap_or_default();
-        self.chunk.resize(CHUNK, Pair::default());
+        resize(&mut self.chunk, CHUNK, "pairs")
     }
 
-    fn flush(&mut self) {
+    #[cold]
+    fn refuse(&mut self, error: Error) {
+        (self.counting, self.refused) = (true, Some(error));
+        (self.chunk, self.len) = (Vec::new(), 0);
+    }
+
+    fn flush(&mut self) -> Result<(), Error> {
         let mut chunk = std::mem::take(&mut self.chunk);
         chunk.truncate(std::mem::take(&mut self.len));
-        if self.output.window != (0..u32::MAX) {
-            chunk.retain(|pair| self.output.window.contains(&pair.i));
-        }
         if chunk.capacity() > 0 {
             self.found += chunk.len() as u64;
-            self.chunks.extend(self.output.dispose(chunk));
+            if let Some(chunk) = self.output.dispose(chunk)? {
+                memory::push(&mut self.chunks, chunk, "chunks of pairs")?;
+            }
             self.counting = self.output.is_too_long();
         }
+        Ok(())
     }
 }
 
 impl Sink for Writer<'_, '_> {
-    #[inline]
-    fn pair(&mut self, i: u32, j: u32) {
-        if self.counting {
-            self.found += 1;
-        } else {
-            self.room()[0] = Pair::new(i, j);
-            self.len += 1;
-        }
-    }
-
     #[inline(always)]
     fn hits<V: Vector>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32) {
         if self.counting {
             self.found += u64::from(lanes.count_ones());
         } else {
-            self.len += vector.pack(id, ids, lanes, self.room());
+            let lanes = self.output.inside(id, ids, lanes);
+            if lanes != 0
+                && let Some(room) = self.room()
+            {
+                self.len += vector.pack(id, ids, lanes, room);
+            }
         }
     }
 
-    fn merge(mut self, later: Self) -> Self {
-        self.flush();
+    fn merge(mut self, later: Self) -> Result<Self, Error> {
         let Self { found, mut chunks, chunk, len, counting, .. } = later;
         self.found += found;
+        if chunks.is_empty() && self.len + len + MAX_LANES <= self.chunk.len() {
+            // Else the work of many threads would leave many chunks that are nearly empty.
+            self.chunk[self.len..self.len + len].copy_from_slice(&chunk[..len]);
+            self.len += len;
+            self.output.put_back(chunk)?;
+        } else {
+            self.flush()?;
+            memory::extend(&mut self.chunks, chunks.drain(..), "chunks of pairs")?;
+            (self.chunk, self.len) = (chunk, len);
+        }
         self.counting |= counting;
-        self.chunks.append(&mut chunks);
-        (self.chunk, self.len) = (chunk, len);
-        self
+        Ok(self)
+    }
+
+    fn checked(self) -> Result<Self, Error> {
+        match self.refused {
+            None => Ok(self),
+            Some(error) => Err(error),
+        }
     }
 
     fn stopped(&self) -> bool {

@@ -3,9 +3,10 @@
 use bytemuck::cast;
 use glam::Vec3;
 use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Spheres};
-use rayon::prelude::*;
 
+use crate::Error;
 use crate::contact::Rule;
+use crate::threads::Threads;
 
 /// Spheres per piece of the pass.
 const PIECE: usize = 1 << 15;
@@ -57,33 +58,34 @@ impl Survey {
     ///
     /// # Errors
     /// [`InputError::TooManySpheres`], [`InputError::SpeciesMissing`], [`InputError::SpeciesId`] for the first species
-    /// outside the table, and [`InputError::Sphere`] for the first sphere that is not finite or has a negative radius.
-    pub fn new(spheres: Spheres<'_>, interactions: Option<&Interactions>) -> Result<Self, InputError> {
-        check_species(spheres, interactions)?;
-        Self::of(&Rule::new(spheres, interactions))
+    /// outside the table, and [`InputError::Sphere`] for the first sphere that is not finite or has a negative radius;
+    /// [`Error::Threads`].
+    pub fn new(spheres: Spheres<'_>, interactions: Option<&Interactions>) -> Result<Self, Error> {
+        let threads = Threads::here()?;
+        check_species(spheres, interactions, threads)?;
+        Ok(Self::of(&Rule::new(spheres, interactions), threads)?)
     }
 
     /// Checks and surveys the spheres of `rule`, whose species ids are checked already.
     ///
     /// # Errors
     /// [`InputError::Sphere`] for the first that is not valid.
-    pub(crate) fn of(rule: &Rule<'_>) -> Result<Self, InputError> {
+    pub(crate) fn of(rule: &Rule<'_>, threads: Threads) -> Result<Self, InputError> {
         let spheres = rule.spheres();
         let n = spheres.len();
-        let (survey, suspect) = (0..n.div_ceil(PIECE))
-            .into_par_iter()
-            .map(|piece| {
-                let range = piece * PIECE..n.min((piece + 1) * PIECE);
-                match rule.plain_rows() {
-                    Some(rows) => {
-                        Self::piece(rows[range].iter().map(|sphere| (cast(*sphere), sphere.radius)))
-                    }
-                    None => Self::piece(range.map(|i| (cast(spheres.get(i)), rule.effective(i as u32).1))),
-                }
-            })
-            .reduce(|| (Self::empty(), false), |(a, p), (b, q)| (a.merge(b), p | q));
+        let piece = |(survey, suspect): (Self, bool), piece: usize| {
+            let range = piece * PIECE..n.min((piece + 1) * PIECE);
+            let (own, suspicious) = match rule.plain_rows() {
+                Some(rows) => Self::piece(rows[range].iter().map(|sphere| (cast(*sphere), sphere.radius))),
+                None => Self::piece(range.map(|i| (cast(spheres.get(i)), rule.effective(i as u32).1))),
+            };
+            Ok((survey.merge(own), suspect | suspicious))
+        };
+        let merge = |(a, p): (Self, bool), (b, q): (Self, bool)| Ok((a.merge(b), p | q));
+        let pieces = (n.div_ceil(PIECE), usize::MAX);
+        let (survey, suspect) = threads.fold(pieces, || (Self::empty(), false), piece, merge)?;
         if suspect {
-            check(spheres)?;
+            check(spheres, threads)?;
         }
         Ok(Self { spheres: n, ..survey })
     }
@@ -135,9 +137,9 @@ impl Survey {
 ///
 /// # Errors
 /// [`InputError::Sphere`], which names the first and counts all.
-pub(crate) fn check(spheres: Spheres<'_>) -> Result<(), InputError> {
+pub(crate) fn check(spheres: Spheres<'_>, threads: Threads) -> Result<(), InputError> {
     let total = spheres.len() as u64;
-    match find(spheres.len(), |i| !spheres.get(i).is_valid()) {
+    match find(spheres.len(), threads, |i| !spheres.get(i).is_valid())? {
         (Some(index), count) => {
             Err(InputError::Sphere { index, sphere: spheres.get(index as usize), count, total })
         }
@@ -152,13 +154,14 @@ pub(crate) fn check(spheres: Spheres<'_>) -> Result<(), InputError> {
 pub(crate) fn check_species(
     spheres: Spheres<'_>,
     interactions: Option<&Interactions>,
+    threads: Threads,
 ) -> Result<(), InputError> {
     if spheres.len() as u64 > MAX_SPHERES {
         return Err(InputError::TooManySpheres { count: spheres.len() as u64 });
     }
     let Some(table) = interactions else { return Ok(()) };
     let ids = spheres.species().ok_or(InputError::SpeciesMissing)?;
-    match find(ids.len(), |i| ids[i] >= table.species()) {
+    match find(ids.len(), threads, |i| ids[i] >= table.species())? {
         (Some(i), _) => {
             Err(InputError::SpeciesId { index: Some(i), id: ids[i as usize], count: table.species() })
         }
@@ -167,17 +170,20 @@ pub(crate) fn check_species(
 }
 
 /// The first of `0..n` that is `bad`, and how many are.
-fn find(n: usize, bad: impl Fn(usize) -> bool + Sync) -> (Option<u32>, u64) {
-    (0..n.div_ceil(PIECE))
-        .into_par_iter()
-        .map(|piece| {
-            let range = piece * PIECE..n.min((piece + 1) * PIECE);
-            // Nearly always there is none, and a sum without a branch is what the compiler vectorises.
-            let count = range.clone().map(|i| u64::from(bad(i))).sum::<u64>();
-            let first = if count == 0 { None } else { range.clone().find(|&i| bad(i)).map(|i| i as u32) };
-            (first, count)
-        })
-        .reduce(|| (None, 0), |(a, m), (b, n)| (a.or(b), m + n))
+fn find(
+    n: usize,
+    threads: Threads,
+    bad: impl Fn(usize) -> bool + Sync + Send,
+) -> Result<(Option<u32>, u64), InputError> {
+    let merge = |(a, m): (Option<u32>, u64), (b, n)| Ok((a.or(b), m + n));
+    let piece = |sum, piece: usize| {
+        let range = piece * PIECE..n.min((piece + 1) * PIECE);
+        // Nearly always there is none, and a sum without a branch is what the compiler vectorises.
+        let count = range.clone().map(|i| u64::from(bad(i))).sum::<u64>();
+        let first = if count == 0 { None } else { range.clone().find(|&i| bad(i)).map(|i| i as u32) };
+        merge(sum, (first, count))
+    };
+    threads.fold((n.div_ceil(PIECE), usize::MAX), || (None, 0), piece, merge)
 }
 
 #[cfg(test)]
@@ -193,7 +199,7 @@ mod tests {
         spheres[40_000].center.y = f32::INFINITY;
         spheres[99_999].radius = -1.0;
         let Err(InputError::Sphere { index, count, total, .. }) =
-            Survey::of(&Rule::new((&spheres).into(), None))
+            Survey::of(&Rule::new((&spheres).into(), None), Threads::Pool)
         else {
             panic!("bad spheres were accepted")
         };
@@ -204,7 +210,7 @@ mod tests {
     fn classes_count_every_sphere_once() {
         let radii = [0.0, 1e-40, 0.5, 0.99, 1.0, 1.5, 3.0e38];
         let spheres: Vec<_> = radii.iter().map(|&r| Sphere::new([r, -r, 0.0], r)).collect();
-        let survey = Survey::of(&Rule::new((&spheres).into(), None)).expect("all are valid");
+        let survey = Survey::of(&Rule::new((&spheres).into(), None), Threads::Pool).expect("all are valid");
         assert_eq!(survey.classes.iter().map(|c| c.count).sum::<u32>(), 7);
         assert_eq!(survey.classes[0].count, 2);
         assert_eq!(survey.classes[Survey::class_of(1.0)], Class { count: 2, largest: 1.5 });

@@ -2,17 +2,23 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use crate::Error;
+use crate::memory::push;
+
 /// Buffers nobody uses at the moment. There are as many as were ever in use at once.
 #[derive(Debug, Default)]
 pub(crate) struct Workspaces<T>(Mutex<Vec<T>>);
 
 impl<T: Default> Workspaces<T> {
-    /// Lends one to `work`.
-    pub(crate) fn lend<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
+    /// Lends one to `work`. Where that fails it does not come back, with whatever is half done in it.
+    ///
+    /// # Errors
+    /// Those of `work`.
+    pub(crate) fn lend<R>(&self, work: impl FnOnce(&mut T) -> Result<R, Error>) -> Result<R, Error> {
         let spare = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut workspace = spare.unwrap_or_default();
-        let result = work(&mut workspace);
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
-        result
+        let result = work(&mut workspace)?;
+        push(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner), workspace, "workspaces")?;
+        Ok(result)
     }
 }

@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
+use crate::read::bare;
+
 /// Where in a file something is wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
@@ -117,6 +119,32 @@ pub enum Error {
         /// How many the file says there are.
         expected: u64,
     },
+    /// The file's box repeats along an edge that is not along an axis.
+    #[error(
+        "{place}: the periodic box is tilted, with an edge ({}, {}, {}), and only boxes with edges along the axes can \
+         be periodic; turn the box in the simulator, give the lengths of one that is not tilted with --periodic \
+         X,Y,Z, or take space as unbounded with --periodic none",
+        edge[0], edge[1], edge[2]
+    )]
+    TiltedBox {
+        /// Where the box is declared.
+        place: Place,
+        /// The edge.
+        edge: [f64; 3],
+    },
+    /// The file's box repeats after a length that no period can have.
+    #[error(
+        "{place}: the box is periodic along {axis} and its length there is {length}, no 32-bit number above zero; give \
+         lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none"
+    )]
+    BoxLength {
+        /// Where the box is declared.
+        place: Place,
+        /// The axis.
+        axis: &'static str,
+        /// The length.
+        length: f64,
+    },
     /// A Smoldyn molecule is listed twice: several listings in one file, and nothing marks where one ends.
     #[error(
         "{place}: molecule {serial} is listed a second time, first on line {first}; several listings in one \
@@ -152,7 +180,14 @@ pub enum Error {
 
 fn remedy(species: Option<&str>) -> String {
     match species {
-        Some(name) => format!("species '{name}'; give it with --radius '{name}=R'"),
+        Some(name) => match bare(name) {
+            bare if bare != name => {
+                format!(
+                    "species '{name}'; give it with --radius '{bare}=R', or '{name}=R' for that state alone"
+                )
+            }
+            _ => format!("species '{name}'; give it with --radius '{name}=R'"),
+        },
         None => "spheres without species; add a radius column".to_owned(),
     }
 }

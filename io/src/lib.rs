@@ -1,5 +1,5 @@
 //! Where spheres come from and pairs go to: [readers](read) of CSV, NumPy, extended XYZ, LAMMPS and Smoldyn files,
-//! [writers](write) of spheres and pairs, and the [scenes] that tests and benchmarks share.
+//! [writers](mod@write) of spheres and pairs, and the [scenes] that tests and benchmarks share.
 
 pub mod read;
 pub mod scenes;

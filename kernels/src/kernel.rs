@@ -1,8 +1,7 @@
 //! The GPU kernels: WGSL sources and what a host must know to run them. Nothing here calls a device.
 
-use std::fmt::Write;
-
-use crate::layout::Call;
+use crate::layout::{Call, Lengths};
+use crate::wgsl;
 
 /// How a kernel uses a binding; the position in [`Kernel::bindings`] is the binding number of group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -116,6 +115,13 @@ pub const SHARE: u32 = 2048;
 
 const SCAN_ITEMS: u32 = 8;
 const SPHERES_PER_THREAD: u32 = 4;
+
+impl Lengths {
+    /// The lengths for a sort of `items` keys in tiles of so many: a counter per digit and tile.
+    pub fn for_sort(items: u32, tile: u32) -> Self {
+        Self { items, counters: items.div_ceil(tile) << DIGIT_BITS }
+    }
+}
 
 /// One compute stage.
 #[derive(Debug, PartialEq, Eq)]
@@ -349,29 +355,8 @@ const PIECES: [(&str, &str); 28] = [
     ("wrap", include_str!("shader/shared/wrap.wgsl")),
 ];
 
-/// The text with what is between `#repeat NAME 4` and `#end` written four times, and each time `#{NAME}` as the number of
-/// times before.
-fn repeated(source: &str) -> String {
-    let mut text = String::new();
-    let mut lines = source.lines();
-    while let Some(line) = lines.next() {
-        match line.strip_prefix("#repeat ").and_then(|rest| rest.split_once(' ')) {
-            None => drop(writeln!(text, "{line}")),
-            Some((name, times)) => {
-                let block: String =
-                    lines.by_ref().take_while(|line| *line != "#end").flat_map(|line| [line, "\n"]).collect();
-                for time in 0..times.parse().unwrap_or(0) {
-                    text += &block.replace(&format!("#{{{name}}}"), &u32::to_string(&time));
-                }
-            }
-        }
-    }
-    text
-}
-
-/// Expands `#include piece`, `#include piece argument`, `#ifdef NAME … #else … #endif` (not nested in one file),
-/// `#repeat` and `#{NAME}`; in an included piece `#{ARGUMENT}` is what was said behind its name. What is behind `#standard` is only
-/// in the text for compilers that go by the standard.
+/// A text with its pieces in place, and `#{NAME}` as what it stands for. What is behind `#standard` is only in the text
+/// for compilers that go by the standard.
 struct Expansion {
     variant: Variant,
     is_standard: bool,
@@ -379,34 +364,11 @@ struct Expansion {
 
 impl Expansion {
     fn expand(&self, source: &str) -> String {
-        let mut text = String::new();
-        self.append(source, &mut text);
+        let mut text = wgsl::expand(source, &PIECES, &|name| self.is_defined(name));
         for (name, value) in self.constants() {
             text = text.replace(&format!("#{{{name}}}"), &value.to_string());
         }
-        repeated(&text)
-    }
-
-    fn append(&self, source: &str, text: &mut String) {
-        let mut kept = true;
-        for line in source.lines() {
-            match line.split_once(' ').unwrap_or((line, "")) {
-                ("#ifdef", name) => kept = self.is_defined(name),
-                ("#else", _) => kept = !kept,
-                ("#endif", _) => kept = true,
-                _ if !kept => {}
-                ("#standard", rest) if self.is_standard => drop(writeln!(text, "{rest}")),
-                ("#standard", _) => {}
-                ("#include", rest) => {
-                    let (name, argument) = rest.split_once(' ').unwrap_or((rest, ""));
-                    let piece = PIECES.iter().find(|(piece, _)| *piece == name);
-                    let source = piece.map_or("", |(_, source)| source).replace("#{ARGUMENT}", argument);
-                    self.append(&source, text);
-                }
-                // Writing to a string does not fail.
-                _ => drop(writeln!(text, "{line}")),
-            }
-        }
+        wgsl::repeated(&text)
     }
 
     fn is_defined(&self, name: &str) -> bool {
@@ -415,6 +377,7 @@ impl Expansion {
             "SUBGROUP_RANKING" => self.variant.ranks_by_subgroup(),
             "SPECIES" => self.variant.species,
             "PERIODIC" => self.variant.periodic,
+            "STANDARD" => self.is_standard,
             _ => false,
         }
     }

@@ -269,10 +269,3 @@ pub struct Lengths {
     /// Values to scan.
     pub counters: u32,
 }
-
-impl Lengths {
-    /// The lengths for a sort of `items` keys in tiles of so many: a counter per digit and tile.
-    pub fn for_sort(items: u32, tile: u32) -> Self {
-        Self { items, counters: items.div_ceil(tile) << crate::kernel::DIGIT_BITS }
-    }
-}

@@ -9,7 +9,8 @@
 //! * [`Pair`] — one overlapping pair, smaller index first;
 //! * [`Algorithm`] — the detectors by name;
 //! * [`InputError`] — what can be wrong with an input;
-//! * [`kernel`], [`layout`] — the GPU kernels in WGSL with their metadata, and the structures they share with Rust.
+//! * [`kernel`], [`layout`] — the GPU kernels in WGSL with their metadata, and the structures they share with Rust;
+//! * [`wgsl`] — texts from pieces.
 
 mod algorithm;
 mod error;
@@ -19,6 +20,7 @@ pub mod layout;
 mod pair;
 mod space;
 mod sphere;
+pub mod wgsl;
 
 pub use algorithm::Algorithm;
 pub use error::InputError;

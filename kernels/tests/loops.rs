@@ -85,14 +85,13 @@ impl Scope<'_> {
         }
         let limit =
             Limit { constant: self.constant(*right), fixed: self.is_fixed(*right, [body, continuing]) };
-        self.ends(*op, *value, counter, &limit, self.start(before, counter))
+        self.ends((*op, *value), counter, &limit, self.start(before, counter))
     }
 
     /// Whether a counter that is updated so comes to its limit.
     fn ends(
         &self,
-        op: BinaryOperator,
-        update: Value,
+        (op, update): (BinaryOperator, Value),
         counter: Handle<LocalVariable>,
         limit: &Limit,
         start: Option<u32>,
@@ -164,7 +163,7 @@ impl Scope<'_> {
         block.iter().any(|statement| {
             let here = match statement {
                 Statement::Store { pointer, .. } | Statement::Atomic { pointer, .. } => names_it(pointer),
-                Statement::Call { arguments, .. } => arguments.iter().any(|argument| names_it(argument)),
+                Statement::Call { arguments, .. } => arguments.iter().any(&names_it),
                 _ => false,
             };
             here || blocks_of(statement).any(|inner| self.changes(inner, variable))

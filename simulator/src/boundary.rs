@@ -3,6 +3,7 @@
 use lazygrid::Space;
 
 use crate::Error;
+use crate::vessel::Vessel;
 
 /// What bounds an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -10,7 +11,7 @@ pub enum Axis {
     /// Nothing.
     #[default]
     Open,
-    /// Walls at both coordinates, in µm; what passes one comes back mirrored.
+    /// Walls at both coordinates, in µm; a sphere whose surface passes one comes back mirrored.
     Reflecting {
         /// The lower wall.
         low: f32,
@@ -27,6 +28,15 @@ pub enum Axis {
 }
 
 impl Axis {
+    /// Where the centres of spheres of this radius may be: their surfaces stay between walls.
+    #[inline(always)]
+    pub fn inset(self, radius: f32) -> Self {
+        match self {
+            Self::Reflecting { low, high } => Self::Reflecting { low: low + radius, high: high - radius },
+            other => other,
+        }
+    }
+
     /// A coordinate, put back where it may be.
     #[inline(always)]
     pub fn place(self, x: f32) -> f32 {
@@ -37,8 +47,7 @@ impl Axis {
             Self::Periodic { low, high } if x >= low && x < high => x,
             Self::Reflecting { low, high } => {
                 let length = high - low;
-                let y = x - low;
-                let y = y - 2.0 * length * (y / (2.0 * length)).floor();
+                let y = round_trip(x - low, length);
                 (low + (length - (length - y).abs())).clamp(low, high)
             }
             Self::Periodic { low, high } => {
@@ -46,6 +55,18 @@ impl Axis {
                 let shifted = x - length * ((x - low) / length).floor();
                 if shifted >= low && shifted < high { shifted } else { low }
             }
+        }
+    }
+
+    /// Whether walls turn round what moves along the axis and would end at `x` without them.
+    #[inline(always)]
+    pub fn turns(self, x: f32) -> bool {
+        match self {
+            Self::Reflecting { low, high } if x < low || x > high => {
+                let length = high - low;
+                round_trip(x - low, length) > length
+            }
+            _ => false,
         }
     }
 
@@ -73,27 +94,38 @@ impl Axis {
     }
 }
 
+/// A way along an axis, less whole trips from the lower wall to the upper one and back: up to `length` it is on the way
+/// there.
+#[inline(always)]
+fn round_trip(way: f32, length: f32) -> f32 {
+    way - 2.0 * length * (way / (2.0 * length)).floor()
+}
+
 /// What bounds space.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Boundary {
     /// Axis by axis.
     pub axes: [Axis; 3],
+    /// A vessel around everything, across which axes are open.
+    pub vessel: Option<Vessel>,
 }
 
 impl Boundary {
     /// Walls that reflect on all sides of a box.
     pub fn reflecting(low: [f32; 3], high: [f32; 3]) -> Self {
-        Self { axes: std::array::from_fn(|k| Axis::Reflecting { low: low[k], high: high[k] }) }
+        let axes = std::array::from_fn(|k| Axis::Reflecting { low: low[k], high: high[k] });
+        Self { axes, vessel: None }
     }
 
     /// A box that repeats along all axes.
     pub fn periodic(low: [f32; 3], high: [f32; 3]) -> Self {
-        Self { axes: std::array::from_fn(|k| Axis::Periodic { low: low[k], high: high[k] }) }
+        let axes = std::array::from_fn(|k| Axis::Periodic { low: low[k], high: high[k] });
+        Self { axes, vessel: None }
     }
 
     /// Whether space is unbounded.
     pub fn is_open(&self) -> bool {
-        self.axes == [Axis::Open; 3]
+        self.axes == [Axis::Open; 3] && self.vessel.is_none()
     }
 
     /// The space that the detector searches.
@@ -108,10 +140,37 @@ impl Boundary {
         Ok(Space::periodic(lengths).map_err(lazygrid::Error::from)?)
     }
 
+    /// Where the centres of spheres of this radius may be: their surfaces stay between walls.
+    #[inline(always)]
+    pub fn inset(&self, radius: f32) -> Self {
+        Self {
+            axes: self.axes.map(|axis| axis.inset(radius)),
+            vessel: self.vessel.map(|vessel| vessel.inset(radius)),
+        }
+    }
+
+    /// The first axis between whose walls a sphere of this radius has no room, or the vessel, and how wide that is.
+    pub fn too_narrow(&self, radius: f32) -> Option<(&'static str, f32)> {
+        let inset = self.inset(radius);
+        let walls = ["along x", "along y", "along z"].into_iter().zip(self.axes.into_iter().zip(inset.axes));
+        let narrow = walls.into_iter().find_map(|(name, axes)| match axes {
+            (Axis::Reflecting { low, high }, Axis::Reflecting { low: from, high: to }) if from >= to => {
+                Some((name, high - low))
+            }
+            _ => None,
+        });
+        let vessel = || self.vessel.filter(|vessel| vessel.radius <= radius);
+        narrow.or_else(|| Some(("across the cylinder", 2.0 * vessel()?.radius)))
+    }
+
     /// A position, put back where it may be.
     #[inline(always)]
     pub fn place(&self, p: [f32; 3]) -> [f32; 3] {
-        [self.axes[0].place(p[0]), self.axes[1].place(p[1]), self.axes[2].place(p[2])]
+        let p = [self.axes[0].place(p[0]), self.axes[1].place(p[1]), self.axes[2].place(p[2])];
+        match &self.vessel {
+            None => p,
+            Some(vessel) => vessel.place(p),
+        }
     }
 
     /// The vector from `p` to the nearest image of `q`.
@@ -133,6 +192,42 @@ mod tests {
         {
             assert_eq!(axis.place(from), to, "{from}");
         }
+    }
+
+    #[test]
+    fn an_odd_number_of_walls_turns_round() {
+        let axis = Axis::Reflecting { low: -1.0, high: 3.0 };
+        for (to, turns) in [
+            (0.5, false),
+            (3.0, false),
+            (-1.0, false),
+            (-1.5, true),
+            (3.5, true),
+            (7.5, false),
+            (-6.0, false),
+            (-9.5, true),
+        ] {
+            assert_eq!(axis.turns(to), turns, "{to}");
+        }
+        assert!(!Axis::Open.turns(9.0) && !Axis::Periodic { low: 0.0, high: 1.0 }.turns(1.5));
+    }
+
+    #[test]
+    fn walls_act_on_the_surface() {
+        let walls = Boundary::reflecting([-1.0; 3], [1.0, 2.0, 3.0]);
+        assert_eq!(walls.inset(0.25).place([0.875, 1.875, -1.0]), [0.625, 1.625, -0.5]);
+        assert_eq!(walls.too_narrow(0.999), None);
+        assert_eq!(walls.too_narrow(1.0), Some(("along x", 2.0)));
+        let vessel = Vessel { along: 2, center: [0.0; 3], radius: 1.0 };
+        let vessel = Boundary { vessel: Some(vessel), ..Boundary::default() };
+        assert_eq!(vessel.inset(0.25).place([0.0, 1.0, 9.0]), [0.0, 0.5, 9.0]);
+        assert_eq!(
+            (vessel.too_narrow(0.9), vessel.too_narrow(1.0)),
+            (None, Some(("across the cylinder", 2.0)))
+        );
+        assert!(!vessel.is_open());
+        let periodic = Boundary::periodic([-1.0; 3], [1.0; 3]);
+        assert_eq!((periodic.inset(9.0), periodic.too_narrow(9.0)), (periodic, None));
     }
 
     #[test]

@@ -14,6 +14,8 @@ pub struct Checkpoint {
     pub scenario: String,
     /// The seed.
     pub seed: u64,
+    /// The name of the back end that computed it.
+    pub backend: String,
     /// Steps between rows, and between frames.
     pub every: [u32; 2],
     /// The length of each file that the run appends to.
@@ -23,7 +25,7 @@ pub struct Checkpoint {
 }
 
 /// The file's first bytes: what it is, and the version of its layout.
-const MAGIC: &[u8] = b"lazygrid checkpoint 1\n";
+const MAGIC: &[u8] = b"lazygrid checkpoint 2\n";
 
 impl Checkpoint {
     /// Writes a checkpoint in place of the one before, which is untouched until this one is complete.

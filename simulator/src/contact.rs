@@ -21,6 +21,8 @@ pub struct Contacts {
     diffusion: Vec<f64>,
     mass: Vec<f64>,
     boundary: Boundary,
+    /// By species: where walls let their centres be.
+    rooms: Vec<Boundary>,
     matching: Matching,
 }
 
@@ -43,6 +45,7 @@ impl Contacts {
             diffusion: of(|species| species.diffusion),
             mass: of(|species| species.mass),
             boundary: model.boundary,
+            rooms: model.rooms(),
             matching: Matching::default(),
         }
     }
@@ -120,23 +123,23 @@ impl Contacts {
             direction(first, second).map(f64::from)
         };
         let [u, v] = [a, b].map(|at| particles.get(at as usize).velocity);
+        let species = [a, b].map(|at| particles.species[at as usize] as usize);
         match self.contact {
             Contact::Elastic => {
-                let species = [a, b].map(|at| particles.species[at as usize] as usize);
                 let velocity = bounce([u, v], species.map(|s| self.mass[s]), normal)?;
                 Some(Settled { position: [p, q], velocity })
             }
             _ => {
                 // As far beyond touching as they were within it, as if they had bounced.
                 let apart = 2.0 * (touch - distance);
-                let [da, db] = [a, b].map(|at| self.diffusion[particles.species[at as usize] as usize]);
+                let [da, db] = species.map(|s| self.diffusion[s]);
                 let share = if da + db > 0.0 { da / (da + db) } else { 0.5 };
-                let moved = |from: [f32; 3], by: f64| {
+                let moved = |side: usize, from: [f32; 3], by: f64| {
                     let to = std::array::from_fn(|k| (f64::from(from[k]) + by * normal[k]) as f32);
-                    self.boundary.place(to)
+                    self.rooms[species[side]].place(to)
                 };
                 Some(Settled {
-                    position: [moved(p, -share * apart), moved(q, (1.0 - share) * apart)],
+                    position: [moved(0, p, -share * apart), moved(1, q, (1.0 - share) * apart)],
                     velocity: [u, v],
                 })
             }

@@ -24,11 +24,20 @@ pub enum Error {
     Model(String),
     /// More particles than ids can name.
     #[error(
-        "particle ids are used up: {released} particles were released and ids have 32 bits; release fewer"
+        "particle ids are used up: {released} particles were released or came of others, and ids have 32 bits; release \
+         fewer, or end the run before"
     )]
     OutOfIds {
         /// How many there would have been.
         released: u64,
+    },
+    /// The system refused memory for more particles.
+    #[error("no memory for {particles} particles: {bytes} bytes were refused; release fewer")]
+    OutOfMemory {
+        /// How many there would have been.
+        particles: u64,
+        /// How many bytes one column of them takes.
+        bytes: u64,
     },
     /// The detector refused the particles, or found more pairs than fit.
     #[error("step {step}: {source}")]

@@ -19,8 +19,8 @@
 //!     name: "burst".into(),
 //!     center: [0.0; 3],
 //!     shape: Shape::Point,
-//!     times: vec![0.0],
 //!     release: vec![(0, 1000)],
+//!     ..Transmitter::default()
 //! };
 //! let model = Model { time_step: 0.001, species: vec![species], transmitters: vec![burst], ..Model::default() };
 //! let mut simulation = Simulation::new(model, 42, Algorithm::Auto)?;
@@ -34,8 +34,12 @@
 pub mod boundary;
 pub mod checkpoint;
 pub mod contact;
+pub mod crossing;
+pub mod decay;
+pub mod dissociation;
 pub mod gpu;
 pub mod matching;
+pub mod message;
 pub mod model;
 pub mod motion;
 pub mod normal;
@@ -44,20 +48,27 @@ pub mod philox;
 pub mod rate;
 pub mod reactions;
 pub mod receiver;
+pub mod release;
 pub mod run;
 pub mod scenario;
 pub mod transmitter;
+pub mod vessel;
 
+mod chances;
+mod check;
 mod error;
 mod output;
+mod pace;
 mod simulation;
 mod simulator;
+mod stream;
 
 pub use boundary::{Axis, Boundary};
 pub use error::Error;
-pub use model::{Contact, Decay, Model, Reaction, Species};
+pub use model::{Chance, Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
 pub use particles::{Particle, Particles};
 pub use receiver::{Kind, Receiver};
 pub use simulation::{Simulation, State, Totals};
 pub use simulator::Simulator;
-pub use transmitter::{Shape, Transmitter};
+pub use transmitter::{Numbers, Schedule, Shape, Transmitter};
+pub use vessel::Vessel;

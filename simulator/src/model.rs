@@ -1,10 +1,9 @@
 //! What is simulated, in plain data. Lengths are in µm and times in s throughout; any other consistent pair of
 //! units serves as well.
 
-use crate::Error;
 use crate::boundary::Boundary;
 use crate::receiver::Receiver;
-use crate::transmitter::{Shape, Transmitter};
+use crate::transmitter::Transmitter;
 
 /// Everything that a run is about but its seed.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,6 +22,8 @@ pub struct Model {
     pub receivers: Vec<Receiver>,
     /// Where they may be.
     pub boundary: Boundary,
+    /// What carries them all along.
+    pub flow: Option<Flow>,
     /// What happens to overlapping particles that do not react.
     pub contact: Contact,
 }
@@ -40,15 +41,40 @@ pub struct Species {
     pub drift: [f64; 3],
     /// Mass; only ratios matter. Used by elastic contact.
     pub mass: f64,
-    /// Standard deviation of each component of the velocity at release, in µm/s. Where it is 0 for all species,
-    /// particles carry no velocity.
+    /// Standard deviation of each component of the velocity at release, in µm/s.
     pub thermal_speed: f64,
+    /// The speed at which a swimmer runs, in µm/s, straight on but for walls and tumbling.
+    pub speed: f64,
+    /// How often a swimmer turns into a random direction, in 1/s.
+    pub tumble_rate: f64,
+}
+
+impl Species {
+    /// Whether these particles have a velocity of their own.
+    pub fn has_velocity(&self) -> bool {
+        self.thermal_speed > 0.0 || self.speed > 0.0
+    }
+}
+
+/// A flow that carries particles along.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Flow {
+    /// Everywhere the same, in µm/s.
+    Plug([f64; 3]),
+    /// Along a vessel, with this mean in µm/s: twice that in the middle, nothing at the wall, v(r) = 2v(1 − r²/R²).
+    Poiseuille {
+        /// The mean over the cross-section.
+        mean: f64,
+    },
 }
 
 /// Two particles that come within a distance of each other react.
 ///
 /// Products take the places and the ids of their reactants, in order. A reactant that comes out as the species it
 /// was is not used up: it stays where it is and may meet several partners in one step.
+///
+/// Several reactions of the same reactants are channels: a pair takes one of those in whose binding radius it is, or
+/// none, with the chances that they have.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reaction {
     /// How it is named in output, as in `A + B -> C`.
@@ -61,21 +87,64 @@ pub struct Reaction {
     pub binding_radius: f32,
     /// How far apart two products are placed, in µm.
     pub unbinding_radius: f32,
-    /// Of each candidate pair in each step.
-    pub probability: f64,
+    /// How soon a candidate pair reacts.
+    pub chance: Chance,
 }
 
-/// A particle that turns into another or into nothing by itself.
+/// How soon a pair reacts whose centres are within the binding radius.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Chance {
+    /// With this probability in each step, whatever its length.
+    PerStep(f64),
+    /// At this rate, in 1/s: with probability 1 − exp(−λΔt) in a step, if nothing else can happen to it.
+    PerTime(f64),
+}
+
+impl Default for Chance {
+    fn default() -> Self {
+        Self::PerStep(1.0)
+    }
+}
+
+/// A particle that turns into others or into nothing by itself.
+///
+/// The first product takes the place and the id of the particle, the second one gets an id of its own.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decay {
     /// How it is named in output, as in `A -> B`.
     pub name: String,
     /// What decays.
     pub reactant: u32,
-    /// What becomes of it.
-    pub product: Option<u32>,
+    /// What becomes of it; a second product comes with a first.
+    pub products: [Option<u32>; 2],
+    /// Where two products appear.
+    pub unbinding: Unbinding,
     /// In 1/s.
     pub rate: f64,
+}
+
+impl Decay {
+    /// Whether two particles come of one.
+    pub fn splits(&self) -> bool {
+        self.products[1].is_some()
+    }
+}
+
+/// Where two products of one particle appear: in a random direction from each other, the one that diffuses faster
+/// further from where the particle was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Unbinding {
+    /// This far apart, in µm.
+    Apart(f32),
+    /// With a distance vector that is uniform in a ball of this radius, in µm: the inverse of a reaction that happens
+    /// anywhere within it.
+    Within(f32),
+}
+
+impl Default for Unbinding {
+    fn default() -> Self {
+        Self::Apart(0.0)
+    }
 }
 
 /// What happens to particles that overlap and do not react.
@@ -93,9 +162,9 @@ pub enum Contact {
 }
 
 impl Model {
-    /// Whether particles carry velocities.
+    /// Whether particles carry velocities: where some species has one.
     pub fn has_velocity(&self) -> bool {
-        self.species.iter().any(|species| species.thermal_speed > 0.0)
+        self.species.iter().any(Species::has_velocity)
     }
 
     /// √(2DΔt), the standard deviation of a step along each axis, in µm.
@@ -103,90 +172,32 @@ impl Model {
         (2.0 * self.species[species as usize].diffusion * self.time_step).sqrt()
     }
 
-    /// Checks what is needed for a run to make sense.
-    ///
-    /// # Errors
-    /// [`Error::Model`], naming the first thing that is wrong.
-    pub fn check(&self) -> Result<(), Error> {
-        let positive = |what: &str, value: f64| match value.is_finite() && value > 0.0 {
-            true => Ok(()),
-            false => Err(Error::Model(format!("{what} is {value}; it must be positive and finite"))),
-        };
-        let not_negative = |what: &str, value: f64| match value.is_finite() && value >= 0.0 {
-            true => Ok(()),
-            false => Err(Error::Model(format!("{what} is {value}; it must be finite and not negative"))),
-        };
-        positive("the time step", self.time_step)?;
-        for species in &self.species {
-            let of = |what: &str| format!("{what} of species {}", species.name);
-            not_negative(&of("the radius"), species.radius.into())?;
-            not_negative(&of("the diffusion coefficient"), species.diffusion)?;
-            not_negative(&of("the thermal speed"), species.thermal_speed)?;
-            positive(&of("the mass"), species.mass)?;
-            if !species.drift.iter().all(|v| v.is_finite()) {
-                return Err(Error::Model(of("the drift") + " must be finite"));
+    /// How fast the flow is at a point, in µm/s.
+    pub fn flow_at(&self, point: [f32; 3]) -> [f64; 3] {
+        match (self.flow, &self.boundary.vessel) {
+            (Some(Flow::Plug(velocity)), _) => velocity,
+            (Some(Flow::Poiseuille { mean }), Some(vessel)) => {
+                let part = (vessel.distance(point) / f64::from(vessel.radius)).min(1.0);
+                let speed = 2.0 * mean * (1.0 - part * part);
+                std::array::from_fn(|k| if k == vessel.along { speed } else { 0.0 })
             }
-        }
-        for reaction in &self.reactions {
-            let of = |what: &str| format!("{what} of {}", reaction.name);
-            not_negative(&of("the binding radius"), reaction.binding_radius.into())?;
-            not_negative(&of("the unbinding radius"), reaction.unbinding_radius.into())?;
-            not_negative(&of("the probability"), reaction.probability)?;
-            if reaction.probability > 1.0 {
-                return Err(Error::Model(of("the probability") + " is above 1"));
-            }
-            let named = reaction.reactants.into_iter().chain(reaction.products.into_iter().flatten());
-            self.check_species(&reaction.name, named)?;
-            if reaction.reactants.map(Some) == reaction.products {
-                return Err(Error::Model(format!("{} changes nothing; remove it", reaction.name)));
-            }
-        }
-        for decay in &self.decays {
-            not_negative(&format!("the rate of {}", decay.name), decay.rate)?;
-            self.check_species(&decay.name, [decay.reactant].into_iter().chain(decay.product))?;
-        }
-        for transmitter in &self.transmitters {
-            self.check_species(&transmitter.name, transmitter.release.iter().map(|&(species, _)| species))?;
-            if matches!(transmitter.shape, Shape::Lattice(_, places) if places.contains(&0)) {
-                return Err(Error::Model(format!(
-                    "the lattice of {} has no places along an axis",
-                    transmitter.name
-                )));
-            }
-        }
-        for receiver in &self.receivers {
-            if receiver.sees.len() != self.species.len() {
-                let (name, known) = (&receiver.name, self.species.len());
-                let message = format!(
-                    "{name} says of {} species whether it sees them, of {known}",
-                    receiver.sees.len()
-                );
-                return Err(Error::Model(message));
-            }
-        }
-        self.check_pairs()
-    }
-
-    fn check_species(&self, of: &str, species: impl IntoIterator<Item = u32>) -> Result<(), Error> {
-        let count = self.species.len();
-        match species.into_iter().find(|&s| s as usize >= count) {
-            None => Ok(()),
-            Some(s) => Err(Error::Model(format!("{of} names species {s} but there are {count}"))),
+            _ => [0.0; 3],
         }
     }
 
-    /// One reaction for each pair of species, so that a candidate pair has one outcome.
-    fn check_pairs(&self) -> Result<(), Error> {
-        let unordered = |reaction: &Reaction| {
-            let [a, b] = reaction.reactants;
-            [a.min(b), a.max(b)]
-        };
-        for (k, second) in self.reactions.iter().enumerate() {
-            if let Some(first) = self.reactions[..k].iter().find(|r| unordered(r) == unordered(second)) {
-                let (a, b) = (&first.name, &second.name);
-                return Err(Error::Model(format!("{a} and {b} have the same reactants; keep one")));
-            }
-        }
-        Ok(())
+    /// Whether some decay of a species gives two particles.
+    pub(crate) fn comes_apart(&self, species: u32) -> bool {
+        self.decays.iter().any(|decay| decay.reactant == species && decay.splits())
+    }
+
+    /// How much of the way between two particles is the first one's: the one that diffuses faster moves further.
+    pub(crate) fn share(&self, [a, b]: [u32; 2]) -> f32 {
+        let [a, b] = [a, b].map(|species| self.species[species as usize].diffusion);
+        if a + b > 0.0 { (a / (a + b)) as f32 } else { 0.5 }
+    }
+
+    /// By species: where their centres may be.
+    pub(crate) fn rooms(&self) -> Vec<Boundary> {
+        self.species.iter().map(|species| self.boundary.inset(species.radius)).collect()
     }
 }

@@ -6,11 +6,15 @@
 use rayon::prelude::*;
 
 use crate::boundary::Boundary;
-use crate::model::Model;
+use crate::crossing::{Path, Who, meets};
+use crate::decay::Decays;
+use crate::model::{Flow, Model};
 use crate::normal::normals;
 use crate::particles::Particles;
 use crate::philox::{Key, Purpose, yes_up_to};
-use crate::receiver::{Kind, Receiver, meets};
+use crate::receiver::{Kind, Receiver};
+use crate::stream::Stream;
+use crate::transmitter::direction;
 
 /// What a model says about the step of single particles, made ready.
 #[derive(Clone, Debug)]
@@ -19,11 +23,11 @@ pub struct Motion {
     pub(crate) steps: Vec<Step>,
     time_step: f32,
     with_velocity: bool,
-    boundary: Boundary,
+    bounded: bool,
+    stream: Option<Stream>,
     /// Receivers that remove particles, with their places in the model.
     receivers: Vec<(u32, Receiver)>,
-    pub(crate) decays: Vec<Decays>,
-    any_decay: bool,
+    pub(crate) decays: Decays,
 }
 
 /// The step of one species.
@@ -35,10 +39,11 @@ pub(crate) struct Step {
     pub(crate) diffusion: f32,
     /// Drift in one step, in µm.
     pub(crate) drift: [f32; 3],
+    /// Where its centre may be.
+    room: Boundary,
+    /// The largest word at which a swimmer tumbles, and its speed in µm/s.
+    tumbles: Option<(u32, f32)>,
 }
-
-/// Each way that one species decays: up to which word it does, its place in the model, and what comes of it.
-pub(crate) type Decays = Vec<(u32, u32, Option<u32>)>;
 
 /// What befell a particle at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +55,7 @@ pub enum Event {
         /// The receiver's place in the model.
         receiver: u32,
     },
-    /// It decayed.
+    /// It decayed; what came of that may have done so in turn, in the next event.
     Decayed {
         /// Where the particle is.
         at: u32,
@@ -70,42 +75,53 @@ impl Motion {
     /// The step of a model that was checked.
     pub fn new(model: &Model) -> Self {
         let time_step = model.time_step;
+        let plug = match model.flow {
+            Some(Flow::Plug(velocity)) => velocity,
+            _ => [0.0; 3],
+        };
         let step = |species: &crate::model::Species| Step {
             length: (2.0 * species.diffusion * time_step).sqrt() as f32,
             diffusion: (species.diffusion * time_step) as f32,
-            drift: species.drift.map(|v| (v * time_step) as f32),
+            drift: std::array::from_fn(|k| ((species.drift[k] + plug[k]) * time_step) as f32),
+            tumbles: yes_up_to(-libm::expm1(-species.tumble_rate * time_step))
+                .filter(|_| species.speed > 0.0)
+                .map(|up_to| (up_to, species.speed as f32)),
+            room: model.boundary.inset(species.radius),
         };
         let removing = model.receivers.iter().enumerate().filter(|(_, r)| r.kind != Kind::Transparent);
-        let decays: Vec<_> = (0..model.species.len() as u32).map(|s| decays_of(model, s)).collect();
         Self {
             steps: model.species.iter().map(step).collect(),
             time_step: time_step as f32,
             with_velocity: model.has_velocity(),
-            boundary: model.boundary,
+            bounded: !model.boundary.is_open(),
+            stream: Stream::new(model),
             receivers: removing.map(|(at, receiver)| (at as u32, receiver.clone())).collect(),
-            any_decay: decays.iter().any(|d| !d.is_empty()),
-            decays,
+            decays: Decays::new(model),
         }
     }
 
     /// Moves all particles and returns what befell them, by place.
     pub fn advance(&self, particles: &mut Particles, key: Key, step: u32) -> Vec<Event> {
-        let Particles { position: [x, y, z], velocity: [u, v, w], species, id, .. } = particles;
+        let Particles { position: [x, y, z], velocity, species, id, .. } = particles;
+        // Columns of velocities are empty where particles have none.
+        let mut columns = velocity.each_mut().map(|column| column.chunks_mut(CHUNK));
+        let velocities: Vec<[&mut [f32]; 3]> = (0..id.len().div_ceil(CHUNK))
+            .map(|_| columns.each_mut().map(|chunks| chunks.next().unwrap_or_default()))
+            .collect();
         let chunks = (
             x.par_chunks_mut(CHUNK),
             y.par_chunks_mut(CHUNK),
             z.par_chunks_mut(CHUNK),
+            velocities,
             id.par_chunks(CHUNK),
             species.par_chunks(CHUNK),
         );
         let events: Vec<Vec<Event>> = chunks
             .into_par_iter()
             .enumerate()
-            .map(|(chunk, (x, y, z, id, species))| {
-                let base = chunk * CHUNK;
-                let velocity =
-                    if self.with_velocity { [&*u, &*v, &*w].map(|c| &c[base..]) } else { [&[][..]; 3] };
-                self.advance_chunk(Chunk { base, position: [x, y, z], velocity, id, species }, key, step)
+            .map(|(chunk, (x, y, z, velocity, id, species))| {
+                let chunk = Chunk { base: chunk * CHUNK, position: [x, y, z], velocity, id, species };
+                self.advance_chunk(chunk, key, step)
             })
             .collect();
         events.concat()
@@ -113,8 +129,7 @@ impl Motion {
 
     fn advance_chunk(&self, chunk: Chunk<'_>, key: Key, step: u32) -> Vec<Event> {
         let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
-        let watches = !self.receivers.is_empty() || self.any_decay;
-        let bounded = !self.boundary.is_open();
+        let watches = !self.receivers.is_empty() || !self.decays.is_empty();
         let mut events = Vec::new();
         let mut random = [[0.0; BLOCK]; 3];
         for (block, ids) in id.chunks(BLOCK).enumerate() {
@@ -122,74 +137,88 @@ impl Motion {
             let first = block * BLOCK;
             for (k, &id) in ids.iter().enumerate() {
                 let at = first + k;
-                let Step { length, diffusion, mut drift } = self.steps[species[at] as usize];
-                if self.with_velocity {
-                    drift = std::array::from_fn(|axis| drift[axis] + velocity[axis][at] * self.time_step);
+                let kind = &self.steps[species[at] as usize];
+                let mut own = self.with_velocity.then(|| [0, 1, 2].map(|axis: usize| velocity[axis][at]));
+                if let (Some(own), Some(turns)) = (&mut own, kind.tumbles) {
+                    tumble(own, turns, key.draw(id, 0, step, Purpose::Tumble));
                 }
-                let before = [x[at], y[at], z[at]];
-                let mut after: [f32; 3] =
-                    std::array::from_fn(|axis| before[axis] + (length * random[axis][k] + drift[axis]));
-                if bounded {
-                    after = self.boundary.place(after);
+                let normal = [0, 1, 2].map(|axis: usize| random[axis][k]);
+                let path = self.path(kind, [x[at], y[at], z[at]], normal, own.as_mut());
+                [x[at], y[at], z[at]] = path.after;
+                if let Some(own) = own {
+                    (0..3).for_each(|axis| velocity[axis][at] = own[axis]);
                 }
-                [x[at], y[at], z[at]] = after;
                 if watches {
-                    let particle = Watched { at: (base + at) as u32, id, species: species[at], diffusion };
-                    events.extend(self.befalls(particle, [before, after], key, step));
+                    let watched = Watched { at: (base + at) as u32, species: species[at] };
+                    self.befalls(watched, &path, Who { key, id, step }, &mut events);
                 }
             }
         }
         events
     }
 
-    /// The first thing that befalls a particle: a receiver, in their order, else a decay.
-    fn befalls(&self, particle: Watched, ends: [[f32; 3]; 2], key: Key, step: u32) -> Option<Event> {
-        let Watched { at, id, species, diffusion } = particle;
+    /// The way of a particle in a step, with what chance adds along each axis. Walls turn its velocity round, where it
+    /// has one.
+    #[inline(always)]
+    fn path(
+        &self,
+        kind: &Step,
+        before: [f32; 3],
+        normal: [f32; 3],
+        mut velocity: Option<&mut [f32; 3]>,
+    ) -> Path {
+        let Step { length, diffusion, mut drift, ref room, .. } = *kind;
+        if let Some(own) = &velocity {
+            drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.time_step);
+        }
+        let end: [f32; 3] = std::array::from_fn(|axis| before[axis] + (length * normal[axis] + drift[axis]));
+        if let Some(stream) = &self.stream {
+            let carried = stream.carry(room, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
+            drift[stream.vessel.along] += carried.by;
+            return Path { before, end: carried.end, after: carried.after, drift, diffusion };
+        }
+        if !self.bounded {
+            return Path { before, end, after: end, drift, diffusion };
+        }
+        if let Some(own) = &mut velocity {
+            (0..3).filter(|&axis| room.axes[axis].turns(end[axis])).for_each(|axis| own[axis] = -own[axis]);
+        }
+        Path { before, end, after: room.place(end), drift, diffusion }
+    }
+
+    /// What befalls a particle: the first receiver that it meets, in their order, else decays.
+    fn befalls(&self, Watched { at, species }: Watched, path: &Path, who: Who, events: &mut Vec<Event>) {
+        let room = &self.steps[species as usize].room;
         for (place, receiver) in &self.receivers {
-            if receiver.sees[species as usize]
-                && meets(receiver, &self.boundary, ends, diffusion).happens(key, id, *place, step)
-            {
-                return Some(Event::Arrived { at, receiver: *place });
+            if receiver.sees[species as usize] && meets(receiver, *place, room, path, who) {
+                return events.push(Event::Arrived { at, receiver: *place });
             }
         }
-        let decays = &self.decays[species as usize];
-        if decays.is_empty() {
-            return None;
-        }
-        let [word, ..] = key.draw(id, 0, step, Purpose::Decay);
-        let &(_, decay, product) = decays.iter().find(|(up_to, ..)| word <= *up_to)?;
-        Some(Event::Decayed { at, decay, product })
+        let Who { key, id, step } = who;
+        self.decays.befall(species, (key, id, step), |decay, product| {
+            events.push(Event::Decayed { at, decay, product });
+        });
+    }
+}
+
+/// Gives a swimmer a new direction where chance says so.
+fn tumble(velocity: &mut [f32; 3], (up_to, speed): (u32, f32), [word, first, second, _]: [u32; 4]) {
+    if word <= up_to {
+        *velocity = direction(first, second).map(|c| c * speed);
     }
 }
 
 struct Chunk<'a> {
     base: usize,
     position: [&'a mut [f32]; 3],
-    velocity: [&'a [f32]; 3],
+    velocity: [&'a mut [f32]; 3],
     id: &'a [u32],
     species: &'a [u32],
 }
 
 struct Watched {
     at: u32,
-    id: u32,
     species: u32,
-    diffusion: f32,
-}
-
-/// With rates k₁, k₂, …: the probability 1 − exp(−ΣkΔt) shared out in proportion, as words that lie one above the
-/// other.
-fn decays_of(model: &Model, species: u32) -> Decays {
-    let own = |d: &&(usize, &crate::model::Decay)| d.1.reactant == species && d.1.rate > 0.0;
-    let decays: Vec<_> = model.decays.iter().enumerate().collect();
-    let total: f64 = decays.iter().filter(own).map(|(_, d)| d.rate).sum();
-    let probability = -libm::expm1(-total * model.time_step);
-    let mut below = 0.0;
-    let share = |&(place, decay): &(usize, &crate::model::Decay)| {
-        below += decay.rate / total;
-        yes_up_to(probability * below).map(|up_to| (up_to, place as u32, decay.product))
-    };
-    decays.iter().filter(own).filter_map(share).collect()
 }
 
 /// Draws the normal numbers of a block of particles.
@@ -255,8 +284,31 @@ mod tests {
     }
 
     #[test]
+    fn walls_turn_velocities_round() {
+        let boundary = Boundary {
+            axes: [
+                crate::Axis::Reflecting { low: -1.0, high: 1.0 },
+                crate::Axis::Periodic { low: -1.0, high: 1.0 },
+                crate::Axis::Open,
+            ],
+            vessel: None,
+        };
+        let species = vec![Species { thermal_speed: 1.0, drift: [0.0; 3], ..species(0.0) }];
+        let model = Model { time_step: 1.0, species, boundary, ..Model::default() };
+        let mut particles = Particles::default();
+        for (id, u) in (0..).zip([0.5, 1.5, -1.5, 3.5, -3.5]) {
+            particles.push(Particle { id, velocity: [u; 3], ..Particle::default() }, true);
+        }
+        Motion::new(&model).advance(&mut particles, Key::new(1), 0);
+        assert_eq!(particles.velocity[0], [0.5, -1.5, 1.5, 3.5, -3.5]);
+        assert_eq!(particles.position[0], [0.5, 0.5, -0.5, -0.5, 0.5]);
+        assert_eq!(particles.velocity[1], [0.5, 1.5, -1.5, 3.5, -3.5]);
+        assert_eq!(particles.velocity[2], particles.velocity[1]);
+    }
+
+    #[test]
     fn decays_share_their_probability() {
-        let decay = |rate, product| Decay { name: String::new(), reactant: 0, product, rate };
+        let decay = |rate, product| Decay { products: [product, None], rate, ..Decay::default() };
         let model = Model {
             time_step: 0.5,
             species: vec![species(0.0), species(0.0)],

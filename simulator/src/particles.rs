@@ -53,6 +53,24 @@ impl Particles {
         !self.is_empty() && self.velocity[0].len() == self.len()
     }
 
+    /// Makes room for more particles, so that adding them cannot fail.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn reserve(&mut self, count: u64, with_velocity: bool) -> Result<(), Error> {
+        let particles = self.len() as u64 + count;
+        let refused = |_| Error::OutOfMemory { particles, bytes: particles * size_of::<f32>() as u64 };
+        let count = usize::try_from(count).unwrap_or(usize::MAX);
+        let velocity = self.velocity.iter_mut().filter(|_| with_velocity);
+        for column in self.position.iter_mut().chain(velocity).chain([&mut self.radius]) {
+            column.try_reserve(count).map_err(refused)?;
+        }
+        for column in [&mut self.species, &mut self.id] {
+            column.try_reserve(count).map_err(refused)?;
+        }
+        Ok(())
+    }
+
     /// Adds a particle at the end.
     pub fn push(&mut self, particle: Particle, with_velocity: bool) {
         for axis in 0..3 {
@@ -64,6 +82,17 @@ impl Particles {
         self.radius.push(particle.radius);
         self.species.push(particle.species);
         self.id.push(particle.id);
+    }
+
+    /// Adds particles at the end, which have velocities if these have.
+    pub fn append(&mut self, mut others: Self) {
+        for axis in 0..3 {
+            self.position[axis].append(&mut others.position[axis]);
+            self.velocity[axis].append(&mut others.velocity[axis]);
+        }
+        self.radius.append(&mut others.radius);
+        self.species.append(&mut others.species);
+        self.id.append(&mut others.id);
     }
 
     /// The particle at a place.

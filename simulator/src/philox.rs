@@ -5,6 +5,8 @@
 //! the order of particles nor the number of threads nor the machine can change a run. Only 32-bit integer
 //! operations are used, which WGSL has too.
 
+use rand::TryRng;
+
 /// What a draw is for. Each purpose has random numbers of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
@@ -21,6 +23,18 @@ pub enum Purpose {
     Pair = 4,
     /// First-order decay of a particle.
     Decay = 5,
+    /// Where a particle was within a step; drawn by particle and piece of its path.
+    Path = 6,
+    /// Whether and how a particle comes apart.
+    Split = 7,
+    /// What happens to a particle between its release and the beginning of the next step.
+    Youth = 8,
+    /// How many particles are released; drawn by transmitter.
+    Count = 9,
+    /// Which symbol is sent; drawn by transmitter and place in the message.
+    Symbol = 10,
+    /// Whether and where a swimmer turns.
+    Tumble = 11,
 }
 
 /// The seed of a run as Philox takes it.
@@ -37,6 +51,53 @@ impl Key {
     #[inline(always)]
     pub fn draw(self, id: u32, other: u32, step: u32, purpose: Purpose) -> [u32; 4] {
         philox([id, other, step, purpose as u32], self.0)
+    }
+}
+
+/// A stream of random words, for distributions that take as many as they need.
+#[derive(Clone, Debug)]
+pub struct Draws {
+    key: Key,
+    /// Who draws, the block of words, the step, and what for.
+    counter: [u32; 4],
+    words: [u32; 4],
+    used: usize,
+}
+
+impl Draws {
+    /// The words of `id` at `step` for a purpose for which nobody draws otherwise.
+    pub fn new(key: Key, id: u32, step: u32, purpose: Purpose) -> Self {
+        Self { key, counter: [id, 0, step, purpose as u32], words: [0; 4], used: 4 }
+    }
+
+    fn word(&mut self) -> u32 {
+        if self.used == 4 {
+            self.words = philox(self.counter, self.key.0);
+            self.counter[1] += 1;
+            self.used = 0;
+        }
+        self.used += 1;
+        self.words[self.used - 1]
+    }
+}
+
+impl TryRng for Draws {
+    type Error = std::convert::Infallible;
+
+    fn try_next_u32(&mut self) -> Result<u32, Self::Error> {
+        Ok(self.word())
+    }
+
+    fn try_next_u64(&mut self) -> Result<u64, Self::Error> {
+        let low = u64::from(self.word());
+        Ok(low | u64::from(self.word()) << 32)
+    }
+
+    fn try_fill_bytes(&mut self, bytes: &mut [u8]) -> Result<(), Self::Error> {
+        for part in bytes.chunks_mut(4) {
+            part.copy_from_slice(&self.word().to_le_bytes()[..part.len()]);
+        }
+        Ok(())
     }
 }
 

@@ -11,12 +11,35 @@
 //! ```
 //!
 //! G being the normal density of width s. Then k = 4πDc. Short steps give c = σ − 0.5826·s, long ones k = (4/3)πσ³/Δt.
+//!
+//! *Reversible reactions.* Where every pair that reacts comes back in the end, its partners put apart by an unbinding
+//! radius, there is an equilibrium: nothing flows, u(r) → r, and the density has a source at that radius,
+//!
+//! ```text
+//! u(r) = ∫ from σ to ∞ of u(r′)·[G(r − r′) − G(r + r′)] dr′ + κ·[G(r − r₀) − G(r + r₀)]/(4πr₀),
+//! ```
+//!
+//! where κ pairs react in a step for a density of 1. They include those that meet again at once. So κ/Δt is the rate
+//! constant that the law of mass action has: with a rate k′ of coming apart, \[C\]/\[A\]\[B\] = κ/(k′Δt).
 
 use crate::Error;
 
-/// Where √(2DΔt), D being the sum of both diffusion coefficients, is more than this part of the binding radius, partners are so likely to jump over each other that
-/// the rate is right only for well-mixed partners; what happens near a partner or a surface is not resolved.
+/// Where √(2DΔt), D being the sum of both diffusion coefficients, is more than this part of the binding radius, partners
+/// are so likely to jump over each other that the rate is right only for well-mixed partners; what happens near a
+/// partner or a surface is not resolved.
 pub const LONG_STEP: f64 = 1.0;
+
+/// The longest time step, in s, that is not long beside the binding radius.
+pub fn longest_step(binding_radius: f64, diffusion: f64) -> f64 {
+    (LONG_STEP * binding_radius).powi(2) / (2.0 * diffusion)
+}
+
+/// The longest time step, in s, that is not long beside the binding radius that has the rate constant at that very
+/// step: where the step is as long as it may be, a radius σ has the constant 4πDσ·c with a c that is known.
+pub fn longest_step_for(rate: f64, diffusion: f64) -> f64 {
+    let radius = rate / (4.0 * std::f64::consts::PI * diffusion * absorbed(LONG_STEP));
+    longest_step(radius, diffusion)
+}
 
 /// The binding radius, in µm, that gives the rate constant `rate`, in µm³/s, to partners whose diffusion coefficients
 /// add up to `diffusion`, in µm²/s, in steps of `time_step` s.
@@ -37,12 +60,40 @@ pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, 
     let step = (2.0 * diffusion * time_step).sqrt();
     // k rises with the radius, from nothing; both limits of the rate lie above the rate itself.
     let mixed = (rate * time_step * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
-    let [mut low, mut high] = [mixed, mixed.max(rate / (4.0 * std::f64::consts::PI * diffusion)) + step];
+    let high = mixed.max(rate / (4.0 * std::f64::consts::PI * diffusion)) + step;
+    Ok(root([mixed, high], |radius| rate_constant(radius, diffusion, time_step) - rate))
+}
+
+/// The binding radius, in µm, with which an equilibrium has the rate constant `rate`, in µm³/s, where pairs come apart by
+/// the `unbinding` radius, in µm; else as [`binding_radius`].
+///
+/// # Errors
+/// As [`binding_radius`].
+pub fn reversible_binding_radius(
+    rate: f64,
+    unbinding: f64,
+    diffusion: f64,
+    time_step: f64,
+) -> Result<f64, Error> {
+    // Pairs that meet again make the rate higher than it is without.
+    let highest = binding_radius(rate, diffusion, time_step)?;
+    let is = |radius| reversible_rate_constant(radius, unbinding, diffusion, time_step);
+    Ok(root([1e-6 * highest, highest], |radius| is(radius) - rate))
+}
+
+/// The rate constant, in µm³/s, that an equilibrium has; see [`reversible_binding_radius`].
+pub fn reversible_rate_constant(binding: f64, unbinding: f64, diffusion: f64, time_step: f64) -> f64 {
+    let step = (2.0 * diffusion * time_step).sqrt();
+    step.powi(3) / time_step * regained(binding / step, unbinding / step)
+}
+
+/// Where a function that rises goes through 0.
+fn root([mut low, mut high]: [f64; 2], function: impl Fn(f64) -> f64) -> f64 {
     while high - low > 1e-9 * high {
         let middle = 0.5 * (low + high);
-        if rate_constant(middle, diffusion, time_step) < rate { low = middle } else { high = middle }
+        if function(middle) < 0.0 { low = middle } else { high = middle }
     }
-    Ok(0.5 * (low + high))
+    0.5 * (low + high)
 }
 
 /// The rate constant, in µm³/s, that a binding radius gives; see [`binding_radius`].
@@ -61,29 +112,53 @@ const FAR: f64 = 12.0;
 fn absorbed(step: f64) -> f64 {
     // In units of the step the boundary is at b, and u = (x − c) + v(x) with v → 0.
     let b = 1.0 / step;
-    let nodes: Vec<(f64, f64)> = panels(b, b + FAR);
-    let n = nodes.len();
-    let gauss = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
-    let kernel = |x: f64, y: f64| gauss(x - y) - gauss(x + y);
-    // Unknowns: u at the nodes, and c. Beyond the last panel u = x − c, whose integral against the kernel is known.
     let far = b + FAR;
+    // The tail of the density is 1 less, per c.
+    let unknown = |x: f64| upper(far - x) - upper(far + x);
+    steady(b, [&unknown, &|_| 1.0]) / b
+}
+
+/// κ of the equation of reversible reactions, for radii in units of the step.
+fn regained(binding: f64, unbinding: f64) -> f64 {
+    if unbinding > binding + FAR / 2.0 {
+        // Far from the boundary densities are harmonic: what is c from there meets again in c/r₀ of all cases.
+        let c = binding * absorbed(1.0 / binding);
+        return 2.0 * std::f64::consts::PI * c / (1.0 - c / unbinding);
+    }
+    let source = |x: f64| match unbinding > 1e-3 {
+        true => (gauss(x - unbinding) - gauss(x + unbinding)) / (4.0 * std::f64::consts::PI * unbinding),
+        false => x * gauss(x) / (2.0 * std::f64::consts::PI),
+    };
+    steady(binding, [&|x| -source(x), &|_| 0.0])
+}
+
+/// The unknown of an equation for u at distances above `b`, in units of the step: what it adds per unit to the equation
+/// at a distance, and to the condition that u = x far away.
+fn steady(b: f64, unknown: [&dyn Fn(f64) -> f64; 2]) -> f64 {
+    let far = b + FAR;
+    let nodes: Vec<(f64, f64)> = panels(b, far);
+    let n = nodes.len();
+    let kernel = |x: f64, y: f64| gauss(x - y) - gauss(x + y);
+    // Beyond the last panel u = x, but for the unknown, whose integral against the kernel is known.
     let mut matrix = vec![vec![0.0; n + 2]; n + 1];
     for (row, &(x, _)) in nodes.iter().enumerate() {
         for (column, &(y, weight)) in nodes.iter().enumerate() {
             matrix[row][column] = f64::from(u8::from(row == column)) - weight * kernel(x, y);
         }
         let tail = |s: f64| upper(far - s);
-        let first = (gauss(far - x) + x * tail(x)) - (gauss(far + x) - x * tail(-x));
-        let mass = tail(x) - tail(-x);
-        matrix[row][n] = mass;
-        matrix[row][n + 1] = first;
+        matrix[row][n] = unknown[0](x);
+        matrix[row][n + 1] = (gauss(far - x) + x * tail(x)) - (gauss(far + x) - x * tail(-x));
     }
     // The line goes through the last node.
     let last = nodes[n - 1].0;
     matrix[n][n - 1] = 1.0;
-    matrix[n][n] = 1.0;
+    matrix[n][n] = unknown[1](last);
     matrix[n][n + 1] = last;
-    solve(matrix) / b
+    solve(matrix)
+}
+
+fn gauss(x: f64) -> f64 {
+    (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt()
 }
 
 /// The part of a standard normal density above `x`.
@@ -145,6 +220,30 @@ mod tests {
                 "{step}: {volume}"
             );
         }
+    }
+
+    /// Short steps have the closed form, with the boundary shifted as above; very long ones know of no distance.
+    #[test]
+    fn an_equilibrium_has_its_limits() {
+        let (diffusion, time_step) = (1.0, 0.5e-4);
+        let shifted = 1.0 - 0.582_597 * 0.01;
+        for unbinding in [1.03, 1.1, 2.0] {
+            let k = reversible_rate_constant(1.0, unbinding, diffusion, time_step);
+            let expected = 4.0 * std::f64::consts::PI * shifted / (1.0 - shifted / unbinding);
+            assert!((k / expected - 1.0).abs() < 2e-3, "{unbinding}: {k} and not {expected}");
+        }
+        // On either side of where the harmonic form takes over.
+        let [near, far] = [5.999, 6.001].map(|by| regained(3.0, 3.0 + by));
+        assert!((near / far - 1.0).abs() < 1e-3, "{near} {far}");
+        let [close, point] = [1.001e-3, 0.999e-3].map(|unbinding| regained(2.0, unbinding));
+        assert!((close / point - 1.0).abs() < 1e-5, "{close} {point}");
+        for unbinding in [0.0, 1.0, 2.0] {
+            let k = reversible_rate_constant(1.0, unbinding, 1.0, 5e3);
+            let mixed = 4.0 / 3.0 * std::f64::consts::PI / 5e3;
+            assert!((k / mixed - 1.0).abs() < 0.02, "{unbinding}: {k} and not {mixed}");
+        }
+        let radius = reversible_binding_radius(30.0, 1.2, 1.0, 1e-3).unwrap();
+        assert!((reversible_rate_constant(radius, 1.2, 1.0, 1e-3) / 30.0 - 1.0).abs() < 1e-6);
     }
 
     #[test]

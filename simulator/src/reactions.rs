@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::Error;
 use crate::boundary::Boundary;
+use crate::chances::{self, Chances};
 use crate::matching::Candidate;
 use crate::model::{Contact, Model, Reaction};
 use crate::particles::Particles;
@@ -15,11 +16,24 @@ use crate::transmitter::direction;
 #[derive(Clone, Debug)]
 pub struct Reactions {
     species: usize,
-    /// By both species.
-    pub(crate) table: Vec<Option<Rule>>,
+    /// By both species: what may happen, from the inside outwards.
+    table: Vec<Vec<Zone>>,
     reactions: Vec<Reaction>,
-    diffusion: Vec<f64>,
+    /// By reaction: how much of the way together is the first reactant's, and of the way apart the first product's.
+    shares: Vec<[f32; 2]>,
     boundary: Boundary,
+    /// By species: where walls let their centres be.
+    rooms: Vec<Boundary>,
+}
+
+/// What may happen to a pair that is near enough.
+#[derive(Clone, Debug)]
+struct Zone {
+    /// How near, where the detector looks further than that.
+    within: Option<f32>,
+    /// One, and what else may happen: the one with the lowest largest word comes first.
+    rule: Rule,
+    others: Vec<Rule>,
 }
 
 /// What is needed to decide about a pair.
@@ -30,8 +44,6 @@ pub(crate) struct Rule {
     pub(crate) first: u32,
     /// The largest word that means yes.
     pub(crate) up_to: u32,
-    /// The binding radius, where the detector looks further than that.
-    pub(crate) within: Option<f32>,
     /// Whether the first and the second reactant are used up.
     pub(crate) claims: [bool; 2],
 }
@@ -53,19 +65,16 @@ const TASK: usize = 4096;
 impl Reactions {
     /// The reactions of a model that was checked.
     pub fn new(model: &Model) -> Self {
-        let species = model.species.len();
-        let mut table = vec![None; species * species];
-        for (place, reaction) in model.reactions.iter().enumerate() {
-            let [a, b] = reaction.reactants;
-            let Some(up_to) = yes_up_to(reaction.probability) else { continue };
-            let claims = [0, 1].map(|k| reaction.products[k] != Some(reaction.reactants[k]));
-            let within = (reach(model, a, b) > reaction.binding_radius).then_some(reaction.binding_radius);
-            let rule = Some(Rule { reaction: place as u32, first: a, up_to, within, claims });
-            table[a as usize * species + b as usize] = rule;
-            table[b as usize * species + a as usize] = rule;
+        let (species, chances) = (model.species.len() as u32, Chances(model));
+        let all = || (0..species).flat_map(move |a| (0..species).map(move |b| [a, b]));
+        Self {
+            species: species as usize,
+            table: all().map(|pair| zones(model, chances, pair)).collect(),
+            reactions: model.reactions.clone(),
+            shares: model.reactions.iter().map(|reaction| shares(model, reaction)).collect(),
+            boundary: model.boundary,
+            rooms: model.rooms(),
         }
-        let diffusion = model.species.iter().map(|s| s.diffusion).collect();
-        Self { species, table, reactions: model.reactions.clone(), diffusion, boundary: model.boundary }
     }
 
     /// Whether nothing reacts.
@@ -89,15 +98,19 @@ impl Reactions {
     fn candidate(&self, particles: &Particles, pair: Pair, key: Key, step: u32) -> Option<Candidate> {
         let (i, j) = (pair.i as usize, pair.j as usize);
         let (a, b) = (particles.species[i], particles.species[j]);
-        let rule = self.table[a as usize * self.species + b as usize]?;
-        if rule.within.is_some_and(|radius| !within(particles, pair, &self.boundary, radius)) {
-            return None;
-        }
+        let zones = &self.table[a as usize * self.species + b as usize];
+        let zone = match zones.as_slice() {
+            [] => return None,
+            [zone] if zone.within.is_none() => zone,
+            zones => {
+                let apart = distance_squared(particles, pair, &self.boundary);
+                let is_inside = |radius: f32| apart <= f64::from(radius) * f64::from(radius);
+                zones.iter().find(|zone| zone.within.is_none_or(is_inside))?
+            }
+        };
         let ids = [particles.id[i].min(particles.id[j]), particles.id[i].max(particles.id[j])];
         let [priority, chance, ..] = key.draw(ids[0], ids[1], step, Purpose::Pair);
-        if chance > rule.up_to {
-            return None;
-        }
+        let rule = std::iter::once(&zone.rule).chain(&zone.others).find(|rule| chance <= rule.up_to)?;
         // Among equals the lower id comes first.
         let in_order = if a == b { particles.id[i] == ids[0] } else { a == rule.first };
         let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };
@@ -118,7 +131,7 @@ impl Reactions {
         let reaction = &self.reactions[candidate.rule as usize];
         let [a, b] = candidate.at.map(|at| particles.position_of(at as usize));
         let toward = self.boundary.offset(a, b);
-        let [share, first_share] = self.shares(reaction, candidate.claims);
+        let [share, first_share] = self.shares[candidate.rule as usize];
         let meeting: [f32; 3] = std::array::from_fn(|k| a[k] + share * toward[k]);
         let apart = match reaction.products {
             [Some(_), Some(_)] if reaction.unbinding_radius > 0.0 => {
@@ -128,39 +141,80 @@ impl Reactions {
             _ => [0.0; 3],
         };
         let outcome = |k: usize, along: f32| {
-            let position =
-                self.boundary.place(std::array::from_fn(|axis| meeting[axis] + along * apart[axis]));
+            let room = reaction.products[k].map_or(&self.boundary, |product| &self.rooms[product as usize]);
+            let position = room.place(std::array::from_fn(|axis| meeting[axis] + along * apart[axis]));
             let outcome = Outcome { at: candidate.at[k], product: reaction.products[k], position };
             candidate.claims[k].then_some(outcome)
         };
         [outcome(0, -first_share), outcome(1, 1.0 - first_share)]
     }
 
-    /// How much of the way to where they meet is the first reactant's, and of the way apart the first product's.
-    pub(crate) fn shares(&self, reaction: &Reaction, claims: [bool; 2]) -> [f32; 2] {
-        let together = match claims {
-            [true, true] => self.share(reaction.reactants),
-            [true, false] => 1.0,
-            _ => 0.0,
-        };
-        let apart = match (claims, reaction.products) {
-            ([true, true], [Some(c), Some(d)]) => self.share([c, d]),
-            ([true, false], _) => 1.0,
-            _ => 0.0,
-        };
-        [together, apart]
+    /// What may happen to two species at any distance at which the detector finds them, where that is one thing at
+    /// most.
+    ///
+    /// # Errors
+    /// The reactions, where they are several.
+    pub(crate) fn only(&self, a: u32, b: u32) -> Result<Option<(Rule, Option<f32>)>, Vec<&str>> {
+        match self.table[a as usize * self.species + b as usize].as_slice() {
+            [] => Ok(None),
+            [Zone { within, rule, others }] if others.is_empty() => Ok(Some((*rule, *within))),
+            zones => Err(zones
+                .iter()
+                .take(1)
+                .flat_map(|zone| std::iter::once(&zone.rule).chain(&zone.others))
+                .map(|rule| self.reactions[rule.reaction as usize].name.as_str())
+                .collect()),
+        }
     }
 
-    /// How much of the way between two particles is the first one's.
-    fn share(&self, [a, b]: [u32; 2]) -> f32 {
-        let [a, b] = [a, b].map(|species| self.diffusion[species as usize]);
-        if a + b > 0.0 { (a / (a + b)) as f32 } else { 0.5 }
+    /// See [`Self::shares`].
+    pub(crate) fn shares_of(&self, reaction: u32) -> [f32; 2] {
+        self.shares[reaction as usize]
     }
 }
 
-/// Whether two particles are within a distance of each other; in `f64`, as the detector decides.
-pub(crate) fn within(particles: &Particles, pair: Pair, boundary: &Boundary, radius: f32) -> bool {
-    distance_squared(particles, pair, boundary) <= f64::from(radius) * f64::from(radius)
+/// What may happen to two species, as words and rules.
+fn zones(model: &Model, chances: Chances<'_>, pair: [u32; 2]) -> Vec<Zone> {
+    let all = chances.zones(pair);
+    let outermost = all.last().map_or(0.0, |zone| zone.radius).max(reach(model, pair[0], pair[1]));
+    let zone = |zone: chances::Zone| {
+        let mut below = 0.0;
+        let rule = |(place, probability): (usize, f64)| {
+            below += probability;
+            let reaction = &model.reactions[place];
+            Some(Rule {
+                reaction: place as u32,
+                first: reaction.reactants[0],
+                up_to: yes_up_to(below)?,
+                claims: claims(reaction),
+            })
+        };
+        let mut rules = zone.channels.into_iter().filter_map(rule);
+        let within = (outermost > zone.radius).then_some(zone.radius);
+        Some(Zone { within, rule: rules.next()?, others: rules.collect() })
+    };
+    all.into_iter().filter_map(zone).collect()
+}
+
+/// Whether the first and the second reactant are used up.
+fn claims(reaction: &Reaction) -> [bool; 2] {
+    [0, 1].map(|k| reaction.products[k] != Some(reaction.reactants[k]))
+}
+
+/// How much of the way to where they meet is the first reactant's, and of the way apart the first product's.
+fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {
+    let claims = claims(reaction);
+    let together = match claims {
+        [true, true] => model.share(reaction.reactants),
+        [true, false] => 1.0,
+        _ => 0.0,
+    };
+    let apart = match (claims, reaction.products) {
+        ([true, true], [Some(c), Some(d)]) => model.share([c, d]),
+        ([true, false], _) => 1.0,
+        _ => 0.0,
+    };
+    [together, apart]
 }
 
 /// The squared distance of two particles.
@@ -189,7 +243,9 @@ pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
     let mut table = Interactions::new(model.species.len() as u32, all).map_err(refused)?;
     for reaction in &model.reactions {
         let [a, b] = reaction.reactants;
-        let distance = reach(model, a, b).max(reaction.binding_radius);
+        let same = |other: &&Reaction| other.reactants == [a, b] || other.reactants == [b, a];
+        let radii = model.reactions.iter().filter(same).map(|reaction| reaction.binding_radius);
+        let distance = radii.fold(reach(model, a, b), f32::max);
         table.set(a, b, Interaction::Within(distance)).map_err(refused)?;
     }
     Ok(Some(table))
@@ -198,7 +254,7 @@ pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::Species;
+    use crate::model::{Chance, Species};
     use crate::particles::Particle;
 
     fn species(name: &str, diffusion: f64, radius: f32) -> Species {
@@ -207,8 +263,7 @@ mod tests {
 
     fn model(products: [Option<u32>; 2]) -> Model {
         let binding_radius = 1.5;
-        let reaction =
-            Reaction { reactants: [0, 1], products, binding_radius, probability: 1.0, ..Reaction::default() };
+        let reaction = Reaction { reactants: [0, 1], products, binding_radius, ..Reaction::default() };
         let species = vec![species("A", 3.0, 0.0), species("B", 1.0, 0.0), species("C", 1.0, 0.0)];
         Model { time_step: 1.0, species, reactions: vec![reaction], ..Model::default() }
     }
@@ -275,9 +330,44 @@ mod tests {
     }
 
     #[test]
+    fn a_pair_takes_one_of_the_channels_in_whose_radius_it_is() {
+        let mut model = model([Some(2), None]);
+        let channel = |binding_radius, p| Reaction {
+            binding_radius,
+            chance: Chance::PerStep(p),
+            ..model.reactions[0].clone()
+        };
+        // The two are 1 apart.
+        model.reactions = vec![channel(1.5, 0.2), channel(0.9, 0.5), channel(1.0, 0.3)];
+        let table = interactions(&model).unwrap().unwrap();
+        assert_eq!(table.get(0, 1), Interaction::Within(1.5));
+        let n = 20_000;
+        let shares = |model: &Model| {
+            let (reactions, particles) = (Reactions::new(model), two());
+            let mut counts = [0; 3];
+            for step in 0..n {
+                let candidates = reactions.candidates(&particles, &[Pair::new(0, 1)], KEY, step);
+                candidates.iter().for_each(|candidate| counts[candidate.rule as usize] += 1);
+            }
+            counts.map(|count| f64::from(count) / f64::from(n))
+        };
+        let is = |found: [f64; 3], expected: [f64; 3]| {
+            for (found, p) in found.into_iter().zip(expected) {
+                assert!(
+                    (found - p).abs() <= 4.0 * (p * (1.0 - p) / f64::from(n)).sqrt(),
+                    "{found} and not {p}"
+                );
+            }
+        };
+        is(shares(&model), [0.2, 0.0, 0.3]);
+        model.reactions[1].binding_radius = 1.1;
+        is(shares(&model), [0.2, 0.5, 0.3]);
+    }
+
+    #[test]
     fn probability_is_per_candidate() {
         let mut model = model([None, None]);
-        model.reactions[0].probability = 0.3;
+        model.reactions[0].chance = Chance::PerStep(0.3);
         let (reactions, particles) = (Reactions::new(&model), two());
         let n = 20_000;
         let one = |step| reactions.candidates(&particles, &[Pair::new(0, 1)], KEY, step).len();

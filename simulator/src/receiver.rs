@@ -1,9 +1,9 @@
 //! Spheres that count particles.
 
 use crate::boundary::Boundary;
-use crate::philox::{Key, Purpose, open_unit};
+use crate::particles::Particles;
 
-/// A sphere that counts.
+/// A sphere that counts. A particle is where its centre is, whatever its radius.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Receiver {
     /// Its name in output.
@@ -18,59 +18,29 @@ pub struct Receiver {
     pub sees: Vec<bool>,
 }
 
+impl Receiver {
+    /// How many particles of each species are inside the sphere, of those that it sees.
+    pub fn inside(&self, boundary: &Boundary, particles: &Particles) -> Vec<u64> {
+        let mut counts = vec![0; self.sees.len()];
+        for (at, &species) in particles.species.iter().enumerate() {
+            let species = species as usize;
+            if self.sees[species] && height(self, boundary, particles.position_of(at)) <= 0.0 {
+                counts[species] += 1;
+            }
+        }
+        counts
+    }
+}
+
 /// How a receiver counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Removes and counts what reaches it, also between two steps: with both ends of a step outside, at distances
-    /// `a` and `b` from the surface, the path met the sphere with probability exp(−ab/(DΔt)). On average over the
-    /// angle between the ends that is exact for a sphere.
+    /// Removes and counts what reaches it, also between two steps; see [`crossing`](crate::crossing).
     Absorbing,
     /// Removes and counts what is inside at the end of a step, and overlooks all that was inside only between.
     Endpoint,
     /// Lets everything through and says how many are inside.
     Transparent,
-}
-
-/// Beyond this exponent the probability is below the smallest random number.
-const NEVER: f32 = 17.0;
-
-/// Whether a particle that went from `before` to `after` met the sphere. `diffusion_step` is DΔt of its species in
-/// µm².
-#[inline]
-pub fn meets(receiver: &Receiver, boundary: &Boundary, ends: [[f32; 3]; 2], diffusion_step: f32) -> Meeting {
-    let [a, b] = ends.map(|end| height(receiver, boundary, end));
-    if b <= 0.0 {
-        return Meeting::Sure;
-    }
-    if receiver.kind == Kind::Endpoint {
-        return Meeting::Never;
-    }
-    let exponent = a * b / diffusion_step;
-    // A particle at rest gives 0/0 on the surface only, which is met at the end of the step.
-    if exponent < NEVER { Meeting::Probably(libm::expf(-exponent)) } else { Meeting::Never }
-}
-
-/// Whether a path met a receiver.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Meeting {
-    /// It did.
-    Sure,
-    /// It did not.
-    Never,
-    /// With this probability.
-    Probably(f32),
-}
-
-impl Meeting {
-    /// Draws where chance decides.
-    #[inline]
-    pub fn happens(self, key: Key, id: u32, receiver: u32, step: u32) -> bool {
-        match self {
-            Self::Sure => true,
-            Self::Never => false,
-            Self::Probably(p) => open_unit(key.draw(id, receiver, step, Purpose::Receiver)[0]) < p,
-        }
-    }
 }
 
 /// Distance of a point from the receiver's surface, negative inside.
@@ -86,18 +56,6 @@ mod tests {
 
     fn receiver(kind: Kind) -> Receiver {
         Receiver { name: "r".into(), center: [1.0, 0.0, 0.0], radius: 1.0, kind, sees: vec![true] }
-    }
-
-    #[test]
-    fn crossing_follows_the_bridge() {
-        let open = Boundary::default();
-        let ends = [[2.5, 0.0, 0.0], [1.0, 1.25, 0.0]];
-        let Meeting::Probably(p) = meets(&receiver(Kind::Absorbing), &open, ends, 0.25) else { panic!() };
-        assert!((p - (-0.5_f32).exp()).abs() < 1e-6);
-        assert_eq!(meets(&receiver(Kind::Endpoint), &open, ends, 0.25), Meeting::Never);
-        assert_eq!(meets(&receiver(Kind::Absorbing), &open, ends, 0.0), Meeting::Never);
-        let inside = [[9.0, 0.0, 0.0], [1.5, 0.0, 0.0]];
-        assert_eq!(meets(&receiver(Kind::Endpoint), &open, inside, 0.25), Meeting::Sure);
     }
 
     #[test]

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use lazygrid::{Algorithm, Backend};
 
 use crate::checkpoint::Checkpoint;
-use crate::output::{self, Files};
+use crate::output::{self, Files, Forecast, Lock};
+use crate::pace::Pace;
 use crate::scenario::Scenario;
 use crate::{Error, Simulator};
 
@@ -29,6 +30,8 @@ pub struct Run {
     pub resume: bool,
     /// Whether to replace a run that is in the directory.
     pub overwrite: bool,
+    /// Whether to refuse what will not fit the disk, and to stop before that is full.
+    pub space_check: bool,
 }
 
 /// How a run ended.
@@ -40,9 +43,12 @@ pub enum End {
     Stopped,
 }
 
+/// Rows of the series after which the disk is looked at.
+const ROWS: u32 = 4096;
+
 impl Run {
-    /// Does all steps and calls `watch` before the first and after each, or on a GPU after several, until it breaks. However it ends, the files
-    /// are closed and there is a checkpoint to go on from.
+    /// Does all steps and calls `watch` before the first and after each, or on a GPU after several, until it breaks.
+    /// However it ends, the files are closed and there is a checkpoint to go on from.
     ///
     /// # Errors
     /// [`Error::Write`] before anything is computed where the directory cannot be written or the disk is too small,
@@ -69,13 +75,25 @@ impl Run {
         &self,
         mut watch: impl FnMut(&Simulator) -> ControlFlow<()>,
     ) -> Result<(End, Simulator), Error> {
+        self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
         let (mut simulation, mut files) = if self.resume { self.go_on()? } else { self.begin()? };
+        let mut pace = Pace::default();
         let mut end = End::Finished;
         if watch(&simulation).is_break() {
             end = End::Stopped;
         }
         while end == End::Finished && simulation.step_count() < self.scenario.steps {
-            simulation.advance(self.steps_to_next(simulation.step_count()))?;
+            let (step, before) = (simulation.step_count(), simulation.totals().clone());
+            simulation.advance(self.steps_to_next(step))?;
+            pace.see(simulation.model(), [&before, simulation.totals()], simulation.step_count() - step);
+            if self.is_disk_full(&simulation)? {
+                self.save(&simulation, &mut files)?;
+                return Err(self.no_room(format!(
+                    "it stopped after {} steps with a checkpoint, before the disk is full; make room and go on with \
+                     --resume (--no-space-check goes on whatever is left)",
+                    simulation.step_count()
+                )));
+            }
             files.record(&simulation)?;
             let due = |every: u32| simulation.step_count().is_multiple_of(every);
             if self.scenario.output.checkpoint_every.is_some_and(due) {
@@ -86,6 +104,7 @@ impl Run {
             }
         }
         self.save(&simulation, &mut files)?;
+        pace.advice(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
         Ok((end, simulation))
     }
 
@@ -99,36 +118,75 @@ impl Run {
     }
 
     fn begin(&self) -> Result<(Simulator, Files), Error> {
-        let Scenario { model, steps, seed, output, .. } = &self.scenario;
+        let Scenario { model, seed, output, .. } = &self.scenario;
         let simulation = Simulator::begin(model, *seed, self.backend, self.algorithm, None)?;
-        output::prepare(&self.directory, self.overwrite)?;
-        self.check_room(output::estimate(*output, model, *steps))?;
-        let mut files = Files::create(&self.directory, *output, model)?;
+        let lock = output::prepare(&self.directory, self.overwrite)?;
+        // Before anything that is there is replaced.
+        self.foretell(&simulation)?;
+        let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
         files.record(&simulation)?;
         // What cannot be written shows now.
         self.save(&simulation, &mut files)?;
         Ok((simulation, files))
     }
 
-    /// Refuses a run whose files will not fit.
-    fn check_room(&self, needed: u64) -> Result<(), Error> {
-        let write = |source| Error::Write { path: self.directory.clone(), source };
-        let free = fs4::available_space(&self.directory).map_err(write)?;
-        if needed <= free {
+    /// Refuses a run whose files will surely not fit, and warns where they may not.
+    fn foretell(&self, simulation: &Simulator) -> Result<(), Error> {
+        if !self.space_check {
             return Ok(());
         }
-        let message = format!(
-            "the run is going to write about {} MB and the disk has {} MB left; write frames less often or choose \
-             another directory",
-            needed >> 20,
+        let Scenario { steps, output, text, .. } = &self.scenario;
+        let Forecast { least, most, checkpoint } = Forecast::of(simulation, *output, *steps, text);
+        let free = self.free()?;
+        if least + checkpoint <= free && most + checkpoint > free {
+            log::warn!(
+                "the run writes about {} MB if no particle is lost, and the disk has {} MB left; it stops with a \
+                 checkpoint before the disk is full",
+                most >> 20,
+                free >> 20
+            );
+        }
+        if least + checkpoint <= free {
+            return Ok(());
+        }
+        Err(self.no_room(format!(
+            "the run is going to write about {} MB and the disk has {} MB left; write frames less often, choose another \
+             directory, or try all the same with --no-space-check",
+            least >> 20,
             free >> 20
-        );
-        Err(write(std::io::Error::new(std::io::ErrorKind::StorageFull, message)))
+        )))
+    }
+
+    fn free(&self) -> Result<u64, Error> {
+        let write = |source| Error::Write { path: self.directory.clone(), source };
+        fs4::available_space(&self.directory).map_err(write)
+    }
+
+    fn no_room(&self, message: String) -> Error {
+        let source = std::io::Error::new(std::io::ErrorKind::StorageFull, message);
+        Error::Write { path: self.directory.clone(), source }
+    }
+
+    /// Whether what is due now, and a checkpoint behind it, may not fit any more. Rows alone are looked after now and
+    /// then.
+    fn is_disk_full(&self, simulation: &Simulator) -> Result<bool, Error> {
+        let (step, output) = (simulation.step_count(), self.scenario.output);
+        let rows = output.every.saturating_mul(ROWS);
+        if !self.space_check || !(output.has_frame(step) || step.is_multiple_of(rows)) {
+            return Ok(false);
+        }
+        Ok(self.free()? < 2 * output::next(simulation, output))
     }
 
     fn go_on(&self) -> Result<(Simulator, Files), Error> {
         let path = self.directory.join("checkpoint");
-        let Checkpoint { scenario, seed, every, lengths, state } = Checkpoint::read(&path)?;
+        let lock = match Lock::take(&self.directory) {
+            Err(Error::Write { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+                return Err(Error::Read { path, source });
+            }
+            lock => lock?,
+        };
+        let Checkpoint { scenario, seed, backend, every, lengths, state } = Checkpoint::read(&path)?;
         let refused = |message: String| Err(Error::Checkpoint { path: path.clone(), message });
         let own = &self.scenario;
         if scenario != own.text {
@@ -146,8 +204,23 @@ impl Run {
                 "its series goes by --every {rows} and its frames by --frames-every {frames}"
             ));
         }
+        if own.steps < state.step {
+            return refused(format!(
+                "{} steps are done and the run is to have {} in all; give --steps {} or more",
+                state.step, own.steps, state.step
+            ));
+        }
+        let done = state.step;
         let simulation = Simulator::begin(&own.model, seed, self.backend, self.algorithm, Some(state))?;
-        Ok((simulation, Files::reopen(&self.directory, own.output, &lengths)?))
+        if backend != simulation.backend().name() {
+            log::warn!(
+                "the first {done} steps were done on the {backend}, those to come are on the {}: they round differently, \
+                 so that the run has the same statistics as one on either, and is the same as neither",
+                simulation.backend()
+            );
+        }
+        self.foretell(&simulation)?;
+        Ok((simulation, Files::reopen(&self.directory, own.output, &lengths, lock)?))
     }
 
     fn save(&self, simulation: &Simulator, files: &mut Files) -> Result<(), Error> {
@@ -155,6 +228,7 @@ impl Run {
         let checkpoint = Checkpoint {
             scenario: text.clone(),
             seed: *seed,
+            backend: simulation.backend().name().to_owned(),
             every: [output.every, output.frames_every],
             lengths: files.sync()?,
             state: simulation.state()?.into_owned(),

@@ -5,13 +5,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 use crate::contact::Contacts;
+use crate::decay::Decays;
+use crate::dissociation::{self, Dissociation};
 use crate::matching::Matching;
 use crate::model::{Contact, Model};
 use crate::motion::{Event, Motion};
 use crate::particles::Particles;
-use crate::philox::Key;
-use crate::reactions::{Reactions, interactions};
-use crate::receiver::{Kind, height};
+use crate::philox::{Key, Purpose};
+use crate::reactions::{Outcome, Reactions, interactions};
+use crate::receiver::Kind;
+use crate::release::Released;
 
 /// All that changes in a run: with the model and the seed it says how the run goes on, to the last bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -45,9 +48,40 @@ pub struct Totals {
     pub contacts: u64,
 }
 
+impl State {
+    /// The beginning of a run, at which transmitters have released what is due at once.
+    ///
+    /// # Errors
+    /// [`Error::Model`] where the model makes no sense, [`Error::OutOfIds`] where it releases too many particles.
+    pub fn new(model: &Model, seed: u64) -> Result<Self, Error> {
+        model.check()?;
+        let mut state = Self { totals: Totals::of(model), ..Self::default() };
+        state.release(model, &Decays::new(model), Key::new(seed))?;
+        Ok(state)
+    }
+
+    /// Releases what is due at the beginning of the next step.
+    fn release(&mut self, model: &Model, decays: &Decays, key: Key) -> Result<(), Error> {
+        let released = model.release(decays, key, self.step, self.next_id)?;
+        self.next_id = released.next_id;
+        self.totals.enter(&released);
+        self.particles.append(released.particles);
+        Ok(())
+    }
+}
+
 impl Totals {
+    /// Enters what was released.
+    pub(crate) fn enter(&mut self, released: &Released) {
+        let add =
+            |totals: &mut Vec<u64>, more: &[u64]| totals.iter_mut().zip(more).for_each(|(t, m)| *t += m);
+        add(&mut self.released, &released.released);
+        add(&mut self.decayed, &released.decayed);
+        released.particles.species.iter().for_each(|&species| self.present[species as usize] += 1);
+    }
+
     /// Nothing yet.
-    pub(crate) fn of(model: &Model) -> Self {
+    fn of(model: &Model) -> Self {
         let species = model.species.len();
         Self {
             present: vec![0; species],
@@ -69,6 +103,7 @@ pub struct Simulation {
     motion: Motion,
     reactions: Reactions,
     contacts: Contacts,
+    dissociation: Dissociation,
     detector: Option<Detector>,
     matching: Matching,
 }
@@ -79,9 +114,9 @@ impl Simulation {
     /// The work is done in the rayon pool of whoever calls.
     ///
     /// # Errors
-    /// [`Error::Model`] where the model makes no sense, [`Error::Detection`] where the detector refuses it.
+    /// As [`State::new`], and [`Error::Detection`] where the detector refuses the model.
     pub fn new(model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, Error> {
-        let state = State { totals: Totals::of(&model), ..State::default() };
+        let state = State::new(&model, seed)?;
         Self::resume(model, seed, algorithm, state)
     }
 
@@ -104,6 +139,7 @@ impl Simulation {
             motion: Motion::new(&model),
             reactions: Reactions::new(&model),
             contacts: Contacts::new(&model),
+            dissociation: Dissociation::new(&model),
             detector,
             matching: Matching::default(),
             model,
@@ -138,6 +174,7 @@ impl Simulation {
                 "a particle is of species {species} and the model has {known}"
             )));
         }
+        self.state.particles.reserve(particles.len() as u64, with_velocity)?;
         for at in 0..particles.len() {
             let particle = particles.get(at);
             self.state.next_id = self.state.next_id.max(particle.id.saturating_add(1));
@@ -150,16 +187,7 @@ impl Simulation {
 
     /// How many particles of each species are now inside a receiver's sphere.
     pub fn inside(&self, receiver: usize) -> Vec<u64> {
-        let (particles, sphere) = (&self.state.particles, &self.model.receivers[receiver]);
-        let mut counts = vec![0; self.model.species.len()];
-        for at in 0..particles.len() {
-            let species = particles.species[at] as usize;
-            let is_inside = || height(sphere, &self.model.boundary, particles.position_of(at)) <= 0.0;
-            if sphere.sees[species] && is_inside() {
-                counts[species] += 1;
-            }
-        }
-        counts
+        self.model.receivers[receiver].inside(&self.model.boundary, &self.state.particles)
     }
 
     /// What each receiver has to say: arrivals so far, or how many are inside a transparent one; by species.
@@ -171,33 +199,18 @@ impl Simulation {
         self.model.receivers.iter().enumerate().map(says).collect()
     }
 
-    /// Does one step: transmitters release; every particle moves, meets walls and receivers, and may decay; pairs are
-    /// found, react, and push each other away.
+    /// Does one step: every particle moves, meets walls and receivers, and may decay; pairs are found, react, and push
+    /// each other away; transmitters release what is due next.
     ///
     /// # Errors
     /// [`Error::OutOfIds`], and [`Error::Step`] with what the detector said, such as that there are too many pairs.
     pub fn step(&mut self) -> Result<(), Error> {
-        self.release()?;
         let step = self.state.step;
         let events = self.motion.advance(&mut self.state.particles, self.key, step);
         self.apply_events(&events);
         self.interact()?;
         self.state.step += 1;
-        Ok(())
-    }
-
-    fn release(&mut self) -> Result<(), Error> {
-        let State { particles, step, next_id, totals } = &mut self.state;
-        for transmitter in &self.model.transmitters {
-            if transmitter.fires(*step, self.model.time_step) {
-                transmitter.release(&self.model, self.key, next_id, particles)?;
-                for &(species, count) in &transmitter.release {
-                    totals.released[species as usize] += u64::from(count);
-                    totals.present[species as usize] += u64::from(count);
-                }
-            }
-        }
-        Ok(())
+        self.state.release(&self.model, &self.motion.decays, self.key)
     }
 
     fn apply_events(&mut self, events: &[Event]) {
@@ -220,55 +233,99 @@ impl Simulation {
 
     /// Turns a particle into another species, or enters it among those to be removed.
     fn transform(&mut self, at: u32, product: Option<u32>, gone: &mut Vec<u32>) {
-        let State { particles, totals, .. } = &mut self.state;
+        let Self { model, key, state, .. } = self;
+        let State { particles, totals, step, .. } = state;
         let place = at as usize;
-        totals.present[particles.species[place] as usize] -= 1;
-        match product {
-            None => gone.push(at),
-            Some(species) => {
-                totals.present[species as usize] += 1;
-                particles.species[place] = species;
-                particles.radius[place] = self.model.species[species as usize].radius;
-            }
+        let from = particles.species[place];
+        totals.present[from as usize] -= 1;
+        let Some(species) = product else { return gone.push(at) };
+        totals.present[species as usize] += 1;
+        let [old, new] = [from, species].map(|species| &model.species[species as usize]);
+        particles.species[place] = species;
+        particles.radius[place] = new.radius;
+        if !model.boundary.is_open() {
+            // What is larger than it was may stand in a wall.
+            let room = model.boundary.inset(new.radius);
+            particles.set_position(place, room.place(particles.position_of(place)));
+        }
+        if old.speed != new.speed {
+            let velocity = match old.speed > 0.0 && new.speed > 0.0 {
+                true => particles.get(place).velocity.map(|v| v * (new.speed / old.speed) as f32),
+                false => new.own_velocity(key.draw(particles.id[place], 1, *step, Purpose::Velocity)),
+            };
+            (0..3).for_each(|axis| particles.velocity[axis][place] = velocity[axis]);
         }
     }
 
-    /// Finds pairs and lets them react or push each other away.
+    /// Finds pairs and lets them react or push each other away, and lets apart what comes apart.
     fn interact(&mut self) -> Result<(), Error> {
         let (key, step) = (self.key, self.state.step);
-        let Some(detector) = &mut self.detector else { return Ok(()) };
         let failed = |source| Error::Step { step, source };
         let particles = &mut self.state.particles;
-        if self.reactions.is_empty() && self.model.contact == Contact::Count {
-            self.state.totals.pairs = detector.count(particles.spheres()?).map_err(failed)?;
-            return Ok(());
+        let mut outcomes = Vec::new();
+        match &mut self.detector {
+            None => {}
+            Some(detector) if self.reactions.is_empty() && self.model.contact == Contact::Count => {
+                self.state.totals.pairs = detector.count(particles.spheres()?).map_err(failed)?;
+            }
+            Some(detector) => {
+                let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
+                self.state.totals.pairs = pairs.len() as u64;
+                let mut candidates = self.reactions.candidates(particles, pairs, key, step);
+                let chosen = self.matching.greedy(&mut candidates, particles.len());
+                let reacts = || chosen.iter().map(|&c| &candidates[c as usize]);
+                // All outcomes are found before any is applied, since a catalyst may be in several.
+                outcomes.extend(
+                    reacts().flat_map(|c| self.reactions.outcomes(particles, c, key, step)).flatten(),
+                );
+                reacts().for_each(|c| self.state.totals.reacted[c.rule as usize] += 1);
+                if self.contacts.act() {
+                    let mut reacted: Vec<u32> = reacts().flat_map(|c| c.at).collect();
+                    reacted.sort_unstable();
+                    let free = |at: u32| reacted.binary_search(&at).is_err();
+                    self.state.totals.contacts = self.contacts.settle(particles, pairs, free, (key, step));
+                }
+            }
         }
-        let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
-        self.state.totals.pairs = pairs.len() as u64;
-        let mut candidates = self.reactions.candidates(particles, pairs, key, step);
-        let chosen = self.matching.greedy(&mut candidates, particles.len());
-        // All outcomes are found before any is applied, since a catalyst may be in several.
-        let outcomes: Vec<_> = chosen
-            .iter()
-            .flat_map(|&c| self.reactions.outcomes(particles, &candidates[c as usize], key, step))
-            .flatten()
-            .collect();
-        if self.contacts.act() {
-            let mut reacted: Vec<u32> = chosen.iter().flat_map(|&c| candidates[c as usize].at).collect();
-            reacted.sort_unstable();
-            let free = |at: u32| reacted.binary_search(&at).is_err();
-            let settled = self.contacts.settle(particles, pairs, free, (key, step));
-            self.state.totals.contacts = settled;
-        }
-        for &c in &chosen {
-            self.state.totals.reacted[candidates[c as usize].rule as usize] += 1;
+        self.conclude(&outcomes)
+    }
+
+    /// Applies what comes of reactions, and what comes apart of the particles that are not used up by them.
+    fn conclude(&mut self, outcomes: &[Outcome]) -> Result<(), Error> {
+        let (key, step) = (self.key, self.state.step);
+        let mut splits = Vec::new();
+        if !self.dissociation.is_empty() {
+            let mut taken: Vec<u32> = outcomes.iter().map(|outcome| outcome.at).collect();
+            taken.sort_unstable();
+            splits = self.dissociation.splits(&self.state.particles, &taken, key, step);
+            // Ids are given in an order that does not depend on places.
+            splits.sort_unstable_by_key(|split| split.id);
         }
         let mut gone = Vec::new();
         for outcome in outcomes {
             self.state.particles.set_position(outcome.at as usize, outcome.position);
             self.transform(outcome.at, outcome.product, &mut gone);
         }
-        self.state.particles.remove(&mut gone);
+        let mut born = Vec::new();
+        for split in &splits {
+            self.state.totals.decayed[split.decay as usize] += 1;
+            let velocity = self.state.particles.get(split.at as usize).velocity;
+            born.extend(dissociation::second(split, velocity, self.state.next_id));
+            self.state.next_id = self.state.next_id.saturating_add(u32::from(split.products[1].is_some()));
+            self.transform(split.at, split.products[0].map(|(species, ..)| species), &mut gone);
+            if let Some((_, _, position)) = split.products[0] {
+                self.state.particles.set_position(split.at as usize, position);
+            }
+        }
+        let State { particles, totals, next_id, .. } = &mut self.state;
+        if u64::from(*next_id) > lazygrid::MAX_SPHERES {
+            return Err(Error::OutOfIds { released: (*next_id).into() });
+        }
+        particles.remove(&mut gone);
+        for particle in born {
+            totals.present[particle.species as usize] += 1;
+            particles.push(particle, self.model.has_velocity());
+        }
         Ok(())
     }
 }

@@ -33,7 +33,7 @@ impl Simulator {
         algorithm: Algorithm,
         state: Option<State>,
     ) -> Result<Self, Error> {
-        let state = state.unwrap_or_else(|| State { totals: Totals::of(model), ..State::default() });
+        let state = state.map_or_else(|| State::new(model, seed), Ok)?;
         let model = model.clone();
         if backend == Backend::Gpu {
             let device = GpuDevice::shared(true).map_err(|error| {
@@ -53,6 +53,14 @@ impl Simulator {
         match self {
             Self::Cpu(run) => run.step(),
             Self::Gpu(run) => run.run(most.min(GPU_STEPS)),
+        }
+    }
+
+    /// Where it runs.
+    pub fn backend(&self) -> Backend {
+        match self {
+            Self::Cpu(_) => Backend::Cpu,
+            Self::Gpu(_) => Backend::Gpu,
         }
     }
 

@@ -1,12 +1,11 @@
-//! Where particles come from: bursts at given times.
+//! Where particles come from.
 
-use crate::model::Model;
-use crate::particles::{Particle, Particles};
-use crate::philox::{Key, Purpose, open_unit};
-use crate::{Error, normal};
+use crate::message::Message;
+use crate::normal;
+use crate::philox::{Key, open_unit};
 
-/// Releases particles at given times.
-#[derive(Clone, Debug, PartialEq)]
+/// Releases particles.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Transmitter {
     /// Its name in messages.
     pub name: String,
@@ -14,10 +13,47 @@ pub struct Transmitter {
     pub center: [f32; 3],
     /// Where around the centre particles appear.
     pub shape: Shape,
-    /// When, in s. A burst falls on the first step that begins then or later, and takes part in it.
-    pub times: Vec<f64>,
-    /// How many of each species at each time.
+    /// When.
+    pub schedule: Schedule,
+    /// How many of each species one burst has.
     pub release: Vec<(u32, u32)>,
+    /// How the numbers of particles scatter.
+    pub numbers: Numbers,
+}
+
+/// When a transmitter releases.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Schedule {
+    /// A burst at each of these times, in s, in ascending order. A burst appears before the first step that begins then
+    /// or later, and takes part in it.
+    Times(Vec<f64>),
+    /// A burst for each symbol of a message.
+    Message(Message),
+    /// All the time, at these rates by species, in 1/s.
+    Steady {
+        /// From here on, in s.
+        from: f64,
+        /// Until here, in s.
+        until: f64,
+        /// How many of a species, in 1/s.
+        rates: Vec<(u32, f64)>,
+    },
+}
+
+impl Default for Schedule {
+    fn default() -> Self {
+        Self::Times(vec![0.0])
+    }
+}
+
+/// How many particles come of a number in a model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Numbers {
+    /// As many; where release is steady, they are evenly spaced.
+    #[default]
+    Fixed,
+    /// A Poisson number with that mean; where release is steady, independently of each other.
+    Poisson,
 }
 
 /// Where around a centre particles appear.
@@ -32,59 +68,76 @@ pub enum Shape {
     Shell(f32, f32),
     /// Uniform in a box of these edges in µm.
     Box([f32; 3]),
+    /// Uniform in a cylinder along an axis (0, 1 or 2) of this radius and length in µm; a disk where it has no length.
+    Cylinder(usize, f32, f32),
     /// On a cubic lattice with this many places along each axis that fills a box of these edges in µm. Places are
     /// taken in order, x fastest.
     Lattice([f32; 3], [u32; 3]),
 }
 
 impl Transmitter {
-    /// Whether there is a burst at the beginning of `step`.
-    pub fn fires(&self, step: u32, time_step: f64) -> bool {
-        self.times.iter().any(|&time| step_of(time, time_step) == Some(step))
-    }
-
-    /// How many particles one burst has.
-    pub fn burst(&self) -> u64 {
-        self.release.iter().map(|&(_, count)| u64::from(count)).sum()
-    }
-
-    /// Adds one burst, with ids from `next_id` on.
-    ///
-    /// # Errors
-    /// [`Error::OutOfIds`] where there are too few ids left.
-    pub fn release(
-        &self,
-        model: &Model,
-        key: Key,
-        next_id: &mut u32,
-        particles: &mut Particles,
-    ) -> Result<(), Error> {
-        let released = u64::from(*next_id) + self.burst();
-        if released > lazygrid::MAX_SPHERES {
-            return Err(Error::OutOfIds { released });
+    /// The bursts at the beginning of `step`, each as how many of each species. Transmitters draw the symbols of a random
+    /// message by their `place` in the model.
+    pub fn bursts(&self, place: u32, step: u32, time_step: f64, key: Key) -> Vec<Vec<(u32, u32)>> {
+        match &self.schedule {
+            Schedule::Times(times) => vec![self.release.clone(); due(times, step, time_step).len()],
+            Schedule::Message(message) => {
+                let symbols = message.due(step, time_step).map(|k| message.symbol(k, place, key));
+                symbols.map(|symbol| message.modulation.burst(symbol, &self.release)).collect()
+            }
+            Schedule::Steady { .. } => Vec::new(),
         }
-        let with_velocity = model.has_velocity();
-        let mut place = 0;
-        for &(species, count) in &self.release {
-            let kind = &model.species[species as usize];
-            for _ in 0..count {
-                let id = *next_id;
-                let velocity = normal::normals(key.draw(id, 0, 0, Purpose::Velocity))
-                    .map(|z| z * kind.thermal_speed as f32);
-                let offset = self.shape.offset(key.draw(id, 0, 0, Purpose::Release), place);
-                let position = model.boundary.place(std::array::from_fn(|k| self.center[k] + offset[k]));
-                particles
-                    .push(Particle { position, velocity, radius: kind.radius, species, id }, with_velocity);
-                *next_id += 1;
-                place += 1;
+    }
+
+    /// How many particles are released from step `begin` on and before step `end`, by species, on average.
+    pub fn mean_between(&self, [begin, end]: [u32; 2], time_step: f64) -> Vec<(u32, f64)> {
+        let scaled = |by: f64| self.release.iter().map(move |&(species, n)| (species, by * f64::from(n)));
+        match &self.schedule {
+            Schedule::Times(times) => {
+                let count =
+                    |step| times.partition_point(|&t| step_of(t, time_step).is_some_and(|s| s < step));
+                scaled((count(end) - count(begin)) as f64).collect()
+            }
+            Schedule::Message(message) => {
+                let count = |step| message.sent_before(step, time_step);
+                scaled(f64::from(count(end) - count(begin)) * message.modulation.mean(self.release.len()))
+                    .collect()
+            }
+            Schedule::Steady { from, until, rates } => {
+                let [begin, end] = [begin, end].map(|step| (f64::from(step) - 1.0) * time_step);
+                let time = (end.min(*until) - begin.max(*from)).max(0.0);
+                rates.iter().map(|&(species, rate)| (species, rate * time)).collect()
             }
         }
-        Ok(())
+    }
+
+    /// The first time from which on nothing comes within so many steps although it is to, and how many bursts those
+    /// are, where they are counted.
+    pub fn after(&self, steps: u32, time_step: f64) -> Option<(f64, Option<usize>)> {
+        let is_late = |time: f64| step_of(time, time_step).is_none_or(|step| step >= steps);
+        match &self.schedule {
+            Schedule::Times(times) => {
+                let first = times.partition_point(|&time| !is_late(time));
+                Some((*times.get(first)?, Some(times.len() - first)))
+            }
+            Schedule::Message(message) => {
+                let first = message.sent_before(steps, time_step);
+                let left = message.symbols.len() - first;
+                (left > 0).then(|| (message.time_of(first), Some(left as usize)))
+            }
+            Schedule::Steady { from, .. } => is_late(*from).then_some((*from, None)),
+        }
     }
 }
 
+/// Those of ascending times that fall on a step.
+fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
+    let until = |step| times.partition_point(|&time| step_of(time, time_step).is_some_and(|own| own < step));
+    &times[until(step)..until(step.saturating_add(1))]
+}
+
 /// The first step that begins at `time` or later; none where there are not that many steps.
-fn step_of(time: f64, time_step: f64) -> Option<u32> {
+pub(crate) fn step_of(time: f64, time_step: f64) -> Option<u32> {
     // A time that is a multiple of Δt but for rounding belongs to that multiple.
     let steps = (time / time_step - 1e-6).ceil().max(0.0);
     (steps < f64::from(u32::MAX)).then_some(steps as u32)
@@ -92,7 +145,7 @@ fn step_of(time: f64, time_step: f64) -> Option<u32> {
 
 impl Shape {
     /// Where the particle with these words, the `place`th of its burst, appears.
-    fn offset(self, words: [u32; 4], place: u32) -> [f32; 3] {
+    pub(crate) fn offset(self, words: [u32; 4], place: u32) -> [f32; 3] {
         match self {
             Self::Point => [0.0; 3],
             Self::Gaussian(width) => normal::normals(words).map(|z| z * width),
@@ -102,6 +155,15 @@ impl Shape {
                 direction(words[1], words[2]).map(|c| c * radius)
             }
             Self::Box(edges) => std::array::from_fn(|k| (open_unit(words[k]) - 0.5) * edges[k]),
+            Self::Cylinder(along, radius, length) => {
+                let distance = radius * open_unit(words[0]).sqrt();
+                let [cosine, sine] = normal::turn(words[1]);
+                let mut offset = [0.0; 3];
+                offset[along % 3] = (open_unit(words[2]) - 0.5) * length;
+                offset[(along + 1) % 3] = distance * cosine;
+                offset[(along + 2) % 3] = distance * sine;
+                offset
+            }
             Self::Lattice(edges, [nx, ny, nz]) => {
                 let at = [place % nx, place / nx % ny, place / nx / ny % nz];
                 let count = [nx, ny, nz];
@@ -123,6 +185,7 @@ pub fn direction(first: u32, second: u32) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::philox::Purpose;
 
     #[test]
     fn a_burst_belongs_to_the_step_that_begins_at_its_time() {
@@ -130,12 +193,35 @@ mod tests {
         assert_eq!(step_of(0.3, 0.1), Some(3));
         assert_eq!(step_of(0.30001, 0.1), Some(4));
         assert_eq!(step_of(1e30, 0.1), None);
+        let times = Schedule::Times(vec![0.0, 0.25, 0.3, 0.30001, 1e30]);
+        let transmitter = Transmitter { schedule: times, release: vec![(2, 5)], ..Transmitter::default() };
+        let bursts = |step| transmitter.bursts(0, step, 0.1, Key::new(1)).len();
+        assert_eq!([0, 1, 2, 3, 4, 5].map(bursts), [1, 0, 0, 2, 1, 0]);
+        assert_eq!(transmitter.mean_between([1, 5], 0.1), [(2, 15.0)]);
+        assert_eq!(transmitter.after(4, 0.1), Some((0.30001, Some(2))));
+    }
+
+    #[test]
+    fn a_steady_release_has_its_time() {
+        let schedule = Schedule::Steady { from: 0.25, until: 0.6, rates: vec![(1, 100.0)] };
+        let transmitter = Transmitter { schedule, ..Transmitter::default() };
+        let mean = |begin, end| transmitter.mean_between([begin, end], 0.1)[0].1;
+        // What is there at the beginning of a step came during the one before.
+        for (begin, end, expected) in [(0, 3, 0.0), (3, 4, 5.0), (4, 5, 10.0), (7, 99, 0.0), (0, 99, 35.0)] {
+            assert!((mean(begin, end) - expected).abs() < 1e-9, "{begin}..{end}: {}", mean(begin, end));
+        }
+        assert_eq!((transmitter.after(3, 0.1), transmitter.after(4, 0.1)), (Some((0.25, None)), None));
     }
 
     #[test]
     fn shapes_keep_their_bounds_and_means() {
         let key = Key::new(5);
-        let shapes = [Shape::Gaussian(2.0), Shape::Shell(1.0, 2.0), Shape::Box([1.0, 2.0, 3.0])];
+        let shapes = [
+            Shape::Gaussian(2.0),
+            Shape::Shell(1.0, 2.0),
+            Shape::Box([1.0, 2.0, 3.0]),
+            Shape::Cylinder(1, 2.0, 3.0),
+        ];
         for shape in shapes {
             let n = 20_000;
             let mut mean = [0.0; 3];
@@ -145,6 +231,7 @@ mod tests {
                 let r = p.iter().map(|c| c * c).sum::<f64>().sqrt();
                 match shape {
                     Shape::Shell(a, b) => assert!(r >= f64::from(a) - 1e-6 && r <= f64::from(b) + 1e-6),
+                    Shape::Cylinder(..) => assert!(p[1].abs() <= 1.5 && p[0].hypot(p[2]) <= 2.0 + 1e-6),
                     Shape::Box(e) => (0..3).for_each(|k| assert!(p[k].abs() <= f64::from(e[k]) / 2.0)),
                     _ => {}
                 }

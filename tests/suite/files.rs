@@ -13,7 +13,8 @@ fn data(name: &str) -> PathBuf {
 /// The only frame of a file; species do not matter here.
 fn frame(name: &str, format: Option<Format>, radii: &[(&str, f32)]) -> Scenario {
     let radii = radii.iter().map(|&(name, radius)| (name.to_owned(), radius)).collect();
-    let frames = Frames::open(data(name), Options { format, radii }).expect("the file opens");
+    let frames =
+        Frames::open(data(name), Options { format, radii, ..Options::default() }).expect("the file opens");
     let mut frames: Vec<_> = frames.collect::<Result<_, _>>().expect("the file is well-formed");
     assert_eq!(frames.len(), 1);
     frames.remove(0).spheres.into()

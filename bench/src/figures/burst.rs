@@ -58,7 +58,7 @@ pub(super) fn rows(
             Some(state) => Simulation::resume(free, seed, Algorithm::Auto, state)?,
         };
         (0..STEPS).try_for_each(|_| simulation.step())?;
-        let fine = Model { time_step: FINE_STEP, ..model.clone() };
+        let fine = Model { time_step: FINE_STEP, contact: Contact::Separate, ..model.clone() };
         let mut timed = Simulation::resume(fine, seed, Algorithm::Auto, simulation.state().clone())?;
         (state, time) = (Some(simulation.state().clone()), moment);
         let mut warm_up = true;

@@ -46,7 +46,10 @@ impl DeviceDetector {
             reason: String::new(),
             phases: Vec::new(),
         };
-        let session = GpuSession::new(own, gpu)?;
+        let mut session = GpuSession::new(own, gpu)?;
+        if let Some(timeout) = config.timeout {
+            session.set_timeout(timeout);
+        }
         let (canonical, lists, pairs) = Default::default();
         Ok(Self { session, settings, crossover, canonical, lists, pairs, report })
     }
@@ -59,7 +62,7 @@ impl DeviceDetector {
     pub(crate) fn neighbors(&mut self, spheres: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
         self.list(spheres, Order::Canonical)?;
         let start = Instant::now();
-        let neighbors = self.lists.fill(&self.pairs, spheres.len());
+        let neighbors = self.lists.fill(&self.pairs, spheres.len())?;
         self.report.phases.push(Phase { name: "neighbors", time: start.elapsed() });
         Ok(neighbors)
     }
@@ -179,6 +182,9 @@ impl From<GpuError> for Error {
         match error {
             GpuError::TooManyPairs { found, limit } => {
                 Self::Host(lazygrid_host::Error::TooManyPairs { found, limit })
+            }
+            GpuError::NoHostMemory { what, bytes } => {
+                Self::Host(lazygrid_host::Error::OutOfMemory { what, bytes })
             }
             other => Self::Gpu(other),
         }

@@ -59,6 +59,14 @@ pub enum GpuError {
         /// How many bytes were asked for.
         bytes: u64,
     },
+    /// The system refused memory on the host's side.
+    #[error("no memory for {what}: {bytes} bytes were refused; use fewer spheres or stream the pairs")]
+    NoHostMemory {
+        /// What it was for.
+        what: &'static str,
+        /// How many bytes were asked for.
+        bytes: u64,
+    },
     /// The device is gone: unplugged, reset by its driver, or destroyed by its owner.
     #[error("the device was lost ({reason}); make a new device and a new detector")]
     DeviceLost {
@@ -123,4 +131,13 @@ pub enum GpuError {
     /// An interaction table is set but no species buffer was given, or the other way round.
     #[error("interactions and species ids go together; give both or neither")]
     Species,
+}
+
+/// Makes room for so many values behind those that a buffer on the host has.
+///
+/// # Errors
+/// [`GpuError::NoHostMemory`].
+pub(super) fn make_room<T>(buffer: &mut Vec<T>, count: usize, what: &'static str) -> Result<(), GpuError> {
+    let bytes = (buffer.len() + count) as u64 * size_of::<T>() as u64;
+    buffer.try_reserve(count).map_err(|_| GpuError::NoHostMemory { what, bytes })
 }

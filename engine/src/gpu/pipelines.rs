@@ -4,9 +4,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use lazygrid_kernels::kernel::{Access, Kernel, Variant};
 
-use super::GpuError;
 use super::plan::DeviceLimits;
 use super::scope::scoped;
+use super::{GpuDevice, GpuError};
 
 /// Compiled kernels of one device, each made when first needed. Clones share them.
 #[derive(Clone, Debug)]
@@ -62,13 +62,47 @@ impl Pipelines {
 }
 
 fn compile(device: &wgpu::Device, kernel: &Kernel, variant: Variant) -> Pipeline {
+    let accesses = kernel.bindings(variant).map(|bound| bound.access);
+    // Every kernel clears what it reads before writing.
+    pipeline(device, kernel.name, accesses, &shader_module(device, kernel, variant), false)
+}
+
+impl GpuDevice {
+    /// A compute pipeline of a WGSL text, and the layout of its bindings, all in group 0 and numbered from 0. The entry
+    /// point is called `name`.
+    ///
+    /// # Errors
+    /// As [`scoped`](Self::scoped).
+    pub fn compile(
+        &self,
+        name: &'static str,
+        bindings: impl IntoIterator<Item = Access>,
+        wgsl: String,
+    ) -> Result<(wgpu::ComputePipeline, wgpu::BindGroupLayout), GpuError> {
+        self.scoped(name, 0, || {
+            let source = wgpu::ShaderSource::Wgsl(wgsl.into());
+            let descriptor = wgpu::ShaderModuleDescriptor { label: Some(name), source };
+            let module = self.device.create_shader_module(descriptor);
+            let Pipeline { pipeline, layout } = pipeline(&self.device, name, bindings, &module, true);
+            (pipeline, layout)
+        })
+    }
+}
+
+fn pipeline(
+    device: &wgpu::Device,
+    name: &'static str,
+    bindings: impl IntoIterator<Item = Access>,
+    module: &wgpu::ShaderModule,
+    zero_initialize_workgroup_memory: bool,
+) -> Pipeline {
     let entries: Vec<_> = (0..)
-        .zip(kernel.bindings(variant))
-        .map(|(binding, bound)| wgpu::BindGroupLayoutEntry {
+        .zip(bindings)
+        .map(|(binding, access)| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,
             ty: wgpu::BindingType::Buffer {
-                ty: match bound.access {
+                ty: match access {
                     Access::Uniform => wgpu::BufferBindingType::Uniform,
                     Access::Read => wgpu::BufferBindingType::Storage { read_only: true },
                     Access::ReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
@@ -79,7 +113,7 @@ fn compile(device: &wgpu::Device, kernel: &Kernel, variant: Variant) -> Pipeline
             count: None,
         })
         .collect();
-    let label = Some(kernel.name);
+    let label = Some(name);
     let layout =
         device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
     let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -87,15 +121,13 @@ fn compile(device: &wgpu::Device, kernel: &Kernel, variant: Variant) -> Pipeline
         bind_group_layouts: &[Some(&layout)],
         immediate_size: 0,
     });
-    let module = shader_module(device, kernel, variant);
     let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label,
         layout: Some(&pipeline_layout),
-        module: &module,
-        entry_point: Some(kernel.name),
-        // Every kernel clears what it reads before writing.
+        module,
+        entry_point: Some(name),
         compilation_options: wgpu::PipelineCompilationOptions {
-            zero_initialize_workgroup_memory: false,
+            zero_initialize_workgroup_memory,
             ..Default::default()
         },
         cache: None,

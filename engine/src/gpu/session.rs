@@ -9,6 +9,7 @@ use lazygrid_kernels::{Algorithm, Pair, Spheres};
 use super::GpuError;
 use super::adapter::{AdapterSummary, GpuDevice};
 use super::detector::GpuDetector;
+use super::error::make_room;
 use super::input::{Count, GpuSettings, GpuSpheres};
 use super::mapping::{Mapping, Wait};
 use super::plan::Phase;
@@ -282,6 +283,7 @@ impl GpuSession {
         }
         let mut all = std::mem::take(&mut self.gathered);
         all.clear();
+        make_room(&mut all, found as usize, "pairs")?;
         let gathered = self.windows(number, found, wait, |pairs| {
             all.append(pairs);
             ControlFlow::Continue(())
@@ -372,7 +374,7 @@ impl GpuSession {
         let returned = Returned(&view);
         let outcome = returned.outcome()?;
         if outcome.found() <= flight.staged.min(flight.capacity.into()) {
-            returned.append_pairs(outcome.found() as usize, &mut self.pairs);
+            returned.append_pairs(outcome.found() as usize, &mut self.pairs)?;
         }
         if !flight.timed.is_empty() {
             let (period, ticks) = (f64::from(self.own.queue.get_timestamp_period()) * 1e-9, returned.ticks());

@@ -3,6 +3,7 @@ use lazygrid_kernels::{Pair, Sphere, Spheres};
 
 use super::GpuError;
 use super::adapter::GpuDevice;
+use super::error::make_room;
 use super::scope::scoped;
 
 /// Bytes before the pairs in a staging buffer: the outcome, and the ticks of the phases from [`TICKS_AT`] on.
@@ -27,6 +28,7 @@ impl Slot {
             Some(rows) => write(own, &mut self.spheres, "spheres", rows)?,
             None => {
                 self.rows.clear();
+                make_room(&mut self.rows, spheres.len(), "rows of spheres")?;
                 self.rows.extend(spheres.iter());
                 write(own, &mut self.spheres, "spheres", &self.rows)?;
             }
@@ -98,9 +100,15 @@ impl Returned<'_> {
         bytemuck::pod_collect_to_vec(&self.0[TICKS_AT as usize..PAIRS_AT as usize])
     }
 
-    pub(crate) fn append_pairs(&self, count: usize, pairs: &mut Vec<Pair>) {
+    /// Appends the first `count` pairs.
+    ///
+    /// # Errors
+    /// [`GpuError::NoHostMemory`].
+    pub(crate) fn append_pairs(&self, count: usize, pairs: &mut Vec<Pair>) -> Result<(), GpuError> {
         let at = PAIRS_AT as usize;
+        make_room(pairs, count, "pairs")?;
         pairs.extend_from_slice(bytemuck::cast_slice(&self.0[at..at + count * size_of::<Pair>()]));
+        Ok(())
     }
 }
 

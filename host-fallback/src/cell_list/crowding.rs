@@ -6,7 +6,9 @@
 
 use glam::DVec3;
 
+use crate::Error;
 use crate::detector::Input;
+use crate::memory::collect;
 
 /// Halvings of the bounding cube's edge: 21 bits per axis fill a 63-bit Morton code.
 const DEPTHS: usize = 21;
@@ -26,7 +28,10 @@ pub(crate) struct Crowding {
 
 impl Crowding {
     /// Samples the input.
-    pub(crate) fn sample(input: &Input<'_>) -> Self {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn sample(input: &Input<'_>) -> Result<Self, Error> {
         let survey = &input.survey;
         let n = survey.spheres;
         let origin = survey.min.as_dvec3();
@@ -34,13 +39,13 @@ impl Crowding {
         let size = sample_size(n);
         let scale = if edge > 0.0 { f64::from(1 << DEPTHS) / edge } else { 0.0 };
         let spheres = input.rule.spheres();
-        let mut codes: Vec<u64> = (0..size)
-            .map(|k| morton((spheres.get(sample_index(k, size, n)).center.as_dvec3() - origin) * scale))
-            .collect();
+        let code = |k| morton((spheres.get(sample_index(k, size, n)).center.as_dvec3() - origin) * scale);
+        let mut codes = collect((0..size).map(code), "a sample of the spheres")?;
         codes.sort_unstable();
-        Self::from_codes(&codes, n, edge)
+        Ok(Self::from_codes(&codes, n, edge))
     }
 
+    #[expect(clippy::disallowed_macros, clippy::disallowed_methods, reason = "there are 22 depths")]
     fn from_codes(codes: &[u64], n: usize, edge: f64) -> Self {
         let (n, size) = (n as f32, codes.len() as f32);
         let pairs = size * (size - 1.0) / 2.0;

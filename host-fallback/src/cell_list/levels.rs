@@ -5,6 +5,8 @@
 //! mean that each sphere looks up many short runs. What is cheapest depends on how crowded the space is, so levels
 //! are chosen by dynamic programming over a cost estimate. The paper's τ decides the same for each cell by itself.
 
+#![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]
+
 use super::crowding::Crowding;
 use crate::Survey;
 use crate::survey::{CLASSES, Class};
@@ -171,6 +173,7 @@ mod tests {
     use super::*;
     use crate::contact::Rule;
     use crate::detector::Input;
+    use crate::threads::Threads;
     use crate::{Settings, Simd};
 
     /// The plan for spheres on a lattice of this spacing whose radii take turns.
@@ -184,10 +187,10 @@ mod tests {
             })
             .collect();
         let rule = Rule::new((&spheres).into(), None);
-        let survey = Survey::of(&rule).expect("all are valid");
+        let survey = Survey::of(&rule, Threads::Pool).expect("all are valid");
         let settings = Settings::default();
-        let input = Input { rule, survey, settings: &settings, simd: Simd::detect() };
-        Levels::plan(&input.survey, &Crowding::sample(&input))
+        let input = Input { rule, survey, settings: &settings, simd: Simd::detect(), threads: Threads::Pool };
+        Levels::plan(&input.survey, &Crowding::sample(&input).expect("there is memory"))
     }
 
     #[test]

@@ -13,8 +13,9 @@ mod raster;
 mod search;
 mod sort;
 
-use crate::columns::{Columns, GROWTH};
+use crate::columns::Columns;
 use crate::detector::Input;
+use crate::memory::{push, with_growth};
 use crate::report::Report;
 use crate::simd::Vector;
 use crate::sink::Output;
@@ -85,7 +86,8 @@ impl CellList {
     pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
         let Survey { min, max, .. } = input.survey;
         let lengths = input.rule.lengths();
-        let plan = report.time("plan", || Levels::plan(&input.survey, &Crowding::sample(input)));
+        let sample = report.time("plan", || Crowding::sample(input))?;
+        let plan = report.time("plan", || Levels::plan(&input.survey, &sample));
         let (mut base, mut from) = (0, 0);
         self.levels.clear();
         for level in &plan.levels {
@@ -95,27 +97,29 @@ impl CellList {
             let raster = wider.unwrap_or_else(|| raster(level.edge));
             log::trace!("level of {} spheres: edge {}, {raster:?}", level.spheres, level.edge);
             let (cells, to) = (raster.cells() as usize, from + level.spheres as usize);
-            self.levels.push(Placed { raster, base, members: from..to });
+            push(&mut self.levels, Placed { raster, base, members: from..to }, "levels")?;
             (base, from) = (base + cells, to);
         }
         let places = Places { levels: &self.levels, of_class: &plan.of_class };
-        report.time("sort", || {
-            self.sorter.reserve((from, base), &mut self.columns, &mut self.starts)?;
-            self.sorter.sort(input, places, &mut self.columns, &mut self.starts);
-            Ok(())
-        })
+        report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts))
     }
 
     /// Finds all pairs.
-    pub(crate) fn search<'o, O: Output>(&self, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<'o, O: Output>(
+        &self,
+        input: &Input<'_>,
+        output: &'o O,
+    ) -> Result<O::Sink<'o>, Error> {
         search::search(self, input, output)
     }
 
     /// An upper estimate of the bytes held for `spheres` spheres.
     pub(crate) fn memory_for(spheres: u64) -> u64 {
         let cells = (CELLS_PER_SPHERE as u64 * spheres).max(64);
-        let bytes = spheres * (Columns::BYTES_PER_SPHERE + Sorter::BYTES_PER_SPHERE) + 4 * cells;
-        bytes + bytes / GROWTH as u64
+        with_growth(spheres * (Columns::BYTES_PER_SPHERE + Sorter::BYTES_PER_SPHERE) + 4 * cells)
     }
 }
 
@@ -127,6 +131,7 @@ mod tests {
     use crate::contact::Rule;
     use crate::detector::Input;
     use crate::judged::judge;
+    use crate::threads::Threads;
     use crate::{HostDetector, Order, Report, Settings, Simd, Survey};
 
     fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
@@ -216,9 +221,10 @@ mod tests {
             let mut spheres = cloud.clone();
             spheres.iter_mut().for_each(|sphere| sphere.center += 1700.0 * shift as f32);
             let rule = Rule::new((&spheres).into(), None);
-            let survey = Survey::of(&rule).expect("all are valid");
+            let survey = Survey::of(&rule, Threads::Pool).expect("all are valid");
             let settings = Settings::default();
-            let input = Input { rule, survey, settings: &settings, simd: Simd::detect() };
+            let input =
+                Input { rule, survey, settings: &settings, simd: Simd::detect(), threads: Threads::Pool };
             let mut list = CellList::default();
             list.build(&input, &mut Report::default()).expect("there is memory");
             assert!(list.levels.iter().all(|level| !level.raster.folded), "{:?}", list.levels);

@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::raster::Block;
 use super::{CellList, Placed};
+use crate::Error;
 use crate::contact::{Rule, scan};
 use crate::detector::Input;
 use crate::simd::{Around, Jobs, MAX_LANES, Task, Vector};
@@ -15,12 +14,16 @@ use crate::sink::{Output, Sink, search_pieces};
 const PIECE: usize = 1 << 10;
 
 /// Finds all pairs of the list, piece by piece over the threads.
-pub(super) fn search<'o, O: Output>(list: &CellList, input: &Input<'_>, output: &'o O) -> O::Sink<'o> {
+pub(super) fn search<'o, O: Output>(
+    list: &CellList,
+    input: &Input<'_>,
+    output: &'o O,
+) -> Result<O::Sink<'o>, Error> {
     let n = list.columns.len();
-    search_pieces(output, (0..n.div_ceil(PIECE)).into_par_iter(), |mut sink, piece| {
+    search_pieces((output, input.threads), (n.div_ceil(PIECE), usize::MAX), |mut sink, piece| {
         let range = piece * PIECE..n.min((piece + 1) * PIECE);
         input.run(Piece { list, rule: &input.rule, range, sink: &mut sink });
-        sink
+        Ok(sink)
     })
 }
 

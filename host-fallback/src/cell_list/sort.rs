@@ -6,13 +6,13 @@
 
 use bytemuck::Zeroable;
 use glam::Vec3;
-use rayon::prelude::*;
 
 use super::Places;
 use crate::Error;
-use crate::columns::{Columns, ColumnsMut, reserve, resize};
+use crate::columns::{Columns, ColumnsMut};
 use crate::contact::Rule;
 use crate::detector::Input;
+use crate::memory::{collect, resize};
 use crate::scatter::{Disjoint, split_at};
 use crate::simd::{Task, Vector};
 
@@ -38,102 +38,96 @@ struct Entry {
 pub(super) struct Sorter {
     keys: Vec<u32>,
     entries: Vec<Entry>,
+    /// By piece and bucket: first how many spheres there are, then where the next one goes.
+    offsets: Vec<u32>,
+    /// Where each bucket ends.
+    ends: Vec<usize>,
 }
 
 impl Sorter {
     pub(super) const BYTES_PER_SPHERE: u64 = 4 + size_of::<Entry>() as u64;
-
-    /// Sees to it that [`sort`](Self::sort) will have the memory.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
-    pub(super) fn reserve(
-        &mut self,
-        (spheres, cells): (usize, usize),
-        columns: &mut Columns,
-        starts: &mut Vec<u32>,
-    ) -> Result<(), Error> {
-        reserve(&mut self.keys, spheres, "cells of spheres")?;
-        reserve(&mut self.entries, spheres, "sorting spheres")?;
-        reserve(starts, cells + Self::BEHIND, "the table of cells")?;
-        columns.reserve(spheres)
-    }
 
     /// Entries of `starts` behind those of the cells.
     pub(super) const BEHIND: usize = 3;
 
     /// Fills `columns` with the spheres sorted by cell, and `starts[k]` with the place of the first sphere of cell
     /// `k` or later, for `k` up to and including the number of cells; the rest of `starts` is their end as well.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
     pub(super) fn sort(
         &mut self,
         input: &Input<'_>,
         places: Places<'_>,
         columns: &mut Columns,
         starts: &mut Vec<u32>,
-    ) {
+    ) -> Result<(), Error> {
         let (n, cells) = (input.survey.spheres, places.cells());
         let wanted = (n / BUCKET).next_power_of_two().min(MAX_BUCKETS);
         let shift = cells.div_ceil(wanted).next_power_of_two().trailing_zeros();
         let buckets = cells.div_ceil(1 << shift).max(1);
-        resize(&mut self.keys, n);
-        resize(&mut self.entries, n);
-        starts.clear();
-        resize(starts, cells + Self::BEHIND);
+        resize(&mut self.keys, n, "cells of spheres")?;
+        resize(&mut self.entries, n, "sorting spheres")?;
+        resize(starts, cells + Self::BEHIND, "the table of cells")?;
+        let ColumnsMut { xyzr, id } = columns.resize(n)?;
 
-        let ends = self.spread(input, places, (shift, buckets));
-        let ColumnsMut { xyzr, id } = columns.resize(n);
-        let [x, y, z, r] = xyzr.map(|column| split_at(column, ends.iter().copied()));
-        let id = split_at(id, ends.iter().copied());
-        let cells = split_at(&mut starts[1..=cells], (1..=buckets).map(|k| cells.min(k << shift)));
-        let entries = split_at(&mut self.entries, ends.iter().copied());
-        let columns = x.into_par_iter().zip(y).zip(z).zip(r).zip(id);
-        entries.into_par_iter().zip(cells).zip(columns).enumerate().for_each(
-            |(bucket, ((entries, cells), ((((x, y), z), r), id)))| {
-                let first = bucket << shift;
-                count(entries, first, cells);
-                for entry in entries.iter() {
-                    let next = &mut cells[entry.key as usize - first];
-                    let at = *next as usize;
-                    *next += 1;
-                    (x[at], y[at], z[at]) = (entry.center.x, entry.center.y, entry.center.z);
-                    (r[at], id[at]) = (entry.radius, entry.id);
-                }
-                // Each has moved to the end of its cell, which is where the next cell starts.
-                let before = (ends[bucket] - entries.len()) as u32;
-                cells.iter_mut().for_each(|end| *end += before);
-            },
-        );
+        self.spread(input, places, (shift, buckets))?;
+        let ends = &self.ends;
+        let cut = || ends.iter().copied();
+        let [x, y, z, r] = xyzr.map(|column| split_at(column, cut()));
+        let columns = x?.into_iter().zip(y?).zip(z?).zip(r?).zip(split_at(id, cut())?);
+        let cells = split_at(&mut starts[1..=cells], (0..buckets).map(|k| cells.min((k + 1) << shift)))?;
+        let entries = split_at(&mut self.entries, cut())?;
+        let mut pieces = collect(entries.into_iter().zip(cells).zip(columns), "buckets of spheres")?;
+        input.threads.each(&mut pieces, |bucket, ((entries, cells), ((((x, y), z), r), id))| {
+            let first = bucket << shift;
+            count(entries, first, cells);
+            for entry in entries.iter() {
+                let next = &mut cells[entry.key as usize - first];
+                let at = *next as usize;
+                *next += 1;
+                (x[at], y[at], z[at]) = (entry.center.x, entry.center.y, entry.center.z);
+                (r[at], id[at]) = (entry.radius, entry.id);
+            }
+            // Each has moved to the end of its cell, which is where the next cell starts.
+            let before = (ends[bucket] - entries.len()) as u32;
+            cells.iter_mut().for_each(|end| *end += before);
+        });
+        starts[0] = 0;
         starts[1 + places.cells()..].fill(n as u32);
+        Ok(())
     }
 
-    /// The first pass; returns where each bucket ends.
+    /// The first pass.
     fn spread(
         &mut self,
         input: &Input<'_>,
         places: Places<'_>,
         (shift, buckets): (u32, usize),
-    ) -> Vec<usize> {
-        let counted = self.keys.par_chunks_mut(PIECE).enumerate().map(|(piece, keys)| {
-            let keys = &mut *keys;
+    ) -> Result<(), Error> {
+        let Self { keys, entries, offsets, ends } = self;
+        resize(offsets, keys.len().div_ceil(PIECE) * buckets, "buckets of spheres")?;
+        let pieces = keys.chunks_mut(PIECE).zip(offsets.chunks_mut(buckets));
+        let mut pieces = collect(pieces, "buckets of spheres")?;
+        input.threads.each(&mut pieces, |piece, (keys, counts)| {
+            let keys = &mut **keys;
             input.simd.run(Keys { rule: &input.rule, places, first: piece * PIECE, keys }, None);
-            let mut counts = vec![0_u32; buckets];
+            counts.fill(0);
             for key in keys {
                 counts[(*key >> shift) as usize] += 1;
             }
-            counts
         });
-        let mut offsets: Vec<Vec<u32>> = counted.collect();
+        resize(ends, buckets, "buckets of spheres")?;
         let mut at = 0;
-        let mut ends = Vec::with_capacity(buckets);
-        for bucket in 0..buckets {
-            for piece in &mut offsets {
-                at += std::mem::replace(&mut piece[bucket], at);
+        for (bucket, end) in ends.iter_mut().enumerate() {
+            for (_, counts) in &mut pieces {
+                at += std::mem::replace(&mut counts[bucket], at);
             }
-            ends.push(at as usize);
+            *end = at as usize;
         }
 
-        let entries = Disjoint::new(&mut self.entries);
-        self.keys.par_chunks(PIECE).zip(offsets).enumerate().for_each(|(piece, (keys, mut next))| {
+        let entries = Disjoint::new(entries);
+        input.threads.each(&mut pieces, |piece, (keys, next)| {
             let mut place = |key: u32, id: usize, (center, radius): (Vec3, f32)| {
                 let slot = &mut next[(key >> shift) as usize];
                 // SAFETY: the exclusive prefix sums over (bucket, piece) give every sphere a slot of its own below
@@ -156,7 +150,7 @@ impl Sorter {
                 }
             }
         });
-        ends
+        Ok(())
     }
 }
 
@@ -191,6 +185,7 @@ impl Task for Keys<'_> {
 
 /// Turns the cells of one bucket into where their spheres start, counted from the bucket's first sphere.
 fn count(entries: &[Entry], first: usize, cells: &mut [u32]) {
+    cells.fill(0);
     for entry in entries {
         cells[entry.key as usize - first] += 1;
     }

@@ -4,6 +4,8 @@
 //! here; what lies inside it is left to the exact test of [`Rule`](crate::contact::Rule). So vector width, fused
 //! multiply-adds and the order of operations cannot change a result.
 
+use std::sync::OnceLock;
+
 use lazygrid_kernels::Pair;
 
 use crate::columns::Columns;
@@ -28,12 +30,19 @@ const BAND: f32 = 1.0 / (1 << 20) as f32;
 /// Absolute half-width of the band: below it products underflow and relative error says nothing.
 const FLOOR: f32 = f32::MIN_POSITIVE;
 
+/// An instruction set by the name that compiler and processor know it by.
+#[cfg(target_arch = "x86_64")]
+struct Feature {
+    name: &'static str,
+    is_detected: fn() -> bool,
+}
+
 /// The widest vector code this processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Simd {
-    /// 16 lanes, x86-64 with AVX-512F.
+    /// 16 lanes, x86-64 with AVX-512F and all that [`Avx2`](Self::Avx2) needs.
     Avx512,
-    /// 8 lanes, x86-64 with AVX2 and FMA.
+    /// 8 lanes, x86-64 with AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT.
     Avx2,
     /// 8 lanes as plain loops, which the compiler vectorises as the target allows.
     Portable,
@@ -42,23 +51,39 @@ pub enum Simd {
 impl Simd {
     /// Looks at the processor.
     pub fn detect() -> Self {
+        static WIDEST: OnceLock<Simd> = OnceLock::new();
         #[cfg(target_arch = "x86_64")]
-        {
-            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx2") {
-                return Self::Avx512;
+        let widest = || {
+            for Feature { name, .. } in
+                x86::Avx512::FEATURES.iter().filter(|feature| !(feature.is_detected)())
+            {
+                log::debug!("the processor has no {name}");
             }
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-                return Self::Avx2;
-            }
+            Self::widest(|feature| (feature.is_detected)())
+        };
+        #[cfg(not(target_arch = "x86_64"))]
+        let widest = || Self::Portable;
+        *WIDEST.get_or_init(widest)
+    }
+
+    /// The widest code of a processor that `has` some instruction sets: all that the code is compiled with must be
+    /// there, for a virtual machine may hide any of them.
+    #[cfg(target_arch = "x86_64")]
+    fn widest(has: impl Fn(&Feature) -> bool) -> Self {
+        if x86::Avx512::FEATURES.iter().all(&has) {
+            Self::Avx512
+        } else if x86::Avx2::FEATURES.iter().all(&has) {
+            Self::Avx2
+        } else {
+            Self::Portable
         }
-        Self::Portable
     }
 
     /// Runs `task` with this width, or the portable one where the processor lacks it; comparisons are between nearest
     /// images where there are any.
     pub(crate) fn run<T: Task>(self, task: T, images: Option<Images>) -> T::Result {
         match self.min_supported() {
-            // SAFETY: `min_supported` returns a width only after seeing its features on this processor.
+            // SAFETY: `min_supported` returns a width only where this processor has all of its features.
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => unsafe { x86::with_avx512(task, images) },
             // SAFETY: as above.
@@ -68,7 +93,6 @@ impl Simd {
         }
     }
 
-    /// Detection is cached by the standard library, so asking again costs a load.
     fn min_supported(self) -> Self {
         match (self, Self::detect()) {
             (Self::Portable, _) | (_, Self::Portable) => Self::Portable,
@@ -193,7 +217,7 @@ mod tests {
             let mut columns = Columns::default();
             let spheres: Vec<_> =
                 (0..40).map(|k| Sphere::new([k as f32, 39.0 - k as f32, 0.3], 0.5)).collect();
-            columns.gather(&Rule::new((&spheres).into(), None), 0..40);
+            columns.gather(&Rule::new((&spheres).into(), None), 0..40).expect("there is memory");
             let mut jobs = Jobs::new();
             for count in [1, 2, 15, 16] {
                 for (low, high) in [(8.0, 12.0), (f32::NEG_INFINITY, 30.5), (20.0, f32::INFINITY)] {
@@ -219,6 +243,24 @@ mod tests {
         let expected = Simd::Portable.run(Everything, None);
         for simd in [Simd::Avx2, Simd::Avx512] {
             assert_eq!(simd.run(Everything, None), expected, "{simd:?}, on {:?}", Simd::detect());
+        }
+    }
+
+    /// Which code runs where a virtual machine hides one instruction set.
+    #[cfg(target_arch = "x86_64")]
+    #[test]
+    fn a_width_runs_only_where_all_it_is_compiled_with_is_there() {
+        let without = |hidden: &str| Simd::widest(|feature| feature.name != hidden);
+        assert_eq!(without(""), Simd::Avx512);
+        assert_eq!(without("avx512f"), Simd::Avx2);
+        for name in ["avx2", "fma", "bmi1", "bmi2", "lzcnt", "popcnt"] {
+            assert_eq!(without(name), Simd::Portable, "without {name}");
+        }
+        for feature in x86::Avx2::FEATURES {
+            assert_eq!(without(feature.name), Simd::Portable, "without {}", feature.name);
+        }
+        for feature in x86::Avx512::FEATURES {
+            assert_ne!(without(feature.name), Simd::Avx512, "without {}", feature.name);
         }
     }
 }

@@ -2,16 +2,44 @@ use std::arch::x86_64::*;
 
 use lazygrid_kernels::Pair;
 
-use super::{Around, Axes, BAND, FLOOR, Images, Jobs, MAX_LANES, Task, Vector, Width, over, portable};
+use super::{
+    Around, Axes, BAND, FLOOR, Feature, Images, Jobs, MAX_LANES, Task, Vector, Width, over, portable,
+};
 use crate::columns::Columns;
 
-/// Proof that AVX-512F is there; made only by [`with_avx512`].
-#[derive(Clone, Copy)]
-pub(crate) struct Avx512(());
+/// A width, from one list of instruction sets: those that its tasks are compiled with are those that the processor is
+/// asked for. What `rustc` enables along with another one stands in the list too.
+macro_rules! width {
+    ($(#[$doc:meta])* $name:ident, $run:ident: $($feature:tt)+) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy)]
+        pub(crate) struct $name(());
 
-/// Proof that AVX2 and FMA are there; made only by [`with_avx2`].
-#[derive(Clone, Copy)]
-pub(crate) struct Avx2(());
+        impl $name {
+            /// All that the width's tasks are compiled with.
+            pub(super) const FEATURES: &[Feature] =
+                &[$(Feature { name: $feature, is_detected: || is_x86_feature_detected!($feature) }),+];
+        }
+
+        /// Runs a task with this width.
+        #[target_feature($(enable = $feature),+)]
+        pub(super) fn $run<T: Task>(task: T, images: Option<Images>) -> T::Result {
+            over(task, $name(()), images)
+        }
+    };
+}
+
+width! {
+    /// Proof that the processor has what [`with_avx512`] needs, which alone makes it.
+    Avx512, with_avx512:
+    "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "f16c" "fma" "avx2" "bmi1" "bmi2" "lzcnt" "avx512f"
+}
+
+width! {
+    /// Proof that the processor has what [`with_avx2`] needs, which alone makes it.
+    Avx2, with_avx2:
+    "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "fma" "avx2" "bmi1" "bmi2" "lzcnt"
+}
 
 /// One cell with AVX.
 ///
@@ -30,16 +58,6 @@ unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
         _mm_storeu_si128(cell.as_mut_ptr().cast(), _mm256_cvttpd_epi32(at));
     }
     cell
-}
-
-#[target_feature(enable = "avx512f,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) fn with_avx512<T: Task>(task: T, images: Option<Images>) -> T::Result {
-    over(task, Avx512(()), images)
-}
-
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) fn with_avx2<T: Task>(task: T, images: Option<Images>) -> T::Result {
-    over(task, Avx2(()), images)
 }
 
 impl Vector for Avx512 {

@@ -1,8 +1,5 @@
-use lazygrid::Sphere;
-
-use super::Frame;
-use super::lines::Line;
-use super::species::Species;
+use super::line::Line;
+use super::session::Session;
 use crate::error::{Error, excerpt};
 
 /// What a column of a table means.
@@ -15,8 +12,26 @@ pub(super) enum Column {
     Radius,
     Diameter,
     Species,
+    /// A number that stays with a sphere from frame to frame.
+    Id,
     /// Anything that is not needed.
     Other,
+}
+
+impl Column {
+    /// What a column of this name means where names are free: in CSV, extended XYZ and structured arrays.
+    pub(super) fn named(name: &str) -> Self {
+        match name.to_ascii_lowercase().as_str() {
+            "x" => Self::Axis(0),
+            "y" => Self::Axis(1),
+            "z" => Self::Axis(2),
+            "r" | "radius" | "radii" => Self::Radius,
+            "diameter" => Self::Diameter,
+            "species" => Self::Species,
+            "id" => Self::Id,
+            _ => Self::Other,
+        }
+    }
 }
 
 /// The columns of a table, in the order of the fields of its rows.
@@ -34,6 +49,9 @@ pub(super) struct Row<'a> {
     pub(super) scaled: [f64; 3],
     pub(super) radius: Option<f32>,
     pub(super) species: Option<&'a [u8]>,
+    pub(super) id: Option<&'a [u8]>,
+    /// The first column, and its field, of which digits were lost.
+    pub(super) rounded: Option<(usize, &'a [u8])>,
 }
 
 impl Columns {
@@ -50,33 +68,43 @@ impl Columns {
         self.meanings.contains(&meaning)
     }
 
+    pub(super) fn name(&self, column: usize) -> &str {
+        &self.names[column]
+    }
+
+    pub(super) fn names(&self) -> &[String] {
+        &self.names
+    }
+
     /// Checks that the table has what spheres need and nothing twice; `header` is the line that says so.
-    pub(super) fn check(&self, header: Line<'_>, species: &Species) -> Result<(), Error> {
-        let refuse = |expected: &str| {
-            Err(Error::Syntax {
-                place: header.place(),
-                expected: expected.to_owned(),
-                found: format!("columns {}", excerpt(self.names.join(", ").as_bytes())),
-            })
-        };
+    pub(super) fn check(&self, header: Line<'_>, session: &Session) -> Result<(), Error> {
+        let found = || format!("columns {}", excerpt(self.names.join(", ").as_bytes()));
+        match self.lacks(session) {
+            Some(expected) => Err(Error::Syntax { place: header.place(), expected, found: found() }),
+            None => Ok(()),
+        }
+    }
+
+    /// What a table of spheres has and this one has not.
+    pub(super) fn lacks(&self, session: &Session) -> Option<String> {
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             if !self.has(Column::Axis(axis)) && !self.has(Column::Scaled(axis)) {
-                return refuse(&format!("a column `{name}`"));
+                return Some(format!("a column `{name}`"));
             }
         }
         let count = |wanted: &[Column]| self.meanings.iter().filter(|m| wanted.contains(m)).count();
         let axes = [0, 1, 2].map(|axis| count(&[Column::Axis(axis), Column::Scaled(axis)]));
         let radii = count(&[Column::Radius, Column::Diameter]);
-        if axes != [1; 3] || radii > 1 || count(&[Column::Species]) > 1 {
-            return refuse("one column each for x, y, z, radius and species");
+        if axes != [1; 3] || radii > 1 || count(&[Column::Species]) > 1 || count(&[Column::Id]) > 1 {
+            return Some("one column each for x, y, z, radius and species".to_owned());
         }
-        let by_species = self.has(Column::Species) && species.any_given();
+        let by_species = self.has(Column::Species) && session.species.any_given();
         if radii == 0 && !by_species {
             let remedy =
                 if self.has(Column::Species) { ", or radii by species (--radius SPECIES=R)" } else { "" };
-            return refuse(&format!("a radius column{remedy}"));
+            return Some(format!("a radius column{remedy}"));
         }
-        Ok(())
+        (session.ids && !self.has(Column::Id)).then(|| "a column `id`, which --ids asks for".to_owned())
     }
 
     /// The values of a line whose fields are given.
@@ -91,13 +119,32 @@ impl Columns {
                 return Err(self.wrong_width(line, k));
             };
             let name = &self.names[k];
-            match *meaning {
-                Column::Axis(axis) => row.center[axis] = line.number(name, field)?,
-                Column::Scaled(axis) => row.scaled[axis] = line.number(name, field)?,
-                Column::Radius => row.radius = Some(line.radius(name, field)?),
-                Column::Diameter => row.radius = Some(line.radius(name, field)? * 0.5),
-                Column::Species => row.species = Some(field),
-                Column::Other => {}
+            let value = match *meaning {
+                Column::Axis(axis) => {
+                    row.center[axis] = line.number(name, field)?;
+                    row.center[axis]
+                }
+                Column::Radius | Column::Diameter => {
+                    let value = line.radius(name, field)?;
+                    row.radius = Some(if *meaning == Column::Radius { value } else { value * 0.5 });
+                    value
+                }
+                Column::Scaled(axis) => {
+                    row.scaled[axis] = line.number(name, field)?;
+                    continue;
+                }
+                Column::Species => {
+                    row.species = Some(field);
+                    continue;
+                }
+                Column::Id => {
+                    row.id = Some(field);
+                    continue;
+                }
+                Column::Other => continue,
+            };
+            if field.len() > EXACT_DIGITS && row.rounded.is_none() && loses_digits(field, value) {
+                row.rounded = Some((k, field));
             }
         }
         if !self.open_ended && fields.next().is_some() {
@@ -114,20 +161,43 @@ impl Columns {
     }
 }
 
-impl Frame {
-    /// Adds the sphere of a row, with the radius of its species where one is given, else its own.
-    pub(super) fn push(&mut self, line: Line<'_>, row: Row<'_>, species: &mut Species) -> Result<(), Error> {
-        let mut radius = row.radius;
-        if let Some(name) = row.species {
-            let (id, given) = species.intern(name);
-            radius = given.or(radius);
-            self.species.get_or_insert_default().push(id);
+/// The most digits that a 32-bit number is ever written with. More of them say that somebody computed with 64 bits.
+const EXACT_DIGITS: usize = 9;
+
+/// Whether a field has more digits than 32-bit numbers have, and is not the number that they make of it.
+fn loses_digits(field: &[u8], value: f32) -> bool {
+    let (mut digits, mut significant) = (0, 0);
+    for &b in field.iter().take_while(|b| !b"eE".contains(b)).filter(|b| b.is_ascii_digit()) {
+        if digits > 0 || b != b'0' {
+            digits += 1;
         }
-        let radius = radius.ok_or_else(|| {
-            let species = row.species.map(|name| String::from_utf8_lossy(name).into_owned());
-            Error::NoRadius { place: line.place(), species }
-        })?;
-        self.spheres.push(Sphere::new(row.center, radius));
-        Ok(())
+        if b != b'0' {
+            significant = digits;
+        }
+    }
+    significant > EXACT_DIGITS && lexical_core::parse::<f64>(field).is_ok_and(|wide| wide != f64::from(value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_that_are_lost() {
+        for (field, lost) in [
+            ("0.1234567890123", true),
+            ("-1.2000000000000000e+01", false),
+            ("1.00000001e-30", false),
+            ("1234567890123", true),
+            ("12345678900000", false),
+            ("0.000000000000001", false),
+            // Ten digits and more, exactly.
+            ("0.00048828125", false),
+            ("1.00048828125", false),
+            ("1.000488281251", true),
+        ] {
+            let value = field.parse().unwrap();
+            assert_eq!(loses_digits(field.as_bytes(), value), lost, "{field}");
+        }
     }
 }

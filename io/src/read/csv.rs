@@ -1,56 +1,113 @@
-//! Comma-separated values: a header that names `x`, `y`, `z`, `r` or `radius`, and optionally `species`, in any
-//! order and case; other columns are ignored. One frame.
+//! Comma-separated values, or separated by semicolons or tabs: a header that names `x`, `y`, `z`, and `r`, `radius` or
+//! `diameter`, and optionally `species` and `id`, in any order and case; other columns are ignored. Lines that begin
+//! with `#` are comments; where there is no other header, the last of them is it, as NumPy's `savetxt` writes it.
+//! One frame.
 
-use super::columns::{Column, Columns};
-use super::lines::{Line, Lines};
-use super::species::Species;
-use super::{Frame, Source};
+use super::Frame;
+use super::columns::{Column, Columns, Row};
+use super::line::Line;
+use super::lines::Lines;
+use super::rows::Table;
+use super::session::Session;
+use super::source::Source;
 use crate::error::Error;
 
-pub(super) fn read(source: Source, species: &mut Species) -> Result<Frame, Error> {
+const SEPARATORS: [u8; 3] = *b",;\t";
+
+struct Csv {
+    columns: Columns,
+    separator: u8,
+}
+
+pub(super) fn read(source: Source, session: &mut Session) -> Result<Frame, Error> {
     let mut lines = Lines::new(source);
-    let columns = match lines.next()? {
-        Some(header) => columns(header, species)?,
-        None => {
-            let (place, expected) = (lines.place(), "a header with x, y, z and r or radius".to_owned());
-            return Err(Error::Syntax { place, expected, found: "an empty file".to_owned() });
-        }
-    };
+    let table = header(&mut lines, session)?;
     let mut frame = Frame::default();
-    while let Some(line) = lines.next()? {
-        let row = columns.row(line, fields(line)?)?;
-        frame.push(line, row, species)?;
-    }
+    lines.all_rows(&table, session, &mut frame)?;
     Ok(frame)
 }
 
-fn columns(header: Line<'_>, species: &Species) -> Result<Columns, Error> {
-    let columns = Columns::new(fields(header)?.map(|field| {
-        let name = String::from_utf8_lossy(field).to_lowercase();
-        let meaning = match name.as_str() {
-            "x" => Column::Axis(0),
-            "y" => Column::Axis(1),
-            "z" => Column::Axis(2),
-            "r" | "radius" => Column::Radius,
-            "species" => Column::Species,
-            _ => Column::Other,
+/// The table that the header describes; the next line is the one behind it.
+fn header(lines: &mut Lines, session: &Session) -> Result<Csv, Error> {
+    let mut in_comment = None;
+    while let Some(line) = lines.next()? {
+        let Some(comment) = commented(line.bytes) else {
+            let table = Csv::of(line, line.bytes);
+            return match in_comment {
+                Some(table) if !is_header(line.bytes) => {
+                    lines.put_back();
+                    Ok(table)
+                }
+                _ => {
+                    let table = table?;
+                    table.columns.check(line, session).map(|()| table)
+                }
+            };
         };
-        (name, meaning)
-    }));
-    columns.check(header, species)?;
-    Ok(columns)
+        if is_header(comment) {
+            let table = Csv::of(line, comment)?;
+            table.columns.check(line, session)?;
+            in_comment = Some(table);
+        }
+    }
+    // A header without rows.
+    in_comment.ok_or_else(|| {
+        let (place, expected) = (lines.place(), "a header with x, y, z and r, radius or diameter".to_owned());
+        Error::Syntax { place, expected, found: "an empty file".to_owned() }
+    })
 }
 
-/// The fields between commas, without the white space or the quotes around them. A comma or a quote inside
+impl Csv {
+    /// The columns that a header names, between whichever separator it has.
+    fn of(line: Line<'_>, header: &[u8]) -> Result<Self, Error> {
+        let separator = separator(header);
+        let columns = fields(line, header, separator)?.map(|field| {
+            let name = String::from_utf8_lossy(field).to_lowercase();
+            let meaning = Column::named(&name);
+            (name, meaning)
+        });
+        Ok(Self { columns: Columns::new(columns), separator })
+    }
+}
+
+impl Table for Csv {
+    fn columns(&self) -> &Columns {
+        &self.columns
+    }
+
+    fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error> {
+        if line.is_blank() || commented(line.bytes).is_some() {
+            return Ok(None);
+        }
+        self.columns.row(line, fields(line, line.bytes, self.separator)?).map(Some)
+    }
+}
+
+/// What stands behind the `#` of a comment line.
+fn commented(line: &[u8]) -> Option<&[u8]> {
+    line.trim_ascii_start().strip_prefix(b"#")
+}
+
+/// The separator that a header has most of.
+fn separator(header: &[u8]) -> u8 {
+    let most = SEPARATORS.into_iter().rev().max_by_key(|&s| memchr::memchr_iter(s, header).count());
+    most.unwrap_or(b',')
+}
+
+/// The fields between separators, without the white space or the quotes around them. A separator or a quote inside
 /// quotes is refused rather than split: none of the columns that are read needs one.
-fn fields(line: Line<'_>) -> Result<impl Iterator<Item = &[u8]>, Error> {
-    let quoted = memchr::memchr(b'"', line.bytes).is_some();
-    let fields = line.bytes.split(|&b| b == b',').map(move |field| {
+fn fields<'a>(
+    line: Line<'a>,
+    bytes: &'a [u8],
+    separator: u8,
+) -> Result<impl Iterator<Item = &'a [u8]>, Error> {
+    let quoted = memchr::memchr(b'"', bytes).is_some();
+    let fields = bytes.split(move |&b| b == separator).map(move |field| {
         let field = field.trim_ascii();
         if quoted { unquoted(field).unwrap_or(field) } else { field }
     });
     if quoted && fields.clone().any(|field| field.contains(&b'"')) {
-        return Err(line.unexpected("quotes around whole fields without commas or quotes in them"));
+        return Err(line.unexpected("quotes around whole fields without separators or quotes in them"));
     }
     Ok(fields)
 }
@@ -59,10 +116,18 @@ fn unquoted(field: &[u8]) -> Option<&[u8]> {
     field.strip_prefix(b"\"")?.strip_suffix(b"\"")
 }
 
-/// Whether the first line of a file reads like the header of a table of spheres.
+/// Whether the first line of a file, perhaps a comment, reads like the header of a table of spheres.
 pub(super) fn is_header(line: &[u8]) -> bool {
-    let names: Vec<_> = line.split(|&b| b == b',').map(|f| f.trim_ascii().to_ascii_lowercase()).collect();
+    let line = commented(line).unwrap_or(line);
+    let separator = separator(line);
+    let fields = line.split(|&b| b == separator).map(|f| f.trim_ascii().to_ascii_lowercase());
+    let names: Vec<_> = fields.collect();
     [b"x", b"y", b"z"]
         .iter()
         .all(|axis| names.iter().any(|name| unquoted(name).unwrap_or(name) == axis.as_slice()))
+}
+
+/// Whether a line is a comment, which tells nothing of the format.
+pub(super) fn is_comment(line: &[u8]) -> bool {
+    commented(line).is_some()
 }

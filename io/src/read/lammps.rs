@@ -1,16 +1,23 @@
 //! LAMMPS text dumps (`dump custom`): any number of frames, columns by name.
 //!
 //! Positions are `x y z`, unwrapped `xu yu zu`, or fractions of the box `xs ys zs` and `xsu ysu zsu`; sizes are
-//! `radius` or `diameter`; species are `type`, or `element` where there is no `type`. The order is the file's.
+//! `radius` or `diameter`; species are `type`, or `element` where there is no `type`. The order is the file's. An axis
+//! is periodic where `BOX BOUNDS` says `pp`; old dumps do not say, and are unbounded.
 
-use super::columns::{Column, Columns};
-use super::lines::{Line, Lines};
-use super::species::Species;
-use super::{Frame, RESERVE, Source};
-use crate::error::Error;
+use lazygrid::Space;
+
+use super::cell::Cell;
+use super::columns::{Column, Columns, Row};
+use super::line::Line;
+use super::lines::Lines;
+use super::rows::Table;
+use super::session::Session;
+use super::source::Source;
+use super::{Frame, RESERVE};
+use crate::error::{Error, Place};
 
 pub(super) struct Lammps {
-    lines: Lines,
+    pub(super) lines: Lines,
 }
 
 /// What a frame's head says before its atoms.
@@ -22,10 +29,11 @@ struct Head {
     bounds: Option<Bounds>,
 }
 
-/// The simulation box: a corner and the three edges from it.
+/// The simulation box: a corner, the edges from it, and where the file says so.
 struct Bounds {
     corner: [f64; 3],
-    edges: [[f64; 3]; 3],
+    cell: Cell,
+    place: Place,
 }
 
 impl Lammps {
@@ -33,7 +41,7 @@ impl Lammps {
         Self { lines: Lines::new(source) }
     }
 
-    pub(super) fn next_frame(&mut self, species: &mut Species) -> Result<Option<Frame>, Error> {
+    pub(super) fn next_frame(&mut self, session: &mut Session) -> Result<Option<Frame>, Error> {
         let mut head = Head::default();
         while let Some(line) = self.lines.next()? {
             head.begun = true;
@@ -42,18 +50,18 @@ impl Lammps {
                 Some(b"NUMBER OF ATOMS") => head.atoms = Some(self.atoms()?),
                 Some(b"UNITS" | b"TIME") => drop(self.head_line()?),
                 Some(item) if item.starts_with(b"BOX BOUNDS") => {
-                    let style = Style::of(item);
-                    head.bounds = Some(self.bounds(style)?);
+                    let (style, periodic, place) = (Style::of(item), periodic(item), line.place());
+                    head.bounds = Some(self.bounds(style, periodic, place)?);
                 }
                 Some(item) if item.starts_with(b"ATOMS") => {
                     let Some(atoms) = head.atoms else {
                         return Err(line.unexpected("ITEM: NUMBER OF ATOMS before the atoms"));
                     };
-                    let columns = columns(line, species)?;
+                    let columns = columns(line, session)?;
                     if columns.has(Column::Scaled(0)) && head.bounds.is_none() {
                         return Err(line.unexpected("ITEM: BOX BOUNDS before scaled coordinates"));
                     }
-                    return self.atoms_of(head, atoms, &columns, species).map(Some);
+                    return self.atoms_of(head, atoms, columns, session).map(Some);
                 }
                 _ => return Err(line.unexpected("ITEM: TIMESTEP, NUMBER OF ATOMS, BOX BOUNDS or ATOMS")),
             }
@@ -73,19 +81,18 @@ impl Lammps {
         &mut self,
         head: Head,
         atoms: u64,
-        columns: &Columns,
-        species: &mut Species,
+        columns: Columns,
+        session: &mut Session,
     ) -> Result<Frame, Error> {
+        let space = match (session.space, &head.bounds) {
+            (Some(given), _) => given,
+            (None, Some(bounds)) => bounds.cell.space(&bounds.place)?,
+            (None, None) => Space::UNBOUNDED,
+        };
+        let mut frame = Frame { step: head.step, space, ..Frame::with_capacity(atoms.min(RESERVE)) };
         let scaled = columns.has(Column::Scaled(0));
-        let mut frame = Frame { step: head.step, ..Frame::with_capacity(atoms.min(RESERVE)) };
-        for found in 0..atoms {
-            let line = self.lines.required("atoms", found, atoms)?;
-            let mut row = columns.row(line, line.words())?;
-            if let Some(bounds) = head.bounds.as_ref().filter(|_| scaled) {
-                row.center = bounds.place(line, row.scaled)?;
-            }
-            frame.push(line, row, species)?;
-        }
+        let table = Atoms { columns, scale: head.bounds.filter(|_| scaled) };
+        self.lines.rows(&table, ("atoms", atoms), session, &mut frame)?;
         Ok(frame)
     }
 
@@ -102,7 +109,7 @@ impl Lammps {
         self.head_line()?.count("the number of atoms")
     }
 
-    fn bounds(&mut self, style: Style) -> Result<Bounds, Error> {
+    fn bounds(&mut self, style: Style, periodic: [bool; 3], place: Place) -> Result<Bounds, Error> {
         let mut rows = [[0.0; 4]; 3];
         for row in &mut rows {
             let line = self.head_line()?;
@@ -112,8 +119,38 @@ impl Lammps {
                 *value = line.number("box bound", word)?;
             }
         }
-        Ok(style.bounds(rows))
+        let (corner, edges) = style.box_of(rows);
+        Ok(Bounds { corner, cell: Cell { edges, periodic }, place })
     }
+}
+
+/// The atoms of a frame, a row on every line.
+struct Atoms {
+    columns: Columns,
+    /// The box of which coordinates are fractions.
+    scale: Option<Bounds>,
+}
+
+impl Table for Atoms {
+    fn columns(&self) -> &Columns {
+        &self.columns
+    }
+
+    fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error> {
+        let mut row = self.columns.row(line, line.words())?;
+        if let Some(bounds) = &self.scale {
+            row.center = bounds.place(line, row.scaled)?;
+        }
+        Ok(Some(row))
+    }
+}
+
+/// The axes that are periodic, from the end of `BOX BOUNDS pp pp ff`, where both sides of an axis say `p`.
+fn periodic(item: &[u8]) -> [bool; 3] {
+    let mut words = item.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).rev();
+    let mut last = || words.next() == Some(b"pp");
+    let [z, y, x] = [last(), last(), last()];
+    [x, y, z]
 }
 
 /// The ways in which dumps describe the box.
@@ -144,9 +181,10 @@ impl Style {
         }
     }
 
-    fn bounds(self, rows: [[f64; 4]; 3]) -> Bounds {
+    /// The corner of the box and its edges.
+    fn box_of(self, rows: [[f64; 4]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
         if let Self::Edges = self {
-            return Bounds { corner: rows.map(|row| row[3]), edges: rows.map(|[x, y, z, _]| [x, y, z]) };
+            return (rows.map(|row| row[3]), rows.map(|[x, y, z, _]| [x, y, z]));
         }
         // The third column is zero in an orthogonal box.
         let [xy, xz, yz] = rows.map(|row| row[2]);
@@ -157,7 +195,7 @@ impl Style {
         };
         let corner = [bound(0, 0), bound(1, 0), bound(2, 0)];
         let length = |axis: usize| bound(axis, 1) - corner[axis];
-        Bounds { corner, edges: [[length(0), 0.0, 0.0], [xy, length(1), 0.0], [xz, yz, length(2)]] }
+        (corner, [[length(0), 0.0, 0.0], [xy, length(1), 0.0], [xz, yz, length(2)]])
     }
 }
 
@@ -166,7 +204,7 @@ impl Bounds {
     fn place(&self, line: Line<'_>, scaled: [f64; 3]) -> Result<[f32; 3], Error> {
         let mut center = [0.0; 3];
         for (axis, (coordinate, name)) in center.iter_mut().zip(["x", "y", "z"]).enumerate() {
-            let steps = self.edges.iter().zip(scaled).map(|(edge, part)| edge[axis] * part);
+            let steps = self.cell.edges.iter().zip(scaled).map(|(edge, part)| edge[axis] * part);
             let value = self.corner[axis] + steps.sum::<f64>();
             *coordinate = value as f32;
             if !coordinate.is_finite() {
@@ -180,7 +218,7 @@ impl Bounds {
 
 /// The columns of `ITEM: ATOMS id type x y z radius`. Where a dump has a value in several forms, the first of
 /// those named at the top of this file is taken.
-fn columns(header: Line<'_>, species: &Species) -> Result<Columns, Error> {
+fn columns(header: Line<'_>, session: &Session) -> Result<Columns, Error> {
     let names: Vec<_> =
         header.words().skip(2).map(|name| String::from_utf8_lossy(name).into_owned()).collect();
     let has = |wanted: &&str| names.iter().any(|name| name == wanted);
@@ -197,10 +235,11 @@ fn columns(header: Line<'_>, species: &Species) -> Result<Columns, Error> {
             None if Some(name) == kind => Column::Species,
             None if Some(name) == size && name == "radius" => Column::Radius,
             None if Some(name) == size => Column::Diameter,
+            None if name == "id" => Column::Id,
             None => Column::Other,
         };
         (name.to_owned(), meaning)
     }));
-    columns.check(header, species)?;
+    columns.check(header, session)?;
     Ok(columns)
 }

@@ -2,35 +2,57 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::Source;
-use crate::error::{At, Error, Place, excerpt};
+use memchr::{memchr, memchr_iter, memrchr};
 
-/// The longest line that is read. Bounds memory where a file turns out not to be text.
-const LONGEST_LINE: usize = 1 << 20;
+use super::line::{LONGEST_LINE, Line, too_long};
+use super::source::Source;
+use crate::error::{At, Error, Place};
 
-/// The lines of a text, without their ends, one at a time from a buffer that is reused.
+/// Bytes read at first. A block is up to four times the one before.
+const FIRST_BLOCK: usize = 1 << 16;
+/// The most bytes in a block, for each thread that shares in it, and in all.
+const SHARE: usize = 1 << 20;
+const LARGEST_BLOCK: usize = 32 << 20;
+/// Bytes parsed by one thread at a time, or a little more, up to the end of a line.
+const PIECE: usize = 1 << 17;
+
+/// The lines of a text, without their ends, one at a time or in pieces of many, from a buffer that is reused.
 pub(super) struct Lines {
     source: Source,
     buffer: Vec<u8>,
+    /// Takes what comes next while the other one is parsed.
+    spare: Vec<u8>,
     /// What of the buffer is read and not yet handed out.
     unread: Range<usize>,
     /// The last line, within the buffer.
     line: Range<usize>,
     number: u64,
     ended: bool,
+    /// Why no more could be read; told when what was read is handed out.
+    failed: Option<Error>,
 }
 
-/// One line, and where it stands.
+/// Whole lines, one after the other.
 #[derive(Clone, Copy)]
-pub(super) struct Line<'a> {
-    pub(super) bytes: &'a [u8],
-    pub(super) number: u64,
+pub(super) struct Piece<'a> {
+    bytes: &'a [u8],
+    /// The number of its first line.
+    first: u64,
     path: &'a Arc<Path>,
 }
 
 impl Lines {
     pub(super) fn new(source: Source) -> Self {
-        Self { source, buffer: vec![0; LONGEST_LINE], unread: 0..0, line: 0..0, number: 0, ended: false }
+        Self {
+            source,
+            buffer: vec![0; FIRST_BLOCK],
+            spare: Vec::new(),
+            unread: 0..0,
+            line: 0..0,
+            number: 0,
+            ended: false,
+            failed: None,
+        }
     }
 
     /// The next line that is not blank, or `None` at the end. Ends are `\n` or `\r\n`; a byte-order mark is
@@ -42,6 +64,17 @@ impl Lines {
             }
         }
         Ok(None)
+    }
+
+    /// Whether only blank lines are left.
+    pub(super) fn at_end(&mut self) -> Result<bool, Error> {
+        while self.advance()? {
+            if !self.line().is_blank() {
+                self.put_back();
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// The next line of a frame that is not complete without it: `found` of `expected` of `what` were there.
@@ -58,10 +91,65 @@ impl Lines {
         }
     }
 
+    /// Hands out the last line once more, as the next.
+    pub(super) fn put_back(&mut self) {
+        // Its end and a mark before it are passed over again.
+        self.unread.start = match memrchr(b'\n', &self.buffer[..self.line.start]) {
+            Some(end) if self.number > 1 => end + 1,
+            _ => self.line.start,
+        };
+        self.number -= 1;
+    }
+
     /// Where the last line stands; before the first, the file.
     pub(super) fn place(&self) -> Place {
         let at = if self.number == 0 { At::File } else { At::Line(self.number) };
         Place { path: self.source.path.clone(), at }
+    }
+
+    /// Hands whole lines to `parse`, which may share them out among threads, while `meanwhile` is done and the lines
+    /// behind them are read; all of them, or no more than `most`. Returns what `parse` made of them, and how many there
+    /// were: none at the end.
+    pub(super) fn parse<T: Send>(
+        &mut self,
+        most: u64,
+        parse: impl FnOnce(&[Piece<'_>]) -> T + Send,
+        meanwhile: impl FnOnce() + Send,
+    ) -> Result<(T, u64), Error> {
+        loop {
+            let Self { source, buffer, spare, unread, number, ended, failed, .. } = &mut *self;
+            let path = source.path.clone();
+            let text =
+                Text { bytes: &buffer[unread.clone()], first: *number + 1, path: &path, ended: *ended };
+            let (pieces, lines, end) = text.cut(most);
+            if lines == 0 && most > 0 && !*ended {
+                self.fill()?;
+                continue;
+            }
+            let parsed = if lines == most || *ended || failed.is_some() {
+                unread.start += end;
+                if pieces.len() > 1 {
+                    rayon::join(|| parse(&pieces), meanwhile).0
+                } else {
+                    meanwhile();
+                    parse(&pieces)
+                }
+            } else {
+                let (rest, left) = (&text.bytes[end..], most - lines);
+                spare.resize(larger(text.bytes.len()), 0);
+                let read_on = || {
+                    meanwhile();
+                    read_on(source, spare, rest, left)
+                };
+                let (parsed, read) = rayon::join(|| parse(&pieces), read_on);
+                std::mem::swap(buffer, spare);
+                *unread = 0..read.filled;
+                (*ended, *failed) = (read.ended, read.failed);
+                parsed
+            };
+            *number += lines;
+            return Ok((parsed, lines));
+        }
     }
 
     fn line(&self) -> Line<'_> {
@@ -72,7 +160,7 @@ impl Lines {
         let mut searched = 0;
         let (length, end) = loop {
             let unread = &self.buffer[self.unread.clone()];
-            match memchr::memchr(b'\n', &unread[searched..]) {
+            match memchr(b'\n', &unread[searched..]) {
                 Some(at) => break (searched + at, 1),
                 None if self.ended && unread.is_empty() => return Ok(false),
                 None if self.ended => break (unread.len(), 0),
@@ -81,12 +169,12 @@ impl Lines {
             self.fill()?;
         };
         let start = self.unread.start;
+        let line = Line::of(&self.buffer[start..start + length], self.number + 1, &self.source.path)?;
+        let before = length - line.bytes.len() - usize::from(self.buffer[..start + length].ends_with(b"\r"));
+        let length_of_line = line.bytes.len();
+        self.line = start + before..start + before + length_of_line;
         self.unread.start += length + end;
         self.number += 1;
-        let bytes = &self.buffer[start..start + length];
-        let mark = if self.number == 1 && bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
-        let carriage = usize::from(bytes[mark..].ends_with(b"\r"));
-        self.line = start + mark..start + length - carriage;
         Ok(true)
     }
 
@@ -94,9 +182,14 @@ impl Lines {
     fn fill(&mut self) -> Result<(), Error> {
         self.buffer.copy_within(self.unread.clone(), 0);
         self.unread = 0..self.unread.len();
+        if self.unread.end > LONGEST_LINE && memchr(b'\n', &self.buffer[..self.unread.end]).is_none() {
+            return Err(too_long(self.source.at(At::Line(self.number + 1))));
+        }
+        if let Some(error) = self.failed.take() {
+            return Err(error);
+        }
         if self.unread.end == self.buffer.len() {
-            let place = Place { path: self.source.path.clone(), at: At::Line(self.number + 1) };
-            return Err(Error::LineTooLong { place, limit: LONGEST_LINE });
+            self.buffer.resize(larger(self.buffer.len()), 0);
         }
         let read = self.source.read(&mut self.buffer[self.unread.end..])?;
         self.unread.end += read;
@@ -105,61 +198,88 @@ impl Lines {
     }
 }
 
-impl<'a> Line<'a> {
-    /// The fields between white space.
-    pub(super) fn words(self) -> impl Iterator<Item = &'a [u8]> {
-        self.bytes.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
-    }
+/// What is read and not yet handed out.
+struct Text<'a> {
+    bytes: &'a [u8],
+    /// The number of its first line.
+    first: u64,
+    path: &'a Arc<Path>,
+    /// Whether nothing comes behind it.
+    ended: bool,
+}
 
-    pub(super) fn is_blank(self) -> bool {
-        self.bytes.trim_ascii().is_empty()
-    }
-
-    pub(super) fn place(self) -> Place {
-        Place { path: self.path.clone(), at: At::Line(self.number) }
-    }
-
-    /// The line is not what the format wants.
-    pub(super) fn unexpected(self, expected: impl Into<String>) -> Error {
-        let found = match self.is_blank() {
-            true => "a blank line".to_owned(),
-            false => format!("'{}'", excerpt(self.bytes)),
-        };
-        Error::Syntax { place: self.place(), expected: expected.into(), found }
-    }
-
-    /// The whole line as a whole number.
-    pub(super) fn count(self, what: &str) -> Result<u64, Error> {
-        let digits = self.bytes.trim_ascii();
-        lexical_core::parse(digits).map_err(|_| self.unexpected(what))
-    }
-
-    /// A field as a finite number.
-    pub(super) fn number<F>(self, column: &str, field: &[u8]) -> Result<F, Error>
-    where
-        F: lexical_core::FromLexical + Into<f64> + Copy,
-    {
-        match lexical_core::parse::<F>(field) {
-            Ok(value) if value.into().is_finite() => Ok(value),
-            Ok(_) => Err(self.refuse(column, field, "values must be finite 32-bit floating-point numbers")),
-            Err(_) => {
-                let (column, text) = (column.to_owned(), excerpt(field));
-                Err(Error::Number { place: self.place(), column, text })
+impl<'a> Text<'a> {
+    /// Cuts it into pieces of whole lines, `most` at most; how many they are, and how many bytes.
+    fn cut(&self, most: u64) -> (Vec<Piece<'a>>, u64, usize) {
+        let (mut pieces, mut lines, mut at) = (Vec::new(), 0, 0);
+        while lines < most && at < self.bytes.len() {
+            let rest = &self.bytes[at..];
+            let near = memrchr(b'\n', &rest[..rest.len().min(PIECE)]);
+            let end = near.or_else(|| memchr(b'\n', rest)).map(|end| end + 1);
+            let Some(mut end) = end.or(self.ended.then_some(rest.len())) else { break };
+            let mut within = memchr_iter(b'\n', &rest[..end]).count() as u64;
+            // The last line of a file may have no end.
+            within += u64::from(!rest[..end].ends_with(b"\n"));
+            if within > most - lines {
+                within = most - lines;
+                end = memchr_iter(b'\n', rest).nth(within as usize - 1).map_or(end, |end| end + 1);
             }
+            pieces.push(Piece { bytes: &rest[..end], first: self.first + lines, path: self.path });
+            (lines, at) = (lines + within, at + end);
         }
+        (pieces, lines, at)
+    }
+}
+
+/// How reading went on.
+struct Read {
+    filled: usize,
+    ended: bool,
+    failed: Option<Error>,
+}
+
+/// Puts `rest` and what is read behind it into `spare`, until that is full or has so many `lines`.
+fn read_on(source: &mut Source, spare: &mut [u8], rest: &[u8], lines: u64) -> Read {
+    spare[..rest.len()].copy_from_slice(rest);
+    let mut so_far = Read { filled: rest.len(), ended: false, failed: None };
+    let mut left = lines;
+    while so_far.filled < spare.len() && left > 0 {
+        let read = match source.read(&mut spare[so_far.filled..]) {
+            Ok(0) => return Read { ended: true, ..so_far },
+            Ok(read) => so_far.filled..so_far.filled + read,
+            Err(error) => return Read { failed: Some(error), ..so_far },
+        };
+        so_far.filled = read.end;
+        left = left.saturating_sub(memchr_iter(b'\n', &spare[read]).count() as u64);
+    }
+    so_far
+}
+
+/// The size of a block behind one of so many bytes.
+fn larger(bytes: usize) -> usize {
+    let most = (SHARE * rayon::current_num_threads()).clamp(2 * LONGEST_LINE, LARGEST_BLOCK);
+    (4 * bytes).clamp(FIRST_BLOCK, most)
+}
+
+impl<'a> Piece<'a> {
+    /// Its lines, blank ones included, each or why there is none.
+    pub(super) fn lines(self) -> impl Iterator<Item = Result<Line<'a>, Error>> {
+        let Self { mut bytes, first, path } = self;
+        (first..).map_while(move |number| {
+            if bytes.is_empty() {
+                return None;
+            }
+            let end = memchr(b'\n', bytes);
+            let line = &bytes[..end.unwrap_or(bytes.len())];
+            bytes = end.map_or(&[], |end| &bytes[end + 1..]);
+            Some(Line::of(line, number, path))
+        })
     }
 
-    /// A field as a radius: finite and not negative.
-    pub(super) fn radius(self, column: &str, field: &[u8]) -> Result<f32, Error> {
-        let radius = self.number(column, field)?;
-        if radius < 0.0 {
-            return Err(self.refuse(column, field, "radii must not be negative"));
-        }
-        Ok(radius)
-    }
-
-    pub(super) fn refuse(self, column: &str, field: &[u8], rule: &'static str) -> Error {
-        Error::Value { place: self.place(), column: column.to_owned(), value: excerpt(field), rule }
+    /// About how many rows it has, for room that grows if need be.
+    pub(super) fn rows(self) -> usize {
+        const SHORT_ROW: usize = 24;
+        self.bytes.len() / SHORT_ROW
     }
 }
 
@@ -184,10 +304,10 @@ mod tests {
 
     #[test]
     fn a_line_may_span_reads_but_not_exceed_the_limit() {
-        let fits = [vec![b'a'; LONGEST_LINE - 1], vec![b'\n'; 1], vec![b'b'; LONGEST_LINE - 1]].concat();
+        let fits = [vec![b'a'; LONGEST_LINE], vec![b'\n'; 1], vec![b'b'; LONGEST_LINE]].concat();
         let mut lines = Lines::new(Source::from_bytes("test", fits));
-        assert_eq!(lines.next().unwrap().unwrap().bytes.len(), LONGEST_LINE - 1);
-        assert_eq!(lines.next().unwrap().unwrap().bytes.len(), LONGEST_LINE - 1);
+        assert_eq!(lines.next().unwrap().unwrap().bytes.len(), LONGEST_LINE);
+        assert_eq!(lines.next().unwrap().unwrap().bytes.len(), LONGEST_LINE);
         assert!(lines.next().unwrap().is_none());
 
         let long = [b"short\n".to_vec(), vec![b'a'; LONGEST_LINE + 1]].concat();
@@ -197,25 +317,5 @@ mod tests {
             lines.next().err().unwrap().to_string(),
             "test, line 2: the line is longer than 1048576 bytes; is this a text file?"
         );
-    }
-
-    #[test]
-    fn numbers_are_finite_and_whole_fields() {
-        let mut lines = lines(b"row");
-        let line = lines.next().unwrap().unwrap();
-        for (field, value) in [("1", 1.0), ("+2.5", 2.5), ("-1e-3", -1e-3), (".5", 0.5), ("3.", 3.0)] {
-            assert_eq!(line.number::<f32>("x", field.as_bytes()).unwrap(), value, "{field}");
-        }
-        for (field, message) in [
-            ("1e39", "x is 1e39; values must be finite 32-bit floating-point numbers"),
-            ("nan", "x is nan; values must be finite 32-bit floating-point numbers"),
-            ("-inf", "x is -inf; values must be finite 32-bit floating-point numbers"),
-            ("", "x '' is not a number"),
-            ("1.0abc", "x '1.0abc' is not a number"),
-            ("0x10", "x '0x10' is not a number"),
-        ] {
-            let error = line.number::<f32>("x", field.as_bytes()).unwrap_err();
-            assert_eq!(error.to_string(), format!("test, line 1: {message}"));
-        }
     }
 }

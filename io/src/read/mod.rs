@@ -12,29 +12,40 @@
 //! Memory is bounded to one frame. What a file says about its own size is never believed before the data is
 //! there. Radii and coordinates are `f32`, rounded once from what is written.
 
+mod cell;
 mod columns;
+mod comment;
 mod csv;
 mod lammps;
+mod line;
 mod lines;
 mod npy;
+mod rows;
+mod session;
 mod smoldyn;
+mod source;
 mod species;
 #[cfg(test)]
 mod tests;
 mod xyz;
+mod zstd;
 
 use std::fmt;
 use std::fs::File;
-use std::io::{self, Cursor, Read};
+use std::io::Read;
 use std::path::Path;
 use std::str::FromStr;
-use std::sync::Arc;
 
-use lazygrid::Sphere;
+use lazygrid::{Space, Sphere};
+use rayon::slice::ParallelSliceMut;
 
-use crate::error::{At, Error, Place};
+use self::session::Session;
+use self::source::Source;
+use crate::error::Error;
 
 pub use species::{Radii, Species};
+
+pub(crate) use species::bare;
 
 /// The most spheres for which room is made before they are read. More grow the room as they come.
 const RESERVE: u64 = 1 << 20;
@@ -70,10 +81,12 @@ impl Format {
         }
     }
 
-    /// The format that a file name's extension stands for.
+    /// The format that a file name's extension stands for; the one before `.gz` or `.zst`, where that is the last.
     pub fn from_extension(path: &Path) -> Option<Self> {
-        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
-            "csv" => Some(Self::Csv),
+        let extension = path.extension()?.to_str()?.to_ascii_lowercase();
+        match extension.as_str() {
+            "gz" | "zst" => Self::from_extension(Path::new(path.file_stem()?)),
+            "csv" | "tsv" => Some(Self::Csv),
             "npy" => Some(Self::Npy),
             "xyz" | "extxyz" => Some(Self::Xyz),
             "dump" | "lammpstrj" | "lammps" => Some(Self::Lammps),
@@ -84,7 +97,9 @@ impl Format {
 
     /// The format that the first bytes of a file look like.
     pub fn from_content(head: &[u8]) -> Option<Self> {
-        let line = head.split(|&b| b == b'\n').map(<[u8]>::trim_ascii).find(|line| !line.is_empty())?;
+        let mut lines = head.split(|&b| b == b'\n').map(<[u8]>::trim_ascii);
+        let tells = |line: &&[u8]| !line.is_empty() && (!csv::is_comment(line) || csv::is_header(line));
+        let line = lines.find(tells)?;
         if head.starts_with(npy::MAGIC) {
             Some(Self::Npy)
         } else if line.starts_with(b"ITEM: ") {
@@ -125,6 +140,11 @@ pub struct Options {
     pub format: Option<Format>,
     /// Radii by species, for files that have none; they win over a radius column.
     pub radii: Radii,
+    /// The space of all frames; else what each frame declares: a periodic box along the axes (`Lattice` and `pbc` of
+    /// extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded space where it declares none.
+    pub space: Option<Space>,
+    /// Whether the ids of spheres are read too, from a column `id` (Smoldyn: serial numbers).
+    pub ids: bool,
 }
 
 /// The spheres of one moment.
@@ -132,15 +152,45 @@ pub struct Options {
 pub struct Frame {
     /// The simulator's number of the time step, where the file has one.
     pub step: Option<i64>,
+    /// The space that the frame declares, or the one that was given.
+    pub space: Space,
     /// The spheres in the order of the file; finite, with radii that are not negative.
     pub spheres: Vec<Sphere>,
     /// A species id per sphere where the file has species; names are in [`Frames::species`].
     pub species: Option<Vec<u32>>,
+    /// An id per sphere, where ids were asked for.
+    pub ids: Option<Vec<i64>>,
 }
 
 impl Frame {
     fn with_capacity(spheres: u64) -> Self {
-        Self { spheres: Vec::with_capacity(spheres as usize), ..Self::default() }
+        let mut frame = Self::default();
+        // A refusal now means nothing yet: room is made again as spheres come.
+        let _ = frame.spheres.try_reserve_exact(spheres as usize);
+        frame
+    }
+
+    /// Puts the spheres in the order of their ids, where they have any, so that frames whose rows come in different
+    /// orders can be compared.
+    ///
+    /// # Errors
+    /// The least id that two spheres have.
+    pub fn sort_by_id(&mut self) -> Result<(), i64> {
+        let Some(ids) = &mut self.ids else { return Ok(()) };
+        if !ids.is_sorted() {
+            // A frame has fewer than 2³² spheres.
+            let mut order: Vec<u32> = (0..ids.len() as u32).collect();
+            order.par_sort_unstable_by_key(|&row| ids[row as usize]);
+            *ids = order.iter().map(|&row| ids[row as usize]).collect();
+            self.spheres = order.iter().map(|&row| self.spheres[row as usize]).collect();
+            if let Some(species) = &mut self.species {
+                *species = order.iter().map(|&row| species[row as usize]).collect();
+            }
+        }
+        match ids.windows(2).find(|two| two[0] == two[1]) {
+            Some(two) => Err(two[0]),
+            None => Ok(()),
+        }
     }
 }
 
@@ -148,12 +198,12 @@ impl Frame {
 pub struct Frames {
     format: Format,
     reader: Reader,
-    species: Species,
+    session: Session,
 }
 
 enum Reader {
     /// A format of one frame per file, not read yet.
-    Single(fn(Source, &mut Species) -> Result<Frame, Error>, Source),
+    Single(fn(Source, &mut Session) -> Result<Frame, Error>, Source),
     Xyz(xyz::Xyz),
     Lammps(lammps::Lammps),
     Ended,
@@ -187,7 +237,7 @@ impl Frames {
         length: Option<u64>,
         options: Options,
     ) -> Result<Self, Error> {
-        let mut source = Source::new(path.as_ref(), input, length);
+        let mut source = Source::new(path.as_ref(), input, length)?;
         let format = match options.format.or_else(|| Format::from_extension(&source.path)) {
             Some(format) => format,
             None => source.guess()?,
@@ -199,7 +249,7 @@ impl Frames {
             Format::Xyz => Reader::Xyz(xyz::Xyz::new(source)),
             Format::Lammps => Reader::Lammps(lammps::Lammps::new(source)),
         };
-        Ok(Self { format, reader, species: Species::new(options.radii) })
+        Ok(Self { format, reader, session: Session::new(options) })
     }
 
     /// The format that is being read.
@@ -209,19 +259,37 @@ impl Frames {
 
     /// The species met so far.
     pub fn species(&self) -> &Species {
-        &self.species
+        &self.session.species
+    }
+
+    /// Whether there is no further frame: the file has ended, but for blank lines. Waits for what comes where that is
+    /// not clear yet.
+    ///
+    /// # Errors
+    /// [`Error::Read`], and [`Error::LineTooLong`].
+    pub fn at_end(&mut self) -> Result<bool, Error> {
+        match &mut self.reader {
+            Reader::Single(..) => Ok(false),
+            Reader::Xyz(xyz) => xyz.lines.at_end(),
+            Reader::Lammps(lammps) => lammps.lines.at_end(),
+            Reader::Ended => Ok(true),
+        }
     }
 
     fn read(&mut self) -> Result<Option<Frame>, Error> {
         match std::mem::replace(&mut self.reader, Reader::Ended) {
-            Reader::Single(read, source) => read(source, &mut self.species).map(Some),
+            Reader::Single(read, source) => {
+                let frame = read(source, &mut self.session)?;
+                let space = self.session.space.unwrap_or_default();
+                Ok(Some(Frame { space, ..frame }))
+            }
             Reader::Xyz(mut xyz) => {
-                let frame = xyz.next_frame(&mut self.species)?;
+                let frame = xyz.next_frame(&mut self.session)?;
                 self.reader = Reader::Xyz(xyz);
                 Ok(frame)
             }
             Reader::Lammps(mut lammps) => {
-                let frame = lammps.next_frame(&mut self.species)?;
+                let frame = lammps.next_frame(&mut self.session)?;
                 self.reader = Reader::Lammps(lammps);
                 Ok(frame)
             }
@@ -235,65 +303,5 @@ impl Iterator for Frames {
 
     fn next(&mut self) -> Option<Self::Item> {
         self.read().transpose()
-    }
-}
-
-/// Bytes to read, and where they come from.
-struct Source {
-    path: Arc<Path>,
-    input: Box<dyn Read + Send>,
-    /// How many bytes there are in all, where that is known.
-    length: Option<u64>,
-}
-
-impl Source {
-    fn new(path: &Path, input: impl Read + Send + 'static, length: Option<u64>) -> Self {
-        Self { path: path.into(), input: Box::new(input), length }
-    }
-
-    /// The format by content. What is looked at will be read again.
-    fn guess(&mut self) -> Result<Format, Error> {
-        const HEAD: usize = 4096;
-        let mut head = vec![0; HEAD];
-        let length = self.fill(&mut head)?;
-        head.truncate(length);
-        let format = Format::from_content(&head);
-        let rest = std::mem::replace(&mut self.input, Box::new(io::empty()));
-        self.input = Box::new(Cursor::new(head).chain(rest));
-        format.ok_or_else(|| Error::UnknownFormat { path: self.path.to_path_buf() })
-    }
-
-    /// Some bytes; 0 at the end.
-    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
-        loop {
-            match self.input.read(buffer) {
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                result => {
-                    return result.map_err(|source| Error::Read { path: self.path.to_path_buf(), source });
-                }
-            }
-        }
-    }
-
-    /// As many bytes as the buffer takes, fewer at the end only.
-    fn fill(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
-        let mut filled = 0;
-        while filled < buffer.len() {
-            match self.read(&mut buffer[filled..])? {
-                0 => break,
-                read => filled += read,
-            }
-        }
-        Ok(filled)
-    }
-
-    fn at(&self, at: At) -> Place {
-        Place { path: self.path.clone(), at }
-    }
-
-    #[cfg(test)]
-    fn from_bytes(name: &str, bytes: impl AsRef<[u8]> + Send + 'static) -> Self {
-        let length = bytes.as_ref().len() as u64;
-        Self::new(Path::new(name), Cursor::new(bytes), Some(length))
     }
 }

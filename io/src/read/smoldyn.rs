@@ -4,34 +4,58 @@
 //! listing once, a serial number that comes again shows that there are several; that is refused, for where one
 //! ends cannot be known (molecules appear and vanish from one to the next).
 
-use std::collections::HashMap;
-
-use super::columns::{Column, Columns};
+use super::Frame;
+use super::columns::{Column, Columns, Row};
+use super::line::Line;
 use super::lines::Lines;
-use super::species::Species;
-use super::{Frame, Source};
-use crate::error::{Error, excerpt};
+use super::rows::Table;
+use super::session::Session;
+use super::source::Source;
+use crate::error::Error;
 
-pub(super) fn read(source: Source, species: &mut Species) -> Result<Frame, Error> {
+/// A serial number. Smoldyn writes it in one part or, with a point between them, in two.
+pub(super) type Serial = (u64, Option<u64>);
+
+struct Listing(Columns);
+
+pub(super) fn read(source: Source, session: &mut Session) -> Result<Frame, Error> {
     let axes = ["x", "y", "z"].into_iter().enumerate().map(|(k, axis)| (axis, Column::Axis(k)));
-    let listed =
-        [("name(state)", Column::Species)].into_iter().chain(axes).chain([("serial", Column::Other)]);
-    let columns = Columns::new(listed.map(|(name, meaning)| (name.to_owned(), meaning)));
-    let mut lines = Lines::new(source);
-    let mut seen = HashMap::<Box<[u8]>, u64>::new();
+    let listed = [("name(state)", Column::Species)].into_iter().chain(axes).chain([("serial", Column::Id)]);
+    let listing = Listing(Columns::new(listed.map(|(name, meaning)| (name.to_owned(), meaning))));
     let mut frame = Frame::default();
-    while let Some(line) = lines.next()? {
-        let row = columns.row(line, line.words())?;
+    Lines::new(source).all_rows(&listing, session, &mut frame)?;
+    Ok(frame)
+}
+
+impl Table for Listing {
+    fn columns(&self) -> &Columns {
+        &self.0
+    }
+
+    fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error> {
+        if line.is_blank() {
+            return Ok(None);
+        }
+        let row = self.0.row(line, line.words())?;
         if !row.species.is_some_and(is_name) {
             return Err(line.unexpected("name(state) x y z serial"));
         }
-        let serial = line.words().last().unwrap_or_default();
-        if let Some(first) = seen.insert(serial.into(), line.number) {
-            return Err(Error::RepeatedMolecule { place: line.place(), serial: excerpt(serial), first });
-        }
-        frame.push(line, row, species)?;
+        Ok(Some(row))
     }
-    Ok(frame)
+
+    fn has_serials(&self) -> bool {
+        true
+    }
+}
+
+/// The serial number in a field.
+pub(super) fn serial(line: Line<'_>, field: &[u8]) -> Result<Serial, Error> {
+    let part = |digits: &[u8]| lexical_core::parse(digits).ok();
+    let serial = match memchr::memchr(b'.', field) {
+        None => part(field).map(|whole| (whole, None)),
+        Some(at) => part(&field[..at]).zip(part(&field[at + 1..])).map(|(high, low)| (high, Some(low))),
+    };
+    serial.ok_or_else(|| line.unexpected("name(state) x y z serial, with a number as serial"))
 }
 
 /// Whether a word is a species with its state in brackets.

@@ -1,4 +1,5 @@
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 /// Radii by species name, for files that have no radii. They win over a radius column.
 pub type Radii = BTreeMap<String, f32>;
@@ -10,15 +11,22 @@ pub type Radii = BTreeMap<String, f32>;
 #[derive(Clone, Debug, Default)]
 pub struct Species {
     names: Vec<String>,
+    /// The names as they are written.
+    keys: Vec<Box<[u8]>>,
     radii: Vec<Option<f32>>,
     ids: HashMap<Box<[u8]>, u32>,
-    given: Radii,
-    last: Option<(Box<[u8]>, u32)>,
+    given: Arc<Radii>,
+    last: usize,
 }
 
 impl Species {
     pub(super) fn new(given: Radii) -> Self {
-        Self { given, ..Self::default() }
+        Self { given: Arc::new(given), ..Self::default() }
+    }
+
+    /// None met yet, with the same radii given: what a part of a file begins with.
+    pub(super) fn anew(&self) -> Self {
+        Self { given: self.given.clone(), ..Self::default() }
     }
 
     /// The names by id.
@@ -40,15 +48,18 @@ impl Species {
     /// The id of a name, and the radius given for it.
     pub(super) fn intern(&mut self, name: &[u8]) -> (u32, Option<f32>) {
         // Neighbouring rows mostly have the same species, so that most rows need no hashing.
-        let id = match &self.last {
-            Some((last, id)) if **last == *name => *id,
-            _ => {
-                let id = self.ids.get(name).copied().unwrap_or_else(|| self.add(name));
-                self.last = Some((name.into(), id));
-                id
-            }
+        let same = self.keys.get(self.last).is_some_and(|last| **last == *name);
+        let id = match same {
+            true => self.last as u32,
+            false => self.ids.get(name).copied().unwrap_or_else(|| self.add(name)),
         };
-        (id, self.radii[id as usize])
+        self.last = id as usize;
+        (id, self.radii[self.last])
+    }
+
+    /// The ids here of the species that were met in a part of the file.
+    pub(super) fn adopt(&mut self, part: &Self) -> Vec<u32> {
+        part.keys.iter().map(|name| self.intern(name).0).collect()
     }
 
     fn add(&mut self, bytes: &[u8]) -> u32 {
@@ -57,19 +68,19 @@ impl Species {
         let id = self.names.len() as u32;
         self.radii.push(self.given.get(&name).or_else(|| self.given.get(bare(&name))).copied());
         self.names.push(name);
+        self.keys.push(bytes.into());
         self.ids.insert(bytes.into(), id);
         id
     }
 }
 
 /// `acid` of `acid(solution)`.
-fn bare(name: &str) -> &str {
+pub(crate) fn bare(name: &str) -> &str {
     match name.split_once('(') {
         Some((bare, state)) if state.ends_with(')') => bare,
         _ => name,
     }
 }
-
 #[cfg(test)]
 mod tests {
     use super::*;

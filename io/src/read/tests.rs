@@ -1,14 +1,21 @@
 //! Every reader on what it accepts and on what it refuses.
 
 mod arrays;
+mod blocks;
+mod compressed;
 mod damaged;
+mod spaces;
+mod tables;
 
-use std::io::{Cursor, Read};
+use std::io::{self, Cursor, Read};
+
+use lazygrid::Sphere;
 
 use super::*;
 
 fn options(format: Option<Format>, radii: &[(&str, f32)]) -> Options {
-    Options { format, radii: radii.iter().map(|&(name, r)| (name.to_owned(), r)).collect() }
+    let radii = radii.iter().map(|&(name, r)| (name.to_owned(), r)).collect();
+    Options { format, radii, ..Options::default() }
 }
 
 fn frames(name: &str, bytes: impl Into<Vec<u8>>, options: Options) -> Result<Vec<Frame>, Error> {
@@ -70,7 +77,7 @@ impl MapColumn for Vec<[f32; 4]> {
 #[test]
 fn csv_refusals_name_line_and_value() {
     for (text, message) in [
-        ("", "a.csv: expected a header with x, y, z and r or radius, found an empty file"),
+        ("", "a.csv: expected a header with x, y, z and r, radius or diameter, found an empty file"),
         ("x,y,r\n", "a.csv, line 1: expected a column `z`, found columns x, y, r"),
         ("x,y,z\n", "a.csv, line 1: expected a radius column, found columns x, y, z"),
         (
@@ -97,7 +104,7 @@ fn csv_refusals_name_line_and_value() {
         ),
         (
             "x,y,z,species,r\n1,2,3,\"a,b\",4\n",
-            "a.csv, line 2: expected quotes around whole fields without commas or quotes in them, found \
+            "a.csv, line 2: expected quotes around whole fields without separators or quotes in them, found \
              '1,2,3,\"a,b\",4'",
         ),
         ("x,y,z,r\n1,2,3,\x1b[31m\n", "a.csv, line 2: r '\\u{1b}[31m' is not a number"),
@@ -194,10 +201,10 @@ fn lammps_tilted_boxes() {
     let corner = "0.25 0.5 1 0";
     let columns = "xs ys zs radius";
     // Edges (4, 0, 0), (1, 2, 0) and (-2, 1, 8) from the corner (0, 0, 0); the bounding box is wider.
-    let tilted = dump("xy xz yz pp pp pp\n-2 5 1\n0 3 -2\n0 8 1", columns, corner);
+    let tilted = dump("xy xz yz ff ff ff\n-2 5 1\n0 3 -2\n0 8 1", columns, corner);
     assert_eq!(rows("a.dump", tilted, &[]), [[-0.5, 2.0, 8.0, 0.0]]);
     // With both tilts to one side their sum widens the bounding box: edges (4, 0, 0), (1, 2, 0), (2, 1, 8).
-    let leaning = dump("xy xz yz pp pp pp\n0 7 1\n0 3 2\n0 8 1", columns, corner);
+    let leaning = dump("xy xz yz ff ff ff\n0 7 1\n0 3 2\n0 8 1", columns, corner);
     assert_eq!(rows("a.dump", leaning, &[]), [[3.5, 2.0, 8.0, 0.0]]);
     let general = dump("abc origin\n4 0 0 10\n1 2 0 20\n-2 1 8 30", columns, corner);
     assert_eq!(rows("a.dump", general, &[]), [[9.5, 22.0, 38.0, 0.0]]);
@@ -255,7 +262,8 @@ fn smoldyn_refusals_name_line_and_value() {
         ("A(up) 1 2 3 4\nA 1 2 3 4\n", "line 2: expected name(state) x y z serial, found 'A 1 2 3 4'"),
         (
             "A(up) 1 2 3 4\nB(up) 1 2 3 5\n",
-            "line 2: no radius column and no radius for species 'B(up)'; give it with --radius 'B(up)=R'",
+            "line 2: no radius column and no radius for species 'B(up)'; give it with --radius 'B=R', or \
+             'B(up)=R' for that state alone",
         ),
         (
             "A(up) 1 2 3 4\nA(up) 1 2 3 5\nA(up) 1 2 3 4\n",
@@ -291,8 +299,8 @@ fn a_failing_disk_is_an_error_with_the_file_named() {
         }
     }
     for format in Format::ALL {
-        let result = Frames::new("a", Broken, None, options(Some(format), &[])).unwrap().next().unwrap();
-        assert_eq!(result.unwrap_err().to_string(), "a: cannot read: input/output error");
+        let refused = Frames::new("a", Broken, None, options(Some(format), &[])).err();
+        assert_eq!(refused.unwrap().to_string(), "a: cannot read: input/output error");
     }
     assert_eq!(
         Frames::open("/nowhere/a.csv", Options::default()).err().unwrap().to_string(),

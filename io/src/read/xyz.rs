@@ -1,14 +1,22 @@
 //! XYZ: a count, a comment, then `species x y z` per sphere; as many frames as there are. Where the comment has
-//! `Properties=` (extended XYZ), that says what the columns are.
+//! `Properties=` (extended XYZ), that says what the columns are; where it has `Lattice=`, that is a box, periodic along
+//! the edges that `pbc=` names, or along all where there is no `pbc=`.
 
-use super::columns::{Column, Columns};
-use super::lines::{Line, Lines};
-use super::species::Species;
-use super::{Frame, RESERVE, Source};
+use lazygrid::Space;
+
+use super::cell::Cell;
+use super::columns::{Column, Columns, Row};
+use super::comment::{elements, value_of};
+use super::line::Line;
+use super::lines::Lines;
+use super::rows::Table;
+use super::session::Session;
+use super::source::Source;
+use super::{Frame, RESERVE};
 use crate::error::Error;
 
 pub(super) struct Xyz {
-    lines: Lines,
+    pub(super) lines: Lines,
 }
 
 impl Xyz {
@@ -16,23 +24,37 @@ impl Xyz {
         Self { lines: Lines::new(source) }
     }
 
-    pub(super) fn next_frame(&mut self, species: &mut Species) -> Result<Option<Frame>, Error> {
+    pub(super) fn next_frame(&mut self, session: &mut Session) -> Result<Option<Frame>, Error> {
         let Some(line) = self.lines.next()? else { return Ok(None) };
         let count = line.count("the number of spheres of the next frame")?;
         let comment = self.lines.required("lines of the frame's head", 1, 2)?;
-        let columns = columns(comment, species)?;
-        let mut frame = Frame::with_capacity(count.min(RESERVE));
-        for found in 0..count {
-            let line = self.lines.required("spheres", found, count)?;
-            let row = columns.row(line, line.words())?;
-            frame.push(line, row, species)?;
-        }
+        let columns = columns(comment, session)?;
+        let space = match session.space {
+            Some(given) => given,
+            None => space(comment)?,
+        };
+        let step = value_of(comment.bytes, "Step").and_then(|step| lexical_core::parse(step).ok());
+        let mut frame = Frame { step, space, ..Frame::with_capacity(count.min(RESERVE)) };
+        self.lines.rows(&Words(columns), ("spheres", count), session, &mut frame)?;
         Ok(Some(frame))
     }
 }
 
-fn columns(comment: Line<'_>, species: &Species) -> Result<Columns, Error> {
-    let columns = match value_of(comment.bytes, b"Properties=") {
+/// A table whose fields stand between white space, a row on every line.
+struct Words(Columns);
+
+impl Table for Words {
+    fn columns(&self) -> &Columns {
+        &self.0
+    }
+
+    fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error> {
+        self.0.row(line, line.words()).map(Some)
+    }
+}
+
+fn columns(comment: Line<'_>, session: &Session) -> Result<Columns, Error> {
+    let columns = match value_of(comment.bytes, "Properties") {
         Some(properties) => Columns::new(declared(comment, properties)?),
         None => {
             let axes = ["x", "y", "z"].into_iter().enumerate().map(|(k, name)| (name, Column::Axis(k)));
@@ -40,7 +62,7 @@ fn columns(comment: Line<'_>, species: &Species) -> Result<Columns, Error> {
             Columns::new(plain.map(|(name, meaning)| (name.to_owned(), meaning))).open_ended()
         }
     };
-    columns.check(comment, species)?;
+    columns.check(comment, session)?;
     Ok(columns)
 }
 
@@ -63,6 +85,8 @@ fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)
                 columns.extend(axes.map(|(k, axis)| (axis.to_owned(), Column::Axis(k))));
             }
             ("radius" | "radii", 1) => columns.push((name, Column::Radius)),
+            ("diameter", 1) => columns.push((name, Column::Diameter)),
+            ("id", 1) => columns.push((name, Column::Id)),
             ("species", 1) => columns.push((name, Column::Species)),
             _ => columns.extend(std::iter::repeat_n((name, Column::Other), width)),
         }
@@ -70,13 +94,40 @@ fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)
     Ok(columns)
 }
 
-/// The value after `key` in a comment of `key=value` words; it may be in double quotes.
-fn value_of<'a>(comment: &'a [u8], key: &[u8]) -> Option<&'a [u8]> {
-    let at = memchr::memmem::find_iter(comment, key)
-        .find(|&at| at == 0 || comment[at - 1].is_ascii_whitespace())?;
-    let value = &comment[at + key.len()..];
-    match value.strip_prefix(b"\"") {
-        Some(quoted) => quoted.split(|&b| b == b'"').next(),
-        None => value.split(u8::is_ascii_whitespace).next(),
+/// The space of a frame: periodic along the edges of `Lattice` that `pbc` names, along all of them without `pbc`.
+fn space(comment: Line<'_>) -> Result<Space, Error> {
+    let periodic = value_of(comment.bytes, "pbc").map(|value| flags(comment, value)).transpose()?;
+    match (value_of(comment.bytes, "Lattice"), periodic) {
+        (Some(lattice), periodic) => {
+            let (edges, periodic) = (edges(comment, lattice)?, periodic.unwrap_or([true; 3]));
+            Cell { edges, periodic }.space(&comment.place())
+        }
+        (None, Some([false, false, false]) | None) => Ok(Space::UNBOUNDED),
+        (None, Some(_)) => {
+            Err(comment
+                .unexpected("Lattice= beside a periodic pbc=, or lengths with --periodic X,Y,Z (or none)"))
+        }
     }
+}
+
+/// The edges of a box: nine numbers, edge after edge, or three lengths.
+fn edges(comment: Line<'_>, lattice: &[u8]) -> Result<[[f64; 3]; 3], Error> {
+    let numbers = elements(lattice).map(|element| comment.number("Lattice", element));
+    match *numbers.collect::<Result<Vec<f64>, Error>>()? {
+        [ax, ay, az, bx, by, bz, cx, cy, cz] => Ok([[ax, ay, az], [bx, by, bz], [cx, cy, cz]]),
+        [a, b, c] => Ok([[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]]),
+        _ => Err(comment.unexpected("Lattice=\"ax ay az bx by bz cx cy cz\" (or --periodic X,Y,Z or none)")),
+    }
+}
+
+fn flags(comment: Line<'_>, pbc: &[u8]) -> Result<[bool; 3], Error> {
+    let flag = |element: &[u8]| match element.to_ascii_lowercase().as_slice() {
+        b"t" | b"true" | b"1" => Some(true),
+        b"f" | b"false" | b"0" => Some(false),
+        _ => None,
+    };
+    let flags: Option<Vec<_>> = elements(pbc).map(flag).collect();
+    flags.and_then(|flags| flags.try_into().ok()).ok_or_else(|| {
+        comment.unexpected("pbc=\"T T F\", one of T and F for each axis (or --periodic X,Y,Z or none)")
+    })
 }

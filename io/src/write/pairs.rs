@@ -1,32 +1,82 @@
-use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use bytemuck::Pod;
 use lazygrid::{Neighbors, Pair};
+use lexical_core::ToLexical;
 
+use super::draft::STDOUT;
+use super::encoder::uncompressed;
 use super::text::Rows;
-use super::{Draft, TableFormat, npy_header};
+use super::{Draft, TableFormat, npy_header, number};
 use crate::Error;
 
-/// A table `i,j` of pairs, zero-based, written as they come.
-#[derive(Debug)]
-pub struct PairFile {
-    draft: Draft,
-    format: TableFormat,
-    rows: u64,
+/// Where pairs or neighbours go, and how they are written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// The file; compressed where it ends in `.gz` or `.zst`. None for standard output.
+    pub path: Option<PathBuf>,
+    /// The format.
+    pub format: TableFormat,
 }
 
-impl PairFile {
-    /// A table without rows.
+impl Output {
+    /// The files that [`PairFile`], or [`neighbors`], write, the latter with ids or without.
+    pub fn files(&self, neighbors: bool, ids: bool) -> Vec<PathBuf> {
+        match &self.path {
+            None => Vec::new(),
+            Some(path) if neighbors && self.format == TableFormat::Npy => {
+                let parts = ["offsets", "indices"].into_iter().chain(ids.then_some("ids"));
+                parts.map(|part| sibling(path, part)).collect()
+            }
+            Some(path) => vec![path.clone()],
+        }
+    }
+
+    /// What it is called in messages.
+    pub fn name(&self) -> &Path {
+        self.path.as_deref().unwrap_or(Path::new(STDOUT))
+    }
+
+    fn draft(&self) -> Result<Draft, Error> {
+        self.path.as_ref().map_or_else(Draft::stdout, Draft::create)
+    }
+}
+
+/// `near.offsets.npy.gz` for a part of `near.npy.gz`.
+fn sibling(path: &Path, part: &str) -> PathBuf {
+    let plain = path.with_file_name(uncompressed(path).file_name().unwrap_or_default());
+    let mut name = plain.with_extension(part).into_os_string();
+    name.push(".npy");
+    if plain != path {
+        name.push(".");
+        name.push(path.extension().unwrap_or_default());
+    }
+    name.into()
+}
+
+/// A table `i,j` of pairs, zero-based, written as they come; or `id_i,id_j` of their ids.
+#[derive(Debug)]
+pub struct PairFile<'a> {
+    draft: Draft,
+    format: TableFormat,
+    ids: Option<&'a [i64]>,
+}
+
+impl<'a> PairFile<'a> {
+    /// A table for so many `pairs`, which then have to be added. With ids, one per sphere, these are written.
     ///
     /// # Errors
     /// [`Error::Write`].
-    pub fn create(path: &Path, format: TableFormat) -> Result<Self, Error> {
-        let mut draft = Draft::create(path)?;
-        draft.put(|out| match format {
-            TableFormat::Csv => out.write_all(b"i,j\n"),
-            TableFormat::Npy => out.write_all(&npy_header("u4", "(0, 2)")),
+    pub fn create(output: &Output, pairs: u64, ids: Option<&'a [i64]>) -> Result<Self, Error> {
+        let mut draft = output.draft()?;
+        draft.put(|out| match output.format {
+            TableFormat::Csv => out.write_all(header_line(ids.is_some())),
+            TableFormat::Npy => {
+                let kind = if ids.is_some() { "i8" } else { "u4" };
+                out.write_all(&npy_header(&number(kind), &format!("({pairs}, 2)")))
+            }
         })?;
-        Ok(Self { draft, format, rows: 0 })
+        Ok(Self { draft, format: output.format, ids })
     }
 
     /// Adds rows.
@@ -34,66 +84,110 @@ impl PairFile {
     /// # Errors
     /// [`Error::Write`].
     pub fn add(&mut self, pairs: &[Pair]) -> Result<(), Error> {
-        self.rows += pairs.len() as u64;
-        self.draft.put(|out| match self.format {
-            TableFormat::Npy => out.write_all(bytemuck::cast_slice(pairs)),
-            TableFormat::Csv => {
-                let mut rows = Rows::new(out);
-                pairs.iter().try_for_each(|pair| rows.row([pair.i, pair.j], b','))?;
-                rows.flush()
+        match self.ids {
+            None => {
+                let rows: &[[u32; 2]] = bytemuck::cast_slice(pairs);
+                add(&mut self.draft, self.format, rows)
             }
-        })
+            Some(ids) => pairs.chunks(1 << 16).try_for_each(|pairs| {
+                let of = |pair: &Pair| [ids[pair.i as usize], ids[pair.j as usize]];
+                let rows: Vec<[i64; 2]> = pairs.iter().map(of).collect();
+                add(&mut self.draft, self.format, &rows)
+            }),
+        }
     }
 
     /// The complete file, not published yet.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
-    pub fn finish(mut self) -> Result<Draft, Error> {
-        if self.format == TableFormat::Npy {
-            self.draft.put_at_start(&npy_header("u4", &format!("({}, 2)", self.rows)))?;
-        }
-        Ok(self.draft)
+    pub fn finish(self) -> Draft {
+        self.draft
     }
+}
+
+fn add<T: Pod + ToLexical>(draft: &mut Draft, format: TableFormat, pairs: &[[T; 2]]) -> Result<(), Error> {
+    draft.put(|out| match format {
+        TableFormat::Npy => out.write_all(bytemuck::cast_slice(pairs)),
+        TableFormat::Csv => {
+            let mut rows = Rows::new(out);
+            pairs.iter().try_for_each(|&pair| rows.row(pair, b','))?;
+            rows.flush()
+        }
+    })
+}
+
+fn header_line(ids: bool) -> &'static [u8] {
+    if ids { b"id_i,id_j\n" } else { b"i,j\n" }
 }
 
 /// Writes neighbour lists, not published yet.
 ///
-/// As CSV one table `i,j` in which every pair stands twice, by `i`, then `j`. As NumPy two files, for `near.npy`
-/// `near.offsets.npy`, `n + 1` numbers of type `u8` (64 bits), and `near.indices.npy` of type `u4`; the neighbours
-/// of sphere `k` are `indices[offsets[k]:offsets[k + 1]]`.
+/// As CSV one table `i,j` in which every pair stands twice, by `i`, then `j`; with ids, `id_i,id_j`. As NumPy two files,
+/// for `near.npy` `near.offsets.npy`, `n + 1` numbers of type `u8` (64 bits), and `near.indices.npy` of type `u4`; the
+/// neighbours of sphere `k` are `indices[offsets[k]:offsets[k + 1]]`. With ids there is `near.ids.npy` too, of type
+/// `i8`: `ids[k]` is that of sphere `k`. That is several files, for which standard output has no room.
 ///
 /// # Errors
 /// [`Error::Write`].
-pub fn neighbors(path: &Path, format: TableFormat, lists: Neighbors<'_>) -> Result<Vec<Draft>, Error> {
-    match format {
-        TableFormat::Csv => Ok(vec![table(path, lists)?]),
-        TableFormat::Npy => {
-            let offsets = array(&path.with_extension("offsets.npy"), "u8", lists.offsets)?;
-            let indices = array(&path.with_extension("indices.npy"), "u4", lists.indices)?;
-            Ok(vec![offsets, indices])
+pub fn neighbors(output: &Output, lists: Neighbors<'_>, ids: Option<&[i64]>) -> Result<Vec<Draft>, Error> {
+    let files = output.files(true, ids.is_some());
+    match (files.as_slice(), output.format, ids) {
+        ([offsets, indices], TableFormat::Npy, _) => {
+            Ok(vec![array(offsets, "u8", lists.offsets)?, array(indices, "u4", lists.indices)?])
         }
+        ([offsets, indices, names], TableFormat::Npy, Some(ids)) => Ok(vec![
+            array(offsets, "u8", lists.offsets)?,
+            array(indices, "u4", lists.indices)?,
+            array(names, "i8", ids)?,
+        ]),
+        _ => Ok(vec![table(output, lists, ids)?]),
     }
 }
 
-fn table(path: &Path, lists: Neighbors<'_>) -> Result<Draft, Error> {
-    let mut draft = Draft::create(path)?;
+fn table(output: &Output, lists: Neighbors<'_>, ids: Option<&[i64]>) -> Result<Draft, Error> {
+    let mut draft = output.draft()?;
     draft.put(|out| {
-        out.write_all(b"i,j\n")?;
+        out.write_all(header_line(ids.is_some()))?;
         let mut rows = Rows::new(out);
         for i in 0..lists.len() {
-            lists.of(i).iter().try_for_each(|&j| rows.row([i as u32, j], b','))?;
+            let neighbors = lists.of(i).iter();
+            match ids {
+                None => neighbors.copied().try_for_each(|j| rows.row([i as u32, j], b','))?,
+                Some(ids) => {
+                    neighbors.copied().try_for_each(|j| rows.row([ids[i], ids[j as usize]], b','))?
+                }
+            }
         }
         rows.flush()
     })?;
     Ok(draft)
 }
 
-fn array<T: bytemuck::Pod>(path: &Path, kind: &str, values: &[T]) -> Result<Draft, Error> {
+fn array<T: Pod>(path: &Path, kind: &str, values: &[T]) -> Result<Draft, Error> {
     let mut draft = Draft::create(path)?;
     draft.put(|out| {
-        out.write_all(&npy_header(kind, &format!("({},)", values.len())))?;
+        out.write_all(&npy_header(&number(kind), &format!("({},)", values.len())))?;
         out.write_all(bytemuck::cast_slice(values))
     })?;
     Ok(draft)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbours_are_several_files() {
+        let files = |name: &str, format, neighbors, ids| {
+            let output = Output { path: Some(name.into()), format };
+            let files = output.files(neighbors, ids);
+            files.iter().map(|file| file.to_str().unwrap().to_owned()).collect::<Vec<_>>().join(" ")
+        };
+        use TableFormat::{Csv, Npy};
+        assert_eq!(files("a/near.npy", Npy, true, false), "a/near.offsets.npy a/near.indices.npy");
+        assert_eq!(
+            files("a.b/near.npy.gz", Npy, true, true),
+            "a.b/near.offsets.npy.gz a.b/near.indices.npy.gz a.b/near.ids.npy.gz"
+        );
+        assert_eq!(files("near.npy", Npy, false, true), "near.npy");
+        assert_eq!(files("near.csv.zst", Csv, true, true), "near.csv.zst");
+    }
 }

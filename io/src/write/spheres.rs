@@ -4,8 +4,9 @@ use std::path::Path;
 
 use lazygrid::Sphere;
 
+use super::encoder::uncompressed;
 use super::text::Rows;
-use super::{Draft, npy_header};
+use super::{Draft, npy_header, number};
 use crate::Error;
 
 /// How spheres are written.
@@ -20,9 +21,9 @@ pub enum SphereFormat {
 }
 
 impl SphereFormat {
-    /// The format that a file name's extension stands for.
+    /// The format that a file name's extension stands for; the one before `.gz` or `.zst`, where that is the last.
     pub fn from_extension(path: &Path) -> Option<Self> {
-        match path.extension().and_then(OsStr::to_str)? {
+        match uncompressed(path).extension().and_then(OsStr::to_str)? {
             "csv" => Some(Self::Csv),
             "npy" => Some(Self::Npy),
             "xyz" => Some(Self::Xyz),
@@ -39,7 +40,7 @@ pub fn spheres(path: &Path, format: SphereFormat, spheres: &[Sphere]) -> Result<
     let mut draft = Draft::create(path)?;
     draft.put(|out| match format {
         SphereFormat::Npy => {
-            out.write_all(&npy_header("f4", &format!("({}, 4)", spheres.len())))?;
+            out.write_all(&npy_header(&number("f4"), &format!("({}, 4)", spheres.len())))?;
             out.write_all(bytemuck::cast_slice(spheres))
         }
         SphereFormat::Csv => {

@@ -14,25 +14,14 @@ pub(super) fn refused(error: GpuError) -> Error {
     Error::Detection(lazygrid::Error::Gpu(error))
 }
 
-/// Runs `work` and returns what the device complained about, instead of passing it on to a handler that panics.
+/// Runs `work`, with what the device complained about as an error.
 pub(super) fn scoped<T>(
     own: &GpuDevice,
     what: &'static str,
     bytes: u64,
     work: impl FnOnce() -> T,
 ) -> Result<T, Error> {
-    use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
-    let [memory, validation, internal] =
-        [OutOfMemory, Validation, Internal].map(|filter| own.device.push_error_scope(filter));
-    let result = work();
-    let errors = [internal, validation, memory].map(|scope| pollster::block_on(scope.pop()));
-    match errors.into_iter().flatten().next() {
-        None => Ok(result),
-        Some(wgpu::Error::OutOfMemory { .. }) => Err(refused(GpuError::OutOfMemory { what, bytes })),
-        Some(wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. }) => {
-            Err(refused(GpuError::Validation { what, reason: description }))
-        }
-    }
+    own.scoped(what, bytes, work).map_err(refused)
 }
 
 /// A buffer for kernels to read and write, copied from and to.

@@ -1,22 +1,17 @@
 //! The kernels: their WGSL and what they bind. Nothing here calls a device.
 
+use lazygrid::gpu::Access;
+use lazygrid::gpu::Access::{Read, ReadWrite as Write, Uniform};
+use lazygrid::gpu::wgsl;
+
 /// Threads of a workgroup.
 pub(super) const GROUP: u32 = 256;
-
-/// How a kernel uses a binding; its place in [`Kernel::bindings`] is its number in group 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Access {
-    Uniform,
-    Read,
-    Write,
-}
-
-use Access::{Read, Uniform, Write};
 
 /// One compute stage; its name is that of its file and of its entry point.
 #[derive(Debug)]
 pub(super) struct Kernel {
     pub(super) name: &'static str,
+    /// Names, and how they are used; its place is a binding's number in group 0.
     pub(super) bindings: &'static [(&'static str, Access)],
     source: &'static str,
 }
@@ -115,66 +110,35 @@ impl Kernel {
 
 /// A text with its pieces in place.
 pub(super) fn expand(source: &str) -> String {
-    let line = |line: &str| match line.strip_prefix("#include ") {
-        None => format!("{line}\n"),
-        Some(name) => SHARED.iter().filter(|(known, _)| *known == name).map(|&(_, text)| text).collect(),
-    };
-    source.lines().map(line).collect()
+    wgsl::expand(source, SHARED, &|_| false)
 }
 
 #[cfg(test)]
-mod tests {
-    use std::mem::{offset_of, size_of};
+#[path = "../../../tests/src/reflection.rs"]
+mod reflection;
 
-    use naga::valid::{Capabilities, ValidationFlags, Validator};
-    use naga::{AddressSpace, Module, StorageAccess, TypeInner};
+#[cfg(test)]
+mod tests {
+    use std::mem::size_of;
+
+    use super::reflection::{bindings, layout, parse, spirv, structures};
 
     use super::super::layout::{CANDIDATE_BYTES, CLAIM_BYTES, Fate, Head, Kind, Params, Rule, Watch};
     use super::*;
 
-    fn parsed(kernel: &Kernel) -> Module {
-        let source = kernel.wgsl();
-        let module = naga::front::wgsl::parse_str(&source)
-            .unwrap_or_else(|error| panic!("{}: {}", kernel.name, error.emit_to_string(&source)));
-        let info = Validator::new(ValidationFlags::all(), Capabilities::empty())
-            .validate(&module)
-            .unwrap_or_else(|error| panic!("{}: {}", kernel.name, error.emit_to_string(&source)));
-        let options = naga::back::spv::Options { lang_version: (1, 3), ..Default::default() };
-        naga::back::spv::write_vec(&module, &info, &options, None)
-            .unwrap_or_else(|error| panic!("{}: {error}", kernel.name));
-        module
-    }
-
     #[test]
     fn metadata_matches_every_shader() {
         for kernel in KERNELS {
-            let module = parsed(kernel);
+            let (module, info) = parse(kernel.name, &kernel.wgsl());
             assert_eq!(module.entry_points.len(), 1, "{}", kernel.name);
             assert_eq!(module.entry_points[0].name, kernel.name);
-            let mut found = Vec::new();
-            for (_, global) in module.global_variables.iter() {
-                let Some(binding) = &global.binding else { continue };
-                let access = match global.space {
-                    AddressSpace::Uniform => Uniform,
-                    AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => Write,
-                    _ => Read,
-                };
-                found.push((binding.binding, global.name.clone().unwrap_or_default(), access));
-            }
-            found.sort_by_key(|(number, ..)| *number);
+            assert!(!spirv(kernel.name, (&module, &info)).is_empty());
             let said: Vec<_> =
                 (0..).zip(kernel.bindings).map(|(k, &(name, access))| (k, name.to_owned(), access)).collect();
-            assert_eq!(found, said, "{}", kernel.name);
+            assert_eq!(bindings(kernel.name, &module), said, "{}", kernel.name);
             let storage = kernel.bindings.iter().filter(|(_, access)| *access != Uniform).count();
             assert!(storage <= 8, "{} binds {storage} storage buffers", kernel.name);
         }
-    }
-
-    /// Name, size and (member, offset) list of a Rust structure.
-    macro_rules! layout {
-        ($type:ident { $($field:ident),* $(,)? }) => {
-            (stringify!($type), size_of::<$type>(), vec![$((stringify!($field), offset_of!($type, $field))),*])
-        };
     }
 
     #[test]
@@ -211,24 +175,20 @@ mod tests {
         let sizes = [("Candidate", CANDIDATE_BYTES), ("Claim", CLAIM_BYTES)];
         let mut held = 0;
         for kernel in KERNELS {
-            let module = parsed(kernel);
-            for (_, ty) in module.types.iter() {
-                let TypeInner::Struct { members, span } = &ty.inner else { continue };
-                let name = ty.name.as_deref().unwrap_or_default();
-                let offsets: Vec<_> = members
-                    .iter()
-                    .map(|m| (m.name.as_deref().unwrap_or_default(), m.offset as usize))
-                    .collect();
+            let (module, _) = parse(kernel.name, &kernel.wgsl());
+            for structure in structures(&module) {
+                let (name, span, members) = &structure;
                 if name == "Control" {
-                    assert_eq!(offsets.last(), Some(&("tallies", size_of::<Head>())), "{}", kernel.name);
+                    let tallies = ("tallies".to_owned(), size_of::<Head>());
+                    assert_eq!(members.last(), Some(&tallies), "{}", kernel.name);
                     held += 1;
                 }
-                if let Some((_, bytes)) = sizes.iter().find(|(known, _)| *known == name) {
-                    assert_eq!(u64::from(*span), *bytes, "{name} in {}", kernel.name);
+                if let Some((_, bytes)) = sizes.iter().find(|(known, _)| known == name) {
+                    assert_eq!(*span as u64, *bytes, "{name} in {}", kernel.name);
                     held += 1;
                 }
-                if let Some((_, size, fields)) = layouts.iter().find(|(known, ..)| *known == name) {
-                    assert_eq!((*span as usize, &offsets), (*size, fields), "{name} in {}", kernel.name);
+                if let Some(rust) = layouts.iter().find(|(known, ..)| known == name) {
+                    assert_eq!(&structure, rust, "in {}", kernel.name);
                     held += 1;
                 }
             }

@@ -10,8 +10,8 @@
 //! behind do nothing. The host sees it when it looks, makes room and goes on with that very step. Nothing is lost and
 //! nothing is done twice.
 //!
-//! Bursts are computed on the host by [`Transmitter::release`](crate::Transmitter::release), as it knows their steps
-//! and ids beforehand, and go up with the steps.
+//! Bursts are computed on the host by [`Model::release`](crate::Model::release), as it knows their steps and ids
+//! beforehand, and go up with the steps.
 
 mod device;
 mod kernel;

@@ -8,11 +8,13 @@ use super::layout::Head;
 use super::plan::{GpuOptions, MAX_TURNS, Sizes, grown, steps_between_looks};
 use super::stages::{Base, Groups, Stage, Steps};
 use super::tables::{Tables, Tallies, check};
+use crate::decay::Decays;
 use crate::model::Model;
 use crate::particles::{Particle, Particles};
 use crate::philox::Key;
 use crate::reactions::interactions;
 use crate::receiver::Kind;
+use crate::release::Released;
 use crate::{Error, State, Totals};
 
 mod room;
@@ -26,6 +28,7 @@ use room::prepare;
 pub struct GpuSimulation {
     model: Model,
     key: Key,
+    decays: Decays,
     tallies: Tallies,
     base: Base,
     detector: Option<GpuDetector>,
@@ -34,6 +37,8 @@ pub struct GpuSimulation {
     steps: Steps,
     /// Particles at the last look.
     alive: u32,
+    /// What was released since then and is not on the device yet.
+    due: Particles,
     step: u32,
     next_id: u32,
     totals: Totals,
@@ -41,11 +46,10 @@ pub struct GpuSimulation {
     pairs: Vec<u64>,
 }
 
-/// What a burst adds to a step.
+/// What appears before a step.
 struct Burst {
     step: u32,
-    particles: Particles,
-    next_id: u32,
+    released: Released,
 }
 
 /// Rounds of a matching by the whole device, at most. With random priorities their number grows as the logarithm of
@@ -63,7 +67,7 @@ impl GpuSimulation {
     /// [`Error::Model`] where the model makes no sense, [`Error::NotOnGpu`] for a part of it that has no kernels, and
     /// [`Error::Detection`] where the device refuses or has no room.
     pub fn new(model: Model, seed: u64, device: GpuDevice, options: GpuOptions) -> Result<Self, Error> {
-        let state = State { totals: Totals::of(&model), ..State::default() };
+        let state = State::new(&model, seed)?;
         Self::resume(model, seed, device, options, &state)
     }
 
@@ -91,6 +95,7 @@ impl GpuSimulation {
         let steps = prepare(&mut base, sizes, options.rounds, detector.as_mut())?;
         let mut simulation = Self {
             key,
+            decays: Decays::new(&model),
             tallies: tables.tallies,
             base,
             detector,
@@ -98,6 +103,7 @@ impl GpuSimulation {
             options,
             steps,
             alive,
+            due: Particles::default(),
             step: state.step,
             next_id: state.next_id,
             totals: state.totals.clone(),
@@ -138,7 +144,10 @@ impl GpuSimulation {
     /// What each receiver has to say: arrivals so far, or how many are inside a transparent one; by species.
     pub fn received(&self) -> Vec<Vec<u64>> {
         let says = |(k, receiver): (usize, &crate::Receiver)| match receiver.kind {
-            Kind::Transparent => self.inside[k].clone(),
+            Kind::Transparent => {
+                let due = receiver.inside(&self.model.boundary, &self.due);
+                self.inside[k].iter().zip(due).map(|(inside, due)| inside + due).collect()
+            }
             _ => self.totals.arrived[k].clone(),
         };
         self.model.receivers.iter().enumerate().map(says).collect()
@@ -155,7 +164,8 @@ impl GpuSimulation {
         while self.step < end {
             let most = end - self.step;
             let bursts = self.bursts(most.min(steps_between_looks(self.steps.sizes.particles)))?;
-            let added: usize = bursts.iter().map(|burst| burst.particles.len()).sum();
+            let added =
+                bursts.iter().map(|burst| burst.released.particles.len()).sum::<usize>() + self.due.len();
             let step = self.step;
             let at_step = |error| match error {
                 Error::Detection(source) => Error::Step { step, source },
@@ -183,6 +193,7 @@ impl GpuSimulation {
             particles
                 .push(Particle { position: [x, y, z], radius, species, id, ..Particle::default() }, false);
         }
+        (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), false));
         Ok(State { particles, step: self.step, next_id: self.next_id, totals: self.totals.clone() })
     }
 
@@ -201,19 +212,15 @@ impl GpuSimulation {
         })
     }
 
-    /// What transmitters release in the next steps.
+    /// What appears after each of the next steps.
     fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
         let mut next_id = self.next_id;
         let mut bursts = Vec::new();
-        for step in self.step..self.step + steps {
-            let mut particles = Particles::default();
-            for transmitter in &self.model.transmitters {
-                if transmitter.fires(step, self.model.time_step) {
-                    transmitter.release(&self.model, self.key, &mut next_id, &mut particles)?;
-                }
-            }
-            if !particles.is_empty() {
-                bursts.push(Burst { step, particles, next_id });
+        for step in self.step + 1..=self.step + steps {
+            let released = self.model.release(&self.decays, self.key, step, next_id)?;
+            if released.next_id > next_id {
+                next_id = released.next_id;
+                bursts.push(Burst { step, released });
             }
         }
         Ok(bursts)
@@ -221,16 +228,22 @@ impl GpuSimulation {
 
     /// Records and submits steps, and looks.
     fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<Head, Error> {
-        let mut due = bursts.iter().peekable();
+        // What a frozen step did not take is there for its repetition.
+        let due = self.due.clone();
+        let mut bursts_left = bursts.iter().peekable();
         let mut particles = self.alive;
         let mut encoder = self.encoder();
         let mut work = 0;
         for step in self.step..self.step + steps {
-            let burst = due.next_if(|burst| burst.step == step);
-            if let Some(burst) = burst {
-                particles += burst.particles.len() as u32;
-            }
-            let burst = burst.map(|burst| self.append(&burst.particles)).transpose()?;
+            let burst = match step == self.step {
+                true => Some(&due),
+                false => {
+                    bursts_left.next_if(|burst| burst.step == step).map(|burst| &burst.released.particles)
+                }
+            };
+            let burst = burst.filter(|particles| !particles.is_empty());
+            particles += burst.map_or(0, Particles::len) as u32;
+            let burst = burst.map(|burst| self.append(burst)).transpose()?;
             self.steps.encode_before(&mut encoder, burst.as_ref(), particles);
             if let Some(detector) = &mut self.detector {
                 let at_most = self.steps.sizes.particles;
@@ -291,8 +304,7 @@ impl GpuSimulation {
         let inside: Vec<u32> = bytemuck::pod_collect_to_vec(&read[1]);
         let log: Vec<u64> = bytemuck::pod_collect_to_vec(&read[2]);
         self.alive = head.alive;
-        self.step = head.done;
-        self.enter_bursts(bursts);
+        self.enter_bursts(bursts, head.done);
         self.enter(&counts);
         self.inside = inside
             .chunks(self.tallies.species.max(1))
@@ -328,7 +340,7 @@ impl GpuSimulation {
         for (k, decay) in model.decays.iter().enumerate() {
             let count = count(tallies.decay(k));
             totals.decayed[k] += count;
-            turn(decay.reactant, decay.product, count);
+            turn(decay.reactant, decay.products[0], count);
         }
         for (k, reaction) in model.reactions.iter().enumerate() {
             let count = count(tallies.reaction(k));
@@ -346,15 +358,19 @@ impl GpuSimulation {
         }
     }
 
-    /// Enters the bursts of the steps that were done.
-    fn enter_bursts(&mut self, bursts: &[Burst]) {
-        for burst in bursts.iter().take_while(|burst| burst.step < self.step) {
-            self.next_id = burst.next_id;
-            for &species in &burst.particles.species {
-                self.totals.released[species as usize] += 1;
-                self.totals.present[species as usize] += 1;
+    /// Enters that the first `done` steps of the run are done, and what appeared until then.
+    fn enter_bursts(&mut self, bursts: &[Burst], done: u32) {
+        if done > self.step {
+            self.due = Particles::default();
+        }
+        for burst in bursts.iter().take_while(|burst| burst.step <= done) {
+            self.next_id = burst.released.next_id;
+            self.totals.enter(&burst.released);
+            if burst.step == done {
+                self.due = burst.released.particles.clone();
             }
         }
+        self.step = done;
     }
 }
 

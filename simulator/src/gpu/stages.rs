@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use lazygrid::gpu::{DeviceLimits, GpuDetector, GpuDevice, Outcome, wgpu};
 
 use super::device::{buffer, filled, refused, scoped};
-use super::kernel::{self as k, Access, Kernel};
+use super::kernel::{self as k, Kernel};
 use super::layout::Head;
 use super::plan::{LOG_ROWS, Sizes, groups_for};
 use super::tables::Tables;
@@ -19,13 +19,7 @@ pub(super) struct Base {
     /// Whether there are transparent receivers.
     watches: bool,
     buffers: HashMap<&'static str, wgpu::Buffer>,
-    pipelines: HashMap<&'static str, Pipeline>,
-}
-
-#[derive(Clone, Debug)]
-struct Pipeline {
-    pipeline: wgpu::ComputePipeline,
-    layout: wgpu::BindGroupLayout,
+    pipelines: HashMap<&'static str, (wgpu::ComputePipeline, wgpu::BindGroupLayout)>,
 }
 
 /// One dispatch.
@@ -81,10 +75,11 @@ impl Base {
         find: impl Fn(&'static str) -> wgpu::Buffer,
     ) -> Result<Stage, Error> {
         if !self.pipelines.contains_key(kernel.name) {
-            let made = scoped(&self.own, kernel.name, 0, || compile(&self.own.device, kernel))?;
+            let accesses = kernel.bindings.iter().map(|&(_, access)| access);
+            let made = self.own.compile(kernel.name, accesses, kernel.wgsl()).map_err(refused)?;
             self.pipelines.insert(kernel.name, made);
         }
-        let Pipeline { pipeline, layout } = self.pipelines[kernel.name].clone();
+        let (pipeline, layout) = self.pipelines[kernel.name].clone();
         let buffers: Vec<_> = kernel.bindings.iter().map(|&(name, _)| find(name)).collect();
         let entries: Vec<_> = (0..)
             .zip(&buffers)
@@ -95,46 +90,6 @@ impl Base {
         let bindings = scoped(&self.own, kernel.name, 0, || self.own.device.create_bind_group(&descriptor))?;
         Ok(Stage { pipeline, bindings, groups })
     }
-}
-
-fn compile(device: &wgpu::Device, kernel: &Kernel) -> Pipeline {
-    let ty = |access| wgpu::BindingType::Buffer {
-        ty: match access {
-            Access::Uniform => wgpu::BufferBindingType::Uniform,
-            Access::Read => wgpu::BufferBindingType::Storage { read_only: true },
-            Access::Write => wgpu::BufferBindingType::Storage { read_only: false },
-        },
-        has_dynamic_offset: false,
-        min_binding_size: None,
-    };
-    let entries: Vec<_> = (0..)
-        .zip(kernel.bindings)
-        .map(|(binding, &(_, access))| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: ty(access),
-            count: None,
-        })
-        .collect();
-    let label = Some(kernel.name);
-    let layout =
-        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
-    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label,
-        bind_group_layouts: &[Some(&layout)],
-        immediate_size: 0,
-    });
-    let source = wgpu::ShaderSource::Wgsl(kernel.wgsl().into());
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label, source });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label,
-        layout: Some(&pipeline_layout),
-        module: &module,
-        entry_point: Some(kernel.name),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
-    Pipeline { pipeline, layout }
 }
 
 /// The dispatches of a step for certain sizes.

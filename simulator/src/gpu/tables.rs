@@ -1,12 +1,12 @@
 //! A model as the tables that kernels read. Pure functions.
 
 use super::layout::{Fate, Kind, NOTHING, Params, Rule, Watch};
-use crate::model::{Contact, Model};
-use crate::motion::Motion;
+use crate::model::{Contact, Decay, Model};
+use crate::motion::{Motion, Step};
 use crate::philox::Key;
 use crate::reactions::Reactions;
 use crate::receiver::Kind as Counting;
-use crate::{Axis, Error};
+use crate::{Axis, Boundary, Error, crossing};
 
 /// Everything that a model says to the kernels.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +46,9 @@ impl Tallies {
     }
 }
 
+/// The part of a lifetime that a step may take where a particle decays once in a step at most.
+const FAST_DECAY: f64 = 0.02;
+
 /// Refuses what has no kernels.
 ///
 /// # Errors
@@ -60,7 +63,64 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     if let Some(species) = model.species.iter().find(|species| species.thermal_speed > 0.0) {
         return refused(format!("velocities, which species {} has", species.name));
     }
+    if let Some(species) = model.species.iter().find(|species| species.speed > 0.0) {
+        return refused(format!("swimmers, such as {}", species.name));
+    }
+    if model.boundary.vessel.is_some() {
+        return refused("a cylinder".to_owned());
+    }
+    if let Some(decay) = model.decays.iter().find(|decay| decay.splits()) {
+        return refused(format!("'{}', where one particle becomes two", decay.name));
+    }
+    let decays = |species: u32| model.decays.iter().filter(move |decay| decay.reactant == species);
+    for first in &model.decays {
+        // Short steps notice what decays twice in the next one.
+        let is_fast = |second: &&Decay| second.rate * model.time_step > FAST_DECAY;
+        if let Some(second) = first.products[0].and_then(|product| decays(product).find(is_fast)) {
+            return refused(format!(
+                "'{}' behind '{}' in one step; time-step = {:.2e} would do",
+                second.name,
+                first.name,
+                FAST_DECAY / second.rate
+            ));
+        }
+    }
+    let reactions = Reactions::new(model);
+    let pairs = (0..model.species.len() as u32).flat_map(|a| (0..=a).map(move |b| [a, b]));
+    for [a, b] in pairs {
+        if let Err(names) = reactions.only(a, b) {
+            return refused(format!("several reactions of the same reactants ({})", names.join("; ")));
+        }
+    }
+    let steps = Motion::new(model).steps;
+    for receiver in model.receivers.iter().filter(|receiver| receiver.kind == Counting::Absorbing) {
+        let seen = (0..steps.len()).filter(|&species| receiver.sees[species]);
+        if let Some(species) = seen.into_iter().find(|&s| drifts_past(receiver, &steps[s], &model.boundary)) {
+            return refused(format!(
+                "the way of {} past receiver {}, by which its drift may carry it within a step; steps of a sixteenth \
+                 of the receiver's radius would do",
+                model.species[species].name, receiver.name
+            ));
+        }
+    }
     Ok(())
+}
+
+/// Whether the ends of a step do not tell whether a receiver was met between them: drift may carry past what diffuses,
+/// and on a straight way a wall or another image of the receiver may turn up.
+fn drifts_past(receiver: &crate::Receiver, step: &Step, boundary: &Boundary) -> bool {
+    if step.length > 0.0 {
+        let drift = step.drift.iter().map(|d| d * d).sum::<f32>().sqrt();
+        return crossing::is_long(drift, step.length, receiver.radius);
+    }
+    (0..3).filter(|&k| step.drift[k] != 0.0).any(|k| {
+        let (center, reach) = (receiver.center[k], receiver.radius + step.drift[k].abs());
+        match boundary.axes[k] {
+            Axis::Open => false,
+            Axis::Reflecting { low, high } => center - reach < low || center + reach > high,
+            Axis::Periodic { low, high } => 2.0 * reach > high - low,
+        }
+    })
 }
 
 impl Tables {
@@ -133,11 +193,11 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
                 });
             }
         }
-        fates.extend(motion.decays[id].iter().map(|&(up_to, decay, product)| Fate {
+        fates.extend(motion.decays.channels(id as u32).iter().map(|channel| Fate {
             kind: Fate::DECAY,
-            up_to,
-            product: product.unwrap_or(NOTHING),
-            tally: tallies.decay(decay as usize) as u32,
+            up_to: channel.up_to,
+            product: channel.product.unwrap_or(NOTHING),
+            tally: tallies.decay(channel.decay as usize) as u32,
             ..Fate::default()
         }));
         let step = motion.steps[id];
@@ -170,13 +230,16 @@ fn watches(model: &Model, tallies: &Tallies) -> Vec<Watch> {
 fn rules(model: &Model) -> Vec<Rule> {
     let reactions = Reactions::new(model);
     let radius = |product: Option<u32>| product.map_or(0.0, |species| model.species[species as usize].radius);
-    let entry = |rule: &Option<crate::reactions::Rule>| {
-        let Some(rule) = rule else { return Rule { first: NOTHING, ..Rule::default() } };
+    let entry = |[a, b]: [u32; 2]| {
+        // Several were refused before.
+        let Ok(Some((rule, within))) = reactions.only(a, b) else {
+            return Rule { first: NOTHING, ..Rule::default() };
+        };
         let reaction = &model.reactions[rule.reaction as usize];
-        let [share, first_share] = reactions.shares(reaction, rule.claims);
+        let [share, first_share] = reactions.shares_of(rule.reaction);
         let parts = reaction.unbinding_radius > 0.0 && reaction.products.iter().all(Option::is_some);
         let mut flags = u32::from(rule.claims[0]) | u32::from(rule.claims[1]) << 1;
-        flags |= if rule.within.is_some() { Rule::NARROWER } else { 0 };
+        flags |= if within.is_some() { Rule::NARROWER } else { 0 };
         flags |= if parts { Rule::APART } else { 0 };
         Rule {
             reaction: rule.reaction,
@@ -185,11 +248,12 @@ fn rules(model: &Model) -> Vec<Rule> {
             flags,
             products: reaction.products.map(|product| product.unwrap_or(NOTHING)),
             radii: reaction.products.map(radius),
-            within: rule.within.unwrap_or(0.0),
+            within: within.unwrap_or(0.0),
             unbinding: reaction.unbinding_radius,
             share,
             first_share,
         }
     };
-    reactions.table.iter().map(entry).collect()
+    let species = model.species.len() as u32;
+    (0..species).flat_map(|a| (0..species).map(move |b| [a, b])).map(entry).collect()
 }

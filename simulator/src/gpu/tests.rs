@@ -110,7 +110,6 @@ fn model() -> Model {
         reactants,
         products,
         binding_radius: 1.0,
-        probability: 1.0,
         ..Reaction::default()
     };
     Model {

@@ -1,12 +1,18 @@
-//! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on, and
-//! `checkpoint`.
+//! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on,
+//! `symbols.csv` where messages are sent, and `checkpoint`.
 
+mod forecast;
 mod frames;
+mod lock;
 mod series;
+mod symbols;
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+
+pub(crate) use forecast::{Forecast, next};
+pub(crate) use lock::Lock;
 
 use crate::scenario::Output;
 use crate::{Error, Model, Simulator};
@@ -18,24 +24,40 @@ pub(crate) struct Files {
     output: Output,
     series: Growing,
     xyz: Option<Growing>,
+    _lock: Lock,
 }
 
 impl Files {
     /// New files of a new run.
-    pub(crate) fn create(directory: &Path, output: Output, model: &Model) -> Result<Self, Error> {
+    pub(crate) fn create(
+        directory: &Path,
+        output: Output,
+        (model, seed): (&Model, u64),
+        lock: Lock,
+    ) -> Result<Self, Error> {
         let series = Growing::create(directory.join("series.csv"))?;
         let xyz = output.xyz.then(|| Growing::create(directory.join("frames.xyz"))).transpose()?;
-        let mut files = Self { directory: directory.to_owned(), output, series, xyz };
+        let mut files = Self { directory: directory.to_owned(), output, series, xyz, _lock: lock };
         files.series.put(|out| series::header(out, model))?;
+        if symbols::any(model) {
+            let mut sent = Growing::create(directory.join("symbols.csv"))?;
+            sent.put(|out| symbols::write(out, model, seed))?;
+            sent.sync()?;
+        }
         Ok(files)
     }
 
     /// The files of a run that goes on, as long as they were at the checkpoint.
-    pub(crate) fn reopen(directory: &Path, output: Output, lengths: &[u64]) -> Result<Self, Error> {
+    pub(crate) fn reopen(
+        directory: &Path,
+        output: Output,
+        lengths: &[u64],
+        lock: Lock,
+    ) -> Result<Self, Error> {
         let length = |k: usize| lengths.get(k).copied().unwrap_or(0);
         let series = Growing::reopen(directory.join("series.csv"), length(0))?;
         let xyz = output.xyz.then(|| Growing::reopen(directory.join("frames.xyz"), length(1))).transpose()?;
-        Ok(Self { directory: directory.to_owned(), output, series, xyz })
+        Ok(Self { directory: directory.to_owned(), output, series, xyz, _lock: lock })
     }
 
     /// Writes what is due after the steps done so far.
@@ -44,7 +66,7 @@ impl Files {
         if step.is_multiple_of(self.output.every) {
             self.series.put(|out| series::row(out, simulation))?;
         }
-        if (self.output.xyz || self.output.npy) && step.is_multiple_of(self.output.frames_every) {
+        if self.output.has_frame(step) {
             let state = simulation.state()?;
             if let Some(xyz) = &mut self.xyz {
                 xyz.put(|out| frames::xyz(out, simulation.model(), &state))?;
@@ -52,7 +74,7 @@ impl Files {
             if self.output.npy {
                 let path = self.directory.join(format!("frame-{step:09}.npy"));
                 let mut frame = Growing::create(path)?;
-                frame.put(|out| frames::npy(out, &state.particles))?;
+                frame.put(|out| frames::npy(out, simulation.model(), &state.particles))?;
                 frame.sync()?;
             }
         }
@@ -108,36 +130,18 @@ impl Growing {
     }
 }
 
-/// A directory for a new run. One that holds a run already is refused.
+/// A directory for a new run, locked. One that holds a run already is refused.
 ///
 /// # Errors
 /// [`Error::Write`].
-pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<(), Error> {
-    let prepared = fs::create_dir_all(directory).and_then(|()| {
-        if !overwrite && directory.join("checkpoint").exists() {
-            let message = "it holds a run already; continue that with --resume, replace it with --overwrite, or choose \
-                           another directory";
-            return Err(io::Error::new(io::ErrorKind::AlreadyExists, message));
-        }
-        Ok(())
-    });
-    prepared.map_err(|source| Error::Write { path: directory.to_owned(), source })
-}
-
-/// About how many bytes a run will write, if no particle is lost.
-pub(crate) fn estimate(output: Output, model: &Model, steps: u32) -> u64 {
-    let particles_at = |step: u32| -> u64 {
-        let time = f64::from(step) * model.time_step;
-        let released =
-            |t: &crate::Transmitter| t.burst() * t.times.iter().filter(|&&at| at <= time).count() as u64;
-        model.transmitters.iter().map(released).sum()
-    };
-    let frame = if output.npy { frames::NPY_ROW } else { 0 } + if output.xyz { frames::XYZ_ROW } else { 0 };
-    let frames = u64::from(steps / output.frames_every) + 1;
-    // Releases come at few times, so that a few samples say enough.
-    let samples = frames.min(1000);
-    let sample = |k: u64| particles_at((u64::from(steps) * (2 * k + 1) / (2 * samples)) as u32);
-    let average = (0..samples).map(sample).sum::<u64>() as f64 / samples as f64;
-    let rows = u64::from(steps / output.every) * series::row_estimate(model);
-    (frames as f64 * average * frame as f64) as u64 + rows + particles_at(steps) * 32
+pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
+    let refused = |source| Error::Write { path: directory.to_owned(), source };
+    fs::create_dir_all(directory).map_err(refused)?;
+    let lock = Lock::take(directory)?;
+    if !overwrite && directory.join("checkpoint").exists() {
+        let message = "it holds a run already; continue that with --resume, replace it with --overwrite, or choose \
+                       another directory";
+        return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
+    }
+    Ok(lock)
 }

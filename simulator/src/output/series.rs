@@ -22,7 +22,7 @@ pub(super) fn header(out: &mut impl Write, model: &Model) -> io::Result<()> {
 /// One row.
 pub(super) fn row(out: &mut impl Write, simulation: &Simulator) -> io::Result<()> {
     let (totals, model) = (simulation.totals(), simulation.model());
-    write!(out, "{},{}", simulation.step_count(), simulation.time())?;
+    write!(out, "{}", moment(simulation.step_count(), model))?;
     for count in totals.present.iter().chain(&totals.reacted).chain(&totals.decayed) {
         write!(out, ",{count}")?;
     }
@@ -34,8 +34,12 @@ pub(super) fn row(out: &mut impl Write, simulation: &Simulator) -> io::Result<()
     writeln!(out, ",{},{}", totals.pairs, totals.contacts)
 }
 
-/// About how many bytes a row has.
-pub(super) fn row_estimate(model: &Model) -> u64 {
-    let seen = model.receivers.iter().flat_map(|receiver| &receiver.sees).filter(|sees| **sees).count();
-    8 * (model.species.len() + model.reactions.len() + model.decays.len() + seen + 4) as u64
+/// How a row begins.
+pub(super) fn moment(step: u32, model: &Model) -> String {
+    format!("{step},{}", f64::from(step) * model.time_step)
+}
+
+/// How many columns receivers have.
+pub(super) fn seen(model: &Model) -> usize {
+    model.receivers.iter().flat_map(|receiver| &receiver.sees).filter(|sees| **sees).count()
 }

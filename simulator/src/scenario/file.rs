@@ -11,14 +11,16 @@ pub(super) struct File {
     pub(super) steps: u32,
     #[serde(default)]
     pub(super) seed: u64,
-    #[serde(default)]
-    pub(super) contact: Contact,
+    pub(super) contact: Option<Spanned<Contact>>,
     pub(super) boundary: Option<Boundary>,
+    pub(super) flow: Option<Flow>,
     pub(super) species: Vec<Species>,
     #[serde(default, rename = "reaction")]
     pub(super) reactions: Vec<Reaction>,
     #[serde(default, rename = "decay")]
     pub(super) decays: Vec<Decay>,
+    #[serde(default, rename = "source")]
+    pub(super) sources: Vec<Source>,
     #[serde(default, rename = "transmitter")]
     pub(super) transmitters: Vec<Transmitter>,
     #[serde(default, rename = "receiver")]
@@ -40,24 +42,60 @@ pub(super) enum Contact {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Boundary {
-    pub(super) kind: BoundaryKind,
-    pub(super) low: [Finite; 3],
-    pub(super) high: Spanned<[Finite; 3]>,
+    pub(super) kind: Spanned<BoundaryKind>,
+    pub(super) low: Option<Spanned<[Finite; 3]>>,
+    pub(super) high: Option<Spanned<[Finite; 3]>>,
+    pub(super) axis: Option<Spanned<AxisName>>,
+    pub(super) center: Option<Spanned<[Finite; 3]>>,
+    pub(super) radius: Option<Spanned<Positive>>,
+    pub(super) ends: Option<Spanned<[Finite; 2]>>,
+    pub(super) at_ends: Option<Spanned<Ends>>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum BoundaryKind {
+    Reflecting,
+    Periodic,
+    Cylinder,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum AxisName {
+    #[default]
+    X,
+    Y,
+    Z,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum BoundaryKind {
+pub(super) enum Ends {
     Reflecting,
     Periodic,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Flow {
+    pub(super) profile: Spanned<Profile>,
+    pub(super) velocity: Option<Spanned<[Finite; 3]>>,
+    pub(super) speed: Option<Spanned<Finite>>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Profile {
+    Plug,
+    Poiseuille,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Species {
     pub(super) name: Spanned<Name>,
-    #[serde(default)]
-    pub(super) radius: NotNegative,
+    pub(super) radius: Option<Spanned<NotNegative>>,
     #[serde(default)]
     pub(super) diffusion: NotNegative,
     #[serde(default)]
@@ -66,6 +104,9 @@ pub(super) struct Species {
     pub(super) mass: One,
     #[serde(default)]
     pub(super) thermal_speed: NotNegative,
+    pub(super) speed: Option<Spanned<NotNegative>>,
+    #[serde(default)]
+    pub(super) tumble_rate: NotNegative,
 }
 
 #[derive(Debug, Deserialize)]
@@ -74,6 +115,7 @@ pub(super) struct Reaction {
     pub(super) equation: Spanned<String>,
     pub(super) binding_radius: Option<Spanned<Positive>>,
     pub(super) rate: Option<Spanned<Positive>>,
+    pub(super) rate_inside: Option<Spanned<Positive>>,
     #[serde(default)]
     pub(super) unbinding_radius: NotNegative,
     pub(super) probability: Option<Spanned<Probability>>,
@@ -83,31 +125,63 @@ pub(super) struct Reaction {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Decay {
     pub(super) equation: Spanned<String>,
+    pub(super) rate: Spanned<Positive>,
+    pub(super) unbinding_radius: Option<Spanned<NotNegative>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Source {
+    pub(super) equation: Spanned<String>,
     pub(super) rate: Positive,
+    pub(super) center: Option<Spanned<[Finite; 3]>>,
+    pub(super) shape: Option<Spanned<Shape>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Transmitter {
-    pub(super) name: Name,
-    #[serde(default)]
-    pub(super) center: [Finite; 3],
-    #[serde(default = "at_once")]
-    pub(super) times: Vec<NotNegative>,
+    pub(super) name: Spanned<Name>,
+    pub(super) center: Option<Spanned<[Finite; 3]>>,
+    pub(super) times: Option<Spanned<Vec<NotNegative>>>,
     #[serde(default)]
     pub(super) shape: Shape,
-    pub(super) release: Vec<Release>,
+    pub(super) release: Spanned<Vec<Release>>,
+    #[serde(default)]
+    pub(super) numbers: Numbers,
+    pub(super) from: Option<Spanned<NotNegative>>,
+    pub(super) until: Option<Spanned<NotNegative>>,
+    pub(super) bits: Option<Spanned<String>>,
+    pub(super) random_bits: Option<Spanned<std::num::NonZeroU32>>,
+    pub(super) symbol_time: Option<Spanned<Positive>>,
+    pub(super) start: Option<Spanned<NotNegative>>,
+    pub(super) modulation: Option<Spanned<Modulation>>,
+    pub(super) levels: Option<Spanned<Vec<NotNegative>>>,
 }
 
-fn at_once() -> Vec<NotNegative> {
-    vec![NotNegative(0.0)]
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Numbers {
+    #[default]
+    Fixed,
+    Poisson,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Modulation {
+    #[default]
+    Ook,
+    Csk,
+    Mosk,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Release {
     pub(super) species: Spanned<String>,
-    pub(super) count: u32,
+    pub(super) count: Option<u32>,
+    pub(super) rate: Option<Positive>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
@@ -126,6 +200,13 @@ pub(super) enum Shape {
     Box {
         size: [Positive; 3],
     },
+    Cylinder {
+        #[serde(default)]
+        axis: AxisName,
+        radius: Positive,
+        #[serde(default)]
+        length: NotNegative,
+    },
     Lattice {
         size: [Positive; 3],
         places: [std::num::NonZeroU32; 3],
@@ -136,7 +217,7 @@ pub(super) enum Shape {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Receiver {
     pub(super) name: Name,
-    pub(super) center: [Finite; 3],
+    pub(super) center: Spanned<[Finite; 3]>,
     pub(super) radius: Positive,
     pub(super) kind: ReceiverKind,
     pub(super) species: Option<Vec<Spanned<String>>>,

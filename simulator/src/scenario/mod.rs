@@ -1,13 +1,14 @@
 //! Scenario files: a [`Model`] and what to write, as TOML. The scenarios that are shipped, in
 //! `simulator/scenarios/`, show every key; README.md lists them.
 
+mod advice;
 mod file;
 mod resolve;
 
 use std::ops::Range;
 use std::path::Path;
 
-use crate::{Error, Model};
+use crate::{Error, Model, Transmitter};
 
 /// A scenario as it was read.
 #[derive(Clone, Debug)]
@@ -22,6 +23,8 @@ pub struct Scenario {
     pub output: Output,
     /// The text that it was read from.
     pub text: String,
+    /// What its author may not have meant: the place, and what to change. It was logged as a warning.
+    pub advice: Vec<String>,
 }
 
 /// What is written, and how often.
@@ -39,6 +42,13 @@ pub struct Output {
     pub checkpoint_every: Option<u32>,
 }
 
+impl Output {
+    /// Whether there is a frame after so many steps.
+    pub fn has_frame(&self, step: u32) -> bool {
+        (self.xyz || self.npy) && step.is_multiple_of(self.frames_every)
+    }
+}
+
 impl Scenario {
     /// Reads a scenario file.
     ///
@@ -54,15 +64,37 @@ impl Scenario {
     /// # Errors
     /// [`Error::Scenario`].
     pub fn parse(path: &Path, text: String) -> Result<Self, Error> {
-        let refused = |Problem { span, key, message }: Problem| {
+        let placed = |Problem { span, key, message }: Problem| {
             let start = span.map_or(0, |span| span.start);
             let (line, found) = place(&text, start);
             Error::Scenario { path: path.to_owned(), line, key: key.unwrap_or(found), message }
         };
-        let file = toml::from_str::<file::File>(&text).map_err(|error| refused(error.into()))?;
-        let (model, steps, seed, output) = resolve::resolve(file).map_err(refused)?;
+        let file = toml::from_str::<file::File>(&text).map_err(|error| placed(error.into()))?;
+        let resolve::Resolved { model, steps, seed, output, advice } =
+            resolve::resolve(file).map_err(placed)?;
         model.check()?;
-        Ok(Self { model, steps, seed, output, text })
+        let advice: Vec<_> = advice.into_iter().map(|problem| placed(problem).to_string()).collect();
+        advice.iter().for_each(|message| log::warn!("{message}"));
+        Ok(Self { model, steps, seed, output, text, advice })
+    }
+
+    /// What transmitters are to release and the run does not reach.
+    pub fn late_releases(&self) -> Vec<String> {
+        let end = f64::from(self.steps) * self.model.time_step;
+        let late = |t: &Transmitter| {
+            let (first, count) = t.after(self.steps, self.model.time_step)?;
+            let what = match count {
+                Some(count) => format!("has {count} releases"),
+                None => "is to release".to_owned(),
+            };
+            Some(format!(
+                "transmitter {} {what} from {first} s on, and the run ends at {end} s; make `steps` more than {}, or take \
+                 these times away",
+                t.name,
+                (first / self.model.time_step).ceil()
+            ))
+        };
+        self.model.transmitters.iter().filter_map(late).collect()
     }
 }
 

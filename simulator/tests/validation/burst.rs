@@ -41,7 +41,6 @@ pub(crate) fn acid_base() -> Vec<Row> {
         name: "acid + base -> 0".to_owned(),
         reactants: [0, 1],
         binding_radius: sigma as f32,
-        probability: 1.0,
         ..Reaction::default()
     };
     let receiver = Receiver {

@@ -6,7 +6,7 @@ use lazygrid::{Config, Detector, Space};
 use lazygrid_sim::{Boundary, Contact, Model, Particles, Shape, Species};
 
 use crate::Row;
-use crate::setup::{begin, burst, species, steps};
+use crate::setup::{begin, burst, share_error, species, steps};
 
 /// Spheres of diameter 1 that fill 40 % of a periodic box.
 const PACKING: f64 = 0.40;
@@ -60,6 +60,45 @@ pub(crate) fn hard_spheres() -> Vec<Row> {
         shells.add(&simulation.state().particles);
     }
     rows.push(Row::new("g(σ⁺), pushed apart", expected, shells.contact_value(), 0.05 * expected));
+    rows
+}
+
+/// A thin gas of elastic spheres between walls: uniform up to them, with the energy that it had, and as warm along each axis.
+pub(crate) fn gas_between_walls() -> Vec<Row> {
+    let (n, radius, half, layer) = (5000_u32, 0.01_f32, 1.0_f32, 0.05_f32);
+    let model = Model {
+        time_step: 2e-3,
+        species: vec![Species { thermal_speed: 1.0, ..species("A", radius, 0.0) }],
+        contact: Contact::Elastic,
+        boundary: Boundary::reflecting([-half; 3], [half; 3]),
+        transmitters: vec![burst(Shape::Box([2.0 * (half - layer); 3]), &[(0, n)])],
+        ..Model::default()
+    };
+    let mut simulation = begin(&model, 11);
+    steps(&mut simulation, 1);
+    let before = conserved(&simulation.state().particles);
+    steps(&mut simulation, 1999);
+    let particles = &simulation.state().particles;
+    let after = conserved(particles);
+    let n = f64::from(n);
+    // Their surfaces end at the walls.
+    let near = |at: &usize| particles.position_of(*at).iter().any(|&x| x.abs() > half - radius - layer);
+    let share = (0..particles.len()).filter(near).count() as f64 / n;
+    let expected = 1.0 - (1.0 - f64::from(layer / (half - radius))).powi(3);
+    let mut rows =
+        vec![Row::new("share near a wall after 4 s", expected, share, 4.0 * share_error(expected, n))];
+    rows.push(Row::new("relative drift of energy, walls", 0.0, after.energy / before.energy - 1.0, 1e-5));
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let squares: f64 = particles.velocity[axis].iter().map(|&v| f64::from(v).powi(2)).sum();
+        let expected = 2.0 * before.energy / (3.0 * n);
+        // The mean of n squares of normal numbers.
+        rows.push(Row::new(
+            format!("temperature along {name}"),
+            expected,
+            squares / n,
+            4.0 * (2.0 / n).sqrt(),
+        ));
+    }
     rows
 }
 

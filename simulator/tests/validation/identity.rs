@@ -2,7 +2,8 @@
 
 use lazygrid::Algorithm;
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Kind, Model, Particles, Reaction, Receiver, Shape, Simulation, State,
+    Axis, Boundary, Chance, Contact, Decay, Kind, Model, Numbers, Particles, Reaction, Receiver, Schedule,
+    Shape, Simulation, State, Transmitter, Unbinding,
 };
 
 use crate::Row;
@@ -16,10 +17,22 @@ fn model() -> Model {
         products,
         binding_radius: 0.3,
         unbinding_radius,
-        probability: 0.4,
+        chance: Chance::PerStep(0.4),
+    };
+    let decay = |name: &str, reactant, products| Decay {
+        name: name.to_owned(),
+        reactant,
+        products,
+        unbinding: Unbinding::Within(0.3),
+        rate: 0.5,
+    };
+    let steady = Transmitter {
+        schedule: Schedule::Steady { from: 0.0, until: 0.5, rates: vec![(0, 300.0)] },
+        numbers: Numbers::Poisson,
+        ..burst(Shape::Gaussian(0.5), &[])
     };
     let mut late = burst(Shape::Gaussian(0.7), &[(0, 150), (1, 100)]);
-    late.times = vec![0.1, 0.35, 0.7];
+    late.schedule = Schedule::Times(vec![0.1, 0.35, 0.7]);
     let receiver = |kind, x| Receiver {
         name: "rx".to_owned(),
         center: [x, 0.0, 0.0],
@@ -35,8 +48,12 @@ fn model() -> Model {
             Reaction { reactants: [2, 2], ..reaction("C + C -> A", [Some(0), None], 0.0) },
             Reaction { reactants: [1, 2], ..reaction("B + C -> B", [Some(1), None], 0.0) },
         ],
-        decays: vec![Decay { name: "C -> B".to_owned(), reactant: 2, product: Some(1), rate: 1.0 }],
-        transmitters: vec![burst(Shape::Point, &[(0, 100), (1, 100)]), late],
+        decays: vec![
+            decay("C -> B", 2, [Some(1), None]),
+            decay("C -> A + B", 2, [Some(0), Some(1)]),
+            decay("A -> C", 0, [Some(2), None]),
+        ],
+        transmitters: vec![burst(Shape::Point, &[(0, 100), (1, 100)]), late, steady],
         receivers: vec![receiver(Kind::Absorbing, 2.5), receiver(Kind::Endpoint, -2.5)],
         boundary: Boundary {
             axes: [
@@ -44,8 +61,10 @@ fn model() -> Model {
                 Axis::Periodic { low: -3.0, high: 2.0 },
                 Axis::Periodic { low: -3.0, high: 2.5 },
             ],
+            vessel: None,
         },
         contact: Contact::Separate,
+        ..Model::default()
     }
 }
 
@@ -69,8 +88,9 @@ pub(crate) fn same_bytes() -> Vec<Row> {
         let different = u64::from(run(algorithm, threads) != reference);
         rows.push(Row::exact(format!("states that differ, {algorithm}, {threads} threads"), 0, different));
     }
-    let reacted = reference.totals.reacted.iter().copied().min().unwrap_or(0);
-    rows.push(Row { must_differ: true, ..Row::exact("fewest reactions of a kind", 0, reacted) });
+    let totals = &reference.totals;
+    let reacted = totals.reacted.iter().chain(&totals.decayed).copied().min().unwrap_or(0);
+    rows.push(Row { must_differ: true, ..Row::exact("fewest reactions and decays of a kind", 0, reacted) });
     rows.push(Row::exact("particles that differ after a permutation", 0, permuted()));
     rows
 }

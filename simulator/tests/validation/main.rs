@@ -4,13 +4,17 @@
 //! `cargo test --release -p lazygrid-sim --test validation` (names of items as arguments choose among them)
 #![expect(clippy::print_stdout, reason = "the table is what this is for")]
 
+mod bacteria;
 mod burst;
+mod channel;
 mod crowd;
 mod diffusion;
 mod identity;
+mod networks;
 mod reactions;
 mod receivers;
 mod setup;
+mod vessel;
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -46,7 +50,7 @@ impl Row {
 /// An item of the list, and what measures it.
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 9] = [
+const ITEMS: [Item; 22] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -56,6 +60,19 @@ const ITEMS: [Item; 9] = [
     ("7-well-mixed", reactions::well_mixed),
     ("8-hard-spheres", crowd::hard_spheres),
     ("9-identity", identity::same_bytes),
+    ("10-gas-in-a-box", crowd::gas_between_walls),
+    ("11-flow", receivers::absorbing_in_flow),
+    ("12-equilibrium", networks::equilibrium),
+    ("13-michaelis-menten", networks::michaelis_menten),
+    ("14-births", networks::births),
+    ("15-branching", networks::branching),
+    ("16-rate-inside", networks::rate_inside),
+    ("17-chain", networks::chain),
+    ("18-on-off-keying", channel::on_off_keying),
+    ("19-modulations", channel::other_modulations),
+    ("20-vessel", vessel::flow_profiles),
+    ("21-run-and-tumble", bacteria::run_and_tumble),
+    ("22-conjugation", bacteria::conjugation),
 ];
 
 fn main() -> ExitCode {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use lazygrid_sim::{Boundary, Model, Reaction, Shape};
+use lazygrid_sim::{Boundary, Chance, Model, Reaction, Shape};
 use rayon::prelude::*;
 
 use crate::Row;
@@ -20,7 +20,6 @@ pub(crate) fn diffusion_limited() -> Vec<Row> {
             reactants: [0, 1],
             products: [Some(0), None],
             binding_radius: 1.0,
-            probability: 1.0,
             ..Reaction::default()
         };
         // Traps do not know of each other, so that they may come in batches.
@@ -58,7 +57,7 @@ pub(crate) fn well_mixed() -> Vec<Row> {
         name: "A + B -> 0".to_owned(),
         reactants: [0, 1],
         binding_radius: sigma as f32,
-        probability,
+        chance: Chance::PerStep(probability),
         ..Reaction::default()
     };
     let model = Model {

@@ -1,6 +1,6 @@
 //! What receivers count.
 
-use lazygrid_sim::{Kind, Model, Receiver, Shape};
+use lazygrid_sim::{Kind, Model, Receiver, Shape, Species, Transmitter};
 
 use crate::Row;
 use crate::setup::{begin, burst, in_ball, share_error, species, steps};
@@ -61,4 +61,62 @@ pub(crate) fn transparent() -> Vec<Row> {
         rows.push(Row::new(what, expected, share, 4.0 * share_error(expected, N.into())));
     }
     rows
+}
+
+/// Share of what a flow v carries past an absorbing sphere that ever reaches it. With κ = v/2D that is
+/// exp(−κr·cosθ)·Σ (2l + 1)·iₗ(κR)·kₗ(κr)/kₗ(κR)·Pₗ(cosθ), θ from the direction of the flow; in steps in which the flow
+/// goes up to two radii.
+pub(crate) fn absorbing_in_flow() -> Vec<Row> {
+    let (speed, start, n) = (10.0, [-4.0_f32, 1.0, 0.0], 40_000_u32);
+    let distance = f64::from(start[0].hypot(start[1]));
+    let expected = reached(speed / 2.0, distance, f64::from(start[0]) / distance);
+    let row = |count: u32| {
+        let flowing = Species { drift: [speed, 0.0, 0.0], ..species("A", 0.0, 1.0) };
+        let receiver = Receiver {
+            name: "rx".to_owned(),
+            center: [0.0; 3],
+            radius: 1.0,
+            kind: Kind::Absorbing,
+            sees: vec![true],
+        };
+        let model = Model {
+            time_step: 1.6 / f64::from(count),
+            species: vec![flowing],
+            transmitters: vec![Transmitter { center: start, ..burst(Shape::Point, &[(0, n)]) }],
+            receivers: vec![receiver],
+            ..Model::default()
+        };
+        let mut simulation = begin(&model, 5);
+        steps(&mut simulation, count);
+        let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(n);
+        let tolerance = 4.0 * share_error(expected, n.into());
+        Row::new(format!("from a flow, {count} steps"), expected, share, tolerance)
+    };
+    let mut rows = vec![Row::new("the series, hardly a flow", 0.25, reached(1e-3, 4.0, 0.3), 0.002)];
+    rows.extend([8, 32, 1600].map(row));
+    rows
+}
+
+/// The series for a sphere of radius 1.
+fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
+    const TERMS: usize = 60;
+    // kₗ rises with l, so that its recurrence holds upwards, and that of iₗ downwards.
+    let second = |x: f64| {
+        let mut k = vec![1.0 / x, 1.0 / x + 1.0 / (x * x)];
+        (1..TERMS).for_each(|l| k.push(k[l - 1] + (2 * l + 1) as f64 / x * k[l]));
+        k
+    };
+    let mut first = vec![0.0; TERMS + 2];
+    first[TERMS] = 1e-300;
+    (1..=TERMS).rev().for_each(|l| first[l - 1] = first[l + 1] + (2 * l + 1) as f64 / kappa * first[l]);
+    let scale = kappa.sinh() / kappa / first[0];
+    let (near, far) = (second(kappa), second(kappa * distance));
+    let (mut before, mut legendre, mut sum) = (0.0, 1.0, 0.0);
+    for l in 0..TERMS {
+        let order = (2 * l + 1) as f64;
+        sum += order * scale * first[l] * far[l] / near[l] * legendre;
+        (before, legendre) = (legendre, (order * cosine * legendre - l as f64 * before) / (l + 1) as f64);
+    }
+    // The factors exp(−x) of kₗ were left out.
+    (-kappa * distance * cosine - kappa * (distance - 1.0)).exp() * sum
 }

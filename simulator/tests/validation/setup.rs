@@ -9,8 +9,7 @@ pub(crate) fn species(name: &str, radius: f32, diffusion: f64) -> Species {
 
 /// One burst at the beginning, around the origin.
 pub(crate) fn burst(shape: Shape, release: &[(u32, u32)]) -> Transmitter {
-    let (center, times, release) = ([0.0; 3], vec![0.0], release.to_vec());
-    Transmitter { name: "tx".to_owned(), center, shape, times, release }
+    Transmitter { name: "tx".to_owned(), shape, release: release.to_vec(), ..Transmitter::default() }
 }
 
 pub(crate) fn begin(model: &Model, seed: u64) -> Simulation {

@@ -57,8 +57,7 @@ fn npy_of_more_than_a_block() {
 
 #[test]
 fn npy_refusals_name_row_and_value() {
-    let plain =
-        "a.npy: expected a header {'descr': …, 'fortran_order': …, 'shape': …} of a plain array, found ";
+    let plain = "a.npy: expected a header {'descr': …, 'fortran_order': …, 'shape': …} of a plain or structured array, found ";
     let finite = "values must be finite 32-bit floating-point numbers";
     let data: Vec<u8> = TWO.concat().iter().flat_map(|v| v.to_le_bytes()).collect();
     let with = |at: usize, value: f32| {
@@ -74,7 +73,7 @@ fn npy_refusals_name_row_and_value() {
         (b"x,y,z,r".to_vec(), "a.npy: expected a NumPy array, found other content".into()),
         (npy(4, "", b""), "a.npy: expected version 1, 2 or 3 of the NumPy format, found version 4".into()),
         (npy(1, "[]", b""), format!("{plain}'[]'")),
-        (npy(1, "{'descr': [('x', '<f4')], }", b""), format!("{plain}'[('x', '<f4')], }}'")),
+        (npy(1, "{'descr': [('x', '<f4', x)], }", b""), format!("{plain}'x)], }}'")),
         (
             npy(1, &header("<i4", false, 2), &data),
             "a.npy: expected values of type f4 or f8, found '<i4'; convert it with .astype('f4')".into(),

@@ -6,9 +6,17 @@ use super::arrays::{flat, header, npy};
 use super::*;
 
 /// One valid file per format, small enough that a mutation mostly hits something that matters.
-fn samples() -> [(Format, Vec<u8>); 6] {
+fn samples() -> [(Format, Vec<u8>); 9] {
     let data: Vec<u8> = flat(true).iter().flat_map(|&v| f64::from(v).to_le_bytes()).collect();
+    let fields = "('id', '<i2'), ('species', '|S1'), ('pos', '<f4', (3,)), ('r', '<f8')";
+    let fields = format!("{{'descr': [{fields}], 'fortran_order': False, 'shape': (1,), }}");
+    let row = [&b"\x07\x00A"[..], &[0; 12], &1.5_f64.to_le_bytes()].concat();
+    let boxed =
+        "1\nLattice=\"9 0 0 0 9 0 0 0 9\" pbc=\"T F T\" Properties=id:I:1:pos:R:3:radius:R:1\n7 1 2 3 4\n";
     [
+        (Format::Npy, npy(1, &fields, &row)),
+        (Format::Xyz, boxed.into()),
+        (Format::Csv, b"# x;y;z;diameter;id\n1;2;3;0.5;7\n# none\n-4;5e-3;6.25;0;8\n".to_vec()),
         (Format::Csv, b"species,x,y,z,r\nA,1,2,3,0.5\nB,-4,5e-3,6.25,0\n".to_vec()),
         (Format::Npy, npy(1, &header("<f4", false, 2), bytemuck::cast_slice(&TWO))),
         (Format::Npy, npy(2, &header("<f8", true, 2), &data)),
@@ -24,8 +32,9 @@ fn samples() -> [(Format, Vec<u8>); 6] {
 /// Whatever the bytes are, a reader gives valid spheres or one error, and its frames are no larger than the file.
 fn survives(format: Option<Format>, bytes: Vec<u8>) -> Result<(), TestCaseError> {
     let radii = options(format, &[("A", 1.0), ("B", 2.0)]);
-    for length in [None, Some(bytes.len() as u64)] {
-        let Ok(reader) = Frames::new("any", Cursor::new(bytes.clone()), length, radii.clone()) else {
+    for (length, ids) in [(None, true), (Some(bytes.len() as u64), false)] {
+        let options = Options { ids, ..radii.clone() };
+        let Ok(reader) = Frames::new("any", Cursor::new(bytes.clone()), length, options) else {
             continue;
         };
         let mut spheres = 0;
@@ -38,7 +47,8 @@ fn survives(format: Option<Format>, bytes: Vec<u8>) -> Result<(), TestCaseError>
             };
             spheres += frame.spheres.len();
             prop_assert!(frame.spheres.iter().all(Sphere::is_valid));
-            prop_assert!(frame.species.is_none_or(|ids| ids.len() == frame.spheres.len()));
+            prop_assert!(frame.species.is_none_or(|species| species.len() == frame.spheres.len()));
+            prop_assert!(frame.ids.is_none_or(|ids| ids.len() == frame.spheres.len()));
         }
         prop_assert!(spheres <= bytes.len());
     }
@@ -67,7 +77,7 @@ proptest! {
 
     #[test]
     fn damaged_files_are_read_or_refused(
-        sample in 0..6_usize,
+        sample in 0..9_usize,
         edits in prop::collection::vec((any::<usize>(), any::<u8>(), any::<usize>()), 1..6),
     ) {
         let (format, bytes) = samples()[sample].clone();

@@ -52,6 +52,16 @@ fn height(fate: Fate, point: vec3<f32>) -> f32 {
     return sqrt(d.x * d.x + d.y * d.y + d.z * d.z) - fate.radius;
 }
 
+// Whether a particle that drifted from `before` to `after` came through the sphere on its way.
+fn passes(fate: Fate, before: vec3<f32>, after: vec3<f32>) -> bool {
+    let center = fate.center;
+    let start = nearest(before - center);
+    let way = nearest(after - before);
+    let across = cross(start, way);
+    return dot(start, way) < 0.0 && dot(start + way, way) > 0.0
+        && dot(across, across) <= fate.radius * fate.radius * dot(way, way);
+}
+
 // Whether a particle that went from `before` to `after` met the receiver.
 fn meets(fate: Fate, before: vec3<f32>, after: vec3<f32>, diffusion: f32, id: u32) -> bool {
     let b = height(fate, after);
@@ -63,8 +73,8 @@ fn meets(fate: Fate, before: vec3<f32>, after: vec3<f32>, diffusion: f32, id: u3
     }
     let a = height(fate, before);
     if (diffusion == 0.0) {
-        // At rest, or carried out by a drift.
-        return a < 0.0;
+        // At rest, or carried out or through by a drift.
+        return a < 0.0 || passes(fate, before, after);
     }
     let exponent = a * b / diffusion;
     if (exponent >= NEVER) {
@@ -86,7 +96,7 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let kind = kinds[tag.x];
     let step = control.step;
     let random = normals(philox(vec4(tag.y, 0u, step, PURPOSE_MOVE), params.key));
-    let after = placed(before.xyz + (kind.length * random + kind.drift));
+    var after = placed(before.xyz + (kind.length * random + kind.drift), kind.radius);
     var radius = before.w;
     var becomes = tag.x;
     for (var k = kind.fates_begin; k < kind.fates_end; k++) {
@@ -105,6 +115,8 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
             } else {
                 becomes = fate.product;
                 radius = kinds[becomes].radius;
+                // What is larger than it was may stand in a wall.
+                after = placed(after, radius);
             }
             break;
         }

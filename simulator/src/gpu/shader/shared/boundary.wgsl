@@ -1,10 +1,11 @@
-// Walls and images, axis by axis, as boundary.rs has them.
-fn placed(x: vec3<f32>) -> vec3<f32> {
+// Walls and images, axis by axis, as boundary.rs has them: where a sphere of this radius is put back.
+fn placed(x: vec3<f32>, radius: f32) -> vec3<f32> {
     if (params.is_open != 0u) {
         return x;
     }
-    let low = params.low.xyz;
-    let high = params.high.xyz;
+    let inset = select(vec3(0.0), vec3(radius), params.axes.xyz == vec3(1u));
+    let low = params.low.xyz + inset;
+    let high = params.high.xyz - inset;
     let length = high - low;
     let y = x - low;
     let rest = y - 2.0 * length * floor(y / (2.0 * length));

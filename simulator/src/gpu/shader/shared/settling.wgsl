@@ -29,7 +29,7 @@ fn react(candidate: Candidate, rule: Rule) {
             let along = f32(side) - rule.first_share;
             let at = candidate.at[side];
             claims[at].product = rule.products[side];
-            claims[at].sphere = vec4(placed(meeting + along * apart), rule.radii[side]);
+            claims[at].sphere = vec4(placed(meeting + along * apart, rule.radii[side]), rule.radii[side]);
             atomicStore(&claims[at].is_taken, 1u);
         }
     }

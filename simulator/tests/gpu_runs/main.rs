@@ -1,116 +1,21 @@
 //! Whole runs on the GPU against runs on the CPU and against closed forms. Without an adapter they are skipped and
 //! say why, unless `LAZYGRID_REQUIRE_GPU` is set.
 
-#[path = "../../tests/src/adapter.rs"]
+#[path = "../../../tests/src/adapter.rs"]
 mod adapter;
+mod models;
 
 use adapter::or_skip;
 use lazygrid::Algorithm;
 use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Error, Kind, Model, Particle, Reaction, Receiver, Shape, Simulation,
-    Species, State, Transmitter,
+    Axis, Boundary, Contact, Decay, Error, Kind, Model, Receiver, Shape, Simulation, Transmitter, Vessel,
 };
+use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, reaction, species};
 
 fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::shared(true))
-}
-
-fn species(name: &str, diffusion: f64, drift: [f64; 3]) -> Species {
-    Species { name: name.into(), diffusion, drift, mass: 1.0, ..Species::default() }
-}
-
-fn reaction(
-    reactants: [u32; 2],
-    products: [Option<u32>; 2],
-    binding_radius: f32,
-    probability: f64,
-) -> Reaction {
-    Reaction {
-        name: format!("{reactants:?}"),
-        reactants,
-        products,
-        binding_radius,
-        probability,
-        ..Reaction::default()
-    }
-}
-
-fn lattice(center: [f32; 3], times: &[f64], species: u32, places: u32) -> Transmitter {
-    Transmitter {
-        name: format!("lattice of {species}"),
-        center,
-        shape: Shape::Lattice([8.0; 3], [places; 3]),
-        times: times.to_vec(),
-        release: vec![(species, places.pow(3))],
-    }
-}
-
-/// Nothing rounds: all coordinates are small multiples of a power of two. Particles drift through each other.
-fn dyadic() -> Model {
-    let receiver = |name: &str, center, kind| Receiver {
-        name: name.into(),
-        center,
-        radius: 1.03,
-        kind,
-        sees: vec![true; 4],
-    };
-    let decay =
-        |reactant, product, rate| Decay { name: format!("decay of {reactant}"), reactant, product, rate };
-    Model {
-        time_step: 1.0,
-        species: vec![
-            species("A", 0.0, [0.125, 0.0, 0.25]),
-            species("B", 0.0, [-0.125, 0.0625, 0.0]),
-            species("C", 0.0, [0.0, -0.125, 0.0]),
-            species("E", 0.0, [0.0; 3]),
-        ],
-        reactions: vec![
-            reaction([0, 1], [Some(2), None], 0.5, 0.5),
-            reaction([0, 3], [Some(1), Some(3)], 0.75, 0.25),
-            reaction([2, 2], [Some(1), Some(0)], 1.0, 0.75),
-            reaction([1, 3], [None, None], 0.25, 0.125),
-        ],
-        decays: vec![decay(2, Some(3), 0.125), decay(2, None, 0.0625), decay(1, None, 0.01)],
-        transmitters: vec![
-            lattice([0.0; 3], &[0.0, 7.0], 0, 8),
-            lattice([0.125, 0.25, 0.0], &[0.0], 1, 16),
-            lattice([0.25, 0.25, 0.25], &[0.0, 3.0, 4.0], 3, 4),
-        ],
-        receivers: vec![
-            receiver("absorbing", [2.0, 2.0, 0.0], Kind::Absorbing),
-            receiver("transparent", [-2.0, 0.0, 0.5], Kind::Transparent),
-            receiver("endpoint", [0.0, -2.0, 0.5], Kind::Endpoint),
-        ],
-        boundary: Boundary {
-            axes: [
-                Axis::Reflecting { low: -4.5, high: 4.5 },
-                Axis::Open,
-                Axis::Reflecting { low: -5.0, high: 6.0 },
-            ],
-        },
-        ..Model::default()
-    }
-}
-
-fn cpu(model: &Model, seed: u64) -> Simulation {
-    Simulation::new(model.clone(), seed, Algorithm::Auto).expect("a model")
-}
-
-fn gpu(own: &GpuDevice, model: &Model, seed: u64, options: GpuOptions) -> GpuSimulation {
-    GpuSimulation::new(model.clone(), seed, own.clone(), options).expect("a model")
-}
-
-fn by_id(state: &State) -> Vec<Particle> {
-    state.particles.by_id().into_iter().map(|at| state.particles.get(at as usize)).collect()
-}
-
-#[track_caller]
-fn assert_same(a: &State, b: &State) {
-    assert_eq!((a.step, a.next_id), (b.step, b.next_id));
-    assert_eq!(a.totals, b.totals);
-    assert_eq!(by_id(a), by_id(b));
 }
 
 #[test]
@@ -195,25 +100,6 @@ fn either_side_goes_on_where_the_other_stopped() {
     assert_same(third.state(), whole.state());
 }
 
-/// A and B that diffuse in a box and annihilate, or do nothing.
-fn brownian(reacts: bool) -> Model {
-    let burst = |species: u32| Transmitter {
-        name: format!("{species}"),
-        center: [0.0; 3],
-        shape: Shape::Box([4.0; 3]),
-        times: vec![0.0],
-        release: vec![(species, 1000)],
-    };
-    Model {
-        time_step: 0.001,
-        species: vec![species("A", 2.0, [0.0; 3]), species("B", 1.0, [0.5, 0.0, 0.0])],
-        reactions: if reacts { vec![reaction([0, 1], [None, None], 0.125, 0.5)] } else { Vec::new() },
-        transmitters: vec![burst(0), burst(1)],
-        boundary: Boundary::reflecting([-2.0; 3], [2.0; 3]),
-        ..Model::default()
-    }
-}
-
 #[test]
 fn moves_are_those_of_the_cpu_but_for_rounding() {
     let Some(own) = device() else { return };
@@ -236,8 +122,8 @@ fn mean_square_displacement() {
         name: "burst".into(),
         center: [1.0, 0.0, 0.0],
         shape: Shape::Point,
-        times: vec![0.0],
         release: vec![(0, n)],
+        ..Transmitter::default()
     };
     let species = vec![species("A", 2.0, [0.0; 3])];
     let model = Model { time_step: 0.01, species, transmitters: vec![burst], ..Model::default() };
@@ -299,8 +185,8 @@ fn absorbing_receiver() {
         name: "burst".into(),
         center: [0.0; 3],
         shape: Shape::Point,
-        times: vec![0.0],
         release: vec![(0, n)],
+        ..Transmitter::default()
     };
     let reached = |kind| {
         let model = Model {
@@ -348,8 +234,49 @@ fn what_has_no_kernels_is_refused_by_name() {
         }
     };
     assert!(refused(|m| m.contact = Contact::Separate).contains("separating"));
-    assert!(refused(|m| m.contact = Contact::Elastic).contains("elastic"));
+    let elastic = refused(|m| {
+        m.contact = Contact::Elastic;
+        m.species[0].thermal_speed = 1.0;
+    });
+    assert!(elastic.contains("elastic"));
     assert!(refused(|m| m.species[1].thermal_speed = 1.0).contains("species B"));
+    fn decay(reactant: u32, products: [Option<u32>; 2]) -> Decay {
+        Decay { reactant, products, rate: 40.0, ..Decay::default() }
+    }
+    let chain = refused(|m| m.decays = vec![decay(0, [Some(1), None]), decay(1, [None, None])]);
+    assert!(chain.contains("behind") && chain.contains("time-step = 5.00e-4"), "{chain}");
+    assert!(refused(|m| m.decays = vec![decay(0, [Some(1), Some(1)])]).contains("one particle becomes two"));
+    let channels = refused(|m| m.reactions.push(reaction([1, 0], [Some(1), None], 0.2, 0.5)));
+    assert!(channels.contains("several reactions of the same reactants"), "{channels}");
+    assert!(refused(|m| m.species[0].speed = 1.0).contains("swimmers, such as A"));
+    let vessel = Vessel { along: 0, center: [0.0; 3], radius: 1.0 };
+    let mut in_vessel = brownian(false);
+    in_vessel.boundary = Boundary { vessel: Some(vessel), ..Boundary::default() };
+    let error = GpuSimulation::new(in_vessel, 1, own.clone(), GpuOptions::default()).expect_err("a cylinder");
+    assert!(error.to_string().contains("cannot do a cylinder"), "{error}");
+    let past = |drift: f64, diffusion: f64, low: f32| {
+        let mut model = brownian(false);
+        let receiver = |center| Receiver {
+            name: "rx".into(),
+            center,
+            radius: 0.25,
+            kind: Kind::Absorbing,
+            sees: vec![true, false],
+        };
+        model.receivers = vec![receiver([-1.5, 0.0, 0.0])];
+        model.species[0] = species("A", diffusion, [drift, 0.0, 0.0]);
+        model.boundary.axes[0] = Axis::Reflecting { low, high: 2.0 };
+        match GpuSimulation::new(model, 1, own.clone(), GpuOptions::default()) {
+            Err(Error::NotOnGpu { what }) => Some(what),
+            other => other.map(|_| None).expect("a model"),
+        }
+    };
+    assert_eq!(past(15.0, 1e-3, -2.0), None);
+    assert!(past(20.0, 1e-3, -2.0).is_some_and(|what| what.contains("the way of A past receiver rx")));
+    assert_eq!(past(20.0, 20.0, -2.0), None);
+    assert_eq!(past(20.0, 0.0, -2.0), None);
+    assert!(past(300.0, 0.0, -2.0).is_some());
+    assert_eq!(past(300.0, 0.0, -4.0), None);
 }
 
 #[test]
@@ -363,4 +290,18 @@ fn particles_that_leave_the_range_of_numbers_are_an_error() {
     let error = run.run(5).expect_err("an error");
     assert!(matches!(error, Error::NotFinite { step: 1, particles: 1000 }), "{error}");
     assert_eq!(run.state().expect("a state").step, 1);
+}
+
+#[test]
+fn a_lost_device_is_said_to_be_lost() {
+    // Not the one that other tests have.
+    let Some(own) = or_skip(GpuDevice::open(true)) else { return };
+    let mut run = gpu(&own, &brownian(true), 1, GpuOptions::default());
+    run.run(2).expect("steps");
+    own.device.destroy();
+    let errors = [run.run(2).expect_err("no device"), run.state().expect_err("no device")];
+    let again = GpuSimulation::new(brownian(true), 1, own, GpuOptions::default()).expect_err("no device");
+    for error in errors.into_iter().chain([again]) {
+        assert!(error.to_string().contains("the device was lost"), "{error}");
+    }
 }

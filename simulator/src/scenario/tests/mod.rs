@@ -1,5 +1,7 @@
+mod network;
+
 use super::*;
-use crate::{Boundary, Contact, Kind, Reaction, Shape};
+use crate::{Boundary, Chance, Contact, Kind, Reaction, Schedule, Shape};
 
 const GOOD: &str = r#"
 time-step = 0.001
@@ -64,14 +66,15 @@ fn every_key_arrives() {
         products: [None, Some(1)],
         binding_radius: 1.5,
         unbinding_radius: 0.0,
-        probability: 0.5,
+        chance: Chance::PerStep(0.5),
     };
     assert_eq!(model.reactions, [reaction]);
-    assert_eq!((model.decays[0].reactant, model.decays[0].product, model.decays[0].rate), (1, None, 2.0));
+    let decay = &model.decays[0];
+    assert_eq!((decay.reactant, decay.products, decay.rate), (1, [None, None], 2.0));
     assert_eq!(model.transmitters[0].shape, Shape::Gaussian(0.5));
     assert_eq!(
-        (&model.transmitters[0].times, &model.transmitters[0].release),
-        (&vec![0.0, 0.5], &vec![(0, 3)])
+        (&model.transmitters[0].schedule, &model.transmitters[0].release),
+        (&Schedule::Times(vec![0.0, 0.5]), &vec![(0, 3)])
     );
     assert_eq!((model.receivers[0].kind, &model.receivers[0].sees), (Kind::Transparent, &vec![false, true]));
     let expected = Output { every: 5, frames_every: 5, xyz: false, npy: true, checkpoint_every: None };
@@ -116,10 +119,51 @@ fn a_mistake_is_named_by_line_and_key() {
 }
 
 #[test]
-fn two_reactions_of_the_same_pair_are_refused() {
-    let text = GOOD.to_owned() + "[[reaction]]\nequation = 'base + acid -> 0'\nbinding-radius = 1\n";
-    let error = parse(&text).unwrap_err().to_string();
-    assert!(error.starts_with("s.toml, line 47, `equation`: 'acid + base -> base' has the same"), "{error}");
+fn what_cannot_be_meant_is_refused() {
+    let walls = GOOD.replace("\"periodic\"", "\"reflecting\"");
+    let elastic = "contact = \"elastic\"";
+    let far = "center = [2.5, 0, 0]";
+    let mistakes = [
+        ("radius = 0.1", "radius = 1", 13, "radius", "there is room of 2 between walls along x"),
+        ("name = \"tx\"", "name = \"tx\"\ncenter = [0, 0, 1.6]", 32, "center", "outside the walls"),
+        ("center = [1, 0, 0]", far, 38, "center", "[2.5, 0.0, 0.0] is outside the walls of the box from [-1"),
+        ("contact = \"separate\"", elastic, 4, "contact", "give a species a thermal-speed"),
+    ];
+    for (right, wrong, line, key, message) in mistakes {
+        let text = walls.replace(right, wrong);
+        assert_ne!(text, walls, "{right}");
+        let error = parse(&text).expect_err(wrong).to_string();
+        assert!(error.starts_with(&format!("s.toml, line {line}, `{key}`: ")), "{wrong}: {error}");
+        assert!(error.contains(message) && !error.contains('\n'), "{wrong}: {error}");
+    }
+    // Part of it is inside.
+    assert!(parse(&walls.replace("center = [1, 0, 0]", "center = [1.25, 0, 0]")).is_ok());
+}
+
+#[test]
+fn what_may_not_be_meant_is_said() {
+    // Steps of half a micrometre beside radii of 0.1 µm and none.
+    let said = parse(GOOD).unwrap().advice;
+    assert_eq!(said.len(), 2, "{said:?}");
+    assert!(said[0].starts_with("s.toml, line 4, `contact`: a step takes acid and base "), "{said:?}");
+    assert!(said[0].contains("time-step = 3.33e-5 resolves it"), "{said:?}");
+    assert!(said[1].starts_with("s.toml, line 38, `center`: "), "{said:?}");
+    assert!(said[1].contains("means its image [-1.0, 0.0, 0.0]"), "{said:?}");
+    let mended = GOOD.replace("0.001", "3.33e-5").replace("[1, 0, 0]\nradius", "[-1, 0, 0]\nradius");
+    assert_eq!(parse(&mended).unwrap().advice, [""; 0]);
+    let rare = mended.replace("binding-radius = 1.5\nprobability = 0.5", "rate = 7.5");
+    let said = parse(&rare).unwrap().advice;
+    assert!(said.len() == 1 && said[0].starts_with("s.toml, line 23, `rate`: 'acid + base"), "{said:?}");
+}
+
+#[test]
+fn releases_behind_the_end_are_said() {
+    let mut scenario = parse(GOOD).unwrap();
+    let late = scenario.late_releases();
+    assert!(late.len() == 1 && late[0].contains("tx has 1 releases from 0.5 s on"), "{late:?}");
+    assert!(late[0].contains("the run ends at 0.01 s; make `steps` more than 500"), "{late:?}");
+    scenario.steps = 501;
+    assert_eq!(scenario.late_releases(), [""; 0]);
 }
 
 #[test]
@@ -136,7 +180,8 @@ fn shipped_scenarios_are_valid() {
     let mut count = 0;
     for entry in std::fs::read_dir(directory).unwrap() {
         let path = entry.unwrap().path();
-        Scenario::read(&path).unwrap_or_else(|error| panic!("{error}"));
+        let scenario = Scenario::read(&path).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!((scenario.late_releases(), scenario.advice), (vec![], vec![]), "{}", path.display());
         count += 1;
     }
     assert!(count >= 3);

@@ -1,0 +1,120 @@
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use lazygrid::{Config, Detector, Space, Spheres};
+use lazygrid_host::Error::TooManyPairs;
+use lazygrid_io::write::{self, Draft, Output, PairFile};
+
+use crate::args::Detect;
+use crate::failure::Failure;
+use crate::input::name;
+use crate::progress::Progress;
+
+/// Pairs per chunk where a result is streamed, 8 MiB.
+const CHUNK: usize = 1 << 20;
+
+/// The detector for the frames of a file, whose box may change from one to the next.
+pub(crate) struct Engine {
+    config: Config,
+    space: Space,
+    pub(crate) detector: Detector,
+}
+
+impl Engine {
+    pub(crate) fn new(config: Config) -> Result<Self, Failure> {
+        let detector = Detector::new(config.clone()).map_err(Failure::Setting)?;
+        Ok(Self { config, space: Space::UNBOUNDED, detector })
+    }
+
+    /// The detector for this space; a new one where the last frame's was another.
+    pub(crate) fn detector(&mut self, space: Space) -> Result<&mut Detector, Failure> {
+        if space != self.space {
+            self.detector = Detector::new(self.config.clone().space(space)).map_err(Failure::Setting)?;
+            self.space = space;
+        }
+        Ok(&mut self.detector)
+    }
+}
+
+/// The search of one frame.
+pub(crate) struct Search<'a> {
+    pub(crate) args: &'a Detect,
+    pub(crate) frame: usize,
+    pub(crate) spheres: Spheres<'a>,
+    /// What the spheres are called in the result.
+    pub(crate) ids: Option<&'a [i64]>,
+    pub(crate) detector: &'a mut Detector,
+    pub(crate) progress: &'a Progress,
+    /// Time spent writing.
+    pub(crate) writing: Duration,
+}
+
+impl Search<'_> {
+    /// Finds what is asked for and writes it to `output`; the files are yet to be published.
+    pub(crate) fn run(&mut self, output: Option<&Output>) -> Result<Vec<Draft>, Failure> {
+        let failure = failure_in(&self.args.file, self.frame);
+        self.progress.say(format!("searching {} spheres", self.spheres.len()));
+        match output {
+            None if self.args.count => drop(self.detector.count(self.spheres).map_err(failure)?),
+            None if self.args.neighbors => drop(self.detector.neighbors(self.spheres).map_err(failure)?),
+            None => drop(self.detector.pairs(self.spheres).map_err(failure)?),
+            Some(output) if self.args.neighbors => {
+                let lists = self.detector.neighbors(self.spheres).map_err(failure)?;
+                self.progress.say("writing");
+                return timed(&mut self.writing, || Ok(write::neighbors(output, lists, self.ids)?));
+            }
+            Some(output) => {
+                let create = |pairs: u64| PairFile::create(output, pairs, self.ids);
+                let file = match self.detector.pairs(self.spheres) {
+                    Ok(pairs) => {
+                        self.progress.say(format!("writing {} pairs", pairs.len()));
+                        timed(&mut self.writing, || {
+                            let mut file = create(pairs.len() as u64)?;
+                            file.add(pairs).map(|()| file)
+                        })?
+                    }
+                    Err(lazygrid::Error::Host(TooManyPairs { found, .. })) => {
+                        let file = create(found)?;
+                        self.stream(file, found)?
+                    }
+                    Err(error) => return Err(failure(error)),
+                };
+                return Ok(vec![file.finish()]);
+            }
+        }
+        Ok(Vec::new())
+    }
+
+    /// Writes more pairs than a list may hold, chunk by chunk.
+    fn stream<'f>(&mut self, mut file: PairFile<'f>, found: u64) -> Result<PairFile<'f>, Failure> {
+        let Self { detector, writing, progress, .. } = self;
+        let (mut failed, mut written) = (None, 0);
+        let streamed =
+            detector.stream(self.spheres, CHUNK, |pairs| match timed(writing, || file.add(pairs)) {
+                Ok(()) => {
+                    written += pairs.len();
+                    progress.say(format!("writing, {written} of {found} pairs"));
+                    ControlFlow::Continue(())
+                }
+                Err(error) => {
+                    failed = Some(error);
+                    ControlFlow::Break(())
+                }
+            });
+        streamed.map_err(failure_in(&self.args.file, self.frame))?;
+        failed.map_or(Ok(file), |error| Err(error.into()))
+    }
+}
+
+/// Runs `work` and adds the time it takes.
+fn timed<T>(time: &mut Duration, work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = work();
+    *time += start.elapsed();
+    result
+}
+
+fn failure_in(file: &Path, frame: usize) -> impl Fn(lazygrid::Error) -> Failure + Copy {
+    move |source| Failure::Detection { path: name(file).to_owned(), frame, source }
+}

@@ -1,0 +1,79 @@
+//! Ctrl-C and SIGTERM: how a command ends that is told to.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI32, Ordering};
+
+use lazygrid_io::write::discard_drafts;
+
+use crate::failure::Failure;
+
+#[cfg(unix)]
+pub(crate) type SignalError = std::io::Error;
+#[cfg(not(unix))]
+pub(crate) type SignalError = ctrlc::Error;
+
+/// Whether the command was asked to stop.
+#[derive(Clone, Default)]
+pub(crate) struct Asked(Arc<AtomicI32>);
+
+impl Asked {
+    /// The number of the signal that Ctrl-C sends.
+    pub(crate) const CTRL_C: i32 = 2;
+
+    /// The signal that asked.
+    pub(crate) fn signal(&self) -> Option<i32> {
+        Some(self.0.load(Ordering::Relaxed)).filter(|&signal| signal != 0)
+    }
+}
+
+/// From here on a signal ends the process as it would have, and files that are not complete go away first.
+pub(crate) fn end_cleanly() -> Result<(), Failure> {
+    on_signal(end)
+}
+
+/// From here on the first signal asks the command to stop; the second ends it.
+pub(crate) fn ask_to_stop() -> Result<Asked, Failure> {
+    let asked = Asked::default();
+    let told = asked.clone();
+    on_signal(move |signal| {
+        if told.0.swap(signal, Ordering::Relaxed) != 0 {
+            end(signal);
+        }
+    })?;
+    Ok(asked)
+}
+
+/// Calls `handle` with each signal, in a thread of its own. SIGHUP is one of them unless it is ignored, as under `nohup`.
+#[cfg(unix)]
+fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), Failure> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    use signal_hook::iterator::Signals;
+
+    let hangup = (!is_ignored(SIGHUP)).then_some(SIGHUP);
+    let mut signals = Signals::new([SIGINT, SIGTERM].into_iter().chain(hangup)).map_err(Failure::Signal)?;
+    std::thread::spawn(move || signals.forever().for_each(handle));
+    Ok(())
+}
+
+/// Whether whoever started the process had it ignore this signal; where the system does not tell, it may be so.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return true };
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_none_or(|mask| mask >> (signal - 1) & 1 == 1)
+}
+
+/// Calls `handle` with each Ctrl-C, in a thread of its own.
+#[cfg(not(unix))]
+fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), Failure> {
+    ctrlc::set_handler(move || handle(Asked::CTRL_C)).map_err(Failure::Signal)
+}
+
+/// Ends the process by this signal, so that whoever started it sees what ended it.
+fn end(signal: i32) {
+    discard_drafts();
+    #[cfg(unix)]
+    let _ = signal_hook::low_level::emulate_default_handler(signal);
+    std::process::exit(128 + signal);
+}

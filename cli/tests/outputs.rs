@@ -1,0 +1,122 @@
+//! What `lazygrid detect` writes over, and what it leaves behind.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::fs;
+
+use lazygrid_tests::command::{Program, Run, Scratch, table};
+
+const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+
+const SPHERES: &str = "x,y,z,r\n0,0,0,1\n1,0,0,1\n";
+const FRAME: &str = "2\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n1 0 0 1\n";
+
+fn detect<const N: usize>(args: [&str; N]) -> Run {
+    LAZYGRID.run(["detect", "--backend", "cpu"].into_iter().chain(args))
+}
+
+#[test]
+fn the_input_is_never_replaced() {
+    let scratch = Scratch::new();
+    let file = scratch.write("ok.csv", SPHERES);
+    let numbered = scratch.write("pairs-1.csv", &FRAME.repeat(2));
+    let listed = scratch.write("near.indices.npy", FRAME);
+    fs::hard_link(&file, scratch.path("hard.csv")).unwrap();
+    let mut same = vec![
+        (file.clone(), file.clone(), None),
+        (file.clone(), scratch.path("./ok.csv"), None),
+        (file.clone(), scratch.path("hard.csv"), None),
+        (listed, scratch.path("near.npy"), Some(["--neighbors", "--format", "xyz"])),
+    ];
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("ok.csv", scratch.path("soft.csv")).unwrap();
+        same.push((file.clone(), scratch.path("soft.csv"), None));
+        same.push((scratch.path("soft.csv"), file.clone(), None));
+    }
+    let before = scratch.names();
+    for (input, output, more) in same {
+        let more = more.into_iter().flatten();
+        let run = LAZYGRID.run(["detect", &input, "-o", &output].into_iter().chain(more));
+        assert_eq!(run.code, Some(2), "{input} {output}: {}", run.err);
+        assert!(run.err.contains("this is the input") && run.out.is_empty(), "{}", run.err);
+        assert_eq!(fs::read_to_string(&file).unwrap(), SPHERES);
+    }
+    assert_eq!(scratch.names(), before);
+    // The second frame's output would be the input.
+    let run = detect([&numbered, "--format", "xyz", "-o", &scratch.path("pairs-{frame}.csv")]);
+    assert_eq!(run.code, Some(2), "{}", run.err);
+    assert_eq!(fs::read_to_string(&numbered).unwrap(), FRAME.repeat(2));
+    assert_eq!(table(&scratch.path("pairs-0.csv")), [[0, 1]]);
+    // Another file may well be replaced.
+    let old = scratch.write("old.csv", "what was here before");
+    detect([&file, "-o", &old]).succeeds();
+    assert_eq!(table(&old), [[0, 1]]);
+}
+
+#[cfg(target_os = "linux")]
+mod stopped {
+    use std::io::Write;
+    use std::os::unix::process::ExitStatusExt;
+    use std::process::{Child, Command, Stdio};
+
+    use super::*;
+
+    /// A run that has written the pairs of a frame, and waits for the next one or the end.
+    fn begun(scratch: &Scratch) -> Child {
+        let before = scratch.names();
+        let mut child = Command::new(env!("CARGO_BIN_EXE_lazygrid"))
+            .args(["detect", "/dev/stdin", "--format", "xyz", "--backend", "cpu"])
+            .args(["-o", &scratch.path("pairs.csv")])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        child.stdin.as_mut().unwrap().write_all(FRAME.as_bytes()).unwrap();
+        while scratch.names().iter().all(|name| before.contains(name)) {
+            assert!(child.try_wait().unwrap().is_none(), "it has ended");
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+        child
+    }
+
+    fn send(signal: &str, child: &Child) {
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+    }
+
+    #[test]
+    fn a_signal_leaves_nothing_behind() {
+        for (signal, number) in [("-INT", 2), ("-TERM", 15)] {
+            let scratch = Scratch::new();
+            let mut child = begun(&scratch);
+            // Its end would be the end of the file.
+            let _open = child.stdin.take();
+            send(signal, &child);
+            let ended = child.wait_with_output().unwrap();
+            assert_eq!(String::from_utf8(ended.stderr).unwrap(), "");
+            assert_eq!(ended.status.signal(), Some(number), "{}", ended.status);
+            assert_eq!(scratch.names(), [""; 0]);
+        }
+    }
+
+    #[test]
+    fn what_a_killed_run_left_goes_when_the_directory_is_next_used() {
+        let scratch = Scratch::new();
+        let file = scratch.write("ok.csv", SPHERES);
+        let own = scratch.write(".lazygrid-notes.part", "mine");
+        let mut killed = begun(&scratch);
+        let mut live = begun(&scratch);
+        killed.kill().unwrap();
+        killed.wait().unwrap();
+        assert_eq!(scratch.names().len(), 4);
+
+        detect([&file, "-o", &scratch.path("other.csv")]).succeeds();
+        // One of two is gone: the one whose process still runs goes on as if nothing had been.
+        assert_eq!(scratch.names().len(), 4, "{:?}", scratch.names());
+        drop(live.stdin.take());
+        assert!(live.wait().unwrap().success());
+        assert_eq!(table(&scratch.path("pairs.csv")), [[0, 1]]);
+        assert_eq!(scratch.names(), [".lazygrid-notes.part", "ok.csv", "other.csv", "pairs.csv"]);
+        assert_eq!(fs::read_to_string(own).unwrap(), "mine");
+    }
+}

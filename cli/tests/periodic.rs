@@ -1,0 +1,136 @@
+//! `lazygrid detect` on files that declare a periodic box.
+
+use lazygrid::Sphere;
+use lazygrid_io::read::Frames;
+use lazygrid_io::scenes::Scene;
+use lazygrid_tests::command::{Program, Run, Scratch, data, table};
+use serde_json::json;
+
+const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+
+fn detect<const N: usize>(file: &str, args: [&str; N]) -> Run {
+    LAZYGRID.run(["detect", file, "--backend", "cpu"].into_iter().chain(args))
+}
+
+/// The judge: every pair, each coordinate's difference between nearest images, in `f64`.
+fn brute_force(spheres: &[Sphere], lengths: [Option<f64>; 3]) -> Vec<[u32; 2]> {
+    let touch = |a: &Sphere, b: &Sphere| {
+        let differences = [0, 1, 2].map(|axis| {
+            let d = f64::from(a.center[axis]) - f64::from(b.center[axis]);
+            lengths[axis].map_or(d, |length| d - length * (d / length).round())
+        });
+        let reach = f64::from(a.radius) + f64::from(b.radius);
+        differences.into_iter().map(|d| d * d).sum::<f64>() <= reach * reach
+    };
+    let n = spheres.len();
+    let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| [i, j]));
+    pairs.filter(|&[i, j]| touch(&spheres[i], &spheres[j])).map(|pair| pair.map(|k| k as u32)).collect()
+}
+
+/// Spheres of five sizes, spread over more than the boxes of these tests.
+fn spheres() -> Vec<Sphere> {
+    Scene::FiveSizes.spheres(600, 11)
+}
+
+fn xyz(comment: &str) -> String {
+    let rows: String = spheres()
+        .iter()
+        .map(|s| format!("{} {} {} {}\n", s.center.x, s.center.y, s.center.z, s.radius))
+        .collect();
+    format!("600\nProperties=pos:R:3:radius:R:1 {comment}\n{rows}")
+}
+
+/// A frame with coordinates as fractions of the box, or as they are.
+fn dump(bounds: &str, scale: Option<[f64; 3]>) -> String {
+    let columns = if scale.is_some() { "xs ys zs radius" } else { "x y z radius" };
+    let [a, b, c] = scale.unwrap_or([1.0; 3]);
+    let rows: String = spheres()
+        .iter()
+        .map(|s| {
+            let [x, y, z] = s.center.to_array().map(f64::from);
+            format!("{} {} {} {}\n", x / a, y / b, z / c, s.radius)
+        })
+        .collect();
+    format!(
+        "ITEM: TIMESTEP\n7\nITEM: NUMBER OF ATOMS\n600\nITEM: BOX BOUNDS {bounds}\nITEM: ATOMS {columns}\n{rows}"
+    )
+}
+
+#[test]
+fn a_box_of_the_file_is_used_and_said() {
+    let scratch = Scratch::new();
+    let slab = [Some(16.0), Some(20.0), None];
+    let files = [
+        ("a.xyz", xyz("Lattice=\"16 0 0 0 20 0 0 0 12\" pbc=\"T T F\"")),
+        ("a.dump", dump("pp pp ff\n0 16\n0 20\n0 12", None)),
+        // Powers of two, so that scaled coordinates are exact.
+        ("b.dump", dump("pp pp ff\n0 16\n0 20\n0 16", Some([16.0, 20.0, 16.0]))),
+    ];
+    let unbounded = brute_force(&spheres(), [None; 3]);
+    let expected = brute_force(&spheres(), slab);
+    assert!(expected.len() > unbounded.len() + 30, "{} and {}", expected.len(), unbounded.len());
+    for (name, text) in files {
+        let file = scratch.write(name, &text);
+        let output = scratch.path("pairs.csv");
+        let run = detect(&file, ["-o", &output]).succeeds();
+        assert_eq!(table(&output), expected, "{name}");
+        let line = "periodic   16,20,- (as the file says; --periodic none for unbounded space)";
+        assert!(run.out.lines().any(|l| l == line), "{}", run.out);
+        let object = detect(&file, ["--json"]).succeeds().json();
+        assert_eq!(object["periodic"], json!([16.0, 20.0, null]));
+        assert_eq!(object["periodic_from"], "file");
+
+        let run = detect(&file, ["-o", &output, "--periodic", "none"]).succeeds();
+        assert_eq!(table(&output), unbounded, "{name}");
+        assert!(run.out.lines().any(|l| l == "periodic   none (--periodic)"), "{}", run.out);
+        let object = detect(&file, ["--json", "--periodic", "none"]).succeeds().json();
+        assert_eq!((&object["periodic"], &object["periodic_from"]), (&json!(null), &json!("option")));
+
+        detect(&file, ["-o", &output, "--periodic", "-,15,12.5"]).succeeds();
+        assert_eq!(table(&output), brute_force(&spheres(), [None, Some(15.0), Some(12.5)]), "{name}");
+    }
+}
+
+#[test]
+fn a_box_may_change_from_frame_to_frame() {
+    let scratch = Scratch::new();
+    let frames = [
+        dump("pp pp pp\n0 16\n0 16\n0 16", None),
+        dump("pp ff pp\n-1 14\n0 16\n0 12", None),
+        dump("ff ff ff\n0 16\n0 16\n0 16", None),
+        dump("pp pp pp\n0 16\n0 16\n0 16", None),
+    ];
+    let file = scratch.write("run.lammpstrj", &frames.concat());
+    let counts = detect(&file, ["--json"]).succeeds().json_lines();
+    let counts: Vec<_> = counts.iter().map(|object| object["pairs"].as_u64().unwrap() as usize).collect();
+    let boxes = [[Some(16.0); 3], [Some(15.0), None, Some(12.0)], [None; 3], [Some(16.0); 3]];
+    assert_eq!(counts, boxes.map(|lengths| brute_force(&spheres(), lengths).len()));
+}
+
+#[test]
+fn a_tilted_box_is_refused_unless_one_is_given() {
+    let scratch = Scratch::new();
+    let file = scratch.write("a.dump", &dump("xy xz yz pp pp pp\n0 18 2\n0 16 0\n0 16 0", None));
+    let run = detect(&file, []).fails();
+    for part in ["a.dump, line 5: the periodic box is tilted", "--periodic X,Y,Z", "--periodic none"] {
+        assert!(run.err.contains(part), "{}", run.err);
+    }
+    let pairs =
+        |periodic| detect(&file, ["--json", "--periodic", periodic]).succeeds().json()["pairs"].clone();
+    assert_eq!(pairs("none"), brute_force(&spheres(), [None; 3]).len());
+    assert_eq!(pairs("16,16,16"), brute_force(&spheres(), [Some(16.0); 3]).len());
+}
+
+/// The pour is in a box with fixed walls (`BOX BOUNDS ff ff ff`). With the same box said to be periodic, it has the
+/// pairs that touch through its walls too.
+#[test]
+fn the_pour_is_not_periodic_and_could_be() {
+    let scratch = Scratch::new();
+    let walled = std::fs::read_to_string(data("lammps-pour.dump")).unwrap();
+    let file = scratch.write("a.dump", &walled.replacen("BOUNDS ff ff ff", "BOUNDS pp ff pp", 1));
+    let spheres = Frames::open(&file, Default::default()).unwrap().next().unwrap().unwrap().spheres;
+    let count = |file: &str| detect(file, ["--json"]).succeeds().json()["pairs"].as_u64().unwrap() as usize;
+    assert_eq!(count(&data("lammps-pour.dump")), 3072);
+    assert_eq!(brute_force(&spheres, [None; 3]).len(), 3072);
+    assert_eq!(count(&file), brute_force(&spheres, [Some(24.0), None, Some(24.0)]).len());
+}

@@ -1,0 +1,162 @@
+//! Who does the work of a call: the calling thread alone, or all threads of a rayon pool. Nothing else here knows of
+//! rayon.
+//!
+//! Work comes in numbered pieces. Whichever piece fails first ends the work, and its error is the answer.
+
+use std::error::Error as _;
+use std::sync::OnceLock;
+use std::thread::available_parallelism;
+
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::Error;
+
+/// Threads per core of a pool at most. One is useful; a few do no harm, and a process may be given more cores while it
+/// runs.
+const PER_CORE: usize = 4;
+/// Threads of a pool that are started wherever they are asked for.
+const FEW: usize = 16;
+
+/// Which threads work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Threads {
+    /// The calling thread, which wakes nobody.
+    Calling,
+    /// Those of the pool that the calling thread belongs to, or of rayon's global one.
+    Pool,
+}
+
+impl Threads {
+    /// Those that a call from here has; a pool of one thread is not worth the way there.
+    ///
+    /// # Errors
+    /// [`Error::Threads`] where rayon's global pool is needed and cannot be started.
+    pub(crate) fn here() -> Result<Self, Error> {
+        if rayon::current_thread_index().is_none() {
+            start_global()?;
+        }
+        Ok(if rayon::current_num_threads() == 1 { Self::Calling } else { Self::Pool })
+    }
+
+    /// Does `work` with every item and its number.
+    pub(crate) fn each<T: Send>(self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
+        match self {
+            Self::Pool if items.len() > 1 => {
+                items.par_iter_mut().enumerate().for_each(|(k, item)| work(k, item));
+            }
+            _ => items.iter_mut().enumerate().for_each(|(k, item)| work(k, item)),
+        }
+    }
+
+    /// Does `work` with every stretch of `size` values and its number; the last stretch may be shorter.
+    pub(crate) fn each_stretch<T: Send>(
+        self,
+        values: &mut [T],
+        size: usize,
+        work: impl Fn(usize, &mut [T]) + Sync,
+    ) {
+        match self {
+            Self::Pool if values.len() > size => {
+                values.par_chunks_mut(size).enumerate().for_each(|(k, stretch)| work(k, stretch));
+            }
+            _ => values.chunks_mut(size).enumerate().for_each(|(k, stretch)| work(k, stretch)),
+        }
+    }
+
+    /// Takes what `open` makes through neighbouring pieces, one after the other, and merges what comes out in the order
+    /// of the pieces. No thread takes more than `most` pieces without offering the others some.
+    ///
+    /// # Errors
+    /// Those of `step` and `merge`.
+    pub(crate) fn fold<S: Send, E: Send>(
+        self,
+        (pieces, most): (usize, usize),
+        open: impl Fn() -> S + Sync + Send,
+        step: impl Fn(S, usize) -> Result<S, E> + Sync + Send,
+        merge: impl Fn(S, S) -> Result<S, E> + Sync + Send,
+    ) -> Result<S, E> {
+        match self {
+            Self::Pool if pieces > 1 => {
+                let pieces = (0..pieces).into_par_iter().with_max_len(most);
+                pieces.try_fold(&open, step).try_reduce(&open, merge)
+            }
+            _ => (0..pieces).try_fold(open(), step),
+        }
+    }
+}
+
+/// How many threads the pool of a caller from here has, or would have.
+pub(crate) fn count() -> usize {
+    if rayon::current_thread_index().is_some() { rayon::current_num_threads() } else { cores() }
+}
+
+/// A pool of the `asked` number of threads, or as many as are of any use.
+///
+/// # Errors
+/// [`Error::Threads`] where the system refuses the threads.
+pub(crate) fn pool(asked: usize) -> Result<ThreadPool, Error> {
+    let cores = cores();
+    let threads = useful(asked, cores);
+    if threads < asked {
+        log::warn!("{asked} threads were asked for; {threads} were started, for {cores} can run at a time");
+    }
+    let built = ThreadPoolBuilder::new().num_threads(threads).build();
+    built.map_err(|error| Error::Threads { threads, reason: error.to_string() })
+}
+
+/// How many of the threads that were `asked` for are of any use.
+fn useful(asked: usize, cores: usize) -> usize {
+    asked.min((PER_CORE * cores).max(FEW))
+}
+
+fn cores() -> usize {
+    available_parallelism().map_or(1, usize::from)
+}
+
+/// Starts rayon's global pool unless somebody has: rayon itself would do so at the first use, and panic where the system
+/// refuses the threads.
+fn start_global() -> Result<(), Error> {
+    static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
+    let started = STARTED.get_or_init(|| match ThreadPoolBuilder::new().build_global() {
+        // One without a source says that the pool is there already.
+        Err(error) if error.source().is_some() => Err(error.to_string()),
+        _ => Ok(()),
+    });
+    started.clone().map_err(|reason| Error::Threads { threads: cores(), reason })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_that_nobody_can_run_are_not_started() {
+        for (asked, cores, started) in [(1, 1, 1), (7, 2, 7), (16, 1, 16), (17, 1, 16), (64, 16, 64)] {
+            assert_eq!(useful(asked, cores), started, "{asked} on {cores} cores");
+        }
+        assert_eq!(useful(100_000, 2), 16);
+        assert_eq!(useful(100_000, 64), 256);
+        let started = pool(100_000).expect("some threads").current_num_threads();
+        assert!(started <= (PER_CORE * cores()).max(FEW), "{started}");
+    }
+
+    #[test]
+    fn folds_keep_the_order_and_the_first_error_ends_them() {
+        for threads in [Threads::Calling, Threads::Pool] {
+            let fold = |limit: usize| {
+                let step = |mut all: Vec<usize>, k| {
+                    all.push(k);
+                    if k < limit { Ok(all) } else { Err(k) }
+                };
+                threads.fold((1000, 7), Vec::new, step, |a, b| Ok([a, b].concat()))
+            };
+            assert_eq!(fold(usize::MAX), Ok((0..1000).collect()));
+            assert!(fold(400).is_err_and(|k| k >= 400));
+            let mut values = vec![0; 1000];
+            threads.each_stretch(&mut values, 33, |k, stretch| stretch.fill(k));
+            threads.each(&mut values, |k, value| *value = (k / 33 == *value).into());
+            assert_eq!(values, [1; 1000]);
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! The simulation box that a file declares, and the space that follows from it.
+
+use lazygrid::Space;
+
+use crate::error::{Error, Place};
+
+/// A simulation box: three edges, and along which of them it repeats.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Cell {
+    pub(super) edges: [[f64; 3]; 3],
+    pub(super) periodic: [bool; 3],
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+impl Cell {
+    /// The periodic space of this box. Only the edges along which it repeats matter: each has to lie along an axis of
+    /// its own.
+    ///
+    /// # Errors
+    /// [`Error::TiltedBox`] for an edge that does not; [`Error::BoxLength`] for a length that no period can have.
+    pub(super) fn space(&self, place: &Place) -> Result<Space, Error> {
+        let mut lengths = [None; 3];
+        for (edge, _) in self.edges.iter().zip(self.periodic).filter(|(_, periodic)| *periodic) {
+            let axis = Self::axis_of(edge).filter(|&axis| lengths[axis].is_none());
+            let axis = axis.ok_or_else(|| Error::TiltedBox { place: place.clone(), edge: *edge })?;
+            let length = edge[axis].abs();
+            let narrow = length as f32;
+            if !(narrow.is_finite() && narrow > 0.0) {
+                return Err(Error::BoxLength { place: place.clone(), axis: AXES[axis], length });
+            }
+            lengths[axis] = Some(narrow);
+        }
+        // The lengths are checked above.
+        Ok(Space::periodic(lengths).unwrap_or_default())
+    }
+
+    /// The axis along which an edge lies. What a program that turned the box left beside it, far less than what
+    /// coordinates lose when they are rounded to 32 bits, does not count.
+    fn axis_of(edge: &[f64; 3]) -> Option<usize> {
+        const NEGLIGIBLE: f64 = 1.0 / (1 << 30) as f64;
+        let longest = (0..3).max_by(|&a, &b| edge[a].abs().total_cmp(&edge[b].abs()))?;
+        let beside = (0..3).filter(|&axis| axis != longest).map(|axis| edge[axis].abs());
+        let limit = NEGLIGIBLE * edge[longest].abs();
+        (beside.fold(0.0, f64::max) <= limit).then_some(longest)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::error::At;
+
+    fn space(edges: [[f64; 3]; 3], periodic: [bool; 3]) -> Result<[Option<f32>; 3], String> {
+        let place = Place { path: Path::new("a.xyz").into(), at: At::Line(2) };
+        let space = Cell { edges, periodic }.space(&place);
+        space.map(|space| space.lengths()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn edges_along_the_axes_are_lengths() {
+        let (yes, no) = (true, false);
+        let cube = [[4.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 6.0]];
+        assert_eq!(space(cube, [yes; 3]), Ok([Some(4.0), Some(5.0), Some(6.0)]));
+        assert_eq!(space(cube, [yes, no, yes]), Ok([Some(4.0), None, Some(6.0)]));
+        assert_eq!(space(cube, [no; 3]), Ok([None; 3]));
+        // Turned by right angles, one of them backwards, with what is left of a cosine.
+        let turned = [[0.0, 4.0, 2.4e-16], [-5.0, 0.0, 0.0], [0.0, 0.0, 6.0]];
+        assert_eq!(space(turned, [yes; 3]), Ok([Some(5.0), Some(4.0), Some(6.0)]));
+        // Only edges along which it repeats matter.
+        let leaning = [[4.0, 0.0, 0.0], [0.0, 5.0, 0.0], [1.0, 2.0, 6.0]];
+        assert_eq!(space(leaning, [yes, yes, no]), Ok([Some(4.0), Some(5.0), None]));
+    }
+
+    #[test]
+    fn what_is_no_orthogonal_box_is_refused() {
+        let tilted = space([[4.0, 0.0, 0.0], [1.5, 5.0, 0.0], [0.0, 0.0, 6.0]], [true; 3]);
+        assert_eq!(
+            tilted.unwrap_err(),
+            "a.xyz, line 2: the periodic box is tilted, with an edge (1.5, 5, 0), and only boxes with edges along the \
+             axes can be periodic; turn the box in the simulator, give the lengths of one that is not tilted with \
+             --periodic X,Y,Z, or take space as unbounded with --periodic none"
+        );
+        // Two edges along one axis span no box.
+        assert!(space([[4.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 0.0, 6.0]], [true; 3]).is_err());
+        for (length, shown) in [(0.0, "0"), (1e39, "1000000000000000000000000000000000000000")] {
+            let flat = space([[4.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, length]], [true; 3]);
+            assert_eq!(
+                flat.unwrap_err(),
+                format!(
+                    "a.xyz, line 2: the box is periodic along z and its length there is {shown}, no 32-bit number \
+                     above zero; give lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none"
+                )
+            );
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! The comment line of extended XYZ: `key=value` pairs between white space.
+
+/// The value of a key; upper and lower case are one. Without the quotes or brackets around it.
+pub(super) fn value_of<'a>(comment: &'a [u8], key: &str) -> Option<&'a [u8]> {
+    let mut rest = comment;
+    loop {
+        rest = rest.trim_ascii_start();
+        if rest.is_empty() {
+            return None;
+        }
+        let (found, behind) = token(rest, |b| b == b'=' || b.is_ascii_whitespace());
+        let Some(value) = behind.trim_ascii_start().strip_prefix(b"=") else {
+            // A word without a value, or a stray sign, which must not hold up the search.
+            rest = if behind.len() < rest.len() { behind } else { &rest[1..] };
+            continue;
+        };
+        let (value, behind) = token(value.trim_ascii_start(), |b| b.is_ascii_whitespace());
+        if found.eq_ignore_ascii_case(key.as_bytes()) {
+            return Some(value);
+        }
+        rest = behind;
+    }
+}
+
+/// The elements of an array, whichever brackets and separators it has.
+pub(super) fn elements(value: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let between = |b: &u8| b.is_ascii_whitespace() || b",[]{}".contains(b);
+    value.split(between).filter(|element| !element.is_empty())
+}
+
+/// A token in quotes or brackets, without them, or a bare one up to `end`; and what is behind it.
+fn token(text: &[u8], end: impl Fn(u8) -> bool) -> (&[u8], &[u8]) {
+    let (inside, closed) = match text.first() {
+        Some(&quote @ (b'"' | b'\'')) => (&text[1..], closing_quote(&text[1..], quote)),
+        Some(b'[') => (&text[1..], closing_bracket(text, [b'[', b']'])),
+        Some(b'{') => (&text[1..], closing_bracket(text, [b'{', b'}'])),
+        _ => {
+            let length = text.iter().position(|&b| end(b)).unwrap_or(text.len());
+            return text.split_at(length);
+        }
+    };
+    match closed {
+        Some(at) => (&inside[..at], &inside[at + 1..]),
+        None => (inside, &[]),
+    }
+}
+
+/// Where the quote ends that was opened before `inside`; one behind a backslash does not end it.
+fn closing_quote(inside: &[u8], quote: u8) -> Option<usize> {
+    let mut at = 0;
+    while at < inside.len() {
+        match inside[at] {
+            b'\\' => at += 2,
+            b if b == quote => return Some(at),
+            _ => at += 1,
+        }
+    }
+    None
+}
+
+/// Where the bracket that `text` begins with is closed, counted from behind it.
+fn closing_bracket(text: &[u8], [open, close]: [u8; 2]) -> Option<usize> {
+    let mut depth = 0_usize;
+    for (at, &b) in text.iter().enumerate() {
+        depth += usize::from(b == open);
+        depth -= usize::from(b == close);
+        if depth == 0 {
+            return Some(at - 1);
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_found_by_their_key() {
+        let comment = br#" flag Lattice = "1 0 0" note="pbc=\"T T T\" or so" pbc=[F, T, F] Properties=pos:R:3 e={1 2}=x"#;
+        let text = |key| value_of(comment, key).map(|value| std::str::from_utf8(value).unwrap());
+        assert_eq!(text("Lattice"), Some("1 0 0"));
+        assert_eq!(text("lattice"), Some("1 0 0"));
+        assert_eq!(text("pbc"), Some("F, T, F"));
+        assert_eq!(text("properties"), Some("pos:R:3"));
+        assert_eq!(text("e"), Some("1 2"));
+        assert_eq!(text("flag"), None);
+        assert_eq!(value_of(b"pbc=\"T T", "pbc"), Some(&b"T T"[..]));
+        assert_eq!(value_of(b"= == pbc =", "pbc"), Some(&b""[..]));
+        assert_eq!(value_of(b"a=[[1, 2], [3]] pbc='T T F'", "pbc"), Some(&b"T T F"[..]));
+        assert_eq!(elements(b"[1, 0], [2 3]").collect::<Vec<_>>(), [b"1", b"0", b"2", b"3"]);
+    }
+}

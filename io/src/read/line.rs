@@ -1,0 +1,122 @@
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::error::{At, Error, Place, excerpt};
+
+/// The longest line that is read. Bounds memory where a file turns out not to be text.
+pub(super) const LONGEST_LINE: usize = 1 << 20;
+
+/// One line, and where it stands.
+#[derive(Clone, Copy)]
+pub(super) struct Line<'a> {
+    pub(super) bytes: &'a [u8],
+    pub(super) number: u64,
+    pub(super) path: &'a Arc<Path>,
+}
+
+impl<'a> Line<'a> {
+    /// A line of these bytes, which have no line feed.
+    pub(super) fn of(bytes: &'a [u8], number: u64, path: &'a Arc<Path>) -> Result<Self, Error> {
+        if bytes.len() > LONGEST_LINE {
+            return Err(too_long(Place { path: path.clone(), at: At::Line(number) }));
+        }
+        let mark: &[u8] = if number == 1 { b"\xEF\xBB\xBF" } else { b"" };
+        let bytes = bytes.strip_prefix(mark).unwrap_or(bytes);
+        Ok(Self { bytes: bytes.strip_suffix(b"\r").unwrap_or(bytes), number, path })
+    }
+
+    /// The fields between white space.
+    pub(super) fn words(self) -> impl Iterator<Item = &'a [u8]> {
+        self.bytes.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
+    }
+
+    pub(super) fn is_blank(self) -> bool {
+        self.bytes.trim_ascii().is_empty()
+    }
+
+    pub(super) fn place(self) -> Place {
+        Place { path: self.path.clone(), at: At::Line(self.number) }
+    }
+
+    /// The line is not what the format wants.
+    pub(super) fn unexpected(self, expected: impl Into<String>) -> Error {
+        let found = match self.is_blank() {
+            true => "a blank line".to_owned(),
+            false => format!("'{}'", excerpt(self.bytes)),
+        };
+        Error::Syntax { place: self.place(), expected: expected.into(), found }
+    }
+
+    /// The whole line as a whole number.
+    pub(super) fn count(self, what: &str) -> Result<u64, Error> {
+        let digits = self.bytes.trim_ascii();
+        lexical_core::parse(digits).map_err(|_| self.unexpected(what))
+    }
+
+    /// A field as a finite number.
+    pub(super) fn number<F>(self, column: &str, field: &[u8]) -> Result<F, Error>
+    where
+        F: lexical_core::FromLexical + Into<f64> + Copy,
+    {
+        match lexical_core::parse::<F>(field) {
+            Ok(value) if value.into().is_finite() => Ok(value),
+            Ok(_) => Err(self.refuse(column, field, "values must be finite 32-bit floating-point numbers")),
+            Err(_) => {
+                let (column, text) = (column.to_owned(), excerpt(field));
+                Err(Error::Number { place: self.place(), column, text })
+            }
+        }
+    }
+
+    /// A field as a radius: finite and not negative.
+    pub(super) fn radius(self, column: &str, field: &[u8]) -> Result<f32, Error> {
+        let radius = self.number(column, field)?;
+        if radius < 0.0 {
+            return Err(self.refuse(column, field, "radii must not be negative"));
+        }
+        Ok(radius)
+    }
+
+    /// A field as the number of a thing.
+    pub(super) fn id(self, field: &[u8]) -> Result<i64, Error> {
+        let found = || format!("'{}'", excerpt(field));
+        lexical_core::parse(field).map_err(|_| Error::Syntax {
+            place: self.place(),
+            expected: "a whole number as id".to_owned(),
+            found: found(),
+        })
+    }
+
+    pub(super) fn refuse(self, column: &str, field: &[u8], rule: &'static str) -> Error {
+        Error::Value { place: self.place(), column: column.to_owned(), value: excerpt(field), rule }
+    }
+}
+
+pub(super) fn too_long(place: Place) -> Error {
+    Error::LineTooLong { place, limit: LONGEST_LINE }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_finite_and_whole_fields() {
+        let path = Arc::from(Path::new("test"));
+        let line = Line::of(b"row", 1, &path).unwrap();
+        for (field, value) in [("1", 1.0), ("+2.5", 2.5), ("-1e-3", -1e-3), (".5", 0.5), ("3.", 3.0)] {
+            assert_eq!(line.number::<f32>("x", field.as_bytes()).unwrap(), value, "{field}");
+        }
+        for (field, message) in [
+            ("1e39", "x is 1e39; values must be finite 32-bit floating-point numbers"),
+            ("nan", "x is nan; values must be finite 32-bit floating-point numbers"),
+            ("-inf", "x is -inf; values must be finite 32-bit floating-point numbers"),
+            ("", "x '' is not a number"),
+            ("1.0abc", "x '1.0abc' is not a number"),
+            ("0x10", "x '0x10' is not a number"),
+        ] {
+            let error = line.number::<f32>("x", field.as_bytes()).unwrap_err();
+            assert_eq!(error.to_string(), format!("test, line 1: {message}"));
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! Structured arrays: rows of fields with names.
+
+use std::collections::TryReserveError;
+
+use lazygrid::Sphere;
+
+use super::dictionary::Field;
+use super::kind::{Class, Kind};
+use super::{Header, Session, Source, check, syntax, truncated};
+use crate::error::{At, Error, excerpt};
+use crate::read::Frame;
+use crate::read::columns::{Column, Columns};
+
+/// The fields of a row that are read.
+pub(super) struct Fields {
+    wanted: Vec<Place>,
+    /// All of them, for messages and checks.
+    columns: Columns,
+    width: usize,
+}
+
+/// A field: what it means, and where in a row it stands.
+struct Place {
+    name: String,
+    meaning: Column,
+    kind: Kind,
+    start: usize,
+}
+
+impl Fields {
+    /// The fields of this type.
+    pub(super) fn new(source: &Source, fields: &[Field<'_>]) -> Result<Self, Error> {
+        const WIDEST: usize = 1 << 20;
+        let mut wanted = Vec::new();
+        let mut columns = Vec::new();
+        let mut start = 0;
+        for field in fields {
+            let refuse = |expected: &str| {
+                let found = format!("field {} of type '{}'", excerpt(field.name), excerpt(field.kind));
+                Err(syntax(source, expected, &found))
+            };
+            let Some(kind) = Kind::parse(field.kind) else { return refuse("fields of numbers and text") };
+            let count = field.shape.iter().try_fold(1_u64, |all, &n| all.checked_mul(n));
+            let bytes = count.and_then(|count| count.checked_mul(kind.width as u64));
+            let Some(bytes) = bytes.filter(|&bytes| bytes <= WIDEST as u64 - start as u64) else {
+                return refuse("rows of at most a MiB");
+            };
+            for (k, (name, meaning)) in meanings(field).into_iter().enumerate() {
+                let start = start + k * kind.width;
+                match (meaning, kind.class) {
+                    (Column::Other, _) => {}
+                    (Column::Species, Class::Signed | Class::Unsigned | Class::Bytes | Class::Text) => {}
+                    (Column::Species, _) => return refuse("species as whole numbers or text"),
+                    (Column::Id, Class::Signed | Class::Unsigned) => {}
+                    (Column::Id, _) => return refuse("ids as whole numbers"),
+                    (_, Class::Float) => {}
+                    _ => return refuse("coordinates and radii of type f4 or f8"),
+                }
+                columns.push((name.clone(), meaning));
+                wanted.push(Place { name, meaning, kind, start });
+            }
+            start += bytes as usize;
+        }
+        wanted.retain(|place| place.meaning != Column::Other);
+        Ok(Self { wanted, columns: Columns::new(columns), width: start })
+    }
+
+    /// Bytes of a row.
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Reads so many rows.
+    pub(super) fn read(
+        &self,
+        source: &mut Source,
+        header: &Header,
+        frame: &mut Frame,
+        session: &mut Session,
+    ) -> Result<(), Error> {
+        const BLOCK: usize = 1 << 18;
+        if let Some(expected) = self.columns.lacks(session) {
+            let found = format!("fields {}", excerpt(self.columns.names().join(", ").as_bytes()));
+            return Err(syntax(source, &expected, &found));
+        }
+        let rows = header.rows;
+        let most = (BLOCK / self.width).max(1) as u64;
+        let mut bytes = vec![0; most.min(rows) as usize * self.width];
+        let mut found = 0;
+        while found < rows {
+            let block = &mut bytes[..(rows - found).min(most) as usize * self.width];
+            let read = source.fill(block)?;
+            self.make_room(read / self.width, frame, session)
+                .map_err(|_| header.too_many(source, "memory"))?;
+            for row in block[..read].chunks_exact(self.width) {
+                self.push(source, (found, row), frame, session)?;
+                found += 1;
+            }
+            if read < block.len() {
+                return Err(truncated(source, found, rows));
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes room for so many spheres more.
+    fn make_room(&self, rows: usize, frame: &mut Frame, session: &Session) -> Result<(), TryReserveError> {
+        frame.spheres.try_reserve(rows)?;
+        if self.columns.has(Column::Species) {
+            frame.species.get_or_insert_default().try_reserve(rows)?;
+        }
+        if session.ids {
+            frame.ids.get_or_insert_default().try_reserve(rows)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the sphere of a row, for which there is room.
+    fn push(
+        &self,
+        source: &Source,
+        (number, row): (u64, &[u8]),
+        frame: &mut Frame,
+        session: &mut Session,
+    ) -> Result<(), Error> {
+        let (mut sphere, mut radius, mut given) = (Sphere::default(), None, None);
+        for Place { name, meaning, kind, start } in &self.wanted {
+            let bytes = &row[*start..start + kind.width];
+            let mut float = |is_radius| {
+                let written = kind.float(bytes);
+                let value = check(source, (number, name), is_radius, written)?;
+                if f64::from(value) != written {
+                    session.warn_of_rounding(source.at(At::Row(number)), name, written);
+                }
+                Ok::<_, Error>(value)
+            };
+            match meaning {
+                Column::Axis(axis) => sphere.center[*axis] = float(false)?,
+                Column::Radius => radius = Some(float(true)?),
+                Column::Diameter => radius = Some(float(true)? * 0.5),
+                Column::Species => {
+                    let name = match kind.class {
+                        Class::Signed | Class::Unsigned => kind.whole(bytes).to_string(),
+                        _ => kind.text(bytes),
+                    };
+                    let (id, by_species) = session.species.intern(name.as_bytes());
+                    given = by_species;
+                    frame.species.get_or_insert_default().push(id);
+                }
+                Column::Id if session.ids => {
+                    let id = kind.whole(bytes);
+                    let too_large = || syntax(source, "ids below 2^63", &format!("{id} in row {number}"));
+                    let id = i64::try_from(id).map_err(|_| too_large())?;
+                    frame.ids.get_or_insert_default().push(id);
+                }
+                _ => {}
+            }
+        }
+        let species = || frame.species.as_ref().and_then(|ids| ids.last());
+        sphere.radius = given.or(radius).ok_or_else(|| Error::NoRadius {
+            place: source.at(At::Row(number)),
+            species: species().map(|&id| session.species.names()[id as usize].clone()),
+        })?;
+        frame.spheres.push(sphere);
+        Ok(())
+    }
+}
+
+/// What the numbers of a field mean, each with its name.
+fn meanings(field: &Field<'_>) -> Vec<(String, Column)> {
+    let name = String::from_utf8_lossy(field.name).into_owned();
+    match (name.to_ascii_lowercase().as_str(), field.shape.as_slice()) {
+        ("pos" | "position", [3]) => {
+            let axes = ["x", "y", "z"].into_iter().enumerate();
+            axes.map(|(k, axis)| (axis.to_owned(), Column::Axis(k))).collect()
+        }
+        (_, [] | [1]) => {
+            let meaning = Column::named(&name);
+            vec![(name, meaning)]
+        }
+        _ => vec![(name, Column::Other)],
+    }
+}

@@ -1,0 +1,102 @@
+use lazygrid::MAX_SPHERES;
+
+use super::dictionary::{Descr, Dictionary};
+use super::fields::Fields;
+use super::kind::{Class, Kind};
+use super::{MAGIC, Source, syntax, truncated};
+use crate::error::{At, Error, excerpt};
+
+/// The longest header that is read; a longer one does not describe a plain table.
+const LONGEST_HEADER: usize = 1 << 16;
+
+/// What the file says about its array.
+pub(super) struct Header {
+    pub(super) layout: Layout,
+    pub(super) rows: u64,
+    /// Bytes before the array.
+    end: u64,
+}
+
+/// How spheres are stored.
+pub(super) enum Layout {
+    /// Four numbers in a row, or in columns.
+    Plain { kind: Kind, fortran: bool },
+    /// Fields with names.
+    Structured(Fields),
+}
+
+impl Header {
+    pub(super) fn read(source: &mut Source) -> Result<Self, Error> {
+        let mut start = [0; 8];
+        if source.fill(&mut start)? < start.len() || !start.starts_with(MAGIC) {
+            return Err(syntax(source, "a NumPy array", "other content"));
+        }
+        let major = start[6];
+        let mut length = [0; 4];
+        let width = match major {
+            1 => 2,
+            2 | 3 => 4,
+            _ => {
+                let found = format!("version {major}");
+                return Err(syntax(source, "version 1, 2 or 3 of the NumPy format", &found));
+            }
+        };
+        source.fill(&mut length[..width])?;
+        let length = u32::from_le_bytes(length) as usize;
+        if length > LONGEST_HEADER {
+            let expected = format!("a header of at most {LONGEST_HEADER} bytes");
+            return Err(syntax(source, &expected, &format!("{length}")));
+        }
+        let mut text = vec![0; length];
+        if source.fill(&mut text)? < length {
+            return Err(syntax(source, "a whole header", "the end of the file"));
+        }
+        let (layout, rows) = layout(source, &text)?;
+        let header = Self { layout, rows, end: (start.len() + width + length) as u64 };
+        if rows > MAX_SPHERES {
+            return Err(header.too_many(source, "32-bit indices"));
+        }
+        Ok(header)
+    }
+
+    /// Refuses a file that is not as long as its header says, before room is made for what is not there.
+    pub(super) fn check_length(&self, source: &Source) -> Result<(), Error> {
+        let row = match &self.layout {
+            Layout::Plain { kind, .. } => 4 * kind.width as u64,
+            Layout::Structured(fields) => fields.width() as u64,
+        };
+        match source.length.map(|length| length.saturating_sub(self.end)) {
+            Some(bytes) if bytes < self.rows * row => Err(truncated(source, bytes / row, self.rows)),
+            _ => Ok(()),
+        }
+    }
+
+    pub(super) fn too_many(&self, source: &Source, limit: &'static str) -> Error {
+        Error::TooManySpheres { place: source.at(At::File), spheres: self.rows, limit }
+    }
+}
+
+/// How spheres are stored, and how many.
+fn layout(source: &Source, text: &[u8]) -> Result<(Layout, u64), Error> {
+    let said = Dictionary::parse(text).map_err(|rest| {
+        let expected = "a header {'descr': …, 'fortran_order': …, 'shape': …} of a plain or structured array";
+        syntax(source, expected, &format!("'{}'", excerpt(rest)))
+    })?;
+    let found = format!("shape {:?}", said.shape);
+    match said.descr {
+        Descr::Plain(descr) => {
+            let Some(kind) = Kind::parse(descr).filter(|kind| kind.class == Class::Float) else {
+                let found = format!("'{}'; convert it with .astype('f4')", excerpt(descr));
+                return Err(syntax(source, "values of type f4 or f8", &found));
+            };
+            match said.shape.as_slice() {
+                &[rows, 4] => Ok((Layout::Plain { kind, fortran: said.fortran }, rows)),
+                _ => Err(syntax(source, "an array of shape (n, 4)", &found)),
+            }
+        }
+        Descr::Structured(fields) => match *said.shape {
+            [rows] => Ok((Layout::Structured(Fields::new(source, &fields)?), rows)),
+            _ => Err(syntax(source, "a structured array of shape (n,)", &found)),
+        },
+    }
+}

@@ -1,0 +1,54 @@
+use std::collections::HashMap;
+use std::fmt::Display;
+
+use lazygrid::Space;
+
+use super::Options;
+use super::smoldyn::Serial;
+use super::species::Species;
+use crate::error::{At, Error, Place};
+
+/// What the frames of a file share: what was asked for, and what has been met so far.
+pub(super) struct Session {
+    pub(super) species: Species,
+    /// The space that was given.
+    pub(super) space: Option<Space>,
+    /// Whether ids are wanted.
+    pub(super) ids: bool,
+    /// Where each thing was listed that must not be twice.
+    serials: HashMap<Serial, u64>,
+    /// Whether it has been said that digits are lost.
+    warned: bool,
+}
+
+impl Session {
+    pub(super) fn new(options: Options) -> Self {
+        let Options { radii, space, ids, .. } = options;
+        Self { species: Species::new(radii), space, ids, serials: HashMap::new(), warned: false }
+    }
+
+    /// Says, once per file, that numbers have more digits than 32 bits hold.
+    pub(super) fn warn_of_rounding(&mut self, place: Place, column: &str, text: impl Display) {
+        if !std::mem::replace(&mut self.warned, true) {
+            log::warn!(
+                "{place}: {column} is {text}, more digits than the 32-bit numbers have that spheres are made of; it is \
+                 rounded, as others may be from here on; where that matters, move the origin near the spheres"
+            );
+        }
+    }
+
+    /// Notes serial numbers with their lines, and refuses one that came before.
+    pub(super) fn listed(&mut self, serials: &[(Serial, u64)], file: &Place) -> Result<(), Error> {
+        for &(serial, line) in serials {
+            if let Some(first) = self.serials.insert(serial, line) {
+                let serial = match serial {
+                    (whole, None) => whole.to_string(),
+                    (high, Some(low)) => format!("{high}.{low}"),
+                };
+                let place = Place { at: At::Line(line), ..file.clone() };
+                return Err(Error::RepeatedMolecule { place, serial, first });
+            }
+        }
+        Ok(())
+    }
+}

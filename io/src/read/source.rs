@@ -1,0 +1,94 @@
+use std::io::{self, BufReader, Cursor, Read};
+use std::path::Path;
+use std::sync::Arc;
+
+use flate2::read::MultiGzDecoder;
+
+use super::Format;
+use super::zstd::ZstdReader;
+use crate::error::{At, Error, Place};
+
+/// Bytes to read, and where they come from.
+pub(super) struct Source {
+    pub(super) path: Arc<Path>,
+    input: Box<dyn Read + Send>,
+    /// How many bytes there are in all, where that is known.
+    pub(super) length: Option<u64>,
+}
+
+impl Source {
+    /// Bytes as they are, or as they were before gzip or Zstandard compressed them.
+    pub(super) fn new(
+        path: &Path,
+        input: impl Read + Send + 'static,
+        length: Option<u64>,
+    ) -> Result<Self, Error> {
+        const GZIP: &[u8] = b"\x1F\x8B";
+        const ZSTANDARD: &[u8] = b"\x28\xB5\x2F\xFD";
+        /// What compressed bytes are gathered by.
+        const BUFFER: usize = 1 << 18;
+        let mut source = Self { path: path.into(), input: Box::new(input), length };
+        let head = source.look(ZSTANDARD.len())?;
+        let compressed = |source: &mut Self| {
+            source.length = None;
+            BufReader::with_capacity(BUFFER, std::mem::replace(&mut source.input, Box::new(io::empty())))
+        };
+        if head.starts_with(GZIP) {
+            source.input = Box::new(MultiGzDecoder::new(compressed(&mut source)));
+        } else if head.starts_with(ZSTANDARD) {
+            source.input = Box::new(ZstdReader::new(compressed(&mut source)));
+        }
+        Ok(source)
+    }
+
+    /// The format by content.
+    pub(super) fn guess(&mut self) -> Result<Format, Error> {
+        const HEAD: usize = 4096;
+        let head = self.look(HEAD)?;
+        Format::from_content(&head).ok_or_else(|| Error::UnknownFormat { path: self.path.to_path_buf() })
+    }
+
+    /// The first bytes, as many as these if there are. They will be read again.
+    fn look(&mut self, bytes: usize) -> Result<Vec<u8>, Error> {
+        let mut head = vec![0; bytes];
+        let length = self.fill(&mut head)?;
+        head.truncate(length);
+        let rest = std::mem::replace(&mut self.input, Box::new(io::empty()));
+        self.input = Box::new(Cursor::new(head.clone()).chain(rest));
+        Ok(head)
+    }
+
+    /// Some bytes; 0 at the end.
+    pub(super) fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
+        loop {
+            match self.input.read(buffer) {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                result => {
+                    return result.map_err(|source| Error::Read { path: self.path.to_path_buf(), source });
+                }
+            }
+        }
+    }
+
+    /// As many bytes as the buffer takes, fewer at the end only.
+    pub(super) fn fill(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
+        let mut filled = 0;
+        while filled < buffer.len() {
+            match self.read(&mut buffer[filled..])? {
+                0 => break,
+                read => filled += read,
+            }
+        }
+        Ok(filled)
+    }
+
+    pub(super) fn at(&self, at: At) -> Place {
+        Place { path: self.path.clone(), at }
+    }
+
+    #[cfg(test)]
+    pub(super) fn from_bytes(name: &str, bytes: impl AsRef<[u8]> + Send + 'static) -> Self {
+        let length = bytes.as_ref().len() as u64;
+        Self::new(Path::new(name), Cursor::new(bytes), Some(length)).unwrap()
+    }
+}

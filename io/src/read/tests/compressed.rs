@@ -1,0 +1,59 @@
+//! Files that gzip or Zstandard compressed.
+
+use std::io::Write;
+
+use flate2::write::GzEncoder;
+use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+
+use super::*;
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), flate2::Compression::default());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+fn zstd(bytes: &[u8]) -> Vec<u8> {
+    compress_to_vec(bytes, CompressionLevel::Fastest)
+}
+
+#[test]
+fn compressed_files_read_as_what_they_were() {
+    let text = "x,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n".as_bytes();
+    let (head, rest) = text.split_at(11);
+    // Several members, and a frame of Zstandard that is to be skipped.
+    let skipped = [&[0x50, 0x2A, 0x4D, 0x18, 3, 0, 0, 0][..], b"abc"].concat();
+    for (name, bytes) in [
+        ("a.csv.gz", gzip(text)),
+        ("a.csv.zst", zstd(text)),
+        ("a.csv.gz", [gzip(head), gzip(rest)].concat()),
+        ("a.csv.zst", [zstd(head), skipped, zstd(rest)].concat()),
+        // Neither the name nor the format have to be told.
+        ("a", gzip(text)),
+        ("a.csv", zstd(text)),
+    ] {
+        assert_eq!(rows(name, bytes, &[]), TWO, "{name}");
+    }
+    let array = arrays::npy(1, &arrays::header("<f4", false, 2), bytemuck::cast_slice(&TWO));
+    assert_eq!(rows("a.npy.gz", gzip(&array), &[]), TWO);
+    assert_eq!(rows("a.npy.zst", zstd(&array), &[]), TWO);
+    assert_eq!(Format::from_extension(Path::new("run.lammpstrj.gz")), Some(Format::Lammps));
+    assert_eq!(Format::from_extension(Path::new("a.gz")), None);
+}
+
+#[test]
+fn damaged_compression_is_an_error() {
+    let text = "x,y,z,r\n".to_owned() + &"1,2,3,0.5\n".repeat(100);
+    for (name, whole) in [("a.csv.gz", gzip(text.as_bytes())), ("a.csv.zst", zstd(text.as_bytes()))] {
+        for cut in [5, whole.len() / 2, whole.len() - 1] {
+            let refused = refusal(name, &whole[..cut], &[]);
+            assert!(refused.starts_with(&format!("{name}: cannot read: ")), "{cut}: {refused}");
+        }
+        let mut flipped = whole.clone();
+        // In the checksum.
+        let at = if name.ends_with("gz") { whole.len() - 6 } else { whole.len() - 2 };
+        flipped[at] ^= 1;
+        let refused = refusal(name, flipped, &[]);
+        assert!(refused.starts_with(&format!("{name}: cannot read: ")), "{refused}");
+    }
+}

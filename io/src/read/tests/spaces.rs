@@ -1,0 +1,106 @@
+//! The boxes that files declare.
+
+use super::*;
+
+fn spaces(name: &str, text: impl Into<Vec<u8>>) -> Vec<[Option<f32>; 3]> {
+    let frames = frames(name, text, Options::default()).unwrap();
+    frames.iter().map(|frame| frame.space.lengths()).collect()
+}
+
+fn xyz(comment: &str) -> String {
+    format!("1\nProperties=pos:R:3:radius:R:1 {comment}\n1 2 3 0.5\n")
+}
+
+#[test]
+fn xyz_lattices() {
+    const BOX: &str = "Lattice=\"10 0 0 0 20.5 0 0 0 30\"";
+    let all = [Some(10.0), Some(20.5), Some(30.0)];
+    for (comment, lengths) in [
+        // Without pbc, a lattice is periodic on all sides, and without a lattice nothing is.
+        (BOX.to_owned(), all),
+        (String::new(), [None; 3]),
+        (format!("{BOX} pbc=\"T T T\""), all),
+        (format!("{BOX} pbc=\"T T F\""), [Some(10.0), Some(20.5), None]),
+        (format!("pbc=[False, true, 0] {BOX}"), [None, Some(20.5), None]),
+        (format!("{BOX} pbc=\"F F F\""), [None; 3]),
+        ("pbc=\"F F F\"".into(), [None; 3]),
+        ("lattice = '10 20.5 30'".into(), all),
+        ("Lattice=[[10, 0, 0], [0, 20.5, 0], [0, 0, 30]] Origin=\"-5 -5 -5\"".into(), all),
+        ("note=\"Lattice=1 pbc=2\"".into(), [None; 3]),
+        // An edge that leans does not matter where nothing repeats along it.
+        ("Lattice=\"10 0 0 0 20.5 0 3 3 30\" pbc=\"T T F\"".into(), [Some(10.0), Some(20.5), None]),
+    ] {
+        assert_eq!(spaces("a.xyz", xyz(&comment)), [lengths], "{comment}");
+    }
+    // Plain XYZ may have a lattice too.
+    let plain = format!("1\n{BOX}\nA 1 2 3\n");
+    let frames = frames("a.xyz", plain, options(None, &[("A", 1.0)])).unwrap();
+    assert_eq!(frames[0].space.lengths(), all);
+}
+
+#[test]
+fn lammps_bounds() {
+    let one = |bounds: &str| dump(bounds, "x y z radius", "1 2 3 0.5");
+    for (bounds, lengths) in [
+        ("pp pp pp\n0 10\n-5 15.5\n0 3e1", [Some(10.0), Some(20.5), Some(30.0)]),
+        ("pp ff pp\n0 10\n-5 15.5\n0 30", [Some(10.0), None, Some(30.0)]),
+        ("ff ss mm\n0 10\n-5 15.5\n0 30", [None; 3]),
+        ("fs pp sf\n0 10\n-5 15.5\n0 30", [None, Some(20.5), None]),
+        // Old dumps do not say.
+        ("\n0 10\n-5 15.5\n0 30", [None; 3]),
+        ("xy xz yz pp pp ff\n0 10 0\n-5 15.5 0\n0 30 0", [Some(10.0), Some(20.5), None]),
+        ("abc origin pp pp pp\n10 0 0 1\n0 20.5 0 2\n0 0 30 3", [Some(10.0), Some(20.5), Some(30.0)]),
+        ("abc origin\n10 0 0 1\n3 20.5 0 2\n0 0 30 3", [None; 3]),
+    ] {
+        assert_eq!(spaces("a.dump", one(bounds)), [lengths], "{bounds}");
+    }
+    let shrinking = one("pp pp pp\n0 10\n0 10\n0 10")
+        + &one("pp pp pp\n0 9\n0 8\n0 7.5")
+        + &one("ff ff ff\n0 9\n0 9\n0 9");
+    assert_eq!(spaces("a.dump", shrinking), [[Some(10.0); 3], [Some(9.0), Some(8.0), Some(7.5)], [None; 3]]);
+}
+
+#[test]
+fn what_was_given_is_taken_unseen() {
+    let tilted = dump("xy xz yz pp pp pp\n0 12 2\n0 10 0\n0 10 0", "x y z radius", "1 2 3 0.5");
+    let without = xyz("pbc=\"T T T\"");
+    for (name, text) in [("a.dump", tilted), ("a.xyz", without), ("a.xyz", xyz("Lattice=cubic pbc=maybe"))] {
+        assert!(frames(name, text.clone(), Options::default()).is_err());
+        for space in [Space::UNBOUNDED, Space::periodic([Some(7.0), None, None]).unwrap()] {
+            let options = Options { space: Some(space), ..Options::default() };
+            assert_eq!(frames(name, text.clone(), options).unwrap()[0].space, space);
+        }
+    }
+    let space = Space::periodic([Some(7.0); 3]).unwrap();
+    let options = Options { space: Some(space), ..Options::default() };
+    assert_eq!(frames("a.csv", "x,y,z,r\n1,2,3,4\n", options).unwrap()[0].space, space);
+}
+
+#[test]
+fn refusals_name_line_and_remedy() {
+    let tilted = dump("xy xz yz pp pp pp\n0 12 2\n0 10 0\n0 10 0", "x y z radius", "1 2 3 0.5");
+    for (name, text, message) in [
+        ("a.dump", tilted, "a.dump, line 5: the periodic box is tilted, with an edge (2, 10, 0)"),
+        (
+            "a.dump",
+            dump("pp pp pp\n0 10\n0 10\n4 4", "x y z radius", "1 2 3 0.5"),
+            "a.dump, line 5: the box is periodic along z and its length there is 0, no 32-bit number above zero",
+        ),
+        (
+            "a.xyz",
+            xyz("Lattice=\"1 0 0 2\""),
+            "a.xyz, line 2: expected Lattice=\"ax ay az bx by bz cx cy cz\"",
+        ),
+        ("a.xyz", xyz("Lattice=\"1 2 three\""), "a.xyz, line 2: Lattice 'three' is not a number"),
+        (
+            "a.xyz",
+            xyz("Lattice=\"1 2 3\" pbc=\"T T\""),
+            "a.xyz, line 2: expected pbc=\"T T F\", one of T and F",
+        ),
+        ("a.xyz", xyz("pbc=\"T T F\""), "a.xyz, line 2: expected Lattice= beside a periodic pbc="),
+    ] {
+        let refused = refusal(name, text, &[]);
+        assert!(refused.starts_with(message), "{refused}");
+        assert!(refused.contains("--periodic") || refused.contains("is not a number"), "{refused}");
+    }
+}

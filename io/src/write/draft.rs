@@ -1,0 +1,113 @@
+use std::fmt;
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::encoder::{Encoder, encoder};
+use super::temporary::Temporary;
+use crate::Error;
+
+/// A file that is being written under a temporary name beside its own, compressed where its name ends in `.gz` or
+/// `.zst`. Unless it is published it disappears.
+#[must_use = "a draft that is not published disappears"]
+pub struct Draft {
+    path: PathBuf,
+    /// None for standard output, which has no name to be given.
+    temporary: Option<Temporary>,
+    out: Box<dyn Encoder>,
+}
+
+impl Draft {
+    /// An empty draft of the file at `path`. Takes away what killed processes left in the directory.
+    ///
+    /// # Errors
+    /// [`Error::Write`] where the directory takes no new file.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self, Error> {
+        let path = path.into();
+        let directory = match path.parent() {
+            Some(parent) if parent != Path::new("") => parent,
+            _ => Path::new("."),
+        };
+        let created =
+            Temporary::create(directory).and_then(|(file, temporary)| Ok((temporary, encoder(&path, file)?)));
+        match created {
+            Ok((temporary, out)) => Ok(Self { path, temporary: Some(temporary), out }),
+            Err(source) => Err(Error::Write { path, source }),
+        }
+    }
+
+    /// Standard output, to which everything goes at once.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn stdout() -> Result<Self, Error> {
+        let path = PathBuf::from(STDOUT);
+        match encoder(&path, io::stdout()) {
+            Ok(out) => Ok(Self { path, temporary: None, out }),
+            Err(source) => Err(Error::Write { path, source }),
+        }
+    }
+
+    /// Writes to the draft.
+    ///
+    /// # Errors
+    /// [`Error::Write`] with what the system said, such as that the disk is full.
+    pub fn put(&mut self, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Error> {
+        write(&mut self.out).map_err(|source| Error::Write { path: self.path.clone(), source })
+    }
+
+    /// Gives the file its name, in place of any that has it.
+    ///
+    /// # Errors
+    /// [`Error::Write`] where the last bytes cannot be written or the name cannot be given.
+    pub fn publish(self) -> Result<(), Error> {
+        let Self { path, temporary, out } = self;
+        let published = out.finish().and_then(|()| temporary.map_or(Ok(()), |file| file.rename(&path)));
+        published.map_err(|source| Error::Write { path, source })
+    }
+}
+
+impl fmt::Debug for Draft {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Draft").field("path", &self.path).finish_non_exhaustive()
+    }
+}
+
+/// What standard output is called in messages.
+pub(super) const STDOUT: &str = "standard output";
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+
+    use super::*;
+
+    #[test]
+    fn a_draft_appears_when_it_is_published_and_not_before() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.csv");
+        std::fs::write(&path, "old").unwrap();
+        let mut draft = Draft::create(&path).unwrap();
+        draft.put(|out| out.write_all(b"new")).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+        draft.publish().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "new");
+        drop(Draft::create(&path).unwrap());
+        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_full_disk_is_an_error_and_leaves_nothing() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.npy");
+        let (_, temporary) = Temporary::create(directory.path()).unwrap();
+        let full = File::options().write(true).open("/dev/full").unwrap();
+        let out = encoder(&path, full).unwrap();
+        let mut draft = Draft { path: path.clone(), temporary: Some(temporary), out };
+        draft.put(|out| out.write_all(b"fits the buffer")).unwrap();
+        let error = draft.publish().unwrap_err().to_string();
+        assert_eq!(error, format!("{}: cannot write: No space left on device (os error 28)", path.display()));
+        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
+    }
+}

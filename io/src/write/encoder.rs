@@ -1,0 +1,188 @@
+use std::io::{self, BufWriter, PipeWriter, Read, Write};
+use std::path::Path;
+use std::thread::JoinHandle;
+
+use flate2::write::GzEncoder;
+use ruzstd::encoding::{CompressionLevel, FrameCompressor};
+
+/// Bytes gathered before they go to the system.
+const BUFFER: usize = 1 << 20;
+
+/// How a file is compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Compression {
+    Gzip,
+    Zstandard,
+}
+
+impl Compression {
+    fn from_extension(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()? {
+            "gz" => Some(Self::Gzip),
+            "zst" => Some(Self::Zstandard),
+            _ => None,
+        }
+    }
+}
+
+/// A file name without the extension that tells how it is compressed.
+pub(super) fn uncompressed(path: &Path) -> &Path {
+    match (Compression::from_extension(path), path.file_stem()) {
+        // Only the end is cut off, so that directories stay.
+        (Some(_), Some(stem)) => Path::new(stem),
+        _ => path,
+    }
+}
+
+/// A writer that has something to write at the end.
+pub(super) trait Encoder: Write + Send {
+    fn finish(self: Box<Self>) -> io::Result<()>;
+}
+
+/// A writer to `out`, which compresses where the name says so.
+pub(super) fn encoder(path: &Path, out: impl Write + Send + 'static) -> io::Result<Box<dyn Encoder>> {
+    let out = BufWriter::with_capacity(BUFFER, out);
+    Ok(match Compression::from_extension(path) {
+        None => Box::new(out),
+        Some(Compression::Gzip) => Box::new(GzEncoder::new(out, flate2::Compression::default())),
+        Some(Compression::Zstandard) => Box::new(Zstandard::new(out)?),
+    })
+}
+
+impl<W: Write + Send> Encoder for BufWriter<W> {
+    fn finish(mut self: Box<Self>) -> io::Result<()> {
+        self.flush()
+    }
+}
+
+impl<W: Write + Send> Encoder for GzEncoder<W> {
+    fn finish(self: Box<Self>) -> io::Result<()> {
+        (*self).finish()?.flush()
+    }
+}
+
+/// Compresses into a single frame, which all readers know to read to its end. The compressor fetches what it
+/// compresses, so it has a thread of its own at the other end of a pipe.
+struct Zstandard {
+    /// Unless it has ended.
+    running: Option<(BufWriter<PipeWriter>, JoinHandle<io::Result<()>>)>,
+}
+
+impl Zstandard {
+    fn new(out: impl Write + Send + 'static) -> io::Result<Self> {
+        let (source, into) = io::pipe()?;
+        let thread =
+            std::thread::Builder::new().name("zstd".to_owned()).spawn(move || compress(source, out))?;
+        Ok(Self { running: Some((BufWriter::with_capacity(BUFFER, into), thread)) })
+    }
+}
+
+impl Write for Zstandard {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match &mut self.running {
+            Some((into, _)) => into.write(bytes),
+            None => Err(io::ErrorKind::BrokenPipe.into()),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.running.as_mut().map_or(Ok(()), |(into, _)| into.flush())
+    }
+}
+
+impl Encoder for Zstandard {
+    fn finish(mut self: Box<Self>) -> io::Result<()> {
+        let Some((mut into, thread)) = self.running.take() else { return Ok(()) };
+        into.flush()?;
+        drop(into);
+        thread.join().unwrap_or_else(|_| Err(io::Error::other("the compressor has failed")))
+    }
+}
+
+/// Compresses all of `source`. The compressor expects that writing succeeds, so it is told that it does, and what went
+/// wrong is told afterwards.
+fn compress(source: impl Read, out: impl Write) -> io::Result<()> {
+    struct Patient<W> {
+        out: W,
+        failed: io::Result<()>,
+    }
+
+    impl<W: Write> Write for Patient<W> {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            if self.failed.is_ok() {
+                self.failed = self.out.write_all(bytes);
+            }
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    let mut patient = Patient { out, failed: Ok(()) };
+    let mut compressor = FrameCompressor::new(CompressionLevel::Fastest);
+    compressor.set_source(source);
+    compressor.set_drain(&mut patient);
+    compressor.compress();
+    drop(compressor);
+    patient.failed?;
+    patient.out.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+
+    #[derive(Clone, Default)]
+    struct Shared(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Shared {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().unwrap().write(bytes)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn what_is_compressed_reads_back() {
+        let rows: Vec<u8> = (0..200_000).flat_map(|k| format!("{},{}\n", k / 3, k).into_bytes()).collect();
+        for name in ["a.csv", "a.csv.gz", "a.csv.zst"] {
+            for bytes in [&rows[..], b"", b"x"] {
+                let out = Shared::default();
+                let mut encoder = encoder(Path::new(name), out.clone()).unwrap();
+                bytes.chunks(100_003).for_each(|chunk| encoder.write_all(chunk).unwrap());
+                encoder.finish().unwrap();
+                let written = out.0.lock().unwrap().clone();
+                let mut read = Vec::new();
+                match name {
+                    "a.csv.gz" => flate2::read::GzDecoder::new(&written[..]).read_to_end(&mut read).unwrap(),
+                    "a.csv.zst" => ruzstd::decoding::StreamingDecoder::new(&written[..])
+                        .unwrap()
+                        .read_to_end(&mut read)
+                        .unwrap(),
+                    _ => (&written[..]).read_to_end(&mut read).unwrap(),
+                };
+                assert!(read == bytes, "{name}");
+                assert!(bytes.len() < 100 || name == "a.csv" || written.len() < bytes.len() / 2, "{name}");
+            }
+        }
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_full_disk_is_an_error_of_every_compression() {
+        for name in ["a.csv", "a.csv.gz", "a.csv.zst"] {
+            let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+            let mut encoder = encoder(Path::new(name), full).unwrap();
+            encoder.write_all(b"fits the buffer").unwrap();
+            let error = encoder.finish().unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::StorageFull, "{name}");
+        }
+    }
+}

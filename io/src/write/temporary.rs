@@ -1,0 +1,183 @@
+//! Files that are not complete yet: hidden files beside the ones that they become.
+//!
+//! Each is locked by the process that writes it, for as long as it lives, and named after its host:
+//! `.lazygrid-HOST-RANDOM.part`. A process that is killed leaves such a file behind, and its lock is gone. So whoever
+//! writes to the directory next, on the same host, takes away those that it can lock. On a file system without locks
+//! none can be, and none is taken away.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use same_file::Handle;
+use tempfile::TempPath;
+
+const PREFIX: &str = ".lazygrid-";
+const SUFFIX: &str = ".part";
+const RANDOM: usize = 12;
+
+/// What this process has begun and not finished, and where it has looked for what others left behind.
+static BEGUN: Mutex<Begun> = Mutex::new(Begun { files: Vec::new(), swept: Vec::new() });
+
+struct Begun {
+    files: Vec<PathBuf>,
+    swept: Vec<PathBuf>,
+}
+
+fn begun() -> MutexGuard<'static, Begun> {
+    BEGUN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The name of a file that is not complete. Dropping it removes the file.
+#[derive(Debug)]
+pub(super) struct Temporary {
+    path: Option<TempPath>,
+}
+
+impl Temporary {
+    /// A new, empty file in this directory.
+    pub(super) fn create(directory: &Path) -> io::Result<(File, Self)> {
+        let mut begun = begun();
+        if !begun.swept.iter().any(|swept| swept == directory) {
+            begun.swept.push(directory.to_owned());
+            sweep(directory);
+        }
+        let prefix = prefix();
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(&prefix).suffix(SUFFIX).rand_bytes(RANDOM);
+        let (file, path) = builder.make_in(directory, create_locked)?.into_parts();
+        begun.files.push(path.to_path_buf());
+        Ok((file, Self { path: Some(path) }))
+    }
+
+    /// Gives the file its name, in place of any that has it.
+    pub(super) fn rename(mut self, path: &Path) -> io::Result<()> {
+        let mut begun = begun();
+        let Some(temporary) = self.path.take() else { return Ok(()) };
+        begun.files.retain(|file| **file != *temporary);
+        temporary.persist(path).map_err(|error| error.error)
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        if let Some(temporary) = self.path.take() {
+            let mut begun = begun();
+            begun.files.retain(|file| **file != *temporary);
+            // Removed while nobody else can go through the list.
+            drop(temporary);
+        }
+    }
+}
+
+/// Removes everything that this process has begun to write and not published. From then on nothing can be begun or
+/// published any more: whoever tries waits for the end of the process, which has to be near. For handlers of signals.
+pub fn discard_drafts() {
+    let begun = begun();
+    for file in &begun.files {
+        // Whatever cannot be removed now will be when the directory is next used.
+        let _ = fs::remove_file(file);
+    }
+    std::mem::forget(begun);
+}
+
+/// Creates a file that is locked from the first moment at which anybody may rely on it.
+fn create_locked(path: &Path) -> io::Result<File> {
+    let file = File::options().write(true).create_new(true).open(path)?;
+    let taken = io::Error::from(io::ErrorKind::AlreadyExists);
+    match file.try_lock() {
+        // Between the two calls somebody may have taken it for one that was left behind.
+        Err(fs::TryLockError::WouldBlock) => Err(taken),
+        Ok(()) if !is_at(&file, path) => Err(taken),
+        // Without locks nobody can take it for one.
+        Ok(()) | Err(fs::TryLockError::Error(_)) => Ok(file),
+    }
+}
+
+/// Removes what killed processes of this host left in a directory.
+fn sweep(directory: &Path) {
+    let Ok(entries) = fs::read_dir(directory) else { return };
+    let prefix = prefix();
+    for entry in entries.flatten() {
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_file && entry.file_name().to_str().is_some_and(|name| is_temporary(name, &prefix)) {
+            remove_orphan(&entry.path());
+        }
+    }
+}
+
+/// Removes a file unless a process that lives holds its lock.
+fn remove_orphan(path: &Path) {
+    let Ok(file) = File::options().write(true).open(path) else { return };
+    if file.try_lock().is_ok() && is_at(&file, path) && fs::remove_file(path).is_ok() {
+        log::info!("{}: removed; a run that was killed had left it behind", path.display());
+    }
+}
+
+fn is_at(file: &File, path: &Path) -> bool {
+    let open = file.try_clone().and_then(Handle::from_file);
+    matches!((open, Handle::from_path(path)), (Ok(open), Ok(named)) if open == named)
+}
+
+/// The beginning of the names of this host's files. Elsewhere, over a network, locks may be no locks.
+fn prefix() -> String {
+    let host = gethostname::gethostname();
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' };
+    let host: String = host.to_string_lossy().chars().map(plain).take(64).collect();
+    format!("{PREFIX}{host}-")
+}
+
+fn is_temporary(name: &str, prefix: &str) -> bool {
+    let random = name.strip_prefix(prefix).and_then(|name| name.strip_suffix(SUFFIX));
+    random.is_some_and(|r| r.len() == RANDOM && r.bytes().all(|b| b.is_ascii_alphanumeric()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_left_behind_goes_and_nothing_else() {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        let own = prefix();
+        let live = File::create(at(&format!("{own}abcdefghijk0.part"))).unwrap();
+        live.lock().unwrap();
+        let kept = [
+            format!("{own}abcdefghijk.part"),
+            format!("{own}abcdefghijk-.part"),
+            format!("{own}abcdefghijk0.csv"),
+            format!("{PREFIX}another.host-abcdefghijk0.part"),
+            ".lazygrid-notes".to_owned(),
+            "pairs.csv".to_owned(),
+        ];
+        for name in &kept {
+            fs::write(at(name), "mine").unwrap();
+        }
+        fs::create_dir(at(&format!("{own}abcdefghijk2.part"))).unwrap();
+        fs::write(at(&format!("{own}abcdefghijk1.part")), "left behind").unwrap();
+        sweep(directory.path());
+        assert!(!at(&format!("{own}abcdefghijk1.part")).exists());
+        assert!(at(&format!("{own}abcdefghijk0.part")).exists());
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), kept.len() + 2);
+        // Its process has ended.
+        drop(live);
+        sweep(directory.path());
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), kept.len() + 1);
+    }
+
+    #[test]
+    fn a_file_in_the_making_is_locked() {
+        let directory = tempfile::tempdir().unwrap();
+        let (file, temporary) = Temporary::create(directory.path()).unwrap();
+        sweep(directory.path());
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
+        temporary.rename(&directory.path().join("a.csv")).unwrap();
+        drop(file);
+        sweep(directory.path());
+        assert!(directory.path().join("a.csv").exists());
+        drop(Temporary::create(directory.path()).unwrap());
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
+    }
+}

@@ -1,0 +1,149 @@
+//! From rates to the probabilities of a step.
+//!
+//! Where things can happen at the rates λ₁, λ₂, …, with the sum R, one of them happens within Δt with probability
+//! 1 − exp(−RΔt), shared out in proportion: λ·g with g = (1 − exp(−RΔt))/R.
+//!
+//! Where a reaction joins two particles anywhere in a ball and a decay puts them back anywhere in it, they go to and fro
+//! between two states. The reaction then has the g of the decay, so that the probabilities to and fro are in the
+//! proportion of the rates for any Δt, and so is the equilibrium.
+
+use crate::model::{Chance, Decay, Model, Reaction, Unbinding};
+
+/// What may happen to two particles that are so near.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Zone {
+    /// How near, in µm.
+    pub(crate) radius: f32,
+    /// Reactions by their place in the model, and the probability of each in a step.
+    pub(crate) channels: Vec<(usize, f64)>,
+}
+
+/// The probabilities of a model.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Chances<'a>(pub(crate) &'a Model);
+
+impl<'a> Chances<'a> {
+    /// What may happen to particles of two species, from the inside outwards.
+    pub(crate) fn zones(self, pair: [u32; 2]) -> Vec<Zone> {
+        let channels: Vec<_> = channels(self.0, pair).collect();
+        let mut radii: Vec<f32> = channels.iter().map(|(_, reaction)| reaction.binding_radius).collect();
+        radii.sort_unstable_by(f32::total_cmp);
+        radii.dedup();
+        let zone = |radius: f32| {
+            let inside = || channels.iter().filter(|(_, reaction)| reaction.binding_radius >= radius);
+            let alone = inside().map(|(_, reaction)| rate(reaction)).sum();
+            let chance = |reaction: &Reaction| match reaction.chance {
+                Chance::PerStep(probability) => probability,
+                Chance::PerTime(rate) => {
+                    let total = self.inverse(reaction).map_or(alone, |decay| self.decay_rate(decay.reactant));
+                    rate * factor(total, self.0.time_step)
+                }
+            };
+            Zone { radius, channels: inside().map(|&(place, reaction)| (place, chance(reaction))).collect() }
+        };
+        radii.into_iter().map(zone).collect()
+    }
+
+    /// The decays of a species, by their place in the model, and the probability of each in a step.
+    pub(crate) fn decays(self, species: u32) -> Vec<(usize, f64)> {
+        let own = self.0.decays.iter().enumerate().filter(|(_, decay)| decay.reactant == species);
+        let factor = factor(self.decay_rate(species), self.0.time_step);
+        own.map(|(place, decay)| (place, decay.rate * factor)).collect()
+    }
+
+    fn decay_rate(self, species: u32) -> f64 {
+        self.0.decays.iter().filter(|decay| decay.reactant == species).map(|decay| decay.rate).sum()
+    }
+
+    /// What undoes a reaction within the same ball.
+    fn inverse(self, reaction: &Reaction) -> Option<&'a Decay> {
+        let back = Unbinding::Within(reaction.binding_radius);
+        self.0.decays.iter().find(|decay| decay.unbinding == back && undoes(decay, reaction))
+    }
+}
+
+/// (1 − exp(−RΔt))/R.
+fn factor(rate: f64, time_step: f64) -> f64 {
+    if rate > 0.0 { -libm::expm1(-rate * time_step) / rate } else { time_step }
+}
+
+fn rate(reaction: &Reaction) -> f64 {
+    match reaction.chance {
+        Chance::PerTime(rate) => rate,
+        Chance::PerStep(_) => 0.0,
+    }
+}
+
+/// The reactions of two species, with their places in the model.
+fn channels(model: &Model, [a, b]: [u32; 2]) -> impl Iterator<Item = (usize, &Reaction)> {
+    let own = move |reaction: &Reaction| reaction.reactants == [a, b] || reaction.reactants == [b, a];
+    model.reactions.iter().enumerate().filter(move |(_, reaction)| own(reaction))
+}
+
+/// Whether a decay gives back the reactants of a reaction.
+pub(crate) fn undoes(decay: &Decay, reaction: &Reaction) -> bool {
+    let single = match reaction.products {
+        [Some(product), None] | [None, Some(product)] => product == decay.reactant,
+        _ => false,
+    };
+    let [a, b] = reaction.reactants.map(Some);
+    single && (decay.products == [a, b] || decay.products == [b, a])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Species;
+
+    /// A and B become C within 1 and D within 2; C comes apart again.
+    fn model(unbinding: Unbinding) -> Model {
+        let reaction = |product, binding_radius, rate| Reaction {
+            reactants: [0, 1],
+            products: [Some(product), None],
+            binding_radius,
+            chance: Chance::PerTime(rate),
+            ..Reaction::default()
+        };
+        let back =
+            Decay { reactant: 2, products: [Some(1), Some(0)], unbinding, rate: 3.0, ..Decay::default() };
+        Model {
+            time_step: 0.1,
+            species: vec![Species { mass: 1.0, ..Species::default() }; 4],
+            reactions: vec![reaction(2, 1.0, 4.0), reaction(3, 2.0, 1.0)],
+            decays: vec![back],
+            ..Model::default()
+        }
+    }
+
+    fn close(zone: &Zone, radius: f32, expected: &[(usize, f64)]) {
+        assert_eq!(zone.radius, radius);
+        assert_eq!(zone.channels.len(), expected.len(), "{zone:?}");
+        for (found, expected) in zone.channels.iter().zip(expected) {
+            assert!(found.0 == expected.0 && (found.1 - expected.1).abs() < 1e-12, "{zone:?}");
+        }
+    }
+
+    #[test]
+    fn channels_share_the_probability_in_proportion() {
+        let model = model(Unbinding::Apart(1.0));
+        let chances = Chances(&model);
+        let zones = chances.zones([1, 0]);
+        let both = 1.0 - (-0.5_f64).exp();
+        close(&zones[0], 1.0, &[(0, 0.8 * both), (1, 0.2 * both)]);
+        close(&zones[1], 2.0, &[(1, 1.0 - (-0.1_f64).exp())]);
+        assert!((chances.decays(2)[0].1 - (1.0 - (-0.3_f64).exp())).abs() < 1e-12);
+        assert!(chances.zones([0, 2]).is_empty() && chances.decays(0).is_empty());
+    }
+
+    #[test]
+    fn what_goes_to_and_fro_does_so_in_the_proportion_of_the_rates() {
+        let mut model = model(Unbinding::Within(1.0));
+        for time_step in [1e-6, 0.01, 0.2] {
+            model.time_step = time_step;
+            let chances = Chances(&model);
+            let (there, back) = (chances.zones([0, 1])[0].channels[0].1, chances.decays(2)[0].1);
+            assert!((there / back - 4.0 / 3.0).abs() < 1e-12, "{time_step}: {there} {back}");
+            assert!((back - (1.0 - (-3.0 * time_step).exp())).abs() < 1e-12);
+        }
+    }
+}

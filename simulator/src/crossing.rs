@@ -1,0 +1,266 @@
+//! Whether a particle met a receiver within a step, of which only the two ends are known.
+//!
+//! *Diffusion alone.* With both ends outside, at distances `a` and `b` from the surface, the path met the sphere with
+//! probability exp(−ab/(DΔt)). On average over the angle between the ends that is exact for a sphere.
+//!
+//! *Drift alone.* The path is a straight line, which walls turn round.
+//!
+//! *Both.* The average no longer holds where a step of the drift is long: a particle may be carried from one side of the
+//! sphere to the other. The path is then looked at in halves, and those in halves, as the Brownian bridge between their
+//! ends has it, until the drift of a piece is short beside its diffusion or the sphere. Halves far from the sphere are
+//! left alone. All receivers see the same path.
+
+use crate::boundary::{Axis, Boundary};
+use crate::normal::normals;
+use crate::philox::{Key, Purpose, open_unit};
+use crate::receiver::{Kind, Receiver, height};
+
+/// A step of a particle.
+#[derive(Clone, Copy, Debug)]
+pub struct Path {
+    /// Where it was, in µm.
+    pub before: [f32; 3],
+    /// Where it would be without walls and images.
+    pub end: [f32; 3],
+    /// Where it is.
+    pub after: [f32; 3],
+    /// The part of the way that is no diffusion.
+    pub drift: [f32; 3],
+    /// DΔt, in µm².
+    pub diffusion: f32,
+}
+
+/// Who draws: a particle in a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Who {
+    /// The seed.
+    pub key: Key,
+    /// The particle.
+    pub id: u32,
+    /// The step.
+    pub step: u32,
+}
+
+/// Beyond this exponent the probability is below the smallest random number.
+const NEVER: f32 = 17.0;
+/// The part of a receiver's radius that a drift may take a particle in one piece of its path, and the part of the
+/// standard deviation of the piece.
+const PIECE: [f32; 2] = [1.0 / 16.0, 1.0 / 8.0];
+/// A path bends further than this many standard deviations from the line between its ends in one of 10⁸ cases.
+const BEND: f32 = 3.1;
+/// Pieces beyond this are not halved any more; the first has number 1, and those of piece `k` have 2k and 2k + 1.
+const LAST: u32 = 1 << 12;
+
+/// Whether a path met the receiver, the `place`th of its model. `room` is where the particle's centre may be.
+#[inline]
+pub fn meets(receiver: &Receiver, place: u32, room: &Boundary, path: &Path, who: Who) -> bool {
+    let b = height(receiver, room, path.after);
+    if b <= 0.0 {
+        return true;
+    }
+    if receiver.kind != Kind::Absorbing {
+        return false;
+    }
+    let a = height(receiver, room, path.before);
+    if path.drift == [0.0; 3] {
+        return who.crosses(place, a * b / path.diffusion);
+    }
+    if path.diffusion == 0.0 {
+        return a < 0.0 || straight(receiver, room, path);
+    }
+    let piece = Piece {
+        number: 1,
+        ends: [path.before, path.end],
+        spread: (2.0 * path.diffusion).sqrt(),
+        drift: length(path.drift),
+    };
+    Bridge { receiver, place, room, who }.meets(piece)
+}
+
+/// Whether the ends of a piece do not tell whether it met a sphere: with this drift and standard deviation along each
+/// axis it may have been carried past.
+pub(crate) fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
+    drift > PIECE[0] * radius && drift > PIECE[1] * spread
+}
+
+impl Who {
+    /// Draws where chance decides, with probability exp(−`exponent`).
+    #[inline]
+    fn crosses(self, other: u32, exponent: f32) -> bool {
+        let Self { key, id, step } = self;
+        // At rest on the surface that is 0/0; there the particle was met before.
+        exponent < NEVER && open_unit(key.draw(id, other, step, Purpose::Receiver)[0]) < libm::expf(-exponent)
+    }
+}
+
+struct Bridge<'a> {
+    receiver: &'a Receiver,
+    place: u32,
+    room: &'a Boundary,
+    who: Who,
+}
+
+/// A part of a path.
+struct Piece {
+    number: u32,
+    /// Without walls and images.
+    ends: [[f32; 3]; 2],
+    /// Standard deviation of its diffusion along each axis, in µm.
+    spread: f32,
+    /// How far drift takes the particle, in µm.
+    drift: f32,
+}
+
+impl Bridge<'_> {
+    fn height(&self, point: [f32; 3]) -> f32 {
+        height(self.receiver, self.room, self.room.place(point))
+    }
+
+    fn meets(&self, piece: Piece) -> bool {
+        let Piece { number, ends: [p, q], spread, drift } = piece;
+        let middle: [f32; 3] = std::array::from_fn(|k| p[k] + 0.5 * (q[k] - p[k]));
+        let half = 0.5 * length(std::array::from_fn(|k| q[k] - p[k]));
+        // Walls and images bring no two points further apart.
+        if self.height(middle) > half + BEND * spread {
+            return false;
+        }
+        if number >= LAST || !is_long(drift, spread, self.receiver.radius) {
+            let [a, b] = [p, q].map(|end| self.height(end));
+            let other = self.place | (number - 1) << 16;
+            return b <= 0.0 || self.who.crosses(other, a * b / (0.5 * spread * spread));
+        }
+        let Who { key, id, step } = self.who;
+        let z = normals(key.draw(id, number, step, Purpose::Path));
+        let middle = std::array::from_fn(|k| middle[k] + 0.5 * spread * z[k]);
+        let part = |number, ends| Piece {
+            number,
+            ends,
+            spread: spread * std::f32::consts::FRAC_1_SQRT_2,
+            drift: 0.5 * drift,
+        };
+        self.meets(part(2 * number, [p, middle])) || self.meets(part(2 * number + 1, [middle, q]))
+    }
+}
+
+fn length(v: [f32; 3]) -> f32 {
+    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+}
+
+/// How often a straight line may be cut on an axis. A particle that crosses a box more often in one step is nowhere in
+/// particular.
+const CUTS: usize = 1000;
+
+/// Whether a straight path meets the receiver. It is cut where a wall turns it round, and where another image of the
+/// receiver becomes the nearest one.
+fn straight(receiver: &Receiver, room: &Boundary, path: &Path) -> bool {
+    let [from, to] = [path.before, path.end].map(|end| end.map(f64::from));
+    let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
+    let mut cuts = Vec::new();
+    for (k, axis) in room.axes.into_iter().enumerate() {
+        let (first, period) = match axis {
+            Axis::Open => continue,
+            Axis::Reflecting { low, high } => (f64::from(low), f64::from(high - low)),
+            Axis::Periodic { low, high } => {
+                (f64::from(receiver.center[k]) + 0.5 * f64::from(high - low), f64::from(high - low))
+            }
+        };
+        let [low, high] = [from[k].min(to[k]), from[k].max(to[k])].map(|x| (x - first) / period);
+        let planes = (low.ceil() as i64..=high.floor() as i64).take(CUTS);
+        cuts.extend(planes.map(|plane| (first + plane as f64 * period - from[k]) / way[k]));
+    }
+    if cuts.is_empty() {
+        let from = room.offset(receiver.center, path.before).map(f64::from);
+        return passes(from, way, receiver.radius.into());
+    }
+    cuts.extend([0.0, 1.0]);
+    cuts.retain(|t| (0.0..=1.0).contains(t));
+    cuts.sort_unstable_by(f64::total_cmp);
+    cuts.windows(2).any(|cut| {
+        let (middle, part) = (0.5 * (cut[0] + cut[1]), cut[1] - cut[0]);
+        let point: [f32; 3] = std::array::from_fn(|k| (from[k] + middle * way[k]) as f32);
+        let way: [f64; 3] = std::array::from_fn(|k| match room.axes[k].turns(point[k]) {
+            true => -part * way[k],
+            false => part * way[k],
+        });
+        let middle = room.offset(receiver.center, room.place(point)).map(f64::from);
+        passes(std::array::from_fn(|k| middle[k] - 0.5 * way[k]), way, receiver.radius.into())
+    })
+}
+
+/// Whether a line from a point goes through the sphere of this radius around the origin.
+fn passes(from: [f64; 3], way: [f64; 3], radius: f64) -> bool {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let to: [f64; 3] = std::array::from_fn(|k| from[k] + way[k]);
+    let [x, y, z] = from;
+    let [u, v, w] = way;
+    let cross = [y * w - z * v, z * u - x * w, x * v - y * u];
+    let reach = radius * radius;
+    // It is nearest between its ends where it approaches from one and leaves towards the other.
+    let between = dot(from, way) < 0.0 && dot(to, way) > 0.0;
+    dot(from, from) <= reach || dot(to, to) <= reach || between && dot(cross, cross) <= reach * dot(way, way)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn receiver(kind: Kind) -> Receiver {
+        Receiver { name: "r".into(), center: [1.0, 0.0, 0.0], radius: 1.0, kind, sees: vec![true] }
+    }
+
+    const DRAWS: Who = Who { key: Key::new(1), id: 7, step: 3 };
+
+    fn path(before: [f32; 3], end: [f32; 3], room: &Boundary, diffusion: f32) -> Path {
+        let drift = std::array::from_fn(|k| if diffusion == 0.0 { end[k] - before[k] } else { 0.0 });
+        Path { before, end, after: room.place(end), drift, diffusion }
+    }
+
+    #[test]
+    fn diffusion_follows_the_bridge() {
+        let open = Boundary::default();
+        let step = path([2.5, 0.0, 0.0], [1.0, 1.25, 0.0], &open, 0.25);
+        let n = 20_000;
+        let met =
+            |kind| (0..n).filter(|&id| meets(&receiver(kind), 2, &open, &step, Who { id, ..DRAWS })).count();
+        let p = (-0.5_f64).exp();
+        let error = (met(Kind::Absorbing) as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
+        assert!(error.abs() < 4.0, "{error} standard errors");
+        assert_eq!(met(Kind::Endpoint), 0);
+        let at_rest = path([1.0, 1.25, 0.0], [1.0, 1.25, 0.0], &open, 0.0);
+        assert!(!meets(&receiver(Kind::Absorbing), 0, &open, &at_rest, DRAWS));
+        let inside = path([9.0, 0.0, 0.0], [1.5, 0.0, 0.0], &open, 0.25);
+        assert!(meets(&receiver(Kind::Endpoint), 0, &open, &inside, DRAWS));
+    }
+
+    #[test]
+    fn a_straight_path_is_followed_through_walls_and_images() {
+        let met = |room: &Boundary, before, end| {
+            meets(&receiver(Kind::Absorbing), 0, room, &path(before, end, room, 0.0), DRAWS)
+        };
+        let open = Boundary::default();
+        assert!(met(&open, [-3.0, 0.5, 0.0], [9.0, 0.5, 0.0]));
+        assert!(!met(&open, [-3.0, 1.125, 0.0], [9.0, 1.125, 0.0]));
+        assert!(!met(&open, [-3.0, 0.5, 0.0], [-0.5, 0.5, 0.0]));
+        assert!(!met(&open, [3.0, 0.5, 0.0], [9.0, 0.5, 0.0]));
+        // Up to a wall above the sphere and down again; the line between both ends is far below.
+        let below = |wall| Boundary::reflecting([-8.0, -4.0, -4.0], [8.0, wall, 4.0]);
+        assert!(met(&below(1.1), [6.0, -2.0, 0.0], [-4.0, 4.2, 0.0]));
+        assert!(!met(&below(1.5), [6.0, -2.0, 0.0], [-4.0, 5.0, 0.0]));
+        assert!(met(&below(4.0), [4.0, 0.0, 0.0], [18.0, 0.0, 0.0]));
+        // Once round the box.
+        let periodic = Boundary::periodic([-8.0; 3], [8.0; 3]);
+        assert!(!met(&periodic, [4.0, 0.5, 0.0], [14.0, 0.5, 0.0]));
+        assert!(met(&periodic, [4.0, 0.5, 0.0], [20.0, 0.5, 0.0]));
+        assert!(!met(&periodic, [4.0, 1.5, 0.0], [20.0, 1.5, 0.0]));
+    }
+
+    /// With a drift so strong that diffusion is nothing beside it, the path is the straight line.
+    #[test]
+    fn halves_of_a_path_follow_the_drift() {
+        let open = Boundary::default();
+        for (y, hits) in [(0.5, true), (1.2, false)] {
+            let step = Path { diffusion: 1e-6, ..path([-3.0, y, 0.0], [9.0, y, 0.0], &open, 0.0) };
+            assert_eq!(meets(&receiver(Kind::Absorbing), 0, &open, &step, DRAWS), hits, "{y}");
+        }
+    }
+}

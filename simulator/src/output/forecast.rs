@@ -1,0 +1,216 @@
+//! How much a run will write.
+
+use super::{frames, series};
+use crate::scenario::Output;
+use crate::{Kind, Model, Simulator, State};
+
+/// What is still to be written, in bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Forecast {
+    /// If all particles are lost as soon as they can be.
+    pub(crate) least: u64,
+    /// If none is lost but by decay, as fast as that is to be expected.
+    pub(crate) most: u64,
+    /// The checkpoint at the end, part of both. The one before is there until it is complete.
+    pub(crate) checkpoint: u64,
+}
+
+/// Moments at which the number of particles is foretold.
+const MOMENTS: u32 = 1000;
+/// Bytes of a coordinate as text, on average: eight digits, a point, and half a sign.
+const COORDINATE: f64 = 9.7;
+
+impl Forecast {
+    /// What a run writes until it has so many steps.
+    pub(crate) fn of(run: &Simulator, output: Output, steps: u32, scenario: &str) -> Self {
+        let (model, from) = (run.model(), run.step_count());
+        let crowd = Crowd::new(model, &run.totals().present, from, steps);
+        let due = |every: u32| u64::from(steps / every - from / every);
+        let frames = if output.xyz || output.npy { due(output.frames_every) } else { 0 };
+        let rows = due(output.every) as f64 * row(model, &crowd, [from, steps]);
+        let mut empty = Vec::new();
+        let mut header = 0;
+        if output.xyz {
+            // Writing to memory does not fail.
+            drop(frames::xyz(&mut empty, model, &State { step: steps, ..State::default() }));
+            header += empty.len();
+        }
+        header += if output.npy { frames::NPY_HEADER } else { 0 };
+        let each = |species: usize| {
+            let xyz = if output.xyz { text(model, species, crowd.ids) } else { 0.0 };
+            xyz + if output.npy { frames::NPY_ROW as f64 } else { 0.0 }
+        };
+        let frame: f64 = crowd.mean.iter().enumerate().map(|(species, count)| count * each(species)).sum();
+        let totals = 5 * (3 + model.receivers.len()) * model.species.len();
+        let fixed = (scenario.len() + totals) as u64 + rows as u64 + frames * header as u64;
+        let kept = if model.has_velocity() { 32.0 } else { 20.0 };
+        let particles = |count: f64| (count * kept) as u64;
+        let most = fixed + (frames as f64 * frame) as u64 + particles(crowd.last);
+        let least = if loses(model) { fixed } else { most };
+        Self { least, most, checkpoint: scenario.len() as u64 + particles(crowd.last) }
+    }
+}
+
+/// What the next frame and checkpoint take, with the particles that there are.
+pub(crate) fn next(run: &Simulator, output: Output) -> u64 {
+    let model = run.model();
+    let present = run.totals().present.iter().enumerate();
+    let each = |species: usize| {
+        let xyz = if output.xyz { text(model, species, 1e6) as u64 } else { 0 };
+        xyz + if output.npy { frames::NPY_ROW } else { 0 } + 32
+    };
+    present.map(|(species, &count)| count * each(species)).sum::<u64>() + (1 << 16)
+}
+
+/// Whether particles may disappear otherwise than by decay.
+fn loses(model: &Model) -> bool {
+    model.decays.iter().any(|decay| decay.products[0].is_none())
+        || model.reactions.iter().any(|reaction| reaction.products.contains(&None))
+        || model.receivers.iter().any(|receiver| receiver.kind != Kind::Transparent)
+}
+
+/// Particles to come.
+struct Crowd {
+    /// On average over the rest of the run, by species.
+    mean: Vec<f64>,
+    /// In all, at its end.
+    last: f64,
+    /// About how many ids there will be.
+    ids: f64,
+}
+
+impl Crowd {
+    fn new(model: &Model, present: &[u64], from: u32, steps: u32) -> Self {
+        let mut now: Vec<f64> = present.iter().map(|&count| count as f64).collect();
+        let mut ids = now.iter().sum();
+        let mut mean = vec![0.0; now.len()];
+        let moments = (steps - from.min(steps)).min(MOMENTS);
+        let moment =
+            |k: u32| from + (u64::from(steps - from) * u64::from(k) / u64::from(MOMENTS.min(moments))) as u32;
+        for k in 0..moments {
+            let (begin, end) = (moment(k), moment(k + 1));
+            for transmitter in &model.transmitters {
+                for (species, count) in transmitter.mean_between([begin + 1, end + 1], model.time_step) {
+                    now[species as usize] += count;
+                    ids += count;
+                }
+            }
+            decay(model, &mut now, f64::from(end - begin) * model.time_step);
+            mean.iter_mut().zip(&now).for_each(|(mean, now)| *mean += now / f64::from(moments));
+        }
+        Self { mean, last: now.iter().sum(), ids }
+    }
+}
+
+/// What decays within a time, as is to be expected.
+fn decay(model: &Model, now: &mut [f64], time: f64) {
+    let before = now.to_vec();
+    for (species, count) in before.into_iter().enumerate() {
+        let own = || model.decays.iter().filter(|decay| decay.reactant as usize == species);
+        let total: f64 = own().map(|decay| decay.rate).sum();
+        let gone = -count * libm::expm1(-total * time);
+        now[species] -= gone;
+        for decay in own().filter(|_| total > 0.0) {
+            for product in decay.products.into_iter().flatten() {
+                now[product as usize] += gone * decay.rate / total;
+            }
+        }
+    }
+}
+
+/// Bytes of a particle in extended XYZ.
+fn text(model: &Model, species: usize, ids: f64) -> f64 {
+    let kind = &model.species[species];
+    let radius = kind.radius.to_string().len();
+    // Most of the ids below a number have as many digits as it has.
+    digits(0.7 * ids) + (kind.name.len() + radius + 6) as f64 + 3.0 * COORDINATE
+}
+
+/// Bytes of a row of the series, on average.
+fn row(model: &Model, crowd: &Crowd, [from, steps]: [u32; 2]) -> f64 {
+    let step = |k: u32| from + (u64::from(steps - from) * u64::from(k) / 16) as u32;
+    let length = |step: u32| series::moment(step, model).len() as f64;
+    let moment = (1..=16).map(|k| length(step(k))).sum::<f64>() / 16.0;
+    let species: f64 = crowd.mean.iter().map(|&count| 1.0 + digits(count)).sum();
+    let counts = model.reactions.len() + model.decays.len() + series::seen(model);
+    let all: f64 = crowd.mean.iter().sum();
+    let pairs =
+        if model.reactions.is_empty() && model.contact == Default::default() { 1.0 } else { digits(all) };
+    moment + species + counts as f64 * (1.0 + digits(0.2 * all)) + 2.0 * (1.0 + pairs) + 1.0
+}
+
+/// Digits of a whole number.
+fn digits(count: f64) -> f64 {
+    count.max(1.0).log10().floor() + 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+    use std::path::Path;
+
+    use lazygrid::{Algorithm, Backend};
+
+    use super::*;
+    use crate::run::Run;
+    use crate::scenario::Scenario;
+
+    /// What is foretold at the beginning of a run beside what it writes, in bytes.
+    fn foretold_and_written(text: &str) -> [u64; 3] {
+        let scenario = Scenario::parse(Path::new("s.toml"), text.to_owned()).unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        let run = Run {
+            scenario: scenario.clone(),
+            path: "s.toml".into(),
+            directory: directory.path().join("out"),
+            backend: Backend::Cpu,
+            algorithm: Algorithm::Auto,
+            threads: None,
+            resume: false,
+            overwrite: false,
+            space_check: true,
+        };
+        let mut forecast = None;
+        run.run(|simulation| {
+            forecast.get_or_insert_with(|| {
+                Forecast::of(simulation, scenario.output, scenario.steps, &scenario.text)
+            });
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        let files = std::fs::read_dir(&run.directory).unwrap();
+        let written = files.map(|file| file.unwrap().metadata().unwrap().len()).sum();
+        let Forecast { least, most, .. } = forecast.unwrap();
+        [least, most, written]
+    }
+
+    const CLOUD: &str = "time-step = 0.01\nsteps = 400\n[[species]]\nname = 'A'\nradius = 0.01\ndiffusion = 2\n\
+        [[transmitter]]\nname = 'tx'\ntimes = [0, 1, 2, 3]\nrelease = [{ species = 'A', count = 500 }]\n";
+
+    #[test]
+    fn a_forecast_is_about_right() {
+        let decaying = "[[decay]]\nequation = 'A ->'\nrate = 5\n";
+        let watched = "[[receiver]]\nname = 'rx'\ncenter = [1, 0, 0]\nradius = 1\nkind = 'transparent'\n";
+        let frames = "[output]\nevery = 100\nframes-every = 20\nframes = ";
+        for (what, more) in [
+            ("rows", "[output]\nevery = 1\n".to_owned()),
+            ("text", format!("{frames}['xyz']\n")),
+            ("binary", format!("{frames}['npy']\n")),
+            ("decay", format!("{decaying}{watched}{frames}['xyz', 'npy']\n")),
+        ] {
+            let [least, most, written] = foretold_and_written(&format!("{CLOUD}{more}"));
+            let ratio = most as f64 / written as f64;
+            assert!((1.0 / 1.5..1.5).contains(&ratio), "{what}: {most} foretold, {written} written");
+            // What decays may be lost earlier than it is to be expected.
+            assert!(if what == "decay" { least < written } else { least == most }, "{what}: {least}");
+        }
+    }
+
+    #[test]
+    fn what_may_be_lost_is_not_counted_on() {
+        let absorbed = "[[receiver]]\nname = 'rx'\ncenter = [0.5, 0, 0]\nradius = 3\nkind = 'absorbing'\n\
+                        [output]\nevery = 100\nframes-every = 10\nframes = ['xyz']\n";
+        let [least, most, written] = foretold_and_written(&format!("{CLOUD}{absorbed}"));
+        assert!(most > 4 * written && least <= written, "{least} to {most} foretold, {written} written");
+    }
+}

@@ -1,0 +1,25 @@
+//! What transmitters send: a row for each symbol.
+
+use std::io::{self, Write};
+
+use crate::philox::Key;
+use crate::transmitter::Schedule;
+use crate::{Model, Transmitter};
+
+/// Whether anything is sent.
+pub(super) fn any(model: &Model) -> bool {
+    model.transmitters.iter().any(|t| matches!(t.schedule, Schedule::Message(_)))
+}
+
+/// The time, the transmitter and the symbol of each, transmitter by transmitter.
+pub(super) fn write(out: &mut impl Write, model: &Model, seed: u64) -> io::Result<()> {
+    writeln!(out, "time,transmitter,symbol")?;
+    for (place, Transmitter { name, schedule, .. }) in (0..).zip(&model.transmitters) {
+        let Schedule::Message(message) = schedule else { continue };
+        for k in 0..message.symbols.len() {
+            let symbol = message.symbol(k, place, Key::new(seed));
+            writeln!(out, "{},{name},{symbol}", message.time_of(k))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,100 @@
+//! Whether a run was too fast for its time step.
+//!
+//! What comes of a reaction reacts in turn from the next step on, and what has reacted is missing only at its end. Rates
+//! are therefore off by about half of the part of the reactants that reacts in one step.
+
+use crate::{Model, Totals};
+
+/// The part of the reactants that may react in one step.
+const FAST: f64 = 0.02;
+/// The part of all reactions that must have been so fast to be worth a word.
+const MANY: f64 = 0.1;
+
+/// How fast reactions were, so far.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Pace {
+    /// By reaction: how many there were, how many of them were too fast, and the largest part that reacted in one step.
+    seen: Vec<(f64, f64, f64)>,
+    /// Particles released before the last look.
+    released: u64,
+}
+
+impl Pace {
+    /// Looks at what happened in so many steps.
+    pub(crate) fn see(&mut self, model: &Model, [before, after]: [&Totals; 2], steps: u32) {
+        self.seen.resize(model.reactions.len(), (0.0, 0.0, 0.0));
+        let released = before.released.iter().sum();
+        if std::mem::replace(&mut self.released, released) != released && steps == 1 {
+            // What is released into reach of each other reacts at once, however short the step.
+            return;
+        }
+        for (place, reaction) in model.reactions.iter().enumerate() {
+            let count = (after.reacted[place] - before.reacted[place]) as f64;
+            let [a, b] = reaction.reactants.map(|species| before.present[species as usize] as f64);
+            // Of A + A two react at a time.
+            let there = if reaction.reactants[0] == reaction.reactants[1] { a / 2.0 } else { a.min(b) };
+            let part = count / f64::from(steps.max(1)) / there.max(1.0);
+            let (all, fast, worst) = &mut self.seen[place];
+            *all += count;
+            // A few particles tell nothing.
+            if part > FAST && there > 10.0 {
+                *fast += count;
+                *worst = worst.max(part);
+            }
+        }
+    }
+
+    /// What there is to say, with what to change.
+    pub(crate) fn advice(&self, model: &Model) -> Vec<String> {
+        let said = |(reaction, &(all, fast, worst)): (&crate::Reaction, &(f64, f64, f64))| {
+            (fast > MANY * all).then(|| {
+                format!(
+                    "'{}': {:.0} % of it came in steps in which more than {:.0} % of the reactants reacted, {:.0} % at the \
+                     most, so that its rate was off by up to about {:.0} %; a shorter time step would do, of about {:.2e} s",
+                    reaction.name,
+                    100.0 * fast / all,
+                    100.0 * FAST,
+                    100.0 * worst,
+                    50.0 * worst,
+                    model.time_step * FAST / worst
+                )
+            })
+        };
+        model.reactions.iter().zip(&self.seen).filter_map(said).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Reaction, Species};
+
+    #[test]
+    fn reactions_that_are_too_fast_are_named() {
+        let reaction =
+            |name: &str, reactants| Reaction { name: name.into(), reactants, ..Reaction::default() };
+        let model = Model {
+            time_step: 0.1,
+            species: vec![Species::default(); 2],
+            reactions: vec![reaction("A + B -> 0", [0, 1]), reaction("A + A -> 0", [0, 0])],
+            ..Model::default()
+        };
+        let totals = |present: [u64; 2], reacted: [u64; 2]| Totals {
+            present: present.to_vec(),
+            reacted: reacted.to_vec(),
+            ..Totals::default()
+        };
+        let mut pace = Pace::default();
+        // 4 % of B in each of ten steps, and 1 % of A; then little.
+        pace.see(&model, [&totals([1000, 100], [0, 0]), &totals([800, 60], [40, 50])], 10);
+        assert_eq!(pace.advice(&model).len(), 1);
+        let said = &pace.advice(&model)[0];
+        assert!(
+            said.starts_with("'A + B -> 0': 100 % of it") && said.contains("off by up to about 2 %"),
+            "{said}"
+        );
+        assert!(said.contains("of about 5.00e-2 s"), "{said}");
+        pace.see(&model, [&totals([800, 60], [40, 50]), &totals([400, 60], [500, 50])], 1000);
+        assert_eq!(pace.advice(&model), [""; 0]);
+    }
+}

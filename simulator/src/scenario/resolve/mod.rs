@@ -1,0 +1,124 @@
+//! From names in a file to places in a model.
+
+mod reactions;
+mod schedule;
+mod space;
+mod transceivers;
+
+use std::ops::Range;
+
+use toml::Spanned;
+
+use super::file::{self, File, Finite};
+use super::{Output, Problem, advice};
+use crate::model::{Contact, Model, Species};
+
+/// What a file says.
+pub(super) struct Resolved {
+    pub(super) model: Model,
+    pub(super) steps: u32,
+    pub(super) seed: u64,
+    pub(super) output: Output,
+    /// What its author may not have meant.
+    pub(super) advice: Vec<Problem>,
+}
+
+pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
+    let mut advice = Vec::new();
+    let mut model = Model {
+        time_step: file.time_step.0,
+        boundary: space::boundary(file.boundary.as_ref())?,
+        contact: match file.contact.as_ref().map(|contact| *contact.get_ref()) {
+            None | Some(file::Contact::Ignore) => Contact::Ignore,
+            Some(file::Contact::Count) => Contact::Count,
+            Some(file::Contact::Separate) => Contact::Separate,
+            Some(file::Contact::Elastic) => Contact::Elastic,
+        },
+        ..Model::default()
+    };
+    model.flow = space::flow(file.flow.as_ref(), &model.boundary)?;
+    for one in &file.species {
+        let species = species(one, &model)?;
+        model.species.push(species);
+    }
+    if let Some(contact) = &file.contact {
+        if let Some(message) = model.idle_contact() {
+            return Err(Problem::at(contact.span(), message));
+        }
+        advice.extend(advice::missed_contact(&model).map(|message| Problem::at(contact.span(), message)));
+    }
+    let names = Names(&model.species);
+    let (reactions, decays) =
+        reactions::resolve((&file.reactions, &file.decays), &names, model.time_step, &mut advice)?;
+    let mut transmitters =
+        transceivers::transmitters(file.transmitters, &names, &model.boundary, &mut advice)?;
+    transmitters.extend(transceivers::sources(&file.sources, &names, &model.boundary, &mut advice)?);
+    let receivers = transceivers::receivers(file.receivers, &names, &model.boundary, &mut advice)?;
+    model = Model { reactions, decays, transmitters, receivers, ..model };
+    let every = file.output.every.map_or(1, Into::into);
+    let output = Output {
+        every,
+        frames_every: file.output.frames_every.map_or(every, Into::into),
+        xyz: file.output.frames.contains(&file::FrameFormat::Xyz),
+        npy: file.output.frames.contains(&file::FrameFormat::Npy),
+        checkpoint_every: file.output.checkpoint_every.map(Into::into),
+    };
+    Ok(Resolved { model, steps: file.steps, seed: file.seed, output, advice })
+}
+
+fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
+    let (span, name) = (one.name.span(), &one.name.get_ref().0);
+    if model.species.iter().any(|species| species.name == *name) {
+        return Err(Problem::at(span, format!("there are two species '{name}'; rename one")));
+    }
+    let species = Species {
+        name: name.clone(),
+        radius: one.radius.as_ref().map_or(0.0, |radius| radius.get_ref().0 as f32),
+        diffusion: one.diffusion.0,
+        drift: one.drift.map(|Finite(v)| v),
+        mass: one.mass.0.0,
+        thermal_speed: one.thermal_speed.0,
+        speed: one.speed.as_ref().map_or(0.0, |speed| speed.get_ref().0),
+        tumble_rate: one.tumble_rate.0,
+    };
+    if let (Some(speed), true) = (&one.speed, species.speed > 0.0 && species.thermal_speed > 0.0) {
+        let message =
+            "a swimmer has a speed, and a particle of a gas a thermal-speed; take one away".to_owned();
+        return Err(Problem::at(speed.span(), message));
+    }
+    match (model.misfit(&species), &one.radius) {
+        (Some(message), Some(radius)) => Err(Problem::at(radius.span(), message)),
+        (Some(message), None) => Err(Problem::at(span, message)),
+        (None, _) => Ok(species),
+    }
+}
+
+/// Species by name.
+struct Names<'a>(&'a [Species]);
+
+impl Names<'_> {
+    fn find(&self, name: &str, span: Range<usize>) -> Result<u32, Problem> {
+        let place = self.0.iter().position(|species| species.name == name).map(|place| place as u32);
+        place.ok_or_else(|| {
+            let known = self.0.iter().map(|species| species.name.as_str()).collect::<Vec<_>>().join(", ");
+            Problem::at(span, format!("there is no species '{name}'; there are {known}"))
+        })
+    }
+
+    fn get(&self, name: &Spanned<String>) -> Result<u32, Problem> {
+        self.find(name.get_ref(), name.span())
+    }
+
+    /// The species on both sides of `A + B -> C`.
+    fn equation(&self, equation: &Spanned<String>) -> Result<[Vec<u32>; 2], Problem> {
+        let (text, span) = (equation.get_ref(), equation.span());
+        let Some((left, right)) = text.split_once("->") else {
+            return Err(Problem::at(span, format!("'{text}' has no '->'; write it as in 'A + B -> C'")));
+        };
+        let side = |side: &str| -> Result<Vec<u32>, Problem> {
+            let names = side.split('+').map(str::trim).filter(|name| !name.is_empty() && *name != "0");
+            names.map(|name| self.find(name, equation.span())).collect()
+        };
+        Ok([side(left)?, side(right)?])
+    }
+}

@@ -1,0 +1,260 @@
+//! Reactions and decays.
+
+use std::ops::Range;
+
+use toml::Spanned;
+
+use super::Names;
+use crate::chances::undoes;
+use crate::model::{Chance, Decay, Model, Reaction, Unbinding};
+use crate::rate;
+use crate::scenario::file::{self, Positive};
+use crate::scenario::{Problem, advice};
+
+/// The reactions and decays of a file.
+pub(super) fn resolve(
+    (reactions, decays): (&[file::Reaction], &[file::Decay]),
+    names: &Names<'_>,
+    time_step: f64,
+    advice: &mut Vec<Problem>,
+) -> Result<(Vec<Reaction>, Vec<Decay>), Problem> {
+    let drafts = reactions.iter().map(|one| Draft::new(one, names)).collect::<Result<_, _>>()?;
+    let parsed = decays.iter().map(|one| decay(one, names)).collect::<Result<_, _>>()?;
+    let all = Network { drafts, decays: parsed, time_step };
+    let resolved = all.drafts.iter().map(|draft| all.reaction(draft)).collect::<Result<Vec<_>, _>>()?;
+    advice.extend(all.drafts.iter().zip(&resolved).flat_map(|(draft, reaction)| all.advice(draft, reaction)));
+    let apart = all.decays.iter().zip(decays).map(|(decay, from)| unbinding(decay, from, &resolved));
+    let unbindings = apart.collect::<Result<Vec<_>, _>>()?;
+    let pairs = all.decays.into_iter().zip(unbindings);
+    let model = Model {
+        time_step,
+        species: names.0.to_vec(),
+        reactions: resolved,
+        decays: pairs.map(|(decay, unbinding)| Decay { unbinding, ..decay }).collect(),
+        ..Model::default()
+    };
+    for (decay, from) in model.decays.iter().zip(decays) {
+        let said = advice::fast_decay(&model, decay);
+        advice.extend(said.map(|message| Problem::at(from.rate.span(), message)));
+    }
+    Ok((model.reactions, model.decays))
+}
+
+/// All that may happen, as it was read.
+struct Network<'a> {
+    drafts: Vec<Draft<'a>>,
+    /// Two products are as far apart as the file says, or not at all.
+    decays: Vec<Decay>,
+    time_step: f64,
+}
+
+/// A reaction as it was read.
+struct Draft<'a> {
+    file: &'a file::Reaction,
+    /// All but how near and how soon.
+    bare: Reaction,
+    /// The sum of both diffusion coefficients, and of both radii.
+    diffusion: f64,
+    touch: f64,
+}
+
+impl<'a> Draft<'a> {
+    fn new(file: &'a file::Reaction, names: &Names<'_>) -> Result<Self, Problem> {
+        let span = file.equation.span();
+        let [left, right] = names.equation(&file.equation)?;
+        let name = file.equation.get_ref().trim();
+        let &[a, b] = left.as_slice() else {
+            let message =
+                format!("'{name}' must have two reactants; one alone is a [[decay]], none a [[source]]");
+            return Err(Problem::at(span, message));
+        };
+        let Some(products) = places([a, b], &right) else {
+            return Err(Problem::at(
+                span,
+                format!("'{name}' has {} products; two are the most", right.len()),
+            ));
+        };
+        if products == [Some(a), Some(b)] {
+            return Err(Problem::at(span, format!("'{name}' changes nothing; remove it")));
+        }
+        let bare = Reaction {
+            name: name.to_owned(),
+            reactants: [a, b],
+            products,
+            unbinding_radius: file.unbinding_radius.0 as f32,
+            ..Reaction::default()
+        };
+        let sum = |of: fn(&crate::Species) -> f64| [a, b].iter().map(|&s| of(&names.0[s as usize])).sum();
+        Ok(Self { file, bare, diffusion: sum(|s| s.diffusion), touch: sum(|s| s.radius.into()) })
+    }
+
+    fn shares_reactants(&self, other: &Draft<'_>) -> bool {
+        let [a, b] = self.bare.reactants;
+        other.bare.reactants == [a, b] || other.bare.reactants == [b, a]
+    }
+
+    fn refuse<T>(&self, message: String) -> Result<T, Problem> {
+        Err(Problem::at(self.file.equation.span(), message))
+    }
+}
+
+impl Network<'_> {
+    fn channels(&self, draft: &Draft<'_>) -> impl Iterator<Item = &Draft<'_>> {
+        self.drafts.iter().filter(|other| other.shares_reactants(draft))
+    }
+
+    /// The sum of the rate constants of all that may happen to a pair.
+    fn total_rate(&self, draft: &Draft<'_>) -> f64 {
+        self.channels(draft).filter_map(|other| Some(other.file.rate.as_ref()?.get_ref().0)).sum()
+    }
+
+    /// A reaction with how near and how soon.
+    fn reaction(&self, draft: &Draft<'_>) -> Result<Reaction, Problem> {
+        let file::Reaction { rate, rate_inside, binding_radius, probability, .. } = draft.file;
+        let name = &draft.bare.name;
+        if let (Some(_), Some(p)) = (rate.as_ref().or(rate_inside.as_ref()), probability) {
+            return Err(Problem::at(
+                p.span(),
+                "a probability goes with binding-radius, not with a rate".to_owned(),
+            ));
+        }
+        let radius = binding_radius.as_ref().map(|radius| radius.get_ref().0);
+        let (radius, chance) = match (rate, radius, rate_inside) {
+            (Some(rate), None, None) => {
+                let share = rate.get_ref().0 / self.total_rate(draft);
+                (self.radius_for(draft, rate)?, Chance::PerStep(share))
+            }
+            (Some(_), ..) => {
+                return draft.refuse(format!(
+                    "'{name}' has a rate, from which its binding radius follows; give that alone, or rate-inside, in \
+                     1/s within binding-radius"
+                ));
+            }
+            _ if self.total_rate(draft) > 0.0 => {
+                return draft.refuse(format!(
+                    "'{name}' has no rate and another reaction of the same reactants has one; give all of them a rate, \
+                     or none"
+                ));
+            }
+            (None, Some(radius), None) => {
+                (radius, Chance::PerStep(probability.as_ref().map_or(1.0, |p| p.get_ref().0)))
+            }
+            (None, radius, Some(rate)) => {
+                let radius = radius.unwrap_or(draft.touch);
+                if radius == 0.0 {
+                    return draft
+                        .refuse(format!("'{name}' is of points, which never touch; give a binding-radius"));
+                }
+                (radius, Chance::PerTime(rate.get_ref().0))
+            }
+            (None, None, None) => {
+                return draft.refuse(format!("'{name}' needs a rate, or a binding-radius, or rate-inside"));
+            }
+        };
+        Ok(Reaction { binding_radius: radius as f32, chance, ..draft.bare.clone() })
+    }
+
+    /// The binding radius that all reactions of a pair have in common for the sum of their rate constants.
+    fn radius_for(&self, draft: &Draft<'_>, rate: &Spanned<Positive>) -> Result<f64, Problem> {
+        let refused = |error: crate::Error| Problem::at(rate.span(), error.to_string());
+        let (total, dt) = (self.total_rate(draft), self.time_step);
+        let undone = self
+            .channels(draft)
+            .find_map(|other| self.decays.iter().find(|decay| undoes(decay, &other.bare)));
+        let Some(decay) = undone else {
+            return rate::binding_radius(total, draft.diffusion, dt).map_err(refused);
+        };
+        if self.channels(draft).count() > 1 {
+            let message = format!(
+                "'{}' undoes one of several reactions of the same reactants, whose rates cannot be kept then; give all \
+                 of these binding-radius and rate-inside",
+                decay.name
+            );
+            return Err(Problem::at(rate.span(), message));
+        }
+        let (Unbinding::Apart(apart) | Unbinding::Within(apart)) = decay.unbinding;
+        // In a step 1 − exp(−kΔt) come apart and not kΔt, so that as many must come together.
+        let kept = -libm::expm1(-decay.rate * dt) / (decay.rate * dt);
+        rate::reversible_binding_radius(total * kept, apart.into(), draft.diffusion, dt).map_err(refused)
+    }
+
+    /// What an author may not have meant by a reaction.
+    fn advice(&self, draft: &Draft<'_>, reaction: &Reaction) -> Vec<Problem> {
+        let total = self.total_rate(draft);
+        let numbers = (reaction.binding_radius.into(), draft.diffusion, (total > 0.0).then_some(total));
+        let long = advice::long_step(&reaction.name, numbers, self.time_step);
+        let fast = match reaction.chance {
+            Chance::PerTime(rate) => advice::fast_reaction(&reaction.name, rate, self.time_step),
+            Chance::PerStep(_) => None,
+        };
+        let file::Reaction { rate, rate_inside, equation, .. } = draft.file;
+        let span = rate.as_ref().or(rate_inside.as_ref()).map_or(equation.span(), Spanned::span);
+        long.into_iter().chain(fast).map(|message| Problem::at(span.clone(), message)).collect()
+    }
+}
+
+/// Which product takes the place of which reactant: that of its own species, else the first that is free.
+fn places(reactants: [u32; 2], products: &[u32]) -> Option<[Option<u32>; 2]> {
+    let mut placed = [None; 2];
+    let mut others = Vec::new();
+    for &product in products {
+        match (0..2).find(|&k| placed[k].is_none() && reactants[k] == product) {
+            Some(k) => placed[k] = Some(product),
+            None => others.push(product),
+        }
+    }
+    for product in others {
+        let free = (0..2).find(|&k| placed[k].is_none())?;
+        placed[free] = Some(product);
+    }
+    Some(placed)
+}
+
+fn decay(decay: &file::Decay, names: &Names<'_>) -> Result<Decay, Problem> {
+    let text = decay.equation.get_ref();
+    let [left, right] = names.equation(&decay.equation)?;
+    let (&[reactant], [] | [_] | [_, _]) = (left.as_slice(), right.as_slice()) else {
+        let message = format!("'{text}' must have one reactant and at most two products");
+        return Err(Problem::at(decay.equation.span(), message));
+    };
+    let products = [right.first().copied(), right.get(1).copied()];
+    let apart = match &decay.unbinding_radius {
+        None => 0.0,
+        Some(radius) if products[1].is_none() => {
+            return Err(Problem::at(
+                radius.span(),
+                format!("'{text}' has no two products to put apart; remove it"),
+            ));
+        }
+        Some(radius) => radius.get_ref().0 as f32,
+    };
+    Ok(Decay {
+        name: text.trim().to_owned(),
+        reactant,
+        products,
+        unbinding: Unbinding::Apart(apart),
+        rate: decay.rate.get_ref().0,
+    })
+}
+
+/// Where two products appear: where the file says, or anywhere in the ball from which a reaction takes them, or both where
+/// the particle was.
+fn unbinding(decay: &Decay, from: &file::Decay, reactions: &[Reaction]) -> Result<Unbinding, Problem> {
+    if from.unbinding_radius.is_some() {
+        return Ok(decay.unbinding);
+    }
+    let undone = reactions.iter().find(|reaction| undoes(decay, reaction));
+    match undone.map(|reaction| (reaction, reaction.chance)) {
+        None => Ok(decay.unbinding),
+        Some((reaction, Chance::PerTime(_))) => Ok(Unbinding::Within(reaction.binding_radius)),
+        Some((reaction, Chance::PerStep(_))) => {
+            let span: Range<usize> = from.equation.span();
+            let message = format!(
+                "'{}' puts both within the binding radius of '{}', by which they meet again in the next step; give an \
+                 unbinding-radius",
+                decay.name, reaction.name
+            );
+            Err(Problem::at(span, message))
+        }
+    }
+}

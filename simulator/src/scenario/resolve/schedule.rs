@@ -1,0 +1,170 @@
+//! When a transmitter releases what.
+
+use std::ops::Range;
+
+use super::Names;
+use crate::message::{Message, Modulation, Symbols};
+use crate::scenario::Problem;
+use crate::scenario::file::{self, Finite, NotNegative};
+use crate::transmitter::Schedule;
+
+/// The schedule of a transmitter, and what one burst has.
+pub(super) fn schedule(
+    transmitter: &file::Transmitter,
+    names: &Names<'_>,
+) -> Result<(Schedule, Vec<(u32, u32)>), Problem> {
+    let span = transmitter.release.span();
+    let (mut counts, mut rates) = (Vec::new(), Vec::new());
+    for one in transmitter.release.get_ref() {
+        let species = names.get(&one.species)?;
+        match (one.count, one.rate) {
+            (Some(count), None) => counts.push((species, count)),
+            (None, Some(rate)) => rates.push((species, rate.0)),
+            _ => {
+                let message = "each entry needs either a count, for a burst, or a rate in 1/s".to_owned();
+                return Err(Problem::at(one.species.span(), message));
+            }
+        }
+    }
+    let is_message = transmitter.bits.is_some() || transmitter.random_bits.is_some();
+    let schedule = match (rates.is_empty(), is_message) {
+        (true, true) => Schedule::Message(message(transmitter, counts.len())?),
+        (true, false) => {
+            steady_only(transmitter, "release rates")?;
+            message_only(transmitter)?;
+            Schedule::Times(times(transmitter))
+        }
+        (false, false) if counts.is_empty() => {
+            message_only(transmitter)?;
+            if let Some(times) = &transmitter.times {
+                let message =
+                    "a rate releases all the time; write from and until instead of times".to_owned();
+                return Err(Problem::at(times.span(), message));
+            }
+            let [from, until] =
+                [&transmitter.from, &transmitter.until].map(|time| time.as_ref().map(|t| t.get_ref().0));
+            Schedule::Steady { from: from.unwrap_or(0.0), until: until.unwrap_or(f64::INFINITY), rates }
+        }
+        _ => {
+            let message =
+                "a rate releases all the time, and a count at times or for bits; make two transmitters";
+            return Err(Problem::at(span, message.to_owned()));
+        }
+    };
+    Ok((schedule, counts))
+}
+
+fn times(transmitter: &file::Transmitter) -> Vec<f64> {
+    let given = transmitter.times.as_ref().map(|times| times.get_ref().iter().map(|time| time.0).collect());
+    let mut times: Vec<f64> = given.unwrap_or_else(|| vec![0.0]);
+    times.sort_unstable_by(f64::total_cmp);
+    times
+}
+
+/// Refuses what goes with a rate alone.
+fn steady_only(transmitter: &file::Transmitter, with: &str) -> Result<(), Problem> {
+    let given = [("from", &transmitter.from), ("until", &transmitter.until)];
+    match given.into_iter().find_map(|(key, value)| Some((key, value.as_ref()?.span()))) {
+        None => Ok(()),
+        Some((key, span)) => Err(Problem::at(span, format!("{key} goes with {with}; remove it"))),
+    }
+}
+
+/// Refuses what goes with bits alone.
+fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
+    let given = [
+        ("symbol-time", transmitter.symbol_time.as_ref().map(toml::Spanned::span)),
+        ("start", transmitter.start.as_ref().map(toml::Spanned::span)),
+        ("modulation", transmitter.modulation.as_ref().map(toml::Spanned::span)),
+        ("levels", transmitter.levels.as_ref().map(toml::Spanned::span)),
+    ];
+    match given.into_iter().find_map(|(key, span)| Some((key, span?))) {
+        None => Ok(()),
+        Some((key, span)) => Err(Problem::at(
+            span,
+            format!("{key} goes with bits or random-bits; give one of them, or remove it"),
+        )),
+    }
+}
+
+fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, Problem> {
+    steady_only(transmitter, "release rates")?;
+    if let Some(times) = &transmitter.times {
+        let message = "bits say when to release; write start and symbol-time instead of times".to_owned();
+        return Err(Problem::at(times.span(), message));
+    }
+    let bits_span = transmitter.bits.as_ref().map(toml::Spanned::span);
+    let span: Range<usize> =
+        bits_span.or_else(|| transmitter.random_bits.as_ref().map(toml::Spanned::span)).unwrap_or_default();
+    let Some(symbol_time) = &transmitter.symbol_time else {
+        return Err(Problem::at(span, "bits need a symbol-time".to_owned()));
+    };
+    let modulation = modulation(transmitter)?;
+    let alphabet = modulation.alphabet(entries);
+    if !alphabet.is_power_of_two() || alphabet < 2 {
+        let message = format!(
+            "there are {alphabet} symbols ({}), and bits make 2, 4, 8 and so on",
+            if modulation == Modulation::Molecule {
+                "an entry of release each"
+            } else {
+                "one of levels each"
+            }
+        );
+        return Err(Problem::at(span, message));
+    }
+    let width = alphabet.ilog2();
+    let whole = |bits: u32| match bits % width {
+        0 => Ok(bits / width),
+        _ => Err(Problem::at(span.clone(), format!("{bits} bits are no whole number of symbols of {width}"))),
+    };
+    let symbols = match (&transmitter.bits, &transmitter.random_bits) {
+        (Some(bits), None) => {
+            let text = bits.get_ref();
+            let bit = |c: char| c.to_digit(2);
+            let Some(bits) =
+                text.chars().filter(|c| !" _".contains(*c)).map(bit).collect::<Option<Vec<u32>>>()
+            else {
+                return Err(Problem::at(
+                    span,
+                    format!("'{text}' is not of 0 and 1, with spaces or '_' between"),
+                ));
+            };
+            whole(bits.len() as u32)?;
+            Symbols::Given(
+                bits.chunks(width as usize)
+                    .map(|bits| bits.iter().fold(0, |all, bit| 2 * all + bit))
+                    .collect(),
+            )
+        }
+        (None, Some(count)) => {
+            Symbols::Random { count: whole(count.get_ref().get())?, alphabet: alphabet as u32 }
+        }
+        _ => return Err(Problem::at(span, "give either bits or random-bits".to_owned())),
+    };
+    let start = transmitter.start.as_ref().map_or(0.0, |start| start.get_ref().0);
+    Ok(Message { start, symbol_time: symbol_time.get_ref().0, symbols, modulation })
+}
+
+fn modulation(transmitter: &file::Transmitter) -> Result<Modulation, Problem> {
+    let kind = transmitter.modulation.as_ref().map(|modulation| *modulation.get_ref()).unwrap_or_default();
+    match (kind, &transmitter.levels) {
+        (file::Modulation::Csk, Some(levels)) => {
+            Ok(Modulation::Concentration(levels.get_ref().iter().map(|&NotNegative(level)| level).collect()))
+        }
+        (file::Modulation::Csk, None) => {
+            let span = transmitter.modulation.as_ref().map(toml::Spanned::span).unwrap_or_default();
+            let message = "csk needs levels: for each symbol the part of release, as in [0, 0.5, 0.75, 1]";
+            Err(Problem::at(span, message.to_owned()))
+        }
+        (_, Some(levels)) => {
+            Err(Problem::at(levels.span(), "levels go with modulation = \"csk\"".to_owned()))
+        }
+        (file::Modulation::Ook, None) => Ok(Modulation::OnOff),
+        (file::Modulation::Mosk, None) => Ok(Modulation::Molecule),
+    }
+}
+
+/// A place as the model has it.
+pub(super) fn place(center: [Finite; 3]) -> [f32; 3] {
+    center.map(|Finite(x)| x as f32)
+}

@@ -1,0 +1,121 @@
+//! What bounds space, and what flows in it.
+
+use toml::Spanned;
+
+use super::schedule::place;
+use crate::boundary::{Axis, Boundary};
+use crate::model::Flow;
+use crate::scenario::Problem;
+use crate::scenario::file::{self, AxisName, BoundaryKind, Finite};
+use crate::vessel::Vessel;
+
+pub(super) fn boundary(boundary: Option<&file::Boundary>) -> Result<Boundary, Problem> {
+    let Some(boundary) = boundary else { return Ok(Boundary::default()) };
+    match *boundary.kind.get_ref() {
+        BoundaryKind::Cylinder => cylinder(boundary),
+        kind => walls(boundary, kind),
+    }
+}
+
+fn walls(boundary: &file::Boundary, kind: BoundaryKind) -> Result<Boundary, Problem> {
+    let others = [
+        ("axis", boundary.axis.as_ref().map(Spanned::span)),
+        ("center", boundary.center.as_ref().map(Spanned::span)),
+        ("radius", boundary.radius.as_ref().map(Spanned::span)),
+        ("ends", boundary.ends.as_ref().map(Spanned::span)),
+        ("at-ends", boundary.at_ends.as_ref().map(Spanned::span)),
+    ];
+    if let Some((key, span)) = others.into_iter().find_map(|(key, span)| Some((key, span?))) {
+        return Err(Problem::at(
+            span,
+            format!("{key} goes with kind = \"cylinder\"; a box has low and high"),
+        ));
+    }
+    let (Some(low), Some(high)) = (&boundary.low, &boundary.high) else {
+        return Err(Problem::at(boundary.kind.span(), "a box needs low and high, its corners".to_owned()));
+    };
+    let [from, to] = [low, high].map(|corner| place(*corner.get_ref()));
+    if (0..3).any(|k| from[k] >= to[k]) {
+        let message = format!("{to:?} is not above low = {from:?} along every axis");
+        return Err(Problem::at(high.span(), message));
+    }
+    Ok(match kind {
+        BoundaryKind::Periodic => Boundary::periodic(from, to),
+        _ => Boundary::reflecting(from, to),
+    })
+}
+
+fn cylinder(boundary: &file::Boundary) -> Result<Boundary, Problem> {
+    let corners = [("low", &boundary.low), ("high", &boundary.high)];
+    if let Some((key, corner)) = corners.into_iter().find_map(|(key, corner)| Some((key, corner.as_ref()?))) {
+        let message = format!("{key} goes with a box; a cylinder has a radius, a center, an axis and ends");
+        return Err(Problem::at(corner.span(), message));
+    }
+    let Some(radius) = &boundary.radius else {
+        return Err(Problem::at(boundary.kind.span(), "a cylinder needs a radius".to_owned()));
+    };
+    let along = number(boundary.axis.as_ref().map(|axis| *axis.get_ref()).unwrap_or_default());
+    let center = boundary.center.as_ref().map_or([0.0; 3], |center| place(*center.get_ref()));
+    let mut axes = [Axis::Open; 3];
+    match (&boundary.ends, &boundary.at_ends) {
+        (None, None) => {}
+        (Some(ends), kind) => {
+            let [low, high] = ends.get_ref().map(|Finite(x)| x as f32);
+            if low >= high {
+                return Err(Problem::at(ends.span(), format!("{high} is not above {low}")));
+            }
+            axes[along] = match kind.as_ref().map(|kind| *kind.get_ref()) {
+                None | Some(file::Ends::Reflecting) => Axis::Reflecting { low, high },
+                Some(file::Ends::Periodic) => Axis::Periodic { low, high },
+            };
+        }
+        (None, Some(kind)) => {
+            return Err(Problem::at(
+                kind.span(),
+                "at-ends needs ends, where they are along the axis".to_owned(),
+            ));
+        }
+    }
+    let vessel = Vessel { along, center, radius: radius.get_ref().0 as f32 };
+    Ok(Boundary { axes, vessel: Some(vessel) })
+}
+
+pub(super) fn number(axis: AxisName) -> usize {
+    match axis {
+        AxisName::X => 0,
+        AxisName::Y => 1,
+        AxisName::Z => 2,
+    }
+}
+
+pub(super) fn flow(flow: Option<&file::Flow>, boundary: &Boundary) -> Result<Option<Flow>, Problem> {
+    let Some(flow) = flow else { return Ok(None) };
+    let span = flow.profile.span();
+    let along = |speed: f64| match &boundary.vessel {
+        Some(vessel) => Ok(std::array::from_fn(|k| if k == vessel.along { speed } else { 0.0 })),
+        None => {
+            let message = "a speed is along a cylinder, and there is none; give a velocity".to_owned();
+            Err(Problem::at(span.clone(), message))
+        }
+    };
+    Ok(Some(match (*flow.profile.get_ref(), &flow.velocity, &flow.speed) {
+        (file::Profile::Plug, Some(velocity), None) => Flow::Plug(velocity.get_ref().map(|Finite(v)| v)),
+        (file::Profile::Plug, None, Some(speed)) => Flow::Plug(along(speed.get_ref().0)?),
+        (file::Profile::Poiseuille, None, Some(speed)) => {
+            along(0.0)?;
+            Flow::Poiseuille { mean: speed.get_ref().0 }
+        }
+        (file::Profile::Plug, ..) => {
+            return Err(Problem::at(
+                span,
+                "a plug needs either a velocity, or a speed along the cylinder".to_owned(),
+            ));
+        }
+        (file::Profile::Poiseuille, ..) => {
+            return Err(Problem::at(
+                span,
+                "Poiseuille flow needs a speed, its mean along the cylinder".to_owned(),
+            ));
+        }
+    }))
+}

@@ -1,0 +1,203 @@
+//! Transmitters and receivers.
+
+use super::Names;
+use super::schedule::{place, schedule};
+use super::space::number;
+use crate::boundary::{Axis, Boundary};
+use crate::receiver::{Kind, Receiver};
+use crate::scenario::file;
+use crate::scenario::{Problem, advice};
+use crate::transmitter::{Numbers, Schedule, Shape, Transmitter};
+
+pub(super) fn transmitters(
+    many: Vec<file::Transmitter>,
+    names: &Names<'_>,
+    boundary: &Boundary,
+    advice: &mut Vec<Problem>,
+) -> Result<Vec<Transmitter>, Problem> {
+    many.into_iter().map(|one| transmitter(one, names, boundary, advice)).collect()
+}
+
+fn transmitter(
+    transmitter: file::Transmitter,
+    names: &Names<'_>,
+    boundary: &Boundary,
+    advice: &mut Vec<Problem>,
+) -> Result<Transmitter, Problem> {
+    let (center, span) = match &transmitter.center {
+        None => ([0.0; 3], transmitter.name.span()),
+        Some(center) => (place(*center.get_ref()), center.span()),
+    };
+    check_place(boundary, span, (center, 0.0), advice)?;
+    let (schedule, release) = schedule(&transmitter, names)?;
+    Ok(Transmitter {
+        name: transmitter.name.into_inner().0,
+        center,
+        shape: shape(transmitter.shape),
+        schedule,
+        release,
+        numbers: match transmitter.numbers {
+            file::Numbers::Fixed => Numbers::Fixed,
+            file::Numbers::Poisson => Numbers::Poisson,
+        },
+    })
+}
+
+fn shape(shape: file::Shape) -> Shape {
+    match shape {
+        file::Shape::Point => Shape::Point,
+        file::Shape::Gaussian { width } => Shape::Gaussian(width.0 as f32),
+        file::Shape::Ball { inner_radius, radius } => Shape::Shell(inner_radius.0 as f32, radius.0 as f32),
+        file::Shape::Box { size } => Shape::Box(size.map(|edge| edge.0 as f32)),
+        file::Shape::Cylinder { axis, radius, length } => {
+            Shape::Cylinder(number(axis), radius.0 as f32, length.0 as f32)
+        }
+        file::Shape::Lattice { size, places } => {
+            Shape::Lattice(size.map(|edge| edge.0 as f32), places.map(Into::into))
+        }
+    }
+}
+
+/// Particles that appear everywhere or in a region, as transmitters that release all the time.
+pub(super) fn sources(
+    many: &[file::Source],
+    names: &Names<'_>,
+    boundary: &Boundary,
+    advice: &mut Vec<Problem>,
+) -> Result<Vec<Transmitter>, Problem> {
+    many.iter().map(|one| source(one, names, boundary, advice)).collect()
+}
+
+fn source(
+    source: &file::Source,
+    names: &Names<'_>,
+    boundary: &Boundary,
+    advice: &mut Vec<Problem>,
+) -> Result<Transmitter, Problem> {
+    let (text, span) = (source.equation.get_ref(), source.equation.span());
+    let [left, right] = names.equation(&source.equation)?;
+    let ([], &[species]) = (left.as_slice(), right.as_slice()) else {
+        return Err(Problem::at(
+            span,
+            format!("'{text}' must have no reactant and one product, as in '-> A'"),
+        ));
+    };
+    let given = source.center.as_ref().map(|center| (place(*center.get_ref()), center.span()));
+    let (center, shape, volume) = match &source.shape {
+        None => {
+            if let Some((_, span)) = given {
+                let message = "a center needs a shape; without both, particles appear everywhere".to_owned();
+                return Err(Problem::at(span, message));
+            }
+            let Some((center, shape, volume)) = everywhere(boundary, names.0[species as usize].radius) else {
+                let message = format!("'{text}' needs a [boundary], or a shape in which particles appear");
+                return Err(Problem::at(span, message));
+            };
+            (center, shape, volume)
+        }
+        Some(spanned) => {
+            let shape = shape(*spanned.get_ref());
+            let volume = match shape {
+                Shape::Shell(inner, outer) => {
+                    4.0 / 3.0 * std::f64::consts::PI * (f64::from(outer).powi(3) - f64::from(inner).powi(3))
+                }
+                Shape::Box(edges) => edges.map(f64::from).into_iter().product(),
+                _ => {
+                    let message =
+                        "particles appear in a ball or in a box; these shapes have a volume".to_owned();
+                    return Err(Problem::at(spanned.span(), message));
+                }
+            };
+            let (center, span) = given.unwrap_or(([0.0; 3], spanned.span()));
+            check_place(boundary, span, (center, 0.0), advice)?;
+            (center, shape, volume)
+        }
+    };
+    let rates = vec![(species, source.rate.0 * volume)];
+    Ok(Transmitter {
+        name: text.trim().to_owned(),
+        center,
+        shape,
+        schedule: Schedule::Steady { from: 0.0, until: f64::INFINITY, rates },
+        release: Vec::new(),
+        numbers: Numbers::Poisson,
+    })
+}
+
+/// Where the centres of such spheres may be, as a shape around a middle, and the volume between the walls.
+fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)> {
+    let side = |axis: Axis| match axis {
+        Axis::Open => None,
+        Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some([low, high]),
+    };
+    let inset = boundary.inset(radius);
+    if let Some(vessel) = inset.vessel {
+        let [[low, high], [from, to]] = [side(inset.axes[vessel.along])?, side(boundary.axes[vessel.along])?];
+        let mut center = vessel.center;
+        center[vessel.along] = 0.5 * (low + high);
+        let volume = disk(vessel.radius + radius) * f64::from(to - from);
+        return Some((center, Shape::Cylinder(vessel.along, vessel.radius, high - low), volume));
+    }
+    let sides = |boundary: &Boundary| {
+        let [x, y, z] = boundary.axes.map(side);
+        Some([x?, y?, z?])
+    };
+    let inside = sides(&inset)?;
+    let volume = sides(boundary)?.map(|[low, high]| f64::from(high - low)).into_iter().product();
+    let edges = inside.map(|[low, high]| high - low);
+    Some((inside.map(|[low, high]| 0.5 * (low + high)), Shape::Box(edges), volume))
+}
+
+fn disk(radius: f32) -> f64 {
+    std::f64::consts::PI * f64::from(radius).powi(2)
+}
+
+pub(super) fn receivers(
+    many: Vec<file::Receiver>,
+    names: &Names<'_>,
+    boundary: &Boundary,
+    advice: &mut Vec<Problem>,
+) -> Result<Vec<Receiver>, Problem> {
+    many.into_iter().map(|one| receiver(one, names, boundary, advice)).collect()
+}
+
+fn receiver(
+    receiver: file::Receiver,
+    names: &Names<'_>,
+    boundary: &Boundary,
+    advice: &mut Vec<Problem>,
+) -> Result<Receiver, Problem> {
+    let mut sees = vec![receiver.species.is_none(); names.0.len()];
+    for name in receiver.species.iter().flatten() {
+        sees[names.get(name)? as usize] = true;
+    }
+    let center = place(*receiver.center.get_ref());
+    let radius = receiver.radius.0 as f32;
+    check_place(boundary, receiver.center.span(), (center, radius), advice)?;
+    Ok(Receiver {
+        name: receiver.name.0,
+        center,
+        radius,
+        kind: match receiver.kind {
+            file::ReceiverKind::Absorbing => Kind::Absorbing,
+            file::ReceiverKind::Endpoint => Kind::Endpoint,
+            file::ReceiverKind::Transparent => Kind::Transparent,
+        },
+        sees,
+    })
+}
+
+/// Refuses a sphere behind walls, and advises about one outside a periodic box.
+fn check_place(
+    boundary: &Boundary,
+    span: std::ops::Range<usize>,
+    (center, radius): ([f32; 3], f32),
+    advice: &mut Vec<Problem>,
+) -> Result<(), Problem> {
+    if advice::is_walled_off(boundary, center, radius) {
+        let walls = advice::walls(boundary);
+        return Err(Problem::at(span, format!("{center:?} is outside {walls}; move it inside")));
+    }
+    advice.extend(advice::image(boundary, center).map(|message| Problem::at(span, message)));
+    Ok(())
+}

@@ -1,0 +1,238 @@
+//! Networks of reactions, messages and vessels.
+
+use super::*;
+use crate::message::{Message, Modulation, Symbols};
+use crate::{Numbers, Unbinding};
+
+/// Species A to D, and what else there is.
+fn network(more: &str) -> Result<Scenario, Error> {
+    let species = |name: &str| format!("[[species]]\nname = \"{name}\"\nradius = 0.05\ndiffusion = 1\n");
+    let head = "time-step = 1e-5\nsteps = 10\n".to_owned();
+    parse(&(head + &["A", "B", "C", "D"].map(species).concat() + more))
+}
+
+fn reaction(equation: &str, more: &str) -> String {
+    format!("[[reaction]]\nequation = \"{equation}\"\n{more}\n")
+}
+
+fn decay(equation: &str, more: &str) -> String {
+    format!("[[decay]]\nequation = \"{equation}\"\n{more}\n")
+}
+
+#[test]
+fn channels_of_a_pair_share_its_rate() {
+    let text = reaction("A + B -> C", "rate = 0.3") + &reaction("B + A -> D", "rate = 0.1");
+    let model = network(&text).unwrap().model;
+    let radius = crate::rate::binding_radius(0.4, 2.0, 1e-5).unwrap() as f32;
+    for (reaction, share) in model.reactions.iter().zip([0.75, 0.25]) {
+        let Chance::PerStep(p) = reaction.chance else { panic!("{reaction:?}") };
+        assert!(reaction.binding_radius == radius && (p - share).abs() < 1e-12, "{reaction:?}");
+    }
+}
+
+#[test]
+fn what_comes_apart_may_come_together_again() {
+    let apart = |more: &str| decay("C -> B + A", &format!("rate = 50\n{more}"));
+    let model =
+        network(&(reaction("A + B -> C", "rate = 0.5") + &apart("unbinding-radius = 0.1"))).unwrap().model;
+    assert_eq!(
+        (model.decays[0].products, model.decays[0].unbinding),
+        ([Some(1), Some(0)], Unbinding::Apart(0.1))
+    );
+    let is = crate::rate::reversible_rate_constant(
+        model.reactions[0].binding_radius.into(),
+        0.1_f32.into(),
+        2.0,
+        1e-5,
+    );
+    let kept = (1.0 - (-50e-5_f64).exp()) / 50e-5;
+    assert!((is / (0.5 * kept) - 1.0).abs() < 1e-4, "{is}");
+    // Where they meet anywhere in a ball, they come apart in it; touching where nothing else is said.
+    let model = network(&(reaction("A + B -> C", "rate-inside = 100") + &apart(""))).unwrap().model;
+    assert_eq!((model.reactions[0].binding_radius, model.reactions[0].chance), (0.1, Chance::PerTime(100.0)));
+    assert_eq!(model.decays[0].unbinding, Unbinding::Within(0.1));
+    // Nothing takes these together.
+    let model = network(&(reaction("A + B -> D", "rate = 0.5") + &apart(""))).unwrap().model;
+    assert_eq!(model.decays[0].unbinding, Unbinding::Apart(0.0));
+}
+
+#[test]
+fn sources_are_everywhere_or_in_a_region() {
+    let source = |more: &str| format!("[[source]]\nequation = \"-> A\"\nrate = 3\n{more}\n");
+    let walls = "[boundary]\nkind = \"reflecting\"\nlow = [0, 0, 0]\nhigh = [1, 2, 4]\n";
+    let ball = "center = [0.5, 1, 1]\nshape = { kind = \"ball\", radius = 0.5 }";
+    let model = network(&(source("") + &source(ball) + walls)).unwrap().model;
+    let [everywhere, region] = &model.transmitters[..] else { panic!("{:?}", model.transmitters) };
+    let Shape::Box(edges) = everywhere.shape else { panic!("{everywhere:?}") };
+    assert!(edges.into_iter().zip([0.9, 1.9, 3.9]).all(|(edge, is)| (edge - is).abs() < 1e-6), "{edges:?}");
+    assert_eq!(everywhere.center, [0.5, 1.0, 2.0]);
+    let rate = |t: &crate::Transmitter| match &t.schedule {
+        Schedule::Steady { from: 0.0, until: f64::INFINITY, rates } => rates[0],
+        other => panic!("{other:?}"),
+    };
+    assert_eq!((rate(everywhere), everywhere.numbers), ((0, 24.0), Numbers::Poisson));
+    assert!((rate(region).1 - 3.0 * std::f64::consts::PI / 6.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_vessel_has_a_flow() {
+    let text = "[boundary]\nkind = \"cylinder\"\naxis = \"z\"\ncenter = [1, 2, 0]\nradius = 3\nends = [-5, 5]\n\
+                at-ends = \"periodic\"\n[flow]\nprofile = \"poiseuille\"\nspeed = -4\n\
+                [[source]]\nequation = \"-> A\"\nrate = 2\n";
+    let model = network(text).unwrap().model;
+    let vessel = crate::Vessel { along: 2, center: [1.0, 2.0, 0.0], radius: 3.0 };
+    let axes = [crate::Axis::Open, crate::Axis::Open, crate::Axis::Periodic { low: -5.0, high: 5.0 }];
+    assert_eq!(model.boundary, Boundary { axes, vessel: Some(vessel) });
+    assert_eq!(model.flow, Some(crate::Flow::Poiseuille { mean: -4.0 }));
+    assert_eq!(
+        (model.flow_at([1.0, 2.0, 9.0]), model.flow_at([4.0, 2.0, 0.0])),
+        ([0.0, 0.0, -8.0], [0.0; 3])
+    );
+    assert_eq!(model.transmitters[0].shape, Shape::Cylinder(2, 2.95, 10.0));
+    let Schedule::Steady { rates, .. } = &model.transmitters[0].schedule else { panic!() };
+    assert!((rates[0].1 / (2.0 * 9.0 * 10.0 * std::f64::consts::PI) - 1.0).abs() < 1e-6);
+    let plug = network("[flow]\nprofile = \"plug\"\nvelocity = [1, 2, 3]\n").unwrap().model;
+    assert_eq!(plug.flow, Some(crate::Flow::Plug([1.0, 2.0, 3.0])));
+}
+
+fn transmitter(more: &str) -> String {
+    format!("[[transmitter]]\nname = \"tx\"\n{more}\n")
+}
+
+#[test]
+fn messages_become_symbols() {
+    let sent = |more: &str| match network(&transmitter(more)).unwrap().model.transmitters.remove(0).schedule {
+        Schedule::Message(message) => message,
+        other => panic!("{other:?}"),
+    };
+    let one = "release = [{ species = \"A\", count = 9 }]\nsymbol-time = 0.5\n";
+    let two =
+        "release = [{ species = \"A\", count = 9 }, { species = \"B\", count = 9 }]\nsymbol-time = 0.5\n";
+    let symbols = Symbols::Given(vec![1, 0, 1, 1]);
+    let expected = Message { start: 0.0, symbol_time: 0.5, symbols, modulation: Modulation::OnOff };
+    assert_eq!(sent(&format!("{one}bits = \"10 11\"")), expected);
+    let csk =
+        sent(&format!("{one}bits = \"0110\"\nmodulation = \"csk\"\nlevels = [0, 0.5, 0.8, 1]\nstart = 2"));
+    let modulation = Modulation::Concentration(vec![0.0, 0.5, 0.8, 1.0]);
+    assert_eq!(
+        csk,
+        Message { start: 2.0, symbols: Symbols::Given(vec![1, 2]), modulation, ..expected.clone() }
+    );
+    let mosk = sent(&format!("{two}random-bits = 7\nmodulation = \"mosk\""));
+    assert_eq!(
+        (mosk.symbols, mosk.modulation),
+        (Symbols::Random { count: 7, alphabet: 2 }, Modulation::Molecule)
+    );
+}
+
+#[test]
+fn a_rate_releases_all_the_time() {
+    let text = transmitter(
+        "release = [{ species = \"B\", rate = 0.5 }]\nfrom = 1\nuntil = 2\nnumbers = \"poisson\"",
+    );
+    let transmitter = network(&text).unwrap().model.transmitters.remove(0);
+    assert_eq!(transmitter.schedule, Schedule::Steady { from: 1.0, until: 2.0, rates: vec![(1, 0.5)] });
+    assert_eq!((transmitter.numbers, transmitter.release), (Numbers::Poisson, vec![]));
+}
+
+#[test]
+fn what_does_not_go_together_is_refused() {
+    let a = "release = [{ species = \"A\", count = 9 }]\n";
+    let r = "release = [{ species = \"A\", rate = 9 }]\n";
+    let ab = reaction("A + B -> C", "rate = 0.5");
+    for (text, key, message) in [
+        (ab.clone() + &reaction("A + B -> D", "binding-radius = 0.1"), "equation", "give all of them a rate"),
+        (
+            reaction("A + B -> C", "rate = 1\nbinding-radius = 0.1"),
+            "equation",
+            "give that alone, or rate-inside",
+        ),
+        (
+            reaction("A + B -> C", "rate-inside = 1\nprobability = 0.1"),
+            "probability",
+            "goes with binding-radius",
+        ),
+        (reaction("A + B -> C", ""), "equation", "needs a rate, or a binding-radius, or rate-inside"),
+        (reaction("A -> C", "rate = 1"), "equation", "one alone is a [[decay]], none a [[source]]"),
+        (ab.clone() + &decay("C -> A + B", "rate = 1"), "equation", "give an unbinding-radius"),
+        (
+            ab.clone() + &reaction("A + B -> D", "rate = 1") + &decay("C -> A + B", "rate = 1"),
+            "rate",
+            "whose rates cannot be kept",
+        ),
+        (decay("C -> A", "rate = 1\nunbinding-radius = 1"), "unbinding-radius", "no two products"),
+        (decay("C -> A + B + D", "rate = 1"), "equation", "at most two products"),
+        ("[[source]]\nequation = \"-> A\"\nrate = 1\n".into(), "equation", "needs a [boundary], or a shape"),
+        ("[[source]]\nequation = \"B -> A\"\nrate = 1\n".into(), "equation", "as in '-> A'"),
+        (transmitter(&format!("{a}bits = \"01\"")), "bits", "need a symbol-time"),
+        (transmitter(&format!("{a}bits = \"012\"\nsymbol-time = 1")), "bits", "'012' is not of 0 and 1"),
+        (
+            transmitter(&format!("{a}bits = \"01\"\nsymbol-time = 1\ntimes = [0]")),
+            "times",
+            "instead of times",
+        ),
+        (transmitter(&format!("{a}symbol-time = 1")), "symbol-time", "goes with bits"),
+        (transmitter(&format!("{a}from = 1")), "from", "goes with release rates"),
+        (transmitter(&format!("{r}times = [1]")), "times", "write from and until"),
+        (
+            transmitter(&format!("{a}bits = \"01\"\nsymbol-time = 1\nmodulation = \"mosk\"")),
+            "bits",
+            "there are 1 symbols",
+        ),
+        (
+            transmitter(&format!("{a}bits = \"01\"\nsymbol-time = 1\nmodulation = \"csk\"")),
+            "modulation",
+            "csk needs levels",
+        ),
+        (
+            transmitter(&format!(
+                "{a}bits = \"011\"\nsymbol-time = 1\nmodulation = \"csk\"\nlevels = [0, 1, 2, 3]"
+            )),
+            "bits",
+            "3 bits are no whole number of symbols of 2",
+        ),
+        ("[boundary]\nkind = \"cylinder\"\n".into(), "kind", "a cylinder needs a radius"),
+        ("[boundary]\nkind = \"periodic\"\nlow = [0, 0, 0]\n".into(), "kind", "needs low and high"),
+        ("[boundary]\nkind = \"reflecting\"\nradius = 1\n".into(), "radius", "goes with kind = \"cylinder\""),
+        (
+            "[boundary]\nkind = \"cylinder\"\nradius = 1\nat-ends = \"periodic\"\n".into(),
+            "at-ends",
+            "needs ends",
+        ),
+        ("[boundary]\nkind = \"cylinder\"\nradius = 1\nends = [2, 1]\n".into(), "ends", "1 is not above 2"),
+        (
+            "[boundary]\nkind = \"cylinder\"\nradius = 0.05\n".into(),
+            "radius",
+            "0.1 between walls across the cylinder",
+        ),
+        (
+            "[flow]\nprofile = \"poiseuille\"\nspeed = 1\n".into(),
+            "profile",
+            "along a cylinder, and there is none",
+        ),
+        ("[flow]\nprofile = \"plug\"\n".into(), "profile", "either a velocity, or a speed"),
+        (
+            "[boundary]\nkind = \"cylinder\"\nradius = 1\n".to_owned()
+                + &transmitter(&format!("{a}center = [9, 2, 0]")),
+            "center",
+            "outside the cylinder of radius 1 along x",
+        ),
+        (transmitter("release = [{ species = \"A\" }]"), "release", "either a count, for a burst, or a rate"),
+    ] {
+        let error = network(&text).expect_err(&text).to_string();
+        assert!(error.contains(&format!("`{key}`: ")) && error.contains(message), "{text}: {error}");
+    }
+}
+
+#[test]
+fn long_steps_are_said_with_what_is_short_enough() {
+    let advice = |text: &str| network(text).unwrap().advice;
+    let said = advice(&(reaction("A + B -> C", "rate = 0.5") + &decay("C ->", "rate = 3000")));
+    assert!(said.len() == 1 && said[0].contains("'C ->': 3.0 % of C decay"), "{said:?}");
+    assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
+    // Decays alone are right for any step.
+    assert_eq!(advice(&(decay("B -> C", "rate = 3000") + &decay("C ->", "rate = 3000"))), [""; 0]);
+    let said = advice(&reaction("A + B -> C", "rate-inside = 30000"));
+    assert!(said.len() == 1 && said[0].contains("react in 3.333e-5 s on average"), "{said:?}");
+    assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
+}

@@ -1,0 +1,82 @@
+//! Swimmers that run and tumble, and what they pass on.
+
+use std::f64::consts::PI;
+use std::path::Path;
+
+use lazygrid_sim::scenario::Scenario;
+use lazygrid_sim::{Model, Shape, Species};
+use rayon::prelude::*;
+
+use crate::Row;
+use crate::setup::{begin, burst, mean, species, steps};
+
+/// The mean square way 2v²τ²(t/τ − 1 + exp(−t/τ)), and in the end D = v²τ/3.
+pub(crate) fn run_and_tumble() -> Vec<Row> {
+    let (n, speed, rate) = (40_000_u32, 20.0, 2.0);
+    let swimmer = Species { speed, tumble_rate: rate, ..species("A", 0.0, 0.0) };
+    let model = Model {
+        time_step: 0.02,
+        species: vec![swimmer],
+        transmitters: vec![burst(Shape::Point, &[(0, n)])],
+        ..Model::default()
+    };
+    let mut simulation = begin(&model, 2);
+    let mut squares_after = |until: u32| {
+        let done = simulation.state().step;
+        steps(&mut simulation, until - done);
+        let particles = &simulation.state().particles;
+        let square = |at| particles.position_of(at).map(|x| f64::from(x).powi(2)).into_iter().sum();
+        (0..particles.len()).map(square).collect::<Vec<f64>>()
+    };
+    let exact = |t: f64| 2.0 * (speed / rate).powi(2) * (rate * t - 1.0 + (-rate * t).exp());
+    let mut rows = Vec::new();
+    for steps in [10, 100, 1000] {
+        let time = f64::from(steps) * 0.02;
+        let (measured, error) = mean(&squares_after(steps));
+        rows.push(Row::new(format!("mean square way after {time} s"), exact(time), measured, 4.0 * error));
+        if steps == 1000 {
+            // Of 6Dt the first lifetime is missing.
+            let (d, by) = (speed * speed / rate / 3.0, 6.0 * (time - 1.0 / rate));
+            rows.push(Row::new("D = v²τ/3", d, measured / by, 4.0 * error / by));
+        }
+    }
+    rows
+}
+
+/// Donors pass on at a rate γ to recipients in contact, which are so thinly spread that meetings do not matter to each
+/// other: recipients decrease as exp(−γ·n·(4/3)πρ³·t), n being donors per volume.
+pub(crate) fn conjugation() -> Vec<Row> {
+    let (donors, recipients, edge, contact, rate) = (800, 1000, 20.0_f64, 1.0_f64, 0.1);
+    let swimmer = |name: &str| {
+        format!("[[species]]\nname = \"{name}\"\nradius = {}\nspeed = 20\ntumble-rate = 1\n", contact / 2.0)
+    };
+    let text = format!(
+        "time-step = 0.01\nsteps = 1\n[boundary]\nkind = \"periodic\"\nlow = [0, 0, 0]\nhigh = [20, 20, 20]\n{}{}{}\
+         [[reaction]]\nequation = \"donor + recipient -> donor + reached\"\nrate-inside = {rate}\n\
+         [[transmitter]]\nname = \"all\"\ncenter = [10, 10, 10]\n\
+         shape = {{ kind = \"box\", size = [{edge}, {edge}, {edge}] }}\nrelease = [\
+         {{ species = \"donor\", count = {donors} }}, {{ species = \"recipient\", count = {recipients} }}]\n",
+        swimmer("donor"),
+        swimmer("recipient"),
+        swimmer("reached")
+    );
+    let model = Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model;
+    let times = [500, 1500];
+    let run = |seed| {
+        let mut simulation = begin(&model, seed);
+        times.map(|until| {
+            let done = simulation.state().step;
+            steps(&mut simulation, until - done);
+            simulation.state().totals.present[1] as f64
+        })
+    };
+    let runs: Vec<[f64; 2]> = (0..8).into_par_iter().map(run).collect();
+    let per_time = rate * f64::from(donors) / edge.powi(3) * 4.0 / 3.0 * PI * contact.powi(3);
+    let row = |(place, until): (usize, u32)| {
+        let time = f64::from(until) * 0.01;
+        let (measured, error) = mean(&runs.iter().map(|run| run[place]).collect::<Vec<_>>());
+        let expected = f64::from(recipients) * (-per_time * time).exp();
+        Row::new(format!("recipients left after {time} s"), expected, measured, 4.0 * error)
+    };
+    times.into_iter().enumerate().map(row).collect()
+}

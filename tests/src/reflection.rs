@@ -1,0 +1,70 @@
+//! What a WGSL text says of itself, by naga and without a device. Tests of several crates include this file, and have
+//! `Access` beside it.
+
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use naga::{AddressSpace, Module, StorageAccess, TypeInner};
+
+use super::Access;
+
+/// A valid text.
+///
+/// # Panics
+/// Where it is none, with the place.
+pub(crate) fn parse(name: &str, source: &str) -> (Module, ModuleInfo) {
+    let module = naga::front::wgsl::parse_str(source)
+        .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(source)));
+    let info =
+        Validator::new(ValidationFlags::all(), Capabilities::SUBGROUP | Capabilities::SUBGROUP_BARRIER)
+            .validate(&module)
+            .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(source)));
+    (module, info)
+}
+
+/// The number, the name and the use of each binding in group 0.
+pub(crate) fn bindings(name: &str, module: &Module) -> Vec<(u32, String, Access)> {
+    let bound = module.global_variables.iter().filter_map(|(_, global)| {
+        let binding = global.binding.as_ref()?;
+        assert_eq!(binding.group, 0, "{name}");
+        let access = match global.space {
+            AddressSpace::Uniform => Access::Uniform,
+            AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => Access::ReadWrite,
+            AddressSpace::Storage { .. } => Access::Read,
+            space => panic!("{name}: {space:?}"),
+        };
+        Some((binding.binding, global.name.clone().expect("a named binding"), access))
+    });
+    let mut found: Vec<_> = bound.collect();
+    found.sort_by_key(|(number, ..)| *number);
+    found
+}
+
+/// A structure: its name, its size, and the name and the offset of each member.
+pub(crate) type Structure = (String, usize, Vec<(String, usize)>);
+
+/// The structures of a text.
+pub(crate) fn structures(module: &Module) -> Vec<Structure> {
+    let found = module.types.iter().filter_map(|(_, ty)| {
+        let TypeInner::Struct { members, span } = &ty.inner else { return None };
+        let member = |m: &naga::StructMember| (m.name.clone().unwrap_or_default(), m.offset as usize);
+        Some((ty.name.clone().unwrap_or_default(), *span as usize, members.iter().map(member).collect()))
+    });
+    found.collect()
+}
+
+/// The text as SPIR-V.
+pub(crate) fn spirv(name: &str, (module, info): (&Module, &ModuleInfo)) -> Vec<u32> {
+    let options = naga::back::spv::Options { lang_version: (1, 3), ..Default::default() };
+    naga::back::spv::write_vec(module, info, &options, None).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+/// A Rust structure as [`structures`] has those of a text.
+macro_rules! layout {
+    ($type:ident { $($field:ident),* $(,)? }) => {
+        (
+            stringify!($type).to_owned(),
+            std::mem::size_of::<$type>(),
+            vec![$((stringify!($field).to_owned(), std::mem::offset_of!($type, $field))),*],
+        )
+    };
+}
+pub(crate) use layout;

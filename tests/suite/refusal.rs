@@ -1,0 +1,218 @@
+//! Memory that is refused is an error, wherever it happens: never an abort, never a wrong answer, and the detector goes
+//! on when there is memory again.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+
+use lazygrid::{
+    Algorithm, Backend, Config, Detector, Error, Interaction, Interactions, Order, Pair, Space, Sphere,
+    Spheres,
+};
+use lazygrid_host::Error as HostError;
+use lazygrid_io::scenes::Scene;
+use lazygrid_tests::Subject;
+
+/// The system's allocator, which refuses what is large on request. What is small, such as the text of a message, is
+/// never refused: no system does that while it still gives out pages.
+struct Refusing;
+
+/// Bytes from which an allocation is large: a page.
+const LARGE: usize = 4096;
+
+/// Bytes that are allocated.
+static LIVE: AtomicUsize = AtomicUsize::new(0);
+/// Large allocations that are still granted, one by one.
+static GRANTS: AtomicUsize = AtomicUsize::new(usize::MAX);
+/// Bytes in all above which large allocations are refused.
+static LIMIT: AtomicUsize = AtomicUsize::new(usize::MAX);
+/// Allocations that were refused.
+static REFUSED: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call goes to the system's allocator as it is, or answers null, which is how an allocator refuses; the
+// counters touch no memory of the caller's.
+unsafe impl GlobalAlloc for Refusing {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        let size = layout.size();
+        if size >= LARGE {
+            let one_less = |grants: usize| (grants > 0).then(|| grants - usize::from(grants < usize::MAX));
+            let granted = GRANTS.fetch_update(SeqCst, SeqCst, one_less).is_ok();
+            if !granted || LIVE.load(SeqCst).saturating_add(size) > LIMIT.load(SeqCst) {
+                REFUSED.fetch_add(1, SeqCst);
+                return std::ptr::null_mut();
+            }
+        }
+        LIVE.fetch_add(size, SeqCst);
+        // SAFETY: the caller's promise is the system allocator's condition.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        LIVE.fetch_sub(layout.size(), SeqCst);
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Refusing = Refusing;
+
+/// When the allocator begins to refuse.
+#[derive(Clone, Copy, Debug)]
+enum Refusal {
+    /// After so many large allocations.
+    After(usize),
+    /// Above so many bytes more than there are.
+    Above(usize),
+}
+
+impl Refusal {
+    /// Runs `work` under this refusal; also tells how often the allocator refused.
+    fn during<T>(self, work: impl FnOnce() -> T) -> (T, usize) {
+        REFUSED.store(0, SeqCst);
+        match self {
+            Self::After(grants) => GRANTS.store(grants, SeqCst),
+            Self::Above(bytes) => LIMIT.store(LIVE.load(SeqCst) + bytes, SeqCst),
+        }
+        let result = work();
+        GRANTS.store(usize::MAX, SeqCst);
+        LIMIT.store(usize::MAX, SeqCst);
+        (result, REFUSED.load(SeqCst))
+    }
+}
+
+/// A way to ask for a result.
+#[derive(Clone, Copy, Debug)]
+enum Ask {
+    Canonical,
+    Unordered,
+    Neighbors,
+    Count,
+    /// Within a limit far below the number of pairs.
+    StreamCanonical,
+    StreamUnordered,
+}
+
+impl Ask {
+    const ALL: [Self; 6] = [
+        Self::Canonical,
+        Self::Unordered,
+        Self::Neighbors,
+        Self::Count,
+        Self::StreamCanonical,
+        Self::StreamUnordered,
+    ];
+
+    /// The settings for it, where so many pairs will be found.
+    fn config(self, config: Config, found: u64) -> Config {
+        match self {
+            Self::Unordered | Self::StreamUnordered => config.order(Order::Unordered),
+            Self::StreamCanonical => config.max_pairs(found / 3),
+            _ => config,
+        }
+    }
+
+    /// How many pairs are answered, and a sum over them that does not depend on their order. `streamed` has room for
+    /// what a consumer keeps, which is the consumer's own affair.
+    fn answer(
+        self,
+        detector: &mut Detector,
+        spheres: Spheres<'_>,
+        streamed: &mut Vec<Pair>,
+    ) -> Result<(u64, u64), Error> {
+        let sum = |pairs: &[Pair]| {
+            let each = pairs.iter().map(|pair| (u64::from(pair.i) << 32 | u64::from(pair.j)).wrapping_pow(3));
+            (pairs.len() as u64, each.fold(0, u64::wrapping_add))
+        };
+        match self {
+            Self::Canonical | Self::Unordered => Ok(sum(detector.pairs(spheres)?)),
+            Self::Neighbors => {
+                let lists = detector.neighbors(spheres)?;
+                let later =
+                    |i: u32| lists.of(i as usize).iter().filter(move |&&j| i < j).map(move |&j| (i, j));
+                streamed.clear();
+                streamed.extend((0..spheres.len() as u32).flat_map(later).map(|(i, j)| Pair { i, j }));
+                Ok(sum(streamed))
+            }
+            Self::Count => Ok((detector.count(spheres)?, 0)),
+            Self::StreamCanonical | Self::StreamUnordered => {
+                streamed.clear();
+                detector.stream(spheres, 500, |pairs| {
+                    streamed.extend_from_slice(pairs);
+                    ControlFlow::Continue(())
+                })?;
+                assert!(matches!(self, Self::StreamUnordered) || streamed.is_sorted());
+                Ok(sum(streamed))
+            }
+        }
+    }
+}
+
+/// Asks under one refusal after the other, as far as `next` goes, until nothing is refused any more.
+fn walk(subject: Subject, config: &Config, spheres: Spheres<'_>, next: impl Fn(usize) -> Refusal) {
+    let mut detector = Detector::new(config.clone()).expect("a detector");
+    let found = detector.count(spheres).expect("there is memory");
+    for ask in Ask::ALL {
+        let config = ask.config(config.clone(), found);
+        let new = || Detector::new(config.clone()).expect("a detector");
+        let mut streamed = Vec::with_capacity(1 << 20);
+        let all = ask.answer(&mut new(), spheres, &mut streamed).expect("there is memory");
+        let mut refusals = 0;
+        for k in 0.. {
+            let (mut detector, refusal) = (new(), next(k));
+            let (answer, refused) = refusal.during(|| ask.answer(&mut detector, spheres, &mut streamed));
+            let case = format!("{subject}, {ask:?}, {refusal:?}");
+            match answer {
+                Ok(answer) => assert_eq!(answer, all, "{case}"),
+                Err(Error::Host(error @ HostError::OutOfMemory { what, bytes })) => {
+                    assert!(refused > 0 && bytes as usize >= LARGE && !what.is_empty(), "{case}: {error}");
+                    assert!(error.to_string().contains(&bytes.to_string()), "{case}: {error}");
+                    refusals += 1;
+                    let again = ask.answer(&mut detector, spheres, &mut streamed);
+                    assert_eq!(again, Ok(all), "{case}: the call after it");
+                }
+                Err(error) => panic!("{case}: {error}"),
+            }
+            if refused == 0 {
+                break;
+            }
+        }
+        assert!(refusals > 0, "{subject}, {ask:?}: nothing was refused");
+    }
+}
+
+/// The CPU's algorithms on one thread and on two; a GPU's driver has an allocator of its own.
+fn subjects() -> impl Iterator<Item = Subject> {
+    let is_one = |s: &Subject| s.backend == Backend::Cpu && s.threads <= 2 && s.algorithm != Algorithm::Auto;
+    Subject::all().into_iter().filter(is_one)
+}
+
+/// One test, for there is one allocator.
+#[test]
+fn refused_memory_is_an_error_wherever_it_happens() {
+    let sizes = Scene::FiveSizes.spheres(2500, 41);
+    let burst = Scene::Burst.spheres(2000, 42);
+    // All in the one cell that a giant asks for.
+    let mut crowd = Scene::Equal.spheres(3000, 43);
+    crowd.iter_mut().for_each(|sphere| sphere.center += 100.0);
+    crowd.push(Sphere::new([100.0; 3], 20.0));
+    let species: Vec<u32> = (0..3).cycle().take(sizes.len()).collect();
+    let mut table = Interactions::new(3, Interaction::Touch).expect("three species");
+    table.set(0, 1, Interaction::Within(0.5)).expect("a distance");
+    let with_species = Spheres::from(&sizes).with_species(&species).expect("one each");
+    let periodic = Space::periodic([Some(9.0), None, Some(7.0)]).expect("a box");
+
+    for subject in subjects() {
+        let config = || subject.config();
+        let few = || subject.config().tau(50);
+        subject.run(|| {
+            walk(subject, &config(), Spheres::from(&burst), Refusal::After);
+            walk(subject, &few(), Spheres::from(&crowd), Refusal::After);
+            walk(subject, &config().interactions(table.clone()), with_species, Refusal::After);
+            walk(subject, &few().space(periodic), Spheres::from(&sizes), Refusal::After);
+            // From a page to more than is needed, a third more each time.
+            let above = |k: usize| Refusal::Above((LARGE as f64 * 1.3_f64.powi(k as i32)) as usize);
+            walk(subject, &few(), Spheres::from(&crowd), above);
+        });
+    }
+}
