@@ -171,6 +171,11 @@ fn candidates_left(walk: ptr<function, Walk>, row: Row) -> u32 {
     return left;
 }
 
+// Whether the way, and the share, go on.
+fn is_open(walk: Walk) -> bool {
+    return walk.left != 0u && walk.level != NOWHERE;
+}
+
 // Finds the pairs of the block that starts here. Called by all threads of a workgroup. Returns how many candidates
 // of this thread's sphere belong to later shares, where it is asked about the first.
 fn search_share(block: u32, share: u32, lane: u32) -> u32 {
@@ -190,11 +195,11 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
     workgroupBarrier();
     // A round ends with a full list of hits, or with many rows of cells behind some sphere.
     for (var round = 0u; round < 2u * call.share * GROUP / HITS; round++) {
-        if (walk.left != 0u) {
+        if (is_open(walk)) {
             gather_hits(&walk, row);
-        }
-        if (walk.left != 0u && walk.level != NOWHERE) {
-            atomicStore(&some_open, 1u);
+            if (is_open(walk)) {
+                atomicStore(&some_open, 1u);
+            }
         }
         workgroupBarrier();
         if (lane == 0u) {
