@@ -72,8 +72,9 @@ pub(super) fn read(
     scoped(own, "the readback", size, || own.queue.submit([encoder.finish()]))?;
     let lost = |reason: String| refused(GpuError::DeviceLost { reason });
     let (tell, answer) = std::sync::mpsc::channel();
-    // Nobody listens any more where waiting failed.
-    staging.slice(..).map_async(wgpu::MapMode::Read, move |result| drop(tell.send(result)));
+    // Nobody listens any more where waiting failed. A device that is lost may show only here.
+    let done = move |result| drop(tell.send(result));
+    scoped(own, "the readback", size, || staging.slice(..).map_async(wgpu::MapMode::Read, done))?;
     let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
     own.device.poll(wait).map_err(|error| match error {
         wgpu::PollError::Timeout => refused(GpuError::Timeout { seconds: TIMEOUT.as_secs() }),
