@@ -131,6 +131,9 @@ pub struct Settings {
     pub minutes: f64,
     /// Seed of all scenes.
     pub seed: u64,
+    /// The command that asked for it, for the report; empty where there was none.
+    #[serde(default)]
+    pub command: String,
 }
 
 /// How spheres change from one run to the next.
