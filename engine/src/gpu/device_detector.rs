@@ -177,20 +177,6 @@ fn parts(pairs: &[Pair]) -> Vec<&[Pair]> {
     pairs.chunks(pairs.len().div_ceil(PARTS).max(1)).collect()
 }
 
-impl From<GpuError> for Error {
-    fn from(error: GpuError) -> Self {
-        match error {
-            GpuError::TooManyPairs { found, limit } => {
-                Self::Host(lazygrid_host::Error::TooManyPairs { found, limit })
-            }
-            GpuError::NoHostMemory { what, bytes } => {
-                Self::Host(lazygrid_host::Error::OutOfMemory { what, bytes })
-            }
-            other => Self::Gpu(other),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use lazygrid_kernels::{Algorithm, Sphere};
