@@ -98,7 +98,7 @@ impl DeviceDetector {
             ControlFlow::Continue(())
         })?;
         self.conclude(handed);
-        refused.map_or(Ok(handed), |error| Err(error.into()))
+        refused.map_or(Ok(handed), Err)
     }
 
     pub(crate) fn report(&self) -> &Report {
