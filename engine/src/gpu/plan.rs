@@ -114,7 +114,7 @@ pub struct Plan {
 /// Plans a call.
 ///
 /// # Errors
-/// [`GpuError::LimitExceeded`] where a buffer cannot be bound on the device, [`GpuError::NotOnGpu`] for an
+/// [`Error::LimitExceeded`](crate::Error::LimitExceeded) where a buffer cannot be bound on the device, [`Error::NotOnBackend`](crate::Error::NotOnBackend) for an
 /// algorithm without kernels.
 pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> {
     let algorithm = request.algorithm;
@@ -122,7 +122,7 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
         Algorithm::Naive | Algorithm::ArrayGrid => Refinement::None,
         Algorithm::EagerGrid => Refinement::Every,
         Algorithm::LazyGrid => Refinement::Dense,
-        other => return Err(GpuError::NotOnGpu(other)),
+        other => return Err(GpuError::NotOnBackend { algorithm: other, backend: crate::Backend::Gpu }),
     };
     let mut plan = Plan {
         algorithm,
