@@ -1,11 +1,14 @@
 #!/usr/bin/env bash
-# Runs all tests. Needs Rust and a C linker (Debian: `apt-get install gcc libc6-dev`); cargo fetches the rest.
+# Runs the tests. Needs Rust and a C linker (Debian: `apt-get install gcc libc6-dev`); cargo fetches the rest.
 # The GPU's tests need a Vulkan driver (Debian: `apt-get install mesa-vulkan-drivers libvulkan1` for one in
 # software); without one they say so and are skipped. On Debian both are installed where they are missing.
 #
-#     ./test.sh                  all tests; what the GPU does also on SwiftShader and Tint, where these are installed
+#     ./test.sh                  all tests; then what the GPU does on SwiftShader too, where that is installed
+#     ./test.sh --quick          what is short, for daily work
 #     ./test.sh --swiftshader    only what the GPU does, on SwiftShader (Debian: `apt-get install chromium-common`)
-#     ./test.sh ARGUMENT…        `cargo test` with these, as in `./test.sh -p lazygrid-tests properties`
+#     ./test.sh ARGUMENT…        `cargo test` with these, as in `./test.sh --workspace --test suite properties`
+#
+# Tint, which looks at every WGSL text, is among all tests where it is installed: `npm ci --prefix kernels/tint`.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 
@@ -28,15 +31,13 @@ has_vulkan() {
         || [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ]
 }
 
+# A driver with subgroups of 4, which takes subnormal numbers for zero and ends no loop by itself. Here run the suite
+# and each kernel, with few cases of each property.
 swiftshader=/usr/lib/chromium/vk_swiftshader_icd.json
-
-# A driver with subgroups of 4, which takes subnormal numbers for zero and ends no loop by itself. What is left out is
-# large, and would only be the same again.
 on_swiftshader() {
-    export VK_DRIVER_FILES=$swiftshader LAZYGRID_SUBJECTS=gpu LAZYGRID_REQUIRE_GPU=1 PROPTEST_CASES=$1
-    shift
-    say "on SwiftShader: $*"
-    "$@"
+    say "on SwiftShader:"
+    VK_DRIVER_FILES=$swiftshader LAZYGRID_REQUIRE_GPU=1 LAZYGRID_SUBJECTS=gpu PROPTEST_CASES=2 \
+        cargo test --workspace --test suite --test=gpu_{kernels,periodic,primitives}
 }
 
 command -v cc >/dev/null || install gcc libc6-dev
@@ -44,8 +45,19 @@ if [ "$(uname)" = Linux ] && ! has_vulkan; then
     install mesa-vulkan-drivers libvulkan1 || say "no Vulkan driver: the GPU's tests are skipped"
 fi
 
-if [ "${1:-}" = --swiftshader ]; then
-    on_swiftshader 2 cargo test --workspace --test suite --test=gpu_{kernels,periodic} --  SELECT
-elif [ $# != 0 ]; then
-    exec cargo test "$@"
-fi
+# Always the whole workspace: for fewer packages, dependencies would be built again with fewer features.
+case ${1:-} in
+    "")
+        cargo test --workspace
+        if [ -e $swiftshader ]; then
+            on_swiftshader
+        else
+            say "skipped: SwiftShader is not installed; \`apt-get install chromium-common\` does that on Debian"
+        fi
+        [ -d kernels/tint/node_modules ] \
+            || say "skipped: Tint is not installed; \`npm ci --prefix kernels/tint\` does that"
+        ;;
+    --quick) PROPTEST_CASES=4 cargo test --workspace --lib --bins --test=suite --test=cli --test=loops --test=reflection ;;
+    --swiftshader) on_swiftshader ;;
+    *) cargo test "$@" ;;
+esac

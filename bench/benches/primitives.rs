@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use lazygrid::gpu::wgpu::{self, BufferUsages};
-use lazygrid::gpu::{GpuDevice, GpuError, PrefixScan, RadixSort, Sorted};
+use lazygrid::gpu::{GpuDevice, PrefixScan, RadixSort, Sorted};
 use lazygrid_bench::measure::{Spread, markdown, provenance};
 use lazygrid_kernels::kernel::{DIGIT_BITS, WIDE_TILE};
 use lazygrid_kernels::layout::Lengths;
@@ -44,7 +44,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         (args.n, args.rounds) = (vec![0, 1, 257, 20_000], 1);
     }
     let own = match GpuDevice::open(true) {
-        Err(error @ GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => {
+        Err(error @ lazygrid::Error::NoAdapter { .. })
+            if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() =>
+        {
             println!("not run: {error}");
             return Ok(());
         }
@@ -170,7 +172,7 @@ impl Bench {
     fn times(
         &self,
         prepare: impl Fn(&mut wgpu::CommandEncoder),
-        mut record: impl FnMut(&mut wgpu::CommandEncoder) -> Result<(), GpuError>,
+        mut record: impl FnMut(&mut wgpu::CommandEncoder) -> Result<(), lazygrid::Error>,
     ) -> Result<Vec<f64>, Box<dyn Error>> {
         let mut times = Vec::new();
         for _ in 0..=self.rounds {

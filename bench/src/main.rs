@@ -5,6 +5,7 @@ mod command {
     pub(crate) mod compare;
     pub(crate) mod failure;
     pub(crate) mod figures;
+    pub(crate) mod invocation;
 }
 
 use std::io::{self, Write};

@@ -60,8 +60,14 @@ fn the_smallest_size_of_everything() {
         page.contains("<svg") && page.contains("Figure 4") && !page.contains("src="),
         "not self-contained"
     );
-    assert!(read(folder.path(), "RESULTS.md").contains("| engine |"));
-    assert!(read(&folder.path().join("plots"), "figure-3a.svg").starts_with("<svg"));
+    let text = read(folder.path(), "RESULTS.md");
+    assert!(text.contains("| engine |"));
+    // The command that was really run, to its last word.
+    assert!(text.contains(&format!("figures --smallest --out {}\n```", path(folder.path()))), "{text}");
+    assert!(!page.contains('`'), "Markdown in HTML");
+    for plot in ["figure-3a", "figure-3a-per-sphere", "figure-4-equal-per-sphere", "figure-point-per-pair"] {
+        assert!(read(&folder.path().join("plots"), &format!("{plot}.svg")).starts_with("<svg"), "{plot}");
+    }
 }
 
 #[test]

@@ -2,8 +2,7 @@ use std::fmt::Write;
 use std::thread::available_parallelism;
 
 use lazygrid::gpu::{AdapterSummary, adapters};
-use lazygrid::{Backend, Config, Detector};
-use lazygrid_host::Simd;
+use lazygrid::{Backend, Config, Detector, Simd};
 
 use crate::failure::Failure;
 use crate::print;
@@ -11,12 +10,7 @@ use crate::print;
 /// Says what can run here.
 pub(crate) fn run() -> Result<(), Failure> {
     let threads = available_parallelism().map_or(1, usize::from);
-    let vectors = match Simd::detect() {
-        Simd::Avx512 => "AVX-512, 16 lanes",
-        Simd::Avx2 => "AVX2, 8 lanes",
-        Simd::Portable => "portable vectors, 8 lanes",
-    };
-    let mut text = format!("cpu  {threads} threads, {vectors}\n");
+    let mut text = format!("cpu  {threads} threads, {}\n", Simd::detect());
     let found = adapters();
     found.iter().enumerate().for_each(|(index, adapter)| text += &described(index, adapter));
     if found.is_empty()

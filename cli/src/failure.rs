@@ -2,7 +2,6 @@ use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use lazygrid::gpu::GpuError;
 use thiserror::Error;
 
 use crate::signals::SignalError;
@@ -44,7 +43,7 @@ pub(crate) enum Failure {
     #[error("no memory for {spheres} spheres; generate fewer")]
     NoMemory { spheres: u64 },
     #[error("calibration failed: {0}")]
-    Calibration(GpuError),
+    Calibration(lazygrid::Error),
     #[error("there is no place for the calibration; set HOME, or XDG_CACHE_HOME to a directory")]
     NoCacheDirectory,
     #[error(transparent)]
@@ -76,10 +75,8 @@ impl Failure {
 /// What the engine's remedies are called here.
 fn remedy(error: &lazygrid::Error) -> &'static str {
     match error {
-        lazygrid::Error::Host(lazygrid_host::Error::TooManyPairs { .. }) => {
-            " (--count, --output without --neighbors, or --max-pairs)"
-        }
-        lazygrid::Error::Gpu(GpuError::Timeout { .. }) => " (--timeout)",
+        lazygrid::Error::TooManyPairs { .. } => " (--count, --output without --neighbors, or --max-pairs)",
+        lazygrid::Error::Timeout { .. } => " (--timeout)",
         _ => "",
     }
 }

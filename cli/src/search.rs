@@ -3,7 +3,6 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use lazygrid::{Config, Detector, Space, Spheres};
-use lazygrid_host::Error::TooManyPairs;
 use lazygrid_io::write::{self, Draft, Output, PairFile};
 
 use crate::args::Detect;
@@ -74,7 +73,7 @@ impl Search<'_> {
                             file.add(pairs).map(|()| file)
                         })?
                     }
-                    Err(lazygrid::Error::Host(TooManyPairs { found, .. })) => {
+                    Err(lazygrid::Error::TooManyPairs { found, .. }) => {
                         let file = create(found)?;
                         self.stream(file, found)?
                     }

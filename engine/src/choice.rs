@@ -3,16 +3,19 @@
 
 use lazygrid_kernels::Algorithm;
 
-use crate::gpu::{AdapterId, Calibration, Crossover, GpuError};
+#[cfg(feature = "gpu")]
+use crate::gpu::{AdapterId, Calibration, Crossover};
 use crate::{Backend, Error};
 
 /// The algorithm of a GPU where there are too many spheres to test all pairs.
+#[cfg(feature = "gpu")]
 pub(crate) const GRID: Algorithm = Algorithm::LazyGrid;
 
 /// The backend that is meant where an adapter may have been named: nobody names one in order not to run on it.
 ///
 /// # Errors
 /// [`Error::AdapterOnCpu`] for the CPU and an adapter.
+#[cfg(feature = "gpu")]
 pub(crate) fn meant(asked: Backend, adapter: Option<&AdapterId>) -> Result<Backend, Error> {
     match (asked, adapter) {
         (asked, None) => Ok(asked),
@@ -30,21 +33,19 @@ pub(crate) fn meant(asked: Backend, adapter: Option<&AdapterId>) -> Result<Backe
 pub(crate) fn backend<D>(
     asked: Backend,
     algorithm: Algorithm,
-    open: impl FnOnce(bool) -> Result<(String, D), GpuError>,
+    open: impl FnOnce(bool) -> Result<(String, D), Error>,
 ) -> Result<(Option<D>, String), Error> {
     let runs_on = |backend: &[Algorithm]| algorithm == Algorithm::Auto || backend.contains(&algorithm);
     let (on_cpu, on_gpu) = (runs_on(&Algorithm::CPU), runs_on(&Algorithm::GPU));
-    let insist = |why: &str, open: Result<(String, D), GpuError>| match open {
+    let insist = |why: &str, open: Result<(String, D), Error>| match open {
         Ok((name, device)) => Ok((Some(device), format!("GPU {name}: {why}"))),
-        Err(unknown @ GpuError::UnknownAdapter { .. }) => Err(Error::Gpu(unknown)),
+        Err(unknown @ Error::UnknownAdapter { .. }) => Err(unknown),
         Err(error) => Err(Error::GpuUnavailable { reason: error.to_string() }),
     };
     match asked {
         Backend::Cpu if !on_cpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
         Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
-        _ if !on_cpu && !on_gpu => {
-            Err(Error::GpuUnavailable { reason: format!("this version has no kernels for {algorithm}") })
-        }
+        _ if !on_cpu && !on_gpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
         Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
         Backend::Gpu => insist("asked for", open(true)),
         Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
@@ -53,10 +54,12 @@ pub(crate) fn backend<D>(
             Ok((name, device)) => (Some(device), format!("GPU {name}: a real GPU")),
             Err(error) => (None, format!("CPU: {error}")),
         }),
+        unknown => Err(Error::NotOnBackend { algorithm, backend: unknown }),
     }
 }
 
 /// Where all pairs and the grid cost the same on an adapter, and how that is known.
+#[cfg(feature = "gpu")]
 pub(crate) fn crossover(
     calibrations: &[Calibration],
     adapter: &crate::gpu::AdapterSummary,
@@ -72,6 +75,7 @@ pub(crate) fn crossover(
 }
 
 /// The algorithm of a call on a GPU where `asked` leaves it open, and why. `known` says how the crossover is known.
+#[cfg(feature = "gpu")]
 pub(crate) fn algorithm(
     asked: Algorithm,
     (spheres, classes): (u32, usize),
@@ -87,19 +91,20 @@ pub(crate) fn algorithm(
 }
 
 /// Why a call that was to run as `chosen` `ran` on one level instead.
+#[cfg(feature = "gpu")]
 pub(crate) fn one_level(ran: Algorithm, chosen: Algorithm) -> String {
     format!("{ran} instead of {chosen}: the entries of several levels do not fit the device")
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 mod tests {
     use super::*;
     use crate::gpu::AdapterSummary;
 
-    const NONE: GpuError = GpuError::NoAdapter { reason: String::new() };
+    const NONE: Error = Error::NoAdapter { reason: String::new() };
 
     /// What a machine has: nothing, a software adapter, or a GPU.
-    fn open(machine: &str) -> impl FnOnce(bool) -> Result<(String, ()), GpuError> {
+    fn open(machine: &str) -> impl FnOnce(bool) -> Result<(String, ()), Error> {
         let found = machine.to_owned();
         move |software| match found.as_str() {
             "gpu" => Ok((found, ())),
@@ -169,10 +174,10 @@ mod tests {
         let refused = meant(Backend::Cpu, Some(&card)).expect_err("a contradiction").to_string();
         assert!(refused.contains("card") && refused.contains("cpu"), "{refused}");
         // What is wrong is not that there is no GPU.
-        let unknown = GpuError::UnknownAdapter { asked: String::new(), fitting: 0, there_are: String::new() };
+        let unknown = Error::UnknownAdapter { asked: String::new(), fitting: 0, there_are: String::new() };
         let open = |_| Err::<(String, ()), _>(unknown.clone());
         let found = backend(Backend::Gpu, Algorithm::Auto, open);
-        assert_eq!(found, Err(Error::Gpu(unknown.clone())));
+        assert_eq!(found, Err(unknown));
     }
 
     #[test]

@@ -1,58 +1,12 @@
-use std::fmt;
-use std::ops::RangeInclusive;
-use std::str::FromStr;
-use std::time::Duration;
+#[cfg(feature = "gpu")]
+use std::{ops::RangeInclusive, time::Duration};
 
 use lazygrid_host::{Settings, Simd};
-use lazygrid_kernels::{Algorithm, Interactions, Space};
+use lazygrid_kernels::{Algorithm, Backend, Interactions, Space};
 
 use crate::Order;
+#[cfg(feature = "gpu")]
 use crate::gpu::{AdapterId, Calibration};
-
-/// Where the work is done.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Backend {
-    /// A real GPU if there is one, else the CPU; decided when the detector is made. An algorithm that only GPUs have
-    /// takes a software adapter where there is no real one, since nothing else can run it.
-    #[default]
-    Auto,
-    /// The CPU, through rayon.
-    Cpu,
-    /// A wgpu adapter, software ones included. Never falls back.
-    Gpu,
-}
-
-impl Backend {
-    /// Every value.
-    pub const ALL: [Self; 3] = [Self::Auto, Self::Cpu, Self::Gpu];
-
-    /// The name in lower case.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Cpu => "cpu",
-            Self::Gpu => "gpu",
-        }
-    }
-}
-
-impl fmt::Display for Backend {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for Backend {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL
-            .into_iter()
-            .find(|b| b.name() == text)
-            .ok_or_else(|| format!("unknown backend '{text}'; expected auto, cpu or gpu"))
-    }
-}
 
 /// What a [`Detector`](crate::Detector) is asked to do. The default suits almost everybody.
 ///
@@ -63,17 +17,23 @@ impl FromStr for Backend {
 #[derive(Clone, Debug, Default)]
 pub struct Config {
     pub(crate) backend: Backend,
+    #[cfg(feature = "gpu")]
     pub(crate) adapter: Option<AdapterId>,
     pub(crate) settings: Settings,
+    #[cfg(feature = "gpu")]
     /// τ and raster ratio where they were asked for; else each backend has its own.
     pub(crate) tau: Option<u32>,
+    #[cfg(feature = "gpu")]
     pub(crate) raster_ratio: Option<f32>,
+    #[cfg(feature = "gpu")]
     pub(crate) calibrations: Vec<Calibration>,
+    #[cfg(feature = "gpu")]
     /// How long a call on the GPU may take.
     pub(crate) timeout: Option<Duration>,
 }
 
 impl Config {
+    #[cfg(feature = "gpu")]
     /// What [`raster_ratio`](Self::raster_ratio) takes.
     pub(crate) const RASTER_RATIOS: RangeInclusive<f32> = 0.5..=16.0;
 
@@ -91,6 +51,7 @@ impl Config {
     /// # use lazygrid::Config;
     /// let config = Config::default().adapter("nvidia");
     /// ```
+    #[cfg(feature = "gpu")]
     pub fn adapter(mut self, adapter: impl Into<AdapterId>) -> Self {
         self.adapter = Some(adapter.into());
         self
@@ -104,6 +65,7 @@ impl Config {
 
     /// What was measured on GPUs, for `Auto` to choose by. Those of other adapters are passed over; of several of one
     /// adapter the last counts. Default: none, and the crossover is assumed.
+    #[cfg(feature = "gpu")]
     pub fn calibration(mut self, measured: impl IntoIterator<Item = Calibration>) -> Self {
         self.calibrations.extend(measured);
         self
@@ -131,7 +93,10 @@ impl Config {
     /// Default: [`Settings::TAU`] on the CPU, [`GpuSettings::TAU`](crate::gpu::GpuSettings::TAU) on the GPU, from
     /// measured sweeps.
     pub fn tau(mut self, tau: u32) -> Self {
-        self.tau = Some(tau);
+        #[cfg(feature = "gpu")]
+        {
+            self.tau = Some(tau);
+        }
         self.settings.tau = tau;
         self
     }
@@ -140,7 +105,10 @@ impl Config {
     /// Default: [`Settings::RASTER_RATIO`] on the CPU,
     /// [`GpuSettings::RASTER_RATIO`](crate::gpu::GpuSettings::RASTER_RATIO) on the GPU, from measured sweeps.
     pub fn raster_ratio(mut self, ratio: f32) -> Self {
-        self.raster_ratio = Some(ratio);
+        #[cfg(feature = "gpu")]
+        {
+            self.raster_ratio = Some(ratio);
+        }
         self.settings.raster_ratio = ratio;
         self
     }
@@ -159,7 +127,8 @@ impl Config {
     }
 
     /// How long a call on the GPU may take before it is given up with
-    /// [`GpuError::Timeout`](crate::gpu::GpuError::Timeout). Default: ten minutes.
+    /// [`Error::Timeout`](crate::Error::Timeout). Default: ten minutes.
+    #[cfg(feature = "gpu")]
     pub fn timeout(mut self, timeout: Duration) -> Self {
         self.timeout = Some(timeout);
         self

@@ -3,6 +3,7 @@ use std::ops::ControlFlow;
 use lazygrid_host::{HostDetector, Neighbors};
 use lazygrid_kernels::{Pair, Spheres};
 
+#[cfg(feature = "gpu")]
 use crate::gpu::{DeviceDetector, GpuDevice};
 use crate::{Backend, Config, Error, Report, choice};
 
@@ -29,17 +30,14 @@ pub struct Detector {
 #[derive(Debug)]
 enum Engine {
     Host(Box<HostDetector>),
+    #[cfg(feature = "gpu")]
     Device(Box<DeviceDetector>),
 }
 
-impl Detector {
-    /// A detector with these settings. The backend is decided here, once, and logged.
-    ///
-    /// # Errors
-    /// [`Error::GpuUnavailable`] where the GPU is asked for by name and cannot be used;
-    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Host`] and
-    /// [`Error::Gpu`] for a setting outside its range, or an adapter that there is not.
-    pub fn new(config: Config) -> Result<Self, Error> {
+impl Engine {
+    /// On the device that `config` means, or on the CPU; and why.
+    #[cfg(feature = "gpu")]
+    fn new(config: Config) -> Result<(Self, String), Error> {
         let open = |software| {
             let own = match &config.adapter {
                 Some(named) => GpuDevice::shared_adapter(named),
@@ -48,12 +46,33 @@ impl Detector {
             own.map(|own| (own.adapter.name.clone(), own))
         };
         let asked = choice::meant(config.backend, config.adapter.as_ref())?;
-        let (own, backend_reason) = choice::backend(asked, config.settings.algorithm, open)?;
-        log::info!("{backend_reason}");
+        let (own, reason) = choice::backend(asked, config.settings.algorithm, open)?;
         let engine = match own {
-            Some(own) => Engine::Device(Box::new(DeviceDetector::new(own, config)?)),
-            None => Engine::Host(Box::new(HostDetector::new(config.settings)?)),
+            Some(own) => Self::Device(Box::new(DeviceDetector::new(own, config)?)),
+            None => Self::Host(Box::new(HostDetector::new(config.settings)?)),
         };
+        Ok((engine, reason))
+    }
+
+    /// On the CPU, where that was not ruled out; and why.
+    #[cfg(not(feature = "gpu"))]
+    fn new(config: Config) -> Result<(Self, String), Error> {
+        let none = |_| Err::<(String, ()), _>(Error::WithoutGpu);
+        let (_, reason) = choice::backend(config.backend, config.settings.algorithm, none)?;
+        Ok((Self::Host(Box::new(HostDetector::new(config.settings)?)), reason))
+    }
+}
+
+impl Detector {
+    /// A detector with these settings. The backend is decided here, once, and logged.
+    ///
+    /// # Errors
+    /// [`Error::GpuUnavailable`] where the GPU is asked for by name and cannot be used;
+    /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Setting`] for a setting outside
+    /// its range; [`Error::UnknownAdapter`] for an adapter that there is not.
+    pub fn new(config: Config) -> Result<Self, Error> {
+        let (engine, backend_reason) = Engine::new(config)?;
+        log::info!("{backend_reason}");
         Ok(Self { engine, backend_reason })
     }
 
@@ -61,10 +80,12 @@ impl Detector {
     ///
     /// # Errors
     /// [`Error::Input`] for spheres that are not finite, negative radii or unknown species, naming the first;
-    /// [`Error::Host`] for more pairs than [`Config::max_pairs`], with the exact number, or no memory.
+    /// [`Error::TooManyPairs`] for more than [`Config::max_pairs`], with the exact number; [`Error::OutOfMemory`]. On a GPU also
+    /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Timeout`].
     pub fn pairs<'a>(&mut self, spheres: impl Into<Spheres<'a>>) -> Result<&[Pair], Error> {
         match &mut self.engine {
             Engine::Host(host) => Ok(host.pairs(spheres.into())?),
+            #[cfg(feature = "gpu")]
             Engine::Device(device) => device.pairs(spheres.into()),
         }
     }
@@ -76,6 +97,7 @@ impl Detector {
     pub fn neighbors<'a>(&mut self, spheres: impl Into<Spheres<'a>>) -> Result<Neighbors<'_>, Error> {
         match &mut self.engine {
             Engine::Host(host) => Ok(host.neighbors(spheres.into())?),
+            #[cfg(feature = "gpu")]
             Engine::Device(device) => device.neighbors(spheres.into()),
         }
     }
@@ -83,10 +105,11 @@ impl Detector {
     /// How many pairs there are. Needs no memory for them, so any number can be counted.
     ///
     /// # Errors
-    /// [`Error::Input`] as for [`pairs`](Self::pairs); [`Error::Host`] for no memory.
+    /// As [`pairs`](Self::pairs), but for [`Error::TooManyPairs`]: any number can be counted.
     pub fn count<'a>(&mut self, spheres: impl Into<Spheres<'a>>) -> Result<u64, Error> {
         match &mut self.engine {
             Engine::Host(host) => Ok(host.count(spheres.into())?),
+            #[cfg(feature = "gpu")]
             Engine::Device(device) => device.count(spheres.into()),
         }
     }
@@ -111,6 +134,7 @@ impl Detector {
     {
         match &mut self.engine {
             Engine::Host(host) => Ok(host.stream(spheres.into(), chunk, consume)?),
+            #[cfg(feature = "gpu")]
             Engine::Device(device) => device.stream(spheres.into(), chunk, consume),
         }
     }
@@ -118,6 +142,7 @@ impl Detector {
     /// What the last call did and why; before the first call, what is known by then.
     pub fn report(&self) -> Report {
         let mut report = match &self.engine {
+            #[cfg(feature = "gpu")]
             Engine::Device(device) => device.report().clone(),
             Engine::Host(host) => {
                 let host = host.report();
@@ -146,6 +171,7 @@ impl Detector {
     pub fn memory_for(&self, spheres: u64) -> u64 {
         match &self.engine {
             Engine::Host(host) => host.memory_for(spheres),
+            #[cfg(feature = "gpu")]
             Engine::Device(device) => device.memory_for(spheres),
         }
     }
@@ -154,6 +180,7 @@ impl Detector {
     pub fn into_pairs(self) -> Vec<Pair> {
         match self.engine {
             Engine::Host(host) => host.into_pairs(),
+            #[cfg(feature = "gpu")]
             Engine::Device(device) => device.into_pairs(),
         }
     }

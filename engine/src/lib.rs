@@ -28,24 +28,38 @@
 //! # Ok::<(), lazygrid::Error>(())
 //! ```
 //!
+//! # Features
+//!
+//! `gpu`, on by default: the GPU path, [`gpu`] and what [`Config`] says about it. Without it no wgpu is compiled, and
+//! [`Backend::Auto`] is the CPU.
+//!
+//! # On the GPU
+//!
 //! A simulation that lives on the GPU hands over its own device, encoder and buffers: see [`gpu`] and the examples
 //! `embedded` and `service`.
 //!
+//! # Inside
+//!
 //! Data flows one way: spheres → choice → plan → detector → pairs. ARCHITECTURE.md says which file does what.
+
+// Without the GPU path what is said about it leads nowhere.
+#![cfg_attr(not(feature = "gpu"), allow(rustdoc::broken_intra_doc_links))]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 mod choice;
 mod config;
 mod detector;
-mod error;
+#[cfg(feature = "gpu")]
 pub mod gpu;
 mod report;
 
-pub use config::{Backend, Config};
+pub use config::Config;
 pub use detector::{Detector, detect};
-pub use error::Error;
+pub use glam;
 pub use lazygrid_host::{Neighbors, Order, Phase, Simd};
 pub use lazygrid_kernels::{
-    Algorithm, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach, Space, Sphere, Spheres,
+    Algorithm, Backend, Error, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach, Space,
+    Sphere, Spheres, UnknownName,
 };
 pub use report::Report;
 

@@ -5,8 +5,8 @@ mod common;
 use bytemuck::Zeroable;
 use common::scenes::{cloud, detect, detect_with, judge, scenes, settings, touching};
 use common::{Random, device, upload};
-use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuError, GpuSettings, GpuSpheres, Outcome, wgpu};
-use lazygrid::{Algorithm, Interaction, Interactions, Pair, Sphere};
+use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuSettings, GpuSpheres, Outcome, wgpu};
+use lazygrid::{Algorithm, Backend, Error, Interaction, Interactions, Pair, Sphere};
 
 const ALGORITHMS: [Algorithm; 5] = Algorithm::GPU;
 
@@ -219,17 +219,17 @@ fn what_does_not_fit_is_refused_with_the_remedy() {
     let too_short =
         GpuSpheres { spheres: &buffer, count: Count::Host(11), species: None, window: GpuSpheres::ALL };
     let error = detector.encode(&mut encoder, &too_short).expect_err("11 do not fit into 10");
-    assert_eq!(error, GpuError::Buffer { what: "spheres", size: 160, needed: 176, usage: "" });
+    assert_eq!(error, Error::Buffer { what: "spheres", size: 160, needed: 176, usage: "" });
     let with_species = GpuSpheres { count: Count::Host(2), species: Some(&buffer), ..too_short.clone() };
-    assert_eq!(detector.encode(&mut encoder, &with_species), Err(GpuError::Species));
+    assert_eq!(detector.encode(&mut encoder, &with_species), Err(Error::SpeciesBuffer));
     let limit = own.device.limits().max_storage_buffer_binding_size;
     let beyond = u32::try_from(limit / 16 + 1).unwrap_or(u32::MAX);
-    assert!(matches!(detector.reserve(beyond), Err(GpuError::LimitExceeded { .. })));
+    assert!(matches!(detector.reserve(beyond), Err(Error::LimitExceeded { .. })));
     for ratio in [0.5, 17.0, f32::NAN] {
-        assert!(matches!(detector.set_raster_ratio(ratio), Err(GpuError::Setting { .. })));
+        assert!(matches!(detector.set_raster_ratio(ratio), Err(Error::Setting { .. })));
     }
     let error = GpuDetector::new(&own.device, settings(Algorithm::CellList, true)).expect_err("CPU only");
-    assert_eq!(error, GpuError::NotOnGpu(Algorithm::CellList));
+    assert_eq!(error, Error::NotOnBackend { algorithm: Algorithm::CellList, backend: Backend::Gpu });
 }
 
 #[test]
@@ -293,5 +293,5 @@ fn a_host_application_with_default_limits_and_no_features() {
     let settings = GpuSettings { interactions: Some(table), ..settings(Algorithm::ArrayGrid, true) };
     let mut detector = GpuDetector::new(&device, settings).expect("made");
     let error = detector.reserve(1000).expect_err("ten storage buffers where the default is eight");
-    assert!(matches!(error, GpuError::LimitExceeded { needed: 10, limit: 8, .. }), "{error}");
+    assert!(matches!(error, Error::LimitExceeded { needed: 10, limit: 8, .. }), "{error}");
 }

@@ -8,7 +8,7 @@ use std::process::Command;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use common::{Random, device};
-use lazygrid::gpu::{GpuDevice, GpuError, GpuSession, GpuSettings};
+use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Pair, Sphere, Spheres};
 
 /// Whoever holds it has the shared device for itself.
@@ -33,7 +33,7 @@ fn on_cpu(spheres: &[Sphere]) -> Vec<Pair> {
 
 fn assert_lost<T>(result: Result<T, impl Into<Error>>) {
     let error = result.err().expect("the device is gone").into();
-    assert!(matches!(error, Error::Gpu(GpuError::DeviceLost { .. })), "{error}");
+    assert!(matches!(error, Error::DeviceLost { .. }), "{error}");
     assert!(error.to_string().contains("make a new device and a new detector"), "{error}");
 }
 
@@ -124,7 +124,7 @@ fn a_request_beyond_the_device_leaves_the_detector_usable() {
     let mut detector = gpu();
     for _ in 0..2 {
         let many = vec![Sphere::default(); (own.adapter.storage_binding / 16) as usize + 1];
-        let Err(Error::Gpu(GpuError::LimitExceeded { needed, limit, .. })) = detector.count(&many) else {
+        let Err(Error::LimitExceeded { needed, limit, .. }) = detector.count(&many) else {
             panic!("{} spheres do not fit one binding", many.len())
         };
         assert!(needed > limit, "{needed} {limit}");
@@ -181,7 +181,7 @@ fn run_out_of_memory() {
     let found_then = detector.pairs(&few).map(<[_]>::to_vec);
     allow("unlimited");
     for refused in [refused, crowded.map(|n| n as u64)] {
-        assert!(matches!(refused, Err(Error::Gpu(GpuError::OutOfMemory { .. }))), "{refused:?}");
+        assert!(matches!(refused, Err(Error::DeviceOutOfMemory { .. })), "{refused:?}");
     }
     for found in [found, found_then] {
         assert!(found.as_ref() == Ok(&expected), "{:?}", found.map(|pairs| pairs.len()));

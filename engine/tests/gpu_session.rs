@@ -5,7 +5,7 @@ mod common;
 use std::ops::ControlFlow;
 
 use common::{Random, device};
-use lazygrid::gpu::{GpuDevice, GpuError, GpuSession, GpuSettings, wgpu};
+use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings, wgpu};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, Sphere, Spheres};
 
 /// Radii and places are multiples of a power of two, so that no rounding happens and results agree exactly.
@@ -95,7 +95,7 @@ fn too_many_pairs_are_refused_with_their_number() {
     let all = 3000 * 2999 / 2;
     let mut detector = gpu(Config::default().max_pairs(all - 1));
     let error = detector.pairs(&spheres).expect_err("one too many");
-    assert!(matches!(error, Error::Host(lazygrid_host::Error::TooManyPairs { found, .. }) if found == all));
+    assert!(matches!(error, Error::TooManyPairs { found, .. } if found == all));
     assert_eq!(detector.count(&spheres).expect("counted"), all);
 }
 
@@ -132,7 +132,7 @@ fn two_calls_overlap_and_a_third_waits_its_turn() {
     for k in 1..scenes.len() {
         let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
         let third = session.begin(Spheres::from(&scenes[k])).expect_err("two are in flight");
-        assert_eq!(third, GpuError::Busy { calls: 2 });
+        assert_eq!(third, Error::Busy { calls: 2 });
         let mut pairs = session.finish(before, u64::MAX).expect("found").to_vec();
         pairs.sort_unstable();
         assert_eq!(pairs, expected(&scenes[k - 1]));

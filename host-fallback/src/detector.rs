@@ -73,7 +73,7 @@ impl HostDetector {
     /// A detector with these settings.
     ///
     /// # Errors
-    /// [`Error::Setting`] for a setting outside its range, [`Error::NotOnCpu`] for a GPU algorithm,
+    /// [`Error::Setting`] for a setting outside its range, [`Error::NotOnBackend`] for a GPU algorithm,
     /// [`Error::Threads`] where the system refuses the threads.
     pub fn new(settings: Settings) -> Result<Self, Error> {
         settings.check()?;

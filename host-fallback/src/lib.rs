@@ -16,7 +16,6 @@ mod contact;
 mod cover;
 mod detector;
 mod entries;
-mod error;
 mod hash_grid;
 #[cfg(test)]
 mod judged;
@@ -36,7 +35,7 @@ mod workspace;
 
 pub use canonical::Canonical;
 pub use detector::HostDetector;
-pub use error::Error;
+pub use lazygrid_kernels::Error;
 pub use neighbors::{Lists, Neighbors};
 pub use report::{Phase, Report};
 pub use settings::{Order, Settings};

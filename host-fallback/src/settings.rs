@@ -1,9 +1,10 @@
-use lazygrid_kernels::{Algorithm, Interactions, Space};
+use lazygrid_kernels::{Algorithm, Backend, Interactions, Space};
 
 use crate::{Error, Simd};
 
 /// The order of a result.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Order {
     /// By `i`, then `j`.
     #[default]
@@ -57,7 +58,9 @@ impl Settings {
             return Err(Error::Setting { name: "threads", value: "0".into(), range });
         }
         match self.algorithm {
-            Algorithm::EagerGrid | Algorithm::LazyGrid => Err(Error::NotOnCpu(self.algorithm)),
+            Algorithm::EagerGrid | Algorithm::LazyGrid => {
+                Err(Error::NotOnBackend { algorithm: self.algorithm, backend: Backend::Cpu })
+            }
             _ => Ok(()),
         }
     }

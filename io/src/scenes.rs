@@ -9,7 +9,7 @@ mod expected;
 use std::fmt;
 use std::str::FromStr;
 
-use lazygrid::Sphere;
+use lazygrid::{Sphere, UnknownName};
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -133,13 +133,11 @@ impl fmt::Display for Scene {
 }
 
 impl FromStr for Scene {
-    type Err = String;
+    type Err = UnknownName;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|s| s.name() == text).ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).join(", ");
-            format!("unknown scene '{text}'; expected one of {names}")
-        })
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|scene| scene.name() == text);
+        found.ok_or_else(|| UnknownName::new("scene", text, &Self::ALL.map(Self::name)))
     }
 }
 

@@ -1,6 +1,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::UnknownName;
+
 /// The ways to find overlapping pairs. All give the same set; they differ in time and memory.
 ///
 /// As text (`Display`, `FromStr`) the names are those of the command line: `cell-list`, `recursive-grid`, …
@@ -69,12 +71,10 @@ impl fmt::Display for Algorithm {
 }
 
 impl FromStr for Algorithm {
-    type Err = String;
+    type Err = UnknownName;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|a| a.name() == text).ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).join(", ");
-            format!("unknown algorithm '{text}'; expected one of {names}")
-        })
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|algorithm| algorithm.name() == text);
+        found.ok_or_else(|| UnknownName::new("algorithm", text, &Self::ALL.map(Self::name)))
     }
 }

@@ -1,6 +1,6 @@
 use thiserror::Error;
 
-use crate::{MAX_SPHERES, Sphere};
+use crate::{Algorithm, Backend, MAX_SPHERES, Sphere};
 
 /// What can be wrong with an input. Every message names the value, the limit and the remedy.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -84,4 +84,241 @@ pub enum InputError {
         /// The distance given.
         distance: f32,
     },
+}
+
+/// Why a call gave no result. Every message names the value, the limit and the remedy.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum Error {
+    /// The input is refused: not finite, a negative radius, lengths that differ, unknown species.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// A setting outside its range.
+    #[error("{name} = {value} is out of range; {range}")]
+    Setting {
+        /// Which setting.
+        name: &'static str,
+        /// Its value.
+        value: String,
+        /// What is allowed.
+        range: &'static str,
+    },
+    /// The algorithm does not run on the backend.
+    #[error("{algorithm} does not run on the {backend} backend; choose {}", runs_on(*backend))]
+    NotOnBackend {
+        /// The algorithm asked for.
+        algorithm: Algorithm,
+        /// The backend asked for.
+        backend: Backend,
+    },
+    /// A list would hold more pairs than allowed. The count is exact; nothing was truncated.
+    #[error(
+        "{found} pairs are more than the limit of {limit} for a list; ask for the count only, stream the pairs \
+         in chunks, or raise `max_pairs`"
+    )]
+    TooManyPairs {
+        /// How many pairs there are.
+        found: u64,
+        /// The limit that was set.
+        limit: u64,
+    },
+    /// The system refused memory.
+    #[error("no memory for {what}: {bytes} bytes were refused; use fewer spheres or stream the pairs")]
+    OutOfMemory {
+        /// What it was for.
+        what: &'static str,
+        /// How many bytes were asked for.
+        bytes: u64,
+    },
+    /// The thread pool could not be made.
+    #[error("could not start {threads} threads: {reason}; ask for fewer")]
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// What the system said.
+        reason: String,
+    },
+    /// The GPU was asked for by name and cannot be used. An explicit choice never falls back.
+    #[error("the GPU backend is not available: {reason}; choose the `cpu` or `auto` backend")]
+    GpuUnavailable {
+        /// Why not.
+        reason: String,
+    },
+    /// This build has no GPU path.
+    #[error("lazygrid was built without its feature `gpu`; enable it, or use the CPU")]
+    WithoutGpu,
+    /// An adapter was named, and the CPU asked for.
+    #[error("adapter '{adapter}' and the cpu backend were asked for together; leave one of them out")]
+    AdapterOnCpu {
+        /// The adapter that was named.
+        adapter: String,
+    },
+    /// No adapter answered.
+    #[error(
+        "no GPU adapter was found ({reason}); install a Vulkan, Metal or DirectX 12 driver, or use the CPU"
+    )]
+    NoAdapter {
+        /// What was asked and what came back.
+        reason: String,
+    },
+    /// No adapter, or more than one, is what was asked for.
+    #[error(
+        "{} by '{asked}'; give the index or a part of one name only: {there_are}",
+        match .fitting {
+            0 => "no adapter is meant".to_owned(),
+            several => format!("{several} adapters are meant"),
+        }
+    )]
+    UnknownAdapter {
+        /// The index or name.
+        asked: String,
+        /// How many adapters fit it.
+        fitting: usize,
+        /// Index, name and API of each adapter.
+        there_are: String,
+    },
+    /// The adapter refused to open a device.
+    #[error("adapter {adapter} refused a device: {reason}")]
+    NoDevice {
+        /// The adapter's name.
+        adapter: String,
+        /// What it said.
+        reason: String,
+    },
+    /// Something would not fit the device. Nothing was allocated.
+    #[error("{what} needs {needed} where the device's limit is {limit}; {remedy}")]
+    LimitExceeded {
+        /// Which buffer or number.
+        what: &'static str,
+        /// What would be needed, in bytes unless `what` says otherwise.
+        needed: u64,
+        /// What there is.
+        limit: u64,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The device has no memory left.
+    #[error(
+        "the device has no room for {bytes} bytes ({what}); use fewer spheres or a smaller pair capacity"
+    )]
+    DeviceOutOfMemory {
+        /// What it was for.
+        what: &'static str,
+        /// How many bytes were asked for.
+        bytes: u64,
+    },
+    /// The device is gone: unplugged, reset by its driver, or destroyed by its owner.
+    #[error("the device was lost ({reason}); make a new device and a new detector")]
+    DeviceLost {
+        /// What the driver said.
+        reason: String,
+    },
+    /// The device refused a call: a fault of this library or of a buffer that was handed over.
+    #[error("the device refused {what}: {reason}")]
+    Validation {
+        /// What was being done.
+        what: &'static str,
+        /// What the device said.
+        reason: String,
+    },
+    /// The device did not finish in time.
+    #[error(
+        "the device did not finish within {seconds} seconds; use fewer spheres per call or raise the time-out"
+    )]
+    Timeout {
+        /// How long was waited.
+        seconds: u64,
+    },
+    /// As many calls are in flight as a session can hold, or the ticket is of a call that failed.
+    #[error("{calls} calls are in flight, or this one failed; finish a call before beginning the next")]
+    Busy {
+        /// How many may be in flight.
+        calls: usize,
+    },
+    /// A buffer that was handed over does not fit what was asked for.
+    #[error("the `{what}` buffer has {size} bytes where {needed} are needed{usage}")]
+    Buffer {
+        /// Which buffer.
+        what: &'static str,
+        /// Its size.
+        size: u64,
+        /// What is needed.
+        needed: u64,
+        /// The usage that is missing, if any.
+        usage: &'static str,
+    },
+    /// An interaction table is set but no species buffer was given, or the other way round.
+    #[error("interactions and species ids go together; give both or neither")]
+    SpeciesBuffer,
+}
+
+fn runs_on(backend: Backend) -> String {
+    let names = |algorithms: &[Algorithm]| {
+        let names = algorithms.iter().map(|algorithm| algorithm.name());
+        std::iter::once("auto").chain(names).collect::<Vec<_>>().join(", ")
+    };
+    match backend {
+        Backend::Auto => "auto".to_owned(),
+        Backend::Cpu => names(&Algorithm::CPU),
+        Backend::Gpu => names(&Algorithm::GPU),
+    }
+}
+
+/// A name that is none of those known, as a `FromStr` of this library was given it.
+///
+/// ```
+/// # use lazygrid_kernels::{Algorithm, UnknownName};
+/// let unknown: UnknownName = "octree".parse::<Algorithm>().unwrap_err();
+/// assert!(unknown.to_string().starts_with("unknown algorithm 'octree'; expected one of auto, naive, "));
+/// ```
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("unknown {what} '{name}'; expected one of {known}")]
+pub struct UnknownName {
+    what: &'static str,
+    name: String,
+    known: String,
+}
+
+impl UnknownName {
+    /// For a `name` that is no `what`, where these are `known`.
+    pub fn new(what: &'static str, name: &str, known: &[&str]) -> Self {
+        Self { what, name: name.to_owned(), known: known.join(", ") }
+    }
+
+    /// The name that was given.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_runs_on_a_backend_is_named() {
+        let message = |algorithm, backend| Error::NotOnBackend { algorithm, backend }.to_string();
+        assert_eq!(
+            message(Algorithm::LazyGrid, Backend::Cpu),
+            "lazy-grid does not run on the cpu backend; choose auto, naive, hash-grid, array-grid, recursive-grid, \
+             cell-list"
+        );
+        assert_eq!(
+            message(Algorithm::CellList, Backend::Gpu),
+            "cell-list does not run on the gpu backend; choose auto, naive, array-grid, eager-grid, lazy-grid"
+        );
+    }
+
+    #[test]
+    fn names_are_read_back_and_others_refused_by_name() {
+        for backend in Backend::ALL {
+            assert_eq!(backend.name().parse(), Ok(backend));
+        }
+        for algorithm in Algorithm::ALL {
+            assert_eq!(algorithm.name().parse(), Ok(algorithm));
+        }
+        let unknown = "CPU".parse::<Backend>().unwrap_err();
+        assert_eq!(unknown.to_string(), "unknown backend 'CPU'; expected one of auto, cpu, gpu");
+        assert_eq!(unknown.name(), "CPU");
+    }
 }

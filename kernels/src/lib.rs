@@ -7,12 +7,13 @@
 //! * [`Interactions`] — which species may pair, and at which distance;
 //! * [`Space`] — unbounded, or periodic along some axes;
 //! * [`Pair`] — one overlapping pair, smaller index first;
-//! * [`Algorithm`] — the detectors by name;
-//! * [`InputError`] — what can be wrong with an input;
+//! * [`Algorithm`], [`Backend`] — the detectors, and where they run, by name;
+//! * [`Error`], [`InputError`] — why there is no result, on any backend, and what can be wrong with an input;
 //! * [`kernel`], [`layout`] — the GPU kernels in WGSL with their metadata, and the structures they share with Rust;
 //! * [`wgsl`] — texts from pieces.
 
 mod algorithm;
+mod backend;
 mod error;
 mod interactions;
 pub mod kernel;
@@ -23,7 +24,8 @@ mod sphere;
 pub mod wgsl;
 
 pub use algorithm::Algorithm;
-pub use error::InputError;
+pub use backend::Backend;
+pub use error::{Error, InputError, UnknownName};
 pub use interactions::{Interaction, Interactions, Reach};
 pub use pair::Pair;
 pub use space::Space;

@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Sphere};
-use lazygrid_host::Error as HostError;
 use lazygrid_tests::Subject;
 
 fn coincident(n: usize) -> Vec<Sphere> {
@@ -41,7 +40,7 @@ fn a_list_of_too_many_pairs_is_refused_by_its_number() {
         let mut detector = Detector::new(subject.config().max_pairs(limit)).expect("a detector");
         assert_eq!(detector.count(&spheres), Ok(found), "{subject}");
         let Err(error) = detector.pairs(&spheres) else { panic!("{subject}: a list of {found} pairs") };
-        assert_eq!(error, Error::Host(HostError::TooManyPairs { found, limit }), "{subject}");
+        assert_eq!(error, Error::TooManyPairs { found, limit }, "{subject}");
         let text = error.to_string();
         for part in ["199990000", "1048576", "max_pairs", "stream"] {
             assert!(text.contains(part), "'{part}' is not in: {text}");

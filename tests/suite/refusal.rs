@@ -9,7 +9,6 @@ use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, Interaction, Interactions, Order, Pair, Space, Sphere,
     Spheres,
 };
-use lazygrid_host::Error as HostError;
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::Subject;
 
@@ -164,7 +163,7 @@ fn walk(subject: Subject, config: &Config, spheres: Spheres<'_>, next: impl Fn(u
             let case = format!("{subject}, {ask:?}, {refusal:?}");
             match answer {
                 Ok(answer) => assert_eq!(answer, all, "{case}"),
-                Err(Error::Host(error @ HostError::OutOfMemory { what, bytes })) => {
+                Err(ref error @ Error::OutOfMemory { what, bytes }) => {
                     assert!(refused > 0 && bytes as usize >= LARGE && !what.is_empty(), "{case}: {error}");
                     assert!(error.to_string().contains(&bytes.to_string()), "{case}: {error}");
                     refusals += 1;

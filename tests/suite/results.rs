@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Neighbors, Order, Pair, Spheres};
-use lazygrid_host::Error as HostError;
 use lazygrid_tests::{Scenario, Subject, THREADS, adversary, difference, in_pool};
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -70,7 +69,7 @@ fn too_many_pairs_names_the_exact_number() {
             let mut detector = detector(subject, Config::default().max_pairs(limit).order(order))?;
             let list = subject.run(|| detector.pairs(scenario.view()).map(<[Pair]>::len));
             let expected = match found > limit {
-                true => Err(Error::Host(HostError::TooManyPairs { found, limit })),
+                true => Err(Error::TooManyPairs { found, limit }),
                 false => Ok(found as usize),
             };
             let neighbors = detector.neighbors(scenario.view()).map(|n| n.indices.len() / 2);

@@ -15,19 +15,21 @@ fn names_are_read_back() {
     for backend in Backend::ALL {
         assert_eq!(backend.to_string().parse(), Ok(backend));
     }
-    let unknown = "octree".parse::<Algorithm>().expect_err("no such algorithm");
+    let unknown = "octree".parse::<Algorithm>().expect_err("no such algorithm").to_string();
     assert!(Algorithm::ALL.iter().all(|algorithm| unknown.contains(algorithm.name())), "{unknown}");
     assert!(Algorithm::CPU.iter().all(|algorithm| Algorithm::ALL.contains(algorithm)));
 }
 
 /// Crate by crate, the crates of this workspace that it may depend on outside its own tests.
-const LAYERS: [(&str, &[&str]); 6] = [
+const LAYERS: [(&str, &[&str]); 8] = [
     ("lazygrid-kernels", &[]),
     ("lazygrid-host", &["lazygrid-kernels"]),
     ("lazygrid", &["lazygrid-kernels", "lazygrid-host"]),
-    ("lazygrid-sim", &["lazygrid"]),
-    ("lazygrid-bench", &["lazygrid-kernels", "lazygrid-host", "lazygrid", "lazygrid-sim"]),
-    ("lazygrid-tests", &["lazygrid-kernels", "lazygrid-host", "lazygrid", "lazygrid-bench"]),
+    ("lazygrid-io", &["lazygrid"]),
+    ("lazygrid-sim", &["lazygrid", "lazygrid-io"]),
+    ("lazygrid-cli", &["lazygrid", "lazygrid-io", "lazygrid-sim"]),
+    ("lazygrid-bench", &["lazygrid-kernels", "lazygrid", "lazygrid-io", "lazygrid-sim"]),
+    ("lazygrid-tests", &["lazygrid", "lazygrid-io"]),
 ];
 
 #[test]

@@ -5,6 +5,7 @@ use lazygrid_bench::figures::{self, Figure, Progress, Results, Scale, Settings};
 
 use crate::command::args::{Figures, MeasureMemory};
 use crate::command::failure::Failure;
+use crate::command::invocation;
 use crate::print;
 
 /// Runs the figures, writes the report, and says where it is.
@@ -43,7 +44,8 @@ fn settings(args: &Figures) -> Settings {
     only.sort();
     only.dedup();
     let minutes = args.budget_minutes.unwrap_or(if scale == Scale::Full { 30.0 } else { 1.75 });
-    Settings { scale, only, runs: args.runs.map(Into::into), minutes, seed: 1 }
+    let command = invocation::command();
+    Settings { scale, only, runs: args.runs.map(Into::into), minutes, seed: 1, command }
 }
 
 fn style() -> ProgressStyle {

@@ -144,7 +144,8 @@ mod tests {
     }
 
     fn results(scale: Scale, only: Figure, rows: Vec<Row>) -> Results {
-        let settings = Settings { scale, only: vec![only], runs: None, minutes: 1.0, seed: 1 };
+        let command = String::new();
+        let settings = Settings { scale, only: vec![only], runs: None, minutes: 1.0, seed: 1, command };
         let environment = Environment {
             cpu: "c".to_owned(),
             cores: 2,

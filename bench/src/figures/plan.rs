@@ -1,7 +1,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use lazygrid::Algorithm;
+use lazygrid::{Algorithm, UnknownName};
 use serde::{Deserialize, Serialize};
 
 use super::Engine;
@@ -83,12 +83,11 @@ impl fmt::Display for Figure {
 }
 
 impl FromStr for Figure {
-    type Err = String;
+    type Err = UnknownName;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|f| f.name() == text).ok_or_else(|| {
-            format!("unknown figure '{text}'; expected one of {}", Self::ALL.map(Self::name).join(", "))
-        })
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|figure| figure.name() == text);
+        found.ok_or_else(|| UnknownName::new("figure", text, &Self::ALL.map(Self::name)))
     }
 }
 
@@ -99,9 +98,9 @@ impl From<Figure> for String {
 }
 
 impl TryFrom<String> for Figure {
-    type Error = String;
+    type Error = UnknownName;
 
-    fn try_from(text: String) -> Result<Self, String> {
+    fn try_from(text: String) -> Result<Self, UnknownName> {
         text.parse()
     }
 }
@@ -131,6 +130,9 @@ pub struct Settings {
     pub minutes: f64,
     /// Seed of all scenes.
     pub seed: u64,
+    /// The command that asked for it, for the report; empty where there was none.
+    #[serde(default)]
+    pub command: String,
 }
 
 /// How spheres change from one run to the next.

@@ -4,7 +4,6 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use lazygrid::gpu::GpuError;
 use lazygrid::{Phase, Sphere};
 use thiserror::Error;
 
@@ -237,18 +236,17 @@ fn is_refusal(error: &(dyn Error + 'static)) -> bool {
     if error.is::<Unavailable>() {
         return true;
     }
-    match error.downcast_ref::<E>() {
-        Some(E::GpuUnavailable { .. } | E::NotOnBackend { .. }) => true,
-        Some(E::Gpu(gpu)) => matches!(
-            gpu,
-            GpuError::NoAdapter { .. }
-                | GpuError::NoDevice { .. }
-                | GpuError::LimitExceeded { .. }
-                | GpuError::OutOfMemory { .. }
-                | GpuError::NotOnGpu(_)
-        ),
-        _ => false,
-    }
+    matches!(
+        error.downcast_ref::<E>(),
+        Some(
+            E::GpuUnavailable { .. }
+                | E::NotOnBackend { .. }
+                | E::NoAdapter { .. }
+                | E::NoDevice { .. }
+                | E::LimitExceeded { .. }
+                | E::DeviceOutOfMemory { .. }
+        )
+    )
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! What a run leaves for people: `results.json`, `results.csv`, plots, `report.html` and `RESULTS.md`.
 
+mod axis;
 mod csv;
 mod document;
 mod growth;

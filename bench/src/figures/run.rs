@@ -213,7 +213,7 @@ fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
 /// What results must share to stand beside each other: settings other than the choice of figures, commit and build,
 /// machine and adapter.
 fn mark(settings: &Settings, environment: &Environment, program: &Path) -> String {
-    let Settings { scale, runs, minutes, seed, only: _ } = settings;
+    let Settings { scale, runs, minutes, seed, only: _, command: _ } = settings;
     let built = fs::metadata(program).ok().and_then(|file| {
         let modified = file.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
         Some(format!("{} bytes, {}", file.len(), modified.as_millis()))
@@ -246,7 +246,8 @@ mod tests {
     fn points_for_which_there_is_no_time_are_named() {
         let folder = tempfile::tempdir().expect("a folder");
         let only = vec![Figure::F3a];
-        let settings = Settings { scale: Scale::Full, only, runs: Some(1), minutes: 0.0, seed: 1 };
+        let command = String::new();
+        let settings = Settings { scale: Scale::Full, only, runs: Some(1), minutes: 0.0, seed: 1, command };
         let results = run(&settings, folder.path(), Path::new("lazygrid"), |_| ()).expect("nothing is run");
         assert!(results.rows.is_empty());
         assert_eq!(results.missing.len(), settings.points().len());

@@ -121,7 +121,7 @@ impl GpuDevice {
     /// taken only where `software` allows it.
     ///
     /// # Errors
-    /// [`GpuError::NoAdapter`] and [`GpuError::NoDevice`].
+    /// [`Error::NoAdapter`](crate::Error::NoAdapter) and [`Error::NoDevice`](crate::Error::NoDevice).
     pub fn open(software: bool) -> Result<Self, GpuError> {
         let found = enumerate();
         let names = || match found.as_slice() {
@@ -137,8 +137,8 @@ impl GpuDevice {
     /// Opens this adapter, be it hardware or software.
     ///
     /// # Errors
-    /// [`GpuError::UnknownAdapter`] where no adapter is meant, or several are; [`GpuError::NoAdapter`] where there is
-    /// none at all, and [`GpuError::NoDevice`].
+    /// [`Error::UnknownAdapter`](crate::Error::UnknownAdapter) where no adapter is meant, or several are; [`Error::NoAdapter`](crate::Error::NoAdapter) where there is
+    /// none at all, and [`Error::NoDevice`](crate::Error::NoDevice).
     pub fn open_adapter(id: &AdapterId) -> Result<Self, GpuError> {
         let found = enumerate();
         if found.is_empty() {
@@ -217,7 +217,7 @@ impl GpuDevice {
     }
 
     /// # Errors
-    /// [`GpuError::DeviceLost`] once the driver has said so.
+    /// [`Error::DeviceLost`](crate::Error::DeviceLost) once the driver has said so.
     pub(crate) fn check_lost(&self) -> Result<(), GpuError> {
         match self.lost.get() {
             Some(reason) => Err(GpuError::DeviceLost { reason: reason.clone() }),
@@ -237,7 +237,7 @@ impl GpuDevice {
         let _ = self.device.poll(wgpu::PollType::Poll);
         self.check_lost()?;
         match constant_buffer(&self.device, "a probe", &[0; 16]) {
-            Ok(_) | Err(GpuError::OutOfMemory { .. }) => Ok(()),
+            Ok(_) | Err(GpuError::DeviceOutOfMemory { .. }) => Ok(()),
             Err(error) => Err(GpuError::DeviceLost { reason: error.to_string() }),
         }
     }

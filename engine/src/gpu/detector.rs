@@ -87,7 +87,7 @@ impl GpuDetector {
     /// A detector on the caller's device. Kernels are compiled when first needed.
     ///
     /// # Errors
-    /// [`GpuError::Setting`] and [`GpuError::NotOnGpu`] for settings; otherwise where the device refuses something.
+    /// [`Error::Setting`](crate::Error::Setting) and [`Error::NotOnBackend`](crate::Error::NotOnBackend) for settings; otherwise where the device refuses something.
     pub fn new(device: &wgpu::Device, settings: GpuSettings) -> Result<Self, GpuError> {
         Self::with_pipelines(device, Pipelines::new(device), settings)
     }
@@ -117,7 +117,7 @@ impl GpuDetector {
     /// Bytes of device memory for calls of up to `spheres` spheres, the output included and the input not.
     ///
     /// # Errors
-    /// [`GpuError::LimitExceeded`] where the device cannot hold it.
+    /// [`Error::LimitExceeded`](crate::Error::LimitExceeded) where the device cannot hold it.
     pub fn memory_for(&self, spheres: u32) -> Result<u64, GpuError> {
         Ok(self.plan_for(spheres)?.bytes())
     }
@@ -144,7 +144,7 @@ impl GpuDetector {
     /// size are released.
     ///
     /// # Errors
-    /// [`GpuError::LimitExceeded`], [`GpuError::OutOfMemory`], or where the device is lost.
+    /// [`Error::LimitExceeded`](crate::Error::LimitExceeded), [`Error::DeviceOutOfMemory`](crate::Error::DeviceOutOfMemory), or where the device is lost.
     pub fn reserve(&mut self, spheres: u32) -> Result<(), GpuError> {
         let wanted = self.plan_for(spheres)?;
         // Buffers for more spheres serve fewer: those of a grid also all pairs.
@@ -208,7 +208,7 @@ impl GpuDetector {
     /// Changes which algorithm later calls use; see [`GpuSettings::algorithm`].
     ///
     /// # Errors
-    /// [`GpuError::NotOnGpu`] for one without kernels.
+    /// [`Error::NotOnBackend`](crate::Error::NotOnBackend) for one without kernels.
     pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), GpuError> {
         let before = std::mem::replace(&mut self.settings.algorithm, algorithm);
         check(&self.settings).inspect_err(|_| self.settings.algorithm = before)
@@ -235,7 +235,7 @@ impl GpuDetector {
     /// Changes the cell edge; see [`GpuSettings::raster_ratio`].
     ///
     /// # Errors
-    /// [`GpuError::Setting`] where it is out of range.
+    /// [`Error::Setting`](crate::Error::Setting) where it is out of range.
     pub fn set_raster_ratio(&mut self, ratio: f32) -> Result<(), GpuError> {
         let before = std::mem::replace(&mut self.settings.raster_ratio, ratio);
         check(&self.settings).inspect_err(|_| self.settings.raster_ratio = before)
@@ -248,7 +248,7 @@ impl GpuDetector {
     /// [`reserve`](Self::reserve) first.
     ///
     /// # Errors
-    /// [`GpuError::Buffer`] and [`GpuError::Species`] for what was handed over, and as [`reserve`](Self::reserve).
+    /// [`Error::Buffer`](crate::Error::Buffer) and [`Error::SpeciesBuffer`](crate::Error::SpeciesBuffer) for what was handed over, and as [`reserve`](Self::reserve).
     pub fn encode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -266,7 +266,7 @@ impl GpuDetector {
             check_buffer("species", species, u64::from(spheres.max(1)) * 4)?;
         }
         if input.species.is_some() != self.tables.is_some() {
-            return Err(GpuError::Species);
+            return Err(GpuError::SpeciesBuffer);
         }
         self.reserve(spheres)?;
         self.record(encoder, input, spheres)
@@ -387,7 +387,7 @@ impl Prepared {
 /// What a call found, read from a copy of the outcome buffer.
 ///
 /// # Errors
-/// [`GpuError::Buffer`] where there are too few bytes.
+/// [`Error::Buffer`](crate::Error::Buffer) where there are too few bytes.
 pub fn read_outcome(bytes: &[u8]) -> Result<Outcome, GpuError> {
     let needed = size_of::<Outcome>();
     match bytes.get(..needed) {

@@ -98,7 +98,7 @@ impl DeviceDetector {
             ControlFlow::Continue(())
         })?;
         self.conclude(handed);
-        refused.map_or(Ok(handed), |error| Err(error.into()))
+        refused.map_or(Ok(handed), Err)
     }
 
     pub(crate) fn report(&self) -> &Report {
@@ -175,20 +175,6 @@ fn raster_ratio(asked: Option<f32>) -> Result<f32, GpuError> {
 
 fn parts(pairs: &[Pair]) -> Vec<&[Pair]> {
     pairs.chunks(pairs.len().div_ceil(PARTS).max(1)).collect()
-}
-
-impl From<GpuError> for Error {
-    fn from(error: GpuError) -> Self {
-        match error {
-            GpuError::TooManyPairs { found, limit } => {
-                Self::Host(lazygrid_host::Error::TooManyPairs { found, limit })
-            }
-            GpuError::NoHostMemory { what, bytes } => {
-                Self::Host(lazygrid_host::Error::OutOfMemory { what, bytes })
-            }
-            other => Self::Gpu(other),
-        }
-    }
 }
 
 #[cfg(test)]

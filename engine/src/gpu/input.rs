@@ -123,7 +123,7 @@ pub(super) fn check(settings: &GpuSettings) -> Result<(), GpuError> {
     match settings.algorithm {
         Algorithm::Auto => Ok(()),
         named if Algorithm::GPU.contains(&named) => Ok(()),
-        other => Err(GpuError::NotOnGpu(other)),
+        other => Err(GpuError::NotOnBackend { algorithm: other, backend: crate::Backend::Gpu }),
     }
 }
 

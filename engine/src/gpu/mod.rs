@@ -23,7 +23,7 @@ pub use adapter::{AdapterId, AdapterSummary, GpuDevice, adapters, wanted_feature
 pub use calibration::{Calibration, Crossover, Sample, calibrate};
 pub use detector::{GpuDetector, read_outcome};
 pub(crate) use device_detector::DeviceDetector;
-pub use error::GpuError;
+pub(crate) use error::GpuError;
 pub use input::{Count, GpuSettings, GpuSpheres};
 pub use lazygrid_kernels::kernel::Access;
 pub use lazygrid_kernels::layout::Outcome;

@@ -138,7 +138,7 @@ pub struct Plan {
 /// Plans a call.
 ///
 /// # Errors
-/// [`GpuError::LimitExceeded`] where a buffer cannot be bound on the device, [`GpuError::NotOnGpu`] for an
+/// [`Error::LimitExceeded`](crate::Error::LimitExceeded) where a buffer cannot be bound on the device, [`Error::NotOnBackend`](crate::Error::NotOnBackend) for an
 /// algorithm without kernels.
 pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> {
     let algorithm = request.algorithm;
@@ -146,7 +146,7 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
         Algorithm::Naive | Algorithm::ArrayGrid | Algorithm::CellList => Refinement::None,
         Algorithm::EagerGrid => Refinement::Every,
         Algorithm::LazyGrid => Refinement::Dense,
-        other => return Err(GpuError::NotOnGpu(other)),
+        other => return Err(GpuError::NotOnBackend { algorithm: other, backend: crate::Backend::Gpu }),
     };
     let mut plan = Plan {
         algorithm,

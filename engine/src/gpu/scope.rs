@@ -7,7 +7,7 @@ impl GpuDevice {
     /// is being done and takes `bytes`, for the message.
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`], [`GpuError::DeviceLost`] and [`GpuError::Validation`].
+    /// [`Error::DeviceOutOfMemory`](crate::Error::DeviceOutOfMemory), [`Error::DeviceLost`](crate::Error::DeviceLost) and [`Error::Validation`](crate::Error::Validation).
     pub fn scoped<T>(&self, what: &'static str, bytes: u64, work: impl FnOnce() -> T) -> Result<T, GpuError> {
         scoped(&self.device, what, bytes, work).map_err(|error| self.reason(error))
     }
@@ -28,7 +28,7 @@ pub(crate) fn scoped<T>(
     let errors = [internal, validation, memory].map(|scope| pollster::block_on(scope.pop()));
     match errors.into_iter().flatten().next() {
         None => Ok(result),
-        Some(wgpu::Error::OutOfMemory { .. }) => Err(GpuError::OutOfMemory { what, bytes }),
+        Some(wgpu::Error::OutOfMemory { .. }) => Err(GpuError::DeviceOutOfMemory { what, bytes }),
         Some(wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. }) => {
             Err(lost_or_refused(what, description))
         }

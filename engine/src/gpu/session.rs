@@ -122,7 +122,7 @@ impl GpuSession {
         })
     }
 
-    /// How long a call may take before it is given up with [`GpuError::Timeout`]. Default: ten minutes.
+    /// How long a call may take before it is given up with [`Error::Timeout`](crate::Error::Timeout). Default: ten minutes.
     pub fn set_timeout(&mut self, timeout: Duration) {
         self.timeout = timeout;
     }
@@ -141,7 +141,7 @@ impl GpuSession {
     /// Changes which algorithm the calls use that are begun from now on; see [`GpuSettings::algorithm`].
     ///
     /// # Errors
-    /// [`GpuError::NotOnGpu`] for one without kernels.
+    /// [`Error::NotOnBackend`](crate::Error::NotOnBackend) for one without kernels.
     pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), GpuError> {
         self.detector.set_algorithm(algorithm)?;
         self.asked.algorithm = algorithm;
@@ -169,7 +169,7 @@ impl GpuSession {
     /// entries per sphere, or more where a call needed more; see [`Outcome::entries`].
     ///
     /// # Errors
-    /// [`GpuError::LimitExceeded`] where the device cannot hold it.
+    /// [`Error::LimitExceeded`](crate::Error::LimitExceeded) where the device cannot hold it.
     pub fn memory_for(&self, spheres: u32) -> Result<u64, GpuError> {
         let input = u64::from(spheres).next_power_of_two().max(1) * 16;
         Ok(self.detector.memory_for(spheres)? + SLOTS as u64 * (input + self.expected * 8))
@@ -183,7 +183,7 @@ impl GpuSession {
     /// Uploads the spheres and starts the detection; does not wait.
     ///
     /// # Errors
-    /// [`GpuError::Busy`] with two calls in flight already; otherwise as [`GpuDetector::encode`].
+    /// [`Error::Busy`](crate::Error::Busy) with two calls in flight already; otherwise as [`GpuDetector::encode`].
     pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, GpuError> {
         self.begin_with(self.asked.algorithm, spheres)
     }
@@ -217,7 +217,7 @@ impl GpuSession {
     /// the next call is finished.
     ///
     /// # Errors
-    /// [`GpuError::TooManyPairs`] above `limit`, with the exact number; otherwise where the device fails.
+    /// [`Error::TooManyPairs`](crate::Error::TooManyPairs) above `limit`, with the exact number; otherwise where the device fails.
     pub fn finish(&mut self, ticket: Ticket, limit: u64) -> Result<&[Pair], GpuError> {
         pollster::block_on(self.collect(ticket, limit, Wait::Blocking))?;
         Ok(&self.pairs)

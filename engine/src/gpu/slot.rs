@@ -103,7 +103,7 @@ impl Returned<'_> {
     /// Appends the first `count` pairs.
     ///
     /// # Errors
-    /// [`GpuError::NoHostMemory`].
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub(crate) fn append_pairs(&self, count: usize, pairs: &mut Vec<Pair>) -> Result<(), GpuError> {
         let at = PAIRS_AT as usize;
         make_room(pairs, count, "pairs")?;

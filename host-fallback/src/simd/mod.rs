@@ -4,6 +4,7 @@
 //! here; what lies inside it is left to the exact test of [`Rule`](crate::contact::Rule). So vector width, fused
 //! multiply-adds and the order of operations cannot change a result.
 
+use std::fmt;
 use std::sync::OnceLock;
 
 use lazygrid_kernels::Pair;
@@ -38,7 +39,8 @@ struct Feature {
 }
 
 /// The widest vector code this processor has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Simd {
     /// 16 lanes, x86-64 with AVX-512F and all that [`Avx2`](Self::Avx2) needs.
     Avx512,
@@ -46,6 +48,17 @@ pub enum Simd {
     Avx2,
     /// 8 lanes as plain loops, which the compiler vectorises as the target allows.
     Portable,
+}
+
+/// In words, with the number of lanes.
+impl fmt::Display for Simd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Avx512 => "AVX-512, 16 lanes",
+            Self::Avx2 => "AVX2, 8 lanes",
+            Self::Portable => "portable vectors, 8 lanes",
+        })
+    }
 }
 
 impl Simd {

@@ -36,7 +36,7 @@ use std::io::Read;
 use std::path::Path;
 use std::str::FromStr;
 
-use lazygrid::{Space, Sphere};
+use lazygrid::{Space, Sphere, UnknownName};
 use rayon::slice::ParallelSliceMut;
 
 use self::session::Session;
@@ -123,13 +123,11 @@ impl fmt::Display for Format {
 }
 
 impl FromStr for Format {
-    type Err = String;
+    type Err = UnknownName;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL
-            .into_iter()
-            .find(|format| format.name() == text)
-            .ok_or_else(|| format!("unknown format '{text}'; expected csv, npy, xyz, lammps or smoldyn"))
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|format| format.name() == text);
+        found.ok_or_else(|| UnknownName::new("format", text, &Self::ALL.map(Self::name)))
     }
 }
 

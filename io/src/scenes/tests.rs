@@ -17,7 +17,7 @@ fn names_are_read_back() {
     for scene in Scene::ALL {
         assert_eq!(scene.to_string().parse(), Ok(scene));
     }
-    assert!("equals".parse::<Scene>().is_err_and(|e| e.contains("equal, five-sizes")));
+    assert!("equals".parse::<Scene>().is_err_and(|e| e.to_string().contains("equal, five-sizes")));
 }
 
 #[test]

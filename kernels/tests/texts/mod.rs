@@ -2,9 +2,10 @@
 //! use.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use lazygrid_kernels::kernel::{KERNELS, Kernel, Variant};
+use lazygrid_kernels::wgsl;
 
 /// The whole text of one kernel in one variant.
 pub(crate) struct Text {
@@ -35,23 +36,27 @@ fn name_of(kernel: &Kernel, variant: Variant) -> String {
     name
 }
 
-/// The simulator's kernels, expanded as `simulator/src/gpu/kernel.rs` does it.
+/// The simulator's kernels.
 fn simulator() -> Vec<Text> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../simulator/src/gpu/shader");
-    let read = |path: &Path| fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    let mut paths: Vec<_> = fs::read_dir(&folder)
-        .unwrap_or_else(|e| panic!("{}: {e}", folder.display()))
-        .map(|entry| entry.expect("an entry of a folder").path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "wgsl"))
-        .collect();
-    paths.sort();
-    let text = |path: &Path| {
-        let line = |line: &str| match line.strip_prefix("#include ") {
-            None => format!("{line}\n"),
-            Some(piece) => read(&folder.join("shared").join(piece).with_extension("wgsl")),
-        };
-        let name = path.file_stem().expect("the name of a file").to_string_lossy();
-        Text { name: format!("simulator-{name}"), wgsl: read(path).lines().map(line).collect() }
+    let (sources, pieces) = (sources(&folder), sources(&folder.join("shared")));
+    let pieces: Vec<_> = pieces.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
+    let text = |(name, source): &(String, String)| {
+        let wgsl = wgsl::expand(source, &pieces, &|name| name == "STANDARD");
+        Text { name: format!("simulator-{name}"), wgsl }
     };
-    paths.iter().map(|path| text(path)).collect()
+    sources.iter().map(text).collect()
+}
+
+/// The WGSL files of a folder by name.
+fn sources(folder: &Path) -> Vec<(String, String)> {
+    let entries = fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
+    let mut paths: Vec<_> = entries.map(|entry| entry.expect("an entry of a folder").path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "wgsl"));
+    paths.sort();
+    let read = |path: &PathBuf| {
+        let name = path.file_stem().expect("the name of a file").to_string_lossy().into_owned();
+        (name, fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display())))
+    };
+    paths.iter().map(read).collect()
 }

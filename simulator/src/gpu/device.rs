@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use lazygrid::gpu::{GpuDevice, GpuError, wgpu};
+use lazygrid::gpu::{GpuDevice, wgpu};
 
 use crate::Error;
 
@@ -10,8 +10,8 @@ use crate::Error;
 const TIMEOUT: Duration = Duration::from_secs(600);
 
 /// An error of the device as one of the simulator.
-pub(super) fn refused(error: GpuError) -> Error {
-    Error::Detection(lazygrid::Error::Gpu(error))
+pub(super) fn refused(error: lazygrid::Error) -> Error {
+    Error::Detection(error)
 }
 
 /// Runs `work`, with what the device complained about as an error.
@@ -70,13 +70,14 @@ pub(super) fn read(
         offset += bytes;
     }
     scoped(own, "the readback", size, || own.queue.submit([encoder.finish()]))?;
-    let lost = |reason: String| refused(GpuError::DeviceLost { reason });
+    let lost = |reason: String| refused(lazygrid::Error::DeviceLost { reason });
     let (tell, answer) = std::sync::mpsc::channel();
-    // Nobody listens any more where waiting failed.
-    staging.slice(..).map_async(wgpu::MapMode::Read, move |result| drop(tell.send(result)));
+    // Nobody listens any more where waiting failed. A device that is lost may show only here.
+    let done = move |result| drop(tell.send(result));
+    scoped(own, "the readback", size, || staging.slice(..).map_async(wgpu::MapMode::Read, done))?;
     let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
     own.device.poll(wait).map_err(|error| match error {
-        wgpu::PollError::Timeout => refused(GpuError::Timeout { seconds: TIMEOUT.as_secs() }),
+        wgpu::PollError::Timeout => refused(lazygrid::Error::Timeout { seconds: TIMEOUT.as_secs() }),
         other => lost(other.to_string()),
     })?;
     // Another thread that polls the device may be the one that brings the answer, a little later.

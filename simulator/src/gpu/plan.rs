@@ -1,6 +1,7 @@
 //! What a run needs on the device. Pure functions of sizes and limits.
 
-use lazygrid::gpu::{DeviceLimits, GpuError};
+use lazygrid::Error;
+use lazygrid::gpu::DeviceLimits;
 
 use super::kernel::GROUP;
 use super::layout::{CANDIDATE_BYTES, CLAIM_BYTES};
@@ -45,8 +46,8 @@ impl Sizes {
     /// Bytes of a buffer that depends on the sizes.
     ///
     /// # Errors
-    /// [`GpuError::LimitExceeded`] where the device cannot bind it.
-    pub(super) fn bytes(self, name: &'static str, limits: &DeviceLimits) -> Result<u64, GpuError> {
+    /// [`Error::LimitExceeded`] where the device cannot bind it.
+    pub(super) fn bytes(self, name: &'static str, limits: &DeviceLimits) -> Result<u64, Error> {
         let Self { particles, pairs } = self;
         let (items, each) = match name {
             "spheres" | "moved" => (particles, 16),
@@ -61,7 +62,7 @@ impl Sizes {
         let limit = limits.storage_binding.min(limits.buffer);
         if needed > limit {
             let remedy = "release fewer particles, or choose the CPU";
-            return Err(GpuError::LimitExceeded { what: name, needed, limit, remedy });
+            return Err(Error::LimitExceeded { what: name, needed, limit, remedy });
         }
         Ok(needed)
     }
@@ -117,7 +118,7 @@ mod tests {
     fn what_does_not_fit_is_refused_with_its_size() {
         let sizes = Sizes { particles: (1 << 22) + 1, pairs: 1 };
         let refused = sizes.bytes("claims", &LIMITS);
-        assert!(matches!(refused, Err(GpuError::LimitExceeded { needed, .. }) if needed == (1 << 27) + 32));
+        assert!(matches!(refused, Err(Error::LimitExceeded { needed, .. }) if needed == (1 << 27) + 32));
         assert_eq!(sizes.bytes("tags", &LIMITS), Ok((1 << 25) + 8));
     }
 

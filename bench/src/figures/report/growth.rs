@@ -7,6 +7,7 @@ use lazygrid::gpu;
 use super::super::fit::exponent;
 use super::super::plan::Figure;
 use super::super::row::{Row, Status};
+use super::axis::Quantity;
 use super::document::{Cell, Plot, Section, Table};
 use super::plot::{Axes, Mark, Series, lines};
 use super::table::{
@@ -23,30 +24,13 @@ pub(super) fn section(figure: Figure, rows: &[&Row], all: &[Row]) -> Result<Sect
         _ => vec![],
     };
     let (title, text) = heading(figure);
-    let mut series = series(rows, false);
-    series.extend(self::series(&equal, true));
-    let axes = Axes { title, x: "spheres", y: "mean seconds of a run" };
-    let dashed = if equal.is_empty() { "" } else { " Dashed: equal sizes, from figure 3a." };
-    let plots = lines(&axes, &series)?.map(|svg| Plot {
-        name: format!("figure-{figure}"),
-        caption: format!(
-            "Both axes logarithmic; wall time until the pairs are in host memory, bars from the lower to the upper \
-             quartile.{dashed}"
-        ),
-        svg,
-    });
+    let plots = plots(figure, rows, &equal)?;
     let columns = by_size(rows);
     let mut tables = vec![means(rows, &columns)];
     tables.extend(gpu_times("By number of spheres: ", rows, &columns));
     tables.extend((!equal.is_empty()).then(|| beside_equal(rows, &equal, &columns)));
     tables.extend(phases(rows));
-    Ok(Section {
-        title: title.to_owned(),
-        text: vec![text.to_owned()],
-        plots: plots.into_iter().collect(),
-        tables,
-        notes: vec![],
-    })
+    Ok(Section { title: title.to_owned(), text: vec![text.to_owned()], plots, tables, notes: vec![] })
 }
 
 const fn heading(figure: Figure) -> (&'static str, &'static str) {
@@ -68,14 +52,46 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     }
 }
 
-fn series(rows: &[&Row], dashed: bool) -> Vec<Series> {
-    let of = |engine: &str| {
+/// The time of a run, and the time of each of the parts that it ought to be in proportion to.
+fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box<dyn Error>> {
+    let (title, _) = heading(figure);
+    let (part, of): (_, fn(&Row) -> f64) = match figure {
+        Figure::Point => ("pair", |row| row.pairs as f64),
+        _ => ("sphere", |row| row.n as f64),
+    };
+    let dashed = if equal.is_empty() { "" } else { " Dashed: equal sizes, from figure 3a." };
+    let plot = |name: String, what: &str, caption: &str, of: fn(&Row) -> f64| {
+        let mut series = series(rows, false, of);
+        series.extend(self::series(equal, true, of));
+        let axes = Axes { title, x: ("spheres", Quantity::Count), y: (what, Quantity::Time) };
+        let caption =
+            format!("{caption} Bars from the lower to the upper quartile, both axes logarithmic.{dashed}");
+        Ok::<_, Box<dyn Error>>(lines(&axes, &series)?.map(|svg| Plot { name, caption, svg }))
+    };
+    let whole = plot(
+        format!("figure-{figure}"),
+        "mean time of a run",
+        "Wall time until the pairs are in host memory.",
+        |_| 1.0,
+    )?;
+    let share = plot(
+        format!("figure-{figure}-per-{part}"),
+        &format!("mean time per {part}"),
+        &format!("The same times per {part}: a time in proportion to the {part}s is a level line."),
+        of,
+    )?;
+    Ok(whole.into_iter().chain(share).collect())
+}
+
+/// A line per engine, of the time of a run over what `of` says.
+fn series(rows: &[&Row], dashed: bool, of: fn(&Row) -> f64) -> Vec<Series> {
+    let points = |engine: &str| {
         let points = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
-        points.map(|row| Mark::new(row.n as f64, row.mean().0, row.quartiles())).collect()
+        points.map(|row| Mark::new(row.n as f64, row.mean().0, row.quartiles()).over(of(row))).collect()
     };
     let name = |engine: &str| if dashed { format!("{engine}, equal") } else { engine.to_owned() };
     let engines = engines(rows).into_iter().enumerate();
-    engines.map(|(colour, e)| Series { name: name(e), points: of(e), dashed, colour }).collect()
+    engines.map(|(colour, e)| Series { name: name(e), points: points(e), dashed, colour }).collect()
 }
 
 /// Mean and standard deviation, and the exponent of growth.

@@ -26,11 +26,11 @@ fn add(out: &mut String, section: &Section) {
     for paragraph in &section.text {
         let _ = match paragraph.strip_prefix("```sh\n").and_then(|p| p.strip_suffix("\n```")) {
             Some(code) => writeln!(out, "<pre><code>{}</code></pre>", escaped(code)),
-            None => writeln!(out, "<p>{}</p>", escaped(paragraph)),
+            None => writeln!(out, "<p>{}</p>", inline(paragraph)),
         };
     }
     for plot in &section.plots {
-        let caption = escaped(&plot.caption);
+        let caption = inline(&plot.caption);
         let _ = writeln!(out, "<figure>{}<figcaption>{caption}</figcaption></figure>", plot.svg);
     }
     section.tables.iter().for_each(|table| add_table(out, table));
@@ -38,14 +38,14 @@ fn add(out: &mut String, section: &Section) {
         out.push_str("<ul>\n");
         for note in &section.notes {
             let class = if note.is_error { " class=\"error\"" } else { "" };
-            let _ = writeln!(out, "<li{class}>{}</li>", escaped(&note.text));
+            let _ = writeln!(out, "<li{class}>{}</li>", inline(&note.text));
         }
         out.push_str("</ul>\n");
     }
 }
 
 fn add_table(out: &mut String, table: &Table) {
-    let _ = write!(out, "<div class=\"wide\"><table><caption>{}</caption>\n<tr>", escaped(&table.caption));
+    let _ = write!(out, "<div class=\"wide\"><table><caption>{}</caption>\n<tr>", inline(&table.caption));
     for name in &table.header {
         let _ = write!(out, "<th>{}</th>", escaped(name));
     }
@@ -67,6 +67,16 @@ fn cell(cell: &Cell) -> String {
     format!("<td{class}>{}</td>", escaped(&cell.text))
 }
 
+/// Text in which what stands between two backticks is code, as in Markdown.
+fn inline(text: &str) -> String {
+    let text = escaped(text);
+    let parts: Vec<&str> = text.split('`').collect();
+    // A backtick without a second one is itself.
+    let (pairs, rest) = parts.split_at((parts.len() - 1) / 2 * 2);
+    let code = |pair: &[&str]| format!("{}<code>{}</code>", pair[0], pair[1]);
+    pairs.chunks(2).map(code).collect::<String>() + &rest.join("`")
+}
+
 /// Adapter names and reasons come from elsewhere.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
@@ -74,6 +84,16 @@ fn escaped(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    #[test]
+    fn backticks_are_code() {
+        assert_eq!(
+            super::inline("with `--quick` 20 and `a < b`"),
+            "with <code>--quick</code> 20 and <code>a &lt; b</code>"
+        );
+        assert_eq!(super::inline("`a` and `b"), "<code>a</code> and `b");
+        assert_eq!(super::inline("none"), "none");
+    }
+
     #[test]
     fn text_stays_text() {
         assert_eq!(super::escaped("<b> & \"c\""), "&lt;b&gt; &amp; &quot;c&quot;");

@@ -4,6 +4,7 @@ use std::error::Error;
 
 use super::super::plan::Figure;
 use super::super::row::{Row, Status};
+use super::axis::Quantity;
 use super::document::{Cell, Plot, Section, Table};
 use super::plot::{Axes, Mark, Series, lines};
 use super::ratios::{self, OURS, Times, peers, verdicts};
@@ -37,9 +38,14 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
         let rows: Vec<&Row> = rows.iter().copied().filter(|row| row.scene == scene).collect();
         let columns = by_size(&rows);
         let title = format!("Figure 4: {scene}");
-        let axes = Axes { title: &title, x: "spheres", y: "mean seconds of a step, one thread" };
         let by_size = |row: &Row| Mark::new(row.n as f64, row.mean().0, row.quartiles());
+        let one = |row: &Row| Mark::new(row.n as f64, row.mean().0, row.quartiles()).over(row.n as f64);
+        let spheres = ("spheres", Quantity::Count);
+        let axes = Axes { title: &title, x: spheres, y: ("mean time of a step, one thread", Quantity::Time) };
         section.plots.extend(plot(&axes, &rows, format!("figure-4-{scene}"), by_size)?);
+        let title = format!("Figure 4: {scene}, per sphere");
+        let axes = Axes { title: &title, x: spheres, y: ("mean time of a step per sphere", Quantity::Time) };
+        section.plots.extend(plot(&axes, &rows, format!("figure-4-{scene}-per-sphere"), one)?);
         section.tables.push(per_sphere(scene, &rows, &columns));
         section.tables.extend(ratios::ours(&rows).map(|ours| ratios::table(scene, &rows, &columns, ours)));
         section.notes.extend(verdicts(scene, &rows, &columns));
@@ -70,8 +76,8 @@ pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Er
         let columns = by_setting(&rows, "s");
         let title = format!("{} carriers", count(n));
         if figure == Figure::F5a {
-            let axes =
-                Axes { title: &title, x: "simulated time in seconds", y: "median seconds of a search" };
+            let y = ("median time of a search", Quantity::Time);
+            let axes = Axes { title: &title, x: ("simulated time", Quantity::Time), y };
             let shown = |row: &Row| Mark::new(row.at.unwrap_or_default(), row.median(), row.quartiles());
             section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{n}"), shown)?);
         }
@@ -122,7 +128,8 @@ fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
         }
     }
     let title = format!("{ours}: how many times as fast, by carriers and simulated time");
-    let axes = Axes { title: &title, x: "carriers", y: "peer's time / lazygrid's" };
+    let y = ("peer's time / lazygrid's", Quantity::Number);
+    let axes = Axes { title: &title, x: ("carriers", Quantity::Count), y };
     let name: String = ours.chars().filter(|c| c.is_ascii_alphanumeric() || matches!(c, ' ' | '-')).collect();
     Ok(lines(&axes, &series)?.map(|svg| Plot {
         name: format!("figure-5b-{}", name.to_lowercase().replace(' ', "-")),

@@ -5,6 +5,8 @@ use std::ops::Range;
 
 use plotters::prelude::*;
 
+use super::axis::{Quantity, Room, ticks, ticks_at};
+
 /// A point of a line, with a bar for how far it scatters.
 #[derive(Clone, Copy)]
 pub(super) struct Mark {
@@ -15,6 +17,11 @@ pub(super) struct Mark {
 impl Mark {
     pub(super) fn new(x: f64, y: f64, bar: (f64, f64)) -> Self {
         Self { at: (x, y), bar }
+    }
+
+    /// With its value in parts of `by`.
+    pub(super) fn over(self, by: f64) -> Self {
+        Self { at: (self.at.0, self.at.1 / by), bar: (self.bar.0 / by, self.bar.1 / by) }
     }
 
     /// Whether it has a place on logarithmic axes.
@@ -42,16 +49,27 @@ impl Series {
     }
 }
 
-/// What a plot shows.
+/// What a plot shows: its title, and what each axis is called and measures.
 pub(super) struct Axes<'a> {
     pub(super) title: &'a str,
-    pub(super) x: &'a str,
-    pub(super) y: &'a str,
+    pub(super) x: (&'a str, Quantity),
+    pub(super) y: (&'a str, Quantity),
 }
 
-const SIZE: (u32, u32) = (1080, 520);
+const SIZE: (u32, u32) = (1120, 600);
 /// Width of the legend beside the plot, enough for the longest name.
-const LEGEND: u32 = 270;
+const LEGEND: u32 = 320;
+const FONT: &str = "sans-serif";
+/// Height of titles. Letters are about four fifths of these heights, from one line's top to the next.
+const TITLE: u32 = 27;
+/// Height of what stands at the axes.
+const TEXT: u32 = 22;
+/// Height of the names of lines.
+const NAMES: u32 = 19;
+const MARGIN: u32 = 12;
+/// What the labels and the name of each axis take.
+const BELOW: u32 = 64;
+const LEFT: u32 = 110;
 const COLOURS: [RGBColor; 10] = [
     RGBColor(31, 119, 180),
     RGBColor(214, 39, 40),
@@ -64,6 +82,7 @@ const COLOURS: [RGBColor; 10] = [
     RGBColor(188, 189, 34),
     RGBColor(90, 90, 90),
 ];
+const GRID: RGBColor = RGBColor(225, 225, 225);
 
 /// The plot as SVG; none where no series has a point.
 ///
@@ -78,19 +97,23 @@ pub(super) fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>
     {
         let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
         root.fill(&WHITE)?;
+        let root = root.titled(axes.title, (FONT, TITLE))?;
         let (area, beside) = root.split_horizontally(SIZE.0 - LEGEND);
-        let (x, y) =
-            (range(marks().map(|m| m.at.0)), range(marks().flat_map(|m| [m.at.1, m.bar.0, m.bar.1])));
+        let measured: Vec<f64> = marks().map(|mark| mark.at.0).collect();
+        let x = range(measured.iter().copied());
+        let y = range(marks().flat_map(|mark| [mark.at.1, mark.bar.0, mark.bar.1]));
+        let (width, height) = area.dim_in_pixel();
+        let (across, up) = (across(width), up(height));
+        let (at_x, at_y) = (ticks_at(&measured, &x, axes.x.1, across), ticks(&y, axes.y.1, up));
         let mut chart = ChartBuilder::on(&area)
-            .caption(axes.title, ("sans-serif", 20))
-            .margin(12)
-            .x_label_area_size(44)
-            .y_label_area_size(84)
-            .build_cartesian_2d(x.log_scale(), y.log_scale())?;
-        let number = |value: &f64| value.to_string();
+            .margin(MARGIN)
+            .x_label_area_size(BELOW)
+            .y_label_area_size(LEFT)
+            .build_cartesian_2d(x.log_scale().with_key_points(at_x), y.log_scale().with_key_points(at_y))?;
+        let (x_label, y_label) = (|value: &f64| axes.x.1.label(*value), |value: &f64| axes.y.1.label(*value));
         let mut mesh = chart.configure_mesh();
-        mesh.x_desc(axes.x).y_desc(axes.y).x_label_formatter(&number).y_label_formatter(&number);
-        mesh.light_line_style(WHITE).draw()?;
+        mesh.x_desc(axes.x.0).y_desc(axes.y.0).x_label_formatter(&x_label).y_label_formatter(&y_label);
+        mesh.label_style((FONT, TEXT)).axis_desc_style((FONT, TEXT)).bold_line_style(GRID).draw()?;
         let drawn = series.iter().filter(|line| line.marks().next().is_some());
         for (row, line) in (0..).zip(drawn) {
             let colour = line.colour();
@@ -105,15 +128,35 @@ pub(super) fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>
                 chart.draw_series(LineSeries::new(points(), colour.stroke_width(2)))?;
             }
             chart.draw_series(points().map(|p| Circle::new(p, 3, colour.filled())))?;
-            let middle = 50 + 20 * row;
-            let (gap, ends) = (if line.dashed { 5 } else { 0 }, [(0, middle), (18, middle)]);
-            beside.draw(&PathElement::new([ends[0], (9 - gap, middle)], colour.stroke_width(2)))?;
-            beside.draw(&PathElement::new([(9 + gap, middle), ends[1]], colour.stroke_width(2)))?;
-            beside.draw(&Text::new(line.name.clone(), (24, middle - 7), ("sans-serif", 13)))?;
+            name(&beside, row, line)?;
         }
         root.present()?;
     }
     Ok(Some(svg))
+}
+
+/// A line of the legend.
+fn name<B: DrawingBackend>(
+    beside: &DrawingArea<B, plotters::coord::Shift>,
+    row: i32,
+    line: &Series,
+) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+    let (colour, middle) = (line.colour(), 24 + 24 * row);
+    let gap = if line.dashed { 5 } else { 0 };
+    beside.draw(&PathElement::new([(0, middle), (9 - gap, middle)], colour.stroke_width(2)))?;
+    beside.draw(&PathElement::new([(9 + gap, middle), (18, middle)], colour.stroke_width(2)))?;
+    beside.draw(&Text::new(line.name.clone(), (24, middle - NAMES as i32 / 2), (FONT, NAMES)))
+}
+
+/// Room for labels below an area of this width. Characters are about half as wide as a line is high.
+fn across(width: u32) -> Room {
+    let text = f64::from(TEXT);
+    Room { axis: f64::from(width - 2 * MARGIN - LEFT), gap: 0.8 * text, character: 0.48 * text }
+}
+
+/// Room for labels beside an area of this height.
+fn up(height: u32) -> Room {
+    Room { axis: f64::from(height - 2 * MARGIN - BELOW), gap: 1.5 * f64::from(TEXT), character: 0.0 }
 }
 
 /// The values' range with a little room, more than a point.

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use super::super::plan::{Figure, Scale};
+use super::super::plan::Figure;
 use super::super::row::{Results, Row, Status};
 use super::document::{Cell, Document, Note, Section, Table};
 use super::ratios::ON_SOFTWARE;
@@ -72,27 +72,14 @@ fn environment(results: &Results) -> Section {
          that takes long has fewer, and how many it has is in brackets. Plots are in `report.html` and, as SVG, in `plots/` of the folder \
          that the command leaves."
             .to_owned(),
-        format!("```sh\n{}\n```", command(results)),
     ];
+    if !results.settings.command.is_empty() {
+        text.push(format!("```sh\n{}\n```", results.settings.command));
+    }
     if !results.missing.is_empty() {
         text.push(format!("There was no time left for {}.", results.missing.join(", ")));
     }
     Section { title: "Machine and method".into(), text, tables: vec![table], ..Section::default() }
-}
-
-fn command(results: &Results) -> String {
-    let settings = &results.settings;
-    let mut command = "cargo run --release -p lazygrid-bench --features bullet -- figures".to_owned();
-    match settings.scale {
-        Scale::Smallest => command += " --smallest",
-        Scale::Quick => command += " --quick",
-        Scale::Full => command += &format!(" --budget-minutes {}", settings.minutes),
-    }
-    if settings.only.len() < Figure::ALL.len() {
-        let names: Vec<&str> = settings.only.iter().map(|f| f.name()).collect();
-        command += &format!(" --only {}", names.join(","));
-    }
-    settings.runs.map_or(command.clone(), |runs| format!("{command} --runs {runs}"))
 }
 
 fn errors(results: &Results) -> Option<Section> {

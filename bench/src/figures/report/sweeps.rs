@@ -4,6 +4,7 @@ use std::error::Error;
 
 use super::super::plan::Figure;
 use super::super::row::Row;
+use super::axis::Quantity;
 use super::document::{Cell, Note, Plot, Section, Table};
 use super::plot::{Axes, Mark, Series, lines};
 use super::table::{
@@ -25,7 +26,8 @@ pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn 
                 continue;
             }
             let what = format!("{scene}, {} spheres", count(n));
-            let axes = Axes { title: &what, x: varied, y: "median seconds of a step" };
+            let y = ("median time of a step", Quantity::Time);
+            let axes = Axes { title: &what, x: (varied, Quantity::Number), y };
             section.plots.extend(plot(&axes, &rows, format!("{figure}-{scene}-{n}"))?);
             section.tables.push(table(figure, &what, &rows));
             if figure == Figure::Threads {

@@ -92,6 +92,7 @@ pub(super) fn count(n: usize) -> String {
 /// A unit for about so many seconds, and how many of it a second has.
 fn unit(seconds: f64) -> (f64, &'static str) {
     match seconds {
+        s if s < 1e-9 => (1e12, "ps"),
         s if s < 1e-6 => (1e9, "ns"),
         s if s < 1e-3 => (1e6, "µs"),
         s if s < 1.0 => (1e3, "ms"),

@@ -14,7 +14,7 @@ pub(super) struct Tables {
 
 impl Tables {
     /// # Errors
-    /// [`GpuError::LimitExceeded`] where the device cannot bind the table, or where it refuses the memory.
+    /// [`Error::LimitExceeded`](crate::Error::LimitExceeded) where the device cannot bind the table, or where it refuses the memory.
     pub(super) fn new(device: &wgpu::Device, interactions: &Interactions) -> Result<Self, GpuError> {
         let species = interactions.species();
         let bytes = u64::from(species) * u64::from(species) * 4;

@@ -1,6 +1,6 @@
 //! Room: a step that froze for want of it is repeated with more.
 
-use lazygrid::gpu::{GpuDetector, GpuError, GpuSettings};
+use lazygrid::gpu::{GpuDetector, GpuSettings};
 
 use super::{GpuSimulation, MAX_ROUNDS};
 use crate::Error;
@@ -23,7 +23,7 @@ impl GpuSimulation {
                 if needed > limit {
                     let remedy = "make binding radii or bursts smaller, or choose the CPU";
                     let what = "the number of pairs of a step";
-                    return failed(GpuError::LimitExceeded { what, needed, limit, remedy });
+                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
                 }
                 sizes.pairs = (needed + needed / 4) as u32;
             }
@@ -32,7 +32,7 @@ impl GpuSimulation {
                 if self.raster_ratio > GpuSettings::MAX_RASTER_RATIO {
                     let (needed, limit) = (head.lacking(), self.steps.sizes.particles.into());
                     let (what, remedy) = ("the number of (cell, particle) entries", "choose the CPU");
-                    return failed(GpuError::LimitExceeded { what, needed, limit, remedy });
+                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
                 }
                 if let Some(detector) = &mut self.detector {
                     detector.set_raster_ratio(self.raster_ratio).map_err(refused)?;
@@ -43,13 +43,13 @@ impl GpuSimulation {
                 let (needed, limit) = (self.options.rounds.into(), MAX_ROUNDS.into());
                 if needed > limit {
                     let (what, remedy) = ("the rounds of a matching", "choose the CPU");
-                    return failed(GpuError::LimitExceeded { what, needed, limit, remedy });
+                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
                 }
             }
             Head::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.lacking() }),
             other => {
                 let reason = format!("the run froze for reason {other}, which nobody knows");
-                return failed(GpuError::Validation { what: "a step", reason });
+                return failed(lazygrid::Error::Validation { what: "a step", reason });
             }
         }
         log::info!(

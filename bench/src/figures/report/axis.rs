@@ -1,0 +1,214 @@
+//! Logarithmic axes: which values get a label, and what it says. Pure functions; `plot.rs` draws.
+
+use std::ops::Range;
+
+use super::table::{count, time};
+
+/// More labels than this make an axis no clearer.
+const MOST: usize = 8;
+/// The values of a decade that may get a label, from few to many.
+const DECADES: [&[f64]; 4] = [&[1.0], &[1.0, 3.0], &[1.0, 2.0, 5.0], &[1.0, 2.0, 3.0, 5.0, 7.0]];
+/// The steps between labels where an axis spans less than [`NARROW`], as multiples of powers of ten.
+const STEPS: [f64; 3] = [1.0, 2.0, 5.0];
+/// Largest over smallest value of an axis on which decades have too few labels.
+const NARROW: f64 = 6.0;
+
+/// What an axis measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Quantity {
+    /// Spheres: `100 k`.
+    Count,
+    /// Seconds: `1 ms`.
+    Time,
+    /// Anything else: `0.75`.
+    Number,
+}
+
+impl Quantity {
+    /// A value as it is written on an axis.
+    pub(super) fn label(self, value: f64) -> String {
+        match self {
+            Self::Count if value.fract() == 0.0 && (1.0..1e15).contains(&value) => count(value as usize),
+            Self::Time => match time(value).split_once(' ') {
+                Some((number, unit)) => format!("{} {unit}", without_zeros(number)),
+                None => time(value),
+            },
+            _ => number(value),
+        }
+    }
+}
+
+/// At most three figures, or all of a whole number below 10 000; outside 0.001 to a million with an exponent.
+fn number(value: f64) -> String {
+    let size = value.abs();
+    if value.fract() == 0.0 && size < 1e4 {
+        return value.to_string();
+    }
+    let scientific = format!("{value:.2e}");
+    let (digits, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
+    if (1e-3..1e6).contains(&size) {
+        // Parsed back, so that it has the three figures and no more.
+        scientific.parse::<f64>().map_or_else(|_| scientific.clone(), |rounded| rounded.to_string())
+    } else {
+        format!("{}e{exponent}", without_zeros(digits))
+    }
+}
+
+fn without_zeros(number: &str) -> &str {
+    if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.') } else { number }
+}
+
+/// How much room labels have along an axis, in pixels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Room {
+    /// Length of the axis.
+    pub(super) axis: f64,
+    /// What a label takes besides its characters.
+    pub(super) gap: f64,
+    /// What each character of it takes: its width along a horizontal axis, nothing along a vertical one.
+    pub(super) character: f64,
+}
+
+impl Room {
+    /// Whether labels at these values, which ascend, keep apart.
+    fn holds(&self, ticks: &[f64], range: &Range<f64>, quantity: Quantity) -> bool {
+        let place = |value: f64| (value / range.start).ln() / (range.end / range.start).ln() * self.axis;
+        let width = |value: f64| quantity.label(value).chars().count() as f64 * self.character;
+        ticks.windows(2).all(|pair| {
+            let [a, b] = [pair[0], pair[1]];
+            place(b) - place(a) >= self.gap + 0.5 * (width(a) + width(b))
+        })
+    }
+}
+
+/// The values of `range` that get a label: as many as are clear and keep apart.
+pub(super) fn ticks(range: &Range<f64>, quantity: Quantity, room: Room) -> Vec<f64> {
+    let decades = DECADES.iter().map(|values| of_decades(range, values));
+    let fits = |ticks: &Vec<f64>| ticks.len() <= MOST && room.holds(ticks, range, quantity);
+    let candidates = decades.chain(sparse(range)).chain(steps(range)).filter(fits);
+    // The first of those with as many labels has the roundest values.
+    candidates.reduce(|best, next| if next.len() > best.len() { next } else { best }).unwrap_or_default()
+}
+
+/// The values that were measured where each can have its label, else as many round ones as can.
+pub(super) fn ticks_at(measured: &[f64], range: &Range<f64>, quantity: Quantity, room: Room) -> Vec<f64> {
+    let mut values = measured.to_vec();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    if room.holds(&values, range, quantity) { values } else { ticks(range, quantity, room) }
+}
+
+fn of_decades(range: &Range<f64>, values: &[f64]) -> Vec<f64> {
+    let exponents = range.start.log10().floor() as i32..=range.end.log10().ceil() as i32;
+    let all = exponents.flat_map(|exponent| values.iter().map(move |value| scaled(*value, exponent)));
+    all.filter(|value| range.contains(value)).collect()
+}
+
+/// Every second power of ten, every third, and so on.
+fn sparse(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
+    let powers = of_decades(range, &[1.0]);
+    (2..powers.len().max(2)).map(move |step| powers.iter().copied().step_by(step).collect())
+}
+
+/// Values at the same distance from each other, where the axis is narrow.
+fn steps(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
+    let exponent = range.end.log10().floor() as i32;
+    let is_narrow = range.end / range.start < NARROW;
+    let sizes = (exponent - 3..=exponent).rev().flat_map(|k| STEPS.map(|step| scaled(step, k)));
+    sizes.filter(move |_| is_narrow).filter_map(move |step| {
+        let (first, last) = ((range.start / step).ceil() as u64, (range.end / step).floor() as u64);
+        // Rounded, since a multiple of 0.1 is not.
+        let value = |k: u64| format!("{:.9e}", k as f64 * step).parse().unwrap_or(k as f64 * step);
+        (last.saturating_sub(first) <= MOST as u64).then(|| (first.max(1)..=last).map(value).collect())
+    })
+}
+
+/// Exact where a product with a power of ten would not be.
+fn scaled(value: f64, exponent: i32) -> f64 {
+    format!("{value}e{exponent}").parse().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ACROSS: Room = Room { axis: 640.0, gap: 18.0, character: 10.0 };
+    const UP: Room = Room { axis: 460.0, gap: 32.0, character: 0.0 };
+
+    fn labels(range: Range<f64>, quantity: Quantity, room: Room) -> Vec<String> {
+        ticks(&range, quantity, room).into_iter().map(|value| quantity.label(value)).collect()
+    }
+
+    #[test]
+    fn times_have_units() {
+        let label = |seconds| Quantity::Time.label(seconds);
+        assert_eq!([1e-3, 2.5e-5, 4e-8, 1.0, 30.0].map(label), ["1 ms", "25 µs", "40 ns", "1 s", "30 s"]);
+        assert_eq!(label(1.05e-4), "105 µs");
+    }
+
+    #[test]
+    fn no_label_has_more_than_a_few_figures() {
+        let label = |value| Quantity::Number.label(value);
+        assert_eq!(label(0.1 + 0.2), "0.3");
+        assert_eq!(label(1.0 / 3.0), "0.333");
+        assert_eq!(label(123_456_789_012_345_678_901.0), "1.23e20");
+        assert_eq!(label(1e-7), "1e-7");
+        assert_eq!([1024.0, 0.75, 12_345.6].map(label), ["1024", "0.75", "12300"]);
+        assert_eq!([100.0, 3000.0, 1e6].map(|n| Quantity::Count.label(n)), ["100", "3 k", "1 M"]);
+    }
+
+    #[test]
+    fn decades_have_round_labels() {
+        assert_eq!(
+            labels(5e-6..3.0, Quantity::Time, UP),
+            ["10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s"]
+        );
+        assert_eq!(labels(0.8..150.0, Quantity::Number, UP), ["1", "2", "5", "10", "20", "50", "100"]);
+        // Far more decades than labels.
+        let many = labels(1e-12..1e12, Quantity::Number, ACROSS);
+        assert!((3..=MOST).contains(&many.len()), "{many:?}");
+    }
+
+    #[test]
+    fn a_narrow_range_has_labels_too() {
+        assert_eq!(labels(2.3e-3..4.1e-3, Quantity::Time, UP), ["2.5 ms", "3 ms", "3.5 ms", "4 ms"]);
+        for [low, high] in [[0.95, 1.7], [76.0, 131.0], [0.38, 10.4]] {
+            let labels = labels(low..high, Quantity::Number, UP);
+            assert!(labels.len() >= 3, "{low} to {high}: {labels:?}");
+        }
+    }
+
+    #[test]
+    fn labels_keep_apart_and_say_different_things() {
+        // 13 pixels from each other, with 35 to 40 of text each.
+        assert!(!ACROSS.holds(&[900.0, 1000.0], &(100.0..20_000.0), Quantity::Number));
+        for room in [ACROSS, UP] {
+            for quantity in [Quantity::Count, Quantity::Time, Quantity::Number] {
+                for k in -80..60 {
+                    for span in [1.69, 3.0, 9.0, 12.0, 90.0, 1e3, 1e5, 1e9] {
+                        let low = 1.37_f64.powi(k);
+                        let range = low..low * span;
+                        let ticks = ticks(&range, quantity, room);
+                        assert!(ticks.len() >= 2 && room.holds(&ticks, &range, quantity), "{range:?}");
+                        for &tick in ticks.iter().filter(|_| quantity == Quantity::Number) {
+                            let said: f64 = quantity.label(tick).parse().unwrap();
+                            assert!((said / tick - 1.0).abs() < 1e-9, "{said} at {tick}");
+                        }
+                        let mut labels: Vec<String> = ticks.iter().map(|&t| quantity.label(t)).collect();
+                        labels.dedup();
+                        assert_eq!(labels.len(), ticks.len(), "{labels:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_was_measured_is_labelled_where_there_is_room() {
+        let ratios = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
+        assert_eq!(ticks_at(&ratios, &(0.38..10.4), Quantity::Number, ACROSS), ratios);
+        let near: Vec<f64> = (0..40).map(|k| 1.0 + 0.1 * f64::from(k)).collect();
+        assert_ne!(ticks_at(&near, &(0.77..6.4), Quantity::Number, ACROSS), near);
+        assert_eq!(ticks_at(&[2.0, 1.0, 2.0], &(0.77..2.6), Quantity::Number, ACROSS), [1.0, 2.0]);
+    }
+}

@@ -1,0 +1,136 @@
+//! The public API as programs use it. What compiles here compiles for them: a signature, a name or a marker that
+//! changes is seen here first. Little of it is run.
+
+use std::error::Error as StdError;
+use std::fmt::{Debug, Display};
+use std::hash::Hash;
+use std::ops::ControlFlow;
+use std::str::FromStr;
+use std::time::Duration;
+
+use lazygrid::glam::Vec3;
+use lazygrid::{
+    Algorithm, Backend, Config, Detector, Error, InputError, Interaction, Interactions, Neighbors, Order,
+    Pair, Phase, Reach, Report, Simd, Space, Sphere, Spheres, UnknownName, detect,
+};
+
+const fn crosses_threads<T: Send + Sync>() {}
+const fn is_data<T: Send + Sync + Clone + Debug + PartialEq + 'static>() {}
+const fn is_name<T: Copy + Eq + Hash + Display + FromStr<Err = UnknownName> + Default + 'static>() {}
+const fn is_error<T: StdError + Send + Sync + Clone + PartialEq + 'static>() {}
+
+const _: () = {
+    crosses_threads::<Detector>();
+    crosses_threads::<Config>();
+    crosses_threads::<Report>();
+    crosses_threads::<Neighbors<'_>>();
+    crosses_threads::<Spheres<'_>>();
+    is_data::<Sphere>();
+    is_data::<Pair>();
+    is_data::<Interaction>();
+    is_data::<Interactions>();
+    is_data::<Space>();
+    is_data::<Order>();
+    is_data::<Simd>();
+    is_data::<Phase>();
+    is_name::<Algorithm>();
+    is_name::<Backend>();
+    is_error::<Error>();
+    is_error::<InputError>();
+    is_error::<UnknownName>();
+};
+
+/// Every way in and out of a detector, with all types written.
+fn every_call(detector: &mut Detector, rows: &[Sphere], four: &[[f32; 4]]) -> Result<(), Error> {
+    let _: &[Pair] = detector.pairs(rows)?;
+    let _: &[Pair] = detector.pairs(four)?;
+    let x = &[0.0_f32; 3];
+    let spheres: Spheres<'_> = Spheres::columns(x, x, x, x)?.with_species(&[0, 1, 0])?;
+    let lists: Neighbors<'_> = detector.neighbors(spheres)?;
+    let _: (usize, bool, &[u32]) = (lists.len(), lists.is_empty(), lists.of(0));
+    let _: u64 = detector.count(spheres)?;
+    let _: u64 = detector.stream(spheres, 100, |chunk: &[Pair]| match chunk {
+        [] => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    })?;
+    let _: u64 = detector.memory_for(1_000_000);
+    let Report { spheres, pairs, backend, adapter, algorithm, reason, phases, .. } = detector.report();
+    let _: (u64, u64, Backend, Option<String>, Algorithm, String) =
+        (spheres, pairs, backend, adapter, algorithm, reason);
+    let _: Option<(&'static str, Duration)> = phases.first().map(|phase: &Phase| (phase.name, phase.time));
+    Ok(())
+}
+
+fn every_setting() -> Result<Config, Error> {
+    let mut reactions = Interactions::new(2, Interaction::Never)?;
+    reactions.set(0, 1, Interaction::Within(0.5))?;
+    reactions.set(1, 1, Interaction::Touch)?;
+    let reach: Reach = reactions.reach(0);
+    let _: (f32, Interaction, u32) = (reach.effective_radius(1.0), reactions.get(0, 1), reactions.species());
+    let space: Space = Space::periodic([Some(10.0), None, None])?;
+    let _: (Vec3, f64) = (space.wrap(Vec3::ONE), space.distance_squared(Vec3::ZERO, Vec3::ONE));
+    Ok(Config::default()
+        .backend(Backend::Cpu)
+        .algorithm(Algorithm::CellList)
+        .order(Order::Canonical)
+        .threads(2)
+        .simd(Simd::Portable)
+        .tau(64)
+        .raster_ratio(2.0)
+        .max_pairs(1 << 20)
+        .interactions(reactions)
+        .space(space))
+}
+
+#[cfg(feature = "gpu")]
+mod on_gpu {
+    use lazygrid::gpu::{
+        AdapterId, AdapterSummary, Calibration, Count, GpuDetector, GpuDevice, GpuSession, GpuSettings,
+        GpuSpheres, Outcome, Ticket, adapters, calibrate, wgpu,
+    };
+
+    use super::*;
+
+    const _: () = {
+        crosses_threads::<GpuDevice>();
+        crosses_threads::<GpuDetector>();
+        crosses_threads::<GpuSession>();
+        crosses_threads::<GpuSettings>();
+        crosses_threads::<GpuSpheres<'_>>();
+        crosses_threads::<Count<'_>>();
+        crosses_threads::<AdapterSummary>();
+        is_data::<AdapterId>();
+        is_data::<Calibration>();
+    };
+
+    #[expect(dead_code, reason = "compiled only")]
+    fn every_way_in(device: &wgpu::Device, queue: &wgpu::Queue, rows: &[Sphere]) -> Result<(), Error> {
+        let _: Vec<AdapterSummary> = adapters();
+        let own: GpuDevice = GpuDevice::lent(device, queue);
+        let _: GpuDevice = GpuDevice::open(true)?;
+        let _: GpuDevice = GpuDevice::open_adapter(&AdapterId::from("name"))?;
+        let known: Calibration = calibrate(&own, |_| ())?;
+        let config = Config::default().adapter(0).timeout(Duration::from_secs(1)).calibration([known]);
+        let _: Detector = Detector::new(config)?;
+        let mut session = GpuSession::new(own, GpuSettings::default())?;
+        let ticket: Ticket = session.begin(rows.into())?;
+        let _: &[Pair] = session.finish(ticket, 1000)?;
+        let _: &Outcome = session.outcome();
+        let _: GpuDetector = GpuDetector::new(device, GpuSettings::default())?;
+        Ok(())
+    }
+}
+
+#[test]
+fn what_is_written_here_runs() -> Result<(), Box<dyn StdError>> {
+    let rows = [Sphere::new([0.0, 0.0, 0.0], 1.0), Sphere::new(Vec3::X, 0.5)];
+    assert_eq!(detect(&rows)?, [Pair::new(1, 0)]);
+    let species = Interactions::new(2, Interaction::Touch)?;
+    let mut detector = Detector::new(Config::default().backend(Backend::Cpu))?;
+    every_call(&mut detector, &rows, &[[0.0; 4]])?;
+    let _: Vec<Pair> = detector.into_pairs();
+    assert_eq!(species.species(), 2);
+    let mut detector = Detector::new(every_setting()?)?;
+    assert_eq!(detector.count(&rows), Err(Error::Input(InputError::SpeciesMissing)));
+    Ok(())
+}

@@ -1,0 +1,47 @@
+use std::fmt;
+use std::str::FromStr;
+
+use crate::UnknownName;
+
+/// Where the work is done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Backend {
+    /// A real GPU if there is one, else the CPU; decided when the detector is made. An algorithm that only GPUs have
+    /// takes a software adapter where there is no real one, since nothing else can run it.
+    #[default]
+    Auto,
+    /// The CPU, through rayon.
+    Cpu,
+    /// A wgpu adapter, software ones included. Never falls back.
+    Gpu,
+}
+
+impl Backend {
+    /// Every value.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Cpu, Self::Gpu];
+
+    /// The name in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+        }
+    }
+}
+
+impl fmt::Display for Backend {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Backend {
+    type Err = UnknownName;
+
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|backend| backend.name() == text);
+        found.ok_or_else(|| UnknownName::new("backend", text, &Self::ALL.map(Self::name)))
+    }
+}
