@@ -9,7 +9,7 @@ use crate::{Backend, Error};
 
 /// The algorithm of a GPU where there are too many spheres to test all pairs.
 #[cfg(feature = "gpu")]
-pub(crate) const GRID: Algorithm = Algorithm::LazyGrid;
+pub(crate) const GRID: Algorithm = Algorithm::CellList;
 
 /// The backend that is meant where an adapter may have been named: nobody names one in order not to run on it.
 ///
@@ -131,8 +131,8 @@ mod tests {
 
     #[test]
     fn backends() {
-        use Algorithm::{ArrayGrid, Auto, CellList, LazyGrid, Naive};
-        let cpu_only = || Error::NotOnBackend { algorithm: CellList, backend: Backend::Gpu };
+        use Algorithm::{ArrayGrid, Auto, CellList, HashGrid, LazyGrid, Naive};
+        let cpu_only = || Error::NotOnBackend { algorithm: HashGrid, backend: Backend::Gpu };
         let gpu_only = || Error::NotOnBackend { algorithm: LazyGrid, backend: Backend::Cpu };
         let unavailable = || Error::GpuUnavailable { reason: NONE.to_string() };
         for (asked, algorithm, machine, expected) in [
@@ -140,13 +140,15 @@ mod tests {
             (Backend::Auto, ArrayGrid, "gpu", Ok("GPU gpu: a real GPU")),
             (Backend::Auto, Auto, "software", Ok("CPU: no GPU adapter was found")),
             (Backend::Auto, Auto, "none", Ok("CPU: no GPU adapter was found")),
-            (Backend::Auto, CellList, "gpu", Ok("CPU: cell-list runs there only")),
+            (Backend::Auto, HashGrid, "gpu", Ok("CPU: hash-grid runs there only")),
+            (Backend::Auto, CellList, "gpu", Ok("GPU gpu: a real GPU")),
+            (Backend::Auto, CellList, "software", Ok("CPU: no GPU adapter was found")),
             (Backend::Cpu, Auto, "gpu", Ok("CPU: asked for")),
             (Backend::Cpu, Naive, "none", Ok("CPU: asked for")),
             (Backend::Gpu, Auto, "software", Ok("GPU software: asked for")),
             (Backend::Gpu, Naive, "gpu", Ok("GPU gpu: asked for")),
             (Backend::Gpu, Auto, "none", Err(unavailable())),
-            (Backend::Gpu, CellList, "gpu", Err(cpu_only())),
+            (Backend::Gpu, HashGrid, "gpu", Err(cpu_only())),
             (Backend::Cpu, LazyGrid, "gpu", Err(gpu_only())),
         ] {
             let found = backend(asked, algorithm, open(machine));

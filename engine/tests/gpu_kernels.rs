@@ -376,7 +376,8 @@ fn active_entries_meet_all_of_their_run() {
         let (call, grid) =
             (upload(&own, &[settings]), upload(&own, &[Grid { passive, ..grid(count as usize, 2) }]));
         let (keys, objects) = (upload(&own, &keys), upload(&own, &objects));
-        let (lengths, spheres) = (upload(&own, &[Lengths::for_sort(count, k::NARROW_TILE)]), upload(&own, &spheres));
+        let (lengths, spheres) =
+            (upload(&own, &[Lengths::for_sort(count, k::NARROW_TILE)]), upload(&own, &spheres));
         let (outcome, pairs) = (upload(&own, &[Outcome::zeroed()]), upload(&own, &vec![[0_u32; 2]; 1 << 20]));
         let crowded = upload(&own, &vec![0_u32; 64]);
         let bound = [

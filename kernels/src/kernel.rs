@@ -113,6 +113,8 @@ pub const CROWDED_TILES: u32 = (MAX_TURNS - u32::BITS) / CROWDED_TURNS;
 /// Candidates of one sphere of a cell list that are tested by one invocation.
 pub const SHARE: u32 = 2048;
 
+/// The most values that [`SCAN_ONCE`] takes.
+pub const SCANNED_AT_ONCE: u32 = 1 << 16;
 const SCAN_ITEMS: u32 = 8;
 const SPHERES_PER_THREAD: u32 = 4;
 
@@ -158,7 +160,9 @@ impl Kernel {
     pub fn variants(&self) -> Vec<Variant> {
         let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
         let mut found = Vec::new();
-        for (subgroups, flags) in subgroups.into_iter().flat_map(|size| (0..8).map(move |flags| (size, flags))) {
+        for (subgroups, flags) in
+            subgroups.into_iter().flat_map(|size| (0..8).map(move |flags| (size, flags)))
+        {
             let [species, periodic, wide] = [1, 2, 4].map(|flag| flags & flag != 0);
             let variant = self.reduced(Variant { subgroups, species, periodic, wide });
             if !found.contains(&variant) {
@@ -243,6 +247,8 @@ kernels! {
     /// Prefixes of all values, in place.
     SCAN_SPREAD = "scan_spread", GROUP, subgroups: true, periodic: false,
         [read("lengths"), read("sums"), write("values")], species: [];
+    /// Prefixes of few values, in place and at once.
+    SCAN_ONCE = "scan_once", GROUP, subgroups: true, periodic: false, [read("lengths"), write("values")], species: [];
     /// Digit counts of a radix pass.
     RADIX_COUNT = "radix_count", GROUP, subgroups: false, periodic: false,
         [uniform("digit_pass"), read("lengths"), read("keys"), write("counts")], species: [];

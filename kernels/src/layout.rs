@@ -228,8 +228,9 @@ pub struct ListLevel {
     pub scale: f32,
     /// Cells per unit of length on a periodic axis.
     pub around: [f32; 3],
-    /// From here on coordinates are farther apart than spheres of this level reach.
-    pub far: f32,
+    /// Bits of the coordinate from which on neighbouring floats are farther apart than spheres of this level reach; those
+    /// of infinity where that is nowhere.
+    pub far: u32,
     /// The largest radius that is at home here.
     pub reach: f32,
     /// Levels lie at a multiple of their alignment.

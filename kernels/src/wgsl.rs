@@ -54,7 +54,6 @@ pub fn repeated(source: &str) -> String {
     text
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,7 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use lazygrid::{Backend, Config, Detector, Error, InputError, Order, Pair, Space, Sphere, Spheres};
+use lazygrid::{
+    Algorithm, Backend, Config, Detector, Error, InputError, Order, Pair, Space, Sphere, Spheres,
+};
 use lazygrid_io::scenes::periodic_box_pairs;
 use lazygrid_tests::{Periodic, Scenario, Subject, periodic};
 use rand_chacha::ChaCha8Rng;
@@ -236,7 +238,9 @@ fn every_kind_of_result_of_the_gpu() {
         assert!(handed == Ok(list.len() as u64) && streamed == list, "{subject}: the stream differs");
         let lists = detector.neighbors(spheres).expect("neighbours");
         assert_eq!((0..spheres.len()).map(|i| lists.of(i).len()).sum::<usize>(), 2 * list.len());
+        // The cells of a cell list go round the box; others move a copy of the spheres into it.
+        let copy = if subject.algorithm == Algorithm::CellList { 0 } else { 16 * 3000 };
         let unbounded = Detector::new(subject.config()).expect("a detector").memory_for(3000);
-        assert!(detector.memory_for(3000) >= unbounded + 16 * 3000, "{subject}");
+        assert!(detector.memory_for(3000) >= unbounded + copy, "{subject}");
     }
 }

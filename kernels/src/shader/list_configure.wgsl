@@ -149,7 +149,7 @@ fn cells_around(level: u32, room: f32) -> vec3<u32> {
 fn set_level(level: u32, room: f32) {
     let lengths = periods();
     list.level[level].scale = power_of_two(i32(level) - quantum);
-    list.level[level].far = power_of_two(30 + quantum - i32(level));
+    list.level[level].far = u32(clamp(127 + 30 + quantum - i32(level), 1, 255)) << 23u;
     list.level[level].reach = home_radius * power_of_two(-i32(level));
     list.level[level].low = vec3(
         open_number(decoded(low[0]), level),

@@ -81,7 +81,11 @@ pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
     ];
     if plan.tile == 0 {
         stages.push(stage(&k::HOMES_COUNT, per_sphere, Phase::Entries));
-        stages.extend(scan_stages(plan.counters, 0));
+        if plan.counters <= k::SCANNED_AT_ONCE {
+            stages.push(stage(&k::SCAN_ONCE, 1, Phase::Sort));
+        } else {
+            stages.extend(scan_stages(plan.counters, 0));
+        }
         stages.push(stage(&k::SPHERES_PLACE, per_sphere, Phase::Sort));
     } else {
         stages.push(stage(&k::HOMES_KEY, plan.spheres.div_ceil(plan.tile), Phase::Entries));
@@ -91,10 +95,11 @@ pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
         stages.push(sorted(&k::CELLS_INDEX, plan.counters.div_ceil(INDEX_BLOCK)));
         stages.push(sorted(&k::SPHERES_GATHER, per_sphere));
     }
-    stages.extend([
-        stage(&k::LIST_SEARCH, per_sphere, Phase::Search),
-        stage(&k::SHARES_OPEN, 1, Phase::Search),
-        Stage { indirect: true, ..stage(&k::SHARES_SEARCH, 1, Phase::Search) },
-    ]);
+    stages.push(stage(&k::LIST_SEARCH, per_sphere, Phase::Search));
+    // One share holds all candidates of few spheres.
+    if plan.spheres > plan.share {
+        stages.push(stage(&k::SHARES_OPEN, 1, Phase::Search));
+        stages.push(Stage { indirect: true, ..stage(&k::SHARES_SEARCH, 1, Phase::Search) });
+    }
     stages
 }

@@ -90,9 +90,7 @@ fn no_invocation_takes_more_turns_than_its_share() {
     let sizes = (0..=24).flat_map(|k| [(1 << k) - 1, 1 << k, (1 << k) + 1, 3 << k >> 1]);
     for spheres in sizes.filter(|&n: &u32| n <= 1 << 24) {
         for limits in [LAVAPIPE, H200] {
-            for algorithm in
-                [Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid]
-            {
+            for algorithm in Algorithm::GPU {
                 let Ok(plan) = plan(&Request { algorithm, ..request(spheres, 1) }, &limits) else {
                     assert!(u64::from(spheres) * 16 > limits.bytes(), "{spheres} should fit");
                     continue;
@@ -131,4 +129,40 @@ fn all_pairs_of_too_many_spheres_are_refused() {
     let error = plan(&request, &H200).expect_err("4.9 · 10¹¹ tiles");
     let GpuError::LimitExceeded { needed, limit, remedy, .. } = error else { panic!("{error}") };
     assert!(needed > limit && remedy.contains("array-grid"), "{needed} {limit}");
+}
+
+fn list(spheres: u32, periodic: bool) -> Plan {
+    let request = Request { algorithm: Algorithm::CellList, periodic, ..request(spheres, 1) };
+    plan(&request, &H200).expect("fits")
+}
+
+#[test]
+fn a_cell_list_is_small_and_has_few_dispatches() {
+    for (spheres, bytes, dispatches) in
+        [(2000, 76, 8), (10_000, 65, 10), (400_000, 61, 12), (1_000_000, 58, 17), (100_000_000, 43, 20)]
+    {
+        let plan = list(spheres, false);
+        assert_eq!(plan.stages.len(), dispatches, "{spheres}");
+        assert_eq!(plan.bytes() / u64::from(spheres), bytes, "{spheres}");
+    }
+}
+
+#[test]
+fn a_cell_list_is_sorted_by_counting_up_to_where_it_is_told() {
+    let kernels = |plan: &Plan| plan.stages.iter().map(|stage| stage.kernel.name).collect::<Vec<_>>();
+    let (counted, sorted) = (kernels(&list((1 << 19) - 1, false)), kernels(&list(1 << 19, false)));
+    assert!(counted.contains(&"homes_count") && !counted.contains(&"radix_scatter"), "{counted:?}");
+    assert!(sorted.contains(&"radix_scatter") && !sorted.contains(&"homes_count"), "{sorted:?}");
+    // Cells are rings: nothing is moved beforehand in periodic boxes.
+    assert_eq!(list(1 << 19, true).stages, list(1 << 19, false).stages);
+}
+
+#[test]
+fn keys_of_cells_have_digits_of_equal_width() {
+    for (bits, shifts) in [(16, vec![0, 8]), (18, vec![0, 6, 12]), (25, vec![0, 7, 14, 21]), (0, vec![])] {
+        let passes = digits(bits, true);
+        assert_eq!(passes.iter().map(|pass| pass.shift).collect::<Vec<_>>(), shifts);
+        let covered = passes.iter().fold(0, |covered, pass| covered | pass.mask << pass.shift);
+        assert_eq!(covered, (1_u64 << bits) as u32 - 1, "{bits}");
+    }
 }

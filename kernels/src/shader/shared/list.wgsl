@@ -32,8 +32,9 @@ struct ListLevel {
     scale: f32,
     // Cells per unit of length on a periodic axis; 0 where it has a single cell.
     around: vec3<f32>,
-    // From here on coordinates are farther apart than spheres of this level reach.
-    far: f32,
+    // Bits of the coordinate from which on neighbouring floats are farther apart than spheres of this level reach; those of
+    // infinity where that is nowhere.
+    far: u32,
     // The largest radius that is at home here; half an edge or less.
     reach: f32,
 }

@@ -23,11 +23,11 @@ fn quotient(quanta: f32) -> u32 {
 // a cell of its own.
 fn open_number(x: f32, level: u32) -> u32 {
     let far = list.level[level].far;
-    let size = abs(x);
+    let size = bitcast<u32>(abs(x));
     if (size < far) {
         return MIDDLE + quotient(floor(x * list.level[level].scale));
     }
-    let beyond = min(bitcast<u32>(size) - bitcast<u32>(far), BEYOND);
+    let beyond = min(size - far, BEYOND);
     if (x < 0.0) {
         return MIDDLE - (0x40000000u + list.quanta - 1u) / list.quanta - beyond;
     }
