@@ -1,0 +1,184 @@
+//! `lazygrid check`: whether all is right on this machine, and how fast it is.
+
+mod report;
+mod speeds;
+
+use std::time::{Instant, SystemTime};
+
+use indicatif::ProgressBar;
+use lazygrid::gpu::{GpuDevice, GpuError};
+use lazygrid_check::compare::{self, Failure as Fault};
+use lazygrid_check::fuzz::Round;
+use lazygrid_check::kernels::{CHECKS, within_algorithms};
+use lazygrid_check::{Gpu, Way, guarded};
+
+use self::report::Report;
+use crate::args::{Check, Checked};
+use crate::failure::Failure;
+use crate::progress;
+
+/// Parts of the progress that each stage is; about seconds on a slow machine.
+const KERNELS: u64 = 20;
+const SCENES: u64 = 40;
+const SPEEDS: u64 = 60;
+
+/// How often something that fails is tried again with fewer spheres.
+const TRIES: usize = 1500;
+
+/// Does all that is asked for, and says at the end whether anything is wrong.
+pub(crate) fn run(args: &Check) -> Result<(), Failure> {
+    let gpu = open(args)?;
+    let (gpu, skipped) = match gpu {
+        Ok(gpu) => (gpu, None),
+        Err(reason) => (None, Some(reason)),
+    };
+    let on_cpu = args.backend != Checked::Gpu;
+    // What panics is caught, and said with the rest.
+    std::panic::set_hook(Box::new(|_| ()));
+    let backends = u64::from(on_cpu) + u64::from(gpu.is_some());
+    let fuzz = args.fuzz.map_or(0, |time| time.as_secs());
+    let parts = match args.seed {
+        Some(_) => 1,
+        None => gpu.as_ref().map_or(0, |_| KERNELS) + backends * (SCENES + SPEEDS) + fuzz,
+    };
+    let work = Work { args, gpu, on_cpu, bar: progress::working(parts) };
+    let mut report = Report::new(args, work.gpu.as_ref(), skipped)?;
+    let done = match args.seed {
+        Some(seed) => work.repeat(seed, &mut report),
+        None => work.all(&mut report),
+    };
+    work.bar.finish_and_clear();
+    done?;
+    report.finish()
+}
+
+/// The GPU that is to be checked, if one is; or why there is none, where that is no failure.
+fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, Failure> {
+    if args.backend == Checked::Cpu {
+        return match &args.adapter {
+            Some(adapter) => {
+                Err(Failure::Setting(lazygrid::Error::AdapterOnCpu { adapter: adapter.to_string() }))
+            }
+            None => Ok(Ok(None)),
+        };
+    }
+    let own = match &args.adapter {
+        Some(adapter) => GpuDevice::shared_adapter(adapter),
+        None => GpuDevice::shared(true),
+    };
+    match own {
+        Ok(own) => Ok(Ok(Some(Gpu { own, adapter: args.adapter.clone() }))),
+        Err(error @ GpuError::NoAdapter { .. }) if args.backend == Checked::All && args.adapter.is_none() => {
+            Ok(Err(error.to_string()))
+        }
+        Err(error) => Err(Failure::Setting(lazygrid::Error::GpuUnavailable { reason: error.to_string() })),
+    }
+}
+
+/// What is checked, and how far that has come.
+struct Work<'a> {
+    args: &'a Check,
+    gpu: Option<Gpu>,
+    on_cpu: bool,
+    bar: ProgressBar,
+}
+
+impl Work<'_> {
+    fn all(&self, report: &mut Report) -> Result<(), Failure> {
+        if let Some(gpu) = &self.gpu {
+            self.kernels(gpu, report)?;
+        }
+        self.scenes(report)?;
+        speeds::run(self, report)?;
+        self.fuzz(report)
+    }
+
+    /// Says how far a stage has come: `done` of `all`, of a stage of so many parts that began at `from`.
+    fn step(&self, from: u64, parts: u64, [done, all]: [usize; 2], what: &str) {
+        self.bar.set_position(from + parts * done as u64 / all.max(1) as u64);
+        self.bar.set_message(what.to_owned());
+    }
+
+    fn kernels(&self, gpu: &Gpu, report: &mut Report) -> Result<(), Failure> {
+        let (from, start) = (self.bar.position(), Instant::now());
+        for (k, check) in CHECKS.iter().enumerate() {
+            self.step(from, KERNELS, [k, CHECKS.len()], &format!("kernels: {}", check.name));
+            let checked =
+                guarded(|| (check.run)(&gpu.own, self.args.full).map_err(|fault| fault.to_string()));
+            if let Err(what) = checked {
+                let name = format!("{} ({})", check.name, check.kernels.join(", "));
+                self.tell(|| report.failure(Fault { name, what, scenario: None, options: String::new() }))?;
+            }
+        }
+        let alone = CHECKS.iter().map(|check| check.kernels.len()).sum();
+        let others: Vec<&str> = within_algorithms().collect();
+        self.bar.set_position(from + KERNELS);
+        self.tell(|| report.kernels(alone, &others, start.elapsed()))
+    }
+
+    fn scenes(&self, report: &mut Report) -> Result<(), Failure> {
+        let (from, start) = (self.bar.position(), Instant::now());
+        let cases = compare::cases(self.args.full);
+        let on_gpu = self.gpu.as_ref().map_or_else(Vec::new, |gpu| Way::on_gpu(&gpu.own));
+        let on_cpu = if self.on_cpu { Way::on_cpu() } else { Vec::new() };
+        let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);
+        let mut failed = Vec::new();
+        for (k, case) in cases.iter().enumerate() {
+            self.step(from, backends * SCENES, [k, cases.len()], &format!("scenes: {}", case.name));
+            let expected = match compare::expected(&case.scenario) {
+                Ok(expected) => expected,
+                Err(what) => {
+                    let (name, scenario) = (format!("{}: reference", case.name), Some(case.scenario.clone()));
+                    self.tell(|| report.failure(Fault { name, what, scenario, options: String::new() }))?;
+                    continue;
+                }
+            };
+            for way in on_gpu.iter().chain(&on_cpu) {
+                // One example of a way that fails is made small; that takes time.
+                let tries = if failed.contains(way) { 0 } else { TRIES };
+                if let Err(fault) = case.check(way, self.gpu.as_ref(), &expected, tries) {
+                    failed.push(*way);
+                    self.tell(|| report.failure(fault))?;
+                }
+            }
+        }
+        self.bar.set_position(from + backends * SCENES);
+        self.tell(|| report.scenes(cases.len(), [on_gpu.len(), on_cpu.len()], start.elapsed()))
+    }
+
+    fn fuzz(&self, report: &mut Report) -> Result<(), Failure> {
+        let Some(time) = self.args.fuzz else { return Ok(()) };
+        let (from, start) = (self.bar.position(), Instant::now());
+        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        // Short enough to be typed.
+        let first = u64::from(since.subsec_nanos()) * 1000;
+        let mut rounds = 0;
+        while start.elapsed() < time {
+            self.bar.set_position(from + start.elapsed().as_secs());
+            self.bar.set_message(format!("fuzz: {rounds} rounds"));
+            self.round(first + rounds, report)?;
+            rounds += 1;
+        }
+        self.tell(|| report.fuzz(first, rounds, start.elapsed()))
+    }
+
+    fn round(&self, seed: u64, report: &mut Report) -> Result<(), Failure> {
+        let round = Round::drawn(seed, self.on_cpu, self.gpu.is_some());
+        match round.check(self.gpu.as_ref(), TRIES) {
+            Ok(()) => Ok(()),
+            Err(fault) => self.tell(|| report.failure(fault)),
+        }
+    }
+
+    /// Only one round.
+    fn repeat(&self, seed: u64, report: &mut Report) -> Result<(), Failure> {
+        let start = Instant::now();
+        self.round(seed, report)?;
+        self.tell(|| report.fuzz(seed, 1, start.elapsed()))
+    }
+
+    /// Says something beside the progress.
+    fn tell(&self, say: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
+        self.bar.suspend(say)
+    }
+}

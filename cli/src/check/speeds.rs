@@ -1,0 +1,172 @@
+use std::time::Instant;
+
+use lazygrid::{Algorithm, Backend, Sphere};
+use lazygrid_check::bandwidth::{Measured, Stopwatch};
+use lazygrid_check::compare::Failure as Fault;
+use lazygrid_check::kernels::Fault as Wrong;
+use lazygrid_check::speed::{self, FULL, Speed, Untimed, forecast};
+use lazygrid_check::{Gpu, guarded};
+use lazygrid_io::scenes::Scene;
+
+use super::report::{Primitive, Report, Row};
+use super::{SPEEDS, Work};
+use crate::failure::Failure;
+
+/// Seconds that one call may take, and all calls of a backend together; with `--full` so many times as long.
+const CALL: f64 = 2.5;
+const ALL: f64 = 25.0;
+const FULL_TIMES: f64 = 12.0;
+
+/// Rounds of copy, scan and sort.
+const ROUNDS: usize = 7;
+
+/// Takes all times, those of the CPU first, which the GPU's counts are held against.
+pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), Failure> {
+    let scenes: &[Scene] =
+        if work.args.full { &[Scene::FiveSizes, Scene::Equal, Scene::Burst] } else { &[Scene::FiveSizes] };
+    if work.on_cpu {
+        let algorithms = Algorithm::CPU.to_vec();
+        Race::new(work, Backend::Cpu, algorithms)
+            .run(scenes, report, |algorithm, spheres| speed::on_cpu(algorithm, spheres))?;
+    }
+    if let Some(gpu) = &work.gpu {
+        primitives(work, gpu, report)?;
+        let algorithms = Algorithm::GPU.to_vec();
+        Race::new(work, Backend::Gpu, algorithms)
+            .run(scenes, report, |algorithm, spheres| speed::on_gpu(&gpu.own, algorithm, spheres))?;
+    }
+    Ok(())
+}
+
+/// Radix sort and scan beside a copy.
+fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Failure> {
+    work.bar.set_message("speeds: copy, scan and sort");
+    let watch = Stopwatch::new(gpu.own.clone(), ROUNDS);
+    let measured = guarded(|| {
+        let watch = watch.map_err(|error| error.to_string())?;
+        let text = |fault: Wrong| fault.to_string();
+        let mut rows = Vec::new();
+        let mut seconds = 0.0;
+        for values in [1_000_000, 10_000_000] {
+            // A software driver takes as many times as long for ten times as many.
+            if seconds * 10.0 * (ROUNDS + 1) as f64 > 4.0 * CALL {
+                break;
+            }
+            let copy = watch.copy(values).map_err(text)?;
+            let bandwidth = copy.bandwidth();
+            let row = |what: &str, measured: Measured| Primitive {
+                what: what.to_owned(),
+                values,
+                seconds: measured.median(),
+                bandwidth: measured.bandwidth(),
+                of_copy: measured.bandwidth() / bandwidth,
+            };
+            rows.push(row("copy", copy));
+            rows.push(row("scan", watch.scan(values, true).map_err(text)?));
+            rows.push(row("sort, 24 bits", watch.sort(values, 24, true).map_err(text)?));
+            seconds = rows[rows.len() - 1].seconds;
+        }
+        Ok((watch.is_of_the_device(), rows))
+    });
+    match measured {
+        Ok((own_clock, rows)) => work.tell(|| report.primitives(own_clock, rows)),
+        Err(what) => {
+            let name = "copy, scan and sort by the clock".to_owned();
+            work.tell(|| report.failure(Fault { name, what, scenario: None, options: String::new() }))
+        }
+    }
+}
+
+/// The times of one backend.
+struct Race<'a> {
+    work: &'a Work<'a>,
+    backend: Backend,
+    algorithms: Vec<Algorithm>,
+    /// Where the progress began.
+    from: u64,
+    spent: f64,
+}
+
+impl<'a> Race<'a> {
+    fn new(work: &'a Work<'a>, backend: Backend, algorithms: Vec<Algorithm>) -> Self {
+        Self { work, backend, algorithms, from: work.bar.position(), spent: 0.0 }
+    }
+
+    fn run(
+        mut self,
+        scenes: &[Scene],
+        report: &mut Report,
+        time: impl Fn(Algorithm, &[Sphere]) -> Result<Speed, Untimed>,
+    ) -> Result<(), Failure> {
+        self.work.tell(|| report.speeds_of(self.backend))?;
+        let sizes: Vec<usize> = speed::SIZES.into_iter().chain(self.work.args.full.then_some(FULL)).collect();
+        let mut done = 0;
+        for scene in scenes {
+            // What each algorithm took so far, and why it is no longer asked.
+            let mut before: Vec<(Vec<(usize, f64)>, Option<String>)> =
+                vec![Default::default(); self.algorithms.len()];
+            for &n in &sizes {
+                let what = format!("speeds of {}: {n} spheres, {scene}", self.backend);
+                self.work.step(self.from, SPEEDS, [done, sizes.len() * scenes.len()], &what);
+                done += 1;
+                self.size(*scene, n, &mut before, report, &time)?;
+            }
+        }
+        self.work.bar.set_position(self.from + SPEEDS);
+        Ok(())
+    }
+
+    /// All algorithms with so many spheres.
+    fn size(
+        &mut self,
+        scene: Scene,
+        n: usize,
+        before: &mut [(Vec<(usize, f64)>, Option<String>)],
+        report: &mut Report,
+        time: impl Fn(Algorithm, &[Sphere]) -> Result<Speed, Untimed>,
+    ) -> Result<(), Failure> {
+        let mut spheres = None;
+        for (k, (times, why)) in before.iter_mut().enumerate() {
+            let algorithm = self.algorithms[k];
+            if why.is_none() {
+                *why = self.too_long(forecast(algorithm, times, n));
+            }
+            if let Some(why) = why {
+                self.work.tell(|| report.left_out(self.backend, algorithm, scene, n, why))?;
+                continue;
+            }
+            let spheres = spheres.get_or_insert_with(|| scene.spheres(n, 0));
+            let start = Instant::now();
+            let speed = time(algorithm, spheres);
+            self.spent += start.elapsed().as_secs_f64();
+            match speed {
+                Ok(speed) => {
+                    times.push((n, speed.seconds));
+                    let row = Row { backend: self.backend, algorithm, scene, spheres: n, speed };
+                    self.work.tell(|| report.speed(row))?;
+                }
+                Err(Untimed::TooLarge(what)) => {
+                    self.work.tell(|| report.left_out(self.backend, algorithm, scene, n, &what))?;
+                    *why = Some(what);
+                }
+                Err(Untimed::Failed(what)) => {
+                    let name = format!("{algorithm} on {}, {n} spheres, {scene}", self.backend);
+                    *why = Some("fewer spheres failed".to_owned());
+                    let fault = Fault { name, what, scenario: None, options: String::new() };
+                    self.work.tell(|| report.failure(fault))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Why a call that is to take so many seconds is left out, if it is.
+    fn too_long(&self, seconds: f64) -> Option<String> {
+        let times = if self.work.args.full { FULL_TIMES } else { 1.0 };
+        let remedy = if self.work.args.full { "" } else { "; --full allows more" };
+        if seconds > CALL * times {
+            return Some(format!("about {seconds:.0} s a call{remedy}"));
+        }
+        (self.spent + 2.0 * seconds > ALL * times).then(|| format!("no time left{remedy}"))
+    }
+}
