@@ -75,9 +75,9 @@ impl<'a> Choices<'a> {
         if number % 2 == 0 { number / 2 } else { -(number / 2) - 1 }
     }
 
-    /// A number from `low` to `high`.
+    /// A number from `low` to `high`, which are no further apart than the largest float.
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
-        low + (self.word() >> 8) as f32 * (high - low) / (1 << 24) as f32
+        low + (self.word() >> 8) as f32 / (1 << 24) as f32 * (high - low)
     }
 
     /// Any number, not negative, below the one with these bits: uniform in its bits, so log-uniform in its value.

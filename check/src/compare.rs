@@ -5,7 +5,7 @@ use lazygrid_io::scenes::Scene;
 
 use crate::adversary::{self, TABLE_WORDS};
 use crate::way::text;
-use crate::{Gpu, Random, Scenario, Way, Words, difference, guarded, periodic, scenes, shrink};
+use crate::{Extent, Gpu, Random, Scenario, Way, Words, difference, guarded, periodic, scenes, shrink};
 
 /// Up to so many spheres all pairs are looked at; of more, the CPU's cell list has the word.
 const ALL_PAIRS: usize = 4000;
@@ -19,13 +19,14 @@ pub struct Case {
     pub scenario: Scenario,
 }
 
-/// All of them, the same at any time; more and larger ones with `full`.
-pub fn cases(full: bool) -> Vec<Case> {
+/// All of an extent, the same at any time.
+pub fn cases(extent: Extent) -> Vec<Case> {
     let case = |name: &str, scenario: Scenario| Case { name: name.to_owned(), scenario };
     let mut cases: Vec<Case> =
         scenes::scenes().into_iter().map(|(name, spheres)| case(name, spheres.into())).collect();
-    let mut random = Random(if full { 2 } else { 1 });
-    for _ in 0..if full { 20 } else { 1 } {
+    let mut random = Random(1);
+    let rounds = if extent == Extent::Full { 20 } else { 1 };
+    for _ in 0..rounds {
         for family in adversary::FAMILIES {
             let spheres = (family.spheres)(&Words::drawn(&mut random, 200));
             cases.push(case(family.name, spheres.clone().into()));
@@ -39,7 +40,12 @@ pub fn cases(full: bool) -> Vec<Case> {
             cases.push(case(&format!("{}, species", family.name), mixed));
         }
     }
-    for n in if full { vec![20_000, 1_000_000] } else { vec![20_000] } {
+    let sizes: &[usize] = match extent {
+        Extent::Quick => &[5000],
+        Extent::Usual => &[20_000],
+        Extent::Full => &[20_000, 1_000_000],
+    };
+    for &n in sizes {
         for scene in Scene::ALL.into_iter().filter(|scene| *scene != Scene::Point) {
             let spheres = scene.spheres(n, 1);
             let edge = spheres.iter().map(|sphere| sphere.center.x).fold(0.0, f32::max);
@@ -139,7 +145,7 @@ mod tests {
 
     #[test]
     fn cases_are_the_same_at_any_time_and_valid() {
-        let (once, again) = (cases(false), cases(false));
+        let (once, again) = (cases(Extent::Quick), cases(Extent::Quick));
         assert!(once.iter().zip(&again).all(|(a, b)| a.scenario == b.scenario));
         for Case { name, scenario } in once {
             let valid = |s: &Sphere| s.center.is_finite() && s.radius.is_finite() && s.radius >= 0.0;

@@ -6,7 +6,7 @@ use lazygrid::gpu::{GpuDevice, GpuError};
 use lazygrid_kernels::kernel::{KERNELS, Variant};
 use thiserror::Error;
 
-use crate::{calls, nested, primitives};
+use crate::{Extent, calls, nested, primitives};
 
 /// Around a workgroup, and many.
 pub(crate) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
@@ -29,15 +29,16 @@ pub struct KernelCheck {
     pub name: &'static str,
     /// The kernels that do it.
     pub kernels: &'static [&'static str],
-    /// Checks it; `full` asks for sizes that take a while in software.
-    pub run: fn(&GpuDevice, full: bool) -> Result<(), Fault>,
+    /// Checks it.
+    pub run: Run,
 }
 
 const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> KernelCheck {
     KernelCheck { name, kernels, run }
 }
 
-type Run = fn(&GpuDevice, bool) -> Result<(), Fault>;
+/// A check on a device, of some extent.
+pub type Run = fn(&GpuDevice, Extent) -> Result<(), Fault>;
 
 /// All checks, in the order of a call.
 pub const CHECKS: [KernelCheck; 15] = [
@@ -50,11 +51,11 @@ pub const CHECKS: [KernelCheck; 15] = [
     one("keys of levels", &["levels_settle"], |own, _| nested::levels_settle(own)),
     one("entries", &["entries_emit"], |own, _| nested::entries_emit(own)),
     one("number of entries", &["entries_close"], |own, _| calls::entries_close(own)),
-    one("prefix scan", &["scan_reduce", "scan_spine", "scan_spread"], |own, full| {
-        sizes(full).try_for_each(|size| primitives::scan(own, size))
+    one("prefix scan", &["scan_reduce", "scan_spine", "scan_spread"], |own, extent| {
+        sizes(extent).try_for_each(|size| primitives::scan(own, size))
     }),
-    one("radix sort", &["radix_count", "radix_scatter"], |own, full| {
-        sizes(full).try_for_each(|size| primitives::sort(own, size))
+    one("radix sort", &["radix_count", "radix_scatter"], |own, extent| {
+        sizes(extent).try_for_each(|size| primitives::sort(own, size))
     }),
     one("runs of a cell", &["runs_search"], |own, _| nested::runs_search(own)),
     one("sizes of the crowded search", &["crowded_open"], |own, _| calls::crowded_open(own)),
@@ -62,8 +63,10 @@ pub const CHECKS: [KernelCheck; 15] = [
     one("outcome", &["outcome_finish"], |own, _| calls::outcome_finish(own)),
 ];
 
-fn sizes(full: bool) -> impl Iterator<Item = usize> {
-    primitives::SIZES.into_iter().chain(full.then_some(primitives::LARGE))
+fn sizes(extent: Extent) -> impl Iterator<Item = usize> {
+    let most = if extent == Extent::Quick { 5000 } else { usize::MAX };
+    let large = (extent == Extent::Full).then_some(primitives::LARGE);
+    primitives::SIZES.into_iter().filter(move |size| *size < most).chain(large)
 }
 
 /// The kernels that no check runs by itself: they are checked within the algorithms alone.

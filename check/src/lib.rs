@@ -29,6 +29,17 @@ mod scenario;
 mod shrink;
 mod way;
 
+/// How much is checked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// Small scenes and sizes only: seconds.
+    Quick,
+    /// What takes about a minute, also in software.
+    Usual,
+    /// More and larger scenes and sizes, which take software an hour.
+    Full,
+}
+
 pub use choices::{Choices, Element, Words};
 pub use difference::{Tolerance, checksum, difference};
 pub use random::Random;

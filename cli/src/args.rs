@@ -8,6 +8,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use lazygrid::gpu::AdapterId;
 use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order, Space};
+use lazygrid_check::Extent;
 use lazygrid_io::read::{Format, Options, Radii};
 use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::{Output, SphereFormat, TableFormat};
@@ -256,6 +257,9 @@ pub(crate) struct Check {
     /// Which GPU: its index among those that `lazygrid devices` lists, or a part of its name
     #[arg(long, value_name = "NAME|INDEX", value_parser = adapter)]
     pub(crate) adapter: Option<AdapterId>,
+    /// Small scenes and sizes only: some seconds
+    #[arg(long, conflicts_with = "full")]
+    pub(crate) quick: bool,
     /// More and larger scenes, up to 100 million spheres, and more time for each
     #[arg(long)]
     pub(crate) full: bool,
@@ -263,11 +267,22 @@ pub(crate) struct Check {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub(crate) fuzz: Option<Duration>,
     /// Only repeat what --fuzz drew for this seed, with the same --backend
-    #[arg(long, value_name = "S", conflicts_with_all = ["fuzz", "full"])]
+    #[arg(long, value_name = "S", conflicts_with_all = ["fuzz", "full", "quick"])]
     pub(crate) seed: Option<u64>,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+impl Check {
+    /// How much is checked.
+    pub(crate) fn extent(&self) -> Extent {
+        match (self.quick, self.full) {
+            (true, _) => Extent::Quick,
+            (_, true) => Extent::Full,
+            _ => Extent::Usual,
+        }
+    }
 }
 
 /// What `lazygrid check` looks at.

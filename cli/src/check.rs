@@ -34,7 +34,7 @@ pub(crate) fn run(args: &Check) -> Result<(), Failure> {
     };
     let on_cpu = args.backend != Checked::Gpu;
     // What panics is caught, and said with the rest.
-    std::panic::set_hook(Box::new(|_| ()));
+    std::panic::set_hook(Box::new(|panic| log::info!("{panic}")));
     let backends = u64::from(on_cpu) + u64::from(gpu.is_some());
     let fuzz = args.fuzz.map_or(0, |time| time.as_secs());
     let parts = match args.seed {
@@ -43,12 +43,20 @@ pub(crate) fn run(args: &Check) -> Result<(), Failure> {
     };
     let work = Work { args, gpu, on_cpu, bar: progress::working(parts) };
     let mut report = Report::new(args, work.gpu.as_ref(), skipped)?;
-    let done = match args.seed {
-        Some(seed) => work.repeat(seed, &mut report),
-        None => work.all(&mut report),
-    };
+    let done = guarded(|| {
+        Ok(match args.seed {
+            Some(seed) => work.repeat(seed, &mut report),
+            None => work.all(&mut report),
+        })
+    });
     work.bar.finish_and_clear();
-    done?;
+    match done {
+        Ok(done) => done?,
+        Err(what) => {
+            let name = "the check itself".to_owned();
+            report.failure(Fault { name, what, scenario: None, options: String::new() })?;
+        }
+    }
     report.finish()
 }
 
@@ -104,7 +112,7 @@ impl Work<'_> {
         for (k, check) in CHECKS.iter().enumerate() {
             self.step(from, KERNELS, [k, CHECKS.len()], &format!("kernels: {}", check.name));
             let checked =
-                guarded(|| (check.run)(&gpu.own, self.args.full).map_err(|fault| fault.to_string()));
+                guarded(|| (check.run)(&gpu.own, self.args.extent()).map_err(|fault| fault.to_string()));
             if let Err(what) = checked {
                 let name = format!("{} ({})", check.name, check.kernels.join(", "));
                 self.tell(|| report.failure(Fault { name, what, scenario: None, options: String::new() }))?;
@@ -118,7 +126,7 @@ impl Work<'_> {
 
     fn scenes(&self, report: &mut Report) -> Result<(), Failure> {
         let (from, start) = (self.bar.position(), Instant::now());
-        let cases = compare::cases(self.args.full);
+        let cases = compare::cases(self.args.extent());
         let on_gpu = self.gpu.as_ref().map_or_else(Vec::new, |gpu| Way::on_gpu(&gpu.own));
         let on_cpu = if self.on_cpu { Way::on_cpu() } else { Vec::new() };
         let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);

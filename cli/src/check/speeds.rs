@@ -5,7 +5,7 @@ use lazygrid_check::bandwidth::{Measured, Stopwatch};
 use lazygrid_check::compare::Failure as Fault;
 use lazygrid_check::kernels::Fault as Wrong;
 use lazygrid_check::speed::{self, FULL, Speed, Untimed, forecast};
-use lazygrid_check::{Gpu, guarded};
+use lazygrid_check::{Extent, Gpu, guarded};
 use lazygrid_io::scenes::Scene;
 
 use super::report::{Primitive, Report, Row};
@@ -22,8 +22,10 @@ const ROUNDS: usize = 7;
 
 /// Takes all times, those of the CPU first, which the GPU's counts are held against.
 pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), Failure> {
-    let scenes: &[Scene] =
-        if work.args.full { &[Scene::FiveSizes, Scene::Equal, Scene::Burst] } else { &[Scene::FiveSizes] };
+    let scenes: &[Scene] = match work.args.extent() {
+        Extent::Full => &[Scene::FiveSizes, Scene::Equal, Scene::Burst],
+        _ => &[Scene::FiveSizes],
+    };
     if work.on_cpu {
         let algorithms = Algorithm::CPU.to_vec();
         Race::new(work, Backend::Cpu, algorithms)
@@ -47,7 +49,8 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Fai
         let text = |fault: Wrong| fault.to_string();
         let mut rows = Vec::new();
         let mut seconds = 0.0;
-        for values in [1_000_000, 10_000_000] {
+        let sizes: &[u32] = if work.args.quick { &[100_000] } else { &[1_000_000, 10_000_000] };
+        for &values in sizes {
             // A software driver takes as many times as long for ten times as many.
             if seconds * 10.0 * (ROUNDS + 1) as f64 > 4.0 * CALL {
                 break;
@@ -99,7 +102,12 @@ impl<'a> Race<'a> {
         time: impl Fn(Algorithm, &[Sphere]) -> Result<Speed, Untimed>,
     ) -> Result<(), Failure> {
         self.work.tell(|| report.speeds_of(self.backend))?;
-        let sizes: Vec<usize> = speed::SIZES.into_iter().chain(self.work.args.full.then_some(FULL)).collect();
+        let mut sizes = speed::SIZES.to_vec();
+        match self.work.args.extent() {
+            Extent::Quick => sizes.truncate(1),
+            Extent::Usual => {}
+            Extent::Full => sizes.push(FULL),
+        }
         let mut done = 0;
         for scene in scenes {
             // What each algorithm took so far, and why it is no longer asked.
