@@ -53,7 +53,7 @@ impl<'a> Choices<'a> {
 
     /// A number below `limit`.
     pub fn below(&mut self, limit: u32) -> u32 {
-        (u64::from(self.word()) * u64::from(limit) >> 32) as u32
+        ((u64::from(self.word()) * u64::from(limit)) >> 32) as u32
     }
 
     /// One of these, the first for small words.

@@ -107,27 +107,48 @@ pub fn judge(
     difference(scenario, &pairs(scenario)?, &expected(scenario)?, way.tolerance())
 }
 
+/// What a way takes on this machine, as seen so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Pace {
+    /// Seconds per unit of work, the least that was seen.
+    rate: Option<f64>,
+}
+
+impl Pace {
+    /// Fewer spheres say nothing about more.
+    const TELLING: usize = 1000;
+
+    /// Seconds that so many spheres will take; 0 as long as nothing is known.
+    pub fn forecast(self, way: &Way, spheres: usize) -> f64 {
+        self.rate.unwrap_or(0.0) * Self::work(way, spheres)
+    }
+
+    /// Takes note of what so many spheres took.
+    pub fn saw(&mut self, way: &Way, spheres: usize, seconds: f64) {
+        if spheres >= Self::TELLING {
+            let rate = seconds / Self::work(way, spheres);
+            self.rate = Some(self.rate.map_or(rate, |least| least.min(rate)));
+        }
+    }
+
+    fn work(way: &Way, spheres: usize) -> f64 {
+        (spheres as f64).powi(if way.algorithm == Algorithm::Naive { 2 } else { 1 })
+    }
+}
+
 impl Case {
-    /// Goes one way, whose pairs are to be the `expected` ones. `tries` are those of [`shrink`].
-    ///
-    /// # Errors
-    /// What is wrong, with as few spheres as show it.
-    pub fn check(
-        &self,
-        way: &Way,
-        gpu: Option<&Gpu>,
-        expected: &[Pair],
-        tries: usize,
-    ) -> Result<(), Failure> {
+    /// Goes one way, whose pairs are to be the `expected` ones. `tries` are those of [`shrink`]. Returns what is wrong, if
+    /// anything, with as few spheres as show it.
+    pub fn check(&self, way: &Way, gpu: Option<&Gpu>, expected: &[Pair], tries: usize) -> Option<Failure> {
         let pairs = |scenario: &Scenario| way.pairs(gpu, scenario);
         let first = pairs(&self.scenario)
             .and_then(|found| difference(&self.scenario, &found, expected, way.tolerance()));
-        let Err(what) = first else { return Ok(()) };
+        let what = first.err()?;
         let failing = |smaller: &Scenario| judge(smaller, way, pairs).err();
         let (scenario, what) = shrink(self.scenario.clone(), what, tries, failing);
         let name = format!("{}: {way}", self.name);
         let options = way.options(gpu);
-        Err(Failure { name, what, scenario: Some(scenario), options })
+        Some(Failure { name, what, scenario: Some(scenario), options })
     }
 }
 
@@ -136,6 +157,20 @@ mod tests {
     use super::*;
     use crate::way::Place;
     use lazygrid::Simd;
+
+    #[test]
+    fn paces_are_those_of_the_quickest_call_that_tells() {
+        let [naive, list] = [Algorithm::Naive, Algorithm::CellList]
+            .map(|algorithm| Way::new(algorithm, Place::Cpu { simd: Simd::Portable, threads: Some(1) }));
+        let mut pace = Pace::default();
+        pace.saw(&naive, 10, 5.0);
+        assert_eq!(pace.forecast(&naive, 1000), 0.0);
+        pace.saw(&naive, 1000, 3.0);
+        pace.saw(&naive, 1000, 1.0);
+        pace.saw(&naive, 1000, 2.0);
+        assert!((pace.forecast(&naive, 2000) - 4.0).abs() < 1e-9);
+        assert!((Pace { rate: Some(1e-3) }.forecast(&list, 2000) - 2.0).abs() < 1e-9);
+    }
 
     #[test]
     fn the_reference_of_many_is_that_of_few() {

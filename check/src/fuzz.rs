@@ -59,13 +59,11 @@ impl Round {
         Self { seed, way, order, max_pairs, calls }
     }
 
-    /// Runs it with a new detector.
-    ///
-    /// # Errors
-    /// What is wrong, with as few calls and spheres as show it. `tries` are those of [`shrink`].
-    pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Result<(), Failure> {
+    /// Runs it with a new detector. Returns what is wrong, if anything, with as few calls and spheres as show it. `tries`
+    /// are those of [`shrink`].
+    pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<Failure> {
         let way = self.way;
-        self.check_with(tries, |round| guarded(|| round.run(gpu))).map_err(|(round, what)| {
+        self.check_with(tries, |round| guarded(|| round.run(gpu))).map(|(round, what)| {
             let is_plain = round.calls.len() == 1 && round.calls[0].1.mixture.is_none();
             let (call, scenario) = round.calls.last().cloned().unzip();
             let options = match (is_plain, call) {
@@ -77,12 +75,8 @@ impl Round {
     }
 
     /// The same with any detector: `run` says what is wrong with a round.
-    fn check_with(
-        self,
-        tries: usize,
-        run: impl Fn(&Self) -> Result<(), String>,
-    ) -> Result<(), (Self, String)> {
-        let Err(mut what) = run(&self) else { return Ok(()) };
+    fn check_with(self, tries: usize, run: impl Fn(&Self) -> Result<(), String>) -> Option<(Self, String)> {
+        let mut what = run(&self).err()?;
         let mut round = self;
         // Calls first, from the last on, then the spheres of each call.
         for k in (0..round.calls.len()).rev().filter(|_| tries > 0) {
@@ -102,7 +96,7 @@ impl Round {
             round.calls[k].1 = scenario;
             what = still;
         }
-        Err((round, what))
+        Some((round, what))
     }
 
     fn run(&self, gpu: Option<&Gpu>) -> Result<(), String> {
@@ -307,7 +301,7 @@ mod tests {
                     Call::Stream { .. } => 3,
                 }] += 1;
             }
-            if let Err(Failure { name, what, .. }) = round.check(None, 100) {
+            if let Some(Failure { name, what, .. }) = round.check(None, 100) {
                 panic!("{name}: {what}");
             }
         }
@@ -341,8 +335,8 @@ mod tests {
                 })
             };
             match round.clone().check_with(400, lose) {
-                Ok(()) => assert!(!has_pairs, "{round}"),
-                Err((small, what)) => {
+                None => assert!(!has_pairs, "{round}"),
+                Some((small, what)) => {
                     losing += 1;
                     assert_eq!(
                         (small.calls.len(), small.calls[0].1.spheres.len()),
@@ -352,7 +346,7 @@ mod tests {
                 }
             }
             let double = |round: &Round| answers(round, |pairs| pairs.extend(pairs.last().copied()));
-            doubling += usize::from(round.check_with(0, double).is_err());
+            doubling += usize::from(round.check_with(0, double).is_some());
         }
         assert!(losing > 30 && doubling > 30, "{losing} {doubling}");
     }

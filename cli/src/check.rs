@@ -7,7 +7,7 @@ use std::time::{Instant, SystemTime};
 
 use indicatif::ProgressBar;
 use lazygrid::gpu::{GpuDevice, GpuError};
-use lazygrid_check::compare::{self, Failure as Fault};
+use lazygrid_check::compare::{self, Failure as Fault, Pace};
 use lazygrid_check::fuzz::Round;
 use lazygrid_check::kernels::{CHECKS, within_algorithms};
 use lazygrid_check::{Gpu, Way, guarded};
@@ -21,6 +21,9 @@ use crate::progress;
 const KERNELS: u64 = 20;
 const SCENES: u64 = 40;
 const SPEEDS: u64 = 60;
+
+/// Scenes that take a way longer are left out; with `--full` twenty times as long.
+const SCENE_SECONDS: f64 = 0.2;
 
 /// How often something that fails is tried again with fewer spheres.
 const TRIES: usize = 1500;
@@ -130,7 +133,10 @@ impl Work<'_> {
         let on_gpu = self.gpu.as_ref().map_or_else(Vec::new, |gpu| Way::on_gpu(&gpu.own));
         let on_cpu = if self.on_cpu { Way::on_cpu() } else { Vec::new() };
         let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);
-        let mut failed = Vec::new();
+        let most = if self.args.full { SCENE_SECONDS * 20.0 } else { SCENE_SECONDS };
+        let mut ways: Vec<_> =
+            on_gpu.iter().chain(&on_cpu).map(|way| (*way, Pace::default(), TRIES)).collect();
+        let mut left_out = 0;
         for (k, case) in cases.iter().enumerate() {
             self.step(from, backends * SCENES, [k, cases.len()], &format!("scenes: {}", case.name));
             let expected = match compare::expected(&case.scenario) {
@@ -141,17 +147,26 @@ impl Work<'_> {
                     continue;
                 }
             };
-            for way in on_gpu.iter().chain(&on_cpu) {
-                // One example of a way that fails is made small; that takes time.
-                let tries = if failed.contains(way) { 0 } else { TRIES };
-                if let Err(fault) = case.check(way, self.gpu.as_ref(), &expected, tries) {
-                    failed.push(*way);
-                    self.tell(|| report.failure(fault))?;
+            let spheres = case.scenario.spheres.len();
+            for (way, pace, tries) in &mut ways {
+                if pace.forecast(way, spheres) > most {
+                    left_out += 1;
+                    continue;
+                }
+                let start = Instant::now();
+                let checked = case.check(way, self.gpu.as_ref(), &expected, *tries);
+                match checked {
+                    None => pace.saw(way, spheres, start.elapsed().as_secs_f64()),
+                    Some(fault) => {
+                        // One example of a way that fails is made small; that takes time.
+                        *tries = 0;
+                        self.tell(|| report.failure(fault))?;
+                    }
                 }
             }
         }
         self.bar.set_position(from + backends * SCENES);
-        self.tell(|| report.scenes(cases.len(), [on_gpu.len(), on_cpu.len()], start.elapsed()))
+        self.tell(|| report.scenes([cases.len(), on_gpu.len(), on_cpu.len(), left_out], start.elapsed()))
     }
 
     fn fuzz(&self, report: &mut Report) -> Result<(), Failure> {
@@ -173,8 +188,8 @@ impl Work<'_> {
     fn round(&self, seed: u64, report: &mut Report) -> Result<(), Failure> {
         let round = Round::drawn(seed, self.on_cpu, self.gpu.is_some());
         match round.check(self.gpu.as_ref(), TRIES) {
-            Ok(()) => Ok(()),
-            Err(fault) => self.tell(|| report.failure(fault)),
+            None => Ok(()),
+            Some(fault) => self.tell(|| report.failure(fault)),
         }
     }
 

@@ -44,13 +44,13 @@ pub(super) struct Primitive {
     pub(super) of_copy: f64,
 }
 
-/// The time of one algorithm.
-pub(super) struct Row {
+/// What is timed.
+#[derive(Clone, Copy)]
+pub(super) struct Called {
     pub(super) backend: Backend,
     pub(super) algorithm: Algorithm,
     pub(super) scene: Scene,
     pub(super) spheres: usize,
-    pub(super) speed: Speed,
 }
 
 impl Report {
@@ -124,17 +124,23 @@ impl Report {
 
     pub(super) fn scenes(
         &mut self,
-        scenes: usize,
-        [gpu, cpu]: [usize; 2],
+        [scenes, gpu, cpu, left_out]: [usize; 4],
         time: Duration,
     ) -> Result<(), Failure> {
         self.keep(
             "scenes",
-            json!({ "scenes": scenes, "ways_on_gpu": gpu, "ways_on_cpu": cpu, "seconds": time.as_secs_f64() }),
+            json!({
+                "scenes": scenes, "ways_on_gpu": gpu, "ways_on_cpu": cpu, "left_out": left_out,
+                "seconds": time.as_secs_f64(),
+            }),
         );
         let ways = [(gpu, "gpu"), (cpu, "cpu")].into_iter().filter(|(ways, _)| *ways > 0);
         let ways: Vec<String> = ways.map(|(ways, on)| format!("in {ways} ways on the {on}")).collect();
-        self.say(&format!("scenes     {scenes} {}, {time:.1?}\n", ways.join(" and ")))
+        let left_out = match left_out {
+            0 => String::new(),
+            searches => format!("; {searches} searches left out that take long here"),
+        };
+        self.say(&format!("scenes     {scenes} {}, {time:.1?}{left_out}\n", ways.join(" and ")))
     }
 
     pub(super) fn fuzz(&mut self, seed: u64, rounds: u64, time: Duration) -> Result<(), Failure> {
@@ -177,8 +183,8 @@ impl Report {
         ))
     }
 
-    pub(super) fn speed(&mut self, row: Row) -> Result<(), Failure> {
-        let Row { backend, algorithm, scene, spheres, speed } = row;
+    pub(super) fn speed(&mut self, called: Called, speed: &Speed) -> Result<(), Failure> {
+        let Called { backend, algorithm, scene, spheres } = called;
         let stages: Map<String, Value> =
             speed.stages.iter().map(|(name, seconds)| ((*name).to_owned(), (*seconds).into())).collect();
         self.speeds.push(json!({
@@ -198,20 +204,15 @@ impl Report {
             speed.seconds * 1e3,
             stages.join(", ")
         ))?;
-        self.compare_count(backend, algorithm, scene, [spheres as u64, speed.pairs])
+        self.compare_count(called, speed.pairs)
     }
 
     /// Holds a count against the first one of the same spheres.
-    fn compare_count(
-        &mut self,
-        backend: Backend,
-        algorithm: Algorithm,
-        scene: Scene,
-        [spheres, pairs]: [u64; 2],
-    ) -> Result<(), Failure> {
-        let known = self.counts.iter().find(|(of, n, _)| *of == scene && *n as u64 == spheres);
+    fn compare_count(&mut self, called: Called, pairs: u64) -> Result<(), Failure> {
+        let Called { backend, algorithm, scene, spheres } = called;
+        let known = self.counts.iter().find(|(of, n, _)| *of == scene && *n == spheres);
         let Some(&(.., expected)) = known else {
-            self.counts.push((scene, spheres as usize, pairs));
+            self.counts.push((scene, spheres, pairs));
             return Ok(());
         };
         let tolerance = if backend == Backend::Gpu { 2 + expected / TANGENT } else { 0 };
@@ -226,14 +227,8 @@ impl Report {
         self.failure(Fault { name, what, scenario: None, options })
     }
 
-    pub(super) fn left_out(
-        &mut self,
-        backend: Backend,
-        algorithm: Algorithm,
-        scene: Scene,
-        spheres: usize,
-        why: &str,
-    ) -> Result<(), Failure> {
+    pub(super) fn left_out(&mut self, called: Called, why: &str) -> Result<(), Failure> {
+        let Called { backend, algorithm, scene, spheres } = called;
         self.left_out.push(json!({
             "backend": backend.name(), "algorithm": algorithm.name(), "scene": scene.name(), "spheres": spheres,
             "why": why,
@@ -409,7 +404,8 @@ mod tests {
     fn counts_that_differ_are_wrong() {
         let mut report = report();
         let mut count = |backend, spheres, pairs| {
-            report.compare_count(backend, Algorithm::Naive, Scene::Equal, [spheres, pairs]).unwrap();
+            let called = Called { backend, algorithm: Algorithm::Naive, scene: Scene::Equal, spheres };
+            report.compare_count(called, pairs).unwrap();
             report.failures.len()
         };
         assert_eq!(count(Backend::Cpu, 10, 5), 0);

@@ -8,7 +8,7 @@ use lazygrid_check::speed::{self, FULL, Speed, Untimed, forecast};
 use lazygrid_check::{Extent, Gpu, guarded};
 use lazygrid_io::scenes::Scene;
 
-use super::report::{Primitive, Report, Row};
+use super::report::{Called, Primitive, Report};
 use super::{SPEEDS, Work};
 use crate::failure::Failure;
 
@@ -27,15 +27,12 @@ pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), Failure> {
         _ => &[Scene::FiveSizes],
     };
     if work.on_cpu {
-        let algorithms = Algorithm::CPU.to_vec();
-        Race::new(work, Backend::Cpu, algorithms)
-            .run(scenes, report, |algorithm, spheres| speed::on_cpu(algorithm, spheres))?;
+        Race::new(work, Backend::Cpu, &speed::on_cpu).run(scenes, &Algorithm::CPU, report)?;
     }
     if let Some(gpu) = &work.gpu {
         primitives(work, gpu, report)?;
-        let algorithms = Algorithm::GPU.to_vec();
-        Race::new(work, Backend::Gpu, algorithms)
-            .run(scenes, report, |algorithm, spheres| speed::on_gpu(&gpu.own, algorithm, spheres))?;
+        let time = |algorithm, spheres: &[Sphere]| speed::on_gpu(&gpu.own, algorithm, spheres);
+        Race::new(work, Backend::Gpu, &time).run(scenes, &Algorithm::GPU, report)?;
     }
     Ok(())
 }
@@ -80,27 +77,34 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Fai
     }
 }
 
+/// Times an algorithm.
+type Time<'a> = &'a dyn Fn(Algorithm, &[Sphere]) -> Result<Speed, Untimed>;
+
 /// The times of one backend.
 struct Race<'a> {
     work: &'a Work<'a>,
     backend: Backend,
-    algorithms: Vec<Algorithm>,
+    time: Time<'a>,
     /// Where the progress began.
     from: u64,
     spent: f64,
 }
 
+/// One of those who are timed.
+struct Runner {
+    algorithm: Algorithm,
+    /// What it took so far: spheres and seconds.
+    times: Vec<(usize, f64)>,
+    /// Why it is no longer asked.
+    out: Option<String>,
+}
+
 impl<'a> Race<'a> {
-    fn new(work: &'a Work<'a>, backend: Backend, algorithms: Vec<Algorithm>) -> Self {
-        Self { work, backend, algorithms, from: work.bar.position(), spent: 0.0 }
+    fn new(work: &'a Work<'a>, backend: Backend, time: Time<'a>) -> Self {
+        Self { work, backend, time, from: work.bar.position(), spent: 0.0 }
     }
 
-    fn run(
-        mut self,
-        scenes: &[Scene],
-        report: &mut Report,
-        time: impl Fn(Algorithm, &[Sphere]) -> Result<Speed, Untimed>,
-    ) -> Result<(), Failure> {
+    fn run(mut self, scenes: &[Scene], algorithms: &[Algorithm], report: &mut Report) -> Result<(), Failure> {
         self.work.tell(|| report.speeds_of(self.backend))?;
         let mut sizes = speed::SIZES.to_vec();
         match self.work.args.extent() {
@@ -109,63 +113,62 @@ impl<'a> Race<'a> {
             Extent::Full => sizes.push(FULL),
         }
         let mut done = 0;
-        for scene in scenes {
-            // What each algorithm took so far, and why it is no longer asked.
-            let mut before: Vec<(Vec<(usize, f64)>, Option<String>)> =
-                vec![Default::default(); self.algorithms.len()];
+        for &scene in scenes {
+            let runner = |&algorithm: &Algorithm| Runner { algorithm, times: vec![], out: None };
+            let mut runners: Vec<Runner> = algorithms.iter().map(runner).collect();
             for &n in &sizes {
                 let what = format!("speeds of {}: {n} spheres, {scene}", self.backend);
                 self.work.step(self.from, SPEEDS, [done, sizes.len() * scenes.len()], &what);
                 done += 1;
-                self.size(*scene, n, &mut before, report, &time)?;
+                let mut spheres = Vec::new();
+                for runner in &mut runners {
+                    let called =
+                        Called { backend: self.backend, algorithm: runner.algorithm, scene, spheres: n };
+                    self.call(runner, called, &mut spheres, report)?;
+                }
             }
         }
         self.work.bar.set_position(self.from + SPEEDS);
         Ok(())
     }
 
-    /// All algorithms with so many spheres.
-    fn size(
+    /// One algorithm with so many spheres, which are made when they are first needed.
+    fn call(
         &mut self,
-        scene: Scene,
-        n: usize,
-        before: &mut [(Vec<(usize, f64)>, Option<String>)],
+        runner: &mut Runner,
+        called: Called,
+        spheres: &mut Vec<Sphere>,
         report: &mut Report,
-        time: impl Fn(Algorithm, &[Sphere]) -> Result<Speed, Untimed>,
     ) -> Result<(), Failure> {
-        let mut spheres = None;
-        for (k, (times, why)) in before.iter_mut().enumerate() {
-            let algorithm = self.algorithms[k];
-            if why.is_none() {
-                *why = self.too_long(forecast(algorithm, times, n));
+        let Called { algorithm, scene, spheres: n, .. } = called;
+        if runner.out.is_none() {
+            runner.out = self.too_long(forecast(algorithm, &runner.times, n));
+        }
+        if let Some(why) = &runner.out {
+            return self.work.tell(|| report.left_out(called, why));
+        }
+        if spheres.is_empty() {
+            *spheres = scene.spheres(n, 0);
+        }
+        let start = Instant::now();
+        let speed = (self.time)(algorithm, spheres);
+        self.spent += start.elapsed().as_secs_f64();
+        match speed {
+            Ok(speed) => {
+                runner.times.push((n, speed.seconds));
+                self.work.tell(|| report.speed(called, &speed))
             }
-            if let Some(why) = why {
-                self.work.tell(|| report.left_out(self.backend, algorithm, scene, n, why))?;
-                continue;
+            Err(Untimed::TooLarge(what)) => {
+                let why = runner.out.insert(what);
+                self.work.tell(|| report.left_out(called, why))
             }
-            let spheres = spheres.get_or_insert_with(|| scene.spheres(n, 0));
-            let start = Instant::now();
-            let speed = time(algorithm, spheres);
-            self.spent += start.elapsed().as_secs_f64();
-            match speed {
-                Ok(speed) => {
-                    times.push((n, speed.seconds));
-                    let row = Row { backend: self.backend, algorithm, scene, spheres: n, speed };
-                    self.work.tell(|| report.speed(row))?;
-                }
-                Err(Untimed::TooLarge(what)) => {
-                    self.work.tell(|| report.left_out(self.backend, algorithm, scene, n, &what))?;
-                    *why = Some(what);
-                }
-                Err(Untimed::Failed(what)) => {
-                    let name = format!("{algorithm} on {}, {n} spheres, {scene}", self.backend);
-                    *why = Some("fewer spheres failed".to_owned());
-                    let fault = Fault { name, what, scenario: None, options: String::new() };
-                    self.work.tell(|| report.failure(fault))?;
-                }
+            Err(Untimed::Failed(what)) => {
+                runner.out = Some("fewer spheres failed".to_owned());
+                let name = format!("{algorithm} on {}, {n} spheres, {scene}", self.backend);
+                let fault = Fault { name, what, scenario: None, options: String::new() };
+                self.work.tell(|| report.failure(fault))
             }
         }
-        Ok(())
     }
 
     /// Why a call that is to take so many seconds is left out, if it is.
