@@ -222,7 +222,7 @@ impl Report {
         let name = format!("{algorithm} on {backend}, {spheres} spheres, {scene}");
         let what = format!("{pairs} pairs counted where {expected} are expected");
         let options = format!(
-            " --backend {backend} --algorithm {algorithm} --count, of: lazygrid generate {scene} -n {spheres} -o lazygrid-check.npy"
+            "lazygrid generate {scene} -n {spheres} -o check.npy && lazygrid detect check.npy --count --backend {backend} --algorithm {algorithm}"
         );
         self.failure(Fault { name, what, scenario: None, options })
     }
@@ -233,7 +233,7 @@ impl Report {
             "backend": backend.name(), "algorithm": algorithm.name(), "scene": scene.name(), "spheres": spheres,
             "why": why,
         }));
-        self.say(&format!("{algorithm:<15}{spheres:>11}   left out: {why}\n"))
+        self.say(&format!("{algorithm:<15}{spheres:>11}   left out, and more: {why}\n"))
     }
 
     /// Says what is wrong, and writes to a file what shows it.
@@ -278,7 +278,7 @@ impl Report {
                 let detect = format!("lazygrid detect {}{options} --periodic {periodic}", path.display());
                 fuzz.map_or(detect.clone(), |fuzz| format!("{detect}, or {fuzz}"))
             }
-            (None, None) if !options.is_empty() => format!("lazygrid detect lazygrid-check.npy{options}"),
+            (None, None) if !options.is_empty() => options.to_owned(),
             (_, Some(fuzz)) => fuzz,
             _ => format!("lazygrid check --backend {}", self.backend),
         }

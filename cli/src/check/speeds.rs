@@ -95,8 +95,8 @@ struct Runner {
     algorithm: Algorithm,
     /// What it took so far: spheres and seconds.
     times: Vec<(usize, f64)>,
-    /// Why it is no longer asked.
-    out: Option<String>,
+    /// Whether it is no longer asked: more spheres would take longer still.
+    is_out: bool,
 }
 
 impl<'a> Race<'a> {
@@ -114,7 +114,7 @@ impl<'a> Race<'a> {
         }
         let mut done = 0;
         for &scene in scenes {
-            let runner = |&algorithm: &Algorithm| Runner { algorithm, times: vec![], out: None };
+            let runner = |&algorithm: &Algorithm| Runner { algorithm, times: vec![], is_out: false };
             let mut runners: Vec<Runner> = algorithms.iter().map(runner).collect();
             for &n in &sizes {
                 let what = format!("speeds of {}: {n} spheres, {scene}", self.backend);
@@ -141,11 +141,12 @@ impl<'a> Race<'a> {
         report: &mut Report,
     ) -> Result<(), Failure> {
         let Called { algorithm, scene, spheres: n, .. } = called;
-        if runner.out.is_none() {
-            runner.out = self.too_long(forecast(algorithm, &runner.times, n));
+        if runner.is_out {
+            return Ok(());
         }
-        if let Some(why) = &runner.out {
-            return self.work.tell(|| report.left_out(called, why));
+        if let Some(why) = self.too_long(forecast(algorithm, &runner.times, n)) {
+            runner.is_out = true;
+            return self.work.tell(|| report.left_out(called, &why));
         }
         if spheres.is_empty() {
             *spheres = scene.spheres(n, 0);
@@ -159,11 +160,11 @@ impl<'a> Race<'a> {
                 self.work.tell(|| report.speed(called, &speed))
             }
             Err(Untimed::TooLarge(what)) => {
-                let why = runner.out.insert(what);
-                self.work.tell(|| report.left_out(called, why))
+                runner.is_out = true;
+                self.work.tell(|| report.left_out(called, &what))
             }
             Err(Untimed::Failed(what)) => {
-                runner.out = Some("fewer spheres failed".to_owned());
+                runner.is_out = true;
                 let name = format!("{algorithm} on {}, {n} spheres, {scene}", self.backend);
                 let fault = Fault { name, what, scenario: None, options: String::new() };
                 self.work.tell(|| report.failure(fault))
@@ -174,7 +175,7 @@ impl<'a> Race<'a> {
     /// Why a call that is to take so many seconds is left out, if it is.
     fn too_long(&self, seconds: f64) -> Option<String> {
         let times = if self.work.args.full { FULL_TIMES } else { 1.0 };
-        let remedy = if self.work.args.full { "" } else { "; --full allows more" };
+        let remedy = if self.work.args.full { "" } else { "; --full gives more time" };
         if seconds > CALL * times {
             return Some(format!("about {seconds:.0} s a call{remedy}"));
         }
