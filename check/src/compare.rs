@@ -137,18 +137,18 @@ impl Pace {
 }
 
 impl Case {
-    /// Goes one way, whose pairs are to be the `expected` ones. `tries` are those of [`shrink`]. Returns what is wrong, if
-    /// anything, with as few spheres as show it.
-    pub fn check(&self, way: &Way, gpu: Option<&Gpu>, expected: &[Pair], tries: usize) -> Option<Failure> {
-        let pairs = |scenario: &Scenario| way.pairs(gpu, scenario);
-        let first = pairs(&self.scenario)
-            .and_then(|found| difference(&self.scenario, &found, expected, way.tolerance()));
-        let what = first.err()?;
-        let failing = |smaller: &Scenario| judge(smaller, way, pairs).err();
+    /// Goes one way, whose pairs are to be the `expected` ones. Returns what is wrong, if anything.
+    pub fn fault(&self, way: &Way, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
+        let found = way.pairs(gpu, &self.scenario);
+        found.and_then(|found| difference(&self.scenario, &found, expected, way.tolerance())).err()
+    }
+
+    /// What is wrong with one way, shown with as few spheres as [`shrink`] comes to in so many tries.
+    pub fn failure(&self, way: &Way, gpu: Option<&Gpu>, what: String, tries: usize) -> Failure {
+        let failing = |smaller: &Scenario| judge(smaller, way, |scenario| way.pairs(gpu, scenario)).err();
         let (scenario, what) = shrink(self.scenario.clone(), what, tries, failing);
         let name = format!("{}: {way}", self.name);
-        let options = way.options(gpu);
-        Some(Failure { name, what, scenario: Some(scenario), options })
+        Failure { name, what, scenario: Some(scenario), options: way.options(gpu) }
     }
 }
 

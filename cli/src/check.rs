@@ -7,7 +7,7 @@ use std::time::{Instant, SystemTime};
 
 use indicatif::ProgressBar;
 use lazygrid::gpu::{GpuDevice, GpuError};
-use lazygrid_check::compare::{self, Failure as Fault, Pace};
+use lazygrid_check::compare::{self, Case, Failure as Fault, Pace};
 use lazygrid_check::fuzz::Round;
 use lazygrid_check::kernels::{CHECKS, within_algorithms};
 use lazygrid_check::{Gpu, Way, guarded};
@@ -27,6 +27,9 @@ const SCENE_SECONDS: f64 = 0.1;
 
 /// How often something that fails is tried again with fewer spheres.
 const TRIES: usize = 1500;
+
+/// So many rounds that go wrong are enough for the fuzzer.
+const ENOUGH: usize = 10;
 
 /// Does all that is asked for, and says at the end whether anything is wrong.
 pub(crate) fn run(args: &Check) -> Result<(), Failure> {
@@ -86,6 +89,31 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, Failure> {
     }
 }
 
+/// One of the ways to search scenes.
+struct Runner<'a> {
+    way: &'a Way,
+    pace: Pace,
+    /// In how many scenes its pairs were wrong.
+    wrong: usize,
+    /// The one of these with the fewest spheres, and what was wrong.
+    smallest: Option<(&'a Case, String)>,
+}
+
+impl<'a> Runner<'a> {
+    fn new(way: &'a Way) -> Self {
+        Self { way, pace: Pace::default(), wrong: 0, smallest: None }
+    }
+
+    fn note(&mut self, case: &'a Case, fault: Option<String>) {
+        let Some(what) = fault else { return };
+        self.wrong += 1;
+        let spheres = |case: &Case| case.scenario.spheres.len();
+        if self.smallest.as_ref().is_none_or(|(other, _)| spheres(case) < spheres(other)) {
+            self.smallest = Some((case, what));
+        }
+    }
+}
+
 /// What is checked, and how far that has come.
 struct Work<'a> {
     args: &'a Check,
@@ -134,8 +162,7 @@ impl Work<'_> {
         let on_cpu = if self.on_cpu { Way::on_cpu() } else { Vec::new() };
         let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);
         let most = if self.args.full { SCENE_SECONDS * 20.0 } else { SCENE_SECONDS };
-        let mut ways: Vec<_> =
-            on_gpu.iter().chain(&on_cpu).map(|way| (*way, Pace::default(), TRIES)).collect();
+        let mut runners: Vec<Runner<'_>> = on_gpu.iter().chain(&on_cpu).map(Runner::new).collect();
         let mut left_out = 0;
         for (k, case) in cases.iter().enumerate() {
             self.step(from, backends * SCENES, [k, cases.len()], &format!("scenes: {}", case.name));
@@ -148,21 +175,23 @@ impl Work<'_> {
                 }
             };
             let spheres = case.scenario.spheres.len();
-            for (way, pace, tries) in &mut ways {
-                if pace.forecast(way, spheres) > most {
+            for runner in &mut runners {
+                if runner.pace.forecast(runner.way, spheres) > most {
                     left_out += 1;
                     continue;
                 }
                 let start = Instant::now();
-                let checked = case.check(way, self.gpu.as_ref(), &expected, *tries);
-                match checked {
-                    None => pace.saw(way, spheres, start.elapsed().as_secs_f64()),
-                    Some(fault) => {
-                        // One example of a way that fails is made small; that takes time.
-                        *tries = 0;
-                        self.tell(|| report.failure(fault))?;
-                    }
-                }
+                let fault = case.fault(runner.way, self.gpu.as_ref(), &expected);
+                runner.pace.saw(runner.way, spheres, start.elapsed().as_secs_f64());
+                runner.note(case, fault);
+            }
+        }
+        for Runner { way, wrong, smallest, .. } in runners {
+            if let Some((case, what)) = smallest {
+                self.bar.set_message(format!("making small: {}", case.name));
+                let mut fault = case.failure(way, self.gpu.as_ref(), what, TRIES);
+                fault.what += &format!("; wrong in {wrong} of {} scenes, this was the smallest", cases.len());
+                self.tell(|| report.failure(fault))?;
             }
         }
         self.bar.set_position(from + backends * SCENES);
@@ -175,21 +204,22 @@ impl Work<'_> {
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         // Short enough to be typed.
         let first = u64::from(since.subsec_nanos()) * 1000;
-        let mut rounds = 0;
-        while start.elapsed() < time {
+        let (mut rounds, mut wrong) = (0, 0);
+        while start.elapsed() < time && wrong < ENOUGH {
             self.bar.set_position(from + start.elapsed().as_secs());
             self.bar.set_message(format!("fuzz: {rounds} rounds"));
-            self.round(first + rounds, report)?;
+            wrong += usize::from(self.round(first + rounds, report)?);
             rounds += 1;
         }
         self.tell(|| report.fuzz(first, rounds, start.elapsed()))
     }
 
-    fn round(&self, seed: u64, report: &mut Report) -> Result<(), Failure> {
+    /// Whether something was wrong.
+    fn round(&self, seed: u64, report: &mut Report) -> Result<bool, Failure> {
         let round = Round::drawn(seed, self.on_cpu, self.gpu.is_some());
         match round.check(self.gpu.as_ref(), TRIES) {
-            None => Ok(()),
-            Some(fault) => self.tell(|| report.failure(fault)),
+            None => Ok(false),
+            Some(fault) => self.tell(|| report.failure(fault)).map(|()| true),
         }
     }
 

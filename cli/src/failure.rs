@@ -49,7 +49,7 @@ pub(crate) enum Failure {
     NoCacheDirectory,
     #[error(transparent)]
     Simulation(#[from] lazygrid_sim::Error),
-    #[error("{failures} of the checks failed; what lies in lazygrid-check-*.csv says how to repeat it")]
+    #[error("{failures} of the checks failed; the command below each repeats it")]
     Wrong { failures: usize },
     #[error("cannot listen for Ctrl-C: {0}")]
     Signal(SignalError),

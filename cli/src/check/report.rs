@@ -14,8 +14,6 @@ use crate::args::Check;
 use crate::failure::Failure;
 use crate::{devices, print};
 
-/// At most so many failures are written to files and told in full.
-const TOLD: usize = 10;
 /// Counts of a GPU may differ by pairs in tangency: by two, and one in so many.
 const TANGENT: u64 = 1_000_000;
 
@@ -26,6 +24,8 @@ pub(super) struct Report {
     backend: &'static str,
     object: Map<String, Value>,
     failures: Vec<Value>,
+    /// How many files there are that show failures.
+    files: usize,
     left_out: Vec<Value>,
     speeds: Vec<Value>,
     /// How many pairs were counted of which spheres.
@@ -65,6 +65,7 @@ impl Report {
             backend,
             object: Map::new(),
             failures: Vec::new(),
+            files: 0,
             left_out: Vec::new(),
             speeds: Vec::new(),
             counts: Vec::new(),
@@ -238,18 +239,17 @@ impl Report {
 
     /// Says what is wrong, and writes to a file what shows it.
     pub(super) fn failure(&mut self, fault: Fault) -> Result<(), Failure> {
-        let number = self.failures.len() + 1;
-        let path = PathBuf::from(format!("lazygrid-check-{number}.csv"));
+        let path = PathBuf::from(format!("lazygrid-check-{}.csv", self.files + 1));
         let Fault { name, what, scenario, options } = fault;
         let command = self.command(&path, &name, scenario.as_ref(), &options);
         let mut file = Value::Null;
         let mut text = format!("WRONG      {name}: {what}\n");
-        if let (Some(scenario), true) = (&scenario, number <= TOLD) {
-            let comments = format!("{name}: {what}\n{command}");
-            match write(&path, scenario, &comments) {
+        if let Some(scenario) = &scenario {
+            match write(&path, scenario, &format!("{name}: {what}\n{command}")) {
                 Ok(()) => {
-                    let _ =
-                        writeln!(text, "           {} spheres in {}", scenario.spheres.len(), path.display());
+                    let spheres = scenario.spheres.len();
+                    let _ = writeln!(text, "           {spheres} spheres in {}", path.display());
+                    self.files += 1;
                     file = path.display().to_string().into();
                 }
                 Err(error) => drop(writeln!(text, "           not written: {error}")),
@@ -348,6 +348,7 @@ mod tests {
             backend: "all",
             object: Map::new(),
             failures: Vec::new(),
+            files: 0,
             left_out: Vec::new(),
             speeds: Vec::new(),
             counts: Vec::new(),
