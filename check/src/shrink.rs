@@ -42,7 +42,9 @@ pub fn shrink(
             let sphere = &mut smaller.spheres[k];
             sphere.center = Vec3::from(sphere.center.to_array().map(rounder));
             sphere.radius = rounder(sphere.radius);
-            if smaller != best.0 && attempt(&mut best, smaller) {
+            // What overflows would fail for another reason.
+            let is_valid = sphere.center.is_finite() && sphere.radius.is_finite();
+            if is_valid && smaller != best.0 && attempt(&mut best, smaller) {
                 break;
             }
         }
@@ -85,6 +87,18 @@ mod tests {
             assert!(small.mixture.is_none_or(|mixture| mixture.species.len() == 2));
             assert!(what.contains("1 missing"), "{what}");
         }
+    }
+
+    #[test]
+    fn what_is_valid_stays_so() {
+        let scenario = Scenario::from(vec![lazygrid::Sphere::new([0.3, f32::MAX, -1e38], 1.3e38); 3]);
+        let (small, _) = shrink(scenario.clone(), String::new(), 100, |smaller| {
+            let nonzero = |s: &lazygrid::Sphere| s.radius > 0.0 && s.center.x > 0.2;
+            assert!(smaller.spheres.iter().all(|s| s.center.is_finite() && s.radius.is_finite()));
+            smaller.spheres.first().is_some_and(nonzero).then(String::new)
+        });
+        assert_eq!(small.spheres.len(), 1);
+        assert_eq!(small.spheres[0], scenario.spheres[0]);
     }
 
     #[test]

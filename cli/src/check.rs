@@ -24,7 +24,7 @@ const SCENES: u64 = 40;
 const SPEEDS: u64 = 60;
 
 /// Scenes that take a way longer are left out; with `--full` twenty times as long.
-const SCENE_SECONDS: f64 = 0.1;
+const SCENE_SECONDS: f64 = 0.5;
 
 /// How often something that fails is tried again with fewer spheres.
 const TRIES: usize = 1500;
@@ -94,6 +94,8 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, Failure> {
 struct Runner<'a> {
     way: &'a Way,
     pace: Pace,
+    /// How many scenes would have taken long.
+    left_out: usize,
     /// In how many scenes its pairs were wrong.
     wrong: usize,
     /// The one of these with the fewest spheres, and what was wrong.
@@ -102,7 +104,7 @@ struct Runner<'a> {
 
 impl<'a> Runner<'a> {
     fn new(way: &'a Way) -> Self {
-        Self { way, pace: Pace::default(), wrong: 0, smallest: None }
+        Self { way, pace: Pace::default(), left_out: 0, wrong: 0, smallest: None }
     }
 
     fn note(&mut self, case: &'a Case, fault: Option<String>) {
@@ -164,7 +166,6 @@ impl Work<'_> {
         let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);
         let most = if self.args.full { SCENE_SECONDS * 20.0 } else { SCENE_SECONDS };
         let mut runners: Vec<Runner<'_>> = on_gpu.iter().chain(&on_cpu).map(Runner::new).collect();
-        let mut left_out = 0;
         for (k, case) in cases.iter().enumerate() {
             self.step(from, backends * SCENES, [k, cases.len()], &format!("scenes: {}", case.name));
             let expected = match compare::expected(&case.scenario) {
@@ -178,7 +179,7 @@ impl Work<'_> {
             let spheres = case.scenario.spheres.len();
             for runner in &mut runners {
                 if runner.pace.forecast(runner.way, spheres) > most {
-                    left_out += 1;
+                    runner.left_out += 1;
                     continue;
                 }
                 let start = Instant::now();
@@ -187,7 +188,14 @@ impl Work<'_> {
                 runner.note(case, fault);
             }
         }
-        for Runner { way, wrong, smallest, .. } in runners {
+        let mut left_out: Vec<(String, usize)> = Vec::new();
+        for Runner { way, wrong, smallest, left_out: scenes, .. } in runners {
+            let name = format!("{} on {}", way.algorithm, way.backend());
+            match left_out.iter_mut().find(|(other, _)| *other == name) {
+                _ if scenes == 0 => {}
+                Some((_, all)) => *all += scenes,
+                None => left_out.push((name, scenes)),
+            }
             if let Some((case, what)) = smallest {
                 self.bar.set_message(format!("making small: {}", case.name));
                 let mut fault = case.failure(way, self.gpu.as_ref(), what, TRIES);
@@ -196,7 +204,7 @@ impl Work<'_> {
             }
         }
         self.bar.set_position(from + backends * SCENES);
-        self.tell(|| report.scenes([cases.len(), on_gpu.len(), on_cpu.len(), left_out], start.elapsed()))
+        self.tell(|| report.scenes([cases.len(), on_gpu.len(), on_cpu.len()], &left_out, start.elapsed()))
     }
 
     fn fuzz(&self, report: &mut Report) -> Result<(), Failure> {

@@ -125,21 +125,25 @@ impl Report {
 
     pub(super) fn scenes(
         &mut self,
-        [scenes, gpu, cpu, left_out]: [usize; 4],
+        [scenes, gpu, cpu]: [usize; 3],
+        left_out: &[(String, usize)],
         time: Duration,
     ) -> Result<(), Failure> {
+        let searches: Map<String, Value> =
+            left_out.iter().map(|(way, searches)| (way.clone(), (*searches).into())).collect();
         self.keep(
             "scenes",
             json!({
-                "scenes": scenes, "ways_on_gpu": gpu, "ways_on_cpu": cpu, "left_out": left_out,
+                "scenes": scenes, "ways_on_gpu": gpu, "ways_on_cpu": cpu, "left_out": searches,
                 "seconds": time.as_secs_f64(),
             }),
         );
         let ways = [(gpu, "gpu"), (cpu, "cpu")].into_iter().filter(|(ways, _)| *ways > 0);
         let ways: Vec<String> = ways.map(|(ways, on)| format!("in {ways} ways on the {on}")).collect();
+        let searches = left_out.iter().map(|(way, searches)| format!("{searches} of {way}"));
         let left_out = match left_out {
-            0 => String::new(),
-            searches => format!("; {searches} searches left out that take long here"),
+            [] => String::new(),
+            _ => format!("; left out as too long: {}", searches.collect::<Vec<_>>().join(", ")),
         };
         self.say(&format!("scenes     {scenes} {}, {time:.1?}{left_out}\n", ways.join(" and ")))
     }
