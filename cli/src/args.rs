@@ -8,6 +8,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use lazygrid::gpu::AdapterId;
 use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order, Space};
+use lazygrid_check::Extent;
 use lazygrid_io::read::{Format, Options, Radii};
 use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::{Output, SphereFormat, TableFormat};
@@ -46,6 +47,8 @@ pub(crate) enum Command {
         #[arg(long, value_name = "NAME|INDEX", value_parser = adapter)]
         adapter: Option<AdapterId>,
     },
+    /// See whether all is right on this machine, and how fast it is
+    Check(Check),
     /// Write a completion script for a shell to standard output
     Completions {
         /// The shell
@@ -230,6 +233,64 @@ pub(crate) struct Simulate {
     /// Threads of the CPU [default: all]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<NonZeroUsize>,
+}
+
+/// Holds every GPU kernel against a sequential function, and every algorithm of each backend against the definition of
+/// pairs on scenes that are hard on it; then measures copies, radix sort, prefix scan and every algorithm, stage by stage.
+/// What would take too long on this machine is left out, and said. Needs no file and writes none unless something is wrong.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "What is wrong is written to lazygrid-check-1.csv and so on, in the present directory: as few
+spheres as show it, with what happened and a command that repeats it in comments.
+
+Exit code: 0 all is right; 1 something is wrong; 2 wrong usage.
+
+Examples:
+  lazygrid check
+  lazygrid check --backend gpu --adapter nvidia --full
+  lazygrid check --fuzz 3600"
+)]
+pub(crate) struct Check {
+    /// What is checked: the GPU, the CPU, or both where there is a GPU, a software one included
+    #[arg(long, value_enum, default_value_t = Checked::All)]
+    pub(crate) backend: Checked,
+    /// Which GPU: its index among those that `lazygrid devices` lists, or a part of its name
+    #[arg(long, value_name = "NAME|INDEX", value_parser = adapter)]
+    pub(crate) adapter: Option<AdapterId>,
+    /// Small scenes and sizes only: some seconds
+    #[arg(long, conflicts_with = "full")]
+    pub(crate) quick: bool,
+    /// More and larger scenes, up to 100 million spheres, and more time for each
+    #[arg(long)]
+    pub(crate) full: bool,
+    /// Besides, draw scenes, settings and calls at random for so long; the seed of what fails is printed
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub(crate) fuzz: Option<Duration>,
+    /// Only repeat what --fuzz drew for this seed, with the same --backend
+    #[arg(long, value_name = "S", conflicts_with_all = ["fuzz", "full", "quick"])]
+    pub(crate) seed: Option<u64>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+impl Check {
+    /// How much is checked.
+    pub(crate) fn extent(&self) -> Extent {
+        match (self.quick, self.full) {
+            (true, _) => Extent::Quick,
+            (_, true) => Extent::Full,
+            _ => Extent::Usual,
+        }
+    }
+}
+
+/// What `lazygrid check` looks at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Checked {
+    Gpu,
+    Cpu,
+    All,
 }
 
 /// What can find pairs for a simulation.

@@ -9,8 +9,7 @@ use crate::print;
 
 /// Says what can run here.
 pub(crate) fn run() -> Result<(), Failure> {
-    let threads = available_parallelism().map_or(1, usize::from);
-    let mut text = format!("cpu  {threads} threads, {}\n", Simd::detect());
+    let mut text = format!("cpu  {}\n", cpu());
     let found = adapters();
     found.iter().enumerate().for_each(|(index, adapter)| text += &described(index, adapter));
     if found.is_empty()
@@ -22,13 +21,24 @@ pub(crate) fn run() -> Result<(), Failure> {
     print(text)
 }
 
-fn described(index: usize, adapter: &AdapterSummary) -> String {
-    let kind = if adapter.is_hardware { "hardware" } else { "software" };
-    let subgroups = match (adapter.has_subgroups, adapter.subgroup_sizes) {
+/// What there is of the CPU.
+pub(crate) fn cpu() -> String {
+    let threads = available_parallelism().map_or(1, usize::from);
+    format!("{threads} threads, {}", Simd::detect())
+}
+
+/// The subgroups of an adapter.
+pub(crate) fn subgroups(adapter: &AdapterSummary) -> String {
+    match (adapter.has_subgroups, adapter.subgroup_sizes) {
         (false, _) => "no subgroups".to_owned(),
         (true, [least, most]) if least == most => format!("subgroups of {least}"),
         (true, [least, most]) => format!("subgroups of {least} to {most}"),
-    };
+    }
+}
+
+fn described(index: usize, adapter: &AdapterSummary) -> String {
+    let kind = if adapter.is_hardware { "hardware" } else { "software" };
+    let subgroups = subgroups(adapter);
     let timestamps = if adapter.has_timestamps { "timestamps" } else { "no timestamps" };
     format!(
         "gpu  {index}: {}, {kind}\n     {} by {}, {subgroups}, {timestamps}\n     \

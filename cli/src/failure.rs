@@ -48,6 +48,8 @@ pub(crate) enum Failure {
     NoCacheDirectory,
     #[error(transparent)]
     Simulation(#[from] lazygrid_sim::Error),
+    #[error("{failures} of the checks failed; the command below each repeats it")]
+    Wrong { failures: usize },
     #[error("cannot listen for Ctrl-C: {0}")]
     Signal(SignalError),
     #[error("stopped after {steps} steps; go on with: lazygrid simulate {} --output {} --resume", scenario.display(), directory.display())]

@@ -3,6 +3,7 @@
 mod args;
 mod cache;
 mod calibrate;
+mod check;
 mod detect;
 mod devices;
 mod failure;
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
         Command::Simulate(args) => simulate::run(&args),
         Command::Devices => devices::run(),
         Command::Calibrate { adapter } => calibrate::run(adapter.as_ref()),
+        Command::Check(args) => signals::end_cleanly().and_then(|()| check::run(&args)),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Args::command(), "lazygrid", &mut script);

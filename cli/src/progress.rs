@@ -73,6 +73,12 @@ pub(crate) fn running(steps: u32) -> ProgressBar {
     bar.with_style(style("{wide_bar} step {pos}/{len} {per_sec}, {eta} left, {msg}"))
 }
 
+/// A bar for work that consists of so many parts of about the same length.
+pub(crate) fn working(parts: u64) -> ProgressBar {
+    let bar = ProgressBar::new(parts);
+    bar.with_style(style("{wide_bar} {percent}%, about {eta} left, {msg}"))
+}
+
 fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }

@@ -72,7 +72,8 @@ impl Subject {
     /// # Errors
     /// The library's error, as text.
     pub fn pairs(self, scenario: &Scenario, settings: Config) -> Result<Vec<Pair>, String> {
-        let config = scenario.config(settings).backend(self.backend).algorithm(self.algorithm);
+        let config = scenario.config(settings).map_err(|e| e.to_string())?;
+        let config = config.backend(self.backend).algorithm(self.algorithm);
         self.run(|| {
             let mut detector = Detector::new(config).map_err(|e| e.to_string())?;
             detector.pairs(scenario.view()).map_err(|e| e.to_string())?;

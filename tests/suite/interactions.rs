@@ -39,7 +39,7 @@ fn small_radii_with_large_distances() {
                 vec![Interaction::Within(spacings * spacing), Interaction::Touch],
             ];
             let species = (0..n).map(|k| u32::from(k % period == 0)).collect();
-            Scenario { spheres, mixture: Some(Mixture { species, rows }) }
+            Scenario { spheres, mixture: Some(Mixture { species, rows }), ..Scenario::default() }
         });
     check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
@@ -50,7 +50,7 @@ fn species_that_never_pair() {
     let strategy = (adversary::any_spheres(), 2_usize..5).prop_map(|(spheres, period)| {
         let rows = vec![vec![Interaction::Touch], vec![Interaction::Never; 2]];
         let species = (0..spheres.len()).map(|k| u32::from(k % period == 0)).collect();
-        Scenario { spheres, mixture: Some(Mixture { species, rows }) }
+        Scenario { spheres, mixture: Some(Mixture { species, rows }), ..Scenario::default() }
     });
     check(64, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }

@@ -197,7 +197,7 @@ fn rows_and_columns_are_the_same() {
         let rows: Vec<[f32; 4]> = (0..x.len()).map(|i| [x[i], y[i], z[i], r[i]]).collect();
         let species = scenario.mixture.as_ref().map_or(&[][..], |mixture| &mixture.species);
         for subject in Subject::each_algorithm() {
-            let mut detector = detector(subject, scenario.config(Config::default()))?;
+            let mut detector = detector(subject, scenario.config(Config::default()).expect("a valid table"))?;
             let columns = Spheres::columns(&x, &y, &z, &r).map_err(|e| e.to_string())?;
             for layout in [columns, Spheres::from(&rows)] {
                 let view = layout.with_species(species).map_err(|e| e.to_string())?;

@@ -21,15 +21,16 @@ fn names_are_read_back() {
 }
 
 /// Crate by crate, the crates of this workspace that it may depend on outside its own tests.
-const LAYERS: [(&str, &[&str]); 8] = [
+const LAYERS: [(&str, &[&str]); 9] = [
     ("lazygrid-kernels", &[]),
     ("lazygrid-host", &["lazygrid-kernels"]),
     ("lazygrid", &["lazygrid-kernels", "lazygrid-host"]),
     ("lazygrid-io", &["lazygrid"]),
     ("lazygrid-sim", &["lazygrid", "lazygrid-io"]),
-    ("lazygrid-cli", &["lazygrid", "lazygrid-io", "lazygrid-sim"]),
-    ("lazygrid-bench", &["lazygrid-kernels", "lazygrid", "lazygrid-io", "lazygrid-sim"]),
-    ("lazygrid-tests", &["lazygrid", "lazygrid-io"]),
+    ("lazygrid-check", &["lazygrid-kernels", "lazygrid", "lazygrid-io"]),
+    ("lazygrid-cli", &["lazygrid", "lazygrid-io", "lazygrid-sim", "lazygrid-check"]),
+    ("lazygrid-bench", &["lazygrid-kernels", "lazygrid", "lazygrid-io", "lazygrid-sim", "lazygrid-check"]),
+    ("lazygrid-tests", &["lazygrid", "lazygrid-io", "lazygrid-check"]),
 ];
 
 #[test]

@@ -68,6 +68,18 @@ fn compile(device: &wgpu::Device, kernel: &Kernel, variant: Variant) -> Pipeline
 }
 
 impl GpuDevice {
+    /// One of this library's own kernels, compiled as its detectors have it, and the layout of its bindings.
+    ///
+    /// # Errors
+    /// As [`scoped`](Self::scoped).
+    pub fn kernel(
+        &self,
+        kernel: &'static Kernel,
+        variant: Variant,
+    ) -> Result<(wgpu::ComputePipeline, wgpu::BindGroupLayout), GpuError> {
+        self.pipelines.get(kernel, variant).map(|Pipeline { pipeline, layout }| (pipeline, layout))
+    }
+
     /// A compute pipeline of a WGSL text, and the layout of its bindings, all in group 0 and numbered from 0. The entry
     /// point is called `name`.
     ///

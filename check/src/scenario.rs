@@ -1,10 +1,12 @@
-use lazygrid::{Config, InputError, Interaction, Interactions, Pair, Sphere, Spheres};
+use lazygrid::{Config, InputError, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
 /// An input, and what it takes to say which pairs it has.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scenario {
     /// The spheres.
     pub spheres: Vec<Sphere>,
+    /// Where they live.
+    pub space: Space,
     /// Their species; `None`: all that touch are pairs.
     pub mixture: Option<Mixture>,
 }
@@ -25,7 +27,10 @@ impl Mixture {
     }
 
     /// The same as the library's table.
-    fn interactions(&self) -> Result<Interactions, InputError> {
+    ///
+    /// # Errors
+    /// A distance that is none.
+    pub fn interactions(&self) -> Result<Interactions, InputError> {
         let mut table = Interactions::new(self.rows.len() as u32, Interaction::Never)?;
         for (a, row) in self.rows.iter().enumerate() {
             for (b, &interaction) in row.iter().enumerate() {
@@ -38,7 +43,7 @@ impl Mixture {
 
 impl From<Vec<Sphere>> for Scenario {
     fn from(spheres: Vec<Sphere>) -> Self {
-        Self { spheres, mixture: None }
+        Self { spheres, ..Self::default() }
     }
 }
 
@@ -48,16 +53,38 @@ impl Scenario {
         let spheres = Spheres::from(&self.spheres);
         match &self.mixture {
             None => spheres,
-            Some(mixture) => spheres.with_species(&mixture.species).expect("a species id per sphere"),
+            Some(mixture) => spheres.with_species(&mixture.species).unwrap_or(spheres),
         }
     }
 
-    /// `config` with this scenario's interactions.
-    pub fn config(&self, config: Config) -> Config {
-        match &self.mixture {
+    /// The rules between its species.
+    ///
+    /// # Errors
+    /// As [`Mixture::interactions`].
+    pub fn interactions(&self) -> Result<Option<Interactions>, InputError> {
+        self.mixture.as_ref().map(Mixture::interactions).transpose()
+    }
+
+    /// `config` with this scenario's space and interactions.
+    ///
+    /// # Errors
+    /// As [`Mixture::interactions`].
+    pub fn config(&self, config: Config) -> Result<Config, InputError> {
+        let config = if self.space.is_periodic() { config.space(self.space) } else { config };
+        Ok(match self.interactions()? {
             None => config,
-            Some(mixture) => config.interactions(mixture.interactions().expect("a valid table")),
-        }
+            Some(table) => config.interactions(table),
+        })
+    }
+
+    /// Only those of its spheres that are to be kept.
+    pub fn only(&self, mut keep: impl FnMut(usize) -> bool) -> Self {
+        let kept: Vec<usize> = (0..self.spheres.len()).filter(|&k| keep(k)).collect();
+        let mixture = self.mixture.as_ref().map(|mixture| Mixture {
+            species: kept.iter().map(|&k| mixture.species[k]).collect(),
+            rows: mixture.rows.clone(),
+        });
+        Self { spheres: kept.iter().map(|&k| self.spheres[k]).collect(), mixture, space: self.space }
     }
 
     /// The largest centre distance at which two spheres are a pair; `None` where they never are.
@@ -73,15 +100,18 @@ impl Scenario {
         }
     }
 
-    /// The squared distance of two centres.
+    /// The squared distance of two centres, or of their nearest images.
     pub fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
+        if self.space.is_periodic() {
+            return self.space.distance_squared(a, b);
+        }
         let (dx, dy, dz) = (difference(a.x, b.x), difference(a.y, b.y), difference(a.z, b.z));
         dx * dx + dy * dy + dz * dz
     }
 
     /// All pairs in canonical order, as the contract defines them. As simple as can be, because it judges the
-    /// judge.
+    /// judge of unbounded spaces.
     pub fn oracle(&self) -> Vec<Pair> {
         let mut pairs = Vec::new();
         for i in 0..self.spheres.len() {
@@ -129,7 +159,11 @@ mod tests {
     fn species_decide_before_radii_do() {
         let spheres = (0..4).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.75)).collect();
         let rows = vec![vec![Interaction::Never], vec![Interaction::Within(3.0), Interaction::Touch]];
-        let scenario = Scenario { spheres, mixture: Some(Mixture { species: vec![0, 0, 1, 1], rows }) };
+        let scenario = Scenario {
+            spheres,
+            mixture: Some(Mixture { species: vec![0, 0, 1, 1], rows }),
+            ..Scenario::default()
+        };
         let expected = [(0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(i, j)| Pair { i, j });
         assert_eq!(scenario.oracle(), expected);
     }

@@ -7,19 +7,20 @@ use crate::Scenario;
 pub enum Tolerance {
     /// Not at all: the CPU path.
     Exact,
-    /// Pairs within 4 ulp of tangency, relative to the squared reach, may fall either way: the GPU path.
+    /// Pairs within 4 ulp of tangency, relative to the squared reach, may fall either way, within 5 ulp in a periodic
+    /// space, as a distance across the seam is the sum of two: the GPU path.
     Tangent,
 }
 
 impl Tolerance {
     /// Whether a pair may as well be missing, or be there.
-    fn allows(self, scenario: &Scenario, pair: Pair) -> bool {
-        const FOUR_ULP: f64 = 4.0 * f32::EPSILON as f64;
+    pub fn allows(self, scenario: &Scenario, pair: Pair) -> bool {
+        let ulps = if scenario.space.is_periodic() { 5.0 } else { 4.0 } * f64::from(f32::EPSILON);
         let (i, j) = (pair.i as usize, pair.j as usize);
         match (self, scenario.reach(i, j)) {
             (Self::Exact, _) | (_, None) => false,
             (Self::Tangent, Some(reach)) => {
-                (scenario.distance_squared(i, j) - reach * reach).abs() <= FOUR_ULP * reach * reach
+                (scenario.distance_squared(i, j) - reach * reach).abs() <= ulps * reach * reach
             }
         }
     }

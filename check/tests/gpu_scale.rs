@@ -4,12 +4,9 @@ mod common;
 
 use std::time::Duration;
 
-use bytemuck::Zeroable;
-use common::{Random, device, download, run, upload};
-use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings, Outcome};
+use common::{Random, device};
+use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings};
 use lazygrid::{Algorithm, Backend, Config, Detector, Sphere, Spheres};
-use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::Call;
 
 fn uniform(seed: u64, n: usize, edge: f32, radius: f32) -> Vec<Sphere> {
     let mut random = Random(seed);
@@ -168,37 +165,4 @@ fn scene(step: u64) -> Vec<Sphere> {
 fn held(own: &GpuDevice, session: &GpuSession) -> [u64; 2] {
     let allocated = own.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes);
     [allocated, session.held_bytes()]
-}
-
-/// Up to the most blocks and tiles that a plan allows, which take the crowd of one cell with all entries there are.
-#[test]
-fn the_crowded_search_is_opened_for_any_crowd() {
-    let Some(own) = device() else { return };
-    let plain = Variant { subgroups: None, species: false, periodic: false, wide: false };
-    let most = 65_535 * k::CROWDED_TILES;
-    let blocks = [1, 5, 4096, 65_535, 65_536, most];
-    let tiles = [1, k::CROWDED_TILES + 1, 65_535, 131_071, 196_606, 262_141, 1_000_003, most];
-    for (blocks, tiles) in blocks.into_iter().flat_map(|blocks| tiles.map(|tiles| (blocks, tiles))) {
-        for part_tiles in [1 << 18, Call::UNPARTED] {
-            let call = upload(&own, &[Call { part_tiles, ..Call::zeroed() }]);
-            let listed = Outcome { crowded: blocks, crowded_tiles: tiles, ..Outcome::zeroed() };
-            let (outcome, dispatch) = (upload(&own, &[listed]), upload(&own, &[0_u32; 4]));
-            let bound = [("call", &call), ("outcome", &outcome), ("dispatch", &dispatch)];
-            run(&own, &k::CROWDED_OPEN, plain, 1, &bound);
-            let outcome = download::<Outcome>(&own, &outcome, 1)[0];
-            let [x, y, z] = download::<[u32; 3]>(&own, &dispatch, 1)[0];
-            let crowd = format!("{blocks} blocks, {tiles} tiles, {part_tiles} a part: {x} {y} {z}");
-            let taken = outcome.crowded_end - outcome.crowded_begin;
-            if part_tiles == Call::UNPARTED {
-                assert!(taken == blocks && !outcome.is_partial(), "{crowd}: {taken} blocks");
-            } else {
-                assert!(
-                    taken == 1 || (2..=blocks.min(part_tiles / tiles)).contains(&taken),
-                    "{crowd}: {taken}"
-                );
-            }
-            assert!([x, y, z].iter().all(|groups| (1..=65_535).contains(groups)), "{crowd}");
-            assert!(y * z >= taken && tiles.div_ceil(x) <= k::CROWDED_TILES, "{crowd}");
-        }
-    }
 }

@@ -1,19 +1,18 @@
 //! The kernels of the nested grids, one by one, against plain sequential functions.
 
-mod common;
-
 use std::collections::HashMap;
 
 use bytemuck::Zeroable;
-use common::{Random, device, download, run, upload};
+use lazygrid::Error;
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level};
 
-/// Around a workgroup, and many.
-const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
-const PLAIN: Variant = Variant { subgroups: None, species: false, periodic: false, wide: false };
+use crate::Random;
+use crate::device::{download, run, upload};
+use crate::kernels::{Fault, SIZES, same, variants};
+
 const HAS_OWN: u32 = 1 << 31;
 const SLOTS: u32 = 4096;
 
@@ -152,30 +151,36 @@ fn packed(cells: &[Cells]) -> Vec<[u32; 2]> {
     cells.iter().map(|own| own.packed()).collect()
 }
 
-fn table(own: &GpuDevice) -> wgpu::Buffer {
+fn table(own: &GpuDevice) -> Result<wgpu::Buffer, Error> {
     upload(own, &vec![0_u32; 2 * SLOTS as usize])
 }
 
-#[test]
-fn the_density_table_is_cleared_to_its_end_where_it_is_used() {
-    let Some(own) = device() else { return };
+/// The density table is cleared to its end where it is used.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn density_clear(own: &GpuDevice) -> Result<(), Fault> {
     for slots in [1_u32, 256, 512, 8192] {
         for refinement in [1, 2] {
-            let call = upload(&own, &[Call { density_slots: slots, ..call(refinement, 0) }]);
-            let grid = upload(&own, &[grid(1, refinement)]);
-            let density = upload(&own, &vec![7_u32; 2 * slots as usize + 3]);
+            let call = upload(own, &[Call { density_slots: slots, ..call(refinement, 0) }])?;
+            let grid = upload(own, &[grid(1, refinement)])?;
+            let density = upload(own, &vec![7_u32; 2 * slots as usize + 3])?;
             let bound = [("call", &call), ("grid", &grid), ("density", &density)];
-            run(&own, &k::DENSITY_CLEAR, PLAIN, (2 * slots).div_ceil(k::DENSITY_TILE), &bound);
-            let found: Vec<u32> = download(&own, &density, 2 * slots as usize + 3);
+            run(own, &k::DENSITY_CLEAR, Variant::default(), (2 * slots).div_ceil(k::DENSITY_TILE), &bound)?;
+            let found: Vec<u32> = download(own, &density, 2 * slots as usize + 3)?;
             let cleared = if refinement == 2 { 2 * slots as usize } else { 0 };
-            assert!(found[..cleared].iter().all(|&c| c == 0) && found[cleared..].iter().all(|&c| c == 7));
+            let expected: Vec<u32> = (0..found.len()).map(|k| if k < cleared { 0 } else { 7 }).collect();
+            same(|| format!("{slots} slots, refinement {refinement}"), &found, &expected)?;
         }
     }
+    Ok(())
 }
 
-#[test]
-fn cells_are_found_and_the_first_level_is_counted() {
-    let Some(own) = device() else { return };
+/// Cells are found, and the first level is counted.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), Fault> {
     for size in SIZES {
         for refinement in [0, 1, 2] {
             let mut spheres = spheres(size);
@@ -189,9 +194,9 @@ fn cells_are_found_and_the_first_level_is_counted() {
                 words[300] = [u32::MAX; 2];
                 expected.remove(300);
             }
-            let (input, call) = (upload(&own, &spheres), upload(&own, &[call(refinement, 0)]));
-            let (grid, bounds) = (upload(&own, &[grid(size, refinement)]), upload(&own, &[Bounds::zeroed()]));
-            let (cells, density) = (upload(&own, &vec![[0_u32; 2]; size]), table(&own));
+            let (input, call) = (upload(own, &spheres)?, upload(own, &[call(refinement, 0)])?);
+            let (grid, bounds) = (upload(own, &[grid(size, refinement)])?, upload(own, &[Bounds::zeroed()])?);
+            let (cells, density) = (upload(own, &vec![[0_u32; 2]; size])?, table(own)?);
             let bound = [
                 ("call", &call),
                 ("grid", &grid),
@@ -200,30 +205,36 @@ fn cells_are_found_and_the_first_level_is_counted() {
                 ("cells", &cells),
                 ("density", &density),
             ];
-            run(&own, &k::CELLS_FIND, PLAIN, size.div_ceil(256) as u32, &bound);
-            assert!(download::<[u32; 2]>(&own, &cells, size) == words, "{size} spheres, {refinement}");
-            let bounds = download::<Bounds>(&own, &bounds, 1)[0];
+            run(own, &k::CELLS_FIND, Variant::default(), size.div_ceil(256) as u32, &bound)?;
+            let case = |what: &str| format!("{what}, {size} spheres, refinement {refinement}");
+            same(|| case("cells"), &download::<[u32; 2]>(own, &cells, size)?, &words)?;
+            let bounds = download::<Bounds>(own, &bounds, 1)?[0];
             let of = |depth: u32| expected.iter().filter(|own| own.depth == depth).count() as u32;
             let counted = std::array::from_fn(|depth| if refinement == 1 { of(depth as u32) } else { 0 });
-            assert_eq!(bounds.descending, counted);
-            assert_eq!(bounds.depths, if refinement == 0 { 0 } else { depths_of(&expected) });
+            same(|| case("depths, counted"), &bounds.descending, &counted)?;
+            let depths = if refinement == 0 { 0 } else { depths_of(&expected) };
+            same(|| case("depths"), &bounds.depths, &depths)?;
             let table = if refinement == 2 { expected.as_slice() } else { &[] };
-            assert!(download::<u32>(&own, &density, 2 * SLOTS as usize) == density_plain(table, 0).0);
+            let found = download::<u32>(own, &density, 2 * SLOTS as usize)?;
+            same(|| case("density"), &found, &density_plain(table, 0).0)?;
         }
     }
+    Ok(())
 }
 
-#[test]
-fn deeper_levels_are_counted_below_dense_cells() {
-    let Some(own) = device() else { return };
+/// Deeper levels are counted below dense cells.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn levels_refine(own: &GpuDevice) -> Result<(), Fault> {
     for size in SIZES {
         for tau in [0, 3, 400, u32::MAX] {
             let cells: Vec<Cells> = spheres(size).iter().map(cells_plain).collect();
             let (first, all) = density_plain(&cells, tau);
             let mut bounds = Bounds { depths: depths_of(&cells), ..Bounds::zeroed() };
-            let (input, call) = (upload(&own, &packed(&cells)), upload(&own, &[call(2, tau)]));
-            let (grid, settled) = (upload(&own, &[grid(size, 2)]), upload(&own, &[bounds]));
-            let density = upload(&own, &first);
+            let (input, call) = (upload(own, &packed(&cells))?, upload(own, &[call(2, tau)])?);
+            let (grid, settled) = (upload(own, &[grid(size, 2)])?, upload(own, &[bounds])?);
+            let density = upload(own, &first)?;
             let bound = [
                 ("call", &call),
                 ("grid", &grid),
@@ -231,20 +242,24 @@ fn deeper_levels_are_counted_below_dense_cells() {
                 ("cells", &input),
                 ("density", &density),
             ];
-            run(&own, &k::LEVELS_REFINE, PLAIN, size.div_ceil(256) as u32, &bound);
-            assert!(download::<u32>(&own, &density, all.len()) == all, "{size} spheres, tau {tau}");
+            run(own, &k::LEVELS_REFINE, Variant::default(), size.div_ceil(256) as u32, &bound)?;
+            let case = |what: &str| format!("{what}, {size} spheres, tau {tau}");
+            same(|| case("density"), &download::<u32>(own, &density, all.len())?, &all)?;
             for own in cells.iter().filter(|own| own.depth > 0) {
                 let descends = own.at(0).all().any(|cell| is_dense(first[slot(0, cell)], tau));
                 bounds.descending[own.depth as usize] += u32::from(descends);
             }
-            assert_eq!(download::<Bounds>(&own, &settled, 1)[0], bounds);
+            same(|| case("bounds"), &download::<Bounds>(own, &settled, 1)?[0], &bounds)?;
         }
     }
+    Ok(())
 }
 
-#[test]
-fn keys_are_shared_out_without_overlap() {
-    let Some(own) = device() else { return };
+/// Keys are shared out among the levels without overlap.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), Fault> {
     let mut random = Random(5);
     for key_bits in [16_u32, 24, 32] {
         for depths in [1_u32, 0b11, 0b1_0001, 1 << 31 | 1, u32::MAX, 0x0010_8002] {
@@ -253,26 +268,33 @@ fn keys_are_shared_out_without_overlap() {
                 bounds.descending[depth] = random.word() >> (8 + random.word() % 24);
             }
             let goes_on = bounds.descending[1..].iter().any(|&count| count > 0);
-            let call = upload(&own, &[Call { key_bits, ..call(2, 0) }]);
-            let grid = upload(&own, &[grid(1 << 20, 2)]);
-            let bound = [("call", &call), ("bounds", &upload(&own, &[bounds])), ("grid", &grid)];
-            run(&own, &k::LEVELS_SETTLE, PLAIN, 1, &bound);
-            let grid = download::<Grid>(&own, &grid, 1)[0];
+            let call = upload(own, &[Call { key_bits, ..call(2, 0) }])?;
+            let grid = upload(own, &[grid(1 << 20, 2)])?;
+            let bound = [("call", &call), ("bounds", &upload(own, &[bounds])?), ("grid", &grid)];
+            run(own, &k::LEVELS_SETTLE, Variant::default(), 1, &bound)?;
+            let grid = download::<Grid>(own, &grid, 1)?[0];
+            let case = |what: &str| format!("{what}, {key_bits} bits, depths {depths:x}");
             if !goes_on {
-                assert_eq!((grid.refinement, grid.depths, grid.passive), (0, 1, 0));
+                same(|| case("one level"), &[grid.refinement, grid.depths, grid.passive], &[0, 1, 0])?;
                 continue;
             }
-            assert_eq!((grid.depths, grid.occupied, grid.passive), (depths | 1, depths, 1));
+            same(|| case("levels"), &[grid.depths, grid.occupied, grid.passive], &[depths | 1, depths, 1])?;
             let mut end = 0_u64;
             for depth in (0..32).filter(|depth| grid.depths >> depth & 1 == 1) {
                 let Level { bits, base } = grid.levels[depth];
-                assert_eq!(u64::from(base), end, "depth {depth} of {depths:x}");
-                assert!(bits.iter().all(|&bits| bits >= 3), "{bits:?}: a fold repeats after eight cells");
+                same(|| case(&format!("the first key of depth {depth}")), &u64::from(base), &end)?;
+                // A fold repeats after eight cells.
+                same(
+                    || case(&format!("{bits:?} bits of three or more")),
+                    &bits.iter().all(|&b| b >= 3),
+                    &true,
+                )?;
                 end += 1 << bits.iter().sum::<u32>();
             }
-            assert!(end <= 1 << (key_bits - 1), "{end} keys");
+            same(|| case(&format!("room for {end} keys")), &(end <= 1 << (key_bits - 1)), &true)?;
         }
     }
+    Ok(())
 }
 
 /// What `entries_emit` is to write: (key, object), sorted.
@@ -315,11 +337,12 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
     entries
 }
 
-#[test]
-fn entries_follow_the_spheres_down() {
-    let Some(own) = device() else { return };
-    for variant in [None, own.adapter.has_subgroups.then_some(own.adapter.subgroup_sizes[0])] {
-        let variant = Variant { subgroups: variant, ..PLAIN };
+/// Entries follow the spheres down, with and without subgroup operations.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), Fault> {
+    for variant in variants(own) {
         for (size, (refinement, tau)) in SIZES.into_iter().flat_map(|size| {
             [(1, 0), (2, 0), (2, 3), (2, 400), (2, u32::MAX)].map(|settings| (size, settings))
         }) {
@@ -330,11 +353,11 @@ fn entries_follow_the_spheres_down() {
             for depth in 0..32 {
                 grid.levels[depth] = Level { bits: [3, 4, 5], base: (depth as u32) << 12 };
             }
-            let call = upload(&own, &[call(refinement, tau)]);
-            let (input, table) = (upload(&own, &packed(&cells)), upload(&own, &density));
-            let outcome = upload(&own, &[Outcome::zeroed()]);
-            let (keys, objects) = (upload(&own, &vec![0_u32; 1 << 20]), upload(&own, &vec![0_u32; 1 << 20]));
-            let uploaded = upload(&own, &[grid]);
+            let call = upload(own, &[call(refinement, tau)])?;
+            let (input, table) = (upload(own, &packed(&cells))?, upload(own, &density)?);
+            let outcome = upload(own, &[Outcome::zeroed()])?;
+            let (keys, objects) = (upload(own, &vec![0_u32; 1 << 20])?, upload(own, &vec![0_u32; 1 << 20])?);
+            let uploaded = upload(own, &[grid])?;
             let bound = [
                 ("call", &call),
                 ("grid", &uploaded),
@@ -344,22 +367,25 @@ fn entries_follow_the_spheres_down() {
                 ("keys", &keys),
                 ("objects", &objects),
             ];
-            run(&own, &k::ENTRIES_EMIT, variant, size.div_ceil(256) as u32, &bound);
-            let count = download::<Outcome>(&own, &outcome, 1)[0].entries() as usize;
-            let keys = download::<u32>(&own, &keys, count);
-            let objects = download::<u32>(&own, &objects, count);
+            run(own, &k::ENTRIES_EMIT, variant, size.div_ceil(256) as u32, &bound)?;
+            let count = download::<Outcome>(own, &outcome, 1)?[0].entries() as usize;
+            let keys = download::<u32>(own, &keys, count)?;
+            let objects = download::<u32>(own, &objects, count)?;
             let mut found: Vec<[u32; 2]> = keys.into_iter().zip(objects).map(|(k, o)| [k, o]).collect();
             found.sort_unstable();
             let expected = entries_plain(&cells, &grid, &density, tau);
-            assert!(found == expected, "{size} spheres, {refinement}, tau {tau}: {count}");
+            let case = || format!("{size} spheres, refinement {refinement}, tau {tau}, {variant:?}");
+            same(case, &found, &expected)?;
         }
     }
+    Ok(())
 }
 
-/// All spheres at one point, so that nothing but runs and marks decides.
-#[test]
-fn active_entries_meet_all_of_their_run() {
-    let Some(own) = device() else { return };
+/// Active entries meet all of their run: all spheres at one point, so that nothing but runs and marks decides.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), Fault> {
     for (actives, passives, passive) in
         [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]
     {
@@ -374,12 +400,12 @@ fn active_entries_meet_all_of_their_run() {
         let spheres = vec![Sphere::new([0.0; 3], 1.0); count as usize];
         let settings = Call { pair_capacity: 1 << 20, window_end: u32::MAX, ..call(2, 0) };
         let (call, grid) =
-            (upload(&own, &[settings]), upload(&own, &[Grid { passive, ..grid(count as usize, 2) }]));
-        let (keys, objects) = (upload(&own, &keys), upload(&own, &objects));
+            (upload(own, &[settings])?, upload(own, &[Grid { passive, ..grid(count as usize, 2) }])?);
+        let (keys, objects) = (upload(own, &keys)?, upload(own, &objects)?);
         let (lengths, spheres) =
-            (upload(&own, &[Lengths::for_sort(count, k::NARROW_TILE)]), upload(&own, &spheres));
-        let (outcome, pairs) = (upload(&own, &[Outcome::zeroed()]), upload(&own, &vec![[0_u32; 2]; 1 << 20]));
-        let crowded = upload(&own, &vec![0_u32; 64]);
+            (upload(own, &[Lengths { items: count, ..Lengths::zeroed() }])?, upload(own, &spheres)?);
+        let (outcome, pairs) = (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![[0_u32; 2]; 1 << 20])?);
+        let crowded = upload(own, &vec![0_u32; 64])?;
         let bound = [
             ("call", &call),
             ("grid", &grid),
@@ -391,14 +417,15 @@ fn active_entries_meet_all_of_their_run() {
             ("pairs", &pairs),
             ("crowded", &crowded),
         ];
-        run(&own, &k::RUNS_SEARCH, PLAIN, count.div_ceil(256), &bound);
-        let outcome = download::<Outcome>(&own, &outcome, 1)[0];
-        let mut found = download::<[u32; 2]>(&own, &pairs, outcome.found() as usize);
+        run(own, &k::RUNS_SEARCH, Variant::default(), count.div_ceil(256), &bound)?;
+        let outcome = download::<Outcome>(own, &outcome, 1)?[0];
+        let mut found = download::<[u32; 2]>(own, &pairs, outcome.found() as usize)?;
         found.sort_unstable();
         let expected: Vec<[u32; 2]> = (0..count)
             .flat_map(|i| (i + 1..count).map(move |j| [i, j]))
             .filter(|[i, j]| i / run_length == j / run_length && i % run_length < actives)
             .collect();
-        assert!(found == expected, "{actives} active, {passives} passive: {} pairs", found.len());
+        same(|| format!("{actives} active, {passives} passive"), &found, &expected)?;
     }
+    Ok(())
 }

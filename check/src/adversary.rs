@@ -1,0 +1,233 @@
+//! Families of spheres that are hard on grids. Each makes a scene of given words, so that tests can shrink what
+//! fails, and whoever draws words at random gets any number of scenes.
+
+use glam::{DVec3, Vec3};
+use lazygrid::{Interaction, Sphere};
+
+use crate::{Choices, Mixture, Words};
+
+/// A kind of scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Family {
+    /// What it is called.
+    pub name: &'static str,
+    /// The spheres of some words.
+    pub spheres: fn(&Words) -> Vec<Sphere>,
+}
+
+/// All of them.
+pub const FAMILIES: [Family; 12] = [
+    Family { name: "lattices in contact", spheres: lattice },
+    Family { name: "duplicates", spheres: duplicates },
+    Family { name: "a giant among tiny ones", spheres: giant },
+    Family { name: "radii of twenty powers of two", spheres: powers_of_two },
+    Family { name: "lines and planes", spheres: flat },
+    Family { name: "clusters of clusters", spheres: clusters },
+    Family { name: "far from the origin", spheres: far },
+    Family { name: "floats of any size", spheres: any_floats },
+    Family { name: "floats of one size", spheres: one_magnitude },
+    Family { name: "the ends of the range", spheres: extremes },
+    Family { name: "radii whose squares overflow", spheres: huge_radii },
+    Family { name: "soup", spheres: soup },
+];
+
+fn sphere(center: Vec3, radius: f32) -> Sphere {
+    Sphere::new(center.clamp(Vec3::MIN, Vec3::MAX), radius.min(f32::MAX))
+}
+
+fn place(mut coordinate: impl FnMut() -> f32) -> [f32; 3] {
+    [coordinate(), coordinate(), coordinate()]
+}
+
+/// Lattices in contact: exactly so for dyadic spacings, and on either side of it by rounding for others. Some
+/// spheres are twice as large or points.
+pub fn lattice(words: &Words) -> Vec<Sphere> {
+    let mut choices = words.choices();
+    let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 0.1, 0.3, 1.0 / 3.0, 1e-3, 1.1e-20, 7.7e15]);
+    let shift = choices.of(&[0.0_f32, 0.5, 1.0, -4.0, 1e3, -1e6]);
+    words.each(|of| {
+        let at = Vec3::from(place(|| of.below(8) as f32));
+        Sphere::new((at + shift) * spacing, of.of(&[0.5, 1.0, 0.0]) * spacing)
+    })
+}
+
+/// Copies of a few spheres, points among them.
+pub fn duplicates(words: &Words) -> Vec<Sphere> {
+    let originals =
+        words.each(|of| Sphere::new(place(|| of.between(-2.0, 2.0)), of.of(&[0.0, 1e-3, 1.0, 2.0])));
+    let few = (1 + words.choices().below(5) as usize).min(originals.len());
+    words.each(|of| {
+        // Behind the words of an original.
+        let _ = [(); 4].map(|()| of.below(1));
+        of.of(&originals[..few])
+    })
+}
+
+/// One huge sphere, somewhere in the list, among tiny ones in it, about its surface and beyond.
+pub fn giant(words: &Words) -> Vec<Sphere> {
+    let mut choices = words.choices();
+    let tiny = choices.of(&[1e-3_f32, 1.0, 1e10, 1e-30]);
+    let radius = choices.of(&[1e6_f32, (1 << 20) as f32]) * tiny;
+    let ulp = f64::from(radius) - f64::from(radius.next_down());
+    let mut spheres = words.each(|of| {
+        let direction = DVec3::from([(); 3].map(|()| f64::from(of.within(3))));
+        let other = of.once_in(4);
+        let depth = if other { of.of(&[0.0, 0.5, 1.0 + 1e-6, 1.5]) } else { 1.0 };
+        let distance = depth * f64::from(radius + tiny) + f64::from(of.within(3)) * ulp;
+        Sphere::new((direction.normalize_or_zero() * distance).as_vec3(), tiny)
+    });
+    let at = choices.below(spheres.len() as u32 + 1);
+    spheres.insert(at as usize, Sphere::new([0.0; 3], radius));
+    spheres
+}
+
+/// Radii over twenty powers of two, centres on multiples of a power of two, so that many touch exactly.
+pub fn powers_of_two(words: &Words) -> Vec<Sphere> {
+    let unit = words.choices().of(&[1.0_f32, 0.25, 8.0]);
+    words.each(|of| {
+        let center = place(|| of.within(32) as f32 * unit);
+        Sphere::new(center, (of.within(10) as f32).exp2())
+    })
+}
+
+/// Centres on a line or in a plane, along axes or across them.
+pub fn flat(words: &Words) -> Vec<Sphere> {
+    let mut choices = words.choices();
+    let axes = choices.of(&[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]]);
+    let diagonal = choices.below(2) == 1;
+    let origin = Vec3::from(place(|| choices.between(-5.0, 5.0)));
+    words.each(|of| {
+        let at = Vec3::from(place(|| of.between(-20.0, 20.0)));
+        let along = if diagonal { Vec3::splat(at.x) } else { at };
+        Sphere::new(origin + along * Vec3::from(axes), of.between(0.0, 1.5))
+    })
+}
+
+/// Clusters of clusters of clusters, with sizes of all three scales.
+pub fn clusters(words: &Words) -> Vec<Sphere> {
+    let scale = words.choices().of(&[1e-2_f32, 1e-4, 1.0 / 1024.0]);
+    words.each(|of| {
+        let digits = [(); 3].map(|()| Vec3::from(place(|| of.within(1) as f32)));
+        let center = digits.iter().rev().fold(Vec3::ZERO, |at, digit| at * scale + *digit);
+        let level = of.below(3) as i32;
+        Sphere::new(center, of.of(&[0.1, 0.5, 1.0]) * scale.powi(level))
+    })
+}
+
+/// Far from the origin, where neighbouring coordinates are units in the last place apart.
+pub fn far(words: &Words) -> Vec<Sphere> {
+    let mut choices = words.choices();
+    let exponent = 3 + choices.below(37) as i32;
+    let base = if exponent > 38 { f32::MAX } else { 10_f32.powi(exponent) };
+    let both_sides = choices.below(2) == 1;
+    let ulp = f64::from(base) - f64::from(base.next_down());
+    words.each(|of| {
+        let center = place(|| {
+            let x = f32::from_bits(base.to_bits() - of.below(8));
+            if of.below(2) == 1 && both_sides { -x } else { x }
+        });
+        let radius = match of.once_in(5) {
+            false => of.of(&[0.0_f64, 0.5, 1.0, 1.5, 2.0]) * ulp,
+            true => of.of(&[1e-30_f64, 1e-3, 1.0, 1e3]),
+        };
+        sphere(center.into(), radius as f32)
+    })
+}
+
+/// A finite number of any magnitude.
+fn any_magnitude(of: &mut Choices<'_>) -> f32 {
+    let x = of.float_below(f32::INFINITY.to_bits());
+    of.signed(x)
+}
+
+/// Every value log-uniform over all of `f32`.
+pub fn any_floats(words: &Words) -> Vec<Sphere> {
+    words.each(|of| Sphere::new(place(|| any_magnitude(of)), any_magnitude(of).abs()))
+}
+
+/// Values log-uniform over a few powers of two somewhere in the range of `f32`, subnormals included, so that
+/// spheres of any magnitude do meet.
+pub fn one_magnitude(words: &Words) -> Vec<Sphere> {
+    let mut choices = words.choices();
+    let lowest = if choices.below(4) == 0 { 0 } else { choices.below(251) };
+    let value = |of: &mut Choices<'_>| {
+        let x = f32::from_bits(of.below(4 << 23) + (lowest << 23));
+        of.signed(x)
+    };
+    words.each(|of| Sphere::new(place(|| value(of)), value(of).abs()))
+}
+
+/// Lengths at which arithmetic in `f32` changes: the smallest numbers, those that many devices take for zero and their
+/// neighbours, those whose squares underflow, and as far up.
+pub(crate) fn extreme_unit(of: &mut Choices<'_>) -> f32 {
+    let exponents =
+        [-76, -149, -147, -130, -127, -126, -125, -120, -101, -64, -41, -39, 59, 64, 100, 119, 121];
+    f64::from(of.of(&exponents)).exp2() as f32
+}
+
+/// Spheres a few such units wide and apart, many of them in contact; some of another unit, some about a place that is
+/// far away on one axis.
+pub fn extremes(words: &Words) -> Vec<Sphere> {
+    let mut choices = words.choices();
+    let (unit, other) = (extreme_unit(&mut choices), extreme_unit(&mut choices));
+    let away = choices.of(&[[0.0_f32; 3], [0.0, 1.0, 0.0], [1e30, 0.0, 0.0], [0.0, 0.0, -3e38]]);
+    words.each(|of| {
+        let quarter = 0.25 * f64::from(if of.once_in(8) { other } else { unit });
+        let center = away.map(|away| (f64::from(of.within(32)) * quarter + f64::from(away)) as f32);
+        sphere(center.into(), (f64::from(of.below(9)) * quarter) as f32)
+    })
+}
+
+/// Radii whose squares overflow `f32`, anywhere.
+pub fn huge_radii(words: &Words) -> Vec<Sphere> {
+    let least = 1e19_f32.to_bits();
+    words.each(|of| {
+        let radius = f32::from_bits(least + of.below(f32::MAX.to_bits() - least + 1));
+        let center = place(|| match of.below(3) {
+            0 => of.between(-1e20, 1e20),
+            1 => any_magnitude(of),
+            // The span of all numbers is none.
+            _ => 2.0 * of.between(-0.5 * f32::MAX, 0.5 * f32::MAX),
+        });
+        Sphere::new(center, radius)
+    })
+}
+
+/// Nothing special: a box with many overlaps and radii from nothing to large.
+pub fn soup(words: &Words) -> Vec<Sphere> {
+    words.each(|of| {
+        let radius = match of.below(7) {
+            0 => 0.0,
+            1 => of.between(0.4, 2.0),
+            _ => of.between(0.0, 0.4),
+        };
+        Sphere::new(place(|| of.between(-3.0, 3.0)), radius)
+    })
+}
+
+/// How many words settle an interaction table.
+pub const TABLE_WORDS: usize = 41;
+
+/// Up to four species, with interactions of every kind: distances that are none, that are somebody's exact distance from
+/// somebody else, and that are large beside all radii. One word of `ids` for each sphere.
+pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> Mixture {
+    let mut choices = Choices::new(table);
+    let count = 1 + choices.below(4);
+    let mut interaction = || {
+        let (kind, factor) = (choices.below(6), choices.of(&[1.0_f32, 0.5, 2.0]));
+        let (i, j) = (choices.below(spheres.len() as u32), choices.below(spheres.len() as u32));
+        match kind {
+            0 => Interaction::Never,
+            1 => Interaction::Touch,
+            2 => Interaction::Within(0.0),
+            _ if spheres.is_empty() => Interaction::Within(factor),
+            _ => {
+                let [a, b] = [i, j].map(|k| spheres[k as usize].center.as_dvec3());
+                Interaction::Within((a.distance(b) as f32 * factor).min(f32::MAX))
+            }
+        }
+    };
+    let rows = (1..=count).map(|len| (0..len).map(|_| interaction()).collect()).collect();
+    let species = ids.iter().map(|&word| Choices::new(&[word]).below(count)).collect();
+    Mixture { species, rows }
+}

@@ -1,0 +1,201 @@
+//! What radix sort and prefix scan take beside a copy, by the device's own clock where it has one. Every answer is
+//! checked.
+
+use std::time::Instant;
+
+use lazygrid::Error;
+use lazygrid::gpu::{GpuDevice, PrefixScan, RadixSort, Sorted, wgpu};
+use lazygrid_kernels::kernel::{DIGIT_BITS, WIDE_TILE};
+use lazygrid_kernels::layout::Lengths;
+
+use crate::Random;
+use crate::device::{download, room, submit, upload, wait};
+use crate::kernels::{Fault, same};
+
+/// Times of some rounds, and the bytes that each was spent on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// Seconds of each round.
+    pub times: Vec<f64>,
+    /// Bytes that a round reads and writes.
+    pub bytes: u64,
+}
+
+impl Measured {
+    /// The median of the times in seconds; 0 where there are none.
+    pub fn median(&self) -> f64 {
+        median(&self.times)
+    }
+
+    /// Bytes per second.
+    pub fn bandwidth(&self) -> f64 {
+        self.bytes as f64 / self.median().max(1e-9)
+    }
+}
+
+/// The median; 0 of nothing.
+pub(crate) fn median(times: &[f64]) -> f64 {
+    let mut sorted = times.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Takes the times.
+#[derive(Debug)]
+pub struct Stopwatch {
+    own: GpuDevice,
+    rounds: usize,
+    /// Two timestamps and where they are resolved to, where the device has them.
+    ticks: Option<(wgpu::QuerySet, wgpu::Buffer)>,
+}
+
+impl Stopwatch {
+    /// Of so many rounds; one more comes first to warm up.
+    ///
+    /// # Errors
+    /// Where the device refuses a small buffer.
+    pub fn new(own: GpuDevice, rounds: usize) -> Result<Self, Error> {
+        let ticks = own.adapter.has_timestamps.then(|| {
+            let descriptor =
+                wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count: 2 };
+            own.scoped("timestamps", 16, || {
+                let resolved = wgpu::BufferDescriptor {
+                    label: None,
+                    size: 16,
+                    usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+                    mapped_at_creation: false,
+                };
+                (own.device.create_query_set(&descriptor), own.device.create_buffer(&resolved))
+            })
+        });
+        Ok(Self { rounds, ticks: ticks.transpose()?, own })
+    }
+
+    /// Whether times are those of the device's own clock; else they are wall time, submission included.
+    pub fn is_of_the_device(&self) -> bool {
+        self.ticks.is_some()
+    }
+
+    /// A copy of what a sort of so many keys reads and writes once: keys and payload.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub fn copy(&self, n: u32) -> Result<Measured, Fault> {
+        let size = u64::from(n.max(2)) * 8;
+        let (from, to) = (room(&self.own, size)?, room(&self.own, size)?);
+        let times = self.times(
+            |_| (),
+            |encoder| {
+                encoder.copy_buffer_to_buffer(&from, 0, &to, 0, size);
+                Ok(())
+            },
+        )?;
+        Ok(Measured { times, bytes: 2 * size })
+    }
+
+    /// A scan, which reads every value twice and writes it once.
+    ///
+    /// # Errors
+    /// Where the device fails, or the sums are wrong.
+    pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, Fault> {
+        let values = random(n);
+        let (fresh, work) = (upload(&self.own, &values)?, room(&self.own, u64::from(n) * 4)?);
+        let mut scan = PrefixScan::new(&self.own.device, subgroups);
+        let renew = |encoder: &mut wgpu::CommandEncoder| copy_all(encoder, &fresh, &work);
+        let times = self.times(renew, |encoder| scan.encode(encoder, &work, n).map(drop))?;
+        let mut sum = 0_u32;
+        let before = |value: &u32| {
+            let before = sum;
+            sum = sum.wrapping_add(*value);
+            before
+        };
+        let expected: Vec<u32> = values.iter().map(before).collect();
+        same(|| format!("a scan of {n}"), &download(&self.own, &work, n as usize)?, &expected)?;
+        Ok(Measured { times, bytes: 12 * u64::from(n) })
+    }
+
+    /// A sort, each pass of which counts the keys, scans the counters, and moves keys and payload.
+    ///
+    /// # Errors
+    /// Where the device fails, or the order is wrong.
+    pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, Fault> {
+        let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
+        let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];
+        let bytes = u64::from(n) * 4;
+        let work = Sorted { keys: room(&self.own, bytes)?, payload: room(&self.own, bytes)? };
+        let mut sort = RadixSort::new(&self.own.device, subgroups);
+        let mut sorted = None;
+        let renew = |encoder: &mut wgpu::CommandEncoder| {
+            copy_all(encoder, &fresh[0], &work.keys);
+            copy_all(encoder, &fresh[1], &work.payload);
+        };
+        let times = self.times(renew, |encoder| {
+            sorted = Some(sort.encode(encoder, &work, n, bits)?);
+            Ok(())
+        })?;
+        let mask = u32::MAX >> (32 - bits);
+        let mut expected = payload;
+        expected.sort_by_key(|&at| keys[at as usize] & mask);
+        if let Some(sorted) = sorted {
+            let found = download(&self.own, &sorted.payload, n as usize)?;
+            same(|| format!("a sort of {n} by {bits} bits"), &found, &expected)?;
+        }
+        // Keys counted, moved with their payload, and a counter per digit and tile written, scanned and read.
+        let a_pass = 20 * u64::from(n) + 16 * u64::from(Lengths::for_sort(n, WIDE_TILE).counters);
+        Ok(Measured { times, bytes: u64::from(bits.div_ceil(DIGIT_BITS)) * a_pass })
+    }
+
+    /// Seconds of each round: `prepare` is recorded before what is timed.
+    fn times(
+        &self,
+        prepare: impl Fn(&mut wgpu::CommandEncoder),
+        mut record: impl FnMut(&mut wgpu::CommandEncoder) -> Result<(), Error>,
+    ) -> Result<Vec<f64>, Error> {
+        let mut times = Vec::new();
+        for _ in 0..=self.rounds {
+            let Some((queries, ticks)) = &self.ticks else {
+                submit(&self.own, |encoder| {
+                    prepare(encoder);
+                    Ok(())
+                })?;
+                wait(&self.own)?;
+                let start = Instant::now();
+                submit(&self.own, &mut record)?;
+                wait(&self.own)?;
+                times.push(start.elapsed().as_secs_f64());
+                continue;
+            };
+            submit(&self.own, |encoder| {
+                prepare(encoder);
+                stamp(encoder, queries, 0);
+                record(encoder)?;
+                stamp(encoder, queries, 1);
+                encoder.resolve_query_set(queries, 0..2, ticks, 0);
+                Ok(())
+            })?;
+            let read = download::<u64>(&self.own, ticks, 2)?;
+            let period = f64::from(self.own.queue.get_timestamp_period()) * 1e-9;
+            times.push(read[1].saturating_sub(read[0]) as f64 * period);
+        }
+        Ok(times.split_off(1))
+    }
+}
+
+/// A pass without work whose beginning waits for all that was recorded before.
+fn stamp(encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet, at: u32) {
+    let writes = wgpu::ComputePassTimestampWrites {
+        query_set: queries,
+        beginning_of_pass_write_index: Some(at),
+        end_of_pass_write_index: None,
+    };
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes: Some(writes) });
+}
+
+fn copy_all(encoder: &mut wgpu::CommandEncoder, from: &wgpu::Buffer, to: &wgpu::Buffer) {
+    encoder.copy_buffer_to_buffer(from, 0, to, 0, from.size().min(to.size()));
+}
+
+fn random(n: u32) -> Vec<u32> {
+    let mut random = Random(n.into());
+    (0..n).map(|_| random.word()).collect()
+}

@@ -1,0 +1,297 @@
+//! The kernels that every call has, one by one, against plain sequential functions.
+
+use bytemuck::Zeroable;
+use lazygrid::gpu::{GpuDevice, Outcome};
+use lazygrid::{Space, Sphere};
+use lazygrid_kernels::kernel as k;
+use lazygrid_kernels::kernel::Variant;
+use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths};
+
+use crate::device::{download, run, upload};
+use crate::kernels::{Fault, SIZES, same, variants};
+use crate::{Random, Scenario, Words, adversary, periodic};
+
+/// What a call accumulates is cleared, and has as many spheres as were given, or as there is room for.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
+    for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
+        let call = upload(own, &[Call { spheres: most, ..Call::zeroed() }])?;
+        let source = upload(own, &[given])?;
+        let bounds = upload(own, &[1_u32; size_of::<Bounds>() / 4])?;
+        let grid = upload(own, &[Grid::zeroed()])?;
+        let outcome = upload(own, &[1_u32; size_of::<Outcome>() / 4])?;
+        let bound = [
+            ("call", &call),
+            ("count_source", &source),
+            ("bounds", &bounds),
+            ("grid", &grid),
+            ("outcome", &outcome),
+        ];
+        run(own, &k::CALL_BEGIN, Variant::default(), 1, &bound)?;
+        let case = |what: &str| format!("{what}, {given} spheres of {most}");
+        let [most_bits, none] = [u32::MAX, 0].map(|bits| [bits; 3]);
+        let empty = Bounds { low: most_bits, high: none, radius_min: u32::MAX, ..Bounds::zeroed() };
+        same(|| case("bounds"), &download::<Bounds>(own, &bounds, 1)?[0], &empty)?;
+        same(|| case("spheres"), &download::<Grid>(own, &grid, 1)?[0].spheres, &given.min(most))?;
+        let found = download::<Outcome>(own, &outcome, 1)?[0];
+        let overflow = if given > most { Outcome::SPHERES } else { 0 };
+        // What the last kernel of a call settles may be anything.
+        let (x, y, z) = (found.dispatch_x, found.dispatch_y, found.dispatch_z);
+        let cleared = Outcome {
+            overflow,
+            spheres: given,
+            dispatch_x: x,
+            dispatch_y: y,
+            dispatch_z: z,
+            ..Outcome::zeroed()
+        };
+        same(|| case("outcome"), &found, &cleared)?;
+    }
+    Ok(())
+}
+
+/// Images nearest to the origin are exact, at any distance and of any length.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), Fault> {
+    let lengths = [
+        [Some(1.0_f32), Some(0.1), Some(3.3)],
+        [None, Some(f32::MAX), Some(1.0 / 3.0)],
+        [Some(f32::MIN_POSITIVE), Some(f32::from_bits(1)), Some(1e-40)],
+        [Some(16_777_215.0), Some(1e30), None],
+    ];
+    for (seed, lengths) in lengths.into_iter().enumerate() {
+        let space = periodic::space(lengths);
+        let spheres = wrapped_scene(seed as u64, space);
+        let [period_x, period_y, period_z] = lengths.map(|length| length.unwrap_or(0.0));
+        let call = Call { period_x, period_y, period_z, ..Call::zeroed() };
+        let grid = Grid { spheres: spheres.len() as u32, ..Grid::zeroed() };
+        let (call, grid, given) = (upload(own, &[call])?, upload(own, &[grid])?, upload(own, &spheres)?);
+        let wrapped = upload(own, &vec![[0_u32; 4]; spheres.len()])?;
+        let bound = [("call", &call), ("grid", &grid), ("given", &given), ("wrapped", &wrapped)];
+        let groups = spheres.len().div_ceil(256) as u32;
+        run(own, &k::SPHERES_WRAP, Variant::default(), groups, &bound)?;
+        let found = download::<[f32; 4]>(own, &wrapped, spheres.len())?;
+        for (sphere, found) in spheres.iter().zip(found) {
+            let center = space.wrap(sphere.center).to_array();
+            // Zero has two signs.
+            let same_place = center == [found[0], found[1], found[2]] && found[3] == sphere.radius;
+            same(|| format!("{sphere:?} in {lengths:?} at {center:?}: {found:?}"), &same_place, &true)?;
+        }
+    }
+    Ok(())
+}
+
+/// Coordinates at halves and whole lengths, next to these, and anywhere.
+fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
+    let mut random = Random(seed);
+    let words = Words::drawn(&mut random, 500);
+    let mut spheres = adversary::any_floats(&words);
+    spheres.extend((0..500).map(|k| {
+        let mut place = |length: Option<f32>| {
+            let x = (random.below(9) as f32 - 4.0) * 0.5 * length.unwrap_or(1.0);
+            let x = if x.is_finite() { x } else { f32::MAX };
+            [x, x, x.next_up(), x.next_down()][random.below(4) as usize].clamp(f32::MIN, f32::MAX)
+        };
+        Sphere::new(space.lengths().map(&mut place), k as f32)
+    }));
+    spheres
+}
+
+/// Bounds hold all valid spheres and little more, and the others are counted.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
+    let ordered = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 };
+    let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
+    for size in SIZES {
+        let mut spheres = adversary::soup(&Words::drawn(&mut Random(size as u64), size));
+        let bad = size / 100;
+        spheres.iter_mut().take(bad).for_each(|sphere| sphere.center.y = f32::NAN);
+        let empty = Bounds { low: [u32::MAX; 3], radius_min: u32::MAX, ..Bounds::zeroed() };
+        let (call, bounds) = (upload(own, &[Call::zeroed()])?, upload(own, &[empty])?);
+        let grid = upload(own, &[Grid { spheres: size as u32, ..Grid::zeroed() }])?;
+        let (outcome, input) = (upload(own, &[Outcome::zeroed()])?, upload(own, &spheres)?);
+        let bound = [
+            ("call", &call),
+            ("grid", &grid),
+            ("spheres", &input),
+            ("bounds", &bounds),
+            ("outcome", &outcome),
+        ];
+        let groups = (size as u32).div_ceil(k::BOUNDS_TILE);
+        run(own, &k::BOUNDS_REDUCE, Variant::default(), groups, &bound)?;
+        let found = download::<Bounds>(own, &bounds, 1)?[0];
+        let outcome = download::<Outcome>(own, &outcome, 1)?[0];
+        same(|| format!("bad ones of {size} spheres"), &outcome.quarantined, &(bad as u32))?;
+        let valid = &spheres[bad..];
+        if valid.is_empty() {
+            same(|| "bounds of nothing".to_owned(), &found, &empty)?;
+            continue;
+        }
+        let extent = |of: &dyn Fn(&Sphere) -> f32| {
+            let values = valid.iter().map(of);
+            values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+        };
+        for axis in 0..3 {
+            let [low, _] = extent(&|sphere| sphere.center[axis] - sphere.radius);
+            let [_, high] = extent(&|sphere| sphere.center[axis] + sphere.radius);
+            let (found_low, found_high) = (float(found.low[axis]), float(found.high[axis]));
+            let is_held = found.low[axis] <= ordered(low) && found.high[axis] >= ordered(high);
+            let is_near = found_low >= low - 1e-4 && found_high <= high + 1e-4;
+            let case = || format!("{low}..{high} held by {found_low}..{found_high}, {size} spheres");
+            same(case, &(is_held && is_near), &true)?;
+        }
+        // A radius of zero gets something to be told from nothing.
+        let [least, most] = extent(&|sphere| sphere.radius);
+        let radii = [found.radius_min, found.radius_max].map(f32::from_bits);
+        let near = radii[0] >= least && radii[0] <= least + 1e-30 && radii[1] == most;
+        same(|| format!("radii {least} to {most} as {radii:?}, {size} spheres"), &near, &true)?;
+    }
+    Ok(())
+}
+
+/// As many entries are sorted as there are, or as there is room for.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), Fault> {
+    let room = 5000;
+    for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
+        let call = upload(own, &[Call { entry_capacity: room, ..Call::zeroed() }])?;
+        let wanted = Outcome { entries_lo: low, entries_hi: high, ..Outcome::zeroed() };
+        let (outcome, lengths) = (upload(own, &[wanted])?, upload(own, &[Lengths::zeroed()])?);
+        let bound = [("call", &call), ("outcome", &outcome), ("lengths", &lengths)];
+        run(own, &k::ENTRIES_CLOSE, Variant::default(), 1, &bound)?;
+        let items = wanted.entries().min(room.into()) as u32;
+        let overflow = if wanted.entries() > room.into() { Outcome::ENTRIES } else { 0 };
+        let found = download::<Outcome>(own, &outcome, 1)?[0];
+        let lengths = download::<Lengths>(own, &lengths, 1)?[0];
+        let case = || format!("{} entries, room for {room}", wanted.entries());
+        same(case, &(lengths.items, found), &(items, Outcome { overflow, ..wanted }))?;
+        // A counter per digit and tile.
+        let tiles = lengths.counters / 256;
+        same(case, &(lengths.counters % 256 == 0 && (tiles > 0) == (items > 0) && tiles <= items), &true)?;
+    }
+    Ok(())
+}
+
+/// The crowded search is opened for any crowd: up to the most blocks and tiles that a plan allows, which take the crowd of
+/// one cell with all entries there are.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), Fault> {
+    let most = 65_535 * k::CROWDED_TILES;
+    let blocks = [1, 5, 4096, 65_535, 65_536, most];
+    let tiles = [1, k::CROWDED_TILES + 1, 65_535, 131_071, 196_606, 262_141, 1_000_003, most];
+    for (blocks, tiles) in blocks.into_iter().flat_map(|blocks| tiles.map(|tiles| (blocks, tiles))) {
+        for part_tiles in [1 << 18, Call::UNPARTED] {
+            let call = upload(own, &[Call { part_tiles, ..Call::zeroed() }])?;
+            let listed = Outcome { crowded: blocks, crowded_tiles: tiles, ..Outcome::zeroed() };
+            let (outcome, dispatch) = (upload(own, &[listed])?, upload(own, &[0_u32; 4])?);
+            let bound = [("call", &call), ("outcome", &outcome), ("dispatch", &dispatch)];
+            run(own, &k::CROWDED_OPEN, Variant::default(), 1, &bound)?;
+            let outcome = download::<Outcome>(own, &outcome, 1)?[0];
+            let [x, y, z] = download::<[u32; 3]>(own, &dispatch, 1)?[0];
+            let taken = outcome.crowded_end.wrapping_sub(outcome.crowded_begin);
+            let fits = match part_tiles {
+                Call::UNPARTED => taken == blocks && !outcome.is_partial(),
+                _ => taken == 1 || (2..=blocks.min(part_tiles / tiles)).contains(&taken),
+            };
+            let counts = [x, y, z].iter().all(|groups| (1..=65_535).contains(groups));
+            let reaches = counts && y * z >= taken && tiles.div_ceil(x) <= k::CROWDED_TILES;
+            let case = || {
+                format!("{blocks} blocks of {tiles} tiles, {part_tiles} a part: {taken} taken by {x} {y} {z}")
+            };
+            same(case, &(fits && reaches), &true)?;
+        }
+    }
+    Ok(())
+}
+
+/// All pairs of one point, in a window, with more than there is room for, with and without subgroup operations.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
+    for variant in variants(own) {
+        for (size, window, room) in [
+            (0_u32, 0..u32::MAX, 16_u32),
+            (1, 0..u32::MAX, 16),
+            (2, 0..u32::MAX, 16),
+            (257, 0..u32::MAX, 1 << 20),
+            (1000, 100..300, 1 << 20),
+            (1000, 0..u32::MAX, 1000),
+        ] {
+            let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); size as usize];
+            let scenario = Scenario::from(spheres);
+            let mut expected = scenario.oracle();
+            expected.retain(|pair| window.contains(&pair.i));
+            let call = Call {
+                spheres: size,
+                pair_capacity: room,
+                search_groups: 64,
+                window_begin: window.start,
+                window_end: window.end,
+                ..Call::zeroed()
+            };
+            let grid = upload(own, &[Grid { spheres: size, ordinary: 1, ..Grid::zeroed() }])?;
+            let (call, input) = (upload(own, &[call])?, upload(own, &scenario.spheres)?);
+            let outcome = upload(own, &[Outcome::zeroed()])?;
+            let pairs = upload(own, &vec![[u32::MAX; 2]; room as usize + 1])?;
+            let bound = [
+                ("call", &call),
+                ("grid", &grid),
+                ("spheres", &input),
+                ("outcome", &outcome),
+                ("pairs", &pairs),
+            ];
+            run(own, &k::NAIVE_SEARCH, variant, 64, &bound)?;
+            let found = download::<Outcome>(own, &outcome, 1)?[0].found();
+            let case = |what: &str| format!("{what}, {size} at one point, {variant:?}");
+            same(|| case("found"), &found, &(expected.len() as u64))?;
+            let mut listed = download::<[u32; 2]>(own, &pairs, room as usize + 1)?;
+            same(|| case("behind the end"), &listed[room as usize], &[u32::MAX; 2])?;
+            listed.retain(|pair| *pair != [u32::MAX; 2]);
+            listed.sort_unstable();
+            let wanted: Vec<[u32; 2]> = expected.iter().map(|pair| [pair.i, pair.j]).collect();
+            if wanted.len() <= room as usize {
+                same(|| case("pairs"), &listed, &wanted)?;
+            } else {
+                let distinct = listed.windows(2).all(|two| two[0] < two[1]) && listed.len() == room as usize;
+                same(|| case("as many as there is room for"), &distinct, &true)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A thread for each pair that was written, and a flag where not all were.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), Fault> {
+    let room = 40_000_000_u32;
+    for (low, high) in
+        [(0_u32, 0_u32), (1, 0), (256, 0), (257, 0), (16_776_961, 0), (room, 0), (room + 1, 0), (3, 2)]
+    {
+        let call = upload(own, &[Call { pair_capacity: room, consumer_group: 256, ..Call::zeroed() }])?;
+        let given = Outcome { found_lo: low, found_hi: high, ..Outcome::zeroed() };
+        let outcome = upload(own, &[given])?;
+        run(own, &k::OUTCOME_FINISH, Variant::default(), 1, &[("call", &call), ("outcome", &outcome)])?;
+        let found = download::<Outcome>(own, &outcome, 1)?[0];
+        let overflow = if given.found() > room.into() { Outcome::PAIRS } else { 0 };
+        let case = || format!("{} pairs, room for {room}: {found:?}", given.found());
+        same(case, &found.overflow, &overflow)?;
+        let written = given.found().min(room.into());
+        let groups = u64::from(found.dispatch_x) * u64::from(found.dispatch_y) * u64::from(found.dispatch_z);
+        let enough = groups >= written.div_ceil(256) && groups < written.div_ceil(256) + 65_536;
+        same(case, &(enough && found.dispatch_x <= 65_535 && found.dispatch_y >= 1), &true)?;
+    }
+    Ok(())
+}

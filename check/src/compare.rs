@@ -1,0 +1,201 @@
+//! Every way to get the pairs of a scene, against their definition.
+
+use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Sphere};
+use lazygrid_io::scenes::Scene;
+
+use crate::adversary::{self, TABLE_WORDS};
+use crate::way::text;
+use crate::{Extent, Gpu, Random, Scenario, Way, Words, difference, guarded, periodic, scenes, shrink};
+
+/// Up to so many spheres all pairs are looked at; of more, the CPU's cell list has the word.
+const ALL_PAIRS: usize = 4000;
+
+/// A scene to be searched.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// What is hard about it.
+    pub name: String,
+    /// What it is.
+    pub scenario: Scenario,
+}
+
+/// All of an extent, the same at any time.
+pub fn cases(extent: Extent) -> Vec<Case> {
+    let case = |name: &str, scenario: Scenario| Case { name: name.to_owned(), scenario };
+    let mut cases: Vec<Case> =
+        scenes::scenes().into_iter().map(|(name, spheres)| case(name, spheres.into())).collect();
+    let mut random = Random(1);
+    let rounds = if extent == Extent::Full { 20 } else { 1 };
+    for _ in 0..rounds {
+        for family in adversary::FAMILIES {
+            let spheres = (family.spheres)(&Words::drawn(&mut random, 200));
+            cases.push(case(family.name, spheres.clone().into()));
+            cases.push(case(&format!("{}, species", family.name), with_species(spheres, &mut random)));
+        }
+        for family in periodic::FAMILIES {
+            let scenario = (family.scene)(&Words::drawn(&mut random, 200));
+            let mixed =
+                Scenario { space: scenario.space, ..with_species(scenario.spheres.clone(), &mut random) };
+            cases.push(case(family.name, scenario));
+            cases.push(case(&format!("{}, species", family.name), mixed));
+        }
+    }
+    let sizes: &[usize] = match extent {
+        Extent::Quick => &[5000],
+        Extent::Usual => &[20_000],
+        Extent::Full => &[20_000, 1_000_000],
+    };
+    for &n in sizes {
+        for scene in Scene::ALL.into_iter().filter(|scene| *scene != Scene::Point) {
+            let spheres = scene.spheres(n, 1);
+            let edge = spheres.iter().map(|sphere| sphere.center.x).fold(0.0, f32::max);
+            let space = periodic::space([Some(edge), None, Some(1.5 * edge)]);
+            cases.push(case(&format!("{n} spheres, {scene}"), spheres.clone().into()));
+            cases
+                .push(case(&format!("{n} spheres, {scene}, periodic"), Scenario { space, ..spheres.into() }));
+        }
+    }
+    cases
+}
+
+/// The spheres with species and a table of interactions.
+pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> Scenario {
+    let table = [(); TABLE_WORDS].map(|()| random.word());
+    let ids: Vec<u32> = spheres.iter().map(|_| random.word()).collect();
+    let mixture = adversary::mixture(&spheres, &table, &ids);
+    Scenario { mixture: Some(mixture), ..spheres.into() }
+}
+
+/// The pairs that there are, in canonical order.
+///
+/// # Errors
+/// Where the reference for many spheres fails.
+pub fn expected(scenario: &Scenario) -> Result<Vec<Pair>, String> {
+    if scenario.spheres.len() <= ALL_PAIRS {
+        return Ok(scenario.oracle());
+    }
+    let config = Config::default().backend(Backend::Cpu).algorithm(Algorithm::CellList);
+    guarded(|| {
+        let mut detector = Detector::new(scenario.config(config).map_err(text)?).map_err(text)?;
+        detector.pairs(scenario.view()).map_err(text)?;
+        Ok(detector.into_pairs())
+    })
+}
+
+/// What went wrong with a scene, made as small as could be done.
+#[derive(Clone, Debug)]
+pub struct Failure {
+    /// What failed.
+    pub name: String,
+    /// How, in words.
+    pub what: String,
+    /// The scene, if it is one that failed.
+    pub scenario: Option<Scenario>,
+    /// The options of `lazygrid detect` that show it, as far as it has them; empty where it cannot.
+    pub options: String,
+}
+
+/// What is wrong with the pairs that a detector gives for a scene.
+///
+/// # Errors
+/// That, in words.
+pub fn judge(
+    scenario: &Scenario,
+    way: &Way,
+    pairs: impl FnOnce(&Scenario) -> Result<Vec<Pair>, String>,
+) -> Result<(), String> {
+    difference(scenario, &pairs(scenario)?, &expected(scenario)?, way.tolerance())
+}
+
+/// What a way takes on this machine, as seen so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Pace {
+    /// Seconds per unit of work, the least that was seen.
+    rate: Option<f64>,
+}
+
+impl Pace {
+    /// Fewer spheres say nothing about more.
+    const TELLING: usize = 1000;
+
+    /// Seconds that so many spheres will take; 0 as long as nothing is known.
+    pub fn forecast(self, way: &Way, spheres: usize) -> f64 {
+        self.rate.unwrap_or(0.0) * Self::work(way, spheres)
+    }
+
+    /// Takes note of what so many spheres took.
+    pub fn saw(&mut self, way: &Way, spheres: usize, seconds: f64) {
+        if spheres >= Self::TELLING {
+            let rate = seconds / Self::work(way, spheres);
+            self.rate = Some(self.rate.map_or(rate, |least| least.min(rate)));
+        }
+    }
+
+    fn work(way: &Way, spheres: usize) -> f64 {
+        (spheres as f64).powi(if way.algorithm == Algorithm::Naive { 2 } else { 1 })
+    }
+}
+
+impl Case {
+    /// Goes one way, whose pairs are to be the `expected` ones. Returns what is wrong, if anything.
+    pub fn fault(&self, way: &Way, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
+        let found = way.pairs(gpu, &self.scenario);
+        found.and_then(|found| difference(&self.scenario, &found, expected, way.tolerance())).err()
+    }
+
+    /// What is wrong with one way, shown with as few spheres as [`shrink`] comes to in so many tries.
+    pub fn failure(&self, way: &Way, gpu: Option<&Gpu>, what: String, tries: usize) -> Failure {
+        let failing = |smaller: &Scenario| judge(smaller, way, |scenario| way.pairs(gpu, scenario)).err();
+        let (scenario, what) = shrink(self.scenario.clone(), what, tries, failing);
+        let name = format!("{}: {way}", self.name);
+        Failure { name, what, scenario: Some(scenario), options: way.options(gpu) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::way::Place;
+    use lazygrid::Simd;
+
+    #[test]
+    fn paces_are_those_of_the_quickest_call_that_tells() {
+        let [naive, list] = [Algorithm::Naive, Algorithm::CellList]
+            .map(|algorithm| Way::new(algorithm, Place::Cpu { simd: Simd::Portable, threads: Some(1) }));
+        let mut pace = Pace::default();
+        pace.saw(&naive, 10, 5.0);
+        assert_eq!(pace.forecast(&naive, 1000), 0.0);
+        pace.saw(&naive, 1000, 3.0);
+        pace.saw(&naive, 1000, 1.0);
+        pace.saw(&naive, 1000, 2.0);
+        assert!((pace.forecast(&naive, 2000) - 4.0).abs() < 1e-9);
+        assert!((Pace { rate: Some(1e-3) }.forecast(&list, 2000) - 2.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_reference_of_many_is_that_of_few() {
+        let scenario = Scenario::from(Scene::FiveSizes.spheres(ALL_PAIRS + 1, 3));
+        assert_eq!(expected(&scenario), Ok(scenario.oracle()));
+    }
+
+    #[test]
+    fn cases_are_the_same_at_any_time_and_valid() {
+        let (once, again) = (cases(Extent::Quick), cases(Extent::Quick));
+        assert!(once.iter().zip(&again).all(|(a, b)| a.scenario == b.scenario));
+        for Case { name, scenario } in once {
+            let valid = |s: &Sphere| s.center.is_finite() && s.radius.is_finite() && s.radius >= 0.0;
+            assert!(scenario.spheres.iter().all(valid), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_detector_that_loses_pairs_or_panics_is_seen() {
+        let way = Way::new(Algorithm::Naive, Place::Cpu { simd: Simd::Portable, threads: Some(1) });
+        let scenario = Scenario::from(scenes::cloud(1, 300, 4.0, |random| random.unit()));
+        assert_eq!(judge(&scenario, &way, |s| way.pairs(None, s)), Ok(()));
+        let losing = |s: &Scenario| way.pairs(None, s).map(|pairs| pairs[1..].to_vec());
+        assert!(judge(&scenario, &way, losing).is_err_and(|text| text.contains("1 missing")));
+        let panicking = |_: &Scenario| guarded(|| panic!("out of range"));
+        assert_eq!(judge(&scenario, &way, panicking), Err("panicked: out of range".to_owned()));
+    }
+}

@@ -1,0 +1,123 @@
+//! Buffers to and fro, and kernels by themselves.
+
+use std::time::Duration;
+
+use bytemuck::Pod;
+use lazygrid::Error;
+use lazygrid::gpu::{GpuDevice, wgpu};
+use lazygrid_kernels::kernel::{Binding, Kernel, Variant};
+use wgpu::BufferUsages;
+
+/// How long anything that is checked may take.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A buffer that can be bound in any way and copied to and from.
+///
+/// # Errors
+/// Where the device refuses it.
+pub fn room(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
+    let usage =
+        BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+    buffer(own, bytes, usage)
+}
+
+fn buffer(own: &GpuDevice, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buffer, Error> {
+    let size = bytes.max(16).next_multiple_of(16);
+    let descriptor =
+        wgpu::BufferDescriptor { label: Some("lazygrid::check"), size, usage, mapped_at_creation: false };
+    own.scoped("a buffer to check with", size, || own.device.create_buffer(&descriptor))
+}
+
+/// Such a buffer with something in it.
+///
+/// # Errors
+/// Where the device refuses it.
+pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error> {
+    let bytes: &[u8] = bytemuck::cast_slice(data);
+    let buffer = room(own, bytes.len() as u64)?;
+    own.scoped("an upload", bytes.len() as u64, || own.queue.write_buffer(&buffer, 0, bytes))?;
+    Ok(buffer)
+}
+
+/// What is in a buffer once all that was submitted is done.
+///
+/// # Errors
+/// Where the device fails, or does not finish in [`PATIENCE`].
+pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> Result<Vec<T>, Error> {
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    let bytes = (count * size_of::<T>()) as u64;
+    let staging = buffer(own, bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
+    submit(own, |encoder| {
+        encoder.copy_buffer_to_buffer(from, 0, &staging, 0, bytes);
+        Ok(())
+    })?;
+    own.scoped("a readback", bytes, || staging.slice(..).map_async(wgpu::MapMode::Read, |_| ()))?;
+    wait(own)?;
+    let refused = |reason: String| Error::Validation { what: "a readback", reason };
+    let view = staging.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
+    Ok(bytemuck::pod_collect_to_vec(&view[..bytes as usize]))
+}
+
+/// Waits for all that was submitted.
+///
+/// # Errors
+/// Where it is not done in [`PATIENCE`].
+pub fn wait(own: &GpuDevice) -> Result<(), Error> {
+    let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
+    own.device.poll(until).map(drop).map_err(|error| match error {
+        wgpu::PollError::Timeout => Error::Timeout { seconds: PATIENCE.as_secs() },
+        other => Error::Validation { what: "waiting", reason: other.to_string() },
+    })
+}
+
+/// Records and submits.
+///
+/// # Errors
+/// Where the device refuses something, or `record` fails.
+pub fn submit<R>(
+    own: &GpuDevice,
+    record: impl FnOnce(&mut wgpu::CommandEncoder) -> Result<R, Error>,
+) -> Result<R, Error> {
+    own.scoped("a submission", 0, || {
+        let mut encoder = own.device.create_command_encoder(&Default::default());
+        let result = record(&mut encoder)?;
+        own.queue.submit([encoder.finish()]);
+        Ok(result)
+    })?
+}
+
+/// Runs one kernel on buffers given by the names of its bindings.
+///
+/// # Errors
+/// Where the device refuses it.
+///
+/// # Panics
+/// Where a binding has no buffer.
+pub fn run(
+    own: &GpuDevice,
+    kernel: &'static Kernel,
+    variant: Variant,
+    groups: u32,
+    buffers: &[(&str, &wgpu::Buffer)],
+) -> Result<(), Error> {
+    let (pipeline, layout) = own.kernel(kernel, variant)?;
+    let entry = |(binding, bound): (u32, Binding)| {
+        let (_, buffer) = buffers
+            .iter()
+            .find(|(name, _)| *name == bound.name)
+            .unwrap_or_else(|| panic!("{}: no buffer for {}", kernel.name, bound.name));
+        wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
+    };
+    let entries: Vec<_> = (0..).zip(kernel.bindings(variant)).map(entry).collect();
+    submit(own, |encoder| {
+        let descriptor = wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries };
+        let bindings = own.device.create_bind_group(&descriptor);
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &bindings, &[]);
+        pass.dispatch_workgroups(groups, 1, 1);
+        Ok(())
+    })
+}

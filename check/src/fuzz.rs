@@ -1,0 +1,363 @@
+//! Scenes, settings and calls drawn at random. A round depends on its seed alone.
+
+use std::ops::ControlFlow;
+
+use lazygrid::Error::TooManyPairs;
+use lazygrid::{Algorithm, Detector, Order, Pair, Simd};
+
+use crate::compare::{Failure, with_species};
+use crate::way::{Place, text};
+use crate::{Gpu, Random, Scenario, Tolerance, Way, Words, adversary, difference, guarded, periodic, shrink};
+
+/// What one detector is asked, call by call.
+#[derive(Clone, Debug)]
+pub struct Round {
+    /// What it depends on.
+    pub seed: u64,
+    way: Way,
+    order: Order,
+    max_pairs: u64,
+    /// All with the same space and table of interactions.
+    calls: Vec<(Call, Scenario)>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Call {
+    List,
+    Count,
+    Neighbors,
+    Stream { chunk: usize },
+}
+
+/// What a detector answers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Answer {
+    Pairs(Vec<Pair>),
+    Count(u64),
+    TooMany(u64),
+}
+
+impl Round {
+    /// The round of this seed, on the CPU unless a GPU is among what is checked.
+    pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
+        let mut random = Random(seed);
+        let way = drawn_way(&mut random, on_cpu, on_gpu);
+        let order = if random.below(3) == 0 { Order::Unordered } else { Order::Canonical };
+        let max_pairs = if random.below(4) == 0 { random.below(50).into() } else { u64::from(u32::MAX) };
+        let mut calls = vec![(drawn_call(&mut random), drawn_scene(&mut random))];
+        let (space, table) = (calls[0].1.space, calls[0].1.mixture.clone());
+        for _ in 0..random.below(3) {
+            let mut scenario = drawn_scene(&mut random);
+            scenario.space = space;
+            scenario.mixture = table.clone().map(|mut mixture| {
+                let count = mixture.rows.len() as u32;
+                mixture.species = scenario.spheres.iter().map(|_| random.below(count)).collect();
+                mixture
+            });
+            calls.push((drawn_call(&mut random), scenario));
+        }
+        Self { seed, way, order, max_pairs, calls }
+    }
+
+    /// Runs it with a new detector. Returns what is wrong, if anything, with as few calls and spheres as show it. `tries`
+    /// are those of [`shrink`].
+    pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<Failure> {
+        let way = self.way;
+        self.check_with(tries, |round| guarded(|| round.run(gpu))).map(|(round, what)| {
+            let is_plain = round.calls.len() == 1 && round.calls[0].1.mixture.is_none();
+            let (call, scenario) = round.calls.last().cloned().unzip();
+            let options = match (is_plain, call) {
+                (true, Some(call)) => way.options(gpu) + &round.detect_options(call),
+                _ => String::new(),
+            };
+            Failure { name: round.to_string(), what, scenario, options }
+        })
+    }
+
+    /// The same with any detector: `run` says what is wrong with a round.
+    fn check_with(self, tries: usize, run: impl Fn(&Self) -> Result<(), String>) -> Option<(Self, String)> {
+        let mut what = run(&self).err()?;
+        let mut round = self;
+        // Calls first, from the last on, then the spheres of each call.
+        for k in (0..round.calls.len()).rev().filter(|_| tries > 0) {
+            let mut fewer = round.clone();
+            fewer.calls.remove(k);
+            if let (false, Err(still)) = (fewer.calls.is_empty(), run(&fewer)) {
+                (round, what) = (fewer, still);
+            }
+        }
+        for k in (0..round.calls.len()).rev() {
+            let mut smaller = round.clone();
+            let failing = |scenario: &Scenario| {
+                smaller.calls[k].1 = scenario.clone();
+                run(&smaller).err()
+            };
+            let (scenario, still) = shrink(round.calls[k].1.clone(), what, tries, failing);
+            round.calls[k].1 = scenario;
+            what = still;
+        }
+        Some((round, what))
+    }
+
+    fn run(&self, gpu: Option<&Gpu>) -> Result<(), String> {
+        let config = self.way.config(gpu).order(self.order).max_pairs(self.max_pairs);
+        let config = self.calls.iter().take(1).try_fold(config, |config, (_, s)| s.config(config));
+        let mut detector = Detector::new(config.map_err(text)?).map_err(text)?;
+        self.judge(|call, scenario| answer(&mut detector, call, scenario))
+    }
+
+    /// Whether all answers are right.
+    fn judge(&self, mut answer: impl FnMut(Call, &Scenario) -> Result<Answer, String>) -> Result<(), String> {
+        self.calls.iter().enumerate().try_for_each(|(k, (call, scenario))| {
+            let answer = answer(*call, scenario);
+            let verdict = answer.and_then(|answer| self.judge_one(*call, scenario, &answer));
+            verdict.map_err(|what| format!("call {} of {}: {what}", k + 1, self.calls.len()))
+        })
+    }
+
+    fn judge_one(&self, call: Call, scenario: &Scenario, answer: &Answer) -> Result<(), String> {
+        let (expected, tolerance) = (scenario.oracle(), self.way.tolerance());
+        let [least, most] = counts(scenario, &expected, tolerance);
+        let in_range = |found: u64| match (least..=most).contains(&found) {
+            true => Ok(()),
+            false => Err(format!("{found} pairs counted where {least} to {most} are right")),
+        };
+        let is_limited = matches!(call, Call::List | Call::Neighbors);
+        match answer {
+            Answer::Count(found) => in_range(*found),
+            Answer::TooMany(found) if is_limited && *found > self.max_pairs => in_range(*found),
+            Answer::TooMany(found) => Err(format!("refused {found} pairs below the limit")),
+            Answer::Pairs(pairs) if is_limited && pairs.len() as u64 > self.max_pairs => {
+                Err(format!("{} pairs above the limit of {}", pairs.len(), self.max_pairs))
+            }
+            Answer::Pairs(pairs) => {
+                difference(scenario, pairs, &expected, tolerance)?;
+                let ordered = self.order == Order::Unordered || call == Call::Neighbors || pairs.is_sorted();
+                if ordered { Ok(()) } else { Err("the pairs are not in canonical order".to_owned()) }
+            }
+        }
+    }
+
+    fn detect_options(&self, call: Call) -> String {
+        let unordered = if self.order == Order::Unordered { " --unordered" } else { "" };
+        let limit = format!(" --max-pairs {}", self.max_pairs);
+        match call {
+            Call::Count => " --count".to_owned(),
+            Call::Neighbors => format!(" --neighbors{limit} -o neighbors.csv"),
+            Call::List | Call::Stream { .. } => format!("{unordered}{limit} -o pairs.csv"),
+        }
+    }
+}
+
+impl std::fmt::Display for Round {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let calls: Vec<String> = self
+            .calls
+            .iter()
+            .map(|(call, scenario)| format!("{call:?} of {} spheres", scenario.spheres.len()))
+            .collect();
+        let Self { seed, way, order, max_pairs, .. } = self;
+        let calls = calls.join(", then ").to_lowercase();
+        write!(f, "fuzz seed {seed}: {way}, {order:?}, at most {max_pairs} pairs: {calls}")
+    }
+}
+
+/// The fewest and the most pairs that are right.
+fn counts(scenario: &Scenario, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
+    if tolerance == Tolerance::Exact {
+        return [expected.len() as u64; 2];
+    }
+    let spheres = scenario.spheres.len() as u32;
+    let all = (0..spheres).flat_map(|i| (i + 1..spheres).map(move |j| Pair { i, j }));
+    let tangent = all.filter(|&pair| tolerance.allows(scenario, pair));
+    let (mut least, mut most) = (expected.len() as u64, expected.len() as u64);
+    for pair in tangent {
+        match expected.binary_search(&pair) {
+            Ok(_) => least -= 1,
+            Err(_) => most += 1,
+        }
+    }
+    [least, most]
+}
+
+fn answer(detector: &mut Detector, call: Call, scenario: &Scenario) -> Result<Answer, String> {
+    let refused = |error| match error {
+        TooManyPairs { found, .. } => Ok(Answer::TooMany(found)),
+        other => Err(other.to_string()),
+    };
+    let view = scenario.view();
+    match call {
+        Call::List => detector.pairs(view).map(|pairs| Answer::Pairs(pairs.to_vec())).or_else(refused),
+        Call::Count => detector.count(view).map(Answer::Count).or_else(refused),
+        Call::Neighbors => match detector.neighbors(view) {
+            Ok(lists) => pairs_of(scenario.spheres.len(), |i| lists.of(i)).map(Answer::Pairs),
+            Err(error) => refused(error),
+        },
+        Call::Stream { chunk } => {
+            let (mut pairs, mut longest) = (Vec::new(), 0);
+            let streamed = detector.stream(view, chunk, |part| {
+                longest = longest.max(part.len());
+                pairs.extend_from_slice(part);
+                ControlFlow::Continue(())
+            });
+            match streamed {
+                Ok(handed) if handed != pairs.len() as u64 => {
+                    Err(format!("{handed} pairs are said to be streamed, {} were", pairs.len()))
+                }
+                Ok(_) if longest > chunk => Err(format!("{longest} pairs in a chunk of {chunk}")),
+                Ok(_) => Ok(Answer::Pairs(pairs)),
+                Err(error) => refused(error),
+            }
+        }
+    }
+}
+
+/// The pairs of neighbour lists, each of which has to be in two of them.
+fn pairs_of<'a>(spheres: usize, list: impl Fn(usize) -> &'a [u32]) -> Result<Vec<Pair>, String> {
+    let mut pairs = Vec::new();
+    for i in 0..spheres {
+        if !list(i).windows(2).all(|two| two[0] < two[1]) {
+            return Err(format!("the neighbours of {i} do not ascend"));
+        }
+        for &j in list(i) {
+            if j as usize >= spheres || list(j as usize).binary_search(&(i as u32)).is_err() {
+                return Err(format!("{j} is a neighbour of {i}, and not the other way round"));
+            }
+            if j > i as u32 {
+                pairs.push(Pair { i: i as u32, j });
+            }
+        }
+    }
+    Ok(pairs)
+}
+
+fn drawn_way(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Way {
+    let is_on_gpu = on_gpu && (!on_cpu || random.below(2) == 0);
+    let simd = [Simd::Avx512, Simd::Avx2, Simd::Portable][random.below(3) as usize];
+    let threads = [None, Some(1), Some(2), Some(7)][random.below(4) as usize];
+    let place = if is_on_gpu { Place::Gpu { subgroups: true } } else { Place::Cpu { simd, threads } };
+    let algorithms: &[Algorithm] = if is_on_gpu { &Algorithm::GPU } else { &Algorithm::CPU };
+    let algorithm = match random.below(algorithms.len() as u32 + 1) as usize {
+        0 => Algorithm::Auto,
+        k => algorithms[k - 1],
+    };
+    let tau = [0, 1, 2, 8, 32, u32::MAX, random.below(600)][random.below(7) as usize];
+    let ratio = [0.5, 1.0, 1.5, 2.0, 16.0, 0.5 + 15.5 * random.unit()][random.below(6) as usize];
+    Way {
+        tau: (random.below(2) == 0).then_some(tau),
+        raster_ratio: (random.below(2) == 0).then_some(ratio),
+        ..Way::new(algorithm, place)
+    }
+}
+
+fn drawn_call(random: &mut Random) -> Call {
+    match random.below(4) {
+        0 => Call::List,
+        1 => Call::Count,
+        2 => Call::Neighbors,
+        _ => Call::Stream { chunk: 1 + random.below(40) as usize },
+    }
+}
+
+fn drawn_scene(random: &mut Random) -> Scenario {
+    let elements = match random.below(8) {
+        0..3 => random.below(12),
+        7 => 120 + random.below(480),
+        _ => 12 + random.below(108),
+    };
+    let words = Words::drawn(random, elements as usize);
+    let periodic = &periodic::FAMILIES;
+    let families = &adversary::FAMILIES;
+    let mut scenario = match random.below(3) {
+        0 => (periodic[random.below(periodic.len() as u32) as usize].scene)(&words),
+        _ => (families[random.below(families.len() as u32) as usize].spheres)(&words).into(),
+    };
+    if random.below(4) == 0 {
+        let more = Words::drawn(random, elements as usize / 2);
+        scenario.spheres.extend((families[random.below(families.len() as u32) as usize].spheres)(&more));
+    }
+    if random.below(4) == 0 {
+        let space = scenario.space;
+        scenario = Scenario { space, ..with_species(scenario.spheres, random) };
+    }
+    scenario
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounds_depend_on_their_seeds_alone_and_pass_on_the_cpu() {
+        let mut kinds = [0; 4];
+        for seed in 0..300 {
+            let round = Round::drawn(seed, true, false);
+            assert_eq!(round.to_string(), Round::drawn(seed, true, false).to_string());
+            for (call, _) in &round.calls {
+                kinds[match call {
+                    Call::List => 0,
+                    Call::Count => 1,
+                    Call::Neighbors => 2,
+                    Call::Stream { .. } => 3,
+                }] += 1;
+            }
+            if let Some(Failure { name, what, .. }) = round.check(None, 100) {
+                panic!("{name}: {what}");
+            }
+        }
+        assert!(kinds.iter().all(|kind| *kind > 50), "{kinds:?}");
+    }
+
+    /// Answers by the definition, but for one thing.
+    fn answers(round: &Round, spoil: impl Fn(&mut Vec<Pair>)) -> Result<(), String> {
+        round.judge(|call, scenario| {
+            let mut pairs = scenario.oracle();
+            spoil(&mut pairs);
+            Ok(match call {
+                Call::Count => Answer::Count(pairs.len() as u64),
+                Call::Stream { .. } => Answer::Pairs(pairs),
+                _ if pairs.len() as u64 > round.max_pairs => Answer::TooMany(pairs.len() as u64),
+                _ => Answer::Pairs(pairs),
+            })
+        })
+    }
+
+    #[test]
+    fn a_broken_detector_is_seen_and_its_round_shrinks() {
+        let (mut losing, mut doubling) = (0, 0);
+        for seed in 0..60 {
+            let round = Round::drawn(seed, true, false);
+            assert_eq!(answers(&round, |_| ()), Ok(()), "{round}");
+            let has_pairs = round.calls.iter().any(|(_, scenario)| !scenario.oracle().is_empty());
+            let lose = |round: &Round| {
+                answers(round, |pairs| {
+                    let _ = pairs.pop();
+                })
+            };
+            match round.clone().check_with(400, lose) {
+                None => assert!(!has_pairs, "{round}"),
+                Some((small, what)) => {
+                    losing += 1;
+                    assert_eq!(
+                        (small.calls.len(), small.calls[0].1.spheres.len()),
+                        (1, 2),
+                        "{small}: {what}"
+                    );
+                }
+            }
+            let double = |round: &Round| answers(round, |pairs| pairs.extend(pairs.last().copied()));
+            doubling += usize::from(round.check_with(0, double).is_some());
+        }
+        assert!(losing > 30 && doubling > 30, "{losing} {doubling}");
+    }
+
+    #[test]
+    fn one_sided_neighbours_are_seen() {
+        let lists: [&[u32]; 3] = [&[1, 2], &[0], &[0]];
+        assert_eq!(pairs_of(3, |i| lists[i]), Ok(vec![Pair { i: 0, j: 1 }, Pair { i: 0, j: 2 }]));
+        let lists: [&[u32]; 3] = [&[1, 2], &[0], &[]];
+        assert!(pairs_of(3, |i| lists[i]).is_err());
+        let lists: [&[u32]; 3] = [&[2, 1], &[0], &[0]];
+        assert!(pairs_of(3, |i| lists[i]).is_err());
+    }
+}

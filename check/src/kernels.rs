@@ -1,0 +1,127 @@
+//! Every kernel that can be run by itself, against a plain sequential function.
+
+use std::fmt::Debug;
+
+use lazygrid::Error;
+use lazygrid::gpu::GpuDevice;
+use lazygrid_kernels::kernel::{KERNELS, Variant};
+use thiserror::Error;
+
+use crate::{Extent, calls, nested, primitives};
+
+/// Around a workgroup, and many.
+pub(crate) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
+
+/// Why something is not right.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum Fault {
+    /// A result is not what it has to be.
+    #[error("{0}")]
+    Wrong(String),
+    /// The device failed.
+    #[error(transparent)]
+    Device(#[from] Error),
+}
+
+/// One of the checks: kernels, and what they have to do.
+#[derive(Clone, Copy, Debug)]
+pub struct KernelCheck {
+    /// What is checked.
+    pub name: &'static str,
+    /// The kernels that do it.
+    pub kernels: &'static [&'static str],
+    /// Checks it.
+    pub run: Run,
+}
+
+const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> KernelCheck {
+    KernelCheck { name, kernels, run }
+}
+
+/// A check on a device, of some extent.
+pub type Run = fn(&GpuDevice, Extent) -> Result<(), Fault>;
+
+/// All checks, in the order of a call.
+pub const CHECKS: [KernelCheck; 16] = [
+    one("call begin", &["call_begin"], |own, _| calls::call_begin(own)),
+    one("images nearest to the origin", &["spheres_wrap"], |own, _| calls::spheres_wrap(own)),
+    one("bounds", &["bounds_reduce"], |own, _| calls::bounds_reduce(own)),
+    one("density table", &["density_clear"], |own, _| nested::density_clear(own)),
+    one("cells", &["cells_find"], |own, _| nested::cells_find(own)),
+    one("deeper levels", &["levels_refine"], |own, _| nested::levels_refine(own)),
+    one("keys of levels", &["levels_settle"], |own, _| nested::levels_settle(own)),
+    one("entries", &["entries_emit"], |own, _| nested::entries_emit(own)),
+    one("number of entries", &["entries_close"], |own, _| calls::entries_close(own)),
+    one("prefix scan", &["scan_reduce", "scan_spine", "scan_spread"], |own, extent| {
+        sizes(extent).try_for_each(|size| primitives::scan(own, size))
+    }),
+    one("prefix scan of few values", &["scan_once"], |own, _| primitives::scan_once(own)),
+    one("radix sort", &["radix_count", "radix_scan", "radix_scatter"], |own, extent| {
+        sizes(extent).try_for_each(|size| primitives::sort(own, size))
+    }),
+    one("runs of a cell", &["runs_search"], |own, _| nested::runs_search(own)),
+    one("sizes of the crowded search", &["crowded_open"], |own, _| calls::crowded_open(own)),
+    one("all pairs", &["naive_search"], |own, _| calls::naive_search(own)),
+    one("outcome", &["outcome_finish"], |own, _| calls::outcome_finish(own)),
+];
+
+fn sizes(extent: Extent) -> impl Iterator<Item = usize> {
+    let most = if extent == Extent::Quick { 5000 } else { usize::MAX };
+    let large = (extent == Extent::Full).then_some(primitives::LARGE);
+    primitives::SIZES.into_iter().filter(move |size| *size < most).chain(large)
+}
+
+/// The kernels that no check runs by itself: they are checked within the algorithms alone.
+pub fn within_algorithms() -> impl Iterator<Item = &'static str> {
+    let alone = |name: &&str| CHECKS.iter().any(|check| check.kernels.contains(name));
+    KERNELS.iter().map(|kernel| kernel.name).filter(move |name| !alone(name))
+}
+
+/// Without subgroup operations, and with them where the device has them.
+pub(crate) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
+    let smallest = own.adapter.has_subgroups.then_some(own.adapter.subgroup_sizes[0]);
+    let subgroups = smallest.filter(|&size| size >= 4);
+    let with = move |subgroups| Variant { subgroups, ..Variant::default() };
+    [None, subgroups].into_iter().take(1 + usize::from(subgroups.is_some())).map(with)
+}
+
+/// Holds what was found against what has to be.
+pub(crate) fn same<T: PartialEq + Debug>(
+    case: impl FnOnce() -> String,
+    found: &T,
+    expected: &T,
+) -> Result<(), Fault> {
+    if found == expected {
+        return Ok(());
+    }
+    let short = |value: &T| {
+        let text = format!("{value:?}");
+        match text.char_indices().nth(200) {
+            Some((end, _)) => format!("{}…", &text[..end]),
+            None => text,
+        }
+    };
+    Err(Fault::Wrong(format!("{}: {} instead of {}", case(), short(found), short(expected))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn checks_name_kernels_that_there_are() {
+        let named = CHECKS.iter().flat_map(|check| check.kernels);
+        for name in named.clone() {
+            assert!(KERNELS.iter().any(|kernel| kernel.name == *name), "{name}");
+        }
+        assert_eq!(within_algorithms().count() + named.count(), KERNELS.len());
+    }
+
+    #[test]
+    fn what_differs_is_said_in_short() {
+        assert_eq!(same(|| "one".to_owned(), &1, &1), Ok(()));
+        let fault = same(|| "many".to_owned(), &vec![7; 1000], &vec![8; 1000]).expect_err("they differ");
+        let text = fault.to_string();
+        assert!(text.starts_with("many: [7, 7") && text.contains("instead of [8, 8") && text.len() < 500);
+    }
+}

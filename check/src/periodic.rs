@@ -1,0 +1,139 @@
+//! Families of spheres in periodic spaces, made of words as those of [`adversary`].
+
+use lazygrid::{Space, Sphere};
+
+#[cfg(doc)]
+use crate::adversary;
+use crate::adversary::extreme_unit;
+use crate::{Choices, Scenario, Words};
+
+/// A kind of scene in a periodic space.
+#[derive(Clone, Copy, Debug)]
+pub struct Family {
+    /// What it is called.
+    pub name: &'static str,
+    /// The scene of some words.
+    pub scene: fn(&Words) -> Scenario,
+}
+
+/// All of them.
+pub const FAMILIES: [Family; 6] = [
+    Family { name: "lattices across the seam", scene: lattice },
+    Family { name: "soup in a box", scene: soup },
+    Family { name: "crowds at the corner of a box", scene: corner },
+    Family { name: "coordinates far outside a box", scene: unwrapped },
+    Family { name: "boxes at the ends of the range", scene: extremes },
+    Family { name: "giants in small boxes", scene: giant },
+];
+
+/// An axis in four is unbounded; the others have lengths from those given.
+pub fn lengths(of: &mut Choices<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
+    [(); 3].map(|()| {
+        let (length, is_unbounded) = (of.of(lengths), of.once_in(4));
+        (!is_unbounded).then_some(length)
+    })
+}
+
+/// The space of these lengths, which are finite and above zero.
+pub fn space(lengths: [Option<f32>; 3]) -> Space {
+    Space::periodic(lengths).unwrap_or_default()
+}
+
+fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> Scenario {
+    Scenario { spheres, space: space(lengths), mixture: None }
+}
+
+/// Sites of a lattice in exact contact whose box is a whole number of spacings, moved by whole boxes and by half
+/// spacings; some spheres are twice as large, points, or larger than the box.
+pub fn lattice(words: &Words) -> Scenario {
+    let mut choices = words.choices();
+    let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 1.0 / 1024.0]);
+    let shift = choices.of(&[0.0_f32, 0.5, -1024.0]);
+    let counts = lengths(&mut choices, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+    let spheres = words.each(|of| {
+        let center = [(); 3].map(|()| ((of.below(24) as f32 - 12.0) + shift) * spacing);
+        Sphere::new(center, of.of(&[0.5_f32, 0.5, 0.5, 1.0, 0.0, 6.0]) * spacing)
+    });
+    in_box(spheres, counts.map(|count| count.map(|count| count * spacing)))
+}
+
+/// Spheres at random, of sizes from nothing to more than the box, with coordinates up to a few boxes outside.
+pub fn soup(words: &Words) -> Scenario {
+    let mut choices = words.choices();
+    let lengths = match choices.below(3) {
+        0 => lengths(&mut choices, &[8.0, 7.3, 4.1]),
+        1 => lengths(&mut choices, &[0.3, 1.1, 2.5, 5.0]),
+        _ => [(); 3].map(|()| Some(choices.between(0.05, 9.0))),
+    };
+    let spheres = words.each(|of| {
+        let radius = match of.below(10) {
+            0 => 0.0,
+            1 => of.between(1.5, 12.0),
+            2 | 3 => of.between(0.3, 1.5),
+            _ => of.between(0.0, 0.3),
+        };
+        Sphere::new([(); 3].map(|()| of.between(-4.0, 4.0)), radius)
+    });
+    in_box(spheres, lengths)
+}
+
+/// Spheres at the corner of the box: on the seam, next to it by some units in the last place, at its far end.
+pub fn corner(words: &Words) -> Scenario {
+    let lengths = lengths(&mut words.choices(), &[1.0, 10.0, 0.1, 3.3]);
+    let spheres = words.each(|of| {
+        let center = lengths.map(|length| {
+            let x = of.of(&[0.0_f32, 0.5, -0.5, 1.0, -1.0, 2.0]) * length.unwrap_or(1.0);
+            let ulps = of.within(3);
+            (0..ulps.abs()).fold(x, |x, _| if ulps > 0 { x.next_up() } else { x.next_down() })
+        });
+        Sphere::new(center, of.of(&[0.0, 1e-7, 2e-7, 0.01, 0.2]))
+    });
+    in_box(spheres, lengths)
+}
+
+/// Spheres that an unwrapped simulation has carried away, up to 2⁵⁰ boxes; all values multiples of 2⁻³⁰.
+pub fn unwrapped(words: &Words) -> Scenario {
+    let mut choices = words.choices();
+    let lengths = [(); 3].map(|()| {
+        let length = choices.of(&[2.0_f32, 1.625, 0.75, 1.0 / 3.0]);
+        (length * 1024.0 * 1024.0).round() / (1024.0 * 1024.0)
+    });
+    let spheres = words.each(|of| {
+        let center = lengths.map(|length| {
+            let (at, is_far, doublings) = (of.within(1024), of.below(2) == 1, of.below(50));
+            let turns = if is_far { length * (doublings as f32).exp2() } else { 0.0 };
+            at as f32 / 1024.0 + turns
+        });
+        Sphere::new(center, of.below(256) as f32 / 1024.0)
+    });
+    in_box(spheres, lengths.map(Some))
+}
+
+/// Spheres and boxes of lengths at which arithmetic in `f32` changes, up to some boxes outside.
+pub fn extremes(words: &Words) -> Scenario {
+    let mut choices = words.choices();
+    let unit = extreme_unit(&mut choices);
+    let of_quarters = |quarters: f64| (0.25 * quarters * f64::from(unit)) as f32;
+    let lengths = match choices.once_in(4) {
+        true => lengths(&mut choices, &[1.0, 3e38]),
+        // The smallest units have no parts.
+        false => lengths(&mut choices, &[1.0, 2.5, 7.0, 16.0, 0.25])
+            .map(|length| length.map(|length| of_quarters(4.0 * f64::from(length)).max(unit))),
+    };
+    let spheres = words.each(|of| {
+        let center = [(); 3].map(|()| of_quarters(of.within(32).into()));
+        Sphere::new(center, of_quarters(of.below(9).into()))
+    });
+    in_box(spheres, lengths)
+}
+
+/// One sphere of about the size of the box among many far smaller ones.
+pub fn giant(words: &Words) -> Scenario {
+    let mut choices = words.choices();
+    let lengths = lengths(&mut choices, &[10.0, 6.0, 2.0]);
+    let at = [(); 3].map(|()| choices.between(0.0, 10.0));
+    let giant = Sphere::new(at, choices.between(0.5, 12.0));
+    let mut spheres = words.each(|of| Sphere::new([(); 3].map(|()| of.between(0.0, 10.0)), 0.05));
+    spheres.insert(spheres.len() / 2, giant);
+    in_box(spheres, lengths)
+}

@@ -1,0 +1,108 @@
+//! Radix sort and prefix scan on the device against plain sequential functions.
+
+use lazygrid::gpu::{GpuDevice, PrefixScan, RadixSort, Sorted};
+use lazygrid_kernels::kernel::{SCAN_ONCE, SCANNED_AT_ONCE};
+use lazygrid_kernels::layout::Lengths;
+
+use crate::Random;
+use crate::device::{download, run, submit, upload};
+use crate::kernels::{Fault, same, variants};
+
+/// Around a workgroup, a tile, and many tiles.
+pub const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 300_000];
+/// More than one dimension of a dispatch holds.
+pub const LARGE: usize = 65_535 * 256 + 1;
+
+fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
+    let mut total = 0_u64;
+    let before = values.iter().map(|value| {
+        let before = total as u32;
+        total += u64::from(*value);
+        before
+    });
+    (before.collect(), total)
+}
+
+/// The scan of so many values of every kind, with and without subgroup operations.
+///
+/// # Errors
+/// What is wrong.
+pub fn scan(own: &GpuDevice, size: usize) -> Result<(), Fault> {
+    for subgroups in [false, true] {
+        let mut scan = PrefixScan::new(&own.device, subgroups);
+        let mut random = Random(size as u64);
+        // Random values sum to far more than 32 bits hold.
+        let random = (0..size).map(|_| random.word()).collect();
+        for values in [random, vec![1; size], vec![u32::MAX; size]] {
+            let buffer = upload(own, &values)?;
+            let total = submit(own, |encoder| scan.encode(encoder, &buffer, size as u32))?;
+            let total = download::<u32>(own, &total, 2)?;
+            let total = u64::from(total[1]) << 32 | u64::from(total[0]);
+            let found = (download(own, &buffer, size)?, total);
+            same(|| format!("{size} values, subgroups {subgroups}"), &found, &scan_plain(&values))?;
+        }
+    }
+    Ok(())
+}
+
+/// The scan of few values by one workgroup, with and without subgroup operations.
+pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), Fault> {
+    for variant in variants(own) {
+        for size in [0, 1, 255, 256, 257, 30_002, SCANNED_AT_ONCE as usize] {
+            let mut random = Random(size as u64);
+            // Whose sum 32 bits hold, as that of counters does.
+            let values: Vec<u32> = (0..size).map(|_| random.word() >> 16).collect();
+            let lengths = upload(own, &[Lengths { items: 0, counters: size as u32 }])?;
+            let buffer = upload(own, &values)?;
+            run(own, &SCAN_ONCE, variant, 1, &[("lengths", &lengths), ("values", &buffer)])?;
+            let found = download::<u32>(own, &buffer, size)?;
+            same(|| format!("{size} values, {variant:?}"), &found, &scan_plain(&values).0)?;
+        }
+    }
+    Ok(())
+}
+
+fn sort_one(own: &GpuDevice, sort: &mut RadixSort, keys: &[u32], bits: u32) -> Result<(), Fault> {
+    let count = keys.len();
+    let payload: Vec<u32> = (0..count as u32).collect();
+    let input = Sorted { keys: upload(own, keys)?, payload: upload(own, &payload)? };
+    let sorted = submit(own, |encoder| sort.encode(encoder, &input, count as u32, bits))?;
+    let mut expected = payload;
+    let mask = u32::MAX >> (32 - bits);
+    expected.sort_by_key(|&index| keys[index as usize] & mask);
+    let moved: Vec<u32> = expected.iter().map(|&index| keys[index as usize]).collect();
+    let found: [Vec<u32>; 2] = [download(own, &sorted.payload, count)?, download(own, &sorted.keys, count)?];
+    same(|| format!("payload and keys, {count} by {bits} bits"), &found, &[expected, moved])
+}
+
+fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
+    let mut random = Random(size as u64);
+    [
+        (0..size).map(|_| random.word()).collect(),
+        (0..size as u32).collect(),
+        (0..size as u32).rev().collect(),
+        vec![0xabcd_ef01; size],
+    ]
+}
+
+/// The sort of so many keys of every kind by some numbers of bits, with and without subgroup operations; of a large number
+/// only random ones by three digits.
+///
+/// # Errors
+/// What is wrong.
+pub fn sort(own: &GpuDevice, size: usize) -> Result<(), Fault> {
+    for subgroups in [false, true] {
+        let mut sort = RadixSort::new(&own.device, subgroups);
+        let [random, others @ ..] = keys_of_each_kind(size);
+        if size >= LARGE {
+            sort_one(own, &mut sort, &random, 24)?;
+            continue;
+        }
+        for keys in [vec![random], others.into()].concat() {
+            for bits in [1, 8, 13, 24, 25, 32] {
+                sort_one(own, &mut sort, &keys, bits)?;
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,114 @@
+use glam::Vec3;
+
+use crate::Scenario;
+
+/// Makes a scenario smaller that fails: without spheres that it fails without, in ever smaller groups down to single
+/// ones, and then with rounder numbers. `failing` says what is wrong, if anything, and is asked at most `tries` times.
+/// Returns the smallest that fails, and what is wrong with it.
+pub fn shrink(
+    scenario: Scenario,
+    what: String,
+    tries: usize,
+    mut failing: impl FnMut(&Scenario) -> Option<String>,
+) -> (Scenario, String) {
+    let mut left = tries;
+    let mut best = (scenario, what);
+    let mut attempt = |best: &mut (Scenario, String), smaller: Scenario| {
+        if left == 0 {
+            return false;
+        }
+        left -= 1;
+        failing(&smaller).is_some_and(|what| {
+            *best = (smaller, what);
+            true
+        })
+    };
+    let mut group = best.0.spheres.len().div_ceil(2);
+    while group > 0 {
+        let (before, mut from) = (best.0.spheres.len(), 0);
+        while from < best.0.spheres.len() {
+            let smaller = best.0.only(|k| !(from..from + group).contains(&k));
+            // Where a group went, the next one begins at the same place.
+            if !attempt(&mut best, smaller) {
+                from += group;
+            }
+        }
+        let goes_on = group > 1 || best.0.spheres.len() < before;
+        group = if !goes_on { 0 } else { (group / 2).max(1) };
+    }
+    for k in 0..best.0.spheres.len() {
+        for rounder in [|_: f32| 0.0, f32::round, |x: f32| (x * 16.0).round() / 16.0] {
+            let mut smaller = best.0.clone();
+            let sphere = &mut smaller.spheres[k];
+            sphere.center = Vec3::from(sphere.center.to_array().map(rounder));
+            sphere.radius = rounder(sphere.radius);
+            // What overflows would fail for another reason.
+            let is_valid = sphere.center.is_finite() && sphere.radius.is_finite();
+            if is_valid && smaller != best.0 && attempt(&mut best, smaller) {
+                break;
+            }
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenes::cloud;
+    use crate::{Mixture, Tolerance, difference};
+    use lazygrid::{Interaction, Pair};
+
+    /// A detector that never finds the pairs of spheres at an odd and an even place.
+    fn broken(scenario: &Scenario) -> Vec<Pair> {
+        let mut pairs = scenario.oracle();
+        pairs.retain(|pair| {
+            (scenario.spheres[pair.i as usize].radius > 0.3)
+                == (scenario.spheres[pair.j as usize].radius > 0.3)
+        });
+        pairs
+    }
+
+    fn complaint(scenario: &Scenario) -> Option<String> {
+        difference(scenario, &broken(scenario), &scenario.oracle(), Tolerance::Exact).err()
+    }
+
+    #[test]
+    fn what_a_broken_detector_loses_shrinks_to_two_spheres() {
+        let spheres = cloud(3, 500, 5.0, |random| 0.5 * random.unit());
+        let ids = (0..spheres.len() as u32).map(|k| k % 2).collect();
+        let rows = vec![vec![Interaction::Touch], vec![Interaction::Touch; 2]];
+        let species = Mixture { species: ids, rows };
+        for mixture in [None, Some(species)] {
+            let scenario = Scenario { mixture, ..Scenario::from(spheres.clone()) };
+            let what = complaint(&scenario).expect("it is broken");
+            let (small, what) = shrink(scenario, what, 5000, complaint);
+            assert_eq!(small.spheres.len(), 2, "{small:?}");
+            assert!(small.mixture.is_none_or(|mixture| mixture.species.len() == 2));
+            assert!(what.contains("1 missing"), "{what}");
+        }
+    }
+
+    #[test]
+    fn what_is_valid_stays_so() {
+        let scenario = Scenario::from(vec![lazygrid::Sphere::new([0.3, f32::MAX, -1e38], 1.3e38); 3]);
+        let (small, _) = shrink(scenario.clone(), String::new(), 100, |smaller| {
+            let nonzero = |s: &lazygrid::Sphere| s.radius > 0.0 && s.center.x > 0.2;
+            assert!(smaller.spheres.iter().all(|s| s.center.is_finite() && s.radius.is_finite()));
+            smaller.spheres.first().is_some_and(nonzero).then(String::new)
+        });
+        assert_eq!(small.spheres.len(), 1);
+        assert_eq!(small.spheres[0], scenario.spheres[0]);
+    }
+
+    #[test]
+    fn no_more_tries_than_allowed() {
+        let scenario = Scenario::from(cloud(3, 500, 5.0, |random| 0.5 * random.unit()));
+        let mut asked = 0;
+        let (small, what) = shrink(scenario.clone(), "first".to_owned(), 7, |_| {
+            asked += 1;
+            None
+        });
+        assert_eq!((asked, small, what.as_str()), (7, scenario, "first"));
+    }
+}

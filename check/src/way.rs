@@ -1,0 +1,199 @@
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use lazygrid::gpu::{AdapterId, GpuDevice, GpuSession, GpuSettings};
+use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Simd};
+
+use crate::device::PATIENCE;
+use crate::{Scenario, Tolerance};
+
+/// The GPU that is checked.
+#[derive(Clone, Debug)]
+pub struct Gpu {
+    /// The device.
+    pub own: GpuDevice,
+    /// How it was asked for, where it was.
+    pub adapter: Option<AdapterId>,
+}
+
+/// One way to get the pairs of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Way {
+    /// Which detector.
+    pub algorithm: Algorithm,
+    /// Where it runs.
+    pub place: Place,
+    /// τ, where it is not the default.
+    pub tau: Option<u32>,
+    /// The raster ratio, where it is not the default.
+    pub raster_ratio: Option<f32>,
+}
+
+/// Where a detector runs, and with what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// On the CPU.
+    Cpu {
+        /// The widest vector code.
+        simd: Simd,
+        /// So many threads; `None`: those of the process.
+        threads: Option<usize>,
+    },
+    /// On the GPU.
+    Gpu {
+        /// Whether subgroup operations are used.
+        subgroups: bool,
+    },
+}
+
+impl Way {
+    /// A way with default settings.
+    pub fn new(algorithm: Algorithm, place: Place) -> Self {
+        Self { algorithm, place, tau: None, raster_ratio: None }
+    }
+
+    /// Every algorithm of the CPU on one thread with every width of vectors that the processor has, and on all threads.
+    pub fn on_cpu() -> Vec<Self> {
+        let widest = Simd::detect();
+        let mut widths = vec![Simd::Avx512, Simd::Avx2, Simd::Portable];
+        widths.drain(..widths.iter().position(|width| *width == widest).unwrap_or(0));
+        let places = widths.into_iter().map(|simd| Place::Cpu { simd, threads: Some(1) });
+        let places = places.chain([Place::Cpu { simd: widest, threads: None }]);
+        places.flat_map(|place| Algorithm::CPU.map(|algorithm| Self::new(algorithm, place))).collect()
+    }
+
+    /// Every algorithm of the GPU with and without subgroup operations, and with cells that are split where they hold more
+    /// than one smaller sphere.
+    pub fn on_gpu(own: &GpuDevice) -> Vec<Self> {
+        let with = |subgroups, tau| {
+            let way = move |algorithm| Self { tau, ..Self::new(algorithm, Place::Gpu { subgroups }) };
+            Algorithm::GPU.map(way).to_vec()
+        };
+        let subgroups = own.adapter.has_subgroups;
+        let mut ways = with(false, None);
+        if subgroups {
+            ways.extend(with(true, None));
+        }
+        ways.extend(with(subgroups, Some(1)));
+        ways
+    }
+
+    /// The backend.
+    pub fn backend(&self) -> Backend {
+        match self.place {
+            Place::Cpu { .. } => Backend::Cpu,
+            Place::Gpu { .. } => Backend::Gpu,
+        }
+    }
+
+    /// How far results may be from the definition.
+    pub fn tolerance(&self) -> Tolerance {
+        match self.place {
+            Place::Cpu { .. } => Tolerance::Exact,
+            Place::Gpu { .. } => Tolerance::Tangent,
+        }
+    }
+
+    /// The settings of a `Detector` that goes this way, but for subgroups, which it uses where there are any.
+    pub fn config(&self, gpu: Option<&Gpu>) -> Config {
+        let mut config =
+            Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(PATIENCE);
+        if let Some(tau) = self.tau {
+            config = config.tau(tau);
+        }
+        if let Some(ratio) = self.raster_ratio {
+            config = config.raster_ratio(ratio);
+        }
+        match self.place {
+            Place::Cpu { simd, threads } => {
+                let config = config.simd(simd);
+                threads.map_or(config.clone(), |threads| config.threads(threads))
+            }
+            Place::Gpu { .. } => match gpu.and_then(|gpu| gpu.adapter.clone()) {
+                Some(adapter) => config.adapter(adapter),
+                None => config,
+            },
+        }
+    }
+
+    /// The pairs, in any order.
+    ///
+    /// # Errors
+    /// The library's error, or how it panicked, as text.
+    pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &Scenario) -> Result<Vec<Pair>, String> {
+        guarded(|| match (self.place, gpu) {
+            (Place::Gpu { subgroups }, Some(gpu)) => self.pairs_in_session(gpu, subgroups, scenario),
+            _ => {
+                let config = scenario.config(self.config(gpu)).map_err(text)?;
+                let mut detector = Detector::new(config).map_err(text)?;
+                detector.pairs(scenario.view()).map_err(text)?;
+                Ok(detector.into_pairs())
+            }
+        })
+    }
+
+    fn pairs_in_session(&self, gpu: &Gpu, subgroups: bool, scenario: &Scenario) -> Result<Vec<Pair>, String> {
+        let defaults = GpuSettings::default();
+        let settings = GpuSettings {
+            algorithm: self.algorithm,
+            subgroups,
+            tau: self.tau.unwrap_or(defaults.tau),
+            raster_ratio: self
+                .raster_ratio
+                .unwrap_or(defaults.raster_ratio)
+                .max(GpuSettings::MIN_RASTER_RATIO),
+            interactions: scenario.interactions().map_err(text)?,
+            space: scenario.space,
+            // So little that many scenes have to be repeated with more room.
+            pair_capacity: 1 << 12,
+            ..defaults
+        };
+        let mut session = GpuSession::new(gpu.own.clone(), settings).map_err(text)?;
+        session.set_timeout(PATIENCE);
+        let ticket = session.begin(scenario.view()).map_err(text)?;
+        Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
+    }
+
+    /// The options of `lazygrid detect` that go this way, as far as it has them.
+    pub fn options(&self, gpu: Option<&Gpu>) -> String {
+        let mut options = format!(" --backend {} --algorithm {}", self.backend(), self.algorithm);
+        if let (Place::Gpu { .. }, Some(adapter)) = (self.place, gpu.and_then(|gpu| gpu.adapter.as_ref())) {
+            options += &format!(" --adapter '{adapter}'");
+        }
+        if let Place::Cpu { threads: Some(threads), .. } = self.place {
+            options += &format!(" --threads {threads}");
+        }
+        let tau = self.tau.map(|tau| format!(" --tau {tau}"));
+        let ratio = self.raster_ratio.map(|ratio| format!(" --raster-ratio {ratio}"));
+        options + &tau.unwrap_or_default() + &ratio.unwrap_or_default()
+    }
+}
+
+impl fmt::Display for Way {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} on {}", self.algorithm, self.backend())?;
+        match self.place {
+            Place::Cpu { simd, threads: None } => write!(f, ", all threads, {simd:?}")?,
+            Place::Cpu { simd, threads: Some(threads) } => write!(f, ", threads {threads}, {simd:?}")?,
+            Place::Gpu { subgroups } => write!(f, ", subgroups {}", if subgroups { "on" } else { "off" })?,
+        }
+        self.tau.map_or(Ok(()), |tau| write!(f, ", τ {tau}"))?;
+        self.raster_ratio.map_or(Ok(()), |ratio| write!(f, ", raster ratio {ratio}"))
+    }
+}
+
+/// Does what must not, and on an unknown machine may, panic.
+///
+/// # Errors
+/// That of `work`, or what it said when it panicked.
+pub fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
+        let said = payload.downcast_ref::<String>().map(String::as_str);
+        let said = said.or_else(|| payload.downcast_ref::<&str>().copied());
+        Err(format!("panicked: {}", said.unwrap_or("without a word")))
+    })
+}
+
+pub(crate) fn text(error: impl fmt::Display) -> String {
+    error.to_string()
+}

@@ -1,0 +1,246 @@
+//! `lazygrid check`: whether all is right on this machine, and how fast it is.
+
+mod report;
+mod speeds;
+
+use std::time::{Instant, SystemTime};
+
+use indicatif::ProgressBar;
+use lazygrid::Error;
+use lazygrid::gpu::GpuDevice;
+use lazygrid_check::compare::{self, Case, Failure as Fault, Pace};
+use lazygrid_check::fuzz::Round;
+use lazygrid_check::kernels::{CHECKS, within_algorithms};
+use lazygrid_check::{Gpu, Way, guarded};
+
+use self::report::Report;
+use crate::args::{Check, Checked};
+use crate::failure::Failure;
+use crate::progress;
+
+/// Parts of the progress that each stage is; about seconds on a slow machine.
+const KERNELS: u64 = 20;
+const SCENES: u64 = 40;
+const SPEEDS: u64 = 60;
+
+/// Scenes that take a way longer are left out; with `--full` twenty times as long.
+const SCENE_SECONDS: f64 = 0.5;
+
+/// How often something that fails is tried again with fewer spheres.
+const TRIES: usize = 1500;
+
+/// So many rounds that go wrong are enough for the fuzzer.
+const ENOUGH: usize = 10;
+
+/// Does all that is asked for, and says at the end whether anything is wrong.
+pub(crate) fn run(args: &Check) -> Result<(), Failure> {
+    let gpu = open(args)?;
+    let (gpu, skipped) = match gpu {
+        Ok(gpu) => (gpu, None),
+        Err(reason) => (None, Some(reason)),
+    };
+    let on_cpu = args.backend != Checked::Gpu;
+    // What panics is caught, and said with the rest.
+    std::panic::set_hook(Box::new(|panic| log::info!("{panic}")));
+    let backends = u64::from(on_cpu) + u64::from(gpu.is_some());
+    let fuzz = args.fuzz.map_or(0, |time| time.as_secs());
+    let parts = match args.seed {
+        Some(_) => 1,
+        None => gpu.as_ref().map_or(0, |_| KERNELS) + backends * (SCENES + SPEEDS) + fuzz,
+    };
+    let work = Work { args, gpu, on_cpu, bar: progress::working(parts) };
+    let mut report = Report::new(args, work.gpu.as_ref(), skipped)?;
+    let done = guarded(|| {
+        Ok(match args.seed {
+            Some(seed) => work.repeat(seed, &mut report),
+            None => work.all(&mut report),
+        })
+    });
+    work.bar.finish_and_clear();
+    match done {
+        Ok(done) => done?,
+        Err(what) => {
+            let name = "the check itself".to_owned();
+            report.failure(Fault { name, what, scenario: None, options: String::new() })?;
+        }
+    }
+    report.finish()
+}
+
+/// The GPU that is to be checked, if one is; or why there is none, where that is no failure.
+fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, Failure> {
+    if args.backend == Checked::Cpu {
+        return match &args.adapter {
+            Some(adapter) => {
+                Err(Failure::Setting(lazygrid::Error::AdapterOnCpu { adapter: adapter.to_string() }))
+            }
+            None => Ok(Ok(None)),
+        };
+    }
+    let own = match &args.adapter {
+        Some(adapter) => GpuDevice::shared_adapter(adapter),
+        None => GpuDevice::shared(true),
+    };
+    match own {
+        Ok(own) => Ok(Ok(Some(Gpu { own, adapter: args.adapter.clone() }))),
+        Err(error @ Error::NoAdapter { .. }) if args.backend == Checked::All && args.adapter.is_none() => {
+            Ok(Err(error.to_string()))
+        }
+        Err(error) => Err(Failure::Setting(lazygrid::Error::GpuUnavailable { reason: error.to_string() })),
+    }
+}
+
+/// One of the ways to search scenes.
+struct Runner<'a> {
+    way: &'a Way,
+    pace: Pace,
+    /// How many scenes would have taken long.
+    left_out: usize,
+    /// In how many scenes its pairs were wrong.
+    wrong: usize,
+    /// The one of these with the fewest spheres, and what was wrong.
+    smallest: Option<(&'a Case, String)>,
+}
+
+impl<'a> Runner<'a> {
+    fn new(way: &'a Way) -> Self {
+        Self { way, pace: Pace::default(), left_out: 0, wrong: 0, smallest: None }
+    }
+
+    fn note(&mut self, case: &'a Case, fault: Option<String>) {
+        let Some(what) = fault else { return };
+        self.wrong += 1;
+        let spheres = |case: &Case| case.scenario.spheres.len();
+        if self.smallest.as_ref().is_none_or(|(other, _)| spheres(case) < spheres(other)) {
+            self.smallest = Some((case, what));
+        }
+    }
+}
+
+/// What is checked, and how far that has come.
+struct Work<'a> {
+    args: &'a Check,
+    gpu: Option<Gpu>,
+    on_cpu: bool,
+    bar: ProgressBar,
+}
+
+impl Work<'_> {
+    fn all(&self, report: &mut Report) -> Result<(), Failure> {
+        if let Some(gpu) = &self.gpu {
+            self.kernels(gpu, report)?;
+        }
+        self.scenes(report)?;
+        speeds::run(self, report)?;
+        self.fuzz(report)
+    }
+
+    /// Says how far a stage has come: `done` of `all`, of a stage of so many parts that began at `from`.
+    fn step(&self, from: u64, parts: u64, [done, all]: [usize; 2], what: &str) {
+        self.bar.set_position(from + parts * done as u64 / all.max(1) as u64);
+        self.bar.set_message(what.to_owned());
+    }
+
+    fn kernels(&self, gpu: &Gpu, report: &mut Report) -> Result<(), Failure> {
+        let (from, start) = (self.bar.position(), Instant::now());
+        for (k, check) in CHECKS.iter().enumerate() {
+            self.step(from, KERNELS, [k, CHECKS.len()], &format!("kernels: {}", check.name));
+            let checked =
+                guarded(|| (check.run)(&gpu.own, self.args.extent()).map_err(|fault| fault.to_string()));
+            if let Err(what) = checked {
+                let name = format!("{} ({})", check.name, check.kernels.join(", "));
+                self.tell(|| report.failure(Fault { name, what, scenario: None, options: String::new() }))?;
+            }
+        }
+        let alone = CHECKS.iter().map(|check| check.kernels.len()).sum();
+        let others: Vec<&str> = within_algorithms().collect();
+        self.bar.set_position(from + KERNELS);
+        self.tell(|| report.kernels(alone, &others, start.elapsed()))
+    }
+
+    fn scenes(&self, report: &mut Report) -> Result<(), Failure> {
+        let (from, start) = (self.bar.position(), Instant::now());
+        let cases = compare::cases(self.args.extent());
+        let on_gpu = self.gpu.as_ref().map_or_else(Vec::new, |gpu| Way::on_gpu(&gpu.own));
+        let on_cpu = if self.on_cpu { Way::on_cpu() } else { Vec::new() };
+        let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);
+        let most = if self.args.full { SCENE_SECONDS * 20.0 } else { SCENE_SECONDS };
+        let mut runners: Vec<Runner<'_>> = on_gpu.iter().chain(&on_cpu).map(Runner::new).collect();
+        for (k, case) in cases.iter().enumerate() {
+            self.step(from, backends * SCENES, [k, cases.len()], &format!("scenes: {}", case.name));
+            let expected = match compare::expected(&case.scenario) {
+                Ok(expected) => expected,
+                Err(what) => {
+                    let (name, scenario) = (format!("{}: reference", case.name), Some(case.scenario.clone()));
+                    self.tell(|| report.failure(Fault { name, what, scenario, options: String::new() }))?;
+                    continue;
+                }
+            };
+            let spheres = case.scenario.spheres.len();
+            for runner in &mut runners {
+                if runner.pace.forecast(runner.way, spheres) > most {
+                    runner.left_out += 1;
+                    continue;
+                }
+                let start = Instant::now();
+                let fault = case.fault(runner.way, self.gpu.as_ref(), &expected);
+                runner.pace.saw(runner.way, spheres, start.elapsed().as_secs_f64());
+                runner.note(case, fault);
+            }
+        }
+        let mut left_out: Vec<(String, usize)> = Vec::new();
+        for Runner { way, wrong, smallest, left_out: scenes, .. } in runners {
+            let name = format!("{} on {}", way.algorithm, way.backend());
+            match left_out.iter_mut().find(|(other, _)| *other == name) {
+                _ if scenes == 0 => {}
+                Some((_, all)) => *all += scenes,
+                None => left_out.push((name, scenes)),
+            }
+            if let Some((case, what)) = smallest {
+                self.bar.set_message(format!("making small: {}", case.name));
+                let mut fault = case.failure(way, self.gpu.as_ref(), what, TRIES);
+                fault.what += &format!("; wrong in {wrong} of {} scenes, this was the smallest", cases.len());
+                self.tell(|| report.failure(fault))?;
+            }
+        }
+        self.bar.set_position(from + backends * SCENES);
+        self.tell(|| report.scenes([cases.len(), on_gpu.len(), on_cpu.len()], &left_out, start.elapsed()))
+    }
+
+    fn fuzz(&self, report: &mut Report) -> Result<(), Failure> {
+        let Some(time) = self.args.fuzz else { return Ok(()) };
+        let (from, start) = (self.bar.position(), Instant::now());
+        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        // Short enough to be typed.
+        let first = u64::from(since.subsec_nanos()) * 1000;
+        let (mut rounds, mut wrong) = (0, 0);
+        while start.elapsed() < time && wrong < ENOUGH {
+            self.bar.set_position(from + start.elapsed().as_secs());
+            self.bar.set_message(format!("fuzz: {rounds} rounds"));
+            wrong += usize::from(self.round(first + rounds, report)?);
+            rounds += 1;
+        }
+        self.tell(|| report.fuzz(first, rounds, start.elapsed()))
+    }
+
+    /// Whether something was wrong.
+    fn round(&self, seed: u64, report: &mut Report) -> Result<bool, Failure> {
+        let round = Round::drawn(seed, self.on_cpu, self.gpu.is_some());
+        match round.check(self.gpu.as_ref(), TRIES) {
+            None => Ok(false),
+            Some(fault) => self.tell(|| report.failure(fault)).map(|()| true),
+        }
+    }
+
+    /// Only one round.
+    fn repeat(&self, seed: u64, report: &mut Report) -> Result<(), Failure> {
+        let start = Instant::now();
+        self.round(seed, report)?;
+        self.tell(|| report.fuzz(seed, 1, start.elapsed()))
+    }
+
+    /// Says something beside the progress.
+    fn tell(&self, say: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
+        self.bar.suspend(say)
+    }
+}

@@ -1,0 +1,423 @@
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use lazygrid::{Algorithm, Backend, Interaction};
+use lazygrid_check::compare::Failure as Fault;
+use lazygrid_check::speed::Speed;
+use lazygrid_check::{Gpu, Scenario};
+use lazygrid_io::scenes::Scene;
+use lazygrid_io::write::Draft;
+use serde_json::{Map, Value, json};
+
+use crate::args::Check;
+use crate::failure::Failure;
+use crate::{devices, print};
+
+/// Counts of a GPU may differ by pairs in tangency: by two, and one in so many.
+const TANGENT: u64 = 1_000_000;
+
+/// Says what comes of the checks: as it comes, or as one JSON object in the end.
+pub(super) struct Report {
+    is_json: bool,
+    /// What was asked, as options that repeat it.
+    backend: &'static str,
+    object: Map<String, Value>,
+    failures: Vec<Value>,
+    /// How many files there are that show failures.
+    files: usize,
+    left_out: Vec<Value>,
+    speeds: Vec<Value>,
+    /// How many pairs were counted of which spheres.
+    counts: Vec<(Scene, usize, u64)>,
+    start: Instant,
+}
+
+/// Copy, scan or sort.
+pub(super) struct Primitive {
+    pub(super) what: String,
+    pub(super) values: u32,
+    pub(super) seconds: f64,
+    /// Bytes per second.
+    pub(super) bandwidth: f64,
+    /// Part of the copy's bandwidth.
+    pub(super) of_copy: f64,
+}
+
+/// What is timed.
+#[derive(Clone, Copy)]
+pub(super) struct Called {
+    pub(super) backend: Backend,
+    pub(super) algorithm: Algorithm,
+    pub(super) scene: Scene,
+    pub(super) spheres: usize,
+}
+
+impl Report {
+    pub(super) fn new(args: &Check, gpu: Option<&Gpu>, skipped: Option<String>) -> Result<Self, Failure> {
+        use clap::ValueEnum;
+        let backend = match args.backend.to_possible_value() {
+            Some(value) => value.get_name().to_owned().leak(),
+            None => "all",
+        };
+        let mut report = Self {
+            is_json: args.json,
+            backend,
+            object: Map::new(),
+            failures: Vec::new(),
+            files: 0,
+            left_out: Vec::new(),
+            speeds: Vec::new(),
+            counts: Vec::new(),
+            start: Instant::now(),
+        };
+        report.keep("version", env!("CARGO_PKG_VERSION"));
+        report.keep("cpu", devices::cpu());
+        report.say(&format!("cpu        {}\n", devices::cpu()))?;
+        match gpu.map(|gpu| &gpu.own.adapter) {
+            Some(adapter) => {
+                let subgroups = devices::subgroups(adapter);
+                report.keep(
+                    "gpu",
+                    json!({
+                        "name": adapter.name, "driver": adapter.driver, "api": adapter.api,
+                        "hardware": adapter.is_hardware, "subgroups": subgroups, "timestamps": adapter.has_timestamps,
+                    }),
+                );
+                let kind = if adapter.is_hardware { "" } else { ", software" };
+                let clock = if adapter.has_timestamps { "" } else { ", no timestamps" };
+                let line = format!(
+                    "{}, {} by {}, {subgroups}{kind}{clock}",
+                    adapter.name, adapter.driver, adapter.api
+                );
+                report.say(&format!("gpu        {line}\n"))?;
+            }
+            None => {
+                report.keep("gpu", Value::Null);
+                if let Some(reason) = skipped {
+                    report.say(&format!("gpu        not checked: {reason}\n"))?;
+                    report.keep("gpu_skipped", reason);
+                }
+            }
+        }
+        Ok(report)
+    }
+
+    fn say(&self, text: &str) -> Result<(), Failure> {
+        if self.is_json { Ok(()) } else { print(text) }
+    }
+
+    fn keep(&mut self, name: &str, value: impl Into<Value>) {
+        self.object.insert(name.to_owned(), value.into());
+    }
+
+    pub(super) fn kernels(&mut self, alone: usize, others: &[&str], time: Duration) -> Result<(), Failure> {
+        self.keep(
+            "kernels",
+            json!({ "alone": alone, "within_algorithms": others, "seconds": time.as_secs_f64() }),
+        );
+        let others = match others {
+            [] => String::new(),
+            others => format!("; within the algorithms alone: {}", others.join(", ")),
+        };
+        self.say(&format!("kernels    {alone} against sequential functions, {time:.1?}{others}\n"))
+    }
+
+    pub(super) fn scenes(
+        &mut self,
+        [scenes, gpu, cpu]: [usize; 3],
+        left_out: &[(String, usize)],
+        time: Duration,
+    ) -> Result<(), Failure> {
+        let searches: Map<String, Value> =
+            left_out.iter().map(|(way, searches)| (way.clone(), (*searches).into())).collect();
+        self.keep(
+            "scenes",
+            json!({
+                "scenes": scenes, "ways_on_gpu": gpu, "ways_on_cpu": cpu, "left_out": searches,
+                "seconds": time.as_secs_f64(),
+            }),
+        );
+        let ways = [(gpu, "gpu"), (cpu, "cpu")].into_iter().filter(|(ways, _)| *ways > 0);
+        let ways: Vec<String> = ways.map(|(ways, on)| format!("in {ways} ways on the {on}")).collect();
+        let searches = left_out.iter().map(|(way, searches)| format!("{searches} of {way}"));
+        let left_out = match left_out {
+            [] => String::new(),
+            _ => format!("; left out as too long: {}", searches.collect::<Vec<_>>().join(", ")),
+        };
+        self.say(&format!("scenes     {scenes} {}, {time:.1?}{left_out}\n", ways.join(" and ")))
+    }
+
+    pub(super) fn fuzz(&mut self, seed: u64, rounds: u64, time: Duration) -> Result<(), Failure> {
+        self.keep("fuzz", json!({ "first_seed": seed, "rounds": rounds, "seconds": time.as_secs_f64() }));
+        self.say(&format!("\nfuzz       {rounds} rounds from seed {seed} on, {time:.1?}\n"))
+    }
+
+    pub(super) fn primitives(&mut self, own_clock: bool, rows: Vec<Primitive>) -> Result<(), Failure> {
+        let clock = if own_clock { "the GPU's clock" } else { "wall time" };
+        let mut text =
+            format!("\n{:<15}{:>11}{:>12}{:>10}   of a copy, {clock}\n", "", "values", "ms", "GB/s");
+        for Primitive { what, values, seconds, bandwidth, of_copy } in &rows {
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                text,
+                "{what:<15}{values:>11}{:>12.3}{:>10.1}{:>8.0} %",
+                seconds * 1e3,
+                bandwidth * 1e-9,
+                of_copy * 100.0
+            );
+        }
+        let rows: Vec<Value> = rows
+            .iter()
+            .map(|row| {
+                json!({
+                    "what": row.what, "values": row.values, "seconds": row.seconds,
+                    "bytes_per_second": row.bandwidth, "of_copy": row.of_copy,
+                })
+            })
+            .collect();
+        self.keep("primitives", json!({ "clock": clock, "rows": rows }));
+        self.say(&text)
+    }
+
+    pub(super) fn speeds_of(&mut self, backend: Backend) -> Result<(), Failure> {
+        let busy = if backend == Backend::Gpu { "ms of gpu" } else { "ns/sphere" };
+        self.say(&format!(
+            "\n{:<15}{:>11}{:>12}{:>10}{busy:>11}   {backend}, stages in ms\n",
+            "", "spheres", "pairs", "ms"
+        ))
+    }
+
+    pub(super) fn speed(&mut self, called: Called, speed: &Speed) -> Result<(), Failure> {
+        let Called { backend, algorithm, scene, spheres } = called;
+        let stages: Map<String, Value> =
+            speed.stages.iter().map(|(name, seconds)| ((*name).to_owned(), (*seconds).into())).collect();
+        self.speeds.push(json!({
+            "backend": backend.name(), "algorithm": algorithm.name(), "scene": scene.name(), "spheres": spheres,
+            "pairs": speed.pairs, "seconds": speed.seconds, "busy_seconds": speed.busy, "stages": stages,
+            "rounds": speed.rounds,
+        }));
+        let busy = match backend {
+            Backend::Gpu => speed.busy * 1e3,
+            _ => speed.seconds / spheres as f64 * 1e9,
+        };
+        let stages: Vec<String> =
+            speed.stages.iter().map(|(name, seconds)| format!("{name} {:.3}", seconds * 1e3)).collect();
+        self.say(&format!(
+            "{algorithm:<15}{spheres:>11}{:>12}{:>10.3}{busy:>11.3}   {scene}: {}\n",
+            speed.pairs,
+            speed.seconds * 1e3,
+            stages.join(", ")
+        ))?;
+        self.compare_count(called, speed.pairs)
+    }
+
+    /// Holds a count against the first one of the same spheres.
+    fn compare_count(&mut self, called: Called, pairs: u64) -> Result<(), Failure> {
+        let Called { backend, algorithm, scene, spheres } = called;
+        let known = self.counts.iter().find(|(of, n, _)| *of == scene && *n == spheres);
+        let Some(&(.., expected)) = known else {
+            self.counts.push((scene, spheres, pairs));
+            return Ok(());
+        };
+        let tolerance = if backend == Backend::Gpu { 2 + expected / TANGENT } else { 0 };
+        if pairs.abs_diff(expected) <= tolerance {
+            return Ok(());
+        }
+        let name = format!("{algorithm} on {backend}, {spheres} spheres, {scene}");
+        let what = format!("{pairs} pairs counted where {expected} are expected");
+        let options = format!(
+            "lazygrid generate {scene} -n {spheres} -o check.npy && lazygrid detect check.npy --count --backend {backend} --algorithm {algorithm}"
+        );
+        self.failure(Fault { name, what, scenario: None, options })
+    }
+
+    pub(super) fn left_out(&mut self, called: Called, why: &str) -> Result<(), Failure> {
+        let Called { backend, algorithm, scene, spheres } = called;
+        self.left_out.push(json!({
+            "backend": backend.name(), "algorithm": algorithm.name(), "scene": scene.name(), "spheres": spheres,
+            "why": why,
+        }));
+        self.say(&format!("{algorithm:<15}{spheres:>11}   left out, and more: {why}\n"))
+    }
+
+    /// Says what is wrong, and writes to a file what shows it.
+    pub(super) fn failure(&mut self, fault: Fault) -> Result<(), Failure> {
+        let path = PathBuf::from(format!("lazygrid-check-{}.csv", self.files + 1));
+        let Fault { name, what, scenario, options } = fault;
+        let command = self.command(&path, &name, scenario.as_ref(), &options);
+        let mut file = Value::Null;
+        let mut text = format!("WRONG      {name}: {what}\n");
+        if let Some(scenario) = &scenario {
+            match write(&path, scenario, &format!("{name}: {what}\n{command}")) {
+                Ok(()) => {
+                    let spheres = scenario.spheres.len();
+                    let _ = writeln!(text, "           {spheres} spheres in {}", path.display());
+                    self.files += 1;
+                    file = path.display().to_string().into();
+                }
+                Err(error) => drop(writeln!(text, "           not written: {error}")),
+            }
+        }
+        let _ = writeln!(text, "           {command}");
+        self.failures.push(json!({
+            "name": name, "what": what, "file": file, "command": command,
+            "spheres": scenario.map(|scenario| scenario.spheres.len()),
+        }));
+        self.say(&text)
+    }
+
+    /// What repeats a failure.
+    fn command(&self, path: &Path, name: &str, scenario: Option<&Scenario>, options: &str) -> String {
+        let seed = name.strip_prefix("fuzz seed ").and_then(|rest| rest.split_once(':'));
+        let fuzz = seed.map(|(seed, _)| format!("lazygrid check --backend {} --seed {seed}", self.backend));
+        let is_plain = scenario.is_some_and(|scenario| scenario.mixture.is_none()) && !options.is_empty();
+        match (scenario, fuzz) {
+            (Some(scenario), fuzz) if is_plain => {
+                let lengths = scenario.space.lengths();
+                let periodic = match scenario.space.is_periodic() {
+                    true => lengths.map(|l| l.map_or("-".to_owned(), |l| format!("{l:?}"))).join(","),
+                    false => "none".to_owned(),
+                };
+                let detect = format!("lazygrid detect {}{options} --periodic {periodic}", path.display());
+                fuzz.map_or(detect.clone(), |fuzz| format!("{detect}, or {fuzz}"))
+            }
+            (None, None) if !options.is_empty() => options.to_owned(),
+            (_, Some(fuzz)) => fuzz,
+            _ => format!("lazygrid check --backend {}", self.backend),
+        }
+    }
+
+    /// Prints the object, and ends as the checks did.
+    pub(super) fn finish(mut self) -> Result<(), Failure> {
+        let failures = self.failures.len();
+        let time = self.start.elapsed();
+        let [speeds, left_out, failed] =
+            [&mut self.speeds, &mut self.left_out, &mut self.failures].map(std::mem::take);
+        for (name, list) in [("speeds", speeds), ("left_out", left_out), ("failures", failed)] {
+            self.keep(name, list);
+        }
+        self.keep("seconds", time.as_secs_f64());
+        self.keep("ok", failures == 0);
+        if self.is_json {
+            print(format!("{}\n", Value::Object(self.object)))?;
+        } else if failures == 0 {
+            print(format!("\nall right, {:.0} s\n", time.as_secs_f64()))?;
+        }
+        if failures == 0 { Ok(()) } else { Err(Failure::Wrong { failures }) }
+    }
+}
+
+/// Writes a scene as `lazygrid detect` reads it, with comments before it.
+fn write(path: &Path, scenario: &Scenario, comments: &str) -> Result<(), lazygrid_io::Error> {
+    let mut text = String::new();
+    let mut comment = |line: &str| text += &format!("# {line}\n");
+    comments.lines().for_each(&mut comment);
+    if let Some(mixture) = &scenario.mixture {
+        comment("Pairs by species, which lazygrid detect does not know of:");
+        for (a, row) in mixture.rows.iter().enumerate() {
+            for (b, interaction) in row.iter().enumerate() {
+                comment(&match interaction {
+                    Interaction::Never => format!("  {a} and {b} never"),
+                    Interaction::Touch => format!("  {a} and {b} where they touch"),
+                    Interaction::Within(distance) => format!("  {a} and {b} within {distance:?}"),
+                });
+            }
+        }
+    }
+    let species = scenario.mixture.as_ref().map(|mixture| &mixture.species);
+    text += if species.is_some() { "x,y,z,r,species\n" } else { "x,y,z,r\n" };
+    for (k, sphere) in scenario.spheres.iter().enumerate() {
+        let [x, y, z] = sphere.center.to_array();
+        let _ = write!(text, "{x:?},{y:?},{z:?},{:?}", sphere.radius);
+        let _ = species.map_or(Ok(()), |species| write!(text, ",{}", species[k]));
+        text.push('\n');
+    }
+    let mut draft = Draft::create(path)?;
+    draft.put(|out| out.write_all(text.as_bytes()))?;
+    draft.publish()
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid::{Space, Sphere};
+    use lazygrid_check::Mixture;
+    use lazygrid_io::read::{Frames, Options};
+
+    use super::*;
+
+    fn report() -> Report {
+        Report {
+            is_json: true,
+            backend: "all",
+            object: Map::new(),
+            failures: Vec::new(),
+            files: 0,
+            left_out: Vec::new(),
+            speeds: Vec::new(),
+            counts: Vec::new(),
+            start: Instant::now(),
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_written_as_detect_reads_it() {
+        let tiny = f32::from_bits(1);
+        let spheres = vec![
+            Sphere::new([tiny, -3e38, 0.1], 1.0),
+            Sphere::new([1.0 / 3.0, -0.0, 1e-38], tiny),
+            Sphere::new([f32::MAX, f32::MIN, f32::MIN_POSITIVE], 0.0),
+        ];
+        let rows = vec![vec![Interaction::Never], vec![Interaction::Within(0.25), Interaction::Touch]];
+        let mixture = Mixture { species: vec![1, 0, 1], rows };
+        let directory = tempfile::tempdir().unwrap();
+        for mixture in [None, Some(mixture)] {
+            let scenario = Scenario { mixture, ..spheres.clone().into() };
+            let path = directory.path().join("failing.csv");
+            write(&path, &scenario, "x, y and z: 1 missing\nlazygrid detect").unwrap();
+            let mut frames = Frames::open(&path, Options::default()).unwrap();
+            let frame = frames.next().unwrap().unwrap();
+            assert_eq!(frame.spheres, scenario.spheres);
+            assert_eq!(frame.species.is_some(), scenario.mixture.is_some());
+            let text = std::fs::read_to_string(&path).unwrap();
+            assert_eq!(text.contains("#   1 and 0 within 0.25"), scenario.mixture.is_some(), "{text}");
+        }
+    }
+
+    #[test]
+    fn commands_repeat_what_they_can() {
+        let report = report();
+        let path = Path::new("f.csv");
+        let scenario = Scenario {
+            space: Space::periodic([Some(0.1), None, Some(1e-40)]).unwrap(),
+            ..Scenario::default()
+        };
+        let of = |name, scenario: Option<&Scenario>, options| report.command(path, name, scenario, options);
+        assert_eq!(
+            of("soup: naive on cpu", Some(&scenario), " --backend cpu"),
+            "lazygrid detect f.csv --backend cpu --periodic 0.1,-,1e-40"
+        );
+        assert_eq!(
+            of("fuzz seed 12: naive", Some(&Scenario::default()), " --count"),
+            "lazygrid detect f.csv --count --periodic none, or lazygrid check --backend all --seed 12"
+        );
+        assert_eq!(of("fuzz seed 12: naive", Some(&scenario), ""), "lazygrid check --backend all --seed 12");
+        assert_eq!(of("radix sort", None, ""), "lazygrid check --backend all");
+    }
+
+    #[test]
+    fn counts_that_differ_are_wrong() {
+        let mut report = report();
+        let mut count = |backend, spheres, pairs| {
+            let called = Called { backend, algorithm: Algorithm::Naive, scene: Scene::Equal, spheres };
+            report.compare_count(called, pairs).unwrap();
+            report.failures.len()
+        };
+        assert_eq!(count(Backend::Cpu, 10, 5), 0);
+        assert_eq!(count(Backend::Gpu, 10, 7), 0);
+        assert_eq!(count(Backend::Gpu, 10, 8), 1);
+        assert_eq!(count(Backend::Cpu, 10, 6), 2);
+        assert_eq!(count(Backend::Cpu, 20, 6), 2);
+        assert!(matches!(report.finish(), Err(Failure::Wrong { failures: 2 })));
+    }
+}

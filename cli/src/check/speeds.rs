@@ -1,0 +1,184 @@
+use std::time::Instant;
+
+use lazygrid::{Algorithm, Backend, Sphere};
+use lazygrid_check::bandwidth::{Measured, Stopwatch};
+use lazygrid_check::compare::Failure as Fault;
+use lazygrid_check::kernels::Fault as Wrong;
+use lazygrid_check::speed::{self, FULL, Speed, Untimed, forecast};
+use lazygrid_check::{Extent, Gpu, guarded};
+use lazygrid_io::scenes::Scene;
+
+use super::report::{Called, Primitive, Report};
+use super::{SPEEDS, Work};
+use crate::failure::Failure;
+
+/// Seconds that one call may take, and all calls of a backend together; with `--full` so many times as long.
+const CALL: f64 = 2.5;
+const ALL: f64 = 25.0;
+const FULL_TIMES: f64 = 12.0;
+
+/// Rounds of copy, scan and sort.
+const ROUNDS: usize = 7;
+
+/// Takes all times, those of the CPU first, which the GPU's counts are held against.
+pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), Failure> {
+    let scenes: &[Scene] = match work.args.extent() {
+        Extent::Full => &[Scene::FiveSizes, Scene::Equal, Scene::Burst],
+        _ => &[Scene::FiveSizes],
+    };
+    if work.on_cpu {
+        Race::new(work, Backend::Cpu, &speed::on_cpu).run(scenes, &Algorithm::CPU, report)?;
+    }
+    if let Some(gpu) = &work.gpu {
+        primitives(work, gpu, report)?;
+        let time = |algorithm, spheres: &[Sphere]| speed::on_gpu(&gpu.own, algorithm, spheres);
+        Race::new(work, Backend::Gpu, &time).run(scenes, &Algorithm::GPU, report)?;
+    }
+    Ok(())
+}
+
+/// Radix sort and scan beside a copy.
+fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Failure> {
+    work.bar.set_message("speeds: copy, scan and sort");
+    let watch = Stopwatch::new(gpu.own.clone(), ROUNDS);
+    let measured = guarded(|| {
+        let watch = watch.map_err(|error| error.to_string())?;
+        let text = |fault: Wrong| fault.to_string();
+        let mut rows = Vec::new();
+        let mut seconds = 0.0;
+        let sizes: &[u32] = if work.args.quick { &[100_000] } else { &[1_000_000, 10_000_000] };
+        for &values in sizes {
+            // A software driver takes as many times as long for ten times as many.
+            if seconds * 10.0 * (ROUNDS + 1) as f64 > 4.0 * CALL {
+                break;
+            }
+            let copy = watch.copy(values).map_err(text)?;
+            let bandwidth = copy.bandwidth();
+            let row = |what: &str, measured: Measured| Primitive {
+                what: what.to_owned(),
+                values,
+                seconds: measured.median(),
+                bandwidth: measured.bandwidth(),
+                of_copy: measured.bandwidth() / bandwidth,
+            };
+            rows.push(row("copy", copy));
+            rows.push(row("scan", watch.scan(values, true).map_err(text)?));
+            rows.push(row("sort, 24 bits", watch.sort(values, 24, true).map_err(text)?));
+            seconds = rows[rows.len() - 1].seconds;
+        }
+        Ok((watch.is_of_the_device(), rows))
+    });
+    match measured {
+        Ok((own_clock, rows)) => work.tell(|| report.primitives(own_clock, rows)),
+        Err(what) => {
+            let name = "copy, scan and sort by the clock".to_owned();
+            work.tell(|| report.failure(Fault { name, what, scenario: None, options: String::new() }))
+        }
+    }
+}
+
+/// Times an algorithm.
+type Time<'a> = &'a dyn Fn(Algorithm, &[Sphere]) -> Result<Speed, Untimed>;
+
+/// The times of one backend.
+struct Race<'a> {
+    work: &'a Work<'a>,
+    backend: Backend,
+    time: Time<'a>,
+    /// Where the progress began.
+    from: u64,
+    spent: f64,
+}
+
+/// One of those who are timed.
+struct Runner {
+    algorithm: Algorithm,
+    /// What it took so far: spheres and seconds.
+    times: Vec<(usize, f64)>,
+    /// Whether it is no longer asked: more spheres would take longer still.
+    is_out: bool,
+}
+
+impl<'a> Race<'a> {
+    fn new(work: &'a Work<'a>, backend: Backend, time: Time<'a>) -> Self {
+        Self { work, backend, time, from: work.bar.position(), spent: 0.0 }
+    }
+
+    fn run(mut self, scenes: &[Scene], algorithms: &[Algorithm], report: &mut Report) -> Result<(), Failure> {
+        self.work.tell(|| report.speeds_of(self.backend))?;
+        let mut sizes = speed::SIZES.to_vec();
+        match self.work.args.extent() {
+            Extent::Quick => sizes.truncate(1),
+            Extent::Usual => {}
+            Extent::Full => sizes.push(FULL),
+        }
+        let mut done = 0;
+        for &scene in scenes {
+            let runner = |&algorithm: &Algorithm| Runner { algorithm, times: vec![], is_out: false };
+            let mut runners: Vec<Runner> = algorithms.iter().map(runner).collect();
+            for &n in &sizes {
+                let what = format!("speeds of {}: {n} spheres, {scene}", self.backend);
+                self.work.step(self.from, SPEEDS, [done, sizes.len() * scenes.len()], &what);
+                done += 1;
+                let mut spheres = Vec::new();
+                for runner in &mut runners {
+                    let called =
+                        Called { backend: self.backend, algorithm: runner.algorithm, scene, spheres: n };
+                    self.call(runner, called, &mut spheres, report)?;
+                }
+            }
+        }
+        self.work.bar.set_position(self.from + SPEEDS);
+        Ok(())
+    }
+
+    /// One algorithm with so many spheres, which are made when they are first needed.
+    fn call(
+        &mut self,
+        runner: &mut Runner,
+        called: Called,
+        spheres: &mut Vec<Sphere>,
+        report: &mut Report,
+    ) -> Result<(), Failure> {
+        let Called { algorithm, scene, spheres: n, .. } = called;
+        if runner.is_out {
+            return Ok(());
+        }
+        if let Some(why) = self.too_long(forecast(algorithm, &runner.times, n)) {
+            runner.is_out = true;
+            return self.work.tell(|| report.left_out(called, &why));
+        }
+        if spheres.is_empty() {
+            *spheres = scene.spheres(n, 0);
+        }
+        let start = Instant::now();
+        let speed = (self.time)(algorithm, spheres);
+        self.spent += start.elapsed().as_secs_f64();
+        match speed {
+            Ok(speed) => {
+                runner.times.push((n, speed.seconds));
+                self.work.tell(|| report.speed(called, &speed))
+            }
+            Err(Untimed::TooLarge(what)) => {
+                runner.is_out = true;
+                self.work.tell(|| report.left_out(called, &what))
+            }
+            Err(Untimed::Failed(what)) => {
+                runner.is_out = true;
+                let name = format!("{algorithm} on {}, {n} spheres, {scene}", self.backend);
+                let fault = Fault { name, what, scenario: None, options: String::new() };
+                self.work.tell(|| report.failure(fault))
+            }
+        }
+    }
+
+    /// Why a call that is to take so many seconds is left out, if it is.
+    fn too_long(&self, seconds: f64) -> Option<String> {
+        let times = if self.work.args.full { FULL_TIMES } else { 1.0 };
+        let remedy = if self.work.args.full { "" } else { "; --full gives more time" };
+        if seconds > CALL * times {
+            return Some(format!("about {seconds:.0} s a call{remedy}"));
+        }
+        (self.spent + 2.0 * seconds > ALL * times).then(|| format!("no time left{remedy}"))
+    }
+}
