@@ -42,7 +42,7 @@ pub fn cases(extent: Extent) -> Vec<Case> {
     }
     let sizes: &[usize] = match extent {
         Extent::Quick => &[5000],
-        Extent::Usual => &[20_000],
+        Extent::Usual => &[10_000],
         Extent::Full => &[20_000, 1_000_000],
     };
     for &n in sizes {

@@ -24,7 +24,7 @@ const SCENES: u64 = 40;
 const SPEEDS: u64 = 60;
 
 /// Scenes that take a way longer are left out; with `--full` twenty times as long.
-const SCENE_SECONDS: f64 = 0.5;
+const SCENE_SECONDS: f64 = 0.2;
 
 /// How often something that fails is tried again with fewer spheres.
 const TRIES: usize = 1500;
