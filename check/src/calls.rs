@@ -45,6 +45,8 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
             dispatch_x: x,
             dispatch_y: y,
             dispatch_z: z,
+            // What the call before found is of use to this one.
+            densest: 1,
             ..Outcome::zeroed()
         };
         same(|| case("outcome"), &found, &cleared)?;

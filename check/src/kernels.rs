@@ -7,7 +7,7 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel::{KERNELS, Variant};
 use thiserror::Error;
 
-use crate::{Extent, calls, nested, primitives};
+use crate::{Extent, calls, list, nested, primitives};
 
 /// Around a workgroup, and many.
 pub(crate) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
@@ -42,7 +42,7 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 pub type Run = fn(&GpuDevice, Extent) -> Result<(), Fault>;
 
 /// All checks, in the order of a call.
-pub const CHECKS: [KernelCheck; 16] = [
+pub const CHECKS: [KernelCheck; 19] = [
     one("call begin", &["call_begin"], |own, _| calls::call_begin(own)),
     one("images nearest to the origin", &["spheres_wrap"], |own, _| calls::spheres_wrap(own)),
     one("bounds", &["bounds_reduce"], |own, _| calls::bounds_reduce(own)),
@@ -59,6 +59,9 @@ pub const CHECKS: [KernelCheck; 16] = [
     one("radix sort", &["radix_count", "radix_scan", "radix_scatter"], |own, extent| {
         sizes(extent).try_for_each(|size| primitives::sort(own, size))
     }),
+    one("sizes and bounds", &["spheres_survey"], |own, _| list::spheres_survey(own)),
+    one("beginnings of cells", &["cells_index"], |own, _| list::cells_index(own)),
+    one("spheres in order", &["spheres_place", "spheres_gather"], |own, _| list::spheres_place(own)),
     one("runs of a cell", &["runs_search"], |own, _| nested::runs_search(own)),
     one("sizes of the crowded search", &["crowded_open"], |own, _| calls::crowded_open(own)),
     one("all pairs", &["naive_search"], |own, _| calls::naive_search(own)),

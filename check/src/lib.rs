@@ -23,6 +23,7 @@ pub mod speed;
 mod calls;
 mod choices;
 mod difference;
+mod list;
 mod nested;
 mod random;
 mod scenario;

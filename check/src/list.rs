@@ -1,0 +1,154 @@
+//! The kernels of the cell list one by one, against plain sequential functions.
+
+use bytemuck::Zeroable;
+use lazygrid::Sphere;
+use lazygrid::gpu::{GpuDevice, wgpu};
+use lazygrid_kernels::kernel::{self as k, Variant};
+use lazygrid_kernels::layout::{Call, List, Survey};
+
+use crate::device::{download, run, upload};
+use crate::kernels::{Fault, SIZES, same};
+use crate::{Random, Words, adversary};
+
+/// Bounds, sizes and the number of bad spheres are found, and counters cleared, by any number of workgroups.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), Fault> {
+    for (size, groups) in SIZES.into_iter().flat_map(|size| [1, 3].map(|groups| (size, groups))) {
+        let mut spheres = adversary::any_floats(&Words::drawn(&mut Random(size as u64), size));
+        spheres.iter_mut().step_by(100).for_each(|sphere| sphere.center.y = f32::NAN);
+        let (counters, density_slots) = (size as u32 + 7, 512);
+        let call = Call { spheres: size as u32, counters, density_slots, ..Call::zeroed() };
+        let (call, count) = (upload(own, &[call])?, upload(own, &[size as u32])?);
+        let (input, survey) = (upload(own, &spheres)?, upload(own, &[Survey::zeroed()])?);
+        let [starts, density] = [counters, density_slots].map(|length| vec![7_u32; length as usize]);
+        let (starts, density) = (upload(own, &starts)?, upload(own, &density)?);
+        let bound = [
+            ("call", &call),
+            ("count_source", &count),
+            ("spheres", &input),
+            ("survey", &survey),
+            ("starts", &starts),
+            ("density", &density),
+        ];
+        run(own, &k::SPHERES_SURVEY, Variant::default(), groups, &bound)?;
+        let found = download::<Survey>(own, &survey, 1)?[0];
+        same(|| format!("{size} spheres, {groups} workgroups"), &found, &surveyed(&spheres))?;
+        for (what, length) in [(&starts, counters), (&density, density_slots)] {
+            let cleared = download::<u32>(own, what, length as usize)?;
+            same(|| "counters".to_owned(), &cleared, &vec![0; length as usize])?;
+        }
+    }
+    Ok(())
+}
+
+fn surveyed(spheres: &[Sphere]) -> Survey {
+    let ordered = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 };
+    let mut survey = Survey::zeroed();
+    for sphere in spheres {
+        if !sphere.is_valid() {
+            survey.quarantined += 1;
+            continue;
+        }
+        for axis in 0..3 {
+            let x = ordered(sphere.center[axis]);
+            survey.low[axis] = survey.low[axis].max(!x);
+            survey.high[axis] = survey.high[axis].max(x);
+        }
+        // A zero may have a sign.
+        let radius = sphere.radius.abs().to_bits();
+        let class = (radius >> 23) as usize;
+        survey.smallest = survey.smallest.max(!radius);
+        survey.members[class] += 1;
+        survey.largest[class] = survey.largest[class].max(radius);
+    }
+    survey
+}
+
+/// Each cell begins at the first sphere that is not in a cell before it, whether cells are many or one has all spheres.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), Fault> {
+    let sizes = [(0, 10), (1, 1), (300, 5000), (20_000, 9000), (20_000, 3), (70_000, 4096), (70_000, 1)];
+    for (spheres, cells) in sizes {
+        let mut random = Random(spheres as u64);
+        let mut sorted: Vec<u32> = (0..spheres).map(|_| random.below(cells)).collect();
+        sorted.sort_unstable();
+        let list = List { spheres: spheres as u32, cells: cells - cells.min(2), ..List::zeroed() };
+        let counters = list.cells + 2;
+        let expected: Vec<u32> =
+            (0..counters).map(|cell| sorted.partition_point(|&own| own < cell) as u32).collect();
+        let (list, sorted) = (upload(own, &[list])?, upload(own, &sorted)?);
+        let starts = upload(own, &vec![u32::MAX; counters as usize])?;
+        let bound = [("list", &list), ("cells", &sorted), ("starts", &starts)];
+        run(own, &k::CELLS_INDEX, Variant::default(), counters.div_ceil(2048), &bound)?;
+        let found = download::<u32>(own, &starts, counters as usize)?;
+        same(|| format!("{spheres} spheres in {cells} cells"), &found, &expected)?;
+    }
+    Ok(())
+}
+
+/// Spheres come to the places that their cells begin at.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn spheres_place(own: &GpuDevice) -> Result<(), Fault> {
+    for size in SIZES {
+        let mut random = Random(size as u64);
+        let spheres = adversary::any_floats(&Words::drawn(&mut random, size));
+        let cells = size as u32 / 3 + 1;
+        let mut starts = vec![0_u32; cells as usize + 1];
+        let homes: Vec<[u32; 2]> = (0..size)
+            .map(|_| {
+                let cell = random.below(cells);
+                starts[cell as usize + 1] += 1;
+                [cell, starts[cell as usize + 1] - 1]
+            })
+            .collect();
+        (0..cells as usize).for_each(|cell| starts[cell + 1] += starts[cell]);
+        let mut order: Vec<u32> = (0..size as u32).collect();
+        order.sort_by_key(|&at| homes[at as usize]);
+        let call = upload(own, &[Call::zeroed()])?;
+        let list = upload(own, &[List { spheres: size as u32, ..List::zeroed() }])?;
+        let (input, starts, homes_given) =
+            (upload(own, &spheres)?, upload(own, &starts)?, upload(own, &homes)?);
+        let [cells, places] = [(); 2].map(|()| upload(own, &vec![0_u32; size]));
+        let (cells, places, sorted) = (cells?, places?, upload(own, &vec![[0_u32; 4]; size])?);
+        let bound = [
+            ("call", &call),
+            ("list", &list),
+            ("spheres", &input),
+            ("starts", &starts),
+            ("homes", &homes_given),
+            ("sorted", &sorted),
+            ("cells", &cells),
+            ("order", &places),
+        ];
+        let groups = (size as u32).div_ceil(k::GROUP);
+        run(own, &k::SPHERES_PLACE, Variant::default(), groups, &bound)?;
+        let expected_cells: Vec<u32> = order.iter().map(|&at| homes[at as usize][0]).collect();
+        same(|| format!("order of {size} spheres"), &download::<u32>(own, &places, size)?, &order)?;
+        same(|| format!("cells of {size} spheres"), &download::<u32>(own, &cells, size)?, &expected_cells)?;
+        gathered(own, &sorted, (&spheres, &order))?;
+        // The other way to the same.
+        let sorted = upload(own, &vec![[0_u32; 4]; size])?;
+        let bound =
+            [("call", &call), ("list", &list), ("spheres", &input), ("order", &places), ("sorted", &sorted)];
+        run(own, &k::SPHERES_GATHER, Variant::default(), groups, &bound)?;
+        gathered(own, &sorted, (&spheres, &order))?;
+    }
+    Ok(())
+}
+
+fn gathered(
+    own: &GpuDevice,
+    sorted: &wgpu::Buffer,
+    (spheres, order): (&[Sphere], &[u32]),
+) -> Result<(), Fault> {
+    let bits = |sphere: &Sphere| bytemuck::cast::<Sphere, [u32; 4]>(*sphere);
+    let expected: Vec<[u32; 4]> = order.iter().map(|&at| bits(&spheres[at as usize])).collect();
+    let found = download::<[u32; 4]>(own, sorted, order.len())?;
+    same(|| format!("{} spheres in order", order.len()), &found, &expected)
+}
