@@ -34,7 +34,14 @@ pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), Fault> {
         ];
         run(own, &k::SPHERES_SURVEY, Variant::default(), groups, &bound)?;
         let found = download::<Survey>(own, &survey, 1)?[0];
-        same(|| format!("{size} spheres, {groups} workgroups"), &found, &surveyed(&spheres))?;
+        let expected = surveyed(&spheres);
+        let case = |what: &str| format!("{what} of {size} spheres, {groups} workgroups");
+        let counted = |survey: &Survey| (survey.low, survey.high, survey.smallest, survey.quarantined);
+        same(|| case("bounds"), &counted(&found), &counted(&expected))?;
+        for class in 0..256 {
+            let sizes = |survey: &Survey| (survey.members[class], survey.largest[class]);
+            same(|| case(&format!("class {class}")), &sizes(&found), &sizes(&expected))?;
+        }
         for (what, length) in [(&starts, counters), (&density, density_slots)] {
             let cleared = download::<u32>(own, what, length as usize)?;
             same(|| "counters".to_owned(), &cleared, &vec![0; length as usize])?;
@@ -42,6 +49,9 @@ pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), Fault> {
     }
     Ok(())
 }
+
+/// Radii are at least so large that devices do not flush them.
+const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
 fn surveyed(spheres: &[Sphere]) -> Survey {
     let ordered = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 };
@@ -56,8 +66,7 @@ fn surveyed(spheres: &[Sphere]) -> Survey {
             survey.low[axis] = survey.low[axis].max(!x);
             survey.high[axis] = survey.high[axis].max(x);
         }
-        // A zero may have a sign.
-        let radius = sphere.radius.abs().to_bits();
+        let radius = (sphere.radius + FLUSHED).to_bits();
         let class = (radius >> 23) as usize;
         survey.smallest = survey.smallest.max(!radius);
         survey.members[class] += 1;

@@ -188,7 +188,7 @@ fn the_sign_of_zero_says_nothing() {
 fn a_call_says_what_it_would_use_and_why() {
     let Some(own) = device() else { return };
     let detector = GpuDetector::new(&own.device, settings(Algorithm::Auto, true)).expect("made");
-    for (spheres, expected) in [(10, Algorithm::Naive), (1_000_000, Algorithm::LazyGrid)] {
+    for (spheres, expected) in [(10, Algorithm::Naive), (1_000_000, Algorithm::CellList)] {
         let (chosen, reason) = detector.choice(spheres);
         assert_eq!(chosen, expected);
         assert!(reason.contains(&format!("{expected}: {spheres} spheres")), "{reason}");
@@ -228,8 +228,8 @@ fn what_does_not_fit_is_refused_with_the_remedy() {
     for ratio in [0.5, 17.0, f32::NAN] {
         assert!(matches!(detector.set_raster_ratio(ratio), Err(Error::Setting { .. })));
     }
-    let error = GpuDetector::new(&own.device, settings(Algorithm::CellList, true)).expect_err("CPU only");
-    assert_eq!(error, Error::NotOnBackend { algorithm: Algorithm::CellList, backend: Backend::Gpu });
+    let error = GpuDetector::new(&own.device, settings(Algorithm::HashGrid, true)).expect_err("CPU only");
+    assert_eq!(error, Error::NotOnBackend { algorithm: Algorithm::HashGrid, backend: Backend::Gpu });
 }
 
 #[test]

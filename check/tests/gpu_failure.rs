@@ -45,7 +45,14 @@ fn calls_in_flight_when_the_device_goes_are_told_so() {
     let tickets = [(); 2].map(|()| session.begin(Spheres::from(&spheres)).expect("begun"));
     own.device.destroy();
     for ticket in tickets {
-        assert_lost(session.finish(ticket, u64::MAX));
+        // The device may have been faster.
+        match session.finish(ticket, u64::MAX).map(<[Pair]>::to_vec) {
+            Ok(mut pairs) => {
+                pairs.sort_unstable();
+                assert_eq!(pairs, on_cpu(&spheres));
+            }
+            lost => assert_lost(lost),
+        }
     }
     // Nor does it come back.
     for _ in 0..2 {

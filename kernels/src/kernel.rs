@@ -315,7 +315,7 @@ kernels! {
     LIST_SEARCH = "list_search", GROUP, subgroups: false, periodic: true,
         [uniform("call"), read("list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), write("crowded")],
-        species: [read("sorted_species"), read("reach"), read("table")];
+        species: [read("sorted_species"), read("table")];
     /// Sizes the search of further shares.
     SHARES_OPEN = "shares_open", 1, subgroups: false, periodic: false,
         [uniform("call"), write("outcome"), write("dispatch")], species: [];
@@ -323,7 +323,7 @@ kernels! {
     SHARES_SEARCH = "shares_search", GROUP, subgroups: false, periodic: true,
         [uniform("call"), read("list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), read("crowded")],
-        species: [read("sorted_species"), read("reach"), read("table")];
+        species: [read("sorted_species"), read("table")];
     /// Overflow flag and indirect-dispatch arguments.
     OUTCOME_FINISH = "outcome_finish", 1, subgroups: false, periodic: false,
         [uniform("call"), write("outcome")], species: [];

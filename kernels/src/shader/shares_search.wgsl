@@ -16,8 +16,7 @@
 @group(0) @binding(8) var<storage, read> crowded: array<u32>;
 #ifdef SPECIES
 @group(0) @binding(9) var<storage, read> sorted_species: array<u32>;
-@group(0) @binding(10) var<storage, read> reach: array<vec2<f32>>;
-@group(0) @binding(11) var<storage, read> table: array<f32>;
+@group(0) @binding(10) var<storage, read> table: array<f32>;
 #endif
 #include overlap
 #include pairs

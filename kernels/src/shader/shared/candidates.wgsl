@@ -10,8 +10,6 @@ const HITS: u32 = 1024u;
 // One of the sorted spheres.
 struct Row {
     sphere: vec4<f32>,
-    // Its effective radius.
-    radius: f32,
     position: u32,
     cell: u32,
     species: u32,
@@ -27,11 +25,12 @@ var<workgroup> gathered: vec3<u32>;
 
 #ifdef SPECIES
 fn row_of(position: u32) -> Row {
-    let sphere = sorted[position];
-    let kind = sorted_species[position];
-    let half = reach[kind];
-    let radius = abs(select(half.y, max(half.y, sphere.w), half.x != 0.0));
-    return Row(sphere, radius, position, cells[position], kind);
+    return Row(sorted[position], position, cells[position], sorted_species[position]);
+}
+
+// No smaller than the effective radius of a sphere that is at home at this level.
+fn radius_at(row: Row, level: u32) -> f32 {
+    return list.level[min(level, LEVELS - 1u)].reach;
 }
 
 fn is_ordinary() -> bool {
@@ -43,8 +42,12 @@ fn is_candidate_pair(row: Row, other: u32) -> bool {
 }
 #else
 fn row_of(position: u32) -> Row {
-    let sphere = sorted[position];
-    return Row(sphere, sphere.w, position, cells[position], 0u);
+    return Row(sorted[position], position, cells[position], 0u);
+}
+
+// No smaller than the effective radius of a sphere that is at home at this level.
+fn radius_at(row: Row, level: u32) -> f32 {
+    return row.sphere.w;
 }
 
 fn is_ordinary() -> bool {
@@ -129,7 +132,7 @@ fn gather_hits(walk: ptr<function, Walk>, row: Row) {
             walk_past(walk, ahead, stretches);
         }
         if ((*walk).rows == 0u) {
-            walk_up(walk, row.sphere, row.radius);
+            walk_up(walk, row.sphere);
         }
         if ((*walk).level == NOWHERE) {
             return;
@@ -165,7 +168,7 @@ fn candidates_left(walk: ptr<function, Walk>, row: Row) -> u32 {
             walk_past(walk, ahead, stretches);
         }
         if ((*walk).rows == 0u) {
-            walk_up(walk, row.sphere, row.radius);
+            walk_up(walk, row.sphere);
         }
     }
     return left;
@@ -185,6 +188,7 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
     if (block + lane < starts[list.cells + 1u]) {
         row = row_of(block + lane);
         walk = walk_begin(row.cell);
+        walk.radius = radius_at(row, walk.level);
         walk.skip = share * call.share;
         walk.left = call.share;
     }

@@ -24,6 +24,8 @@ struct Walk {
     span: u32,
     // Whether the rows that come next are taken from the seam on.
     beyond: bool,
+    // No smaller than the effective radius of the sphere.
+    radius: f32,
     // Candidates in these rows that are behind it.
     taken: u32,
     // Candidates that belong to earlier shares, and those that still belong to this one.
@@ -138,7 +140,7 @@ fn next_rows(walk: ptr<function, Walk>, position: u32, own: u32) -> Stretches {
 }
 
 // Goes on from the end of a level to the next coarser one that has spheres, then to the listed spheres.
-fn walk_up(walk: ptr<function, Walk>, sphere: vec4<f32>, radius: f32) {
+fn walk_up(walk: ptr<function, Walk>, sphere: vec4<f32>) {
     if ((*walk).level == LISTED) {
         (*walk).level = NOWHERE;
         return;
@@ -148,14 +150,14 @@ fn walk_up(walk: ptr<function, Walk>, sphere: vec4<f32>, radius: f32) {
     (*walk).rows = 1u;
     // A turn or none: some devices run both sides of a branch.
     for (var once = select(1u, 0u, coarser != 0u); once < 1u; once++) {
-        enter_box(walk, firstLeadingBit(coarser), sphere, radius);
+        enter_box(walk, firstLeadingBit(coarser), sphere);
     }
 }
 
 // Enters the box of a sphere at a coarser level than its own.
-fn enter_box(walk: ptr<function, Walk>, level: u32, sphere: vec4<f32>, radius: f32) {
+fn enter_box(walk: ptr<function, Walk>, level: u32, sphere: vec4<f32>) {
     let around = list.level[level].cells;
-    let reach = radius + list.level[level].reach;
+    let reach = (*walk).radius + list.level[level].reach;
     let half = vec3(reach * 0x1.00001p0) + abs(sphere.xyz) * 0x1p-22 + periods() * 0x1p-21;
     let low = cell_numbers(clamp(sphere.xyz - half, vec3(-FARTHEST), vec3(FARTHEST)), level);
     let high = cell_numbers(clamp(sphere.xyz + half, vec3(-FARTHEST), vec3(FARTHEST)), level);
