@@ -232,7 +232,7 @@ impl GpuDevice {
 
     /// Whether the device still works. That it was lost is told late, and to a host application only for its own
     /// device; but then it refuses even a small buffer.
-    fn probe(&self) -> Result<(), GpuError> {
+    pub(crate) fn probe(&self) -> Result<(), GpuError> {
         // A poll is what brings the news; its own failure adds nothing.
         let _ = self.device.poll(wgpu::PollType::Poll);
         self.check_lost()?;

@@ -97,8 +97,9 @@ impl GpuSession {
     /// A session on this device.
     ///
     /// # Errors
-    /// As [`GpuDetector::new`].
+    /// As [`GpuDetector::new`], and where the device was lost.
     pub fn new(own: GpuDevice, settings: GpuSettings) -> Result<Self, GpuError> {
+        own.probe()?;
         let asked = Way { algorithm: settings.algorithm, raster_ratio: settings.raster_ratio };
         let mut detector = GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)
             .map_err(|error| own.reason(error))?;
