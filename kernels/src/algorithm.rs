@@ -20,7 +20,7 @@ pub enum Algorithm {
     ArrayGrid,
     /// Uniform grid of the largest diameter whose crowded cells are split again (section 3.2). CPU.
     RecursiveGrid,
-    /// Every sphere in the one cell of its centre, one level per group of sizes, runs compared with SIMD. CPU.
+    /// Every sphere in the one cell of its centre, one entry each, levels for groups of sizes. CPU and GPU.
     CellList,
     /// Nested grids; all smaller objects go on to the next level (section 3.2). GPU.
     EagerGrid,
