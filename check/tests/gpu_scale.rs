@@ -26,6 +26,26 @@ fn agree(gpu: u64, cpu: u64) -> bool {
     gpu.abs_diff(cpu) <= 2 + cpu / 1_000_000
 }
 
+/// Holds the lists of a grid and of the cell list against the CPU's, pair by pair.
+fn lists_agree(own: &GpuDevice, spheres: &[Sphere], detector: &mut Detector) {
+    let expected = detector.pairs(spheres).expect("valid");
+    for algorithm in [Algorithm::LazyGrid, Algorithm::CellList] {
+        let settings = GpuSettings { algorithm, ..GpuSettings::default() };
+        let mut session = GpuSession::new(own.clone(), settings).expect("made");
+        let ticket = session.begin(Spheres::from(spheres)).expect("fits");
+        let mut found = session.finish(ticket, u64::MAX).expect("found").to_vec();
+        found.sort_unstable();
+        let differing = found.iter().filter(|pair| expected.binary_search(pair).is_err()).count();
+        assert!(
+            agree(found.len() as u64, expected.len() as u64),
+            "{algorithm}: {} {}",
+            found.len(),
+            expected.len()
+        );
+        assert!(differing <= 2 + expected.len() / 1_000_000, "{algorithm}: {differing}");
+    }
+}
+
 #[test]
 fn two_million_spheres_in_one_call() {
     let Some(own) = device() else { return };
@@ -33,18 +53,7 @@ fn two_million_spheres_in_one_call() {
     // A twentieth of the box is filled.
     let edge = (n as f32 * 4.188_79 * 0.125 / 0.05).cbrt();
     let spheres = uniform(1, n, edge, 0.5);
-    let mut detector = cpu();
-    let expected = detector.pairs(&spheres).expect("valid");
-    for algorithm in [Algorithm::LazyGrid, Algorithm::CellList] {
-        let settings = GpuSettings { algorithm, ..GpuSettings::default() };
-        let mut session = GpuSession::new(own.clone(), settings).expect("made");
-        let ticket = session.begin(Spheres::from(&spheres)).expect("fits");
-        let mut found = session.finish(ticket, u64::MAX).expect("found").to_vec();
-        found.sort_unstable();
-        let differing = found.iter().filter(|pair| expected.binary_search(pair).is_err()).count();
-        assert!(agree(found.len() as u64, expected.len() as u64), "{} {}", found.len(), expected.len());
-        assert!(differing <= 2 + expected.len() / 1_000_000, "{algorithm}: {differing}");
-    }
+    lists_agree(&own, &spheres, &mut cpu());
 }
 
 /// Every pair of blocks has to be looked at, by invocations whose loops a software rasteriser may end early.
@@ -98,17 +107,7 @@ fn one_giant_among_a_hundred_thousand_grains() {
     spheres.push(Sphere::new([5.0; 3], 4.0));
     let config = Config::default().backend(Backend::Cpu).algorithm(Algorithm::CellList);
     let mut detector = Detector::new(config).expect("the CPU");
-    let expected = detector.pairs(&spheres).expect("valid");
-    for algorithm in [Algorithm::LazyGrid, Algorithm::CellList] {
-        let settings = GpuSettings { algorithm, ..GpuSettings::default() };
-        let mut session = GpuSession::new(own.clone(), settings).expect("made");
-        let ticket = session.begin(Spheres::from(&spheres)).expect("fits");
-        let mut found = session.finish(ticket, u64::MAX).expect("found").to_vec();
-        found.sort_unstable();
-        let differing = found.iter().filter(|pair| expected.binary_search(pair).is_err()).count();
-        assert!(agree(found.len() as u64, expected.len() as u64), "{} {}", found.len(), expected.len());
-        assert!(differing <= 2 + expected.len() / 1_000_000, "{algorithm}: {differing}");
-    }
+    lists_agree(&own, &spheres, &mut detector);
 }
 
 /// `LAZYGRID_SOAK` sets the number of steps; a release is worth 20 000. Counts and lists take turns.

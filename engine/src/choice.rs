@@ -100,6 +100,7 @@ pub(crate) fn one_level(ran: Algorithm, chosen: Algorithm) -> String {
 mod tests {
     use super::*;
     use crate::gpu::AdapterSummary;
+    use crate::gpu::adapter::card;
 
     const NONE: Error = Error::NoAdapter { reason: String::new() };
 
@@ -110,22 +111,6 @@ mod tests {
             "gpu" => Ok((found, ())),
             "software" if software => Ok((found, ())),
             _ => Err(NONE),
-        }
-    }
-
-    fn card() -> AdapterSummary {
-        AdapterSummary {
-            name: "Card".to_owned(),
-            driver: "driver 1".to_owned(),
-            api: "vulkan".to_owned(),
-            is_hardware: true,
-            subgroup_sizes: [32; 2],
-            has_subgroups: true,
-            has_timestamps: true,
-            storage_binding: 1 << 31,
-            buffer: 1 << 31,
-            workgroup_memory: 48 << 10,
-            groups_per_dimension: 65_535,
         }
     }
 
@@ -242,7 +227,7 @@ mod tests {
 
     #[test]
     fn calibrations_are_of_one_adapter_driver_and_version() {
-        let adapter = card();
+        let adapter = card("Card");
         let measured = |adapter: &str, driver: &str, version: &str, naive_below| Calibration {
             adapter: adapter.to_owned(),
             driver: driver.to_owned(),

@@ -304,8 +304,9 @@ mod tests {
              cell-list"
         );
         assert_eq!(
-            message(Algorithm::CellList, Backend::Gpu),
-            "cell-list does not run on the gpu backend; choose auto, naive, array-grid, eager-grid, lazy-grid"
+            message(Algorithm::HashGrid, Backend::Gpu),
+            "hash-grid does not run on the gpu backend; choose auto, naive, array-grid, eager-grid, lazy-grid, \
+             cell-list"
         );
     }
 

@@ -330,7 +330,7 @@ kernels! {
 }
 
 /// Shared pieces of WGSL by the name in `#include`.
-const PIECES: [(&str, &str); 28] = [
+const PIECES: [(&str, &str); 29] = [
     ("candidates", include_str!("shader/shared/candidates.wgsl")),
     ("cells", include_str!("shader/shared/cells.wgsl")),
     ("crowd", include_str!("shader/shared/crowd.wgsl")),
@@ -351,6 +351,7 @@ const PIECES: [(&str, &str); 28] = [
     ("pairs", include_str!("shader/shared/pairs.wgsl")),
     ("periods", include_str!("shader/shared/periods.wgsl")),
     ("place", include_str!("shader/shared/place.wgsl")),
+    ("put", include_str!("shader/shared/put.wgsl")),
     ("reach", include_str!("shader/shared/reach.wgsl")),
     ("reserve", include_str!("shader/shared/reserve.wgsl")),
     ("reserve_lane", include_str!("shader/shared/reserve_lane.wgsl")),

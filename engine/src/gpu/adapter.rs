@@ -293,29 +293,31 @@ fn summarize(info: wgpu::AdapterInfo, limits: &wgpu::Limits, features: wgpu::Fea
     }
 }
 
+/// A graphics card of this name, for tests.
+#[cfg(test)]
+pub(crate) fn card(name: &str) -> AdapterSummary {
+    AdapterSummary {
+        name: name.to_owned(),
+        driver: "driver 1".to_owned(),
+        api: "vulkan".to_owned(),
+        is_hardware: true,
+        subgroup_sizes: [32; 2],
+        has_subgroups: true,
+        has_timestamps: true,
+        storage_binding: 1 << 31,
+        buffer: 1 << 31,
+        workgroup_memory: 48 << 10,
+        groups_per_dimension: 65_535,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn summary(name: &str) -> AdapterSummary {
-        AdapterSummary {
-            name: name.to_owned(),
-            driver: String::new(),
-            api: "vulkan".to_owned(),
-            is_hardware: true,
-            subgroup_sizes: [32; 2],
-            has_subgroups: true,
-            has_timestamps: true,
-            storage_binding: 1 << 31,
-            buffer: 1 << 31,
-            workgroup_memory: 48 << 10,
-            groups_per_dimension: 65_535,
-        }
-    }
-
     #[test]
     fn adapters_go_by_index_or_by_a_name_that_only_one_has() {
-        let found = ["Card H1", "Card H1 Large", "Small Card", "llvmpipe (LLVM 15)", "llvmpipe"].map(summary);
+        let found = ["Card H1", "Card H1 Large", "Small Card", "llvmpipe (LLVM 15)", "llvmpipe"].map(card);
         for (asked, expected) in [
             ("0", Ok(0)),
             ("4", Ok(4)),
@@ -347,7 +349,7 @@ mod tests {
             }
         }
         // Two cards of one kind have but their indices.
-        let twins = ["Card", "Card"].map(summary);
+        let twins = ["Card", "Card"].map(card);
         assert!(AdapterId::from("card").place_in(&twins).is_err());
         assert_eq!(AdapterId::from(1).place_in(&twins), Ok(1));
     }

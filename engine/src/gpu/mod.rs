@@ -4,7 +4,7 @@
 //! buffers out, with no submit, poll or readback in between. [`RadixSort`] and [`PrefixScan`] are its building
 //! blocks, [`GpuSession`] carries spheres and pairs between host and device. What a call allocates and dispatches comes from [`plan`], a pure function.
 
-mod adapter;
+pub(crate) mod adapter;
 mod calibration;
 mod detector;
 mod device_detector;

@@ -12,7 +12,7 @@
 @group(0) @binding(5) var<storage, read> species: array<u32>;
 @group(0) @binding(6) var<storage, read_write> sorted_species: array<u32>;
 #endif
-#include image
+#include put
 
 @compute @workgroup_size(256)
 fn spheres_gather(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
@@ -20,9 +20,5 @@ fn spheres_gather(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups)
     if (position >= list.spheres) {
         return;
     }
-    let index = order[position];
-    sorted[position] = image_of(spheres[index]);
-#ifdef SPECIES
-    sorted_species[position] = min(species[index], call.species - 1u);
-#endif
+    put(position, order[position]);
 }

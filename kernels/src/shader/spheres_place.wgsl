@@ -15,7 +15,7 @@
 @group(0) @binding(8) var<storage, read> species: array<u32>;
 @group(0) @binding(9) var<storage, read_write> sorted_species: array<u32>;
 #endif
-#include image
+#include put
 
 @compute @workgroup_size(256)
 fn spheres_place(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
@@ -25,10 +25,7 @@ fn spheres_place(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) 
     }
     let home = homes[index];
     let position = starts[home.x] + home.y;
-    sorted[position] = image_of(spheres[index]);
+    put(position, index);
     cells[position] = home.x;
     order[position] = index;
-#ifdef SPECIES
-    sorted_species[position] = min(species[index], call.species - 1u);
-#endif
 }
