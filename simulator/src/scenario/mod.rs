@@ -1,5 +1,5 @@
 //! Scenario files: a [`Model`] and what to write, as TOML. The scenarios that are shipped, in
-//! `simulator/scenarios/`, show every key; README.md lists them.
+//! `simulator/scenarios/`, show every key; `docs/simulator.md` lists them.
 
 mod advice;
 mod file;
