@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use lazygrid::Error;
-use lazygrid::gpu::{GpuDevice, PrefixScan, RadixSort, Sorted, wgpu};
+use lazygrid::gpu::{GpuDevice, Keyed, PrefixScan, RadixSort, wgpu};
 use lazygrid_kernels::kernel::{DIGIT_BITS, WIDE_TILE};
 use lazygrid_kernels::layout::Lengths;
 
@@ -83,13 +83,7 @@ impl Stopwatch {
     pub fn copy(&self, n: u32) -> Result<Measured, Fault> {
         let size = u64::from(n.max(2)) * 8;
         let (from, to) = (room(&self.own, size)?, room(&self.own, size)?);
-        let times = self.times(
-            |_| (),
-            |encoder| {
-                encoder.copy_buffer_to_buffer(&from, 0, &to, 0, size);
-                Ok(())
-            },
-        )?;
+        let times = self.times(|_| (), |encoder| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, size))?;
         Ok(Measured { times, bytes: 2 * size })
     }
 
@@ -100,9 +94,9 @@ impl Stopwatch {
     pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, Fault> {
         let values = random(n);
         let (fresh, work) = (upload(&self.own, &values)?, room(&self.own, u64::from(n) * 4)?);
-        let mut scan = PrefixScan::new(&self.own.device, subgroups);
+        let scan = PrefixScan::new(&self.own.device, subgroups).bind(&work, n)?;
         let renew = |encoder: &mut wgpu::CommandEncoder| copy_all(encoder, &fresh, &work);
-        let times = self.times(renew, |encoder| scan.encode(encoder, &work, n).map(drop))?;
+        let times = self.times(renew, |encoder| scan.encode(encoder))?;
         let mut sum = 0_u32;
         let before = |value: &u32| {
             let before = sum;
@@ -122,24 +116,18 @@ impl Stopwatch {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
         let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];
         let bytes = u64::from(n) * 4;
-        let work = Sorted { keys: room(&self.own, bytes)?, payload: room(&self.own, bytes)? };
-        let mut sort = RadixSort::new(&self.own.device, subgroups);
-        let mut sorted = None;
+        let work = Keyed { keys: room(&self.own, bytes)?, payload: room(&self.own, bytes)? };
+        let sort = RadixSort::new(&self.own.device, subgroups).bind(&work, n, bits)?;
         let renew = |encoder: &mut wgpu::CommandEncoder| {
             copy_all(encoder, &fresh[0], &work.keys);
             copy_all(encoder, &fresh[1], &work.payload);
         };
-        let times = self.times(renew, |encoder| {
-            sorted = Some(sort.encode(encoder, &work, n, bits)?);
-            Ok(())
-        })?;
+        let times = self.times(renew, |encoder| sort.encode(encoder))?;
         let mask = u32::MAX >> (32 - bits);
         let mut expected = payload;
         expected.sort_by_key(|&at| keys[at as usize] & mask);
-        if let Some(sorted) = sorted {
-            let found = download(&self.own, &sorted.payload, n as usize)?;
-            same(|| format!("a sort of {n} by {bits} bits"), &found, &expected)?;
-        }
+        let found = download(&self.own, &sort.sorted().payload, n as usize)?;
+        same(|| format!("a sort of {n} by {bits} bits"), &found, &expected)?;
         // Keys counted, moved with their payload, and a counter per digit and tile written, scanned and read.
         let a_pass = 20 * u64::from(n) + 16 * u64::from(Lengths::for_sort(n, WIDE_TILE).counters);
         Ok(Measured { times, bytes: u64::from(bits.div_ceil(DIGIT_BITS)) * a_pass })
@@ -149,7 +137,7 @@ impl Stopwatch {
     fn times(
         &self,
         prepare: impl Fn(&mut wgpu::CommandEncoder),
-        mut record: impl FnMut(&mut wgpu::CommandEncoder) -> Result<(), Error>,
+        record: impl Fn(&mut wgpu::CommandEncoder),
     ) -> Result<Vec<f64>, Error> {
         let mut times = Vec::new();
         for _ in 0..=self.rounds {
@@ -160,7 +148,10 @@ impl Stopwatch {
                 })?;
                 wait(&self.own)?;
                 let start = Instant::now();
-                submit(&self.own, &mut record)?;
+                submit(&self.own, |encoder| {
+                    record(encoder);
+                    Ok(())
+                })?;
                 wait(&self.own)?;
                 times.push(start.elapsed().as_secs_f64());
                 continue;
@@ -168,7 +159,7 @@ impl Stopwatch {
             submit(&self.own, |encoder| {
                 prepare(encoder);
                 stamp(encoder, queries, 0);
-                record(encoder)?;
+                record(encoder);
                 stamp(encoder, queries, 1);
                 encoder.resolve_query_set(queries, 0..2, ticks, 0);
                 Ok(())

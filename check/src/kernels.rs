@@ -42,7 +42,7 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 pub type Run = fn(&GpuDevice, Extent) -> Result<(), Fault>;
 
 /// All checks, in the order of a call.
-pub const CHECKS: [KernelCheck; 19] = [
+pub const CHECKS: [KernelCheck; 20] = [
     one("call begin", &["call_begin"], |own, _| calls::call_begin(own)),
     one("images nearest to the origin", &["spheres_wrap"], |own, _| calls::spheres_wrap(own)),
     one("bounds", &["bounds_reduce"], |own, _| calls::bounds_reduce(own)),
@@ -60,6 +60,7 @@ pub const CHECKS: [KernelCheck; 19] = [
         sizes(extent).try_for_each(|size| primitives::sort(own, size))
     }),
     one("sizes and bounds", &["spheres_survey"], |own, _| list::spheres_survey(own)),
+    one("cells of few spheres", &["list_begin"], |own, _| list::list_begin(own)),
     one("beginnings of cells", &["cells_index"], |own, _| list::cells_index(own)),
     one("spheres in order", &["spheres_place", "spheres_gather"], |own, _| list::spheres_place(own)),
     one("runs of a cell", &["runs_search"], |own, _| nested::runs_search(own)),

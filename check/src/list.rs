@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::{Call, List, Survey};
+use lazygrid_kernels::layout::{Call, Lengths, List, Outcome, Survey};
 
 use crate::device::{download, run, upload};
 use crate::kernels::{Fault, SIZES, same};
@@ -46,6 +46,73 @@ pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), Fault> {
             let cleared = download::<u32>(own, what, length as usize)?;
             same(|| "counters".to_owned(), &cleared, &vec![0; length as usize])?;
         }
+    }
+    Ok(())
+}
+
+/// One workgroup finds the cells that many do, and leaves the survey as it was.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), Fault> {
+    for (size, periodic) in [0, 1, 300, 2048].into_iter().flat_map(|size| [(size, false), (size, true)]) {
+        let mut random = Random(size as u64);
+        let mut coordinate = || random.unit() * 20.0 - 10.0;
+        let mut spheres: Vec<Sphere> = (0..size)
+            .map(|k| Sphere::new([(); 3].map(|()| coordinate()), [0.5, 0.06, 0.01][k as usize % 3]))
+            .collect();
+        spheres.iter_mut().step_by(100).for_each(|sphere| sphere.center.y = f32::NAN);
+        let period_x = if periodic { 20.0 } else { 0.0 };
+        let cells = 4096;
+        let call = Call {
+            spheres: size,
+            cells,
+            counters: cells + 2,
+            raster_ratio: 2.0,
+            tau: 8,
+            period_x,
+            ..Call::zeroed()
+        };
+        let (call, count, input) = (upload(own, &[call])?, upload(own, &[size])?, upload(own, &spheres)?);
+        let begun = |kernels: &[(&'static k::Kernel, u32)]| -> Result<_, Fault> {
+            let (survey, list) = (upload(own, &[Survey::zeroed()])?, upload(own, &[List::zeroed()])?);
+            let (outcome, lengths) =
+                (upload(own, &[Outcome::default()])?, upload(own, &[Lengths::zeroed()])?);
+            let starts = upload(own, &vec![7_u32; cells as usize + 2])?;
+            let density = upload(own, &[0_u32; 4])?;
+            let named = [
+                ("call", &call),
+                ("count_source", &count),
+                ("spheres", &input),
+                ("survey", &survey),
+                ("list", &list),
+                ("outcome", &outcome),
+                ("lengths", &lengths),
+                ("starts", &starts),
+                ("density", &density),
+            ];
+            let variant = Variant { periodic, ..Variant::default() };
+            for &(kernel, groups) in kernels {
+                let binds = |name: &str| kernel.bindings(variant).any(|binding| binding.name == name);
+                let bound: Vec<_> = named.iter().copied().filter(|(name, _)| binds(name)).collect();
+                run(own, kernel, variant, groups, &bound)?;
+            }
+            let left = download::<Survey>(own, &survey, 1)?[0] == Survey::zeroed();
+            let list = download::<List>(own, &list, 1)?[0];
+            let [outcome, lengths] = [
+                bytemuck::bytes_of(&download::<Outcome>(own, &outcome, 1)?[0]).to_vec(),
+                bytemuck::bytes_of(&download::<Lengths>(own, &lengths, 1)?[0]).to_vec(),
+            ];
+            let cleared = download::<u32>(own, &starts, cells as usize + 2)?;
+            Ok((left, bytemuck::bytes_of(&list).to_vec(), outcome, lengths, cleared))
+        };
+        let expected = begun(&[(&k::SPHERES_SURVEY, 3), (&k::LIST_CONFIGURE, 1)])?;
+        let found = begun(&[(&k::LIST_BEGIN, 1)])?;
+        let case = |what: &str| format!("{what} of {size} spheres, periodic {periodic}");
+        same(|| case("whether the survey is empty"), &found.0, &true)?;
+        same(|| case("the list"), &found.1, &expected.1)?;
+        same(|| case("outcome and lengths"), &(found.2, found.3), &(expected.2, expected.3))?;
+        same(|| case("counters"), &found.4, &vec![0; cells as usize + 2])?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Radix sort and prefix scan on the device against plain sequential functions.
 
-use lazygrid::gpu::{GpuDevice, PrefixScan, RadixSort, Sorted};
+use lazygrid::gpu::{GpuDevice, Keyed, PrefixScan, RadixSort};
 use lazygrid_kernels::kernel::{SCAN_ONCE, SCANNED_AT_ONCE};
 use lazygrid_kernels::layout::Lengths;
 
@@ -29,14 +29,18 @@ fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
 /// What is wrong.
 pub fn scan(own: &GpuDevice, size: usize) -> Result<(), Fault> {
     for subgroups in [false, true] {
-        let mut scan = PrefixScan::new(&own.device, subgroups);
+        let scan = PrefixScan::new(&own.device, subgroups);
         let mut random = Random(size as u64);
         // Random values sum to far more than 32 bits hold.
         let random = (0..size).map(|_| random.word()).collect();
         for values in [random, vec![1; size], vec![u32::MAX; size]] {
             let buffer = upload(own, &values)?;
-            let total = submit(own, |encoder| scan.encode(encoder, &buffer, size as u32))?;
-            let total = download::<u32>(own, &total, 2)?;
+            let scan = scan.bind(&buffer, size as u32)?;
+            submit(own, |encoder| {
+                scan.encode(encoder);
+                Ok(())
+            })?;
+            let total = download::<u32>(own, scan.total(), 2)?;
             let total = u64::from(total[1]) << 32 | u64::from(total[0]);
             let found = (download(own, &buffer, size)?, total);
             same(|| format!("{size} values, subgroups {subgroups}"), &found, &scan_plain(&values))?;
@@ -62,11 +66,16 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-fn sort_one(own: &GpuDevice, sort: &mut RadixSort, keys: &[u32], bits: u32) -> Result<(), Fault> {
+fn sort_one(own: &GpuDevice, sort: &RadixSort, keys: &[u32], bits: u32) -> Result<(), Fault> {
     let count = keys.len();
     let payload: Vec<u32> = (0..count as u32).collect();
-    let input = Sorted { keys: upload(own, keys)?, payload: upload(own, &payload)? };
-    let sorted = submit(own, |encoder| sort.encode(encoder, &input, count as u32, bits))?;
+    let input = Keyed { keys: upload(own, keys)?, payload: upload(own, &payload)? };
+    let sort = sort.bind(&input, count as u32, bits)?;
+    submit(own, |encoder| {
+        sort.encode(encoder);
+        Ok(())
+    })?;
+    let sorted = sort.sorted();
     let mut expected = payload;
     let mask = u32::MAX >> (32 - bits);
     expected.sort_by_key(|&index| keys[index as usize] & mask);
@@ -92,15 +101,15 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
 /// What is wrong.
 pub fn sort(own: &GpuDevice, size: usize) -> Result<(), Fault> {
     for subgroups in [false, true] {
-        let mut sort = RadixSort::new(&own.device, subgroups);
+        let sort = RadixSort::new(&own.device, subgroups);
         let [random, others @ ..] = keys_of_each_kind(size);
         if size >= LARGE {
-            sort_one(own, &mut sort, &random, 24)?;
+            sort_one(own, &sort, &random, 24)?;
             continue;
         }
         for keys in [vec![random], others.into()].concat() {
             for bits in [1, 8, 13, 24, 25, 32] {
-                sort_one(own, &mut sort, &keys, bits)?;
+                sort_one(own, &sort, &keys, bits)?;
             }
         }
     }

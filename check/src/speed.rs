@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use lazygrid::gpu::{self, GpuDevice, GpuSession, GpuSettings};
+use lazygrid::gpu::{self, Cost, GpuDevice, GpuSession, GpuSettings};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Phase, Sphere, Spheres};
 
 use crate::bandwidth::median;
@@ -32,6 +32,8 @@ pub struct Speed {
     pub stages: Vec<(&'static str, f64)>,
     /// How many rounds there were.
     pub rounds: usize,
+    /// What a call cost the GPU by its plan; `None` on the CPU.
+    pub cost: Option<Cost>,
 }
 
 /// Why there is no time.
@@ -66,7 +68,7 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
         let is_stage = |name: &str| gpu::Phase::ALL.iter().any(|phase| phase.name() == name);
         let stages: Vec<_> = timed.stages.iter().copied().filter(|(name, _)| is_stage(name)).collect();
         let busy = if stages.is_empty() { timed.seconds } else { stages.iter().map(|(_, s)| s).sum() };
-        Ok(Speed { stages, busy, ..timed })
+        Ok(Speed { stages, busy, cost: session.cost(), ..timed })
     });
     speed.map_err(|what| if is_too_large { Untimed::TooLarge(what) } else { Untimed::Failed(what) })
 }
@@ -133,6 +135,7 @@ fn timed(mut call: impl FnMut() -> Result<(u64, Vec<Phase>), String>) -> Result<
         busy: seconds,
         stages: names.into_iter().map(of).collect(),
         rounds: times.len(),
+        cost: None,
     })
 }
 

@@ -97,7 +97,7 @@ fn the_number_of_spheres_may_come_from_a_buffer() {
         for n in [0_u32, 1, 257, 3000] {
             let count = upload(&own, &[n]);
             let count = Count::Buffer { buffer: &count, at_most: 3000 };
-            let input = GpuSpheres { spheres: &buffer, count, species: None, window: GpuSpheres::ALL };
+            let input = GpuSpheres { count, ..GpuSpheres::new(&buffer, n) };
             let found = detect_with(&own, &mut detector, &input);
             let part = &spheres[..n as usize];
             judge("count from a buffer", part, &found.pairs, touching(part));
@@ -105,11 +105,8 @@ fn the_number_of_spheres_may_come_from_a_buffer() {
         }
         let count = upload(&own, &[4000_u32]);
         let count = Count::Buffer { buffer: &count, at_most: 3000 };
-        let found = detect_with(
-            &own,
-            &mut detector,
-            &GpuSpheres { spheres: &buffer, count, species: None, window: GpuSpheres::ALL },
-        );
+        let input = GpuSpheres { count, ..GpuSpheres::new(&buffer, 3000) };
+        let found = detect_with(&own, &mut detector, &input);
         assert_eq!((found.outcome.spheres, found.outcome.overflow), (4000, Outcome::SPHERES));
     }
 }
@@ -125,12 +122,7 @@ fn interactions_decide_what_is_a_pair() {
     table.set(2, 2, Interaction::Touch).expect("in range");
     table.set(2, 1, Interaction::Within(0.01)).expect("in range");
     let buffers = (upload(&own, &spheres), upload(&own, &species));
-    let input = GpuSpheres {
-        spheres: &buffers.0,
-        count: Count::Host(2500),
-        species: Some(&buffers.1),
-        window: GpuSpheres::ALL,
-    };
+    let input = GpuSpheres { species: Some(&buffers.1), ..GpuSpheres::new(&buffers.0, 2500) };
     for algorithm in ALGORITHMS {
         for subgroups in [false, true] {
             let settings =
@@ -171,9 +163,7 @@ fn the_sign_of_zero_says_nothing() {
             let species = upload(&own, &alike);
             let settings = GpuSettings { interactions: Some(table.clone()), ..settings(algorithm, true) };
             let mut detector = GpuDetector::new(&own.device, settings).expect("made");
-            let count = Count::Host(1501);
-            let input =
-                GpuSpheres { spheres: &buffer, count, species: Some(&species), window: GpuSpheres::ALL };
+            let input = GpuSpheres { species: Some(&species), ..GpuSpheres::new(&buffer, 1501) };
             let found = detect_with(&own, &mut detector, &input);
             let scene = format!("zeroes, {algorithm}, the last of species {last}");
             judge(&scene, &spheres, &found.pairs, |i, j| match table.get(alike[i], alike[j]) {
@@ -192,7 +182,8 @@ fn a_call_says_what_it_would_use_and_why() {
         let (chosen, reason) = detector.choice(spheres);
         assert_eq!(chosen, expected);
         assert!(reason.contains(&format!("{expected}: {spheres} spheres")), "{reason}");
-        assert_eq!(detector.plan_for(spheres).expect("it fits").algorithm, expected);
+        let cost = detector.cost(spheres).expect("it fits");
+        assert_eq!((cost.algorithm, cost.spheres), (expected, spheres));
     }
 }
 
@@ -200,13 +191,12 @@ fn a_call_says_what_it_would_use_and_why() {
 fn calls_of_changing_size_reuse_what_is_there() {
     let Some(own) = device() else { return };
     let mut detector = GpuDetector::new(&own.device, settings(Algorithm::Auto, true)).expect("made");
-    detector.reserve(6000).expect("fits");
-    let pairs = detector.pairs().expect("reserved").clone();
+    let reserved = detector.reserve(6000).expect("fits");
     for n in [10, 6000, 300, 5999, 1] {
         let spheres = cloud(n as u64, n, 15.0, |_| 0.4);
         let found = detect(&own, &mut detector, &spheres);
         judge("changing size", &spheres, &found.pairs, touching(&spheres));
-        assert_eq!(detector.pairs(), Some(&pairs), "nothing is allocated anew");
+        assert_eq!(detector.reserve(n as u32).as_ref(), Ok(&reserved), "nothing is allocated anew");
     }
 }
 
@@ -216,11 +206,10 @@ fn what_does_not_fit_is_refused_with_the_remedy() {
     let mut detector = GpuDetector::new(&own.device, settings(Algorithm::ArrayGrid, true)).expect("made");
     let buffer = upload(&own, &[Sphere::zeroed(); 10]);
     let mut encoder = own.device.create_command_encoder(&Default::default());
-    let too_short =
-        GpuSpheres { spheres: &buffer, count: Count::Host(11), species: None, window: GpuSpheres::ALL };
+    let too_short = GpuSpheres::new(&buffer, 11);
     let error = detector.encode(&mut encoder, &too_short).expect_err("11 do not fit into 10");
     assert_eq!(error, Error::Buffer { what: "spheres", size: 160, needed: 176, usage: "" });
-    let with_species = GpuSpheres { count: Count::Host(2), species: Some(&buffer), ..too_short.clone() };
+    let with_species = GpuSpheres { species: Some(&buffer), ..GpuSpheres::new(&buffer, 2) };
     assert_eq!(detector.encode(&mut encoder, &with_species), Err(Error::SpeciesBuffer));
     let limit = own.device.limits().max_storage_buffer_binding_size;
     let beyond = u32::try_from(limit / 16 + 1).unwrap_or(u32::MAX);
@@ -243,8 +232,7 @@ fn windows_part_the_result() {
         let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
         let mut all = Vec::new();
         for window in [0..1, 1..900, 900..2500, 2500..n] {
-            let count = Count::Host(n);
-            let input = GpuSpheres { spheres: &buffer, count, species: None, window: window.clone() };
+            let input = GpuSpheres { window: window.clone(), ..GpuSpheres::new(&buffer, n) };
             let found = detect_with(&own, &mut detector, &input);
             assert!(found.pairs.iter().all(|pair| window.contains(&pair.i)));
             all.extend(found.pairs);
@@ -260,11 +248,10 @@ fn species_outside_the_table_are_quarantined() {
     let species: Vec<u32> = (0..400).map(|k| k % 4).collect();
     let table = Interactions::new(2, Interaction::Touch).expect("small");
     let buffers = (upload(&own, &spheres), upload(&own, &species));
-    let (spheres, count, species) = (&buffers.0, Count::Host(400), Some(&buffers.1));
     for algorithm in ALGORITHMS {
         let settings = GpuSettings { interactions: Some(table.clone()), ..settings(algorithm, true) };
         let mut detector = GpuDetector::new(&own.device, settings).expect("made");
-        let input = GpuSpheres { spheres, count, species, window: GpuSpheres::ALL };
+        let input = GpuSpheres { species: Some(&buffers.1), ..GpuSpheres::new(&buffers.0, 400) };
         let found = detect_with(&own, &mut detector, &input);
         assert_eq!((found.outcome.quarantined, found.outcome.found()), (200, 200 * 199 / 2), "{algorithm}");
     }

@@ -1,10 +1,10 @@
-use std::convert::Infallible;
+mod parsers;
+
 use std::num::{NonZeroU32, NonZeroUsize};
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
+use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::TypedValueParser;
 use clap::{Parser, Subcommand};
 use lazygrid::gpu::AdapterId;
 use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order, Space};
@@ -16,6 +16,7 @@ use lazygrid_io::write::{Output, SphereFormat, TableFormat};
 use crate::cache;
 use crate::failure::Failure;
 use crate::input::STANDARD;
+use parsers::{PathWith, adapter, one_of, radius, raster_ratio, seconds, space, table_format, threads};
 
 /// All pairs of overlapping spheres.
 #[derive(Debug, Parser)]
@@ -345,83 +346,5 @@ fn with<T>(config: Config, value: Option<T>, set: impl FnOnce(Config, T) -> Conf
     match value {
         Some(value) => set(config, value),
         None => config,
-    }
-}
-
-fn one_of<const N: usize>(names: [&'static str; N]) -> PossibleValuesParser {
-    PossibleValuesParser::new(names)
-}
-
-fn adapter(text: &str) -> Result<AdapterId, Infallible> {
-    Ok(text.into())
-}
-
-fn radius(text: &str) -> Result<(String, f32), String> {
-    let (species, radius) = text.rsplit_once('=').ok_or("expected SPECIES=R, such as acid=0.1")?;
-    match f32::from_str(radius) {
-        Ok(radius) if radius.is_finite() && radius >= 0.0 => Ok((species.to_owned(), radius)),
-        _ => Err(format!("the radius '{radius}' must be a finite number that is not negative")),
-    }
-}
-
-fn space(text: &str) -> Result<Space, String> {
-    if text == "none" {
-        return Ok(Space::UNBOUNDED);
-    }
-    let length = |text: &str| match text.trim() {
-        "-" => Ok(None),
-        number => match f32::from_str(number) {
-            Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(length)),
-            Ok(_) => Err(format!(
-                "the length {number} is not a finite number above zero; write - for an axis that is unbounded"
-            )),
-            Err(_) => Err(format!("'{number}' is neither a length nor -")),
-        },
-    };
-    let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;
-    let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-, or none")?;
-    Space::periodic(lengths).map_err(|error| error.to_string())
-}
-
-fn threads(text: &str) -> Result<NonZeroUsize, String> {
-    text.parse().map_err(|_| "expected a whole number above zero; leave it out to use all threads".to_owned())
-}
-
-fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds = f64::from_str(text).ok().filter(|seconds| *seconds > 0.0);
-    let time = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-    time.ok_or_else(|| "expected a number of seconds above zero".to_owned())
-}
-
-fn table_format(name: String) -> TableFormat {
-    if name == "npy" { TableFormat::Npy } else { TableFormat::Csv }
-}
-
-fn raster_ratio(text: &str) -> Result<f32, String> {
-    let ratio = f32::from_str(text).ok().filter(|ratio| (0.5..=16.0).contains(ratio));
-    ratio.ok_or_else(|| "expected a number from 0.5 to 16".to_owned())
-}
-
-/// Parses a path whose extension tells a format; the text says which there are.
-#[derive(Clone)]
-struct PathWith<T>(fn(&Path) -> Option<T>, &'static str);
-
-impl<T: Clone + Send + Sync + 'static> TypedValueParser for PathWith<T> {
-    type Value = (PathBuf, T);
-
-    fn parse_ref(
-        &self,
-        command: &clap::Command,
-        _: Option<&clap::Arg>,
-        value: &std::ffi::OsStr,
-    ) -> Result<Self::Value, clap::Error> {
-        let path = PathBuf::from(value);
-        match (self.0)(&path) {
-            Some(format) => Ok((path, format)),
-            None => {
-                let message = format!("'{}' does not end in {}\n", path.display(), self.1);
-                Err(clap::Error::raw(clap::error::ErrorKind::ValueValidation, message).with_cmd(command))
-            }
-        }
     }
 }

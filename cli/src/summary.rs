@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use lazygrid::{Report, Space, gpu};
 use serde::Serialize;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 /// What is said about one frame.
 pub(crate) struct Summary {
@@ -37,6 +37,8 @@ struct Object<'a> {
     adapter: Option<&'a str>,
     algorithm: &'a str,
     reason: &'a str,
+    /// What the call cost a GPU, by its plan.
+    gpu: Option<Value>,
     /// Seconds by name, in the order of the work.
     phases: Map<String, Value>,
 }
@@ -56,6 +58,7 @@ impl Summary {
             adapter: report.adapter.as_deref(),
             algorithm: report.algorithm.name(),
             reason: &report.reason,
+            gpu: report.cost.as_ref().map(cost_object),
             phases: self.phases().map(|(name, time)| (name.to_owned(), time.as_secs_f64().into())).collect(),
         };
         // Strings, numbers and string keys only: nothing that JSON cannot hold.
@@ -118,6 +121,21 @@ impl fmt::Display for Summary {
         }
         Ok(())
     }
+}
+
+/// What a call costs a GPU, as an object of `--json`.
+pub(crate) fn cost_object(cost: &gpu::Cost) -> Value {
+    json!({
+        "dispatches": cost.dispatches, "working_bytes": cost.working_bytes, "pair_bytes": cost.pair_bytes,
+        "moved_bytes": cost.moved_bytes,
+    })
+}
+
+/// The same for a table.
+pub(crate) fn cost_text(cost: &gpu::Cost) -> String {
+    let per_sphere = |bytes: u64| bytes as f64 / f64::from(cost.spheres.max(1));
+    let moved = cost.moved_bytes.map_or(String::new(), |bytes| format!(", moves {:.0}", per_sphere(bytes)));
+    format!("{} dispatches, {:.0} bytes a sphere{moved}", cost.dispatches, per_sphere(cost.working_bytes))
 }
 
 /// The lengths of a space as `--periodic` takes them.

@@ -7,7 +7,7 @@ use std::error::Error;
 use std::time::Duration;
 
 use lazygrid::Sphere;
-use lazygrid::gpu::{Count, GpuDetector, GpuSettings, GpuSpheres, Outcome, wanted_features, wgpu};
+use lazygrid::gpu::{GpuDetector, GpuPairs, GpuSettings, GpuSpheres, Outcome, wanted_features, wgpu};
 
 const SPHERES: u32 = 100_000;
 
@@ -46,10 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     });
 
     let mut detector = GpuDetector::new(&device, GpuSettings::default())?;
-    detector.reserve(SPHERES)?;
-    let (Some(outcome), Some(pairs)) = (detector.outcome().cloned(), detector.pairs().cloned()) else {
-        return Err("reserved buffers are there".into());
-    };
+    let GpuPairs { pairs, outcome, .. } = detector.reserve(SPHERES)?;
     let bindings = device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("consume"),
         layout: &consumer.get_bind_group_layout(0),
@@ -58,9 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // One encoder, one submission: detection and its consumer.
     let mut encoder = device.create_command_encoder(&Default::default());
-    let input =
-        GpuSpheres { spheres: &spheres, count: Count::Host(SPHERES), species: None, window: GpuSpheres::ALL };
-    detector.encode(&mut encoder, &input)?;
+    detector.encode(&mut encoder, &GpuSpheres::new(&spheres, SPHERES))?;
     {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&consumer);

@@ -8,7 +8,7 @@ use std::io::Write;
 use std::time::{Duration, Instant};
 
 use lazygrid::Sphere;
-use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuSettings, GpuSpheres, wgpu};
+use lazygrid::gpu::{GpuDetector, GpuDevice, GpuSettings, GpuSpheres, wgpu};
 
 /// Moves every sphere along a fixed direction of its own and keeps it in the unit box.
 const MOVE: &str = "
@@ -53,8 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     queue.write_buffer(&positions, 0, bytemuck::cast_slice(&start));
 
     let mut detector = GpuDetector::new(&device, GpuSettings::default())?;
-    detector.reserve(spheres)?;
-    let outcome = detector.outcome().cloned().ok_or("reserved buffers are there")?;
+    let outcome = detector.reserve(spheres)?.outcome;
     let (mover, moved) = stage(&device, MOVE, &[&positions]);
     let (tally, tallied) = stage(&device, TALLY, &[&outcome, &total]);
     let groups = spheres.div_ceil(256);
@@ -64,13 +63,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for _ in 0..steps {
         let mut encoder = device.create_command_encoder(&Default::default());
         run(&mut encoder, &mover, &moved, [groups.div_ceil(rows), rows]);
-        let input = GpuSpheres {
-            spheres: &positions,
-            count: Count::Host(spheres),
-            species: None,
-            window: GpuSpheres::ALL,
-        };
-        detector.encode(&mut encoder, &input)?;
+        detector.encode(&mut encoder, &GpuSpheres::new(&positions, spheres))?;
         run(&mut encoder, &tally, &tallied, [1, 1]);
         queue.submit([encoder.finish()]);
     }

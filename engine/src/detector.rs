@@ -153,6 +153,8 @@ impl Detector {
                     adapter: None,
                     algorithm: host.algorithm,
                     reason: host.reason.clone(),
+                    #[cfg(feature = "gpu")]
+                    cost: None,
                     phases: host.phases.clone(),
                 }
             }

@@ -19,6 +19,9 @@ pub struct Report {
     pub algorithm: Algorithm,
     /// Why this backend and this algorithm.
     pub reason: String,
+    /// What the call cost the GPU, by its plan; `None` on the CPU.
+    #[cfg(feature = "gpu")]
+    pub cost: Option<crate::gpu::Cost>,
     /// Time of each phase, in the order they ran. A call that takes a GPU several submissions has the sum of all.
     pub phases: Vec<Phase>,
 }

@@ -11,7 +11,7 @@
 //! remain, those count as large in this very cell. So every step halves the largest remaining size or the extent of
 //! the spheres in a cell, and a recursion ends after some tens of steps on any input.
 
-use glam::{DVec3, UVec3, Vec3};
+use glam::{BVec3, DVec3, UVec3, Vec3};
 
 use crate::Error;
 use crate::cell::{Batch, Crowd, Occupant, owns_pairs};
@@ -31,9 +31,10 @@ const PIECE: usize = 1 << 11;
 const PER_CELL: f64 = 16.0;
 /// Halvings of a cell in one split at most, so that 32 bits hold a finer cell's key.
 const MAX_HALVINGS: f64 = 7.0;
-/// Finer cells per axis from the corner of a top cell on at most: `f64` must tell them apart exactly. Only spheres
-/// 2⁴⁸ × smaller than the largest could ask for more; those of one such cell are compared with each other.
-const MAX_FINENESS: f64 = (1_u64 << 48) as f64;
+/// Finer cells at most from the origin to a coordinate: boxes are widened for rounding by 2⁻⁴⁹ of the coordinate, and by
+/// no more than an eighth of a cell with it. Coordinates that differ are 2²² such cells apart, so that on an axis with so
+/// many all spheres of a cell agree, and it need not be split any further.
+const MAX_FINENESS: f64 = (1_u64 << 46) as f64;
 
 /// The structure and its buffers, which survive between calls.
 #[derive(Debug, Default)]
@@ -171,6 +172,8 @@ struct Cell {
     scale: DVec3,
     /// This cell, counted from the top cell's corner.
     corner: DVec3,
+    /// How many top cells a coordinate in here is from the origin at most, or a ring has.
+    away: DVec3,
 }
 
 impl Cell {
@@ -178,13 +181,30 @@ impl Cell {
         let corner = raster.corner(cell);
         let top = DVec3::from_array(corner.map(|at| at.unwrap_or(0.0)));
         let scale = DVec3::from_array(corner.map(|at| f64::from(u8::from(at.is_some()))));
-        Self { top, fineness: 1.0, scale, corner: DVec3::ZERO }
+        Self { top, fineness: 1.0, scale, corner: DVec3::ZERO, away: raster.away(top) }
     }
 
     /// One of the cells that this one is split into, `parts` per axis.
     fn finer(&self, parts: f64, at: DVec3) -> Self {
         let (fineness, scale) = (self.fineness * parts, self.scale * parts);
-        Self { top: self.top, fineness, scale, corner: self.corner * parts + at }
+        Self { fineness, scale, corner: self.corner * parts + at, ..*self }
+    }
+
+    /// How often cells can be halved along each axis.
+    fn halvings(&self) -> DVec3 {
+        (MAX_FINENESS / (self.away * self.fineness)).map(|parts| parts.log2().floor())
+    }
+
+    /// The axes along which it can be split, and how often at most along all of them.
+    fn divisible(&self) -> (BVec3, f64) {
+        let halvings = self.halvings();
+        let axes = self.scale.cmpgt(DVec3::ZERO) & halvings.cmpge(DVec3::ONE);
+        (axes, DVec3::select(axes, halvings, DVec3::INFINITY).min_element())
+    }
+
+    /// The same cell, whole along the axes that are not to be split any more.
+    fn along(&self, axes: BVec3) -> Self {
+        Self { scale: DVec3::select(axes, self.scale, DVec3::ZERO), ..*self }
     }
 
     /// Lower and upper corner of the box around a sphere that is in this cell, in cells of the top raster.
@@ -349,6 +369,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         (split, sink): (&mut Split, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
         let Split { small, finer, offsets, .. } = split;
+        let cell = &cell.along(cell.divisible().0);
         let raster = &self.grid.entries.raster;
         // One cell more on either side, for what rounding may do.
         let first = cell.part(extent.low, parts) - 1.0;
@@ -383,34 +404,9 @@ fn step(cell: &Cell, edge: f64, count: usize, extent: &Extent) -> Step {
     if by_size < by_count && edge / halvings.exp2() > wide {
         return Step::Settle(f64::from(extent.radius) / 2.0);
     }
-    let most = (MAX_FINENESS / (cell.corner.max_element() + 1.0)).log2().floor();
-    if most < 1.0 { Step::Stop } else { Step::Into(halvings.min(most).exp2()) }
+    let (axes, most) = cell.divisible();
+    if axes.any() { Step::Into(halvings.min(most).exp2()) } else { Step::Stop }
 }
 
 #[cfg(test)]
-mod tests {
-    use lazygrid_kernels::Algorithm;
-
-    use crate::Settings;
-    use crate::judged::{judge, judge_shared};
-
-    fn settings(raster_ratio: f32) -> Settings {
-        Settings { algorithm: Algorithm::RecursiveGrid, raster_ratio, ..Settings::default() }
-    }
-
-    #[test]
-    fn agrees_with_all_pairs() {
-        for ratio in [0.5, 1.0, 3.0, 16.0] {
-            for tau in [0, 1, 5, Settings::TAU, u32::MAX] {
-                judge(&Settings { tau, ..settings(ratio) });
-            }
-        }
-    }
-
-    #[test]
-    fn threads_share_the_work() {
-        for tau in [0, Settings::TAU, 1000] {
-            judge_shared(&Settings { tau, ..settings(Settings::RASTER_RATIO) });
-        }
-    }
-}
+mod tests;

@@ -285,6 +285,11 @@ kernels! {
         [uniform("call"), read("count_source"), read("spheres"), write("survey"), write("list"), write("outcome"),
          write("lengths")],
         species: [read("species"), read("reach")];
+    /// Both of few spheres.
+    LIST_BEGIN = "list_begin", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), read("count_source"), read("spheres"), write("survey"), write("list"), write("outcome"),
+         write("lengths"), write("starts"), write("density")],
+        species: [read("species"), read("reach")];
     /// Counts the spheres in each cell of the first level.
     DENSITY_COUNT = "density_count", GROUP, subgroups: false, periodic: true,
         [uniform("call"), read("list"), read("spheres"), write("density")],
@@ -330,9 +335,10 @@ kernels! {
 }
 
 /// Shared pieces of WGSL by the name in `#include`.
-const PIECES: [(&str, &str); 29] = [
+const PIECES: [(&str, &str); 31] = [
     ("candidates", include_str!("shader/shared/candidates.wgsl")),
     ("cells", include_str!("shader/shared/cells.wgsl")),
+    ("configure", include_str!("shader/shared/configure.wgsl")),
     ("crowd", include_str!("shader/shared/crowd.wgsl")),
     ("density", include_str!("shader/shared/density.wgsl")),
     ("density_add", include_str!("shader/shared/density_add.wgsl")),
@@ -356,6 +362,7 @@ const PIECES: [(&str, &str); 29] = [
     ("reserve", include_str!("shader/shared/reserve.wgsl")),
     ("reserve_lane", include_str!("shader/shared/reserve_lane.wgsl")),
     ("sphere", include_str!("shader/shared/sphere.wgsl")),
+    ("survey", include_str!("shader/shared/survey.wgsl")),
     ("tile", include_str!("shader/shared/tile.wgsl")),
     ("walk", include_str!("shader/shared/walk.wgsl")),
     ("wide", include_str!("shader/shared/wide.wgsl")),
@@ -403,21 +410,4 @@ impl Expansion {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// What a kernel is said not to know of does not occur in its text. (Subgroups are shared pieces' to use.)
-    #[test]
-    fn reduced_variants_have_the_whole_text() {
-        for kernel in KERNELS {
-            for (species, periodic) in [(false, true), (true, false), (true, true)] {
-                let variant = Variant { species, periodic, ..Variant::default() };
-                let whole = Expansion { variant, is_standard: false }.expand(kernel.source);
-                assert!(kernel.wgsl(variant) == whole, "{} {variant:?}", kernel.name);
-            }
-            let unbounded = kernel.wgsl(Variant::default());
-            let periodic = kernel.wgsl(Variant { periodic: true, ..Variant::default() });
-            assert_eq!(unbounded != periodic, kernel.knows_periods, "{}", kernel.name);
-        }
-    }
-}
+mod tests;

@@ -53,6 +53,8 @@ pub struct Call {
     pub tile: u32,
     /// Candidates of one sphere that one invocation tests.
     pub share: u32,
+    /// Workgroups for further shares of each block; 0 where the device finds how many it takes.
+    pub further_shares: u32,
 }
 
 /// Which digit a radix pass sorts by.

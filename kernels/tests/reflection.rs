@@ -87,7 +87,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             counters,
             split,
             tile,
-            share
+            share,
+            further_shares
         }),
         layout!(Pass { shift, mask, is_first }),
         layout!(ListLevel { cells, base, low, scale, around, far, reach }),

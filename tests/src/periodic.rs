@@ -91,7 +91,7 @@ pub fn oracle_of_integers(scenario: &Scenario) -> Vec<Pair> {
 /// # Errors
 /// What is wrong with whose result.
 pub fn judge(scenario: &Scenario, expected: &[Pair], settings: &Config) -> Result<(), String> {
-    Subject::all().into_iter().try_for_each(|subject| match subject.tolerance() {
+    Subject::in_turn(scenario).into_iter().try_for_each(|subject| match subject.tolerance() {
         Tolerance::Exact => subject.judge(scenario, expected, settings),
         Tolerance::Tangent => {
             let complain = |text: String| format!("{subject}: {text}");

@@ -1,6 +1,6 @@
 //! Pair counts in closed form: what a scene has on average, four standard errors either way.
 
-use lazygrid::{Config, Detector, Sphere};
+use lazygrid::{Backend, Config, Detector, Sphere};
 use lazygrid_io::scenes::{Scene, periodic_box_pairs};
 use lazygrid_tests::Subject;
 use rand_chacha::ChaCha8Rng;
@@ -12,9 +12,13 @@ const SEEDS: u64 = 5;
 fn scenes_have_their_expected_pairs() {
     let subjects = Subject::each_algorithm();
     for scene in Scene::ALL {
-        let n = if scene == Scene::Point { 3000 } else { 10_000 };
-        let expected = scene.expected_pairs(n);
         for subject in &subjects {
+            let n = match (scene, subject.backend) {
+                (_, Backend::Gpu) => 2000,
+                (Scene::Point, _) => 3000,
+                _ => 10_000,
+            };
+            let expected = scene.expected_pairs(n);
             let mut detector = Detector::new(subject.config()).expect("a detector");
             let total: u64 =
                 (0..SEEDS).map(|seed| detector.count(&scene.spheres(n, 100 + seed)).expect("a count")).sum();

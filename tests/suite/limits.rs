@@ -10,10 +10,10 @@ fn coincident(n: usize) -> Vec<Sphere> {
 }
 
 #[test]
-fn half_a_million_coincident_spheres_are_counted_exactly() {
-    let spheres = coincident(500_000);
+fn more_pairs_than_32_bits_hold_are_counted_exactly() {
+    let spheres = coincident(100_000);
     let mut detector = Detector::new(Config::default().backend(Backend::Cpu)).expect("a detector");
-    assert_eq!(detector.count(&spheres), Ok(124_999_750_000));
+    assert_eq!(detector.count(&spheres), Ok(4_999_950_000));
     assert_eq!(detector.report().algorithm, Algorithm::CellList);
 }
 
@@ -33,16 +33,19 @@ fn a_stream_of_half_a_million_coincident_spheres_can_be_stopped() {
 
 #[test]
 fn a_list_of_too_many_pairs_is_refused_by_its_number() {
-    let (n, found) = (20_000, 199_990_000);
     let limit = 1 << 20;
-    let spheres = coincident(n);
     for subject in Subject::each_algorithm() {
+        let (n, found) = match subject.backend {
+            Backend::Gpu => (4000, 7_998_000),
+            _ => (20_000, 199_990_000),
+        };
+        let spheres = coincident(n);
         let mut detector = Detector::new(subject.config().max_pairs(limit)).expect("a detector");
         assert_eq!(detector.count(&spheres), Ok(found), "{subject}");
         let Err(error) = detector.pairs(&spheres) else { panic!("{subject}: a list of {found} pairs") };
         assert_eq!(error, Error::TooManyPairs { found, limit }, "{subject}");
         let text = error.to_string();
-        for part in ["199990000", "1048576", "max_pairs", "stream"] {
+        for part in [&found.to_string(), "1048576", "max_pairs", "stream"] {
             assert!(text.contains(part), "'{part}' is not in: {text}");
         }
     }
@@ -53,7 +56,11 @@ fn a_list_of_too_many_pairs_is_refused_by_its_number() {
 fn coincident_points_are_counted_exactly() {
     let spheres = vec![Sphere::new([1e30, 0.0, -1e-30], 0.0); 10_000];
     for subject in Subject::each_algorithm() {
+        let (n, found) = match subject.backend {
+            Backend::Gpu => (2000, 1_999_000),
+            _ => (10_000, 49_995_000),
+        };
         let mut detector = Detector::new(subject.config()).expect("a detector");
-        assert_eq!(detector.count(&spheres), Ok(49_995_000), "{subject}");
+        assert_eq!(detector.count(&spheres[..n]), Ok(found), "{subject}");
     }
 }

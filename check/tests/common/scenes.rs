@@ -1,6 +1,6 @@
 //! Scenes that break grids, and all pairs in f64 to judge them by.
 
-use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuSettings, GpuSpheres, Outcome};
+use lazygrid::gpu::{GpuDetector, GpuDevice, GpuSettings, GpuSpheres, Outcome};
 use lazygrid::{Algorithm, Pair, Sphere};
 pub(crate) use lazygrid_check::scenes::{cloud, scenes};
 
@@ -16,22 +16,16 @@ pub(crate) struct Found {
 }
 
 pub(crate) fn detect_with(own: &GpuDevice, detector: &mut GpuDetector, input: &GpuSpheres<'_>) -> Found {
-    submit(own, |encoder| detector.encode(encoder, input)).expect("recorded");
-    let outcome = download::<Outcome>(own, detector.outcome().expect("recorded"), 1)[0];
-    let written = outcome.found().min(detector.plan().expect("planned").pairs.into()) as usize;
-    let mut pairs: Vec<Pair> = download(own, detector.pairs().expect("recorded"), written);
+    let output = submit(own, |encoder| detector.encode(encoder, input)).expect("recorded");
+    let outcome = download::<Outcome>(own, &output.outcome, 1)[0];
+    let written = outcome.found().min(output.capacity.into()) as usize;
+    let mut pairs: Vec<Pair> = download(own, &output.pairs, written);
     pairs.sort_unstable();
     Found { outcome, pairs }
 }
 
 pub(crate) fn detect(own: &GpuDevice, detector: &mut GpuDetector, spheres: &[Sphere]) -> Found {
-    let buffer = upload(own, spheres);
-    let count = Count::Host(spheres.len() as u32);
-    detect_with(
-        own,
-        detector,
-        &GpuSpheres { spheres: &buffer, count, species: None, window: GpuSpheres::ALL },
-    )
+    detect_with(own, detector, &GpuSpheres::new(&upload(own, spheres), spheres.len() as u32))
 }
 
 /// How far a pair is from tangency, in units of the squared reach; `(distance², reach²)` in f64.

@@ -12,6 +12,7 @@ use serde_json::{Map, Value, json};
 
 use crate::args::Check;
 use crate::failure::Failure;
+use crate::summary::{cost_object, cost_text};
 use crate::{devices, print};
 
 /// Counts of a GPU may differ by pairs in tangency: by two, and one in so many.
@@ -195,14 +196,15 @@ impl Report {
         self.speeds.push(json!({
             "backend": backend.name(), "algorithm": algorithm.name(), "scene": scene.name(), "spheres": spheres,
             "pairs": speed.pairs, "seconds": speed.seconds, "busy_seconds": speed.busy, "stages": stages,
-            "rounds": speed.rounds,
+            "rounds": speed.rounds, "gpu": speed.cost.as_ref().map(cost_object),
         }));
         let busy = match backend {
             Backend::Gpu => speed.busy * 1e3,
             _ => speed.seconds / spheres as f64 * 1e9,
         };
-        let stages: Vec<String> =
+        let mut stages: Vec<String> =
             speed.stages.iter().map(|(name, seconds)| format!("{name} {:.3}", seconds * 1e3)).collect();
+        stages.extend(speed.cost.as_ref().map(cost_text));
         self.say(&format!(
             "{algorithm:<15}{spheres:>11}{:>12}{:>10.3}{busy:>11.3}   {scene}: {}\n",
             speed.pairs,
@@ -339,85 +341,4 @@ fn write(path: &Path, scenario: &Scenario, comments: &str) -> Result<(), lazygri
 }
 
 #[cfg(test)]
-mod tests {
-    use lazygrid::{Space, Sphere};
-    use lazygrid_check::Mixture;
-    use lazygrid_io::read::{Frames, Options};
-
-    use super::*;
-
-    fn report() -> Report {
-        Report {
-            is_json: true,
-            backend: "all",
-            object: Map::new(),
-            failures: Vec::new(),
-            files: 0,
-            left_out: Vec::new(),
-            speeds: Vec::new(),
-            counts: Vec::new(),
-            start: Instant::now(),
-        }
-    }
-
-    #[test]
-    fn what_is_wrong_is_written_as_detect_reads_it() {
-        let tiny = f32::from_bits(1);
-        let spheres = vec![
-            Sphere::new([tiny, -3e38, 0.1], 1.0),
-            Sphere::new([1.0 / 3.0, -0.0, 1e-38], tiny),
-            Sphere::new([f32::MAX, f32::MIN, f32::MIN_POSITIVE], 0.0),
-        ];
-        let rows = vec![vec![Interaction::Never], vec![Interaction::Within(0.25), Interaction::Touch]];
-        let mixture = Mixture { species: vec![1, 0, 1], rows };
-        let directory = tempfile::tempdir().unwrap();
-        for mixture in [None, Some(mixture)] {
-            let scenario = Scenario { mixture, ..spheres.clone().into() };
-            let path = directory.path().join("failing.csv");
-            write(&path, &scenario, "x, y and z: 1 missing\nlazygrid detect").unwrap();
-            let mut frames = Frames::open(&path, Options::default()).unwrap();
-            let frame = frames.next().unwrap().unwrap();
-            assert_eq!(frame.spheres, scenario.spheres);
-            assert_eq!(frame.species.is_some(), scenario.mixture.is_some());
-            let text = std::fs::read_to_string(&path).unwrap();
-            assert_eq!(text.contains("#   1 and 0 within 0.25"), scenario.mixture.is_some(), "{text}");
-        }
-    }
-
-    #[test]
-    fn commands_repeat_what_they_can() {
-        let report = report();
-        let path = Path::new("f.csv");
-        let scenario = Scenario {
-            space: Space::periodic([Some(0.1), None, Some(1e-40)]).unwrap(),
-            ..Scenario::default()
-        };
-        let of = |name, scenario: Option<&Scenario>, options| report.command(path, name, scenario, options);
-        assert_eq!(
-            of("soup: naive on cpu", Some(&scenario), " --backend cpu"),
-            "lazygrid detect f.csv --backend cpu --periodic 0.1,-,1e-40"
-        );
-        assert_eq!(
-            of("fuzz seed 12: naive", Some(&Scenario::default()), " --count"),
-            "lazygrid detect f.csv --count --periodic none, or lazygrid check --backend all --seed 12"
-        );
-        assert_eq!(of("fuzz seed 12: naive", Some(&scenario), ""), "lazygrid check --backend all --seed 12");
-        assert_eq!(of("radix sort", None, ""), "lazygrid check --backend all");
-    }
-
-    #[test]
-    fn counts_that_differ_are_wrong() {
-        let mut report = report();
-        let mut count = |backend, spheres, pairs| {
-            let called = Called { backend, algorithm: Algorithm::Naive, scene: Scene::Equal, spheres };
-            report.compare_count(called, pairs).unwrap();
-            report.failures.len()
-        };
-        assert_eq!(count(Backend::Cpu, 10, 5), 0);
-        assert_eq!(count(Backend::Gpu, 10, 7), 0);
-        assert_eq!(count(Backend::Gpu, 10, 8), 1);
-        assert_eq!(count(Backend::Cpu, 10, 6), 2);
-        assert_eq!(count(Backend::Cpu, 20, 6), 2);
-        assert!(matches!(report.finish(), Err(Failure::Wrong { failures: 2 })));
-    }
-}
+mod tests;

@@ -2,9 +2,9 @@ use std::collections::HashMap;
 use std::fmt;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::GpuError;
 use super::pipelines::Pipelines;
 use super::recording::constant_buffer;
+use crate::Error;
 
 /// A GPU, or a software rasteriser, that can run the engine.
 #[derive(Clone, Debug)]
@@ -71,7 +71,7 @@ impl fmt::Display for AdapterId {
 
 impl AdapterId {
     /// The place among the adapters that there are.
-    fn place_in(&self, found: &[AdapterSummary]) -> Result<usize, GpuError> {
+    fn place_in(&self, found: &[AdapterSummary]) -> Result<usize, Error> {
         let named = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
             (0..found.len()).filter(|&place| fits(&found[place].name.to_lowercase())).collect()
         };
@@ -91,7 +91,7 @@ impl AdapterId {
         }
         let one = |place: usize| format!("{place} {} ({})", found[place].name, found[place].api);
         let there_are = (0..found.len()).map(one).collect::<Vec<_>>().join(", ");
-        Err(GpuError::UnknownAdapter { asked: self.to_string(), fitting: fitting.len(), there_are })
+        Err(Error::UnknownAdapter { asked: self.to_string(), fitting: fitting.len(), there_are })
     }
 }
 
@@ -121,8 +121,8 @@ impl GpuDevice {
     /// taken only where `software` allows it.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`](crate::Error::NoAdapter) and [`Error::NoDevice`](crate::Error::NoDevice).
-    pub fn open(software: bool) -> Result<Self, GpuError> {
+    /// [`Error::NoAdapter`] and [`Error::NoDevice`].
+    pub fn open(software: bool) -> Result<Self, Error> {
         let found = enumerate();
         let names = || match found.as_slice() {
             [] => "none is installed".to_owned(),
@@ -130,25 +130,25 @@ impl GpuDevice {
         };
         match found.iter().find(|adapter| software || summary(adapter).is_hardware) {
             Some(adapter) => Self::open_on(adapter),
-            None => Err(GpuError::NoAdapter { reason: names() }),
+            None => Err(Error::NoAdapter { reason: names() }),
         }
     }
 
     /// Opens this adapter, be it hardware or software.
     ///
     /// # Errors
-    /// [`Error::UnknownAdapter`](crate::Error::UnknownAdapter) where no adapter is meant, or several are; [`Error::NoAdapter`](crate::Error::NoAdapter) where there is
-    /// none at all, and [`Error::NoDevice`](crate::Error::NoDevice).
-    pub fn open_adapter(id: &AdapterId) -> Result<Self, GpuError> {
+    /// [`Error::UnknownAdapter`] where no adapter is meant, or several are; [`Error::NoAdapter`] where there is
+    /// none at all, and [`Error::NoDevice`].
+    pub fn open_adapter(id: &AdapterId) -> Result<Self, Error> {
         let found = enumerate();
         if found.is_empty() {
-            return Err(GpuError::NoAdapter { reason: "none is installed".to_owned() });
+            return Err(Error::NoAdapter { reason: "none is installed".to_owned() });
         }
         let summaries: Vec<_> = found.iter().map(summary).collect();
         Self::open_on(&found[id.place_in(&summaries)?])
     }
 
-    fn open_on(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
+    fn open_on(adapter: &wgpu::Adapter) -> Result<Self, Error> {
         let summary = summary(adapter);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("lazygrid"),
@@ -156,9 +156,8 @@ impl GpuDevice {
             required_limits: adapter.limits(),
             ..Default::default()
         };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| {
-            GpuError::NoDevice { adapter: summary.name.clone(), reason: error.to_string() }
-        })?;
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|error| Error::NoDevice { adapter: summary.name.clone(), reason: error.to_string() })?;
         let lost = Arc::new(OnceLock::new());
         let losing = Arc::clone(&lost);
         device.set_device_lost_callback(move |reason, message| {
@@ -188,7 +187,7 @@ impl GpuDevice {
     ///
     /// # Errors
     /// As [`open`](Self::open).
-    pub fn shared(software: bool) -> Result<Self, GpuError> {
+    pub fn shared(software: bool) -> Result<Self, Error> {
         Self::share(Shared::Best { software }, || Self::open(software))
     }
 
@@ -197,18 +196,18 @@ impl GpuDevice {
     ///
     /// # Errors
     /// As [`open_adapter`](Self::open_adapter).
-    pub fn shared_adapter(id: &AdapterId) -> Result<Self, GpuError> {
+    pub fn shared_adapter(id: &AdapterId) -> Result<Self, Error> {
         Self::share(Shared::Named(id.clone()), || Self::open_adapter(id))
     }
 
-    fn share(which: Shared, open: impl FnOnce() -> Result<Self, GpuError>) -> Result<Self, GpuError> {
-        type Devices = HashMap<Shared, Result<GpuDevice, GpuError>>;
+    fn share(which: Shared, open: impl FnOnce() -> Result<Self, Error>) -> Result<Self, Error> {
+        type Devices = HashMap<Shared, Result<GpuDevice, Error>>;
         static DEVICES: Mutex<Option<Devices>> = Mutex::new(None);
         let mut devices = DEVICES.lock().unwrap_or_else(PoisonError::into_inner);
         let devices = devices.get_or_insert_default();
         match devices.get(&which) {
             Some(Ok(own)) if own.probe().is_ok() => return Ok(own.clone()),
-            Some(Err(error @ GpuError::NoAdapter { .. })) => return Err(error.clone()),
+            Some(Err(error @ Error::NoAdapter { .. })) => return Err(error.clone()),
             _ => {}
         }
         let opened = open();
@@ -217,28 +216,28 @@ impl GpuDevice {
     }
 
     /// # Errors
-    /// [`Error::DeviceLost`](crate::Error::DeviceLost) once the driver has said so.
-    pub(crate) fn check_lost(&self) -> Result<(), GpuError> {
+    /// [`Error::DeviceLost`] once the driver has said so.
+    pub(crate) fn check_lost(&self) -> Result<(), Error> {
         match self.lost.get() {
-            Some(reason) => Err(GpuError::DeviceLost { reason: reason.clone() }),
+            Some(reason) => Err(Error::DeviceLost { reason: reason.clone() }),
             None => Ok(()),
         }
     }
 
     /// The reason behind an error: on a lost device calls are refused for other reasons first.
-    pub(crate) fn reason(&self, error: GpuError) -> GpuError {
+    pub(crate) fn reason(&self, error: Error) -> Error {
         self.probe().err().unwrap_or(error)
     }
 
     /// Whether the device still works. That it was lost is told late, and to a host application only for its own
     /// device; but then it refuses even a small buffer.
-    pub(crate) fn probe(&self) -> Result<(), GpuError> {
+    pub(crate) fn probe(&self) -> Result<(), Error> {
         // A poll is what brings the news; its own failure adds nothing.
         let _ = self.device.poll(wgpu::PollType::Poll);
         self.check_lost()?;
         match constant_buffer(&self.device, "a probe", &[0; 16]) {
-            Ok(_) | Err(GpuError::DeviceOutOfMemory { .. }) => Ok(()),
-            Err(error) => Err(GpuError::DeviceLost { reason: error.to_string() }),
+            Ok(_) | Err(Error::DeviceOutOfMemory { .. }) => Ok(()),
+            Err(error) => Err(Error::DeviceLost { reason: error.to_string() }),
         }
     }
 }
@@ -247,7 +246,7 @@ impl GpuDevice {
 #[cfg(test)]
 pub(crate) fn device_or_skip() -> Option<GpuDevice> {
     match GpuDevice::shared(true) {
-        Err(GpuError::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => None,
+        Err(Error::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => None,
         own => Some(own.expect("a device")),
     }
 }
@@ -340,7 +339,7 @@ mod tests {
                 (Err(error), Err(how_many)) => {
                     let text = error.to_string();
                     assert!(
-                        matches!(error, GpuError::UnknownAdapter { fitting, .. } if fitting == how_many),
+                        matches!(error, Error::UnknownAdapter { fitting, .. } if fitting == how_many),
                         "{asked}: {text}"
                     );
                     assert!(text.contains(asked) && text.contains("1 Card H1 Large (vulkan)"), "{text}");

@@ -4,9 +4,10 @@ use std::time::{Duration, Instant};
 
 use lazygrid_kernels::{Algorithm, Sphere, Spheres};
 
+use super::GpuSession;
 use super::adapter::{AdapterSummary, GpuDevice};
 use super::input::GpuSettings;
-use super::{GpuError, GpuSession};
+use crate::Error;
 use crate::choice::GRID;
 
 /// The numbers of spheres that are tried, until the grid is clearly faster.
@@ -87,8 +88,8 @@ pub struct Sample {
 ///
 /// # Errors
 /// Where the device fails.
-pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calibration, GpuError> {
-    let [one, five] = CLASSES.map(|classes| -> Result<u32, GpuError> {
+pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calibration, Error> {
+    let [one, five] = CLASSES.map(|classes| -> Result<u32, Error> {
         let mut samples = Vec::new();
         let [mut naive, mut grid] = [session(own, Algorithm::Naive)?, session(own, GRID)?];
         for spheres in SIZES {
@@ -117,12 +118,12 @@ pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calib
     })
 }
 
-fn session(own: &GpuDevice, algorithm: Algorithm) -> Result<GpuSession, GpuError> {
+fn session(own: &GpuDevice, algorithm: Algorithm) -> Result<GpuSession, Error> {
     // Timed, as the calls of a `Detector` are.
     GpuSession::new(own.clone(), GpuSettings { algorithm, timed: true, ..GpuSettings::default() })
 }
 
-fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, GpuError> {
+fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error> {
     let start = Instant::now();
     let ticket = session.begin(Spheres::from(spheres))?;
     session.finish_count(ticket)?;

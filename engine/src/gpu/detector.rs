@@ -1,23 +1,27 @@
+mod prepared;
+mod room;
 mod tables;
 mod timer;
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
-use lazygrid_kernels::kernel::{self as k, Variant};
+use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Call, Outcome};
 use lazygrid_kernels::{Algorithm, Interactions};
 
+use prepared::{Key, Prepared};
+use room::EntryRoom;
+pub(crate) use room::Raised;
 use tables::Tables;
 use timer::Timer;
 
-use super::GpuError;
 use super::input::{Count, GpuSettings, GpuSpheres, check, check_buffer};
 use super::pipelines::Pipelines;
-use super::plan::{DeviceLimits, Plan, Request, Resource, Slot, most_entries, plan};
-use super::primitives::pass_buffers;
-use super::recording::{Buffers, Recording, constant_buffer};
+use super::plan::{Cost, DeviceLimits, Plan, Request, most_entries, plan};
+use super::recording::Buffers;
 use super::scope::scoped;
-use crate::choice;
+use crate::{Error, choice};
 
 /// Recordings kept for callers that alternate between a few buffers.
 const KEPT_RECORDINGS: usize = 4;
@@ -25,8 +29,8 @@ const KEPT_RECORDINGS: usize = 4;
 /// Finds overlapping pairs of spheres in GPU buffers and leaves them in GPU buffers.
 ///
 /// [`encode`](Self::encode) records into the caller's encoder and neither submits nor polls. What a call found is
-/// in [`outcome`](Self::outcome) (laid out as [`Outcome`]) and [`pairs`](Self::pairs) (unordered, `i < j`). Spheres
-/// that are not finite or have a negative radius pair with nothing and are counted.
+/// in the buffers of [`GpuPairs`]. Spheres that are not finite or have a negative radius pair with nothing and are
+/// counted.
 #[derive(Debug)]
 pub struct GpuDetector {
     device: wgpu::Device,
@@ -40,55 +44,32 @@ pub struct GpuDetector {
     timer: Option<Timer>,
 }
 
-/// Entries there is to be room for at least, by the binary digits of the spheres of the call that needed them: in
-/// calls of as many digits or more.
-#[derive(Clone, Copy, Debug)]
-struct EntryRoom([u32; u32::BITS as usize + 1]);
-
-impl EntryRoom {
-    const NONE: Self = Self([0; u32::BITS as usize + 1]);
-
-    fn digits(spheres: u32) -> usize {
-        (u32::BITS - spheres.leading_zeros()) as usize
-    }
-
-    fn of(&self, spheres: u32) -> u32 {
-        self.0[..=Self::digits(spheres)].iter().copied().max().unwrap_or_default()
-    }
+/// Where a call leaves what it finds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct GpuPairs {
+    /// The pairs as `[u32; 2]`, unordered, `i < j`; `STORAGE` and `COPY_SRC` usage.
+    pub pairs: wgpu::Buffer,
+    /// How many pairs the buffer holds at most.
+    pub capacity: u32,
+    /// The [`Outcome`]: how many pairs there are, and what did not fit; `STORAGE`, `INDIRECT` and `COPY_SRC` usage. A
+    /// consumer with a thread per pair is dispatched from [`Outcome::DISPATCH_OFFSET`].
+    pub outcome: wgpu::Buffer,
 }
 
-/// What was raised for calls that needed more, to be restored where the device has not so much.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Raised {
-    entries: EntryRoom,
-    pairs: u32,
-}
-
-/// Everything that depends on the size of a call.
-#[derive(Debug)]
-struct Prepared {
-    plan: Plan,
-    buffers: Buffers,
-    recordings: VecDeque<(Key, Recording)>,
-    /// The one that was used last.
-    current: usize,
-}
-
-/// What a recording was made for.
-#[derive(Clone, Debug, PartialEq)]
-struct Key {
-    spheres: wgpu::Buffer,
-    species: Option<wgpu::Buffer>,
-    count: Option<wgpu::Buffer>,
-    call: Call,
+/// How a call runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Way {
+    pub(crate) algorithm: Algorithm,
+    pub(crate) raster_ratio: f32,
 }
 
 impl GpuDetector {
     /// A detector on the caller's device. Kernels are compiled when first needed.
     ///
     /// # Errors
-    /// [`Error::Setting`](crate::Error::Setting) and [`Error::NotOnBackend`](crate::Error::NotOnBackend) for settings; otherwise where the device refuses something.
-    pub fn new(device: &wgpu::Device, settings: GpuSettings) -> Result<Self, GpuError> {
+    /// [`Error::Setting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
+    pub fn new(device: &wgpu::Device, settings: GpuSettings) -> Result<Self, Error> {
         Self::with_pipelines(device, Pipelines::new(device), settings)
     }
 
@@ -96,7 +77,7 @@ impl GpuDetector {
         device: &wgpu::Device,
         pipelines: Pipelines,
         settings: GpuSettings,
-    ) -> Result<Self, GpuError> {
+    ) -> Result<Self, Error> {
         check(&settings)?;
         let tables = settings.interactions.as_ref().map(|table| Tables::new(device, table)).transpose()?;
         let timer = (settings.timed && device.features().contains(wgpu::Features::TIMESTAMP_QUERY))
@@ -114,26 +95,39 @@ impl GpuDetector {
         })
     }
 
+    /// What a call of up to `spheres` spheres costs, without making one.
+    ///
+    /// # Errors
+    /// [`Error::LimitExceeded`] where the device cannot hold it.
+    pub fn cost(&self, spheres: u32) -> Result<Cost, Error> {
+        Ok(self.plan_for(spheres, self.way())?.cost())
+    }
+
     /// Bytes of device memory for calls of up to `spheres` spheres, the output included and the input not.
     ///
     /// # Errors
-    /// [`Error::LimitExceeded`](crate::Error::LimitExceeded) where the device cannot hold it.
-    pub fn memory_for(&self, spheres: u32) -> Result<u64, GpuError> {
-        Ok(self.plan_for(spheres)?.bytes())
+    /// As [`cost`](Self::cost).
+    pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
+        self.cost(spheres).map(|cost| cost.working_bytes + cost.pair_bytes)
     }
 
     /// What a call of up to `spheres` spheres would use, and why.
     pub fn choice(&self, spheres: u32) -> (Algorithm, String) {
-        choice::algorithm(self.settings.algorithm, (spheres, 1), (self.settings.crossover, "given"))
+        self.chosen(self.settings.algorithm, spheres)
     }
 
-    /// What a call of up to `spheres` spheres would do.
-    ///
-    /// # Errors
-    /// As [`memory_for`](Self::memory_for).
-    pub fn plan_for(&self, spheres: u32) -> Result<Plan, GpuError> {
+    fn chosen(&self, algorithm: Algorithm, spheres: u32) -> (Algorithm, String) {
+        choice::algorithm(algorithm, (spheres, 1), (self.settings.crossover, "given"))
+    }
+
+    /// How calls run by the settings.
+    pub(crate) fn way(&self) -> Way {
+        Way { algorithm: self.settings.algorithm, raster_ratio: self.settings.raster_ratio }
+    }
+
+    fn plan_for(&self, spheres: u32, way: Way) -> Result<Plan, Error> {
         let species = self.settings.interactions.as_ref().map_or(0, Interactions::species);
-        let (pairs, (algorithm, _)) = (self.settings.pair_capacity, self.choice(spheres));
+        let (pairs, (algorithm, _)) = (self.settings.pair_capacity, self.chosen(way.algorithm, spheres));
         let (entries, periodic) = (self.entry_room.of(spheres), self.settings.space.is_periodic());
         let radix_from = self.settings.radix_from;
         let request = Request { spheres, pairs, entries, algorithm, species, periodic, radix_from };
@@ -144,21 +138,23 @@ impl GpuDetector {
     /// size are released.
     ///
     /// # Errors
-    /// [`Error::LimitExceeded`](crate::Error::LimitExceeded), [`Error::DeviceOutOfMemory`](crate::Error::DeviceOutOfMemory), or where the device is lost.
-    pub fn reserve(&mut self, spheres: u32) -> Result<(), GpuError> {
-        let wanted = self.plan_for(spheres)?;
-        // Buffers for more spheres serve fewer: those of a grid also all pairs.
-        match &mut self.prepared {
-            Some(prepared) if prepared.buffers.have_room_for(&wanted.buffers) => prepared.plan = wanted,
-            _ => {
-                // Released first, so that old and new need not fit side by side.
-                self.prepared = None;
-                let buffers = Buffers::allocate(&self.device, &wanted.buffers)?;
-                self.prepared =
-                    Some(Prepared { plan: wanted, buffers, recordings: VecDeque::new(), current: 0 });
-            }
+    /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], or where the device is lost.
+    pub fn reserve(&mut self, spheres: u32) -> Result<GpuPairs, Error> {
+        let prepared = self.prepare(spheres, self.way())?;
+        Ok(self.prepared.insert(prepared).output())
+    }
+
+    /// What there is, if it has room, else what takes its place.
+    fn prepare(&mut self, spheres: u32, way: Way) -> Result<Prepared, Error> {
+        let plan = self.plan_for(spheres, way)?;
+        // Released first, so that old and new need not fit side by side. Buffers for more spheres serve fewer: those of a
+        // grid also all pairs.
+        let kept = self.prepared.take().filter(|prepared| prepared.buffers.have_room_for(&plan.buffers));
+        if let Some(prepared) = kept {
+            return Ok(Prepared { plan, ..prepared });
         }
-        Ok(())
+        let buffers = Buffers::allocate(&self.device, &plan.buffers)?;
+        Ok(Prepared { plan, buffers, recordings: VecDeque::new(), current: 0 })
     }
 
     /// How many pairs the output of the next call holds.
@@ -205,15 +201,6 @@ impl GpuDetector {
         self.settings.pair_capacity = room.pairs;
     }
 
-    /// Changes which algorithm later calls use; see [`GpuSettings::algorithm`].
-    ///
-    /// # Errors
-    /// [`Error::NotOnBackend`](crate::Error::NotOnBackend) for one without kernels.
-    pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), GpuError> {
-        let before = std::mem::replace(&mut self.settings.algorithm, algorithm);
-        check(&self.settings).inspect_err(|_| self.settings.algorithm = before)
-    }
-
     /// Has later calls end before their crowded search is done, where it is more than so many distance tests:
     /// [`encode_rest`](Self::encode_rest) records a further part while the outcome is partial.
     pub(crate) fn set_part_tests(&mut self, tests: u64) {
@@ -235,25 +222,34 @@ impl GpuDetector {
     /// Changes the cell edge; see [`GpuSettings::raster_ratio`].
     ///
     /// # Errors
-    /// [`Error::Setting`](crate::Error::Setting) where it is out of range.
-    pub fn set_raster_ratio(&mut self, ratio: f32) -> Result<(), GpuError> {
+    /// [`Error::Setting`] where it is out of range.
+    pub fn set_raster_ratio(&mut self, ratio: f32) -> Result<(), Error> {
         let before = std::mem::replace(&mut self.settings.raster_ratio, ratio);
         check(&self.settings).inspect_err(|_| self.settings.raster_ratio = before)
     }
 
     /// Records the detection, all of it in this encoder however crowded the spheres are: where a submission must end
     /// within a watchdog's time, [`GpuSession`](super::GpuSession) splits it. Nothing is submitted, polled or read
-    /// back; after the first call of a size nothing of that size is allocated. With a larger size than before, buffers
-    /// are replaced: take [`pairs`](Self::pairs) and [`outcome`](Self::outcome) after the call, or
-    /// [`reserve`](Self::reserve) first.
+    /// back; after the first call of a size nothing of that size is allocated. The buffers that come back are those of
+    /// the call before, unless this one is larger.
     ///
     /// # Errors
-    /// [`Error::Buffer`](crate::Error::Buffer) and [`Error::SpeciesBuffer`](crate::Error::SpeciesBuffer) for what was handed over, and as [`reserve`](Self::reserve).
+    /// [`Error::Buffer`] and [`Error::SpeciesBuffer`] for what was handed over, and as [`reserve`](Self::reserve).
     pub fn encode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
-    ) -> Result<(), GpuError> {
+    ) -> Result<GpuPairs, Error> {
+        self.encode_as(self.way(), encoder, input)
+    }
+
+    /// As [`encode`](Self::encode), in another way than the settings say.
+    pub(crate) fn encode_as(
+        &mut self,
+        way: Way,
+        encoder: &mut wgpu::CommandEncoder,
+        input: &GpuSpheres<'_>,
+    ) -> Result<GpuPairs, Error> {
         let spheres = match input.count {
             Count::Host(count) => count,
             Count::Buffer { buffer, at_most } => {
@@ -266,26 +262,22 @@ impl GpuDetector {
             check_buffer("species", species, u64::from(spheres.max(1)) * 4)?;
         }
         if input.species.is_some() != self.tables.is_some() {
-            return Err(GpuError::SpeciesBuffer);
+            return Err(Error::SpeciesBuffer);
         }
-        self.reserve(spheres)?;
-        self.record(encoder, input, spheres)
-    }
-
-    /// The pairs of the last recorded call as `[u32; 2]`; `STORAGE` and `COPY_SRC` usage. `None` before the first.
-    pub fn pairs(&self) -> Option<&wgpu::Buffer> {
-        self.prepared.as_ref().map(|p| p.buffers.get(Slot::Pairs))
-    }
-
-    /// The [`Outcome`] of the last recorded call; `STORAGE`, `INDIRECT` and `COPY_SRC` usage. A consumer with a
-    /// thread per pair is dispatched from [`Outcome::DISPATCH_OFFSET`]. `None` before the first call.
-    pub fn outcome(&self) -> Option<&wgpu::Buffer> {
-        self.prepared.as_ref().map(|p| p.buffers.get(Slot::Outcome))
+        let mut prepared = self.prepare(spheres, way)?;
+        let recorded = self.record(&mut prepared, way, encoder, input);
+        let output = self.prepared.insert(prepared).output();
+        recorded.map(|()| output)
     }
 
     /// The plan of the last recorded call.
-    pub fn plan(&self) -> Option<&Plan> {
+    pub(crate) fn plan(&self) -> Option<&Plan> {
         self.prepared.as_ref().map(|p| &p.plan)
+    }
+
+    /// Where the last recorded call left what it found.
+    pub(crate) fn output(&self) -> Option<GpuPairs> {
+        self.prepared.as_ref().map(Prepared::output)
     }
 
     /// The ticks at either end of each phase (`u64`, in the order of [`Phase::ALL`](super::Phase::ALL)); `None` where calls are not
@@ -294,39 +286,45 @@ impl GpuDetector {
         self.timer.as_ref().map(Timer::ticks)
     }
 
-    fn record(
-        &mut self,
-        encoder: &mut wgpu::CommandEncoder,
-        input: &GpuSpheres<'_>,
-        spheres: u32,
-    ) -> Result<(), GpuError> {
-        let Some(prepared) = &mut self.prepared else { return Ok(()) };
+    /// What the kernels read of a call.
+    fn call(&self, plan: &Plan, way: Way, window: &Range<u32>) -> Call {
         let [period_x, period_y, period_z] =
             self.settings.space.lengths().map(|length| length.unwrap_or_default());
-        let call = Call {
-            spheres,
-            pair_capacity: prepared.plan.pairs,
-            entry_capacity: prepared.plan.entries,
-            key_bits: prepared.plan.key_bits,
-            raster_ratio: self.settings.raster_ratio,
+        Call {
+            spheres: plan.spheres,
+            pair_capacity: plan.pairs,
+            entry_capacity: plan.entries,
+            key_bits: plan.key_bits,
+            raster_ratio: way.raster_ratio,
             species: self.settings.interactions.as_ref().map_or(0, Interactions::species),
-            search_groups: prepared.plan.search_groups,
+            search_groups: plan.search_groups,
             consumer_group: self.settings.consumer_group,
-            window_begin: input.window.start,
-            window_end: input.window.end,
-            refinement: prepared.plan.refinement as u32,
+            window_begin: window.start,
+            window_end: window.end,
+            refinement: plan.refinement as u32,
             tau: self.settings.tau,
-            density_slots: prepared.plan.density_slots,
+            density_slots: plan.density_slots,
             part_tiles: self.part_tiles,
             period_x,
             period_y,
             period_z,
-            cells: prepared.plan.cells,
-            counters: if prepared.plan.tile == 0 { prepared.plan.counters } else { 0 },
+            cells: plan.cells,
+            counters: if plan.tile == 0 { plan.counters } else { 0 },
             split: 0,
-            tile: prepared.plan.tile,
-            share: prepared.plan.share,
-        };
+            tile: plan.tile,
+            share: plan.share,
+            further_shares: plan.further_shares,
+        }
+    }
+
+    fn record(
+        &self,
+        prepared: &mut Prepared,
+        way: Way,
+        encoder: &mut wgpu::CommandEncoder,
+        input: &GpuSpheres<'_>,
+    ) -> Result<(), Error> {
+        let call = self.call(&prepared.plan, way, &input.window);
         let count = match input.count {
             Count::Host(_) => None,
             Count::Buffer { buffer, .. } => Some(buffer.clone()),
@@ -356,45 +354,17 @@ impl GpuDetector {
     }
 }
 
-impl Prepared {
-    fn bind(
-        &self,
-        device: &wgpu::Device,
-        pipelines: &Pipelines,
-        key: &Key,
-        tables: Option<&Tables>,
-    ) -> Result<Recording, GpuError> {
-        let call = constant_buffer(device, "call", bytemuck::bytes_of(&key.call))?;
-        let passes = pass_buffers(device, &self.plan.digits())?;
-        let species = tables.is_some();
-        let variant = Variant { species, periodic: self.plan.periodic, ..pipelines.variant() };
-        let stages = self.plan.stages.iter().cloned();
-        Recording::new(device, pipelines, variant, stages, |stage, binding| {
-            match (self.plan.resource(stage, binding), tables, &key.species) {
-                (Resource::Own(slot), ..) => self.buffers.get(slot),
-                (Resource::Spheres, ..) => &key.spheres,
-                (Resource::Count, ..) => key.count.as_ref().unwrap_or(&call),
-                (Resource::Pass(pass), ..) => &passes[pass as usize],
-                (Resource::Species, _, Some(species)) => species,
-                (Resource::Reach, Some(tables), _) => &tables.reach,
-                (Resource::Table, Some(tables), _) => &tables.table,
-                _ => &call,
-            }
-        })
-    }
-}
-
 /// What a call found, read from a copy of the outcome buffer.
 ///
 /// # Errors
-/// [`Error::Buffer`](crate::Error::Buffer) where there are too few bytes.
-pub fn read_outcome(bytes: &[u8]) -> Result<Outcome, GpuError> {
+/// [`Error::Buffer`] where there are too few bytes.
+pub fn read_outcome(bytes: &[u8]) -> Result<Outcome, Error> {
     let needed = size_of::<Outcome>();
     match bytes.get(..needed) {
         Some(bytes) => Ok(bytemuck::pod_read_unaligned(bytes)),
         None => {
             let (size, needed) = (bytes.len() as u64, needed as u64);
-            Err(GpuError::Buffer { what: "outcome", size, needed, usage: "" })
+            Err(Error::Buffer { what: "outcome", size, needed, usage: "" })
         }
     }
 }

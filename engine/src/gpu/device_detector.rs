@@ -4,7 +4,7 @@ use std::time::Instant;
 use lazygrid_host::{Canonical, Lists, Neighbors, Order, Phase, Settings, Survey};
 use lazygrid_kernels::{Pair, Spheres};
 
-use super::{Crossover, GpuDevice, GpuError, GpuSession, GpuSettings, Ticket};
+use super::{Crossover, GpuDevice, GpuSession, GpuSettings, Ticket};
 use crate::{Backend, Config, Error, Report, choice};
 
 /// Parts in which the threads that order a list share it out.
@@ -44,6 +44,7 @@ impl DeviceDetector {
             adapter: Some(own.adapter.name.clone()),
             algorithm: settings.algorithm,
             reason: String::new(),
+            cost: None,
             phases: Vec::new(),
         };
         let mut session = GpuSession::new(own, gpu)?;
@@ -135,6 +136,7 @@ impl DeviceDetector {
         self.report.phases.clear();
         self.report.spheres = spheres.len() as u64;
         self.report.pairs = 0;
+        self.report.cost = None;
         let start = Instant::now();
         let survey = Survey::new(spheres, self.settings.interactions.as_ref())?;
         self.report.phases.push(Phase { name: "check", time: start.elapsed() });
@@ -152,6 +154,7 @@ impl DeviceDetector {
 
     fn conclude(&mut self, found: u64) {
         self.report.pairs = found;
+        self.report.cost = self.session.cost();
         let ran = self.session.algorithm();
         if ran != self.report.algorithm {
             let instead = choice::one_level(ran, self.report.algorithm);
@@ -164,13 +167,13 @@ impl DeviceDetector {
 }
 
 /// The raster ratio that was `asked` for, as near as the GPU comes to it.
-fn raster_ratio(asked: Option<f32>) -> Result<f32, GpuError> {
+fn raster_ratio(asked: Option<f32>) -> Result<f32, Error> {
     let ratio = asked.unwrap_or(GpuSettings::RASTER_RATIO);
     if Config::RASTER_RATIOS.contains(&ratio) {
         return Ok(ratio.max(GpuSettings::MIN_RASTER_RATIO));
     }
     let range = "choose between 0.5 and 16";
-    Err(GpuError::Setting { name: "raster_ratio", value: ratio.to_string(), range })
+    Err(Error::Setting { name: "raster_ratio", value: ratio.to_string(), range })
 }
 
 fn parts(pairs: &[Pair]) -> Vec<&[Pair]> {

@@ -1,10 +1,10 @@
-pub(crate) use crate::Error as GpuError;
+use crate::Error;
 
 /// Makes room for so many values behind those that a buffer on the host has.
 ///
 /// # Errors
-/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
-pub(super) fn make_room<T>(buffer: &mut Vec<T>, count: usize, what: &'static str) -> Result<(), GpuError> {
+/// [`Error::OutOfMemory`].
+pub(super) fn make_room<T>(buffer: &mut Vec<T>, count: usize, what: &'static str) -> Result<(), Error> {
     let bytes = (buffer.len() + count) as u64 * size_of::<T>() as u64;
-    buffer.try_reserve(count).map_err(|_| GpuError::OutOfMemory { what, bytes })
+    buffer.try_reserve(count).map_err(|_| Error::OutOfMemory { what, bytes })
 }

@@ -5,9 +5,10 @@ use std::ops::Range;
 use lazygrid_kernels::kernel::GROUP;
 use lazygrid_kernels::{Algorithm, Interactions, Space};
 
-use super::{Crossover, GpuError};
+use super::Crossover;
 #[cfg(doc)]
 use super::{GpuDetector, Outcome};
+use crate::Error;
 
 /// What a [`GpuDetector`] is asked to do.
 #[derive(Clone, Debug)]
@@ -104,35 +105,45 @@ pub struct GpuSpheres<'a> {
     pub window: Range<u32>,
 }
 
-impl GpuSpheres<'_> {
+impl<'a> GpuSpheres<'a> {
+    /// The first `count` spheres of a buffer: all their pairs, whatever their species.
+    pub fn new(spheres: &'a wgpu::Buffer, count: u32) -> Self {
+        Self { spheres, count: Count::Host(count), species: None, window: Self::ALL }
+    }
+
     /// The window that every pair is in.
     pub const ALL: Range<u32> = 0..u32::MAX;
 }
 
 /// Refuses settings out of range.
-pub(super) fn check(settings: &GpuSettings) -> Result<(), GpuError> {
+pub(super) fn check(settings: &GpuSettings) -> Result<(), Error> {
     if !(GpuSettings::MIN_RASTER_RATIO..=GpuSettings::MAX_RASTER_RATIO).contains(&settings.raster_ratio) {
         let value = settings.raster_ratio.to_string();
         let range = "on the GPU choose between 1.5 and 16";
-        return Err(GpuError::Setting { name: "raster_ratio", value, range });
+        return Err(Error::Setting { name: "raster_ratio", value, range });
     }
     if settings.consumer_group == 0 {
         let range = "choose the consumer's workgroup size";
-        return Err(GpuError::Setting { name: "consumer_group", value: "0".into(), range });
+        return Err(Error::Setting { name: "consumer_group", value: "0".into(), range });
     }
-    match settings.algorithm {
+    check_algorithm(settings.algorithm)
+}
+
+/// Refuses what has no kernels.
+pub(super) fn check_algorithm(algorithm: Algorithm) -> Result<(), Error> {
+    match algorithm {
         Algorithm::Auto => Ok(()),
         named if Algorithm::GPU.contains(&named) => Ok(()),
-        other => Err(GpuError::NotOnBackend { algorithm: other, backend: crate::Backend::Gpu }),
+        other => Err(Error::NotOnBackend { algorithm: other, backend: crate::Backend::Gpu }),
     }
 }
 
 /// Refuses a buffer that is too short or cannot be bound.
-pub(super) fn check_buffer(what: &'static str, buffer: &wgpu::Buffer, needed: u64) -> Result<(), GpuError> {
+pub(super) fn check_buffer(what: &'static str, buffer: &wgpu::Buffer, needed: u64) -> Result<(), Error> {
     let storage = buffer.usage().contains(wgpu::BufferUsages::STORAGE);
     if buffer.size() < needed || !storage {
         let usage = if storage { "" } else { ", with STORAGE usage" };
-        return Err(GpuError::Buffer { what, size: buffer.size(), needed, usage });
+        return Err(Error::Buffer { what, size: buffer.size(), needed, usage });
     }
     Ok(())
 }

@@ -1,12 +1,11 @@
 //! Waiting for a staging buffer, by blocking or as a future.
 
+use crate::Error;
 use std::future::Future;
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, Waker};
 use std::time::Duration;
-
-use super::GpuError;
 
 /// How the caller waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +22,7 @@ pub(crate) struct Mapping(Arc<Mutex<State>>);
 
 #[derive(Debug, Default)]
 struct State {
-    answer: Option<Result<(), GpuError>>,
+    answer: Option<Result<(), Error>>,
     waker: Option<Waker>,
 }
 
@@ -33,7 +32,7 @@ impl Mapping {
         let mapping = Self::default();
         let answer = mapping.clone();
         buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-            answer.answer(result.map_err(|_| GpuError::DeviceLost { reason: "no readback".to_owned() }));
+            answer.answer(result.map_err(|_| Error::DeviceLost { reason: "no readback".to_owned() }));
         });
         mapping
     }
@@ -45,7 +44,7 @@ impl Mapping {
         submission: wgpu::SubmissionIndex,
         timeout: Duration,
         wait: Wait,
-    ) -> Result<(), GpuError> {
+    ) -> Result<(), Error> {
         let device = device.clone();
         let waiting = self.clone();
         let poll = move || {
@@ -53,8 +52,8 @@ impl Mapping {
             if let Err(error) = device.poll(until) {
                 let seconds = timeout.as_secs();
                 waiting.answer(Err(match error {
-                    wgpu::PollError::Timeout => GpuError::Timeout { seconds },
-                    other => GpuError::Validation { what: "waiting", reason: other.to_string() },
+                    wgpu::PollError::Timeout => Error::Timeout { seconds },
+                    other => Error::Validation { what: "waiting", reason: other.to_string() },
                 }));
             }
         };
@@ -65,7 +64,7 @@ impl Mapping {
         self.await
     }
 
-    fn answer(&self, answer: Result<(), GpuError>) {
+    fn answer(&self, answer: Result<(), Error>) {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         state.answer.get_or_insert(answer);
         if let Some(waker) = state.waker.take() {
@@ -75,7 +74,7 @@ impl Mapping {
 }
 
 impl Future for Mapping {
-    type Output = Result<(), GpuError>;
+    type Output = Result<(), Error>;
 
     fn poll(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -2,7 +2,7 @@
 //!
 //! [`GpuDetector`] records into a caller's encoder on a caller's device: spheres in GPU buffers in, pairs in GPU
 //! buffers out, with no submit, poll or readback in between. [`RadixSort`] and [`PrefixScan`] are its building
-//! blocks, [`GpuSession`] carries spheres and pairs between host and device. What a call allocates and dispatches comes from [`plan`], a pure function.
+//! blocks. [`GpuSession`] carries spheres and pairs between host and device. [`Cost`] says before a call what it takes.
 
 pub(crate) mod adapter;
 mod calibration;
@@ -21,14 +21,13 @@ mod slot;
 
 pub use adapter::{AdapterId, AdapterSummary, GpuDevice, adapters, wanted_features};
 pub use calibration::{Calibration, Crossover, Sample, calibrate};
-pub use detector::{GpuDetector, read_outcome};
+pub use detector::{GpuDetector, GpuPairs, read_outcome};
 pub(crate) use device_detector::DeviceDetector;
-pub(crate) use error::GpuError;
 pub use input::{Count, GpuSettings, GpuSpheres};
 pub use lazygrid_kernels::kernel::Access;
 pub use lazygrid_kernels::layout::Outcome;
 pub use lazygrid_kernels::wgsl;
-pub use plan::{DeviceLimits, Phase, Plan, Refinement, Request, Resource, Slot, Stage, plan};
-pub use primitives::{PrefixScan, RadixSort, Sorted};
+pub use plan::{Cost, DeviceLimits, Phase};
+pub use primitives::{BoundScan, BoundSort, Keyed, PrefixScan, RadixSort};
 pub use session::{GpuSession, Ticket};
 pub use wgpu;

@@ -4,9 +4,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use lazygrid_kernels::kernel::{Access, Kernel, Variant};
 
+use super::GpuDevice;
 use super::plan::DeviceLimits;
 use super::scope::scoped;
-use super::{GpuDevice, GpuError};
+use crate::Error;
 
 /// Compiled kernels of one device, each made when first needed. Clones share them.
 #[derive(Clone, Debug)]
@@ -49,7 +50,7 @@ impl Pipelines {
         Self { subgroups: None, ..self }
     }
 
-    pub(crate) fn get(&self, kernel: &'static Kernel, variant: Variant) -> Result<Pipeline, GpuError> {
+    pub(crate) fn get(&self, kernel: &'static Kernel, variant: Variant) -> Result<Pipeline, Error> {
         let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
         match compiled.entry((kernel.name, kernel.reduced(variant))) {
             Entry::Occupied(found) => Ok(found.get().clone()),
@@ -76,7 +77,7 @@ impl GpuDevice {
         &self,
         kernel: &'static Kernel,
         variant: Variant,
-    ) -> Result<(wgpu::ComputePipeline, wgpu::BindGroupLayout), GpuError> {
+    ) -> Result<(wgpu::ComputePipeline, wgpu::BindGroupLayout), Error> {
         self.pipelines.get(kernel, variant).map(|Pipeline { pipeline, layout }| (pipeline, layout))
     }
 
@@ -90,7 +91,7 @@ impl GpuDevice {
         name: &'static str,
         bindings: impl IntoIterator<Item = Access>,
         wgsl: String,
-    ) -> Result<(wgpu::ComputePipeline, wgpu::BindGroupLayout), GpuError> {
+    ) -> Result<(wgpu::ComputePipeline, wgpu::BindGroupLayout), Error> {
         self.scoped(name, 0, || {
             let source = wgpu::ShaderSource::Wgsl(wgsl.into());
             let descriptor = wgpu::ShaderModuleDescriptor { label: Some(name), source };

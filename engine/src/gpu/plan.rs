@@ -1,19 +1,22 @@
 //! What one call will allocate and dispatch. Pure functions of sizes and limits: no device, no allocation.
 
 mod buffers;
+mod cost;
 mod list;
 mod stages;
 
+use crate::Error;
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::Pass;
 
-use super::GpuError;
 pub(super) use buffers::sort_buffers;
-pub use buffers::{Resource, Slot};
+pub(crate) use buffers::{Resource, Slot};
 use buffers::{bytes_of, call_buffers, cell_buffers, entry_buffers};
+pub use cost::Cost;
+pub use stages::Phase;
+pub(crate) use stages::Stage;
 use stages::stages;
-pub use stages::{Phase, Stage};
 pub(super) use stages::{flattened, scan_stages, sort_stages};
 
 /// Workgroups of the naive search where there is work for them: enough to fill today's largest devices.
@@ -71,27 +74,27 @@ impl DeviceLimits {
 
 /// What a plan is made for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Request {
+pub(crate) struct Request {
     /// Spheres, or the most there may be.
-    pub spheres: u32,
+    pub(crate) spheres: u32,
     /// Pairs that the output is to hold.
-    pub pairs: u32,
+    pub(crate) pairs: u32,
     /// Entries there is to be room for at least; 0 leaves it to the plan.
-    pub entries: u32,
+    pub(crate) entries: u32,
     /// One of [`Algorithm::GPU`]: what `Auto` means is settled before.
-    pub algorithm: Algorithm,
+    pub(crate) algorithm: Algorithm,
     /// Species of the interaction table; 0 without one.
-    pub species: u32,
+    pub(crate) species: u32,
     /// Whether some axis is periodic.
-    pub periodic: bool,
+    pub(crate) periodic: bool,
     /// From how many spheres on a cell list is sorted by radix instead of by counting.
-    pub radix_from: u32,
+    pub(crate) radix_from: u32,
 }
 
 /// Which cells hand their smaller spheres down to the next level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
-pub enum Refinement {
+pub(crate) enum Refinement {
     /// None: there is one level.
     None = 0,
     /// All.
@@ -102,51 +105,53 @@ pub enum Refinement {
 
 /// Everything one call needs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
+pub(crate) struct Plan {
     /// What was asked for.
-    pub algorithm: Algorithm,
+    pub(crate) algorithm: Algorithm,
     /// Spheres it is made for.
-    pub spheres: u32,
+    pub(crate) spheres: u32,
     /// Pairs that the output holds.
-    pub pairs: u32,
+    pub(crate) pairs: u32,
     /// Entries that the entry buffers hold; 0 for naive.
-    pub entries: u32,
+    pub(crate) entries: u32,
     /// Bits of the keys that are sorted; 0 where none are.
-    pub key_bits: u32,
+    pub(crate) key_bits: u32,
     /// Which cells are refined.
-    pub refinement: Refinement,
+    pub(crate) refinement: Refinement,
     /// Whether spheres are first moved to their images nearest to the origin.
-    pub periodic: bool,
+    pub(crate) periodic: bool,
     /// Counters in either half of the density table, or of the crowds of a cell list; 0 without one.
-    pub density_slots: u32,
+    pub(crate) density_slots: u32,
     /// Cells that the table of a cell list has room for; 0 without one.
-    pub cells: u32,
+    pub(crate) cells: u32,
     /// Counters in that table.
-    pub counters: u32,
+    pub(crate) counters: u32,
     /// Keys that one workgroup sorts in a radix pass; 0 where a cell list is sorted by counting.
-    pub tile: u32,
+    pub(crate) tile: u32,
     /// Candidates of one sphere of a cell list that one invocation tests.
-    pub share: u32,
+    pub(crate) share: u32,
+    /// Workgroups for further shares of each block; 0 where the device finds how many it takes.
+    pub(crate) further_shares: u32,
     /// Workgroups of the naive search; 0 without it.
-    pub search_groups: u32,
+    pub(crate) search_groups: u32,
     /// The buffers and their bytes.
-    pub buffers: Vec<(Slot, u64)>,
+    pub(crate) buffers: Vec<(Slot, u64)>,
     /// The dispatches, in order.
-    pub stages: Vec<Stage>,
+    pub(crate) stages: Vec<Stage>,
 }
 
 /// Plans a call.
 ///
 /// # Errors
-/// [`Error::LimitExceeded`](crate::Error::LimitExceeded) where a buffer cannot be bound on the device, [`Error::NotOnBackend`](crate::Error::NotOnBackend) for an
+/// [`Error::LimitExceeded`] where a buffer cannot be bound on the device, [`Error::NotOnBackend`] for an
 /// algorithm without kernels.
-pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> {
+pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Error> {
     let algorithm = request.algorithm;
     let refinement = match algorithm {
         Algorithm::Naive | Algorithm::ArrayGrid | Algorithm::CellList => Refinement::None,
         Algorithm::EagerGrid => Refinement::Every,
         Algorithm::LazyGrid => Refinement::Dense,
-        other => return Err(GpuError::NotOnBackend { algorithm: other, backend: crate::Backend::Gpu }),
+        other => return Err(Error::NotOnBackend { algorithm: other, backend: crate::Backend::Gpu }),
     };
     let mut plan = Plan {
         algorithm,
@@ -161,6 +166,7 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
         counters: 0,
         tile: limits.radix_tile(),
         share: k::SHARE,
+        further_shares: 0,
         search_groups: 0,
         buffers: call_buffers(request.pairs).to_vec(),
         stages: Vec::new(),
@@ -189,50 +195,23 @@ pub fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, GpuError> 
 
 impl Plan {
     /// Bytes of all buffers of the plan.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.buffers.iter().map(|(_, bytes)| bytes).sum()
     }
 
     /// Radix passes of the sort.
-    pub fn passes(&self) -> u32 {
+    pub(crate) fn passes(&self) -> u32 {
         self.key_bits.div_ceil(k::DIGIT_BITS)
     }
 
     /// Which digit each of them sorts by.
-    pub fn digits(&self) -> Vec<Pass> {
+    pub(crate) fn digits(&self) -> Vec<Pass> {
         // A cell list's objects are the places of its keys; entries say which theirs are.
         digits(self.key_bits, self.algorithm == Algorithm::CellList)
     }
 
-    /// The most turns that all loops of one invocation of a stage take together.
-    pub fn turns(&self, stage: &Stage) -> u64 {
-        // Loops over what one thread reads, over subgroups, and over 256 samples on three axes.
-        const FIXED: u64 = 1024;
-        let kernel = stage.kernel;
-        if kernel == &k::NAIVE_SEARCH {
-            let blocks = self.spheres.div_ceil(k::GROUP).max(1);
-            let shares = (self.search_groups / blocks).clamp(1, blocks);
-            u64::from(blocks.div_ceil(shares)) * u64::from(k::NAIVE_TURNS)
-        } else if kernel == &k::CROWDED_SEARCH {
-            u64::from(k::CROWDED_TILES * k::CROWDED_TURNS + u32::BITS)
-        } else if kernel == &k::SCAN_SPINE {
-            let tiles = self.counters.div_ceil(k::SCAN_TILE);
-            FIXED * u64::from(tiles.div_ceil(k::SCAN_TILE)) / 32
-        } else if kernel == &k::RADIX_SCAN {
-            let tiles = self.entries.max(self.spheres).div_ceil(self.tile.max(1));
-            FIXED * u64::from(tiles.div_ceil(k::SCAN_TILE)) / 32
-        } else if [&k::LIST_SEARCH, &k::SHARES_SEARCH].contains(&kernel) {
-            u64::from(self.share) + u64::from(2 * self.share * k::GROUP / 1024 * 5)
-        } else if kernel == &k::ENTRIES_EMIT {
-            // At each level a look at eight cells, a scan over at most 64 subgroups, and eight entries.
-            u64::from(k::DEPTHS) * (1 + 8 + 64 + 8)
-        } else {
-            FIXED
-        }
-    }
-
     /// The buffer behind a binding's name at a stage.
-    pub fn resource(&self, stage: &Stage, binding: &str) -> Resource {
+    pub(crate) fn resource(&self, stage: &Stage, binding: &str) -> Resource {
         // Each pass reads what the one before wrote; after the last, the parity of their number says where.
         let front = match stage.phase {
             Phase::Sort => stage.pass % 2 == 1,
@@ -300,12 +279,12 @@ pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
 /// Room for eight entries per sphere, the most there can be at one level, or for as many as the device can bind. Mostly
 /// that serves several levels, as few spheres have as many as eight at each. Where it is not enough, the call says so
 /// in its overflow flag, and how many it needs. Room that is not used costs workgroups that find nothing to sort.
-fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, GpuError> {
+fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error> {
     let spheres = request.spheres;
     let wanted = (u64::from(spheres) * k::MAX_ENTRIES_PER_SPHERE).max(request.entries.into());
     let entries = wanted.min(most_entries(limits));
     if entries < u64::from(spheres) {
-        return Err(GpuError::LimitExceeded {
+        return Err(Error::LimitExceeded {
             what: "the list of (cell, object) entries, at least one per sphere,",
             needed: u64::from(spheres) * 4,
             limit: most_entries(limits) * 4,
@@ -317,13 +296,13 @@ fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, GpuEr
 }
 
 /// So many workgroups that none compares with more than [`k::NAIVE_TILES`] tiles, and that the device is busy.
-fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, GpuError> {
+fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     let blocks = u64::from(spheres.div_ceil(k::GROUP)).max(1);
     let needed = (blocks * blocks.div_ceil(k::NAIVE_TILES.into())).max(SEARCH_GROUPS.min(blocks * blocks));
     let limit = u64::from(limits.groups_per_dimension).pow(2).min(u32::MAX.into());
     if needed > limit {
         let (what, remedy) = ("the number of workgroups for all pairs", "choose array-grid");
-        return Err(GpuError::LimitExceeded { what, needed, limit, remedy });
+        return Err(Error::LimitExceeded { what, needed, limit, remedy });
     }
     // Below 2³² by the limit.
     Ok(needed as u32)
@@ -340,16 +319,16 @@ fn density_slots(spheres: u32) -> u32 {
     (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_DENSITY_SLOTS)
 }
 
-fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), GpuError> {
+fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), Error> {
     let limit = limits.bytes();
     let remedy = "split the spheres or take a device with a larger limit";
     let spheres = bytes_of(plan.spheres, 16);
     if spheres > limit {
-        return Err(GpuError::LimitExceeded { what: "the sphere buffer", needed: spheres, limit, remedy });
+        return Err(Error::LimitExceeded { what: "the sphere buffer", needed: spheres, limit, remedy });
     }
     if u64::from(plan.spheres) > k::MAX_ENTRY_OBJECTS {
         let (needed, limit) = (plan.spheres.into(), k::MAX_ENTRY_OBJECTS);
-        return Err(GpuError::LimitExceeded { what: "the number of spheres", needed, limit, remedy });
+        return Err(Error::LimitExceeded { what: "the number of spheres", needed, limit, remedy });
     }
     for &(slot, needed) in &plan.buffers {
         if needed > limit {
@@ -359,7 +338,7 @@ fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), GpuErr
                 }
                 _ => ("a buffer for entries", remedy),
             };
-            return Err(GpuError::LimitExceeded { what, needed, limit, remedy });
+            return Err(Error::LimitExceeded { what, needed, limit, remedy });
         }
     }
     let variant = k::Variant { species, periodic: plan.periodic, ..k::Variant::default() };
@@ -370,7 +349,7 @@ fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), GpuErr
     let limit = limits.storage_buffers.into();
     if needed > limit {
         let remedy = "request the adapter's own limits when making the device";
-        return Err(GpuError::LimitExceeded {
+        return Err(Error::LimitExceeded {
             what: "a kernel's number of storage buffers",
             needed,
             limit,

@@ -1,12 +1,13 @@
-//! The building blocks on their own: a stable radix sort and an exclusive prefix scan.
+//! The building blocks on their own: a stable radix sort and an exclusive prefix scan. Each compiles once, is bound to
+//! buffers once, and is then recorded as often as wanted without allocating anything.
 
 use lazygrid_kernels::kernel::SCAN_TILE;
 use lazygrid_kernels::layout::{Lengths, Pass};
 
-use super::GpuError;
 use super::pipelines::Pipelines;
 use super::plan::{DeviceLimits, Slot, digits, scan_stages, sort_buffers, sort_stages};
 use super::recording::{Buffers, Recording, constant_buffer};
+use crate::Error;
 
 /// A stable sort of `u32` keys with a `u32` payload, least significant digit first, up to eight bits a pass.
 ///
@@ -18,13 +19,20 @@ pub struct RadixSort {
     pipelines: Pipelines,
 }
 
-/// Where a recorded sort leaves its result, and the buffers it works in.
-#[derive(Debug)]
-pub struct Sorted {
-    /// The keys in order.
+/// Keys with their payload, a `u32` each; `STORAGE` usage.
+#[derive(Clone, Debug)]
+pub struct Keyed {
+    /// The keys.
     pub keys: wgpu::Buffer,
-    /// The payload, moved with its keys.
+    /// What moves with them.
     pub payload: wgpu::Buffer,
+}
+
+/// A sort of certain buffers.
+#[derive(Debug)]
+pub struct BoundSort {
+    recording: Recording,
+    sorted: Keyed,
 }
 
 impl RadixSort {
@@ -33,18 +41,11 @@ impl RadixSort {
         Self { device: device.clone(), pipelines: pipelines(device, subgroups) }
     }
 
-    /// Records a sort of the first `count` keys by their lowest `bits` bits, at least one. The buffers that come in are
-    /// overwritten; the result is in those that come back.
+    /// A sort of the first `count` keys by their lowest `bits` bits, at least one. It overwrites the buffers that come in.
     ///
     /// # Errors
     /// Where the device refuses a buffer or a binding.
-    pub fn encode(
-        &mut self,
-        encoder: &mut wgpu::CommandEncoder,
-        input: &Sorted,
-        count: u32,
-        bits: u32,
-    ) -> Result<Sorted, GpuError> {
+    pub fn bind(&self, input: &Keyed, count: u32, bits: u32) -> Result<BoundSort, Error> {
         let tile = DeviceLimits::of(&self.device).radix_tile();
         let mut sizes = sort_buffers(count, tile).to_vec();
         sizes.retain(|(slot, _)| !matches!(slot, Slot::Keys(false) | Slot::Objects(false)));
@@ -70,14 +71,26 @@ impl RadixSort {
                 _ => buffers.get(Slot::Counts),
             }
         })?;
-        recording.encode(encoder);
         let last = if count == 0 { 0 } else { passes as usize % 2 };
-        Ok(Sorted { keys: keys[last].clone(), payload: payload[last].clone() })
+        let sorted = Keyed { keys: keys[last].clone(), payload: payload[last].clone() };
+        Ok(BoundSort { recording, sorted })
+    }
+}
+
+impl BoundSort {
+    /// Records the sort.
+    pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.recording.encode(encoder);
+    }
+
+    /// Where it leaves its result: in the buffers that came in, or in others.
+    pub fn sorted(&self) -> &Keyed {
+        &self.sorted
     }
 }
 
 /// The uniforms of radix passes.
-pub(crate) fn pass_buffers(device: &wgpu::Device, digits: &[Pass]) -> Result<Vec<wgpu::Buffer>, GpuError> {
+pub(crate) fn pass_buffers(device: &wgpu::Device, digits: &[Pass]) -> Result<Vec<wgpu::Buffer>, Error> {
     digits.iter().map(|digit| constant_buffer(device, "radix pass", bytemuck::bytes_of(digit))).collect()
 }
 
@@ -89,36 +102,51 @@ pub struct PrefixScan {
     pipelines: Pipelines,
 }
 
+/// A scan of a certain buffer.
+#[derive(Debug)]
+pub struct BoundScan {
+    recording: Recording,
+    total: wgpu::Buffer,
+}
+
 impl PrefixScan {
     /// With `subgroups` their operations are used where the device was made with them.
     pub fn new(device: &wgpu::Device, subgroups: bool) -> Self {
         Self { device: device.clone(), pipelines: pipelines(device, subgroups) }
     }
 
-    /// Records a scan of the first `count` values; returns the buffer that gets the total as (low, high).
+    /// A scan of the first `count` values of a buffer with `STORAGE` usage.
     ///
     /// # Errors
     /// Where the device refuses a buffer or a binding.
-    pub fn encode(
-        &mut self,
-        encoder: &mut wgpu::CommandEncoder,
-        values: &wgpu::Buffer,
-        count: u32,
-    ) -> Result<wgpu::Buffer, GpuError> {
+    pub fn bind(&self, values: &wgpu::Buffer, count: u32) -> Result<BoundScan, Error> {
         let sums = u64::from(count.div_ceil(SCAN_TILE)).max(2) * 8;
         let buffers = Buffers::allocate(&self.device, &[(Slot::Sums, sums), (Slot::Total, 16)])?;
         let lengths = Lengths { items: 0, counters: count };
         let lengths = constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&lengths))?;
         let variant = self.pipelines.variant();
         let stages = scan_stages(count, 0).into_iter().filter(|stage| stage.groups > 0);
-        Recording::new(&self.device, &self.pipelines, variant, stages, |_, binding| match binding {
-            "lengths" => &lengths,
-            "values" => values,
-            "sums" => buffers.get(Slot::Sums),
-            _ => buffers.get(Slot::Total),
-        })?
-        .encode(encoder);
-        Ok(buffers.get(Slot::Total).clone())
+        let total = buffers.get(Slot::Total);
+        let recording =
+            Recording::new(&self.device, &self.pipelines, variant, stages, |_, binding| match binding {
+                "lengths" => &lengths,
+                "values" => values,
+                "sums" => buffers.get(Slot::Sums),
+                _ => total,
+            })?;
+        Ok(BoundScan { recording, total: total.clone() })
+    }
+}
+
+impl BoundScan {
+    /// Records the scan.
+    pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
+        self.recording.encode(encoder);
+    }
+
+    /// The buffer that gets the total as (low, high).
+    pub fn total(&self) -> &wgpu::Buffer {
+        &self.total
     }
 }
 

@@ -2,17 +2,17 @@ use std::collections::HashMap;
 
 use lazygrid_kernels::kernel::{CROWDED_OPEN, SHARES_OPEN, Variant};
 
-use super::GpuError;
 use super::pipelines::Pipelines;
 use super::plan::{DeviceLimits, Phase, Slot, Stage, flattened};
 use super::scope::scoped;
+use crate::Error;
 
 /// The buffers that a detector or a primitive owns.
 #[derive(Debug, Default)]
 pub(crate) struct Buffers(HashMap<Slot, wgpu::Buffer>);
 
 impl Buffers {
-    pub(crate) fn allocate(device: &wgpu::Device, sizes: &[(Slot, u64)]) -> Result<Self, GpuError> {
+    pub(crate) fn allocate(device: &wgpu::Device, sizes: &[(Slot, u64)]) -> Result<Self, Error> {
         let mut buffers = HashMap::new();
         for &(slot, size) in sizes {
             let mut usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
@@ -46,7 +46,7 @@ pub(crate) fn constant_buffer(
     device: &wgpu::Device,
     label: &'static str,
     contents: &[u8],
-) -> Result<wgpu::Buffer, GpuError> {
+) -> Result<wgpu::Buffer, Error> {
     let size = (contents.len() as u64).max(16).next_multiple_of(16);
     let descriptor = wgpu::BufferDescriptor {
         label: Some(label),
@@ -60,7 +60,7 @@ pub(crate) fn constant_buffer(
         buffer.unmap();
         Ok(buffer)
     })?
-    .map_err(|error| GpuError::Validation { what: label, reason: error.to_string() })
+    .map_err(|error| Error::Validation { what: label, reason: error.to_string() })
 }
 
 /// Dispatches with everything bound, ready to be put into any encoder.
@@ -95,7 +95,7 @@ impl Recording {
         variant: Variant,
         stages: impl IntoIterator<Item = Stage>,
         resolve: impl Fn(&Stage, &str) -> &'a wgpu::Buffer,
-    ) -> Result<Self, GpuError> {
+    ) -> Result<Self, Error> {
         let limits = DeviceLimits::of(device);
         let mut steps = Vec::new();
         let mut rest = None;

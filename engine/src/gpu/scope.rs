@@ -1,14 +1,15 @@
 //! Error scopes around this library's own work, so that a host application's handlers are not disturbed.
 
-use super::{GpuDevice, GpuError};
+use super::GpuDevice;
+use crate::Error;
 
 impl GpuDevice {
     /// Runs `work` and returns what the device complained about, instead of leaving it to a handler that panics. `what`
     /// is being done and takes `bytes`, for the message.
     ///
     /// # Errors
-    /// [`Error::DeviceOutOfMemory`](crate::Error::DeviceOutOfMemory), [`Error::DeviceLost`](crate::Error::DeviceLost) and [`Error::Validation`](crate::Error::Validation).
-    pub fn scoped<T>(&self, what: &'static str, bytes: u64, work: impl FnOnce() -> T) -> Result<T, GpuError> {
+    /// [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Validation`].
+    pub fn scoped<T>(&self, what: &'static str, bytes: u64, work: impl FnOnce() -> T) -> Result<T, Error> {
         scoped(&self.device, what, bytes, work).map_err(|error| self.reason(error))
     }
 }
@@ -19,7 +20,7 @@ pub(crate) fn scoped<T>(
     what: &'static str,
     bytes: u64,
     work: impl FnOnce() -> T,
-) -> Result<T, GpuError> {
+) -> Result<T, Error> {
     use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
     let [memory, validation, internal] =
         [OutOfMemory, Validation, Internal].map(|filter| device.push_error_scope(filter));
@@ -28,17 +29,17 @@ pub(crate) fn scoped<T>(
     let errors = [internal, validation, memory].map(|scope| pollster::block_on(scope.pop()));
     match errors.into_iter().flatten().next() {
         None => Ok(result),
-        Some(wgpu::Error::OutOfMemory { .. }) => Err(GpuError::DeviceOutOfMemory { what, bytes }),
+        Some(wgpu::Error::OutOfMemory { .. }) => Err(Error::DeviceOutOfMemory { what, bytes }),
         Some(wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. }) => {
             Err(lost_or_refused(what, description))
         }
     }
 }
 
-fn lost_or_refused(what: &'static str, reason: String) -> GpuError {
+fn lost_or_refused(what: &'static str, reason: String) -> Error {
     let text = reason.to_lowercase();
     if text.contains("device") && text.contains("lost") {
-        return GpuError::DeviceLost { reason };
+        return Error::DeviceLost { reason };
     }
-    GpuError::Validation { what, reason }
+    Error::Validation { what, reason }
 }

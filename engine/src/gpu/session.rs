@@ -6,16 +6,15 @@ use lazygrid_host::Phase as Timing;
 use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Pair, Spheres};
 
-use super::GpuError;
 use super::adapter::{AdapterSummary, GpuDevice};
-use super::detector::GpuDetector;
+use super::detector::{GpuDetector, Way};
 use super::error::make_room;
-use super::input::{Count, GpuSettings, GpuSpheres};
+use super::input::{GpuSettings, GpuSpheres, check_algorithm};
 use super::mapping::{Mapping, Wait};
-use super::plan::Phase;
+use super::plan::{Cost, Phase, Plan};
 use super::scope::scoped;
 use super::slot::{Returned, Slot, copy_back, staged_pairs};
-use repeat::Way;
+use crate::Error;
 
 mod repeat;
 
@@ -98,12 +97,12 @@ impl GpuSession {
     ///
     /// # Errors
     /// As [`GpuDetector::new`], and where the device was lost.
-    pub fn new(own: GpuDevice, settings: GpuSettings) -> Result<Self, GpuError> {
+    pub fn new(own: GpuDevice, settings: GpuSettings) -> Result<Self, Error> {
         own.probe()?;
-        let asked = Way { algorithm: settings.algorithm, raster_ratio: settings.raster_ratio };
         let mut detector = GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)
             .map_err(|error| own.reason(error))?;
         detector.set_part_tests(PART_TESTS);
+        let asked = detector.way();
         Ok(Self {
             asked,
             detector,
@@ -123,7 +122,7 @@ impl GpuSession {
         })
     }
 
-    /// How long a call may take before it is given up with [`Error::Timeout`](crate::Error::Timeout). Default: ten minutes.
+    /// How long a call may take before it is given up with [`Error::Timeout`]. Default: ten minutes.
     pub fn set_timeout(&mut self, timeout: Duration) {
         self.timeout = timeout;
     }
@@ -142,9 +141,9 @@ impl GpuSession {
     /// Changes which algorithm the calls use that are begun from now on; see [`GpuSettings::algorithm`].
     ///
     /// # Errors
-    /// [`Error::NotOnBackend`](crate::Error::NotOnBackend) for one without kernels.
-    pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), GpuError> {
-        self.detector.set_algorithm(algorithm)?;
+    /// [`Error::NotOnBackend`] for one without kernels.
+    pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), Error> {
+        check_algorithm(algorithm)?;
         self.asked.algorithm = algorithm;
         Ok(())
     }
@@ -153,6 +152,11 @@ impl GpuSession {
     /// entries do not fit the device; `Auto` before the first.
     pub fn algorithm(&self) -> Algorithm {
         self.detector.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
+    }
+
+    /// What the call cost that was worked on last; `None` before the first.
+    pub fn cost(&self) -> Option<Cost> {
+        self.detector.plan().map(Plan::cost)
     }
 
     /// What the last finished call found besides its pairs.
@@ -170,8 +174,8 @@ impl GpuSession {
     /// entries per sphere, or more where a call needed more; see [`Outcome::entries`].
     ///
     /// # Errors
-    /// [`Error::LimitExceeded`](crate::Error::LimitExceeded) where the device cannot hold it.
-    pub fn memory_for(&self, spheres: u32) -> Result<u64, GpuError> {
+    /// [`Error::LimitExceeded`] where the device cannot hold it.
+    pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
         let input = u64::from(spheres).next_power_of_two().max(1) * 16;
         Ok(self.detector.memory_for(spheres)? + SLOTS as u64 * (input + self.expected * 8))
     }
@@ -184,17 +188,13 @@ impl GpuSession {
     /// Uploads the spheres and starts the detection; does not wait.
     ///
     /// # Errors
-    /// [`Error::Busy`](crate::Error::Busy) with two calls in flight already; otherwise as [`GpuDetector::encode`].
-    pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, GpuError> {
+    /// [`Error::Busy`] with two calls in flight already; otherwise as [`GpuDetector::encode`].
+    pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, Error> {
         self.begin_with(self.asked.algorithm, spheres)
     }
 
     /// As [`begin`](Self::begin), with another algorithm for this call.
-    pub(crate) fn begin_with(
-        &mut self,
-        algorithm: Algorithm,
-        spheres: Spheres<'_>,
-    ) -> Result<Ticket, GpuError> {
+    pub(crate) fn begin_with(&mut self, algorithm: Algorithm, spheres: Spheres<'_>) -> Result<Ticket, Error> {
         for (flight, ticket) in self.flights.iter_mut().zip(&self.tickets) {
             if ticket.strong_count() == 0 {
                 *flight = None;
@@ -203,7 +203,7 @@ impl GpuSession {
         let slot_of = |number: u64| number as usize % SLOTS;
         let mut numbers = self.begun..self.begun + SLOTS as u64;
         let Some(number) = numbers.find(|&number| self.flights[slot_of(number)].is_none()) else {
-            return Err(GpuError::Busy { calls: SLOTS });
+            return Err(Error::Busy { calls: SLOTS });
         };
         self.slots[slot_of(number)].upload(&self.own, spheres).map_err(|error| self.own.reason(error))?;
         self.ways[slot_of(number)] = Way { algorithm, ..self.asked };
@@ -218,8 +218,8 @@ impl GpuSession {
     /// the next call is finished.
     ///
     /// # Errors
-    /// [`Error::TooManyPairs`](crate::Error::TooManyPairs) above `limit`, with the exact number; otherwise where the device fails.
-    pub fn finish(&mut self, ticket: Ticket, limit: u64) -> Result<&[Pair], GpuError> {
+    /// [`Error::TooManyPairs`] above `limit`, with the exact number; otherwise where the device fails.
+    pub fn finish(&mut self, ticket: Ticket, limit: u64) -> Result<&[Pair], Error> {
         pollster::block_on(self.collect(ticket, limit, Wait::Blocking))?;
         Ok(&self.pairs)
     }
@@ -228,7 +228,7 @@ impl GpuSession {
     ///
     /// # Errors
     /// As [`finish`](Self::finish).
-    pub async fn finish_async(&mut self, ticket: Ticket, limit: u64) -> Result<&[Pair], GpuError> {
+    pub async fn finish_async(&mut self, ticket: Ticket, limit: u64) -> Result<&[Pair], Error> {
         self.collect(ticket, limit, Wait::Async).await?;
         Ok(&self.pairs)
     }
@@ -237,7 +237,7 @@ impl GpuSession {
     ///
     /// # Errors
     /// Where the device fails.
-    pub fn finish_count(&mut self, ticket: Ticket) -> Result<u64, GpuError> {
+    pub fn finish_count(&mut self, ticket: Ticket) -> Result<u64, Error> {
         self.forget_last();
         pollster::block_on(self.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking))
             .map(|outcome| outcome.found())
@@ -253,7 +253,7 @@ impl GpuSession {
         &mut self,
         ticket: Ticket,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
-    ) -> Result<(), GpuError> {
+    ) -> Result<(), Error> {
         self.forget_last();
         let outcome = pollster::block_on(self.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking))?;
         if outcome.found() == self.pairs.len() as u64 {
@@ -265,13 +265,13 @@ impl GpuSession {
         )
     }
 
-    async fn collect(&mut self, ticket: Ticket, limit: u64, wait: Wait) -> Result<(), GpuError> {
+    async fn collect(&mut self, ticket: Ticket, limit: u64, wait: Wait) -> Result<(), Error> {
         self.forget_last();
         let number = ticket.number;
         let found = self.settle(number, GpuSpheres::ALL, wait).await?.found();
         if found > limit {
             self.pairs.clear();
-            return Err(GpuError::TooManyPairs { found, limit });
+            return Err(Error::TooManyPairs { found, limit });
         }
         if found == self.pairs.len() as u64 {
             return Ok(());
@@ -311,12 +311,12 @@ impl GpuSession {
     }
 
     /// Records and submits a call together with its way back.
-    fn launch(&mut self, number: u64, work: Work) -> Result<(), GpuError> {
+    fn launch(&mut self, number: u64, work: Work) -> Result<(), Error> {
         self.submit(number, work).map_err(|error| self.own.reason(error))
     }
 
-    fn submit(&mut self, number: u64, work: Work) -> Result<(), GpuError> {
-        let Self { own, detector, slots, ways, asked, expected, .. } = self;
+    fn submit(&mut self, number: u64, work: Work) -> Result<(), Error> {
+        let Self { own, detector, slots, ways, expected, .. } = self;
         let slot = &mut slots[number as usize % SLOTS];
         let capacity = detector.pair_capacity();
         let staged = (*expected).min(capacity.into());
@@ -334,16 +334,16 @@ impl GpuSession {
                 // Whatever comes of it, nothing of an earlier call is left to go on with.
                 self.launched = None;
                 let species = slot.species.as_ref().filter(|_| detector.has_interactions());
-                let input = GpuSpheres { spheres: &spheres, count: Count::Host(slot.count), species, window };
-                let way = &ways[number as usize % SLOTS];
-                let encoded = way.set(detector).and_then(|()| detector.encode(&mut encoder, &input));
-                asked.set(detector)?;
-                encoded?;
+                let input = GpuSpheres { species, window, ..GpuSpheres::new(&spheres, slot.count) };
+                detector.encode_as(ways[number as usize % SLOTS], &mut encoder, &input)?;
             }
             Work::Rest => detector.encode_rest(&mut encoder),
         }
         let staged = staged.min(staged_pairs(&staging));
-        copy_back(&mut encoder, [detector.outcome(), detector.ticks(), detector.pairs()], &staging, staged);
+        if let Some(found) = detector.output() {
+            let from = [Some(&found.outcome), detector.ticks(), Some(&found.pairs)];
+            copy_back(&mut encoder, from, &staging, staged);
+        }
         let (submission, mapping) = scoped(&own.device, "a call", 0, || {
             (own.queue.submit([encoder.finish()]), Mapping::request(&staging))
         })?;
@@ -356,10 +356,10 @@ impl GpuSession {
     }
 
     /// Waits for what was launched and appends its pairs, if all of them came back.
-    async fn land(&mut self, number: u64, wait: Wait) -> Result<Outcome, GpuError> {
+    async fn land(&mut self, number: u64, wait: Wait) -> Result<Outcome, Error> {
         let flight = self.flights[number as usize % SLOTS].take().filter(|flight| flight.number == number);
         let Some(flight) = flight else {
-            return Err(GpuError::Busy { calls: SLOTS });
+            return Err(Error::Busy { calls: SLOTS });
         };
         let start = Instant::now();
         let waiting = flight.mapping.clone();
@@ -370,8 +370,7 @@ impl GpuSession {
         self.time("wait", start.elapsed());
         let start = Instant::now();
         let view = flight.staging.slice(..).get_mapped_range();
-        let view =
-            view.map_err(|error| GpuError::Validation { what: "readback", reason: error.to_string() })?;
+        let view = view.map_err(|error| Error::Validation { what: "readback", reason: error.to_string() })?;
         let returned = Returned(&view);
         let outcome = returned.outcome()?;
         if outcome.found() <= flight.staged.min(flight.capacity.into()) {

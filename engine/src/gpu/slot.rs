@@ -1,10 +1,10 @@
 use bytemuck::Pod;
 use lazygrid_kernels::{Pair, Sphere, Spheres};
 
-use super::GpuError;
 use super::adapter::GpuDevice;
 use super::error::make_room;
 use super::scope::scoped;
+use crate::Error;
 
 /// Bytes before the pairs in a staging buffer: the outcome, and the ticks of the phases from [`TICKS_AT`] on.
 const PAIRS_AT: u64 = 128;
@@ -22,7 +22,7 @@ pub(crate) struct Slot {
 
 impl Slot {
     /// Brings the input to the device.
-    pub(crate) fn upload(&mut self, own: &GpuDevice, spheres: Spheres<'_>) -> Result<(), GpuError> {
+    pub(crate) fn upload(&mut self, own: &GpuDevice, spheres: Spheres<'_>) -> Result<(), Error> {
         self.count = spheres.len() as u32;
         match spheres.as_rows() {
             Some(rows) => write(own, &mut self.spheres, "spheres", rows)?,
@@ -40,7 +40,7 @@ impl Slot {
     }
 
     /// Room for the way back of `pairs` pairs.
-    pub(crate) fn staging(&mut self, own: &GpuDevice, pairs: u64) -> Result<wgpu::Buffer, GpuError> {
+    pub(crate) fn staging(&mut self, own: &GpuDevice, pairs: u64) -> Result<wgpu::Buffer, Error> {
         let needed = PAIRS_AT + pairs * 8;
         if let Some(staging) = self.staging.as_ref().filter(|staging| staging.size() >= needed) {
             return Ok(staging.clone());
@@ -91,7 +91,7 @@ pub(crate) fn copy_back(
 pub(crate) struct Returned<'a>(pub(crate) &'a [u8]);
 
 impl Returned<'_> {
-    pub(crate) fn outcome(&self) -> Result<super::Outcome, GpuError> {
+    pub(crate) fn outcome(&self) -> Result<super::Outcome, Error> {
         super::read_outcome(self.0)
     }
 
@@ -103,8 +103,8 @@ impl Returned<'_> {
     /// Appends the first `count` pairs.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
-    pub(crate) fn append_pairs(&self, count: usize, pairs: &mut Vec<Pair>) -> Result<(), GpuError> {
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn append_pairs(&self, count: usize, pairs: &mut Vec<Pair>) -> Result<(), Error> {
         let at = PAIRS_AT as usize;
         make_room(pairs, count, "pairs")?;
         pairs.extend_from_slice(bytemuck::cast_slice(&self.0[at..at + count * size_of::<Pair>()]));
@@ -117,13 +117,13 @@ fn write<T: Pod>(
     buffer: &mut Option<wgpu::Buffer>,
     what: &'static str,
     data: &[T],
-) -> Result<(), GpuError> {
+) -> Result<(), Error> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     let needed = bytes.len() as u64;
     let limit = own.device.limits().max_storage_buffer_binding_size.min(own.device.limits().max_buffer_size);
     if needed > limit {
         let remedy = "split the spheres or take a device with a larger limit";
-        return Err(GpuError::LimitExceeded { what: "the sphere buffer", needed, limit, remedy });
+        return Err(Error::LimitExceeded { what: "the sphere buffer", needed, limit, remedy });
     }
     let size = needed.next_power_of_two().clamp(16, limit);
     scoped(&own.device, what, size, || {

@@ -8,6 +8,10 @@ const MAX_GROUPS: u32 = 65535u;
 
 @compute @workgroup_size(1)
 fn outcome_finish() {
+    if (call.further_shares != 0u) {
+        // All were dispatched.
+        atomicStore(&outcome.crowded_end, atomicLoad(&outcome.crowded));
+    }
     let found = atomicLoad(&outcome.found_lo);
     let full = atomicLoad(&outcome.found_hi) != 0u || found > call.pair_capacity;
     if (full) {

@@ -31,14 +31,24 @@ const MAX_GROUPS: u32 = 65535u;
 var<workgroup> part: vec2<u32>;
 
 @compute @workgroup_size(256)
-fn shares_search(@builtin(workgroup_id) id: vec3<u32>, place: Place) {
+fn shares_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
     if (place.lane == 0u) {
         part = vec2(atomicLoad(&outcome.crowded_begin), atomicLoad(&outcome.crowded_end));
+        if (call.further_shares != 0u) {
+            part = vec2(0u, atomicLoad(&outcome.crowded));
+        }
     }
     let listed = workgroupUniformLoad(&part);
-    let block = listed.x + id.y + id.z * MAX_GROUPS;
+    var block = listed.x + id.y + id.z * MAX_GROUPS;
+    var share = id.x + 1u;
+    if (call.further_shares != 0u) {
+        // So many workgroups for each block that there may be.
+        let number = number_of_group(id, groups);
+        block = number / call.further_shares;
+        share = number % call.further_shares + 1u;
+    }
     if (block >= listed.y) {
         return;
     }
-    search_share(crowded[block], id.x + 1u, place.lane);
+    search_share(crowded[block], share, place.lane);
 }

@@ -1,5 +1,5 @@
-// Bounds of the valid spheres, how many of which size there are, and the number of the others. Clears what the call
-// counts in. Each workgroup takes every so many spheres, so that few of them meet at the counters in memory.
+// What the spheres are like. Each workgroup takes every so many of them, so that few workgroups meet at the counters in
+// memory.
 #include layout
 #include list
 #include place
@@ -17,117 +17,9 @@
 #endif
 #include reach
 #include ordered
-
-const GROUP: u32 = 256u;
-
-var<workgroup> group_low: array<atomic<u32>, 3>;
-var<workgroup> group_high: array<atomic<u32>, 3>;
-var<workgroup> group_smallest: atomic<u32>;
-var<workgroup> group_quarantined: atomic<u32>;
-var<workgroup> group_members: array<atomic<u32>, 256>;
-var<workgroup> group_largest: array<atomic<u32>, 256>;
-
-// Spheres of one class that a thread has met one after another.
-struct Streak {
-    size_class: u32,
-    members: u32,
-    largest: u32,
-}
-
-fn end_streak(streak: Streak) {
-    if (streak.members != 0u) {
-        atomicAdd(&group_members[streak.size_class], streak.members);
-        atomicMax(&group_largest[streak.size_class], streak.largest);
-    }
-}
+#include survey
 
 @compute @workgroup_size(256)
 fn spheres_survey(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
-    let stride = groups.x * groups.y * GROUP;
-    let first = number_of_group(id, groups) * GROUP + place.lane;
-    atomicStore(&group_members[place.lane], 0u);
-    atomicStore(&group_largest[place.lane], 0u);
-    if (place.lane < 3u) {
-        atomicStore(&group_low[place.lane], 0u);
-        atomicStore(&group_high[place.lane], 0u);
-    }
-    if (place.lane == 0u) {
-        atomicStore(&group_smallest, 0u);
-        atomicStore(&group_quarantined, 0u);
-    }
-    workgroupBarrier();
-
-    let count = min(count_source[0], call.spheres);
-    var low = vec3(0u);
-    var high = vec3(0u);
-    var smallest = 0u;
-    var quarantined = 0u;
-    var streak = Streak(0u, 0u, 0u);
-    let rounds = (count + stride - 1u) / stride;
-    for (var round = 0u; round < rounds; round++) {
-        let index = first + round * stride;
-        if (index >= count) {
-            break;
-        }
-        let sphere = spheres[index];
-        if (!is_accepted(index, sphere)) {
-            quarantined += 1u;
-            continue;
-        }
-        let radius = bitcast<u32>(effective_radius(index, sphere));
-        low = max(low, ~ordered(sphere.xyz));
-        high = max(high, ordered(sphere.xyz));
-        smallest = max(smallest, ~radius);
-        if (streak.size_class != radius >> 23u) {
-            end_streak(streak);
-            streak = Streak(radius >> 23u, 0u, 0u);
-        }
-        streak.members += 1u;
-        streak.largest = max(streak.largest, radius);
-    }
-    end_streak(streak);
-    for (var axis = 0u; axis < 3u; axis++) {
-        atomicMax(&group_low[axis], low[axis]);
-        atomicMax(&group_high[axis], high[axis]);
-    }
-    atomicMax(&group_smallest, smallest);
-    if (quarantined != 0u) {
-        atomicAdd(&group_quarantined, quarantined);
-    }
-    clear_counters(first, stride);
-    workgroupBarrier();
-
-    let members = atomicLoad(&group_members[place.lane]);
-    if (members != 0u) {
-        atomicAdd(&survey.members[place.lane], members);
-        atomicMax(&survey.largest[place.lane], atomicLoad(&group_largest[place.lane]));
-    }
-    if (place.lane < 3u) {
-        atomicMax(&survey.low[place.lane], atomicLoad(&group_low[place.lane]));
-        atomicMax(&survey.high[place.lane], atomicLoad(&group_high[place.lane]));
-    }
-    if (place.lane == 0u) {
-        atomicMax(&survey.smallest, atomicLoad(&group_smallest));
-        let bad = atomicLoad(&group_quarantined);
-        if (bad != 0u) {
-            atomicAdd(&survey.quarantined, bad);
-        }
-    }
-}
-
-fn clear_counters(first: u32, stride: u32) {
-    let rounds = (call.counters + stride - 1u) / stride;
-    for (var round = 0u; round < rounds; round++) {
-        let counter = first + round * stride;
-        if (counter < call.counters) {
-            starts[counter] = 0u;
-        }
-    }
-    let density_rounds = (call.density_slots + stride - 1u) / stride;
-    for (var round = 0u; round < density_rounds; round++) {
-        let counter = first + round * stride;
-        if (counter < call.density_slots) {
-            density[counter] = 0u;
-        }
-    }
+    survey_spheres(number_of_group(id, groups) * 256u + place.lane, groups.x * groups.y * 256u, place.lane);
 }

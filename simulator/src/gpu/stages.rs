@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use lazygrid::gpu::{DeviceLimits, GpuDetector, GpuDevice, Outcome, wgpu};
+use lazygrid::gpu::{DeviceLimits, GpuDevice, GpuPairs, Outcome, wgpu};
 
 use super::device::{buffer, filled, refused, scoped};
 use super::kernel::{self as k, Kernel};
@@ -119,17 +119,17 @@ impl Steps {
         base: &mut Base,
         sizes: Sizes,
         rounds: u32,
-        detector: Option<&GpuDetector>,
+        found: Option<GpuPairs>,
     ) -> Result<Self, Error> {
         let mut buffers = base.buffers.clone();
         for name in SIZED {
             let bytes = sizes.bytes(name, &base.limits).map_err(refused)?;
             buffers.insert(name, buffer(&base.own, name, bytes)?);
         }
-        let detects = detector.and_then(|d| d.pairs().zip(d.outcome()));
-        if let Some((pairs, outcome)) = detects {
-            buffers.insert("pairs", pairs.clone());
-            buffers.insert("outcome", outcome.clone());
+        let detects = found.is_some();
+        if let Some(GpuPairs { pairs, outcome, .. }) = found {
+            buffers.insert("pairs", pairs);
+            buffers.insert("outcome", outcome);
         }
         let (limits, watches) = (base.limits, base.watches);
         let mut stage = |kernel: &'static Kernel, groups: Groups| {
@@ -144,7 +144,7 @@ impl Steps {
         ];
         let census = watches.then(|| stage(&k::RECEIVERS_COUNT, Groups::Particles)).transpose()?;
         let (mut drawing, mut matching) = (Vec::new(), Vec::new());
-        if detects.is_some() {
+        if detects {
             drawing.push(stage(&k::PAIRS_CHECK, Groups::Fixed(1))?);
             if sizes.pairs > 0 {
                 let left = |name| buffers[listed(name, 0)].clone();

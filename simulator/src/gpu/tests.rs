@@ -162,8 +162,8 @@ fn matched(
     let table = crate::reactions::interactions(&model()).expect("interactions");
     let settings = lazygrid::gpu::GpuSettings { interactions: table, ..Default::default() };
     let mut detector = lazygrid::gpu::GpuDetector::new(&own.device, settings).expect("a detector");
-    detector.reserve(particles).expect("room");
-    let steps = Steps::new(&mut base, sizes, rounds, Some(&detector)).expect("steps");
+    let found = detector.reserve(particles).expect("room");
+    let steps = Steps::new(&mut base, sizes, rounds, Some(found)).expect("steps");
     let id = |at: u32| (at * 37 + 11) % 1_000_003;
     let rows: Vec<[u32; 6]> = all
         .iter()

@@ -1,6 +1,6 @@
+use crate::Error;
 use lazygrid_kernels::{Interaction, Interactions};
 
-use crate::gpu::GpuError;
 use crate::gpu::recording::constant_buffer;
 
 /// The interaction table on the device.
@@ -14,14 +14,14 @@ pub(super) struct Tables {
 
 impl Tables {
     /// # Errors
-    /// [`Error::LimitExceeded`](crate::Error::LimitExceeded) where the device cannot bind the table, or where it refuses the memory.
-    pub(super) fn new(device: &wgpu::Device, interactions: &Interactions) -> Result<Self, GpuError> {
+    /// [`Error::LimitExceeded`] where the device cannot bind the table, or where it refuses the memory.
+    pub(super) fn new(device: &wgpu::Device, interactions: &Interactions) -> Result<Self, Error> {
         let species = interactions.species();
         let bytes = u64::from(species) * u64::from(species) * 4;
         let limit = device.limits().max_storage_buffer_binding_size;
         if bytes > limit {
             let (what, remedy) = ("the interaction table", "merge species");
-            return Err(GpuError::LimitExceeded { what, needed: bytes, limit, remedy });
+            return Err(Error::LimitExceeded { what, needed: bytes, limit, remedy });
         }
         let reach: Vec<[f32; 2]> = (0..species)
             .map(|id| interactions.reach(id))

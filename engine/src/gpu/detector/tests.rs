@@ -1,35 +1,61 @@
-//! The wrap kernel against `Space::wrap`, and the times of a call in parts.
+//! The wrap kernel against `Space::wrap`, the times of a call in parts, and which cells LazyGrid refines.
 
+use std::collections::HashSet;
+
+use bytemuck::Pod;
+use lazygrid_kernels::layout::Grid;
 use lazygrid_kernels::{Algorithm, Space, Sphere};
 
 use super::*;
 use crate::gpu::adapter::device_or_skip;
+use crate::gpu::plan::Slot;
 use crate::gpu::{GpuDevice, Phase};
 
-/// What the kernel makes of these spheres.
-fn wrapped(own: &GpuDevice, space: Space, spheres: &[Sphere]) -> Vec<Sphere> {
-    let settings = GpuSettings { algorithm: Algorithm::Naive, space, ..GpuSettings::default() };
-    let mut detector =
-        GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings).expect("made");
-    let size = size_of_val(spheres) as u64;
-    let buffer = |usage| {
-        let descriptor =
-            wgpu::BufferDescriptor { label: Some("test"), size, usage, mapped_at_creation: false };
-        own.device.create_buffer(&descriptor)
-    };
-    let given = buffer(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST);
-    let back = buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
-    own.queue.write_buffer(&given, 0, bytemuck::cast_slice(spheres));
-    let mut encoder = own.device.create_command_encoder(&Default::default());
-    let count = Count::Host(spheres.len() as u32);
-    let input = GpuSpheres { spheres: &given, count, species: None, window: 0..0 };
-    detector.encode(&mut encoder, &input).expect("recorded");
-    let buffers = &detector.prepared.as_ref().expect("recorded").buffers;
-    encoder.copy_buffer_to_buffer(buffers.get(Slot::Wrapped), 0, &back, 0, size);
+fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> wgpu::Buffer {
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+    let size = size_of_val(data) as u64;
+    let descriptor = wgpu::BufferDescriptor { label: Some("test"), size, usage, mapped_at_creation: false };
+    let buffer = own.device.create_buffer(&descriptor);
+    own.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(data));
+    buffer
+}
+
+/// The first `count` values of a buffer when all that was recorded is done.
+fn download<T: Pod>(
+    own: &GpuDevice,
+    mut encoder: wgpu::CommandEncoder,
+    buffer: &wgpu::Buffer,
+    count: usize,
+) -> Vec<T> {
+    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+    let size = (count * size_of::<T>()) as u64;
+    let descriptor = wgpu::BufferDescriptor { label: Some("test"), size, usage, mapped_at_creation: false };
+    let back = own.device.create_buffer(&descriptor);
+    encoder.copy_buffer_to_buffer(buffer, 0, &back, 0, size);
     own.queue.submit([encoder.finish()]);
     back.slice(..).map_async(wgpu::MapMode::Read, |result| result.expect("mapped"));
     own.device.poll(wgpu::PollType::wait_indefinitely()).expect("finished");
     bytemuck::pod_collect_to_vec(&back.slice(..).get_mapped_range().expect("mapped"))
+}
+
+fn encoder(own: &GpuDevice) -> wgpu::CommandEncoder {
+    own.device.create_command_encoder(&Default::default())
+}
+
+fn detector(own: &GpuDevice, settings: GpuSettings) -> GpuDetector {
+    GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings).expect("made")
+}
+
+/// What the kernel makes of these spheres.
+fn wrapped(own: &GpuDevice, space: Space, spheres: &[Sphere]) -> Vec<Sphere> {
+    let mut detector =
+        detector(own, GpuSettings { algorithm: Algorithm::Naive, space, ..GpuSettings::default() });
+    let given = upload(own, spheres);
+    let mut encoder = encoder(own);
+    let input = GpuSpheres { window: 0..0, ..GpuSpheres::new(&given, spheres.len() as u32) };
+    detector.encode(&mut encoder, &input).expect("recorded");
+    let buffers = &detector.prepared.as_ref().expect("recorded").buffers;
+    download(own, encoder, buffers.get(Slot::Wrapped), spheres.len())
 }
 
 #[test]
@@ -66,20 +92,6 @@ fn the_kernel_wraps_as_the_host_does() {
     }
 }
 
-/// The ticks of the last recorded call or part, by phase.
-fn ticks(own: &GpuDevice, detector: &GpuDetector, mut encoder: wgpu::CommandEncoder) -> Vec<[u64; 2]> {
-    let ticks = detector.ticks().expect("timed");
-    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-    let descriptor =
-        wgpu::BufferDescriptor { label: Some("test"), size: ticks.size(), usage, mapped_at_creation: false };
-    let back = own.device.create_buffer(&descriptor);
-    encoder.copy_buffer_to_buffer(ticks, 0, &back, 0, ticks.size());
-    own.queue.submit([encoder.finish()]);
-    back.slice(..).map_async(wgpu::MapMode::Read, |result| result.expect("mapped"));
-    own.device.poll(wgpu::PollType::wait_indefinitely()).expect("finished");
-    bytemuck::pod_collect_to_vec(&back.slice(..).get_mapped_range().expect("mapped"))
-}
-
 #[test]
 fn a_further_part_is_timed_as_a_search() {
     let Some(own) = device_or_skip() else { return };
@@ -87,23 +99,19 @@ fn a_further_part_is_timed_as_a_search() {
         return;
     }
     let settings = GpuSettings { algorithm: Algorithm::ArrayGrid, timed: true, ..GpuSettings::default() };
-    let mut detector =
-        GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings).expect("made");
+    let mut detector = detector(&own, settings);
     detector.set_part_tests(1 << 20);
-    let spheres = vec![Sphere::new([1.0; 3], 0.5); 3000];
-    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-    let size = size_of_val(&spheres[..]) as u64;
-    let descriptor = wgpu::BufferDescriptor { label: Some("test"), size, usage, mapped_at_creation: false };
-    let given = own.device.create_buffer(&descriptor);
-    own.queue.write_buffer(&given, 0, bytemuck::cast_slice(&spheres));
-    let mut encoder = own.device.create_command_encoder(&Default::default());
-    let input =
-        GpuSpheres { spheres: &given, count: Count::Host(3000), species: None, window: GpuSpheres::ALL };
-    detector.encode(&mut encoder, &input).expect("recorded");
-    let first = ticks(&own, &detector, encoder);
-    let mut encoder = own.device.create_command_encoder(&Default::default());
-    detector.encode_rest(&mut encoder);
-    let rest = ticks(&own, &detector, encoder);
+    let given = upload(&own, &[Sphere::new([1.0; 3], 0.5); 3000]);
+    // The ticks, by phase.
+    let ticks = |detector: &GpuDetector, encoder| -> Vec<[u64; 2]> {
+        download(&own, encoder, detector.ticks().expect("timed"), Phase::ALL.len())
+    };
+    let mut call = encoder(&own);
+    detector.encode(&mut call, &GpuSpheres::new(&given, 3000)).expect("recorded");
+    let first = ticks(&detector, call);
+    let mut part = encoder(&own);
+    detector.encode_rest(&mut part);
+    let rest = ticks(&detector, part);
     for phase in Phase::ALL {
         let ([begin, end], [rest_begin, rest_end]) = (first[phase as usize], rest[phase as usize]);
         assert!(begin <= end && rest_begin <= rest_end, "{phase:?}: {first:?}, {rest:?}");
@@ -113,4 +121,57 @@ fn a_further_part_is_timed_as_a_search() {
             assert_eq!([begin, end], [rest_begin, rest_end], "{phase:?}");
         }
     }
+}
+
+/// The entries that the kernels of a call write: whether at the first level, and of which sphere.
+fn entries_of(own: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)> {
+    let settings = GpuSettings { algorithm: Algorithm::LazyGrid, tau, ..GpuSettings::default() };
+    let mut detector = detector(own, settings);
+    let given = upload(own, spheres);
+    let mut call = encoder(own);
+    detector.encode(&mut call, &GpuSpheres::new(&given, spheres.len() as u32)).expect("recorded");
+    let Prepared { plan, buffers, .. } = detector.prepared.as_ref().expect("recorded");
+    let outcome: Vec<Outcome> = download(own, call, buffers.get(Slot::Outcome), 1);
+    let grid: Vec<Grid> = download(own, encoder(own), buffers.get(Slot::Grid), 1);
+    // After the sort, which changes their order alone.
+    let front = plan.passes() % 2 == 1;
+    let count = outcome[0].entries() as usize;
+    let [keys, objects]: [Vec<u32>; 2] = [Slot::Keys(front), Slot::Objects(front)]
+        .map(|slot| download(own, encoder(own), buffers.get(slot), count));
+    let first_keys = 1 << grid[0].levels[0].bits.iter().sum::<u32>();
+    let entries = keys.iter().zip(objects);
+    entries.map(|(key, object)| (key >> grid[0].passive < first_keys, object & 0x1fff_ffff)).collect()
+}
+
+/// A crowd beside a few spheres, with some of both on the border between their cells: as τ grows, the crowd's cells go
+/// from refined to settled, one after another. Their pairs are right whatever τ is: see the tests of levels.
+#[test]
+fn settled_and_refined_cells_share_spheres() {
+    let Some(own) = device_or_skip() else { return };
+    // Of the largest sphere, which lies apart, cells are 4.1 wide and have a corner at the median. No other is of their
+    // depth, so that a cell has entries of others only where it is settled.
+    let mut spheres = vec![Sphere::new([40.0; 3], 1.0)];
+    let mut state = 40_u64;
+    let mut unit = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1 << 24) as f32
+    };
+    for k in 0..300 {
+        let x = if k % 10 == 0 { unit() * 4.0 - 4.0 } else { unit() * 0.8 };
+        spheres.push(Sphere::new([x, unit() * 0.8, unit() * 0.8], 0.1));
+    }
+    // On the border, and at one point.
+    spheres.extend((0..40).map(|k| Sphere::new([0.0, k as f32 * 0.02, 0.4], 0.15)));
+    let sharing = (0..=350).step_by(20).map(|tau| {
+        let entries = entries_of(&own, tau, &spheres);
+        let [settled, refined] = [true, false].map(|at_first| -> HashSet<u32> {
+            entries.iter().filter(|entry| entry.0 == at_first).map(|entry| entry.1).collect()
+        });
+        settled.intersection(&refined).count()
+    });
+    let sharing: Vec<usize> = sharing.collect();
+    assert!(
+        sharing.iter().filter(|&&count| count > 20).count() > 1,
+        "spheres in cells of both kinds: {sharing:?}"
+    );
 }

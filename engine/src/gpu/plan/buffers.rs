@@ -7,7 +7,7 @@ use super::Plan;
 
 /// A buffer that the detector owns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Slot {
+pub(crate) enum Slot {
     /// Bounds of the spheres.
     Bounds,
     /// The raster.
@@ -56,7 +56,7 @@ pub enum Slot {
 
 /// What a kernel's binding is bound to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Resource {
+pub(crate) enum Resource {
     /// A buffer of the detector.
     Own(Slot),
     /// The spheres, from the caller.

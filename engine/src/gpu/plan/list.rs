@@ -23,6 +23,11 @@ const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 const SURVEY_GROUPS: u32 = 1024;
 /// Spheres that a thread of the survey looks at, where they are not more than its workgroups can share.
 const SPHERES_PER_THREAD: u32 = 8;
+/// Up to so many spheres each dispatch takes longer than what it has to do, and calls have as few of them as can be: all
+/// smaller spheres leave crowded cells, and further shares are dispatched for every block.
+const FEW: u32 = 1 << 15;
+/// Up to so many a single workgroup surveys them and chooses the cells.
+const VERY_FEW: u32 = 1 << 11;
 /// Cells of which one workgroup finds the beginnings.
 const INDEX_BLOCK: u32 = 2048;
 
@@ -37,6 +42,10 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     plan.density_slots = request.spheres.max(256).next_power_of_two().min(MAX_DENSITY_SLOTS);
     if is_counted {
         plan.tile = 0;
+        if request.spheres <= FEW {
+            plan.density_slots = 0;
+            plan.further_shares = request.spheres / plan.share;
+        }
     } else {
         plan.key_bits = u32::BITS - (plan.counters - 1).leading_zeros();
     }
@@ -74,11 +83,16 @@ pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
     let per_sphere = plan.spheres.div_ceil(k::GROUP);
     let stage = |kernel, groups, phase| Stage { kernel, groups, indirect: false, phase, pass: 0 };
     let survey = plan.spheres.div_ceil(k::GROUP * SPHERES_PER_THREAD).clamp(1, SURVEY_GROUPS);
-    let mut stages = vec![
-        stage(&k::SPHERES_SURVEY, survey, Phase::Survey),
-        stage(&k::LIST_CONFIGURE, 1, Phase::Survey),
-        stage(&k::DENSITY_COUNT, per_sphere, Phase::Entries),
-    ];
+    let mut stages = match plan.spheres <= VERY_FEW && plan.tile == 0 {
+        true => vec![stage(&k::LIST_BEGIN, 1, Phase::Survey)],
+        false => vec![
+            stage(&k::SPHERES_SURVEY, survey, Phase::Survey),
+            stage(&k::LIST_CONFIGURE, 1, Phase::Survey),
+        ],
+    };
+    if plan.density_slots > 0 {
+        stages.push(stage(&k::DENSITY_COUNT, per_sphere, Phase::Entries));
+    }
     if plan.tile == 0 {
         stages.push(stage(&k::HOMES_COUNT, per_sphere, Phase::Entries));
         if plan.counters <= k::SCANNED_AT_ONCE {
@@ -96,8 +110,10 @@ pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
         stages.push(sorted(&k::SPHERES_GATHER, per_sphere));
     }
     stages.push(stage(&k::LIST_SEARCH, per_sphere, Phase::Search));
-    // One share holds all candidates of few spheres.
-    if plan.spheres > plan.share {
+    // One share holds all candidates of very few spheres.
+    if plan.further_shares > 0 {
+        stages.push(stage(&k::SHARES_SEARCH, per_sphere * plan.further_shares, Phase::Search));
+    } else if plan.spheres > plan.share {
         stages.push(stage(&k::SHARES_OPEN, 1, Phase::Search));
         stages.push(Stage { indirect: true, ..stage(&k::SHARES_SEARCH, 1, Phase::Search) });
     }

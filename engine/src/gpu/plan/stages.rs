@@ -35,17 +35,17 @@ impl Phase {
 
 /// One dispatch.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Stage {
+pub(crate) struct Stage {
     /// What runs.
-    pub kernel: &'static Kernel,
+    pub(crate) kernel: &'static Kernel,
     /// How many workgroups, before they are laid out in two dimensions.
-    pub groups: u32,
+    pub(crate) groups: u32,
     /// Whether their number is instead found on the device, in [`Slot::Dispatch`](super::Slot::Dispatch).
-    pub indirect: bool,
+    pub(crate) indirect: bool,
     /// Which part of the call it belongs to.
-    pub phase: Phase,
+    pub(crate) phase: Phase,
     /// Which radix pass it belongs to; 0 outside the sort.
-    pub pass: u32,
+    pub(crate) pass: u32,
 }
 
 /// The dispatches of a call.

@@ -7,23 +7,12 @@ use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Pair};
 
 use super::{GpuSession, SLOTS, Work};
-use crate::gpu::detector::{GpuDetector, Raised};
+use crate::Error;
+use crate::gpu::GpuSettings;
+use crate::gpu::detector::{Raised, Way};
 use crate::gpu::mapping::Wait;
-use crate::gpu::{GpuError, GpuSettings};
-
-/// How a call runs: as it was begun, or as it was last repeated for want of room.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Way {
-    pub(super) algorithm: Algorithm,
-    pub(super) raster_ratio: f32,
-}
 
 impl Way {
-    pub(super) fn set(self, detector: &mut GpuDetector) -> Result<(), GpuError> {
-        detector.set_algorithm(self.algorithm)?;
-        detector.set_raster_ratio(self.raster_ratio)
-    }
-
     /// The way with fewer entries in which to repeat a call of `ran`: on a coarser raster, at last on a single level from
     /// the raster on that was `asked` for. For coincident spheres only that helps: they have eight entries on each
     /// of the levels down to their own, however coarse these are.
@@ -45,7 +34,7 @@ impl GpuSession {
         number: u64,
         window: Range<u32>,
         wait: Wait,
-    ) -> Result<Outcome, GpuError> {
+    ) -> Result<Outcome, Error> {
         loop {
             let outcome = self.land(number, wait).await.map_err(|error| self.own.reason(error))?;
             self.last = outcome;
@@ -67,7 +56,7 @@ impl GpuSession {
         }
     }
 
-    fn repeat_for_entries(&mut self, number: u64, window: Range<u32>, entries: u64) -> Result<(), GpuError> {
+    fn repeat_for_entries(&mut self, number: u64, window: Range<u32>, entries: u64) -> Result<(), Error> {
         let (slot, before) = (number as usize % SLOTS, self.detector.room());
         if self.detector.raise_entries(entries, self.slots[slot].count) {
             log::info!("{entries} entries do not fit: repeating with room for them");
@@ -76,7 +65,7 @@ impl GpuSession {
         let Some(way) = self.ways[slot].with_fewer_entries(self.algorithm(), self.asked.raster_ratio) else {
             let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
             let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");
-            return Err(GpuError::LimitExceeded { what, needed: entries, limit, remedy });
+            return Err(Error::LimitExceeded { what, needed: entries, limit, remedy });
         };
         let Way { algorithm, raster_ratio } = way;
         log::info!("{entries} entries do not fit: repeating as {algorithm} with raster ratio {raster_ratio}");
@@ -90,7 +79,7 @@ impl GpuSession {
         number: u64,
         window: Range<u32>,
         found: u64,
-    ) -> Result<(), GpuError> {
+    ) -> Result<(), Error> {
         let before = self.detector.room();
         if found > u64::from(self.capacity()) {
             // Below 2³² by the largest capacity.
@@ -101,7 +90,7 @@ impl GpuSession {
     }
 
     /// Repeats a call with more room than `before`. Where the device has not so much, later calls do not ask for it.
-    fn launch_with_room(&mut self, number: u64, window: Range<u32>, before: Raised) -> Result<(), GpuError> {
+    fn launch_with_room(&mut self, number: u64, window: Range<u32>, before: Raised) -> Result<(), Error> {
         self.launch(number, Work::Call(window)).inspect_err(|_| self.detector.set_room(before))
     }
 
@@ -112,7 +101,7 @@ impl GpuSession {
         found: u64,
         wait: Wait,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
-    ) -> Result<(), GpuError> {
+    ) -> Result<(), Error> {
         let count = self.slots[number as usize % SLOTS].count;
         let mut capacity = u64::from(self.capacity());
         self.expected = capacity;
@@ -128,7 +117,7 @@ impl GpuSession {
                 if found > largest {
                     let (needed, limit) = (found * 8, largest * 8);
                     let (what, remedy) = ("the pairs of one sphere", "take a device with a larger limit");
-                    return Err(GpuError::LimitExceeded { what, needed, limit, remedy });
+                    return Err(Error::LimitExceeded { what, needed, limit, remedy });
                 }
                 self.pairs.clear();
                 self.repeat_for_pairs(number, begin..end, found)?;

@@ -19,6 +19,11 @@ fn home_of(index: u32, sphere: vec4<f32>) -> Home {
         return Home(list.cells, 0u, false);
     }
     let position = image_of(sphere).xyz;
+    if (list.is_dense != 0u && call.density_slots == 0u) {
+        // Where there is no table all leave. Its own cell is a part of that of level 0, and tells how crowded this is at
+        // least.
+        return Home(cell_of(position, own), 0u, own != 0u);
+    }
     let coarsest = cell_of(position, 0u);
     if (own == 0u || list.is_dense == 0u) {
         return Home(coarsest, 0u, own != 0u);

@@ -42,6 +42,8 @@ struct Call {
     tile: u32,
     // Candidates of one sphere of a cell list that one invocation tests.
     share: u32,
+    // Workgroups for further shares of each block of a cell list; 0 where the device finds how many it takes.
+    further_shares: u32,
 }
 
 // What the spheres are like. Bounds of all valid ones, their widened radii included; floats in an order-preserving

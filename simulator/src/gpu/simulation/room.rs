@@ -66,7 +66,9 @@ impl GpuSimulation {
     pub(super) fn make_room(&mut self, particles: u32) -> Result<(), Error> {
         let sizes = self.steps.sizes;
         // The detector may have lost its buffers to a growth that failed.
-        let bound = self.detector.as_ref().is_none_or(|d| d.outcome() == Some(self.steps.buffer("outcome")));
+        let found = self.detector.as_mut().map(|detector| detector.reserve(sizes.particles));
+        let found = found.transpose().map_err(refused)?;
+        let bound = found.is_none_or(|found| found.outcome == *self.steps.buffer("outcome"));
         match particles <= sizes.particles {
             true if bound => Ok(()),
             true => self.rebuild(sizes),
@@ -95,11 +97,11 @@ pub(super) fn prepare(
     base: &mut Base,
     sizes: Sizes,
     rounds: u32,
-    mut detector: Option<&mut GpuDetector>,
+    detector: Option<&mut GpuDetector>,
 ) -> Result<Steps, Error> {
-    if let Some(detector) = &mut detector {
+    let found = detector.map(|detector| {
         detector.set_pair_capacity(sizes.pairs.max(1));
-        detector.reserve(sizes.particles).map_err(refused)?;
-    }
-    Steps::new(base, sizes, rounds, detector.as_deref())
+        detector.reserve(sizes.particles)
+    });
+    Steps::new(base, sizes, rounds, found.transpose().map_err(refused)?)
 }

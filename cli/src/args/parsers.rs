@@ -1,0 +1,90 @@
+//! What options hold, from text, with messages that say what to write instead.
+
+use std::convert::Infallible;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::Duration;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use lazygrid::Space;
+use lazygrid::gpu::AdapterId;
+use lazygrid_io::write::TableFormat;
+
+pub(super) fn one_of<const N: usize>(names: [&'static str; N]) -> PossibleValuesParser {
+    PossibleValuesParser::new(names)
+}
+
+pub(super) fn adapter(text: &str) -> Result<AdapterId, Infallible> {
+    Ok(text.into())
+}
+
+pub(super) fn radius(text: &str) -> Result<(String, f32), String> {
+    let (species, radius) = text.rsplit_once('=').ok_or("expected SPECIES=R, such as acid=0.1")?;
+    match f32::from_str(radius) {
+        Ok(radius) if radius.is_finite() && radius >= 0.0 => Ok((species.to_owned(), radius)),
+        _ => Err(format!("the radius '{radius}' must be a finite number that is not negative")),
+    }
+}
+
+pub(super) fn space(text: &str) -> Result<Space, String> {
+    if text == "none" {
+        return Ok(Space::UNBOUNDED);
+    }
+    let length = |text: &str| match text.trim() {
+        "-" => Ok(None),
+        number => match f32::from_str(number) {
+            Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(length)),
+            Ok(_) => Err(format!(
+                "the length {number} is not a finite number above zero; write - for an axis that is unbounded"
+            )),
+            Err(_) => Err(format!("'{number}' is neither a length nor -")),
+        },
+    };
+    let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;
+    let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-, or none")?;
+    Space::periodic(lengths).map_err(|error| error.to_string())
+}
+
+pub(super) fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().map_err(|_| "expected a whole number above zero; leave it out to use all threads".to_owned())
+}
+
+pub(super) fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = f64::from_str(text).ok().filter(|seconds| *seconds > 0.0);
+    let time = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    time.ok_or_else(|| "expected a number of seconds above zero".to_owned())
+}
+
+pub(super) fn table_format(name: String) -> TableFormat {
+    if name == "npy" { TableFormat::Npy } else { TableFormat::Csv }
+}
+
+pub(super) fn raster_ratio(text: &str) -> Result<f32, String> {
+    let ratio = f32::from_str(text).ok().filter(|ratio| (0.5..=16.0).contains(ratio));
+    ratio.ok_or_else(|| "expected a number from 0.5 to 16".to_owned())
+}
+
+/// Parses a path whose extension tells a format; the text says which there are.
+#[derive(Clone)]
+pub(super) struct PathWith<T>(pub(super) fn(&Path) -> Option<T>, pub(super) &'static str);
+
+impl<T: Clone + Send + Sync + 'static> TypedValueParser for PathWith<T> {
+    type Value = (PathBuf, T);
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        _: Option<&clap::Arg>,
+        value: &std::ffi::OsStr,
+    ) -> Result<Self::Value, clap::Error> {
+        let path = PathBuf::from(value);
+        match (self.0)(&path) {
+            Some(format) => Ok((path, format)),
+            None => {
+                let message = format!("'{}' does not end in {}\n", path.display(), self.1);
+                Err(clap::Error::raw(clap::error::ErrorKind::ValueValidation, message).with_cmd(command))
+            }
+        }
+    }
+}

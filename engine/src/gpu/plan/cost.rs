@@ -1,0 +1,87 @@
+//! What a plan costs, before it runs.
+
+use lazygrid_kernels::Algorithm;
+use lazygrid_kernels::kernel::{self as k, Kernel};
+
+use super::{Plan, Slot, Stage};
+
+/// What a call costs: a pure function of its size, the settings and the limits of the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Cost {
+    /// The algorithm that runs; never `Auto`.
+    pub algorithm: Algorithm,
+    /// Spheres that the call has at most.
+    pub spheres: u32,
+    /// Dispatches.
+    pub dispatches: u32,
+    /// Bytes of device memory that the call works in, besides spheres and pairs.
+    pub working_bytes: u64,
+    /// Bytes of device memory for pairs.
+    pub pair_bytes: u64,
+    /// Bytes that all dispatches together read and write: what is read in order once, what is read in no order by sectors
+    /// of 32 bytes; without pairs, and where no cell is dense. `None` where it depends on how many cells a sphere overlaps,
+    /// or on what a cache holds.
+    pub moved_bytes: Option<u64>,
+}
+
+impl Plan {
+    /// What the call costs.
+    pub(crate) fn cost(&self) -> Cost {
+        let pair_bytes =
+            self.buffers.iter().find(|(slot, _)| *slot == Slot::Pairs).map_or(0, |(_, bytes)| *bytes);
+        Cost {
+            algorithm: self.algorithm,
+            spheres: self.spheres,
+            dispatches: self.stages.len() as u32,
+            working_bytes: self.bytes() - pair_bytes,
+            pair_bytes,
+            moved_bytes: self.stages.iter().map(|stage| self.moved_by(stage)).sum(),
+        }
+    }
+
+    /// Bytes that a stage of a cell list reads and writes; `None` for those of the other algorithms.
+    fn moved_by(&self, stage: &Stage) -> Option<u64> {
+        if self.algorithm != Algorithm::CellList {
+            return None;
+        }
+        let (spheres, counters) = (u64::from(self.spheres), u64::from(self.counters));
+        let is_counted = self.tile == 0;
+        let is = |kernel: &Kernel| stage.kernel == kernel;
+        // Per sphere, and per counter of the table of cells.
+        let (per_sphere, per_counter) = if is(&k::SPHERES_SURVEY) {
+            // Clears the counters.
+            (16 + 4 * u64::from(self.density_slots) / spheres.max(1), if is_counted { 4 } else { 0 })
+        } else if is(&k::HOMES_COUNT) {
+            // Sphere in, home out; each counter is read and written in a cache.
+            (16 + 8, 8)
+        } else if is(&k::HOMES_KEY) {
+            (16 + 4, 0)
+        } else if is(&k::SCAN_ONCE) {
+            (0, 8)
+        } else if is(&k::SCAN_REDUCE) {
+            (0, 4)
+        } else if is(&k::SCAN_SPREAD) {
+            (0, 8)
+        } else if is(&k::RADIX_COUNT) {
+            (4, 0)
+        } else if is(&k::RADIX_SCATTER) {
+            // The payload of the first pass is the place itself.
+            (if stage.pass == 0 { 4 + 8 } else { 8 + 8 }, 0)
+        } else if is(&k::CELLS_INDEX) {
+            (4, 4)
+        } else if is(&k::SPHERES_PLACE) {
+            // Home and sphere in; sphere, cell and index out, by sectors.
+            (8 + 16 + 3 * 32, 4)
+        } else if is(&k::SPHERES_GATHER) {
+            // Index in, sphere in by sectors, sphere out.
+            (4 + 32 + 16, 0)
+        } else if is(&k::LIST_SEARCH) {
+            // Sphere, cell and index, and where cells begin.
+            (16 + 4 + 4, 4)
+        } else {
+            (0, 0)
+        };
+        Some(per_sphere * spheres + per_counter * counters)
+    }
+}

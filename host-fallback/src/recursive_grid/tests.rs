@@ -1,0 +1,24 @@
+use lazygrid_kernels::Algorithm;
+
+use crate::Settings;
+use crate::judged::{judge, judge_shared};
+
+fn settings(raster_ratio: f32) -> Settings {
+    Settings { algorithm: Algorithm::RecursiveGrid, raster_ratio, ..Settings::default() }
+}
+
+#[test]
+fn agrees_with_all_pairs() {
+    for ratio in [0.5, 1.0, 3.0, 16.0] {
+        for tau in [0, 1, 5, Settings::TAU, u32::MAX] {
+            judge(&Settings { tau, ..settings(ratio) });
+        }
+    }
+}
+
+#[test]
+fn threads_share_the_work() {
+    for tau in [0, Settings::TAU, 1000] {
+        judge_shared(&Settings { tau, ..settings(Settings::RASTER_RATIO) });
+    }
+}

@@ -1,0 +1,316 @@
+// Chooses the cells of a call: which sizes share a level, how wide its cells are and how many go round each axis.
+// Clears the survey for the next call, and what this one counts.
+
+const SAMPLES: u32 = 256u;
+// So few of the largest spheres are compared with all others instead of having cells.
+const MOST_LISTED: u32 = 8u;
+// Edges are wider than diameters by this much, which is more than the distance test rounds.
+const SLACK: f32 = 0x1.04p0;
+// Edges below this would have quanta that devices may flush.
+const SHORTEST: f32 = 0x1p-90;
+// Above this all spheres share one cell, so that nothing overflows.
+const WIDEST: f32 = 0x1p120;
+// Rings have no more cells than this, so that roundings at the seam stay below the slack.
+const MOST_AROUND: f32 = 32768.0;
+// A box may begin this many cells below the lowest centre.
+const MARGIN: u32 = 8u;
+
+var<workgroup> members: array<u32, 512>;
+var<workgroup> largest: array<u32, 256>;
+// The highest class that has cells.
+var<workgroup> base_class: atomic<u32>;
+// Spheres of each level.
+var<workgroup> populations: array<atomic<u32>, 16>;
+var<workgroup> packed_levels: array<atomic<u32>, 64>;
+var<workgroup> low: array<u32, 3>;
+var<workgroup> high: array<u32, 3>;
+var<workgroup> sampled: array<u32, 256>;
+var<workgroup> sampled_pairs: atomic<u32>;
+// Exponent of a quantum of level 0.
+var<workgroup> quantum: i32;
+var<workgroup> quanta: u32;
+var<workgroup> home_radius: f32;
+var<workgroup> is_single: u32;
+var<workgroup> level_cells: array<vec3<u32>, 16>;
+var<workgroup> is_dense: bool;
+
+fn power_of_two(exponent: i32) -> f32 {
+    return bitcast<f32>(u32(clamp(127 + exponent, 1, 254)) << 23u);
+}
+
+fn exponent_of(value: f32) -> i32 {
+    return i32((bitcast<u32>(value) >> 23u) & 255u) - 127;
+}
+
+// The cube root of a number of any size that is not negative.
+fn cube_root(value: f32) -> f32 {
+    return pow(max(value, 0x1p-120), 1.0 / 3.0);
+}
+
+// The finest level whose cells hold a sphere of this radius.
+fn finest_level(radius: f32) -> u32 {
+    if (is_single != 0u) {
+        return 0u;
+    }
+    let mantissa = select(0, 1, (bitcast<u32>(radius) & 0x7fffffu) > (bitcast<u32>(home_radius) & 0x7fffffu));
+    return u32(clamp(exponent_of(home_radius) - exponent_of(radius) - mantissa, 0, i32(LEVELS) - 1));
+}
+
+// Edge of level 0: a diameter of the largest spheres that have cells, or up to so many times that as the raster ratio
+// allows where cells would otherwise be more than there is room for.
+fn choose_edge() {
+    let lengths = periods();
+    let diameter = 2.0 * (bitcast<f32>(largest[atomicLoad(&base_class)]) * SLACK);
+    var extent = vec3(0.0);
+    for (var axis = 0u; axis < 3u; axis++) {
+        let open = decoded(high[axis]) * 0.5 - decoded(low[axis]) * 0.5;
+        extent[axis] = max(select(2.0 * min(open, 0x1p126), lengths[axis], lengths[axis] > 0.0), diameter);
+    }
+    let room = f32(max(call.cells, 1u));
+    let spacing = cube_root(extent.x / room) * cube_root(extent.y) * cube_root(extent.z);
+    let edge = max(clamp(spacing, diameter, diameter * max(call.raster_ratio, 1.0)), SHORTEST);
+    is_single = select(0u, 1u, !(edge < WIDEST));
+    quantum = exponent_of(edge) - 6;
+    quanta = u32(ceil(edge * power_of_two(-quantum)));
+    if (quanta > 127u) {
+        quanta = 64u;
+        quantum += 1;
+    }
+    home_radius = (f32(quanta) * 0.5 / SLACK) * power_of_two(quantum);
+}
+
+// Numbers from the lowest cell to the highest along an axis.
+fn open_extent(axis: u32, level: u32) -> u32 {
+    return open_number(decoded(high[axis]), level) - open_number(decoded(low[axis]), level) + 1u;
+}
+
+// How many cells go round each axis where all of them together may be `room`: as many as the spheres' bounds or the
+// period have, on the longest axes fewer.
+fn cells_around(level: u32, room: f32) -> vec3<u32> {
+    let lengths = periods();
+    let edge = f32(quanta) * power_of_two(quantum - i32(level));
+    var wanted = vec3(1u);
+    for (var axis = 0u; axis < 3u; axis++) {
+        if (lengths[axis] > 0.0) {
+            // A little less, so that no rounding makes edges narrower.
+            let around = min((lengths[axis] / edge) * 0x1.ffffep-1, MOST_AROUND);
+            wanted[axis] = select(1u, u32(around), around >= 3.0 && lengths[axis] > SHORTEST);
+        } else {
+            let extent = open_extent(axis, level);
+            wanted[axis] = select(max(extent, 3u), 1u, extent == 1u);
+        }
+    }
+    var limit = pow(room, 1.0 / 3.0);
+    // Axes shorter than the limit leave more to the others.
+    for (var round = 0u; round < 2u; round++) {
+        var left = room;
+        var long_axes = 0.0;
+        for (var axis = 0u; axis < 3u; axis++) {
+            if (f32(wanted[axis]) <= limit) {
+                left /= f32(wanted[axis]);
+            } else {
+                long_axes += 1.0;
+            }
+        }
+        limit = select(limit, pow(left, 1.0 / max(long_axes, 1.0)), long_axes > 0.0);
+    }
+    var cells = min(wanted, vec3(max(u32(limit), 3u)));
+    // What rounding and the least of three cells took too much is given back by axes with a single cell.
+    for (var axis = 0u; axis < 3u; axis++) {
+        if (f32(cells.x) * f32(cells.y) * f32(cells.z) > room) {
+            cells[axis] = 1u;
+        }
+    }
+    return cells;
+}
+
+// Everything of a level but where its cells begin in the table.
+fn set_level(level: u32, room: f32) {
+    let lengths = periods();
+    list.level[level].scale = power_of_two(i32(level) - quantum);
+    list.level[level].far = u32(clamp(127 + 30 + quantum - i32(level), 1, 255)) << 23u;
+    list.level[level].reach = home_radius * power_of_two(-i32(level));
+    list.level[level].low = vec3(
+        open_number(decoded(low[0]), level),
+        open_number(decoded(low[1]), level),
+        open_number(decoded(low[2]), level),
+    ) - vec3(MARGIN);
+    var cells = vec3(1u);
+    if (is_single == 0u) {
+        cells = cells_around(level, room);
+    }
+    level_cells[level] = cells;
+    list.level[level].cells = cells;
+    let used = (lengths > vec3(0.0)) & (cells > vec3(1u));
+    list.level[level].around = select(vec3(0.0), vec3<f32>(cells) / max(lengths, vec3(SHORTEST)), used);
+}
+
+// What concerns the call as a whole.
+fn set_call(count: u32) {
+    list.spheres = count;
+    list.quanta = quanta;
+    lengths.items = count;
+    let smallest = bitcast<f32>(~atomicLoad(&survey.smallest));
+    var farthest = 0.0;
+    for (var axis = 0u; axis < 3u; axis++) {
+        farthest = max(farthest, max(abs(decoded(low[axis])), abs(decoded(high[axis]))));
+    }
+    var widest = 0.0;
+    for (var size_class = 0u; size_class < CLASSES; size_class++) {
+        widest = max(widest, bitcast<f32>(largest[size_class]));
+    }
+    // Without a valid sphere the complement of nothing is no number, and nothing is tested.
+    list.ordinary = select(0u, 1u, smallest > 0x1p-40 && farthest < 0x1p58 && widest < 0x1p58);
+    atomicStore(&outcome.found_lo, 0u);
+    atomicStore(&outcome.found_hi, 0u);
+    atomicStore(&outcome.overflow, select(0u, 4u, count_source[0] > call.spheres));
+    atomicStore(&outcome.quarantined, atomicLoad(&survey.quarantined));
+    atomicStore(&outcome.crowded, 0u);
+    atomicStore(&outcome.crowded_tiles, 0u);
+    atomicStore(&outcome.crowded_begin, 0u);
+    atomicStore(&outcome.crowded_end, 0u);
+    atomicStore(&outcome.entries_lo, count);
+    atomicStore(&outcome.entries_hi, 0u);
+    atomicStore(&outcome.spheres, count_source[0]);
+    atomicStore(&survey.smallest, 0u);
+    atomicStore(&survey.quarantined, 0u);
+}
+
+// The cell of level 0 of one of the spheres, or a number that no other sample has.
+fn sample_cell(lane: u32, count: u32) -> u32 {
+    let index = select(lane, (count / SAMPLES) * lane + ((count % SAMPLES) * lane) / SAMPLES, count > SAMPLES);
+    if (index >= count) {
+        return 0xffffffffu - lane;
+    }
+    let sphere = spheres[index];
+    if (!is_accepted(index, sphere) || class_of(effective_radius(index, sphere)) > atomicLoad(&base_class)) {
+        return 0xffffffffu - lane;
+    }
+    return cell_of(image_of(sphere).xyz, 0u);
+}
+
+// Whether smaller spheres leave the crowded cells of level 0: where they would gain from it, and where samples or the
+// last call found such cells.
+fn decide_density(count: u32) {
+    var finer = false;
+    for (var level = 1u; level < LEVELS; level++) {
+        finer = finer || atomicLoad(&populations[level]) != 0u;
+    }
+    // Ordered pairs of samples in one cell, as a share of all, times the spheres: how many share a cell on average.
+    let pairs = f32(atomicLoad(&sampled_pairs));
+    let crowd = pairs * f32(count) / f32(min(count, SAMPLES) * min(count, SAMPLES) + 1u);
+    let was_dense = atomicLoad(&outcome.densest) > call.tau;
+    is_dense = finer && ((pairs >= 4.0 && crowd > f32(call.tau)) || was_dense);
+    list.is_dense = select(0u, 1u, is_dense);
+    atomicStore(&outcome.densest, 0u);
+}
+
+// Called by all threads of the only workgroup.
+fn configure(lane: u32) {
+    let count = min(count_source[0], call.spheres);
+    members[lane] = atomicLoad(&survey.members[lane]);
+    largest[lane] = atomicLoad(&survey.largest[lane]);
+    atomicStore(&survey.members[lane], 0u);
+    atomicStore(&survey.largest[lane], 0u);
+    let own_members = members[lane];
+    if (lane < LEVELS) {
+        atomicStore(&populations[lane], 0u);
+    }
+    if (lane < 64u) {
+        atomicStore(&packed_levels[lane], 0u);
+    }
+    if (lane < 3u) {
+        // Without a valid sphere the bounds are those of nothing: an empty box at 0.
+        let seen = atomicLoad(&survey.high[lane]) != 0u;
+        low[lane] = select(0x80000000u, ~atomicLoad(&survey.low[lane]), seen);
+        high[lane] = select(0x80000000u, atomicLoad(&survey.high[lane]), seen);
+        atomicStore(&survey.low[lane], 0u);
+        atomicStore(&survey.high[lane], 0u);
+    }
+    if (lane == 0u) {
+        atomicStore(&base_class, 0u);
+        atomicStore(&sampled_pairs, 0u);
+    }
+    workgroupBarrier();
+
+    // How many spheres are of this class or a larger one.
+    var front = 0u;
+    for (var step = 1u; step < CLASSES; step *= 2u) {
+        var sum = members[front + lane];
+        if (lane + step < CLASSES) {
+            sum += members[front + lane + step];
+        }
+        front = CLASSES - front;
+        members[front + lane] = sum;
+        workgroupBarrier();
+    }
+    if (own_members != 0u && members[front + lane] > MOST_LISTED) {
+        atomicMax(&base_class, lane);
+    }
+    workgroupBarrier();
+    if (lane == 0u) {
+        choose_edge();
+        set_call(count);
+    }
+    workgroupBarrier();
+
+    var level = LISTED;
+    if (lane <= atomicLoad(&base_class)) {
+        level = finest_level(bitcast<f32>(largest[lane]));
+        atomicAdd(&populations[level], own_members);
+    }
+    atomicOr(&packed_levels[lane / 4u], level << ((lane % 4u) * 8u));
+    workgroupBarrier();
+    if (lane < 64u) {
+        list.class_levels[lane] = atomicLoad(&packed_levels[lane]);
+    }
+    if (lane < LEVELS) {
+        level_cells[lane] = vec3(0u);
+    }
+    storageBarrier();
+    if (lane == 0u) {
+        set_level(0u, f32(call.cells));
+    }
+    storageBarrier();
+
+    let cell = sample_cell(lane, count);
+    sampled[lane] = cell;
+    workgroupBarrier();
+    var shared_with = 0u;
+    for (var other = 0u; other < SAMPLES; other++) {
+        shared_with += select(0u, 1u, sampled[other] == cell);
+    }
+    atomicAdd(&sampled_pairs, shared_with - 1u);
+    workgroupBarrier();
+    if (lane == 0u) {
+        decide_density(count);
+    }
+    // Where smaller spheres leave the first level its cells are chosen anew: half of the room goes in equal shares to all
+    // levels, half by numbers.
+    if (workgroupUniformLoad(&is_dense) && lane < LEVELS) {
+        let population = atomicLoad(&populations[lane]);
+        var levels = 1.0;
+        for (var other = 1u; other < LEVELS; other++) {
+            levels += select(0.0, 1.0, atomicLoad(&populations[other]) != 0u);
+        }
+        let share = 0.5 / levels + 0.5 * f32(population) / f32(max(count, 1u));
+        if (lane == 0u || population != 0u) {
+            set_level(lane, max(floor(f32(call.cells) * share * 0x1.ffffp-1), 1.0));
+        }
+    }
+    workgroupBarrier();
+    if (lane == 0u) {
+        var base = 0u;
+        var levels = 0u;
+        for (var level = 0u; level < LEVELS; level++) {
+            let cells = level_cells[level];
+            list.level[level].base = base;
+            levels |= select(0u, 1u << level, cells.x != 0u);
+            base += cells.x * cells.y * cells.z;
+        }
+        list.cells = base;
+        list.levels = levels;
+        let tiles = (count + max(call.tile, 1u) - 1u) / max(call.tile, 1u);
+        lengths.counters = select(tiles * 256u, base + 2u, call.tile == 0u);
+    }
+}

@@ -1,0 +1,112 @@
+// Bounds of the valid spheres, how many of which size there are, and the number of the others. Clears what the call
+// counts in.
+
+var<workgroup> group_low: array<atomic<u32>, 3>;
+var<workgroup> group_high: array<atomic<u32>, 3>;
+var<workgroup> group_smallest: atomic<u32>;
+var<workgroup> group_quarantined: atomic<u32>;
+var<workgroup> group_members: array<atomic<u32>, 256>;
+var<workgroup> group_largest: array<atomic<u32>, 256>;
+
+// Spheres of one class that a thread has met one after another.
+struct Streak {
+    size_class: u32,
+    members: u32,
+    largest: u32,
+}
+
+fn end_streak(streak: Streak) {
+    if (streak.members != 0u) {
+        atomicAdd(&group_members[streak.size_class], streak.members);
+        atomicMax(&group_largest[streak.size_class], streak.largest);
+    }
+}
+
+// Called by all threads of a workgroup: each looks at every so many spheres from its first on.
+fn survey_spheres(first: u32, stride: u32, lane: u32) {
+    atomicStore(&group_members[lane], 0u);
+    atomicStore(&group_largest[lane], 0u);
+    if (lane < 3u) {
+        atomicStore(&group_low[lane], 0u);
+        atomicStore(&group_high[lane], 0u);
+    }
+    if (lane == 0u) {
+        atomicStore(&group_smallest, 0u);
+        atomicStore(&group_quarantined, 0u);
+    }
+    workgroupBarrier();
+
+    let count = min(count_source[0], call.spheres);
+    var low = vec3(0u);
+    var high = vec3(0u);
+    var smallest = 0u;
+    var quarantined = 0u;
+    var streak = Streak(0u, 0u, 0u);
+    let rounds = (count + stride - 1u) / stride;
+    for (var round = 0u; round < rounds; round++) {
+        let index = first + round * stride;
+        if (index >= count) {
+            break;
+        }
+        let sphere = spheres[index];
+        if (!is_accepted(index, sphere)) {
+            quarantined += 1u;
+            continue;
+        }
+        let radius = bitcast<u32>(effective_radius(index, sphere));
+        low = max(low, ~ordered(sphere.xyz));
+        high = max(high, ordered(sphere.xyz));
+        smallest = max(smallest, ~radius);
+        if (streak.size_class != radius >> 23u) {
+            end_streak(streak);
+            streak = Streak(radius >> 23u, 0u, 0u);
+        }
+        streak.members += 1u;
+        streak.largest = max(streak.largest, radius);
+    }
+    end_streak(streak);
+    for (var axis = 0u; axis < 3u; axis++) {
+        atomicMax(&group_low[axis], low[axis]);
+        atomicMax(&group_high[axis], high[axis]);
+    }
+    atomicMax(&group_smallest, smallest);
+    if (quarantined != 0u) {
+        atomicAdd(&group_quarantined, quarantined);
+    }
+    clear_counters(first, stride);
+    workgroupBarrier();
+
+    let members = atomicLoad(&group_members[lane]);
+    if (members != 0u) {
+        atomicAdd(&survey.members[lane], members);
+        atomicMax(&survey.largest[lane], atomicLoad(&group_largest[lane]));
+    }
+    if (lane < 3u) {
+        atomicMax(&survey.low[lane], atomicLoad(&group_low[lane]));
+        atomicMax(&survey.high[lane], atomicLoad(&group_high[lane]));
+    }
+    if (lane == 0u) {
+        atomicMax(&survey.smallest, atomicLoad(&group_smallest));
+        let bad = atomicLoad(&group_quarantined);
+        if (bad != 0u) {
+            atomicAdd(&survey.quarantined, bad);
+        }
+    }
+}
+
+fn clear_counters(first: u32, stride: u32) {
+    let rounds = (call.counters + stride - 1u) / stride;
+    for (var round = 0u; round < rounds; round++) {
+        let counter = first + round * stride;
+        if (counter < call.counters) {
+            starts[counter] = 0u;
+        }
+    }
+    let density_rounds = (call.density_slots + stride - 1u) / stride;
+    for (var round = 0u; round < density_rounds; round++) {
+        let counter = first + round * stride;
+        if (counter < call.density_slots) {
+            density[counter] = 0u;
+        }
+    }
+}
