@@ -52,6 +52,11 @@ fn the_gpu_is_all_right_where_there_is_one() {
     let rows: Vec<_> =
         object["primitives"]["rows"].as_array().expect("rows").iter().filter_map(what).collect();
     assert_eq!(rows, ["copy", "scan", "sort, 24 bits"]);
+    for speed in object["speeds"].as_array().expect("speeds") {
+        let cost = &speed["gpu"];
+        assert!(cost["dispatches"].as_u64() > Some(2) && cost["working_bytes"].as_u64() > Some(0), "{speed}");
+        assert_eq!(cost["moved_bytes"].is_u64(), speed["algorithm"] == "cell-list", "{speed}");
+    }
 }
 
 #[test]

@@ -75,13 +75,13 @@ fn json_has_the_documented_fields() {
     let Value::Object(map) = &object else { panic!("not an object: {object}") };
     let names: Vec<_> = map.keys().map(String::as_str).collect();
     let documented =
-        "frame step periodic periodic_from spheres pairs backend adapter algorithm reason phases";
+        "frame step periodic periodic_from spheres pairs backend adapter algorithm reason gpu phases";
     assert_eq!(names.join(" "), documented);
     assert_eq!((&object["periodic"], &object["periodic_from"]), (&Value::Null, &Value::Null));
     assert_eq!(object["step"], 3000);
     assert_eq!(object["pairs"], 3072);
     assert_eq!(object["backend"], "cpu");
-    assert_eq!(object["adapter"], Value::Null);
+    assert_eq!((&object["adapter"], &object["gpu"]), (&Value::Null, &Value::Null));
     assert!(object["reason"].as_str().unwrap().contains("GPU"));
     let phases = object["phases"].as_object().unwrap();
     assert!(phases.contains_key("read") && !phases.contains_key("write"));
@@ -355,6 +355,7 @@ fn the_gpu_finds_the_pairs_of_both_files() {
         let args = ["detect", &file, "--backend", "gpu", "--json"];
         let object = lazygrid(args.iter().chain(options)).succeeds().json();
         assert_eq!(object["backend"], "gpu");
+        assert!(object["gpu"]["dispatches"].as_u64() > Some(2), "{object}");
         object["pairs"].as_u64()
     };
     assert_eq!(pairs("lammps-pour.dump", &[]), Some(3072));

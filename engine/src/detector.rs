@@ -178,7 +178,7 @@ impl Detector {
         }
     }
 
-    /// The pairs of the last call of [`pairs`](Self::pairs), without a copy.
+    /// The list of [`pairs`](Self::pairs) where that was the last call, without a copy.
     pub fn into_pairs(self) -> Vec<Pair> {
         match self.engine {
             Engine::Host(host) => host.into_pairs(),

@@ -85,8 +85,9 @@ fn every_setting() -> Result<Config, Error> {
 #[cfg(feature = "gpu")]
 mod on_gpu {
     use lazygrid::gpu::{
-        AdapterId, AdapterSummary, Calibration, Count, GpuDetector, GpuDevice, GpuSession, GpuSettings,
-        GpuSpheres, Outcome, Ticket, adapters, calibrate, wgpu,
+        AdapterId, AdapterSummary, BoundScan, BoundSort, Calibration, Cost, Count, GpuDetector, GpuDevice,
+        GpuPairs, GpuSession, GpuSettings, GpuSpheres, Keyed, Outcome, PrefixScan, RadixSort, Ticket,
+        adapters, calibrate, wgpu,
     };
 
     use super::*;
@@ -99,6 +100,9 @@ mod on_gpu {
         crosses_threads::<GpuSpheres<'_>>();
         crosses_threads::<Count<'_>>();
         crosses_threads::<AdapterSummary>();
+        crosses_threads::<GpuPairs>();
+        crosses_threads::<BoundScan>();
+        crosses_threads::<BoundSort>();
         is_data::<AdapterId>();
         is_data::<Calibration>();
     };
@@ -116,7 +120,29 @@ mod on_gpu {
         let ticket: Ticket = session.begin(rows.into())?;
         let _: &[Pair] = session.finish(ticket, 1000)?;
         let _: &Outcome = session.outcome();
-        let _: GpuDetector = GpuDetector::new(device, GpuSettings::default())?;
+        let _: Option<Cost> = session.cost();
+        Ok(())
+    }
+
+    #[expect(dead_code, reason = "compiled only")]
+    fn resident(
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        spheres: &wgpu::Buffer,
+    ) -> Result<(), Error> {
+        let mut detector: GpuDetector = GpuDetector::new(device, GpuSettings::default())?;
+        let cost: Cost = detector.cost(1000)?;
+        let _: (u32, u64, u64, Option<u64>) =
+            (cost.dispatches, cost.working_bytes, cost.pair_bytes, cost.moved_bytes);
+        let reserved: GpuPairs = detector.reserve(1000)?;
+        let found: GpuPairs = detector.encode(encoder, &GpuSpheres::new(spheres, 1000))?;
+        let _: [&wgpu::Buffer; 3] = [&reserved.pairs, &found.outcome, &found.pairs];
+        let scan: BoundScan = PrefixScan::new(device, true).bind(spheres, 1000)?;
+        scan.encode(encoder);
+        let keyed = Keyed { keys: spheres.clone(), payload: scan.total().clone() };
+        let sort: BoundSort = RadixSort::new(device, true).bind(&keyed, 1000, 24)?;
+        sort.encode(encoder);
+        let _: &Keyed = sort.sorted();
         Ok(())
     }
 }

@@ -36,7 +36,7 @@ const TEN_TENTHS: [f32; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
 /// let scene: Scene = "five-sizes".parse()?;
 /// let mut spheres = scene.spheres(1000, 7);
 /// Scene::advance(&mut spheres, 7, 0);
-/// # Ok::<(), String>(())
+/// # Ok::<(), lazygrid::UnknownName>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Scene {
