@@ -65,58 +65,66 @@ pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), Fault> {
             .collect();
         spheres.iter_mut().step_by(100).for_each(|sphere| sphere.center.y = f32::NAN);
         let period_x = if periodic { 20.0 } else { 0.0 };
-        let cells = 4096;
-        let call = Call {
-            spheres: size,
-            cells,
-            counters: cells + 2,
-            raster_ratio: 2.0,
-            tau: 8,
-            period_x,
-            ..Call::zeroed()
-        };
+        let (cells, counters) = (CELLS, CELLS + 2);
+        let call =
+            Call { spheres: size, cells, counters, raster_ratio: 2.0, tau: 8, period_x, ..Call::zeroed() };
         let (call, count, input) = (upload(own, &[call])?, upload(own, &[size])?, upload(own, &spheres)?);
-        let begun = |kernels: &[(&'static k::Kernel, u32)]| -> Result<_, Fault> {
-            let (survey, list) = (upload(own, &[Survey::zeroed()])?, upload(own, &[List::zeroed()])?);
-            let (outcome, lengths) =
-                (upload(own, &[Outcome::default()])?, upload(own, &[Lengths::zeroed()])?);
-            let starts = upload(own, &vec![7_u32; cells as usize + 2])?;
-            let density = upload(own, &[0_u32; 4])?;
-            let named = [
-                ("call", &call),
-                ("count_source", &count),
-                ("spheres", &input),
-                ("survey", &survey),
-                ("list", &list),
-                ("outcome", &outcome),
-                ("lengths", &lengths),
-                ("starts", &starts),
-                ("density", &density),
-            ];
-            let variant = Variant { periodic, ..Variant::default() };
-            for &(kernel, groups) in kernels {
-                let binds = |name: &str| kernel.bindings(variant).any(|binding| binding.name == name);
-                let bound: Vec<_> = named.iter().copied().filter(|(name, _)| binds(name)).collect();
-                run(own, kernel, variant, groups, &bound)?;
-            }
-            let left = download::<Survey>(own, &survey, 1)?[0] == Survey::zeroed();
-            let list = download::<List>(own, &list, 1)?[0];
-            let [outcome, lengths] = [
-                bytemuck::bytes_of(&download::<Outcome>(own, &outcome, 1)?[0]).to_vec(),
-                bytemuck::bytes_of(&download::<Lengths>(own, &lengths, 1)?[0]).to_vec(),
-            ];
-            let cleared = download::<u32>(own, &starts, cells as usize + 2)?;
-            Ok((left, bytemuck::bytes_of(&list).to_vec(), outcome, lengths, cleared))
-        };
-        let expected = begun(&[(&k::SPHERES_SURVEY, 3), (&k::LIST_CONFIGURE, 1)])?;
-        let found = begun(&[(&k::LIST_BEGIN, 1)])?;
+        let given = [("call", &call), ("count_source", &count), ("spheres", &input)];
+        let expected = begun(own, given, periodic, &[(&k::SPHERES_SURVEY, 3), (&k::LIST_CONFIGURE, 1)])?;
+        let found = begun(own, given, periodic, &[(&k::LIST_BEGIN, 1)])?;
         let case = |what: &str| format!("{what} of {size} spheres, periodic {periodic}");
-        same(|| case("whether the survey is empty"), &found.0, &true)?;
-        same(|| case("the list"), &found.1, &expected.1)?;
-        same(|| case("outcome and lengths"), &(found.2, found.3), &(expected.2, expected.3))?;
-        same(|| case("counters"), &found.4, &vec![0; cells as usize + 2])?;
+        same(|| case("whether the survey is empty"), &found.leaves_no_survey, &true)?;
+        same(|| case("the list"), &found.list, &expected.list)?;
+        let counts = |begun: &Begun| (begun.outcome.clone(), begun.lengths.clone());
+        same(|| case("outcome and lengths"), &counts(&found), &counts(&expected))?;
+        same(|| case("counters"), &found.starts, &vec![0; CELLS as usize + 2])?;
     }
     Ok(())
+}
+
+/// Cells that the table has room for.
+const CELLS: u32 = 4096;
+
+/// How a call begins, as bytes where it is a structure.
+struct Begun {
+    leaves_no_survey: bool,
+    list: Vec<u8>,
+    outcome: Vec<u8>,
+    lengths: Vec<u8>,
+    starts: Vec<u32>,
+}
+
+/// Runs kernels that begin a call, each of so many workgroups.
+fn begun(
+    own: &GpuDevice,
+    given: [(&'static str, &wgpu::Buffer); 3],
+    periodic: bool,
+    kernels: &[(&'static k::Kernel, u32)],
+) -> Result<Begun, Fault> {
+    let (survey, list) = (upload(own, &[Survey::zeroed()])?, upload(own, &[List::zeroed()])?);
+    let (outcome, lengths) = (upload(own, &[Outcome::default()])?, upload(own, &[Lengths::zeroed()])?);
+    let (starts, density) = (upload(own, &[7_u32; CELLS as usize + 2])?, upload(own, &[0_u32; 4])?);
+    let written = [
+        ("survey", &survey),
+        ("list", &list),
+        ("outcome", &outcome),
+        ("lengths", &lengths),
+        ("starts", &starts),
+        ("density", &density),
+    ];
+    let variant = Variant { periodic, ..Variant::default() };
+    for &(kernel, groups) in kernels {
+        let binds = |name: &str| kernel.bindings(variant).any(|binding| binding.name == name);
+        let bound: Vec<_> = given.into_iter().chain(written).filter(|(name, _)| binds(name)).collect();
+        run(own, kernel, variant, groups, &bound)?;
+    }
+    Ok(Begun {
+        leaves_no_survey: download::<Survey>(own, &survey, 1)?[0] == Survey::zeroed(),
+        list: download::<u8>(own, &list, size_of::<List>())?,
+        outcome: download::<u8>(own, &outcome, size_of::<Outcome>())?,
+        lengths: download::<u8>(own, &lengths, size_of::<Lengths>())?,
+        starts: download::<u32>(own, &starts, CELLS as usize + 2)?,
+    })
 }
 
 /// Radii are at least so large that devices do not flush them.

@@ -69,7 +69,7 @@ fn twenty_thousand_coincident_spheres_are_counted_exactly() {
     }
 }
 
-/// Thousands in each of about a hundred cells.
+/// Thousands in each of some twenty cells.
 #[test]
 fn eighty_thousand_crowded_spheres() {
     let Some(own) = device() else { return };

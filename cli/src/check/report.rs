@@ -61,17 +61,7 @@ impl Report {
             Some(value) => value.get_name().to_owned().leak(),
             None => "all",
         };
-        let mut report = Self {
-            is_json: args.json,
-            backend,
-            object: Map::new(),
-            failures: Vec::new(),
-            files: 0,
-            left_out: Vec::new(),
-            speeds: Vec::new(),
-            counts: Vec::new(),
-            start: Instant::now(),
-        };
+        let mut report = Self::empty(args.json, backend);
         report.keep("version", env!("CARGO_PKG_VERSION"));
         report.keep("cpu", devices::cpu());
         report.say(&format!("cpu        {}\n", devices::cpu()))?;
@@ -102,6 +92,21 @@ impl Report {
             }
         }
         Ok(report)
+    }
+
+    /// Of nothing yet.
+    fn empty(is_json: bool, backend: &'static str) -> Self {
+        Self {
+            is_json,
+            backend,
+            object: Map::new(),
+            failures: Vec::new(),
+            files: 0,
+            left_out: Vec::new(),
+            speeds: Vec::new(),
+            counts: Vec::new(),
+            start: Instant::now(),
+        }
     }
 
     fn say(&self, text: &str) -> Result<(), Failure> {

@@ -4,20 +4,6 @@ use lazygrid_io::read::{Frames, Options};
 
 use super::*;
 
-fn report() -> Report {
-    Report {
-        is_json: true,
-        backend: "all",
-        object: Map::new(),
-        failures: Vec::new(),
-        files: 0,
-        left_out: Vec::new(),
-        speeds: Vec::new(),
-        counts: Vec::new(),
-        start: Instant::now(),
-    }
-}
-
 #[test]
 fn what_is_wrong_is_written_as_detect_reads_it() {
     let tiny = f32::from_bits(1);
@@ -44,7 +30,7 @@ fn what_is_wrong_is_written_as_detect_reads_it() {
 
 #[test]
 fn commands_repeat_what_they_can() {
-    let report = report();
+    let report = Report::empty(true, "all");
     let path = Path::new("f.csv");
     let scenario =
         Scenario { space: Space::periodic([Some(0.1), None, Some(1e-40)]).unwrap(), ..Scenario::default() };
@@ -63,7 +49,7 @@ fn commands_repeat_what_they_can() {
 
 #[test]
 fn counts_that_differ_are_wrong() {
-    let mut report = report();
+    let mut report = Report::empty(true, "all");
     let mut count = |backend, spheres, pairs| {
         let called = Called { backend, algorithm: Algorithm::Naive, scene: Scene::Equal, spheres };
         report.compare_count(called, pairs).unwrap();
