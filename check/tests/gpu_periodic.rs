@@ -178,7 +178,7 @@ fn folded_rings() {
 }
 
 #[test]
-fn nested_rasters_go_round_at_every_depth() {
+fn nested_grids_go_round_at_every_depth() {
     let Some(own) = device() else { return };
     let boxes = [[8.0, 8.0, 8.0], [1.0, 3.0, 9.0], [0.1, 20.0, 2.5], [0.02, 0.02, 30.0], [4.7, 5.9, 8.3]];
     for (k, of) in boxes.into_iter().enumerate() {

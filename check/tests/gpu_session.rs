@@ -209,7 +209,7 @@ fn a_call_that_is_repeated_keeps_its_algorithm_and_its_pairs() {
     }
 }
 
-/// Twenty sizes at one point have more entries than the device can bind, however coarse the raster; one level has not.
+/// Twenty sizes at one point have more entries than the device can bind, however coarse the grid; one level has not.
 #[test]
 fn where_levels_do_not_fit_one_level_serves() {
     let Some(own) = device() else { return };

@@ -30,7 +30,7 @@ mod tests {
     use lazygrid_kernels::Sphere;
 
     use super::*;
-    use crate::contact::Rule;
+    use crate::compare::Rule;
     use crate::threads::Threads;
 
     fn chosen(n: usize, radii: &[f32]) -> Algorithm {

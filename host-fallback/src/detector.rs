@@ -5,21 +5,17 @@ use std::sync::atomic::AtomicU64;
 use lazygrid_kernels::{Algorithm, Pair, Space, Sphere, Spheres};
 use rayon::ThreadPool;
 
-use crate::array_grid::ArrayGrid;
 use crate::canonical::Canonical;
 use crate::cell_list::CellList;
-use crate::columns::Columns;
-use crate::contact::Rule;
-use crate::hash_grid::HashGrid;
+use crate::compare::{Columns, Consume, Count, Output, Rule, To, Written};
+use crate::input::Input;
 use crate::memory::{collect, extend, resize, with_growth};
 use crate::neighbors::Lists;
-use crate::recursive_grid::RecursiveGrid;
+use crate::paper::{ArrayGrid, HashGrid, RecursiveGrid};
 use crate::scatter::{shared, split_at};
-use crate::simd::Task;
-use crate::sink::{Consume, Count, Output, To, Written};
 use crate::survey::{Survey, check, check_species};
 use crate::threads::{self, Threads};
-use crate::{Error, Neighbors, Order, Report, Settings, Simd, choice, naive};
+use crate::{Error, Neighbors, Order, Report, Settings, choice, naive};
 
 /// Spheres per piece of wrapping.
 const WRAPPED: usize = 1 << 14;
@@ -47,26 +43,6 @@ struct State {
     spare: Vec<Vec<Pair>>,
     pairs: Vec<Pair>,
     lists: Lists,
-}
-
-/// What a detector works on: spheres that were checked and surveyed.
-pub(crate) struct Input<'a> {
-    pub(crate) rule: Rule<'a>,
-    pub(crate) survey: Survey,
-    pub(crate) settings: &'a Settings,
-    pub(crate) simd: Simd,
-    pub(crate) threads: Threads,
-}
-
-impl Input<'_> {
-    /// Runs comparisons in the vector code of the settings, between nearest images where space is periodic.
-    pub(crate) fn run<T: Task>(&self, task: T) -> T::Result {
-        self.simd.run(task, self.rule.images())
-    }
-
-    pub(crate) fn is_periodic(&self) -> bool {
-        self.settings.space.is_periodic()
-    }
 }
 
 impl HostDetector {

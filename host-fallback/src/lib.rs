@@ -7,37 +7,30 @@
 
 pub mod choice;
 
-mod array_grid;
 mod canonical;
-mod cell;
 mod cell_list;
-mod columns;
-mod contact;
-mod cover;
+mod compare;
 mod detector;
-mod entries;
-mod hash_grid;
+mod floor;
+mod input;
 #[cfg(test)]
 mod judged;
 mod memory;
 mod naive;
 mod neighbors;
+mod paper;
 mod radix;
-mod recursive_grid;
 mod report;
 mod scatter;
 mod settings;
-mod simd;
-mod sink;
 mod survey;
 mod threads;
-mod workspace;
 
 pub use canonical::Canonical;
+pub use compare::Simd;
 pub use detector::HostDetector;
 pub use lazygrid_kernels::Error;
 pub use neighbors::{Lists, Neighbors};
 pub use report::{Phase, Report};
 pub use settings::{Order, Settings};
-pub use simd::Simd;
 pub use survey::{CLASSES, Class, Survey};

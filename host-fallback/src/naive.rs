@@ -3,11 +3,8 @@
 use std::ops::Range;
 
 use crate::Error;
-use crate::columns::Columns;
-use crate::contact::{Rule, scan};
-use crate::detector::Input;
-use crate::simd::{Task, Vector};
-use crate::sink::{Output, Sink, search_pieces};
+use crate::compare::{Columns, Output, Rule, Sink, Task, Vector, scan, search_pieces};
+use crate::input::Input;
 
 /// Spheres per tile: the columns of two tiles, 40 KiB, stay in the first-level cache's reach.
 const TILE: usize = 1024;

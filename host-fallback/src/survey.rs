@@ -5,7 +5,7 @@ use glam::Vec3;
 use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Spheres};
 
 use crate::Error;
-use crate::contact::Rule;
+use crate::compare::Rule;
 use crate::threads::Threads;
 
 /// Spheres per piece of the pass.

@@ -90,13 +90,13 @@ pub const SCAN_TILE: u32 = GROUP * SCAN_ITEMS;
 pub const BOUNDS_TILE: u32 = GROUP * SPHERES_PER_THREAD;
 /// Counters that one workgroup of `density_clear` clears.
 pub const DENSITY_TILE: u32 = GROUP * SPHERES_PER_THREAD;
-/// Depths of a raster, cells at each half as wide as at the one before.
+/// Depths of a grid, cells at each half as wide as at the one before.
 pub const DEPTHS: u32 = 32;
 /// Bits of one radix digit.
 pub const DIGIT_BITS: u32 = 8;
 /// Most objects an entry can name: three bits of its word say where the object begins.
 pub const MAX_ENTRY_OBJECTS: u64 = 1 << 29;
-/// Most entries per sphere and level: rasters are chosen so that no sphere overlaps more than two cells per axis.
+/// Most entries per sphere and level: grids are chosen so that no sphere overlaps more than two cells per axis.
 pub const MAX_ENTRIES_PER_SPHERE: u64 = 8;
 
 /// Turns that the loops of one invocation may take in all. Lavapipe ends them after 65 535, without a word.
@@ -215,7 +215,7 @@ kernels! {
     BOUNDS_REDUCE = "bounds_reduce", GROUP, subgroups: false, periodic: false,
         [uniform("call"), read("grid"), read("spheres"), write("bounds"), write("outcome")],
         species: [read("species"), read("reach")];
-    /// Chooses the raster.
+    /// Chooses the grid.
     GRID_CONFIGURE = "grid_configure", GROUP, subgroups: false, periodic: true,
         [uniform("call"), read("spheres"), write("bounds"), write("grid")], species: [];
     /// Clears the density table.

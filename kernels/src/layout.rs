@@ -102,7 +102,7 @@ pub struct Level {
     pub base: u32,
 }
 
-/// The rasters, as the device chooses them.
+/// The grids, as the device chooses them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Grid {
@@ -192,7 +192,7 @@ impl Outcome {
         u64::from(self.found_hi) << 32 | u64::from(self.found_lo)
     }
 
-    /// How many entries the raster needs.
+    /// How many entries the grid needs.
     pub fn entries(&self) -> u64 {
         u64::from(self.entries_hi) << 32 | u64::from(self.entries_lo)
     }

@@ -41,7 +41,7 @@ impl Class {
     pub(super) fn build(&mut self, spheres: &[Sphere], edge: f32) {
         self.members.clear();
         self.members.extend(self.order.iter().map(|&k| spheres[k as usize]));
-        self.raster(edge);
+        self.grid(edge);
         let cells = self.cells.element_product() as usize;
         self.starts.clear();
         self.starts.resize(cells + 1, 0);
@@ -62,7 +62,7 @@ impl Class {
 
     /// Chooses the cells from the bounds of the centres.
     #[inline(always)]
-    fn raster(&mut self, edge: f32) {
+    fn grid(&mut self, edge: f32) {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let mut largest = 0.0_f32;
         for sphere in &self.members {

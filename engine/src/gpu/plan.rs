@@ -308,7 +308,7 @@ fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     Ok(needed as u32)
 }
 
-/// As many key bits as the spheres could occupy cells, in whole digits. A raster with more cells is folded.
+/// As many key bits as the spheres could occupy cells, in whole digits. A grid with more cells is folded.
 fn key_bits(spheres: u32) -> u32 {
     let bits = u32::BITS - spheres.max(2).leading_zeros();
     bits.next_multiple_of(k::DIGIT_BITS).max(MIN_KEY_BITS)

@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use crate::Error;
-use crate::detector::Input;
+use crate::input::Input;
 use crate::memory::collect;
 
 /// Halvings of the bounding cube's edge: 21 bits per axis fill a 63-bit Morton code.

@@ -171,8 +171,8 @@ mod tests {
     use lazygrid_kernels::Sphere;
 
     use super::*;
-    use crate::contact::Rule;
-    use crate::detector::Input;
+    use crate::compare::Rule;
+    use crate::input::Input;
     use crate::threads::Threads;
     use crate::{Settings, Simd};
 

@@ -8,22 +8,20 @@
 //! `crowding` estimates, `levels` plans, `sort` builds, `search` finds.
 
 mod crowding;
+mod grid;
 mod levels;
-mod raster;
 mod search;
 mod sort;
 
-use crate::columns::Columns;
-use crate::detector::Input;
+use crate::compare::{Columns, Output, Vector};
+use crate::input::Input;
 use crate::memory::{push, with_growth};
 use crate::report::Report;
-use crate::simd::Vector;
-use crate::sink::Output;
 use crate::survey::CLASSES;
 use crate::{Error, Survey};
 use crowding::Crowding;
+use grid::Grid;
 use levels::{CELLS_PER_SPHERE, Levels};
-use raster::Raster;
 use sort::Sorter;
 
 /// Table entries per level at most, so that 32 bits number the entries of all levels.
@@ -47,7 +45,7 @@ pub(crate) struct CellList {
 /// One level of the plan, placed in the table.
 #[derive(Clone, Debug)]
 struct Placed {
-    raster: Raster,
+    grid: Grid,
     /// Table entry of its first cell.
     base: usize,
     /// The spheres of this level in the columns.
@@ -64,7 +62,7 @@ struct Places<'p> {
 impl Places<'_> {
     /// How many entries the table has.
     fn cells(&self) -> usize {
-        self.levels.last().map_or(0, |level| level.base + level.raster.cells() as usize)
+        self.levels.last().map_or(0, |level| level.base + level.grid.cells() as usize)
     }
 
     /// The table entry of a sphere.
@@ -74,7 +72,7 @@ impl Places<'_> {
             [only] => only,
             levels => &levels[usize::from(self.of_class[Survey::class_of(radius)])],
         };
-        (level.base + level.raster.index(level.raster.cell_of(vector, [x, y, z]))) as u32
+        (level.base + level.grid.index(level.grid.cell_of(vector, [x, y, z]))) as u32
     }
 }
 
@@ -92,12 +90,12 @@ impl CellList {
         self.levels.clear();
         for level in &plan.levels {
             let most = ((level.spheres as f32 * CELLS_PER_SPHERE) as u64).min(MAX_CELLS);
-            let raster = |edge| Raster::new(edge, (min, max), lengths, level.largest, most);
-            let wider = WIDER.map(|by| level.edge * by).into_iter().map(raster).find(|raster| !raster.folded);
-            let raster = wider.unwrap_or_else(|| raster(level.edge));
-            log::trace!("level of {} spheres: edge {}, {raster:?}", level.spheres, level.edge);
-            let (cells, to) = (raster.cells() as usize, from + level.spheres as usize);
-            push(&mut self.levels, Placed { raster, base, members: from..to }, "levels")?;
+            let grid = |edge| Grid::new(edge, (min, max), lengths, level.largest, most);
+            let wider = WIDER.map(|by| level.edge * by).into_iter().map(grid).find(|grid| !grid.folded);
+            let grid = wider.unwrap_or_else(|| grid(level.edge));
+            log::trace!("level of {} spheres: edge {}, {grid:?}", level.spheres, level.edge);
+            let (cells, to) = (grid.cells() as usize, from + level.spheres as usize);
+            push(&mut self.levels, Placed { grid, base, members: from..to }, "levels")?;
             (base, from) = (base + cells, to);
         }
         let places = Places { levels: &self.levels, of_class: &plan.of_class };
@@ -128,8 +126,8 @@ mod tests {
     use lazygrid_kernels::{Algorithm, Pair, Space, Sphere};
 
     use super::CellList;
-    use crate::contact::Rule;
-    use crate::detector::Input;
+    use crate::compare::Rule;
+    use crate::input::Input;
     use crate::judged::judge;
     use crate::threads::Threads;
     use crate::{HostDetector, Order, Report, Settings, Simd, Survey};
@@ -227,7 +225,7 @@ mod tests {
                 Input { rule, survey, settings: &settings, simd: Simd::detect(), threads: Threads::Pool };
             let mut list = CellList::default();
             list.build(&input, &mut Report::default()).expect("there is memory");
-            assert!(list.levels.iter().all(|level| !level.raster.folded), "{:?}", list.levels);
+            assert!(list.levels.iter().all(|level| !level.grid.folded), "{:?}", list.levels);
         }
     }
 }

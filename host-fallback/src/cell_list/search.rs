@@ -2,13 +2,11 @@
 
 use std::ops::Range;
 
-use super::raster::Block;
+use super::grid::Block;
 use super::{CellList, Placed};
 use crate::Error;
-use crate::contact::{Rule, scan};
-use crate::detector::Input;
-use crate::simd::{Around, Jobs, MAX_LANES, Task, Vector};
-use crate::sink::{Output, Sink, search_pieces};
+use crate::compare::{Around, Jobs, MAX_LANES, Output, Rule, Sink, Task, Vector, scan, search_pieces};
+use crate::input::Input;
 
 /// Spheres per piece of work: some tens of microseconds where space is not crowded.
 const PIECE: usize = 1 << 10;
@@ -44,7 +42,7 @@ impl<S: Sink> Task for Piece<'_, S> {
         for (k, level) in list.levels.iter().enumerate() {
             let members = range.start.max(level.members.start)..range.end.min(level.members.end);
             let coarser = &list.levels[..k];
-            if level.raster.adjoining {
+            if level.grid.adjoining {
                 finder.cell_by_cell(level, coarser, members);
             } else {
                 for at in members {
@@ -60,13 +58,13 @@ impl<S: Sink> Task for Piece<'_, S> {
 /// What lies around a cell, and where the cell's spheres end.
 #[inline(always)]
 fn around(list: &CellList, level: &Placed, cell: [u32; 3]) -> (Around, usize) {
-    let [size_x, size_y, size_z] = level.raster.size;
-    let own = level.base + level.raster.index(cell);
+    let [size_x, size_y, size_z] = level.grid.size;
+    let own = level.base + level.grid.index(cell);
     let lower_y = if cell[1] > 0 { size_x as usize } else { 0 };
     let higher_y = if cell[1] + 1 < size_y { size_x as usize } else { 0 };
     let higher_z = if cell[2] + 1 < size_z { (size_x * size_y) as usize } else { 0 };
     let rows = [own, own + higher_y, own + higher_z - lower_y, own + higher_z, own + higher_z + higher_y];
-    let (low, high) = level.raster.bounds(cell);
+    let (low, high) = level.grid.bounds(cell);
     let mut around = Around { low, high, rows: [[0; 4]; 5] };
     for (row, first) in rows.into_iter().enumerate() {
         let starts = &list.starts[first..first + 3];
@@ -98,10 +96,10 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
         let mut at = members.start;
         while at < members.end {
             let [x, y, z, _] = self.list.columns.sphere(at);
-            let cell = level.raster.cell_of(self.vector, [x, y, z]);
+            let cell = level.grid.cell_of(self.vector, [x, y, z]);
             let (around, end) = around(self.list, level, cell);
             let end = end.min(members.end);
-            if level.raster.is_at_seam(cell) {
+            if level.grid.is_at_seam(cell) {
                 for at in at..end {
                     self.level(level, at, at + 1);
                     self.coarser(coarser, at);
@@ -133,15 +131,15 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
     /// Finds what is in reach of the sphere at `at` on any level, without what lies before place `from`.
     #[inline(always)]
     fn level(&mut self, level: &Placed, at: usize, from: usize) {
-        let block = level.raster.block(self.vector, self.list.columns.sphere(at));
+        let block = level.grid.block(self.vector, self.list.columns.sphere(at));
         let count = block.count();
-        if (level.raster.circular && block.goes_round(level.raster.size)) || count[1] > 2 || count[2] > 2 {
+        if (level.grid.circular && block.goes_round(level.grid.size)) || count[1] > 2 || count[2] > 2 {
             return self.rows(level, block, (at, from));
         }
         self.work_if_full();
-        let [size_x, size_y, _] = level.raster.size.map(|k| k as usize);
+        let [size_x, size_y, _] = level.grid.size.map(|k| k as usize);
         let [width, more_y, more_z] = [count[0] as usize, count[1] as usize - 1, count[2] as usize - 1];
-        let first = level.base + level.raster.index(block.first);
+        let first = level.base + level.grid.index(block.first);
         let (next_y, next_z) = (size_x * more_y, size_x * size_y * more_z);
         let rows = [first, first + next_y, first + next_z, first + next_y + next_z];
         // A second row that is the first again is left out.
@@ -152,17 +150,17 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Finds the rows of any block. Where the raster wraps around, no axis is followed for longer than it is, so no
+    /// Finds the rows of any block. Where the grid wraps around, no axis is followed for longer than it is, so no
     /// row is met twice.
     #[inline(always)]
     fn rows(&mut self, level: &Placed, block: Block, (at, from): (usize, usize)) {
-        let (size, first, count) = (level.raster.size, block.first, block.count());
+        let (size, first, count) = (level.grid.size, block.first, block.count());
         let before = count[0].min(size[0] - first[0]);
         for z in 0..count[2] {
             for y in 0..count[1] {
                 self.work_if_full();
                 let (y, z) = (wrap(first[1] + y, size[1]), wrap(first[2] + z, size[2]));
-                let row = level.base + level.raster.index([0, y, z]);
+                let row = level.base + level.grid.index([0, y, z]);
                 for cells in [first[0]..first[0] + before, 0..count[0] - before] {
                     let start = self.list.starts[row + cells.start as usize].max(from as u32);
                     let end = self.list.starts[row + cells.end as usize];

@@ -9,12 +9,10 @@ use glam::Vec3;
 
 use super::Places;
 use crate::Error;
-use crate::columns::{Columns, ColumnsMut};
-use crate::contact::Rule;
-use crate::detector::Input;
+use crate::compare::{Columns, ColumnsMut, Rule, Task, Vector};
+use crate::input::Input;
 use crate::memory::{collect, resize};
 use crate::scatter::{Disjoint, split_at};
-use crate::simd::{Task, Vector};
 
 /// Spheres per piece of the first pass.
 const PIECE: usize = 1 << 16;

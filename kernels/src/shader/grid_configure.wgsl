@@ -1,4 +1,4 @@
-// Chooses the raster of this call: origin, cell edge, limits and key bits.
+// Chooses the grid of this call: origin, cell edge, limits and key bits.
 #include layout
 #include place
 #include sphere
@@ -15,7 +15,7 @@ const SAMPLES: u32 = 256u;
 const SLACK: f32 = 0x1.04p0;
 // Cells on either side of the origin. Beyond, coordinates go to the outermost cell; within, a box is widened by
 // at most an eighth of an edge, so that no sphere overlaps more than two cells per axis.
-const HALF_RASTER: f32 = 0x1p17;
+const HALF_GRID: f32 = 0x1p17;
 // Rings have no more edges than this at depth 0, which keeps roundings at the seam below a part of an edge, and no
 // fewer; those so small, and those of lengths out of range, never have more than one cell.
 const MOST_TURNS: f32 = 0x1p15;
@@ -40,7 +40,7 @@ fn decoded(key: u32) -> f32 {
 // In cells from the origin. The limits keep every intermediate value finite.
 fn cell_of(position: vec3<f32>, origin: vec3<f32>, inverse_edge: vec3<f32>) -> vec3<i32> {
     let offset = clamp(position - origin, vec3(-0x1p126), vec3(0x1p126));
-    return vec3<i32>(floor(clamp(offset * inverse_edge, vec3(-HALF_RASTER), vec3(HALF_RASTER - 1.0))));
+    return vec3<i32>(floor(clamp(offset * inverse_edge, vec3(-HALF_GRID), vec3(HALF_GRID - 1.0))));
 }
 
 #ifdef PERIODIC
@@ -59,7 +59,7 @@ fn from_first(sample: vec3<f32>) -> vec3<f32> {
 }
 
 // Edges once around an axis, each at least as wide as this: a multiple of four, so that neither the fold of keys
-// nor the seam makes one cell of neighbours, or else so small a power of two that the raster has but one cell until
+// nor the seam makes one cell of neighbours, or else so small a power of two that the grid has but one cell until
 // cells are so small that it has four. 0 where the axis is not periodic.
 fn turns_of(length: f32, edge: f32) -> f32 {
     if (is_open(length)) {
@@ -153,7 +153,7 @@ fn grid_configure(place: Place) {
     let aside = select(vec3(0.0), abs(origin), open);
     let far = max(max(aside.x, aside.y), aside.z);
     let spheres_count = f32(max(count, 1u));
-    // Sparse points need no finer raster than their distances ask for, however small they are: about an eighth of
+    // Sparse points need no finer grid than their distances ask for, however small they are: about an eighth of
     // the mean distance, in a volume or on a line.
     let volume_spacing = pow(spread.x, 1.0 / 3.0) * pow(spread.y, 1.0 / 3.0) * pow(spread.z, 1.0 / 3.0)
         * pow(spheres_count, -1.0 / 3.0);

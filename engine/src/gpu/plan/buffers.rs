@@ -10,7 +10,7 @@ use super::Plan;
 pub(crate) enum Slot {
     /// Bounds of the spheres.
     Bounds,
-    /// The raster.
+    /// The grid.
     Grid,
     /// Count, overflow flag, quarantine count and dispatch arguments.
     Outcome,

@@ -8,7 +8,7 @@ use super::{DeviceLimits, Plan, Refinement, list};
 /// The parts of a call that are timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Phase {
-    /// Bounds and raster.
+    /// Bounds and grid.
     Survey,
     /// Entries of overlapped cells.
     Entries,

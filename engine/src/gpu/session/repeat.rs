@@ -13,8 +13,8 @@ use crate::gpu::detector::{Raised, Way};
 use crate::gpu::mapping::Wait;
 
 impl Way {
-    /// The way with fewer entries in which to repeat a call of `ran`: on a coarser raster, at last on a single level from
-    /// the raster on that was `asked` for. For coincident spheres only that helps: they have eight entries on each
+    /// The way with fewer entries in which to repeat a call of `ran`: on a coarser grid, at last on a single level from
+    /// the grid on that was `asked` for. For coincident spheres only that helps: they have eight entries on each
     /// of the levels down to their own, however coarse these are.
     fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
         if self.raster_ratio < GpuSettings::MAX_RASTER_RATIO {

@@ -1,4 +1,4 @@
-// The cells that a sphere overlaps in the raster of its depth: the first, and on each axis 1 if there is a second.
+// The cells that a sphere overlaps in the grid of its depth: the first, and on each axis 1 if there is a second.
 struct Cells {
     first: vec3<i32>,
     more: vec3<i32>,
@@ -29,7 +29,7 @@ fn cells_unpacked(words: vec2<u32>) -> Cells {
     );
 }
 
-// The same sphere's cells in the raster of a coarser depth. Rasters nest, so that there too it has two at most.
+// The same sphere's cells in the grid of a coarser depth. Grids nest, so that there too it has two at most.
 fn cells_at(cells: Cells, depth: u32) -> Cells {
     let shift = vec3(cells.depth - depth);
     let first = cells.first >> shift;

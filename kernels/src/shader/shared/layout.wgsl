@@ -7,7 +7,7 @@ struct Call {
     pair_capacity: u32,
     // (cell, object) entries that the entry buffers hold.
     entry_capacity: u32,
-    // Bits of a cell's key: the raster is folded into that many.
+    // Bits of a cell's key: the grid is folded into that many.
     key_bits: u32,
     // Cell edge as a multiple of the largest diameter.
     raster_ratio: f32,
@@ -72,7 +72,7 @@ struct Level {
     base: u32,
 }
 
-// The rasters: cells of depth k have edges of 2^-k of the first ones,
+// The grids: cells of depth k have edges of 2^-k of the first ones,
 // cell = floor((position - origin) * inverse_edge * 2^k), with cells of depth 0 limited to low..=high.
 struct Grid {
     origin: vec3<f32>,

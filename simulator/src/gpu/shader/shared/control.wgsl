@@ -18,7 +18,7 @@ struct Control {
     pairs: u32,
     found_lo: u32,
     found_hi: u32,
-    // Entries of the detector's raster, or particles that are not finite: what a frozen run lacks.
+    // Entries of the detector's grid, or particles that are not finite: what a frozen run lacks.
     lacking_lo: u32,
     lacking_hi: u32,
     // Candidates that are left to the matching, in either list.

@@ -1,8 +1,8 @@
-//! The paper's RecursiveGrid: a raster for the largest spheres, whose crowded cells are split for the smaller ones.
+//! The paper's RecursiveGrid: a grid for the largest spheres, whose crowded cells are split for the smaller ones.
 //!
-//! The top raster is an [`ArrayGrid`](crate::array_grid)'s. In each cell, pairs with a large sphere, one that no
-//! finer raster suits, are found among all its spheres. Where more than τ smaller spheres remain, the cell is split
-//! into a finer raster, else they are compared with each other. Finer cells are a power of two smaller and nest in
+//! The top grid is an [`ArrayGrid`](crate::array_grid)'s. In each cell, pairs with a large sphere, one that no
+//! finer grid suits, are found among all its spheres. Where more than τ smaller spheres remain, the cell is split
+//! into a finer grid, else they are compared with each other. Finer cells are a power of two smaller and nest in
 //! the cell they split, so that a pair's own cell lies in its own coarser cell: what is refined are the cell's
 //! entries, and a finer entry's class has a bit only where the coarser one had it.
 //!
@@ -13,16 +13,16 @@
 
 use glam::{BVec3, DVec3, UVec3, Vec3};
 
+use super::cell::{Batch, Crowd, Occupant, owns_pairs};
+use super::cover::{Cover, Grid};
+use super::entries::{ENTRY, Entries, Packing, Visit, cells_of_piece, fill, most_entries, run_end};
+use super::workspace::Workspaces;
 use crate::Error;
-use crate::cell::{Batch, Crowd, Occupant, owns_pairs};
-use crate::cover::{Cover, Raster};
-use crate::detector::Input;
-use crate::entries::{ENTRY, Entries, Packing, Visit, cells_of_piece, fill, most_entries, run_end};
+use crate::compare::{Output, Sink, search_pieces};
+use crate::input::Input;
 use crate::memory::{extend, more};
 use crate::radix::{Entry, Key, Radix};
 use crate::report::Report;
-use crate::sink::{Output, Sink, search_pieces};
-use crate::workspace::Workspaces;
 
 /// Entries per piece of work: their spheres' columns take 40 KiB.
 const PIECE: usize = 1 << 11;
@@ -115,17 +115,17 @@ impl Split {
     }
 
     /// Where the small spheres lie, seen from this cell.
-    fn extent<const PERIODIC: bool>(&self, raster: &Raster, cell: &Cell) -> Extent {
+    fn extent<const PERIODIC: bool>(&self, grid: &Grid, cell: &Cell) -> Extent {
         let radius = self.small.iter().fold(0.0_f32, |radius, member| radius.max(member.radius));
         if PERIODIC {
             let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
             let ([low, min], [high, max]) =
                 self.small.iter().fold(([empty.0; 2], [empty.1; 2]), |([low, min], [high, max]), member| {
-                    let (from, to) = cell.bounds::<true>(raster, member);
+                    let (from, to) = cell.bounds::<true>(grid, member);
                     let center = 0.5 * (from + to);
                     ([low.min(from), min.min(center)], [high.max(to), max.max(center)])
                 });
-            return Extent { low, high, wide: raster.widest(max - min), radius };
+            return Extent { low, high, wide: grid.widest(max - min), radius };
         }
         let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let (min, max) = self
@@ -133,7 +133,7 @@ impl Split {
             .iter()
             .fold(empty, |(min, max), member| (min.min(member.center), max.max(member.center)));
         let wide = (max.as_dvec3() - min.as_dvec3()).max_element();
-        let (low, high) = (raster.bounds::<false>(min, radius).0, raster.bounds::<false>(max, radius).1);
+        let (low, high) = (grid.bounds::<false>(min, radius).0, grid.bounds::<false>(max, radius).1);
         Extent { low, high, wide, radius }
     }
 }
@@ -141,7 +141,7 @@ impl Split {
 /// Where some spheres lie.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
-    /// Corners of a box around them, in cells of the top raster.
+    /// Corners of a box around them, in cells of the top grid.
     low: DVec3,
     high: DVec3,
     /// How far apart their centres lie along any axis.
@@ -156,11 +156,11 @@ enum Step {
     Into(f64),
     /// Compare those of a radius above this with all, and look again.
     Settle(f64),
-    /// Compare all with each other: no finer raster tells them apart.
+    /// Compare all with each other: no finer grid tells them apart.
     Stop,
 }
 
-/// A cell of some level: how to get from cells of the top raster to cells of its own size, counted from its corner.
+/// A cell of some level: how to get from cells of the top grid to cells of its own size, counted from its corner.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     /// The top cell.
@@ -177,11 +177,11 @@ struct Cell {
 }
 
 impl Cell {
-    fn top(raster: &Raster, cell: UVec3) -> Self {
-        let corner = raster.corner(cell);
+    fn top(grid: &Grid, cell: UVec3) -> Self {
+        let corner = grid.corner(cell);
         let top = DVec3::from_array(corner.map(|at| at.unwrap_or(0.0)));
         let scale = DVec3::from_array(corner.map(|at| f64::from(u8::from(at.is_some()))));
-        Self { top, fineness: 1.0, scale, corner: DVec3::ZERO, away: raster.away(top) }
+        Self { top, fineness: 1.0, scale, corner: DVec3::ZERO, away: grid.away(top) }
     }
 
     /// One of the cells that this one is split into, `parts` per axis.
@@ -207,14 +207,14 @@ impl Cell {
         Self { scale: DVec3::select(axes, self.scale, DVec3::ZERO), ..*self }
     }
 
-    /// Lower and upper corner of the box around a sphere that is in this cell, in cells of the top raster.
+    /// Lower and upper corner of the box around a sphere that is in this cell, in cells of the top grid.
     #[inline(always)]
-    fn bounds<const PERIODIC: bool>(&self, raster: &Raster, member: &Member) -> (DVec3, DVec3) {
-        let bounds = raster.bounds::<PERIODIC>(member.center, member.radius);
-        if PERIODIC { raster.image_at(self.top, bounds) } else { bounds }
+    fn bounds<const PERIODIC: bool>(&self, grid: &Grid, member: &Member) -> (DVec3, DVec3) {
+        let bounds = grid.bounds::<PERIODIC>(member.center, member.radius);
+        if PERIODIC { grid.image_at(self.top, bounds) } else { bounds }
     }
 
-    /// In which of the `parts` finer cells per axis a coordinate of the top raster lies; the first or the last where
+    /// In which of the `parts` finer cells per axis a coordinate of the top grid lies; the first or the last where
     /// it lies outside this cell.
     ///
     /// This is monotone, so that the larger of two lower bounds never lies above either upper bound; and a
@@ -229,7 +229,7 @@ impl Cell {
 }
 
 impl RecursiveGrid {
-    /// Builds the top raster for these spheres.
+    /// Builds the top grid for these spheres.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -253,7 +253,7 @@ impl RecursiveGrid {
     }
 
     /// The most bytes held for `spheres` spheres whose keys are narrow and of which no crowd lies in another: the top
-    /// raster, one crowd of all that is split, and what is gathered.
+    /// grid, one crowd of all that is split, and what is gathered.
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let batches = 2 * threads * Batch::memory_for(entries.min(2 * PIECE as u64));
@@ -273,12 +273,12 @@ impl<'o, O: Output, const PERIODIC: bool> Visit for Search<'_, 'o, O, PERIODIC> 
     type Result = Result<O::Sink<'o>, Error>;
 
     fn visit<K: Key>(self, entries: &[Entry<K>], packing: Packing) -> Self::Result {
-        self.level(entries, |key| Cell::top(&self.grid.entries.raster, packing.cell(key)), self.output.open())
+        self.level(entries, |key| Cell::top(&self.grid.entries.grid, packing.cell(key)), self.output.open())
     }
 }
 
 impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
-    /// Finds the pairs of all cells of one raster; `cell` tells a cell from a key.
+    /// Finds the pairs of all cells of one grid; `cell` tells a cell from a key.
     fn level<K: Key>(
         &self,
         entries: &[Entry<K>],
@@ -340,11 +340,11 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         mut sink: O::Sink<'o>,
     ) -> Result<O::Sink<'o>, Error> {
         let Workspace { split, crowd, .. } = workspace;
-        let edge = self.grid.entries.raster.edge() / cell.fineness;
+        let edge = self.grid.entries.grid.edge() / cell.fineness;
         let mut limit = edge / 4.0;
         loop {
             split.part(limit)?;
-            let extent = split.extent::<PERIODIC>(&self.grid.entries.raster, &cell);
+            let extent = split.extent::<PERIODIC>(&self.grid.entries.grid, &cell);
             let few = split.small.len() <= self.tau();
             let step = if few { Step::Stop } else { step(&cell, edge, split.small.len(), &extent) };
             if let Step::Stop = step {
@@ -370,14 +370,14 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
     ) -> Result<O::Sink<'o>, Error> {
         let Split { small, finer, offsets, .. } = split;
         let cell = &cell.along(cell.divisible().0);
-        let raster = &self.grid.entries.raster;
+        let grid = &self.grid.entries.grid;
         // One cell more on either side, for what rounding may do.
         let first = cell.part(extent.low, parts) - 1.0;
         let last = cell.part(extent.high, parts) + 1.0;
         let packing = Packing::new(UVec3::ZERO, (last - first).as_uvec3());
         let sphere = |k: usize| {
             let member = &small[k];
-            let (low, high) = cell.bounds::<PERIODIC>(raster, member);
+            let (low, high) = cell.bounds::<PERIODIC>(grid, member);
             let within = |at| (cell.part(at, parts) - first).as_uvec3();
             (Cover { low: within(low), high: within(high) }, member.class, member.id)
         };

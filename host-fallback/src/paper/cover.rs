@@ -1,4 +1,4 @@
-//! Which cells of an unbounded raster a sphere overlaps: the geometry of the paper's grids.
+//! Which cells of an unbounded grid a sphere overlaps: the geometry of the paper's grids.
 //!
 //! A pair can share several cells. The one that reports it has, on each axis, the larger of the two spheres' lowest
 //! cells. Every (cell, sphere) entry therefore carries a class: one bit per axis, set where the cell is the sphere's
@@ -16,6 +16,7 @@ use std::convert::Infallible;
 
 use glam::{BVec3, DVec3, UVec3, Vec3};
 
+use crate::floor::floor;
 use crate::survey::Survey;
 use crate::threads::Threads;
 
@@ -39,14 +40,14 @@ const EASE: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 const MOST_ON_RING: f64 = (1 << 26) as f64;
 /// Points per cell aimed at where no sphere has a size.
 const POINTS_PER_CELL: f64 = 4.0;
-/// Places per axis at most that a raster is shifted to.
+/// Places per axis at most that a grid is shifted to.
 const PLACES: usize = 4;
 /// Spheres per piece of the pass that chooses one.
 const PIECE: usize = 1 << 14;
 
 /// Cells of one edge all over space, numbered per axis in ascending order.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Raster {
+pub(crate) struct Grid {
     edge: f64,
     per_length: f64,
     /// Cells by which everything is moved before it is counted, below 1; for rings it is in their origin.
@@ -56,7 +57,7 @@ pub(crate) struct Raster {
     rings: Rings,
 }
 
-/// The periodic axes of a raster. Cells of a ring are numbered from 0, at minus half a length.
+/// The periodic axes of a grid. Cells of a ring are numbered from 0, at minus half a length.
 #[derive(Clone, Debug, Default)]
 struct Rings {
     /// Cells per axis; 0 where it is unbounded.
@@ -94,7 +95,7 @@ impl Rings {
     }
 }
 
-impl Raster {
+impl Grid {
     /// Cells of `ratio` × the largest diameter, or by density where all radii are zero.
     pub(crate) fn new(survey: &Survey, ratio: f32, lengths: [Option<f32>; 3]) -> Self {
         let diameter = 2.0 * f64::from(survey.largest_radius());
@@ -122,13 +123,13 @@ impl Raster {
         Self { edge, per_length, shift: DVec3::ZERO, named, rings }
     }
 
-    /// How many places per axis the raster can be shifted to so that a sphere lies across a boundary at one of them at
+    /// How many places per axis the grid can be shifted to so that a sphere lies across a boundary at one of them at
     /// most.
     fn places(ratio: f32) -> usize {
         (ratio as usize).clamp(1, PLACES)
     }
 
-    /// How many cells a sphere overlaps at most in the mean, in a raster of this `ratio` that is
+    /// How many cells a sphere overlaps at most in the mean, in a grid of this `ratio` that is
     /// [shifted](Self::shifted) where it would be more.
     ///
     /// At each of *p* places per axis a sphere overlaps one cell along that axis, but two at one of the places. In the
@@ -138,7 +139,7 @@ impl Raster {
         if ratio < 1.0 { 27.0 } else { (1.0 + places.recip()).powi(3) }
     }
 
-    /// The same raster, shifted to where `n` spheres overlap the fewest cells.
+    /// The same grid, shifted to where `n` spheres overlap the fewest cells.
     pub(crate) fn shifted<const PERIODIC: bool>(
         mut self,
         ratio: f32,
@@ -315,13 +316,6 @@ impl Raster {
     }
 }
 
-/// The whole number at or below; not that of `f64`, which is a call where the target lacks it.
-#[inline(always)]
-pub(crate) fn floor(at: f64) -> i64 {
-    let whole = at as i64;
-    whole.saturating_sub(i64::from(at < whole as f64))
-}
-
 /// A box of cells, both corners included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Cover {
@@ -330,7 +324,7 @@ pub(crate) struct Cover {
 }
 
 impl Cover {
-    /// How many cells: at most 8 where the raster's edge is the largest diameter or more, 27 where it is half.
+    /// How many cells: at most 8 where the grid's edge is the largest diameter or more, 27 where it is half.
     #[inline(always)]
     pub(crate) fn cells(self) -> usize {
         let size = self.high - self.low + 1;

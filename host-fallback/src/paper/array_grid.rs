@@ -1,13 +1,13 @@
 //! The paper's ArrayGrid: an array of (cell, sphere) entries for every cell that a sphere overlaps, sorted by cell.
 
+use super::cell::{Batch, Crowd};
+use super::entries::{ENTRY, Entries, Packing, Visit, cells_of_piece, most_entries, run_end};
+use super::workspace::Workspaces;
 use crate::Error;
-use crate::cell::{Batch, Crowd};
-use crate::detector::Input;
-use crate::entries::{ENTRY, Entries, Packing, Visit, cells_of_piece, most_entries, run_end};
+use crate::compare::{Output, search_pieces};
+use crate::input::Input;
 use crate::radix::{Entry, Key};
 use crate::report::Report;
-use crate::sink::{Output, search_pieces};
-use crate::workspace::Workspaces;
 
 /// Entries per piece of work: their spheres' columns take 40 KiB.
 const PIECE: usize = 1 << 11;

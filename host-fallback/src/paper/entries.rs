@@ -2,9 +2,9 @@
 
 use glam::UVec3;
 
+use super::cover::{Cover, Grid, HOME};
 use crate::Error;
-use crate::cover::{Cover, HOME, Raster};
-use crate::detector::Input;
+use crate::input::Input;
 use crate::memory::{more, resize};
 use crate::radix::{Entry, Key, Radix};
 use crate::report::Report;
@@ -69,7 +69,7 @@ impl Packing {
 /// The sorted entries of all spheres. Buffers survive between calls.
 #[derive(Debug, Default)]
 pub(crate) struct Entries {
-    pub(crate) raster: Raster,
+    pub(crate) grid: Grid,
     packing: Packing,
     offsets: Vec<usize>,
     /// Where keys fit 32 bits, as they do unless the space is wide and the cells small.
@@ -104,20 +104,19 @@ impl Entries {
         let survey = &input.survey;
         let (n, threads, ratio) = (survey.spheres, input.threads, input.settings.raster_ratio);
         let sphere = |k: usize| input.rule.effective(k as u32);
-        let (mut raster, mut most) =
-            (Raster::new(survey, ratio, input.rule.lengths()), most_entries(n, ratio));
+        let (mut grid, mut most) = (Grid::new(survey, ratio, input.rule.lengths()), most_entries(n, ratio));
         let Self { packing, offsets, narrow, wide, .. } = self;
-        // At the second try the raster is where it has the fewest entries.
+        // At the second try the grid is where it has the fewest entries.
         while !report.time("map", || {
             if n > 0 {
-                let (low, high) = raster.bounds_of(survey.min, survey.max, survey.largest_radius());
+                let (low, high) = grid.bounds_of(survey.min, survey.max, survey.largest_radius());
                 *packing = Packing::new(low, high);
             }
             let cover = |k: usize| {
                 let (center, radius) = sphere(k);
-                (raster.cover::<PERIODIC>(center, radius), HOME, k as u32)
+                (grid.cover::<PERIODIC>(center, radius), HOME, k as u32)
             };
-            let place = |cell| raster.wrap::<PERIODIC>(cell);
+            let place = |cell| grid.wrap::<PERIODIC>(cell);
             narrow.entries.clear();
             wide.entries.clear();
             match packing.is_narrow() {
@@ -125,10 +124,10 @@ impl Entries {
                 false => fill((n, threads), (cover, place), *packing, (wide, offsets, most)),
             }
         })? {
-            raster = report.time("map", || raster.shifted::<PERIODIC>(ratio, sphere, (n, threads)));
+            grid = report.time("map", || grid.shifted::<PERIODIC>(ratio, sphere, (n, threads)));
             most = usize::MAX;
         }
-        self.raster = raster;
+        self.grid = grid;
         report.time("sort", || match packing.is_narrow() {
             true => narrow.sort(packing.bits(), threads),
             false => wide.sort(packing.bits(), threads),
@@ -150,10 +149,10 @@ impl Entries {
 /// much.
 pub(crate) const ENTRY: u64 = Radix::<u32>::BYTES_PER_ENTRY;
 
-/// How many entries `spheres` spheres have at most, where the raster is shifted when it would be more. A twentieth more
+/// How many entries `spheres` spheres have at most, where the grid is shifted when it would be more. A twentieth more
 /// than the bound, since chance is no reason to look for another place; most of small numbers is chance.
 pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
-    (1.05 * Raster::most_cells(ratio) * spheres as f64) as usize + 64
+    (1.05 * Grid::most_cells(ratio) * spheres as f64) as usize + 64
 }
 
 /// Writes an entry for every cell that each of `n` spheres overlaps, sphere by sphere. `sphere` tells what the `k`-th

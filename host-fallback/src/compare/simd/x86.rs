@@ -2,10 +2,10 @@ use std::arch::x86_64::*;
 
 use lazygrid_kernels::Pair;
 
+use super::super::columns::Columns;
 use super::{
     Around, Axes, BAND, FLOOR, Feature, Images, Jobs, MAX_LANES, Task, Vector, Width, over, portable,
 };
-use crate::columns::Columns;
 
 /// A width, from one list of instruction sets: those that its tasks are compiled with are those that the processor is
 /// asked for. What `rustc` enables along with another one stands in the list too.

@@ -2,16 +2,13 @@
 
 use std::ops::Range;
 
+use super::entries::CLASS_BITS;
+use super::workspace::Workspaces;
 use crate::Error;
-use crate::columns::Columns;
-use crate::contact::{Rule, scan};
-use crate::detector::Input;
-use crate::entries::CLASS_BITS;
+use crate::compare::{Columns, Output, Rule, Sink, Task, Vector, scan, search_pieces};
+use crate::input::Input;
 use crate::memory::{extend, push, with_growth};
 use crate::radix::{Entry, Key};
-use crate::simd::{Task, Vector};
-use crate::sink::{Output, Sink, search_pieces};
-use crate::workspace::Workspaces;
 
 /// How many classes there are.
 const CLASSES: usize = 1 << CLASS_BITS;

@@ -1,7 +1,7 @@
 //! One sphere against several: the vector code of every detector.
 //!
 //! The comparison is a filter in `f32` with an error band around tangency. What lies clear of the band is decided
-//! here; what lies inside it is left to the exact test of [`Rule`](crate::contact::Rule). So vector width, fused
+//! here; what lies inside it is left to the exact test of [`Rule`](super::rule::Rule). So vector width, fused
 //! multiply-adds and the order of operations cannot change a result.
 
 use std::fmt;
@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 
 use lazygrid_kernels::Pair;
 
-use crate::columns::Columns;
+use super::columns::{Columns, MAX_LANES};
 pub(crate) use jobs::{Around, Jobs};
 pub(crate) use nearest::Images;
 use nearest::Nearest;
@@ -20,9 +20,6 @@ mod nearest;
 mod portable;
 #[cfg(target_arch = "x86_64")]
 mod x86;
-
-/// The most lanes of any vector; columns are padded by this many so that a load at their end stays inside.
-pub(crate) const MAX_LANES: usize = 16;
 
 /// Relative half-width of the band left to the exact test. Rounding in `f32` moves `d²` against `(ri + rj)²` by at
 /// most 4 ulp, 2⁻²¹; twice that is safe and still leaves one comparison in 10⁶ to the exact test. Between nearest
@@ -151,7 +148,7 @@ pub(crate) trait Vector: Copy {
     fn possible(self, gaps: Self::Gaps) -> u32;
     /// Lanes that touch without doubt.
     fn certain(self, gaps: Self::Gaps) -> u32;
-    /// The cell of the point `center + offset`, cut to the raster. Monotone along each axis, and the same operations
+    /// The cell of the point `center + offset`, cut to the grid. Monotone along each axis, and the same operations
     /// in the same order for every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
     /// Appends the runs that some spheres of one cell have to be compared with, five for each sphere at most.
@@ -191,7 +188,7 @@ mod tests {
     use lazygrid_kernels::Sphere;
 
     use super::*;
-    use crate::contact::Rule;
+    use crate::compare::Rule;
 
     const AXES: Axes = Axes {
         per_length: [0.7, 0.7, 0.7, 0.0],

@@ -7,16 +7,16 @@ use std::sync::atomic::Ordering::Relaxed;
 use bytemuck::Zeroable;
 use glam::UVec3;
 
+use super::cell::{Batch, Crowd, Occupant};
+use super::cover::{Cover, Grid};
+use super::entries::{accumulate, most_entries};
+use super::workspace::Workspaces;
 use crate::Error;
-use crate::cell::{Batch, Crowd, Occupant};
-use crate::cover::{Cover, Raster};
-use crate::detector::Input;
-use crate::entries::{accumulate, most_entries};
+use crate::compare::{Output, search_pieces};
+use crate::input::Input;
 use crate::memory::{push, resize, with_growth};
 use crate::report::Report;
 use crate::scatter::{shared, split_at};
-use crate::sink::{Output, search_pieces};
-use crate::workspace::Workspaces;
 
 /// Spheres per piece of the passes that count and insert.
 const PIECE: usize = 1 << 14;
@@ -88,7 +88,7 @@ impl HashGrid {
         input: &Input<'_>,
         report: &mut Report,
     ) -> Result<(), Error> {
-        let raster = report.time("count", || self.count::<PERIODIC>(input))?;
+        let grid = report.time("count", || self.count::<PERIODIC>(input))?;
         let total = self.offsets.last().copied().unwrap_or(0);
         log::trace!("{total} entries");
         report.time("insert", || {
@@ -96,37 +96,37 @@ impl HashGrid {
             resize(&mut self.heads, chains, "chains of a hash table")?;
             input.threads.each_stretch(&mut self.heads, PIECE, |_, heads| heads.fill(END));
             resize(&mut self.entries, total, "entries of cells")?;
-            self.insert::<PERIODIC>(input, &raster)
+            self.insert::<PERIODIC>(input, &grid)
         })
     }
 
-    /// Counts entries, piece by piece, in a raster where they are few, of cells large enough that 32 bits number them.
-    fn count<const PERIODIC: bool>(&mut self, input: &Input<'_>) -> Result<Raster, Error> {
+    /// Counts entries, piece by piece, in a grid where they are few, of cells large enough that 32 bits number them.
+    fn count<const PERIODIC: bool>(&mut self, input: &Input<'_>) -> Result<Grid, Error> {
         let (n, ratio, lengths) = (input.survey.spheres, input.settings.raster_ratio, input.rule.lengths());
-        let mut raster = Raster::new(&input.survey, ratio, lengths);
+        let mut grid = Grid::new(&input.survey, ratio, lengths);
         let mut most = most_entries(n, ratio);
         resize(&mut self.offsets, n.div_ceil(PIECE), "counting entries of cells")?;
         loop {
-            let cells = |id| cover::<PERIODIC>(input, &raster, id).cells();
+            let cells = |id| cover::<PERIODIC>(input, &grid, id).cells();
             input.threads.each(&mut self.offsets, |piece, count| {
                 *count = spheres(input, piece).map(cells).sum();
             });
             let total = accumulate(&mut self.offsets);
             if total <= most.min(END as usize - 1) {
-                return Ok(raster);
+                return Ok(grid);
             }
-            raster = if total > most {
+            grid = if total > most {
                 most = usize::MAX;
                 let sphere = |k: usize| input.rule.effective(k as u32);
-                raster.shifted::<PERIODIC>(ratio, sphere, (n, input.threads))
+                grid.shifted::<PERIODIC>(ratio, sphere, (n, input.threads))
             } else {
-                raster.coarser(lengths)
+                grid.coarser(lengths)
             };
         }
     }
 
     /// Hangs every entry at the head of its chain; threads swap heads without locks.
-    fn insert<const PERIODIC: bool>(&mut self, input: &Input<'_>, raster: &Raster) -> Result<(), Error> {
+    fn insert<const PERIODIC: bool>(&mut self, input: &Input<'_>, grid: &Grid) -> Result<(), Error> {
         let Self { heads, entries, offsets, .. } = self;
         let shift = shift(heads.len());
         let heads = shared(heads);
@@ -135,8 +135,8 @@ impl HashGrid {
             let mut number = if piece == 0 { 0 } else { offsets[piece - 1] as u32 };
             let mut slots = target.iter_mut();
             for id in spheres(input, piece) {
-                cover::<PERIODIC>(input, raster, id).for_each(|cell, class| {
-                    let cell = raster.wrap::<PERIODIC>(cell);
+                cover::<PERIODIC>(input, grid, id).for_each(|cell, class| {
+                    let cell = grid.wrap::<PERIODIC>(cell);
                     if let Some(slot) = slots.next() {
                         let next = heads[chain_of(cell, shift)].swap(number, Relaxed);
                         *slot = Linked { cell, class: u32::from(class), id, next };
@@ -220,9 +220,9 @@ fn spheres(input: &Input<'_>, piece: usize) -> Range<u32> {
 }
 
 #[inline(always)]
-fn cover<const PERIODIC: bool>(input: &Input<'_>, raster: &Raster, id: u32) -> Cover {
+fn cover<const PERIODIC: bool>(input: &Input<'_>, grid: &Grid, id: u32) -> Cover {
     let (center, radius) = input.rule.effective(id);
-    raster.cover::<PERIODIC>(center, radius)
+    grid.cover::<PERIODIC>(center, radius)
 }
 
 /// How far a 64-bit hash is moved down to number `chains` chains, a power of two and at least 2.

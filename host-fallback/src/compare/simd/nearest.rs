@@ -1,7 +1,7 @@
 use lazygrid_kernels::{Pair, Space};
 
+use super::super::columns::Columns;
 use super::{Around, Axes, Jobs, MAX_LANES, Vector, Width};
-use crate::columns::Columns;
 
 /// A periodic space as the filter sees it.
 #[derive(Clone, Copy, Debug)]

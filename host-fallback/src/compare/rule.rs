@@ -1,13 +1,7 @@
 //! What makes two spheres a pair: the one exact test behind every filter.
 
-use std::ops::Range;
-
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Interaction, Interactions, Reach, Space, Sphere, Spheres};
-
-use crate::columns::Columns;
-use crate::simd::{Images, Vector};
-use crate::sink::Sink;
 
 /// Whether two centres are at most `reach` apart, evaluated in `f64`: there differences of `f32` coordinates
 /// cannot overflow, underflow or lose the digits that decide exact contact.
@@ -63,11 +57,6 @@ impl<'a> Rule<'a> {
         self.space.lengths()
     }
 
-    /// What vectors need to compare nearest images, where space is periodic.
-    pub(crate) fn images(&self) -> Option<Images> {
-        Images::of(&self.space)
-    }
-
     pub(crate) fn spheres(&self) -> Spheres<'a> {
         self.spheres
     }
@@ -80,7 +69,7 @@ impl<'a> Rule<'a> {
 
     /// Whether touching alone decides, so that a certain contact needs no further question.
     #[inline(always)]
-    fn is_plain(&self) -> bool {
+    pub(crate) fn is_plain(&self) -> bool {
         self.species.is_none()
     }
 
@@ -109,55 +98,5 @@ impl<'a> Rule<'a> {
             }
             Interaction::Within(distance) => within(self.lengths, a.center, b.center, f64::from(distance)),
         }
-    }
-
-    /// Of the lanes that may be pairs with the sphere at `at`, those that are.
-    #[inline(never)]
-    fn decide(&self, columns: &Columns, at: usize, base: usize, lanes: Lanes) -> u32 {
-        let mut hits = if self.is_plain() { lanes.certain } else { 0 };
-        let mut open = lanes.possible & !hits;
-        while open != 0 {
-            let lane = open.trailing_zeros();
-            open &= open - 1;
-            if self.pairs(columns.id(at), columns.id(base + lane as usize)) {
-                hits |= 1 << lane;
-            }
-        }
-        hits
-    }
-}
-
-#[derive(Clone, Copy)]
-struct Lanes {
-    certain: u32,
-    possible: u32,
-}
-
-/// Compares the sphere at `at` with a run of others and hands the pairs to `sink`. The run must not contain `at`.
-#[inline(always)]
-pub(crate) fn scan<V: Vector, S: Sink>(
-    vector: V,
-    (columns, rule): (&Columns, &Rule<'_>),
-    at: usize,
-    run: Range<usize>,
-    sink: &mut S,
-) {
-    let query = vector.query(columns.sphere(at));
-    let mut base = run.start;
-    while base < run.end {
-        let live = u32::MAX >> (32 - V::LANES.min(run.end - base));
-        let gaps = vector.gaps(columns, base, query);
-        let possible = vector.possible(gaps) & live;
-        if possible != 0 {
-            let certain = vector.certain(gaps) & live;
-            let hits = match rule.is_plain() && certain == possible {
-                true => certain,
-                false => rule.decide(columns, at, base, Lanes { certain, possible }),
-            };
-            if hits != 0 {
-                sink.hits(vector, columns.id(at), columns.ids(base), hits);
-            }
-        }
-        base += V::LANES;
     }
 }

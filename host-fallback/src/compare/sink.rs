@@ -9,9 +9,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lazygrid_kernels::Pair;
 
+use super::columns::MAX_LANES;
+use super::simd::Vector;
 use crate::Error;
 use crate::memory::{self, resize};
-use crate::simd::{MAX_LANES, Vector};
 use crate::threads::Threads;
 
 /// Pairs per buffer of a thread, 64 KiB: far below a core's cache, far above the cost of handing it on.

@@ -1,7 +1,7 @@
 use lazygrid_kernels::Pair;
 
+use super::super::columns::Columns;
 use super::{Around, Axes, BAND, FLOOR, Images, Jobs, MAX_LANES, Vector, Width};
-use crate::columns::Columns;
 
 /// Plain loops over eight lanes.
 #[derive(Clone, Copy)]

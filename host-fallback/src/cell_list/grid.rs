@@ -1,12 +1,12 @@
 //! One level's cells: from coordinates to rows of cells that lie next to each other in memory.
 //!
-//! Space is unbounded but the table is not. Where the bounds hold too many cells, the raster is folded: cells whose
-//! coordinates agree modulo the raster's size share a table entry. Sharing only adds comparisons, never pairs.
+//! Space is unbounded but the table is not. Where the bounds hold too many cells, the grid is folded: cells whose
+//! coordinates agree modulo the grid's size share a table entry. Sharing only adds comparisons, never pairs.
 
 use glam::{DVec3, Vec3};
 
-use crate::cover::floor;
-use crate::simd::{Axes, Portable, Vector};
+use crate::compare::{Axes, Portable, Vector};
+use crate::floor::floor;
 
 /// Below this many cells from the origin `f64` still counts single cells; farther out two different `f32`
 /// coordinates lie 2²⁵ cells apart or more, so that only equal ones can meet.
@@ -19,7 +19,7 @@ const SINGLE_ROUNDING: f64 = 1.0 / (1_u64 << 20) as f64;
 
 /// The cells of one level.
 #[derive(Clone, Debug)]
-pub(crate) struct Raster {
+pub(crate) struct Grid {
     axes: Axes,
     /// Edges of a cell.
     edges: [f64; 3],
@@ -28,7 +28,7 @@ pub(crate) struct Raster {
     /// Cells per axis.
     pub(crate) size: [u32; 3],
     pub(crate) folded: bool,
-    /// Whether a row of cells may go on at its other end: where the raster is folded or space periodic.
+    /// Whether a row of cells may go on at its other end: where the grid is folded or space periodic.
     pub(crate) circular: bool,
     /// Whether two spheres of the level in reach of each other always lie in the same or in adjoining cells.
     pub(crate) adjoining: bool,
@@ -36,7 +36,7 @@ pub(crate) struct Raster {
     reach: f64,
 }
 
-/// Cells from `first` to `last`, both included; `last` is beyond the raster's size where it counts on round a fold.
+/// Cells from `first` to `last`, both included; `last` is beyond the grid's size where it counts on round a fold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Block {
     pub(crate) first: [u32; 3],
@@ -51,14 +51,14 @@ impl Block {
         [b[0] - a[0] + 1, b[1] - a[1] + 1, b[2] - a[2] + 1]
     }
 
-    /// Whether some row of cells goes on at its other end, in a raster of this size.
+    /// Whether some row of cells goes on at its other end, in a grid of this size.
     #[inline(always)]
     pub(crate) fn goes_round(&self, size: [u32; 3]) -> bool {
         self.last[0] >= size[0] || self.last[1] >= size[1] || self.last[2] >= size[2]
     }
 }
 
-impl Raster {
+impl Grid {
     /// Cells of edge `edge` over `min..=max`, folded to `most` cells, for spheres up to radius `largest`.
     ///
     /// An axis with a length is periodic. It has a whole number of cells, that are no smaller, from `−length / 2` on.
@@ -102,7 +102,7 @@ impl Raster {
         Self { axes, edges, periodic, size, folded, circular, adjoining, reach }
     }
 
-    /// How many table entries the raster has.
+    /// How many table entries the grid has.
     pub(crate) fn cells(&self) -> u64 {
         self.size.iter().map(|&k| u64::from(k)).product()
     }
@@ -127,7 +127,7 @@ impl Raster {
     /// All cells that may hold a sphere of this level within reach of one with this centre and radius.
     ///
     /// Neither folded nor periodic: lower and upper corner come from the same monotone expression as [`cell_of`](Self::cell_of),
-    /// from coordinates moved outwards by more than rounding can move them; cut to the raster.
+    /// from coordinates moved outwards by more than rounding can move them; cut to the grid.
     #[inline(always)]
     pub(crate) fn block<V: Vector>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> Block {
         if self.circular {
@@ -140,7 +140,7 @@ impl Raster {
     }
 
     /// Between which bounds a sphere of `cell` must lie, its radius included, to reach no lower and no higher cell
-    /// along each axis; none where there is no such cell. Not for folded rasters.
+    /// along each axis; none where there is no such cell. Not for folded grids.
     ///
     /// The bounds are moved inwards by far more than rounding in `f32`, that of subnormal
     /// numbers included, can move the coordinates compared with them.
@@ -219,7 +219,7 @@ fn modulo(cell: i64, size: u32) -> u32 {
     cell.rem_euclid(i64::from(size)) as u32
 }
 
-/// The raster's size: the whole extent where it has at most `most` cells, else the longest axes folded.
+/// The grid's size: the whole extent where it has at most `most` cells, else the longest axes folded.
 fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
     if extent.x * extent.y * extent.z <= most as f64 {
         return (extent.max(DVec3::ONE).to_array().map(|cells| cells as u32), false);
@@ -240,11 +240,11 @@ fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
 mod tests {
     use super::*;
 
-    /// Whether the block holds the cell, on a folded or a plain raster.
-    fn holds(raster: &Raster, block: Block, cell: [u32; 3]) -> bool {
+    /// Whether the block holds the cell, on a folded or a plain grid.
+    fn holds(grid: &Grid, block: Block, cell: [u32; 3]) -> bool {
         (0..3).all(|k| {
-            let steps = (cell[k] + raster.size[k] - block.first[k]) % raster.size[k];
-            steps < block.count()[k] && block.count()[k] <= raster.size[k]
+            let steps = (cell[k] + grid.size[k] - block.first[k]) % grid.size[k];
+            steps < block.count()[k] && block.count()[k] <= grid.size[k]
         })
     }
 
@@ -262,16 +262,16 @@ mod tests {
                     (0..40).map(|_| base + 20.0 * Vec3::new(random(), random(), random())).collect();
                 let min = points.iter().fold(Vec3::INFINITY, |a, &b| a.min(b));
                 let max = points.iter().fold(Vec3::NEG_INFINITY, |a, &b| a.max(b));
-                let raster = Raster::new(1.7, (min, max), [None; 3], 2.0, most);
+                let grid = Grid::new(1.7, (min, max), [None; 3], 2.0, most);
                 for &p in &points {
                     for &q in &points {
                         let near = (p.as_dvec3() - q.as_dvec3()).length() <= 2.5;
                         let held = holds(
-                            &raster,
-                            raster.block(Portable, [p.x, p.y, p.z, 0.5]),
-                            raster.cell_of(Portable, q.to_array()),
+                            &grid,
+                            grid.block(Portable, [p.x, p.y, p.z, 0.5]),
+                            grid.cell_of(Portable, q.to_array()),
                         );
-                        assert!(held || !near, "{p} loses {q}, folded {}", raster.folded);
+                        assert!(held || !near, "{p} loses {q}, folded {}", grid.folded);
                     }
                 }
             }
@@ -281,13 +281,13 @@ mod tests {
     #[test]
     fn coordinates_just_below_a_whole_number_of_cells_stay_inside() {
         let center = Vec3::new(-1e-30, 1.0_f32.next_down(), -1.0_f32.next_down());
-        let raster = Raster::new(1.0, (center, center), [None; 3], 0.0, 64);
-        assert_eq!(raster.cells(), 1);
-        assert_eq!(raster.cell_of(Portable, center.to_array()), [0; 3]);
+        let grid = Grid::new(1.0, (center, center), [None; 3], 0.0, 64);
+        assert_eq!(grid.cells(), 1);
+        assert_eq!(grid.cell_of(Portable, center.to_array()), [0; 3]);
     }
 
     #[test]
-    fn a_folded_raster_keeps_to_its_size() {
+    fn a_folded_grid_keeps_to_its_size() {
         for extent in [[1e9, 2.0, 3.0], [1e9, 1e9, 1e9], [1.0, 1.0, 1e300], [65.0, 1.0, 1.0]] {
             let (size, folded) = fold(extent.into(), 64);
             let cells: u32 = size.iter().product();

@@ -1,7 +1,9 @@
+use super::rule::Rule;
 use crate::Error;
-use crate::contact::Rule;
 use crate::memory::resize;
-use crate::simd::MAX_LANES;
+
+/// The most lanes of any vector; columns are padded by this many so that a load at their end stays inside.
+pub(crate) const MAX_LANES: usize = 16;
 
 /// Spheres as columns, in the order a detector wants them, padded so that a whole vector can be loaded at any of
 /// them.

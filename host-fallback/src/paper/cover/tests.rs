@@ -1,22 +1,22 @@
 use lazygrid_kernels::Sphere;
 
 use super::*;
-use crate::contact::Rule;
+use crate::compare::Rule;
 
 /// How many cells the spheres overlap, before and after a shift.
 fn cells<const PERIODIC: bool>(spheres: &[Sphere], ratio: f32, lengths: [Option<f32>; 3]) -> [usize; 2] {
     let survey = Survey::of(&Rule::new(spheres.into(), None), Threads::Pool).expect("all are valid");
-    let raster = Raster::new(&survey, ratio, lengths);
-    let count = |raster: &Raster| -> usize {
-        spheres.iter().map(|s| raster.cover::<PERIODIC>(s.center, s.radius).cells()).sum()
+    let grid = Grid::new(&survey, ratio, lengths);
+    let count = |grid: &Grid| -> usize {
+        spheres.iter().map(|s| grid.cover::<PERIODIC>(s.center, s.radius).cells()).sum()
     };
     let sphere = |k: usize| (spheres[k].center, spheres[k].radius);
-    let shifted = raster.clone().shifted::<PERIODIC>(ratio, sphere, (spheres.len(), Threads::Pool));
-    [count(&raster), count(&shifted)]
+    let shifted = grid.clone().shifted::<PERIODIC>(ratio, sphere, (spheres.len(), Threads::Pool));
+    [count(&grid), count(&shifted)]
 }
 
 #[test]
-fn a_shifted_raster_has_no_more_entries_than_are_announced() {
+fn a_shifted_grid_has_no_more_entries_than_are_announced() {
     let mut state = 3_u64;
     let mut random = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -29,7 +29,7 @@ fn a_shifted_raster_has_no_more_entries_than_are_announced() {
     let gas: Vec<_> =
         (0..4096).map(|_| Sphere::new([random(), random(), random()].map(|x| 40.0 * x), 1.0)).collect();
     for ratio in [2.0, 3.0, 4.0, 7.5, 16.0] {
-        let most = |n: usize| (1.05 * Raster::most_cells(ratio) * n as f64) as usize;
+        let most = |n: usize| (1.05 * Grid::most_cells(ratio) * n as f64) as usize;
         let edge = 2.0 * ratio;
         // Every one at a corner of eight cells.
         for spheres in [vec![Sphere::new([0.0; 3], 1.0); 1000], lattice(edge)] {

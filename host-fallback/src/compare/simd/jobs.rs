@@ -6,7 +6,7 @@ use super::MAX_LANES;
 /// table: that of higher `y`, and of higher `z` those of lower, equal and higher `y`.
 const ROWS: usize = 5;
 
-/// What lies around one cell, in a raster whose cells are so wide that nothing beyond the next is in reach.
+/// What lies around one cell, in a grid whose cells are so wide that nothing beyond the next is in reach.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Around {
     /// A sphere reaches lower cells along an axis only if its centre less its radius is below this.
@@ -14,7 +14,7 @@ pub(crate) struct Around {
     /// A sphere reaches higher cells along an axis only if its centre plus its radius is above this.
     pub(crate) high: [f32; 3],
     /// Where each row's cell `x - 1` starts, its cell `x`, its cell `x + 1`, and where that ends. Rows outside the
-    /// raster are replaced by some inside; `low` and `high` keep all spheres from asking for them.
+    /// grid are replaced by some inside; `low` and `high` keep all spheres from asking for them.
     pub(crate) rows: [[u32; 4]; ROWS],
 }
 

@@ -1,0 +1,16 @@
+//! What makes two spheres a pair, and how one is compared with many.
+//!
+//! rule → columns → vectors → sink → scan: each file knows those before it.
+
+mod columns;
+mod rule;
+mod scan;
+mod simd;
+mod sink;
+
+pub(crate) use columns::{Columns, ColumnsMut, MAX_LANES};
+pub(crate) use rule::Rule;
+pub(crate) use scan::scan;
+pub use simd::Simd;
+pub(crate) use simd::{Around, Axes, Images, Jobs, Portable, Task, Vector};
+pub(crate) use sink::{Consume, Count, Output, Sink, To, Written, search_pieces};
