@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use crate::boundary::Boundary;
 use crate::matching::{Afterwards, Candidate, Matching};
 use crate::model::{Contact, Model};
+use crate::normal::direction;
 use crate::particles::Particles;
 use crate::philox::{Key, Purpose};
 use crate::reactions::distance_squared;
-use crate::transmitter::direction;
 
 /// How overlaps are settled in a model.
 #[derive(Debug)]

@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use crate::boundary::Boundary;
 use crate::chances::Chances;
 use crate::model::{Model, Unbinding};
+use crate::normal::direction;
 use crate::particles::{Particle, Particles};
 use crate::philox::{Key, Purpose, open_unit, yes_up_to};
-use crate::transmitter::direction;
 
 /// The decays of all species that come apart, made ready.
 #[derive(Clone, Debug, Default)]

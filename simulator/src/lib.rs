@@ -38,6 +38,7 @@ pub mod crossing;
 pub mod decay;
 pub mod dissociation;
 pub mod gpu;
+mod instant;
 pub mod matching;
 pub mod message;
 pub mod model;

@@ -1,7 +1,7 @@
 //! Messages: bits as symbols, and symbols as bursts.
 
+use crate::instant::step_of;
 use crate::philox::{Key, Purpose};
-use crate::transmitter::step_of;
 
 /// What a transmitter sends, symbol after symbol.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,12 +9,12 @@ use crate::boundary::Boundary;
 use crate::crossing::{Path, Who, meets};
 use crate::decay::Decays;
 use crate::model::{Flow, Model};
+use crate::normal::direction;
 use crate::normal::normals;
 use crate::particles::Particles;
 use crate::philox::{Key, Purpose, yes_up_to};
 use crate::receiver::{Kind, Receiver};
 use crate::stream::Stream;
-use crate::transmitter::direction;
 
 /// What a model says about the step of single particles, made ready.
 #[derive(Clone, Debug)]

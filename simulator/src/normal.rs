@@ -53,6 +53,15 @@ pub fn turn(word: u32) -> [f32; 2] {
     [f32::from_bits(c ^ cosine_sign), f32::from_bits(s ^ sine_sign)]
 }
 
+/// A uniformly distributed direction, as a vector of length 1.
+#[inline]
+pub fn direction(first: u32, second: u32) -> [f32; 3] {
+    let z = 2.0 * crate::philox::open_unit(first) - 1.0;
+    let across = (1.0 - z * z).max(0.0).sqrt();
+    let [cosine, sine] = turn(second);
+    [across * cosine, across * sine, z]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

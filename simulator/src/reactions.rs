@@ -8,9 +8,9 @@ use crate::boundary::Boundary;
 use crate::chances::{self, Chances};
 use crate::matching::Candidate;
 use crate::model::{Contact, Model, Reaction};
+use crate::normal::direction;
 use crate::particles::Particles;
 use crate::philox::{Key, Purpose, yes_up_to};
-use crate::transmitter::direction;
 
 /// The reactions of a model, made ready.
 #[derive(Clone, Debug)]

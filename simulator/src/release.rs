@@ -9,9 +9,10 @@ use crate::decay::Decays;
 use crate::error::Error;
 use crate::model::{Model, Species};
 use crate::normal;
+use crate::normal::direction;
 use crate::particles::{Particle, Particles};
 use crate::philox::{Draws, Key, Purpose, open_unit};
-use crate::transmitter::{Numbers, Schedule, Transmitter, direction};
+use crate::transmitter::{Numbers, Schedule, Transmitter};
 
 /// What is released at the beginning of a step.
 #[derive(Clone, Debug, Default)]

@@ -1,5 +1,6 @@
 //! Where particles come from.
 
+use crate::instant::step_of;
 use crate::message::Message;
 use crate::normal;
 use crate::philox::{Key, open_unit};
@@ -136,13 +137,6 @@ fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
     &times[until(step)..until(step.saturating_add(1))]
 }
 
-/// The first step that begins at `time` or later; none where there are not that many steps.
-pub(crate) fn step_of(time: f64, time_step: f64) -> Option<u32> {
-    // A time that is a multiple of Δt but for rounding belongs to that multiple.
-    let steps = (time / time_step - 1e-6).ceil().max(0.0);
-    (steps < f64::from(u32::MAX)).then_some(steps as u32)
-}
-
 impl Shape {
     /// Where the particle with these words, the `place`th of its burst, appears.
     pub(crate) fn offset(self, words: [u32; 4], place: u32) -> [f32; 3] {
@@ -152,7 +146,7 @@ impl Shape {
             Self::Shell(inner, outer) => {
                 let [a, b] = [inner, outer].map(|r| f64::from(r).powi(3));
                 let radius = libm::cbrt(a + (b - a) * f64::from(open_unit(words[0]))) as f32;
-                direction(words[1], words[2]).map(|c| c * radius)
+                normal::direction(words[1], words[2]).map(|c| c * radius)
             }
             Self::Box(edges) => std::array::from_fn(|k| (open_unit(words[k]) - 0.5) * edges[k]),
             Self::Cylinder(along, radius, length) => {
@@ -171,15 +165,6 @@ impl Shape {
             }
         }
     }
-}
-
-/// A uniformly distributed direction, as a vector of length 1.
-#[inline]
-pub fn direction(first: u32, second: u32) -> [f32; 3] {
-    let z = 2.0 * open_unit(first) - 1.0;
-    let across = (1.0 - z * z).max(0.0).sqrt();
-    let [cosine, sine] = normal::turn(second);
-    [across * cosine, across * sine, z]
 }
 
 #[cfg(test)]

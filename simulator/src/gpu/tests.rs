@@ -15,7 +15,7 @@ use super::stages::{Base, Steps};
 use super::tables::Tables;
 use crate::matching::{Candidate, Matching};
 use crate::philox::{Key, Purpose, philox};
-use crate::{Boundary, Model, Reaction, Species, normal, transmitter};
+use crate::{Boundary, Model, Reaction, Species, normal};
 
 fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::shared(true))
@@ -89,7 +89,7 @@ fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
     let close = |a: f32, b: f32| (a - b).abs() <= 4e-7 * b.abs().max(0.25);
     for (of, exact) in [
         ("normals(w)", normal::normals as fn([u32; 4]) -> [f32; 3]),
-        ("direction(w.x, w.y)", |w| transmitter::direction(w[0], w[1])),
+        ("direction(w.x, w.y)", |w| normal::direction(w[0], w[1])),
     ] {
         let found = evaluate(&own, pieces, &body(of), 50_000);
         for (k, [x, y, z, _]) in (0..).zip(found) {
