@@ -9,8 +9,9 @@ use std::error::Error;
 
 use clap::{Parser, ValueEnum};
 use lazygrid::gpu::GpuSettings;
-use lazygrid::{Algorithm, Backend, Config, Order};
+use lazygrid::{Algorithm, Backend, Config, Order, Skin};
 use lazygrid_bench::measure::{Contender, Options, Plan, compare, markdown, provenance};
+use lazygrid_io::scenes::Scene;
 
 #[derive(Parser)]
 #[command(about = "Times of the algorithms over their settings and over the number of spheres")]
@@ -30,6 +31,9 @@ struct Args {
     /// Numbers of spheres of the crossover, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [10, 30, 100, 200, 300, 500, 1000, 2000, 5000, 20_000])]
     sizes: Vec<usize>,
+    /// Fixed skins, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [0.125, 0.25, 0.5, 1.0])]
+    skin: Vec<f32>,
     /// Threads
     #[arg(long, default_value_t = 1)]
     threads: usize,
@@ -45,6 +49,8 @@ enum What {
     RasterRatio,
     /// All algorithms as the number of spheres grows.
     Crossover,
+    /// Skins of the CPU path, fixed ones as parts of the largest diameter; one round should be many steps.
+    Skin,
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -65,6 +71,7 @@ fn sweep(args: &Args, what: What) -> Result<(), Box<dyn Error>> {
         What::Tau => tau(args),
         What::RasterRatio => raster_ratio(args),
         What::Crossover => crossover(args),
+        What::Skin => skin(args),
     }
 }
 
@@ -110,6 +117,18 @@ fn raster_ratio(args: &Args) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+fn skin(args: &Args) -> Result<(), Box<dyn Error>> {
+    let config = |skin| args.config(Algorithm::Auto).skin(skin);
+    let mut contenders =
+        vec![Contender::list("off", config(Skin::Off)), Contender::list("auto", config(Skin::Auto))];
+    // The largest radius of the scenes is 1.
+    let fixed = |&part: &f32| Contender::list(part.to_string(), config(Skin::Fixed(2.0 * part)));
+    contenders.extend(args.skin.iter().map(fixed));
+    let moves = args.options.moves;
+    println!("### skins, moves of {moves} radii, ns per sphere and step\n\n{}", table(args, &contenders)?);
+    Ok(())
+}
+
 /// One row per scene and number of spheres, one column per contender, the fastest in bold.
 fn table(args: &Args, contenders: &[Contender]) -> Result<String, Box<dyn Error>> {
     let mut rows = vec![];
@@ -139,7 +158,7 @@ fn crossover(args: &Args) -> Result<(), Box<dyn Error>> {
                 (100_000 / n.max(1)).clamp(args.options.steps, 1000)
             };
             let Options { rounds, seed, .. } = args.options;
-            let plan = Plan { scene, n, seed, rounds, steps, fresh: false };
+            let plan = Plan { scene, n, seed, rounds, steps, moves: Scene::STEP, fresh: false };
             let mut row = vec![scene.to_string(), n.to_string()];
             row.extend(fastest_in_bold(&plan, &contenders)?);
             rows.push(row);

@@ -131,6 +131,8 @@ pub struct Plan {
     pub rounds: usize,
     /// Steps of each contender in each round, at least one.
     pub steps: usize,
+    /// The part of its radius by which each sphere moves in a step.
+    pub moves: f32,
     /// Whether each step is given a new search, which knows nothing of earlier steps.
     pub fresh: bool,
 }
@@ -229,6 +231,7 @@ pub fn turns(lanes: usize, seed: u64) -> Vec<usize> {
 /// The spheres, step after step.
 struct Motion {
     seed: u64,
+    moves: f32,
     step: u32,
     frames: Vec<Vec<Sphere>>,
 }
@@ -236,14 +239,14 @@ struct Motion {
 impl Motion {
     fn new(plan: &Plan) -> Self {
         let start = plan.scene.spheres(plan.n, plan.seed);
-        Self { seed: plan.seed, step: 0, frames: vec![start; plan.steps.max(1)] }
+        Self { seed: plan.seed, moves: plan.moves, step: 0, frames: vec![start; plan.steps.max(1)] }
     }
 
     /// The frames of the next round; the last one is where the round after it starts.
     fn next_round(&mut self) -> &[Vec<Sphere>] {
         let mut last = self.frames[self.frames.len() - 1].clone();
         for frame in &mut self.frames {
-            Scene::advance(&mut last, self.seed, self.step);
+            Scene::advance_by(self.moves, &mut last, self.seed, self.step);
             self.step += 1;
             frame.copy_from_slice(&last);
         }
@@ -322,7 +325,8 @@ mod tests {
         Contender::new("fixed", || Ok(Fixed(pairs.iter().map(|&[i, j]| Pair::new(i, j)).collect())))
     }
 
-    const PLAN: Plan = Plan { scene: Scene::Equal, n: 10, seed: 1, rounds: 3, steps: 2, fresh: false };
+    const PLAN: Plan =
+        Plan { scene: Scene::Equal, n: 10, seed: 1, rounds: 3, steps: 2, moves: Scene::STEP, fresh: false };
 
     #[test]
     fn order_does_not_matter_but_the_set_does() {

@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::builder::TypedValueParser;
 use clap::{Parser, Subcommand};
 use lazygrid::gpu::AdapterId;
-use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order, Space};
+use lazygrid::{Algorithm, Backend, Config, MAX_SPHERES, Order, Skin, Space};
 use lazygrid_check::Extent;
 use lazygrid_io::read::{Format, Options, Radii};
 use lazygrid_io::scenes::Scene;
@@ -16,7 +16,7 @@ use lazygrid_io::write::{Output, SphereFormat, TableFormat};
 use crate::cache;
 use crate::failure::Failure;
 use crate::input::STANDARD;
-use parsers::{PathWith, adapter, one_of, radius, raster_ratio, seconds, space, table_format, threads};
+use parsers::{PathWith, adapter, one_of, radius, raster_ratio, seconds, skin, space, table_format, threads};
 
 /// All pairs of overlapping spheres.
 #[derive(Debug, Parser)]
@@ -119,6 +119,10 @@ pub(crate) struct Detect {
     /// Cell edge as a multiple of the largest diameter, 0.5 to 16 [default: the engine's]
     #[arg(long, value_name = "RATIO", value_parser = raster_ratio)]
     pub(crate) raster_ratio: Option<f32>,
+    /// Keep pairs that may soon overlap from frame to frame: off, auto, or how much too far apart they may be. Changes
+    /// no answer, only its time, on the CPU
+    #[arg(long, value_name = "off|auto|DISTANCE", value_parser = skin)]
+    pub(crate) skin: Option<Skin>,
     /// Threads of the CPU [default: all]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<NonZeroUsize>,
@@ -336,6 +340,7 @@ impl Detect {
         let config = if self.backend == Backend::Cpu { config } else { config.calibration(cache::load()) };
         let config = with(config, self.tau, Config::tau);
         let config = with(config, self.raster_ratio, Config::raster_ratio);
+        let config = with(config, self.skin, Config::skin);
         let config = with(config, self.threads.map(NonZeroUsize::get), Config::threads);
         let config = with(config, self.timeout, Config::timeout);
         with(config, self.max_pairs, Config::max_pairs)

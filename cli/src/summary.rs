@@ -39,6 +39,8 @@ struct Object<'a> {
     reason: &'a str,
     /// What the call cost a GPU, by its plan.
     gpu: Option<Value>,
+    /// The candidates that the call was answered from.
+    candidates: Option<Value>,
     /// Seconds by name, in the order of the work.
     phases: Map<String, Value>,
 }
@@ -59,6 +61,7 @@ impl Summary {
             algorithm: report.algorithm.name(),
             reason: &report.reason,
             gpu: report.cost.as_ref().map(cost_object),
+            candidates: report.candidates.as_ref().map(candidates_object),
             phases: self.phases().map(|(name, time)| (name.to_owned(), time.as_secs_f64().into())).collect(),
         };
         // Strings, numbers and string keys only: nothing that JSON cannot hold.
@@ -121,6 +124,14 @@ impl fmt::Display for Summary {
         }
         Ok(())
     }
+}
+
+/// The candidates of a call, as an object of `--json`.
+fn candidates_object(kept: &lazygrid::Kept) -> Value {
+    json!({
+        "count": kept.count, "age": kept.age, "moved": kept.moved,
+        "rebuilt": kept.rebuilt.map(|why| why.to_string()),
+    })
 }
 
 /// What a call costs a GPU, as an object of `--json`.

@@ -4,9 +4,9 @@ use std::{ops::RangeInclusive, time::Duration};
 use lazygrid_host::{Settings, Simd};
 use lazygrid_kernels::{Algorithm, Backend, Interactions, Space};
 
-use crate::Order;
 #[cfg(feature = "gpu")]
 use crate::gpu::{AdapterId, Calibration};
+use crate::{Order, Skin};
 
 /// What a [`Detector`](crate::Detector) is asked to do. The default suits almost everybody.
 ///
@@ -131,6 +131,19 @@ impl Config {
     #[cfg(feature = "gpu")]
     pub fn timeout(mut self, timeout: Duration) -> Self {
         self.timeout = Some(timeout);
+        self
+    }
+
+    /// Whether candidates, pairs that may soon overlap, are kept from call to call. Worth it where spheres move little
+    /// from one call to the next; an answer never depends on it. Default: [`Skin::Off`]. On the CPU only: the
+    /// GPU searches anew whatever [`Skin::Auto`] says, and refuses a fixed skin.
+    ///
+    /// ```
+    /// # use lazygrid::{Config, Skin};
+    /// let config = Config::default().skin(Skin::Auto);
+    /// ```
+    pub fn skin(mut self, skin: Skin) -> Self {
+        self.settings.skin = skin;
         self
     }
 

@@ -155,6 +155,7 @@ impl Detector {
                     reason: host.reason.clone(),
                     #[cfg(feature = "gpu")]
                     cost: None,
+                    candidates: host.candidates,
                     phases: host.phases.clone(),
                 }
             }

@@ -56,7 +56,7 @@ mod report;
 pub use config::Config;
 pub use detector::{Detector, detect};
 pub use glam;
-pub use lazygrid_host::{Neighbors, Order, Phase, Simd};
+pub use lazygrid_host::{Kept, Neighbors, Order, Phase, Rebuilt, Simd, Skin};
 pub use lazygrid_kernels::{
     Algorithm, Backend, Error, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach, Space,
     Sphere, Spheres, UnknownName,

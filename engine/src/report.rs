@@ -1,4 +1,4 @@
-use lazygrid_host::Phase;
+use lazygrid_host::{Kept, Phase};
 use lazygrid_kernels::Algorithm;
 
 use crate::Backend;
@@ -22,6 +22,8 @@ pub struct Report {
     /// What the call cost the GPU, by its plan; `None` on the CPU.
     #[cfg(feature = "gpu")]
     pub cost: Option<crate::gpu::Cost>,
+    /// The candidates that the call was answered from; `None` where it searched without any.
+    pub candidates: Option<Kept>,
     /// Time of each phase, in the order they ran. A call that takes a GPU several submissions has the sum of all.
     pub phases: Vec<Phase>,
 }

@@ -13,9 +13,10 @@ use crate::memory::{collect, extend, resize, with_growth};
 use crate::neighbors::Lists;
 use crate::paper::{ArrayGrid, HashGrid, RecursiveGrid};
 use crate::scatter::{shared, split_at};
+use crate::skin::{Candidates, Course};
 use crate::survey::{Survey, check, check_species};
 use crate::threads::{self, Threads};
-use crate::{Error, Neighbors, Order, Report, Settings, choice, naive};
+use crate::{Error, Kept, Neighbors, Order, Rebuilt, Report, Settings, Skin, choice, naive};
 
 /// Spheres per piece of wrapping.
 const WRAPPED: usize = 1 << 14;
@@ -36,6 +37,9 @@ struct State {
     wrapped: Vec<Sphere>,
     columns: Columns,
     cell_list: CellList,
+    course: Course,
+    /// Whether this call is served from candidates.
+    from_candidates: bool,
     hash_grid: HashGrid,
     array_grid: ArrayGrid,
     recursive_grid: RecursiveGrid,
@@ -65,6 +69,8 @@ impl HostDetector {
             wrapped: Vec::new(),
             columns: Columns::default(),
             cell_list: CellList::default(),
+            course: Course::default(),
+            from_candidates: false,
             hash_grid: HashGrid::default(),
             array_grid: ArrayGrid::default(),
             recursive_grid: RecursiveGrid::default(),
@@ -143,7 +149,7 @@ impl HostDetector {
     /// For the paper's grids that is the most where space has up to 2²⁹ of their cells, else up to four times as much;
     /// where periodic axes are shorter than three cells there may be up to four times as many entries too. For the
     /// recursive grid there is room for one crowd of all spheres, and none inside another: each that is adds up to 150
-    /// bytes for each of its spheres.
+    /// bytes for each of its spheres. With a skin that is for eight candidates per sphere, 8 bytes each.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.raster_ratio, self.threads() as u64);
         let wrapped = match self.settings.space.is_periodic() {
@@ -157,7 +163,11 @@ impl HostDetector {
             Algorithm::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio, threads),
             _ => CellList::memory_for(spheres),
         };
-        own + wrapped
+        let kept = match self.settings.skin {
+            Skin::Off => 0,
+            _ => Candidates::memory_for(spheres),
+        };
+        own + wrapped + kept
     }
 
     /// How many threads a call from here has.
@@ -197,14 +207,17 @@ impl HostDetector {
                 false => spheres,
             };
             let rule = Rule::new(near, interactions).in_space(settings.space);
-            let survey = state.report.time("survey", || Survey::of(&rule, threads));
-            // What is wrong is said of the spheres as they were given.
-            let survey = survey.or_else(|error| check(spheres, threads).and(Err(error)))?;
-            let (algorithm, reason) = choice::choose(settings.algorithm, &survey);
-            log::debug!("{reason}");
-            (state.report.algorithm, state.report.reason) = (algorithm, reason);
+            let lapsed = state.advance(settings, &rule, threads)?;
+            let survey = match (lapsed, state.course.candidates.survey()) {
+                (None, Some(survey)) => survey.clone(),
+                _ => {
+                    let survey = state.report.time("survey", || Survey::of(&rule, threads));
+                    // What is wrong is said of the spheres as they were given.
+                    survey.or_else(|error| check(spheres, threads).and(Err(error)))?
+                }
+            };
             let input = Input { rule, survey, settings, simd: settings.simd, threads };
-            state.build(&input)?;
+            state.build(&input, lapsed)?;
             work(state, &input)?;
             state.wrapped = wrapped;
             Ok(())
@@ -235,8 +248,59 @@ fn wrap<'w>(
 }
 
 impl State {
-    fn build(&mut self, input: &Input<'_>) -> Result<(), Error> {
-        let Self { report, columns, cell_list, hash_grid, array_grid, recursive_grid, .. } = self;
+    /// Takes up where the spheres are now, where candidates are kept. Says why they cannot serve the call, if they
+    /// cannot; [`Rebuilt::First`] where there are none.
+    fn advance(
+        &mut self,
+        settings: &Settings,
+        rule: &Rule<'_>,
+        threads: Threads,
+    ) -> Result<Option<Rebuilt>, Error> {
+        match (settings.skin, settings.algorithm) {
+            (Skin::Off, _) => Ok(Some(Rebuilt::First)),
+            (skin, Algorithm::Auto | Algorithm::CellList) => {
+                self.report.time("measure", || self.course.advance(skin, rule, threads))
+            }
+            _ => Ok(Some(Rebuilt::First)),
+        }
+    }
+
+    /// Chooses and builds, unless candidates serve the call.
+    fn build(&mut self, input: &Input<'_>, lapsed: Option<Rebuilt>) -> Result<(), Error> {
+        self.from_candidates = lapsed.is_none();
+        if self.from_candidates {
+            self.report.algorithm = Algorithm::CellList;
+        } else {
+            let (algorithm, reason) = choice::choose(input.settings.algorithm, &input.survey);
+            (self.report.algorithm, self.report.reason) = (algorithm, reason);
+            self.structure(input)?;
+        }
+        if self.from_candidates {
+            let kept = self.course.candidates.kept(lapsed);
+            self.report.candidates = Some(kept);
+            let Kept { count, age, .. } = kept;
+            self.report.reason = match lapsed {
+                None => format!("cell-list: {count} candidates of {age} calls ago"),
+                Some(why) => format!("{}; {count} candidates were found: {why}", self.report.reason),
+            };
+        }
+        log::debug!("{}", self.report.reason);
+        Ok(())
+    }
+
+    /// Builds what the algorithm searches.
+    fn structure(&mut self, input: &Input<'_>) -> Result<(), Error> {
+        let Self {
+            report,
+            columns,
+            cell_list,
+            course,
+            from_candidates,
+            hash_grid,
+            array_grid,
+            recursive_grid,
+            ..
+        } = self;
         match report.algorithm {
             Algorithm::Naive => {
                 report.time("gather", || columns.gather(&input.rule, 0..input.survey.spheres as u32))
@@ -244,12 +308,19 @@ impl State {
             Algorithm::HashGrid => hash_grid.build(input, report),
             Algorithm::ArrayGrid => array_grid.build(input, report),
             Algorithm::RecursiveGrid => recursive_grid.build(input, report),
-            _ => cell_list.build(input, report),
+            _ if input.settings.skin == Skin::Off => cell_list.build(input, report),
+            _ => {
+                *from_candidates = course.find(cell_list, input, report)?;
+                Ok(())
+            }
         }
     }
 
     fn search<'o, O: Output>(&mut self, input: &Input<'_>, output: &'o O) -> Result<O::Sink<'o>, Error> {
-        let Self { report, columns, cell_list, hash_grid, array_grid, recursive_grid, .. } = self;
+        let Self { report, columns, cell_list, course, hash_grid, array_grid, recursive_grid, .. } = self;
+        if self.from_candidates {
+            return report.time("test", || course.candidates.search(input, output));
+        }
         match report.algorithm {
             Algorithm::Naive => report.time("search", || naive::search(input, columns, output)),
             Algorithm::HashGrid => report.time("search", || hash_grid.search(input, output)),

@@ -9,6 +9,7 @@ pub mod choice;
 
 mod canonical;
 mod cell_list;
+mod classes;
 mod compare;
 mod detector;
 mod floor;
@@ -23,14 +24,16 @@ mod radix;
 mod report;
 mod scatter;
 mod settings;
+mod skin;
 mod survey;
 mod threads;
 
 pub use canonical::Canonical;
+pub use classes::CLASSES;
 pub use compare::Simd;
 pub use detector::HostDetector;
 pub use lazygrid_kernels::Error;
 pub use neighbors::{Lists, Neighbors};
-pub use report::{Phase, Report};
-pub use settings::{Order, Settings};
-pub use survey::{CLASSES, Class, Survey};
+pub use report::{Kept, Phase, Rebuilt, Report};
+pub use settings::{Order, Settings, Skin};
+pub use survey::{Class, Survey};

@@ -15,6 +15,45 @@ pub struct Report {
     pub reason: String,
     /// Wall-clock time of each phase, in the order they ran.
     pub phases: Vec<Phase>,
+    /// The candidates that the call was answered from; `None` where it searched without any.
+    pub candidates: Option<Kept>,
+}
+
+/// Candidates: pairs that may overlap until spheres have moved too far.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Kept {
+    /// How many there are.
+    pub count: u64,
+    /// How many calls ago they were found; 0 in the call that finds them.
+    pub age: u32,
+    /// Which part of what it may move the sphere has moved that is nearest to it, between 0 and 1.
+    pub moved: f32,
+    /// Why they were found anew in this call; `None` where they were kept.
+    pub rebuilt: Option<Rebuilt>,
+}
+
+/// Why candidates were found anew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Rebuilt {
+    /// There were none.
+    First,
+    /// Some sphere had moved too far.
+    Moved,
+    /// There were more spheres or fewer, others, or of other radii or species.
+    Changed,
+}
+
+/// In words.
+impl std::fmt::Display for Rebuilt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::First => "there were none",
+            Self::Moved => "a sphere had moved too far",
+            Self::Changed => "the spheres had changed",
+        })
+    }
 }
 
 /// One phase of a call.

@@ -14,6 +14,24 @@ pub enum Order {
     Unordered,
 }
 
+/// Whether pairs that may soon overlap are kept from call to call, so that not every call has to search for them.
+///
+/// Whatever it is, the pairs of a call are those of the spheres that are given to it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub enum Skin {
+    /// Every call searches anew.
+    #[default]
+    Off,
+    /// As the motion makes it worth while: every size of sphere has a skin in proportion to how far spheres of that size
+    /// move, and there is none where searching anew is expected to be cheaper. What is expected follows from the spheres
+    /// given, never from a clock, so that a detector does the same from run to run.
+    Auto,
+    /// Candidates are the pairs whose spheres are up to this much too far apart to touch. They are kept until some
+    /// sphere has moved by half of it.
+    Fixed(f32),
+}
+
 /// What the CPU path is asked to do. Made once, kept for the life of a detector.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -35,6 +53,8 @@ pub struct Settings {
     pub interactions: Option<Interactions>,
     /// Along which axes space is periodic.
     pub space: Space,
+    /// Whether candidates are kept from call to call.
+    pub skin: Skin,
 }
 
 impl Settings {
@@ -44,6 +64,8 @@ impl Settings {
     /// Raster ratio by default. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform
     /// scenes are fastest between 4 and 8, crowded ones in the array grid between 1 and 1.5.
     pub const RASTER_RATIO: f32 = 4.0;
+    /// Fixed skins: those whose square `f32` tells from 0 and from infinity with room to spare.
+    pub(crate) const SKINS: std::ops::RangeInclusive<f32> = 1e-14..=1e17;
     /// 2²⁹ pairs, a list of 4 GiB.
     pub const MAX_PAIRS: u64 = 1 << 29;
 
@@ -57,11 +79,34 @@ impl Settings {
             let range = "choose at least one, or leave it unset";
             return Err(Error::Setting { name: "threads", value: "0".into(), range });
         }
+        if let Skin::Fixed(distance) = self.skin {
+            self.check_skin(distance)?;
+        }
         match self.algorithm {
             Algorithm::EagerGrid | Algorithm::LazyGrid => {
                 Err(Error::NotOnBackend { algorithm: self.algorithm, backend: Backend::Cpu })
             }
             _ => Ok(()),
+        }
+    }
+
+    /// Refuses a skin that no arithmetic can follow, and one for an algorithm that keeps nothing.
+    fn check_skin(&self, distance: f32) -> Result<(), Error> {
+        let value = distance.to_string();
+        if !Self::SKINS.contains(&distance) {
+            return Err(Error::Setting {
+                name: "skin",
+                value,
+                range: "choose between 1e-14 and 1e17, `Auto` or `Off`",
+            });
+        }
+        match self.algorithm {
+            Algorithm::Auto | Algorithm::CellList => Ok(()),
+            _ => {
+                let range =
+                    "only `Algorithm::CellList` and `Auto` keep candidates: choose one of them, or no skin";
+                Err(Error::Setting { name: "skin", value, range })
+            }
         }
     }
 }
@@ -78,6 +123,7 @@ impl Default for Settings {
             max_pairs: Self::MAX_PAIRS,
             interactions: None,
             space: Space::UNBOUNDED,
+            skin: Skin::Off,
         }
     }
 }

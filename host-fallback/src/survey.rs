@@ -5,6 +5,7 @@ use glam::Vec3;
 use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Spheres};
 
 use crate::Error;
+use crate::classes::{CLASSES, class_of};
 use crate::compare::Rule;
 use crate::threads::Threads;
 
@@ -12,8 +13,6 @@ use crate::threads::Threads;
 const PIECE: usize = 1 << 15;
 /// Tables that take turns in counting.
 const TABLES: usize = 4;
-/// One class per binary exponent of `f32`.
-pub const CLASSES: usize = 256;
 
 /// What a detector must know of its input before it plans.
 #[derive(Clone, Debug)]
@@ -41,7 +40,7 @@ impl Survey {
     /// The class of a radius.
     #[inline]
     pub fn class_of(radius: f32) -> usize {
-        (radius.to_bits() >> 23) as usize & (CLASSES - 1)
+        class_of(radius)
     }
 
     /// The largest effective radius.

@@ -21,8 +21,6 @@ pub use expected::{PairCount, periodic_box_pairs};
 const DENSITY: f64 = 0.05;
 /// Overlapping pairs per sphere for which the spread of the bursts is solved.
 const BURST_PAIRS_PER_SPHERE: f64 = 20.0;
-/// How far a sphere moves in one step, as a multiple of its radius.
-const STEP: f32 = 0.1;
 
 const FIVE_SIZES: [f32; 5] = [1.0, 0.5, 0.25, 0.125, 0.0625];
 const TEN_POWERS: [f32; 10] =
@@ -87,13 +85,21 @@ impl Scene {
         radii.into_iter().map(|radius| Sphere::new(cloud.sample(&mut rng), radius)).collect()
     }
 
+    /// The part of its radius by which a sphere moves in one step of the benchmarks' motion.
+    pub const STEP: f32 = 0.1;
+
     /// One step of the benchmarks' motion: every sphere moves by a tenth of its radius in a uniformly random
     /// direction, which depends on `seed`, `step` and the sphere's index only.
     pub fn advance(spheres: &mut [Sphere], seed: u64, step: u32) {
+        Self::advance_by(Self::STEP, spheres, seed, step);
+    }
+
+    /// The same motion in other steps: every sphere moves by this part of its radius.
+    pub fn advance_by(part: f32, spheres: &mut [Sphere], seed: u64, step: u32) {
         let mut rng = stream(seed, 1 + u64::from(step));
         for sphere in spheres {
             let direction: [f64; 3] = UnitSphere.sample(&mut rng);
-            sphere.center += glam::Vec3::from(direction.map(|d| d as f32)) * (STEP * sphere.radius);
+            sphere.center += glam::Vec3::from(direction.map(|d| d as f32)) * (part * sphere.radius);
         }
     }
 

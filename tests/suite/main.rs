@@ -11,4 +11,5 @@ mod properties;
 mod results;
 mod reuse;
 mod scenes;
+mod skin;
 mod structure;

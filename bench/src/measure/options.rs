@@ -21,6 +21,9 @@ pub struct Options {
     /// Seed of the spheres and their motion
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// The part of its radius by which a sphere moves in a step
+    #[arg(long, default_value_t = Scene::STEP)]
+    pub moves: f32,
     /// Check the answers at a tiny size instead of measuring; also without `--bench`, which `cargo bench` passes
     #[arg(long)]
     pub quick: bool,
@@ -41,9 +44,10 @@ impl Options {
 
     /// A plan for each scene and number of spheres.
     pub fn plans(&self) -> Vec<Plan> {
-        let Self { rounds, steps, seed, .. } = *self;
-        let of =
-            |scene: Scene| self.n.iter().map(move |&n| Plan { scene, n, seed, rounds, steps, fresh: false });
+        let Self { rounds, steps, seed, moves, .. } = *self;
+        let of = |scene: Scene| {
+            self.n.iter().map(move |&n| Plan { scene, n, seed, rounds, steps, moves, fresh: false })
+        };
         self.scene.iter().flat_map(|&scene| of(scene)).collect()
     }
 }

@@ -7,8 +7,8 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use lazygrid::Space;
 use lazygrid::gpu::AdapterId;
+use lazygrid::{Skin, Space};
 use lazygrid_io::write::TableFormat;
 
 pub(super) fn one_of<const N: usize>(names: [&'static str; N]) -> PossibleValuesParser {
@@ -63,6 +63,15 @@ pub(super) fn table_format(name: String) -> TableFormat {
 pub(super) fn raster_ratio(text: &str) -> Result<f32, String> {
     let ratio = f32::from_str(text).ok().filter(|ratio| (0.5..=16.0).contains(ratio));
     ratio.ok_or_else(|| "expected a number from 0.5 to 16".to_owned())
+}
+
+pub(super) fn skin(text: &str) -> Result<Skin, String> {
+    let distance = || f32::from_str(text).ok().filter(|distance| *distance > 0.0).map(Skin::Fixed);
+    match text {
+        "off" => Ok(Skin::Off),
+        "auto" => Ok(Skin::Auto),
+        _ => distance().ok_or_else(|| "expected off, auto, or a distance above zero".to_owned()),
+    }
 }
 
 /// Parses a path whose extension tells a format; the text says which there are.

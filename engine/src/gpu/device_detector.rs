@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use lazygrid_host::{Canonical, Lists, Neighbors, Order, Phase, Settings, Survey};
+use lazygrid_host::{Canonical, Lists, Neighbors, Order, Phase, Settings, Skin, Survey};
 use lazygrid_kernels::{Pair, Spheres};
 
 use super::{Crossover, GpuDevice, GpuSession, GpuSettings, Ticket};
@@ -27,6 +27,10 @@ impl DeviceDetector {
         let settings = config.settings;
         let crossover = choice::crossover(&config.calibrations, &own.adapter);
         let ratio = raster_ratio(config.raster_ratio)?;
+        if let Skin::Fixed(distance) = settings.skin {
+            let range = "the GPU keeps no candidates yet: choose the CPU, `Auto` or `Off`";
+            return Err(Error::Setting { name: "skin", value: distance.to_string(), range });
+        }
         let gpu = GpuSettings {
             algorithm: settings.algorithm,
             crossover: crossover.0,
@@ -45,6 +49,7 @@ impl DeviceDetector {
             algorithm: settings.algorithm,
             reason: String::new(),
             cost: None,
+            candidates: None,
             phases: Vec::new(),
         };
         let mut session = GpuSession::new(own, gpu)?;

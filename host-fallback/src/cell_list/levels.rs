@@ -9,7 +9,8 @@
 
 use super::crowding::Crowding;
 use crate::Survey;
-use crate::survey::{CLASSES, Class};
+use crate::classes::CLASSES;
+use crate::survey::Class;
 
 /// Estimated time to look up one row of cells and start comparing, in nanoseconds.
 const ROW: f32 = 14.0;
@@ -33,6 +34,8 @@ pub(crate) struct Levels {
     pub(crate) levels: Vec<Level>,
     /// The level of each size class.
     pub(crate) of_class: [u8; CLASSES],
+    /// Estimated time of a search, in nanoseconds.
+    pub(crate) cost: f32,
 }
 
 /// One level: spheres of neighbouring size classes.
@@ -79,7 +82,8 @@ impl Levels {
             });
         }
 
-        let mut plan = Self { levels: Vec::new(), of_class: [0; CLASSES] };
+        let cost = best[groups.len()].cost;
+        let mut plan = Self { levels: Vec::new(), of_class: [0; CLASSES], cost };
         let mut bounds = Vec::new();
         let mut to = groups.len();
         while to > 0 {

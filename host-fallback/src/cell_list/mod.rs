@@ -13,15 +13,16 @@ mod levels;
 mod search;
 mod sort;
 
+use crate::classes::CLASSES;
 use crate::compare::{Columns, Output, Vector};
 use crate::input::Input;
 use crate::memory::{push, with_growth};
 use crate::report::Report;
-use crate::survey::CLASSES;
 use crate::{Error, Survey};
-use crowding::Crowding;
+pub(crate) use crowding::Crowding;
 use grid::Grid;
-use levels::{CELLS_PER_SPHERE, Levels};
+use levels::CELLS_PER_SPHERE;
+pub(crate) use levels::Levels;
 use sort::Sorter;
 
 /// Table entries per level at most, so that 32 bits number the entries of all levels.
@@ -82,10 +83,23 @@ impl CellList {
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
+        let crowding = report.time("plan", || Crowding::sample(input))?;
+        self.build_at(input, &crowding, report)
+    }
+
+    /// The same for spheres that are known to be so crowded.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn build_at(
+        &mut self,
+        input: &Input<'_>,
+        crowding: &Crowding,
+        report: &mut Report,
+    ) -> Result<(), Error> {
         let Survey { min, max, .. } = input.survey;
         let lengths = input.rule.lengths();
-        let sample = report.time("plan", || Crowding::sample(input))?;
-        let plan = report.time("plan", || Levels::plan(&input.survey, &sample));
+        let plan = report.time("plan", || Levels::plan(&input.survey, crowding));
         let (mut base, mut from) = (0, 0);
         self.levels.clear();
         for level in &plan.levels {
@@ -112,6 +126,16 @@ impl CellList {
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
         search::search(self, input, output)
+    }
+
+    /// The spheres in the order of the list. They are known by their places in it from then on; `order` says
+    /// whose places those are.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<&Columns, Error> {
+        self.columns.renumber(order)?;
+        Ok(&self.columns)
     }
 
     /// An upper estimate of the bytes held for `spheres` spheres.

@@ -51,6 +51,17 @@ impl Columns {
         Ok(ColumnsMut { xyzr, id: &mut id[..len] })
     }
 
+    /// Moves the ids to `order`; from then on a sphere's id is its place.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
+        resize(order, self.len, "the order of spheres")?;
+        order.copy_from_slice(&self.id[..self.len]);
+        self.id.iter_mut().zip(0..).for_each(|(id, at)| *id = at);
+        Ok(())
+    }
+
     /// Fills the columns with the spheres of these ids.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
 //! What makes two spheres a pair: the one exact test behind every filter.
 
+use crate::classes::{CLASSES, class_of};
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Interaction, Interactions, Reach, Space, Sphere, Spheres};
 
@@ -25,6 +26,16 @@ pub(crate) struct Rule<'a> {
     space: Space,
     /// The length of each axis, infinite where it is unbounded; `None` where all are.
     lengths: Option<DVec3>,
+    widening: Option<Widening<'a>>,
+}
+
+/// What makes candidates of spheres instead of pairs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Widening<'a> {
+    /// By how much the radii of each [class](class_of) grow.
+    pub(crate) by_class: &'a [f32; CLASSES],
+    /// The spheres that the ids of columns stand for, where these are places in another order.
+    pub(crate) order: Option<&'a [u32]>,
 }
 
 /// Interactions by species, with the ids checked against the table.
@@ -43,13 +54,18 @@ impl<'a> Rule<'a> {
             let reach = (0..table.species()).map(|s| table.reach(s)).collect();
             Species { table, ids, reach }
         });
-        Self { spheres, species, space: Space::UNBOUNDED, lengths: None }
+        Self { spheres, species, space: Space::UNBOUNDED, lengths: None, widening: None }
     }
 
     /// The same in a space in which the spheres are already wrapped.
     pub(crate) fn in_space(self, space: Space) -> Self {
         let lengths = space.lengths().map(|length| length.map_or(f64::INFINITY, f64::from));
         Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
+    }
+
+    /// The same for candidates.
+    pub(crate) fn widened(&self, widening: Widening<'a>) -> Self {
+        Self { widening: Some(widening), ..self.clone() }
     }
 
     /// The length of each periodic axis.
@@ -64,7 +80,7 @@ impl<'a> Rule<'a> {
     /// The spheres as rows whose radii are the effective ones, where that is what they are.
     #[inline(always)]
     pub(crate) fn plain_rows(&self) -> Option<&'a [Sphere]> {
-        if self.is_plain() { self.spheres.as_rows() } else { None }
+        if self.is_plain() && self.widening.is_none() { self.spheres.as_rows() } else { None }
     }
 
     /// Whether touching alone decides, so that a certain contact needs no further question.
@@ -81,7 +97,24 @@ impl<'a> Rule<'a> {
             None => sphere.radius,
             Some(s) => s.reach[s.ids[id as usize] as usize].effective_radius(sphere.radius),
         };
+        let radius = match &self.widening {
+            None => radius,
+            // Rounded up, as candidates are all that may be needed.
+            Some(widening) => (radius + widening.by_class[class_of(radius)]).next_up(),
+        };
         (sphere.center, radius)
+    }
+
+    /// Whether lanes that may be pairs count as pairs: the places `i` and `j`, where the rule is for candidates. Of
+    /// species that never interact there are none.
+    #[inline(always)]
+    pub(crate) fn candidates(&self, i: u32, j: u32) -> Option<bool> {
+        let order = self.widening?.order?;
+        let ids = |species: &Species<'_>| [i, j].map(|at| species.ids[order[at as usize] as usize]);
+        Some(self.species.as_ref().is_none_or(|species| {
+            let [i, j] = ids(species);
+            species.table.get(i, j) != Interaction::Never
+        }))
     }
 
     /// The exact test.

@@ -50,7 +50,8 @@ fn decide(rule: &Rule<'_>, columns: &Columns, at: usize, base: usize, lanes: Lan
     while open != 0 {
         let lane = open.trailing_zeros();
         open &= open - 1;
-        if rule.pairs(columns.id(at), columns.id(base + lane as usize)) {
+        let (i, j) = (columns.id(at), columns.id(base + lane as usize));
+        if rule.candidates(i, j).unwrap_or_else(|| rule.pairs(i, j)) {
             hits |= 1 << lane;
         }
     }

@@ -23,6 +23,9 @@ pub(crate) trait Sink: Send + Sized {
     /// Takes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes`.
     fn hits<V: Vector>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32);
 
+    /// Takes one pair.
+    fn pair(&mut self, pair: Pair);
+
     /// Adds what the sink of the work that follows has taken.
     ///
     /// # Errors
@@ -85,6 +88,11 @@ impl Sink for Counter {
     #[inline(always)]
     fn hits<V: Vector>(&mut self, _: V, _: u32, _: &[u32; MAX_LANES], lanes: u32) {
         self.0 += u64::from(lanes.count_ones());
+    }
+
+    #[inline(always)]
+    fn pair(&mut self, _: Pair) {
+        self.0 += 1;
     }
 
     fn merge(self, later: Self) -> Result<Self, Error> {
@@ -267,6 +275,18 @@ impl Sink for Writer<'_, '_> {
             {
                 self.len += vector.pack(id, ids, lanes, room);
             }
+        }
+    }
+
+    #[inline(always)]
+    fn pair(&mut self, pair: Pair) {
+        if self.counting {
+            self.found += 1;
+        } else if self.output.window.as_ref().is_none_or(|window| window.contains(&pair.i))
+            && let Some(room) = self.room()
+        {
+            room[0] = pair;
+            self.len += 1;
         }
     }
 

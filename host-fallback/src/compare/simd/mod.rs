@@ -14,10 +14,12 @@ pub(crate) use jobs::{Around, Jobs};
 pub(crate) use nearest::Images;
 use nearest::Nearest;
 pub(crate) use portable::Portable;
+pub(crate) use rows::Row;
 
 mod jobs;
 mod nearest;
 mod portable;
+mod rows;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
@@ -121,6 +123,19 @@ fn over<T: Task>(task: T, vector: impl Width, images: Option<Images>) -> T::Resu
     }
 }
 
+/// Asks for a value that will soon be read, where the processor takes such wishes.
+#[inline(always)]
+pub(crate) fn prefetch<T>(value: &T) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: every x86-64 processor has SSE; the address is a reference's, and nothing is read or written.
+    unsafe {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(value).cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = value;
+}
+
 /// Work that is compiled once per vector width, with that width's instructions throughout.
 ///
 /// Only what is inlined into [`Task::run`] takes on the instructions: its callees are `#[inline(always)]`, and none
@@ -148,6 +163,8 @@ pub(crate) trait Vector: Copy {
     fn possible(self, gaps: Self::Gaps) -> u32;
     /// Lanes that touch without doubt.
     fn certain(self, gaps: Self::Gaps) -> u32;
+    /// Which of the pairs of places in `rows` may touch, and which do without doubt: a bit for each.
+    fn touching(self, rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2];
     /// The cell of the point `center + offset`, cut to the grid. Monotone along each axis, and the same operations
     /// in the same order for every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];

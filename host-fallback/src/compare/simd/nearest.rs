@@ -1,7 +1,7 @@
 use lazygrid_kernels::{Pair, Space};
 
 use super::super::columns::Columns;
-use super::{Around, Axes, Jobs, MAX_LANES, Vector, Width};
+use super::{Around, Axes, Jobs, MAX_LANES, Row, Vector, Width, rows};
 
 /// A periodic space as the filter sees it.
 #[derive(Clone, Copy, Debug)]
@@ -59,6 +59,11 @@ impl<V: Width> Vector for Nearest<V> {
     #[inline(always)]
     fn certain(self, [_, narrow]: Self::Gaps) -> u32 {
         self.vector.certain(narrow)
+    }
+
+    #[inline(always)]
+    fn touching(self, rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+        rows::nearest_touching(rows, pairs, &self.images)
     }
 
     #[inline(always)]

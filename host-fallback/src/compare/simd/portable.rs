@@ -1,7 +1,7 @@
 use lazygrid_kernels::Pair;
 
 use super::super::columns::Columns;
-use super::{Around, Axes, BAND, FLOOR, Images, Jobs, MAX_LANES, Vector, Width};
+use super::{Around, Axes, BAND, FLOOR, Images, Jobs, MAX_LANES, Row, Vector, Width, rows};
 
 /// Plain loops over eight lanes.
 #[derive(Clone, Copy)]
@@ -37,6 +37,11 @@ impl Vector for Portable {
     #[inline(always)]
     fn certain(self, (d2, s2): Self::Gaps) -> u32 {
         (0..8).fold(0, |mask, k| mask | u32::from(d2[k] < s2[k] * (1.0 - BAND) - FLOOR) << k)
+    }
+
+    #[inline(always)]
+    fn touching(self, rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+        rows::touching(rows, pairs)
     }
 
     #[inline(always)]

@@ -4,7 +4,7 @@ use lazygrid_kernels::Pair;
 
 use super::super::columns::Columns;
 use super::{
-    Around, Axes, BAND, FLOOR, Feature, Images, Jobs, MAX_LANES, Task, Vector, Width, over, portable,
+    Around, Axes, BAND, FLOOR, Feature, Images, Jobs, MAX_LANES, Row, Task, Vector, Width, over, portable,
 };
 
 /// A width, from one list of instruction sets: those that its tasks are compiled with are those that the processor is
@@ -60,6 +60,39 @@ unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
     cell
 }
 
+/// Four pairs at a time, each in a vector of its own until their coordinates are sorted out.
+///
+/// # Safety
+/// The processor must have FMA.
+#[inline(always)]
+unsafe fn touching(rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+    let mut masks = [0; 2];
+    for (k, four) in pairs.chunks_exact(4).enumerate() {
+        // SAFETY: FMA, hence SSE, by the caller's promise; each row read is a reference's.
+        unsafe {
+            let negative = _mm_setr_ps(0.0, 0.0, 0.0, -0.0);
+            // The differences of the coordinates and the sum of the radii, squared.
+            let squares = |pair: &Pair| {
+                let [a, b] = [&rows[pair.i as usize], &rows[pair.j as usize]];
+                let other = _mm_xor_ps(_mm_loadu_ps(b.as_ptr()), negative);
+                let gap = _mm_sub_ps(_mm_loadu_ps(a.as_ptr()), other);
+                _mm_mul_ps(gap, gap)
+            };
+            let [a, b, c, d] = [squares(&four[0]), squares(&four[1]), squares(&four[2]), squares(&four[3])];
+            let (xy, zs) = (_mm_unpacklo_ps(a, b), _mm_unpackhi_ps(a, b));
+            let (other_xy, other_zs) = (_mm_unpacklo_ps(c, d), _mm_unpackhi_ps(c, d));
+            let (x2, y2) = (_mm_movelh_ps(xy, other_xy), _mm_movehl_ps(other_xy, xy));
+            let (z2, s2) = (_mm_movelh_ps(zs, other_zs), _mm_movehl_ps(other_zs, zs));
+            let d2 = _mm_add_ps(_mm_add_ps(x2, y2), z2);
+            let most = _mm_fmadd_ps(s2, _mm_set1_ps(1.0 + BAND), _mm_set1_ps(FLOOR));
+            let least = _mm_fmsub_ps(s2, _mm_set1_ps(1.0 - BAND), _mm_set1_ps(FLOOR));
+            masks[0] |= (_mm_movemask_ps(_mm_cmple_ps(d2, most)) as u32) << (4 * k);
+            masks[1] |= (_mm_movemask_ps(_mm_cmplt_ps(d2, least)) as u32) << (4 * k);
+        }
+    }
+    masks
+}
+
 impl Vector for Avx512 {
     const LANES: usize = 16;
     type Query = [__m512; 4];
@@ -101,6 +134,12 @@ impl Vector for Avx512 {
             let bound = _mm512_fmsub_ps(s2, _mm512_set1_ps(1.0 - BAND), _mm512_set1_ps(FLOOR));
             u32::from(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(d2, bound))
         }
+    }
+
+    #[inline(always)]
+    fn touching(self, rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+        // SAFETY: `self` proves FMA.
+        unsafe { touching(rows, pairs) }
     }
 
     #[inline(always)]
@@ -210,6 +249,12 @@ impl Vector for Avx2 {
             let bound = _mm256_fmsub_ps(s2, _mm256_set1_ps(1.0 - BAND), _mm256_set1_ps(FLOOR));
             _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(d2, bound)) as u32
         }
+    }
+
+    #[inline(always)]
+    fn touching(self, rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+        // SAFETY: `self` proves FMA.
+        unsafe { touching(rows, pairs) }
     }
 
     #[inline(always)]

@@ -1,0 +1,100 @@
+//! What a detector with a skin does from call to call: serve it from candidates, find new ones, or search without.
+
+use super::motion::Motion;
+use super::worth::{Choice, allowances, choose};
+use super::{Allowances, Candidates, fixed};
+use crate::cell_list::{CellList, Crowding};
+use crate::compare::Rule;
+use crate::input::Input;
+use crate::report::{Rebuilt, Report};
+use crate::threads::Threads;
+use crate::{Error, Skin};
+
+/// Calls at most for which a choice is not thought over.
+const PATIENCE: u32 = 31;
+
+/// Candidates, and what decides on the next.
+#[derive(Debug, Default)]
+pub(crate) struct Course {
+    pub(crate) candidates: Candidates,
+    motion: Motion,
+    choice: Option<Choice>,
+    /// How far the farthest sphere had gone one call after the candidates were found, as a part of its allowance.
+    first: f32,
+    /// For how many searches the choice stands, and for how many it stood the last time.
+    wait: u32,
+    patience: u32,
+}
+
+impl Course {
+    /// Takes up where the spheres are now. Says why candidates cannot serve the call, if they cannot.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn advance(
+        &mut self,
+        skin: Skin,
+        rule: &Rule<'_>,
+        threads: Threads,
+    ) -> Result<Option<Rebuilt>, Error> {
+        if skin == Skin::Auto {
+            self.motion.observe(rule)?;
+        }
+        let lapsed = self.candidates.refresh(rule, threads);
+        let (age, moved) = self.candidates.age();
+        if age == 1 {
+            self.first = moved;
+        }
+        if lapsed == Some(Rebuilt::Moved)
+            && let Some(choice) = &self.choice
+        {
+            self.motion.learn(self.first * choice.skin, (age, moved * choice.skin));
+            // What lasted about as long as expected need not be thought over soon.
+            let as_expected = (0.5..=2.0).contains(&(age as f32 / (choice.calls + 1.0)));
+            self.wait = if as_expected { self.wait } else { 0 };
+        }
+        Ok(lapsed)
+    }
+
+    /// Finds candidates where they are worth it, else only builds the list. Whether there are candidates now.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn find(
+        &mut self,
+        list: &mut CellList,
+        input: &Input<'_>,
+        report: &mut Report,
+    ) -> Result<bool, Error> {
+        let crowding = report.time("plan", || Crowding::sample(input))?;
+        let allowances = match input.settings.skin {
+            Skin::Off => None,
+            Skin::Fixed(distance) => Some(fixed(distance)),
+            Skin::Auto => report.time("plan", || self.choose(input, &crowding)),
+        };
+        if let Some(allowances) = allowances
+            && self.candidates.find((list, &crowding), input, &allowances, report)?
+        {
+            return Ok(true);
+        }
+        self.candidates.clear();
+        list.build_at(input, &crowding, report)?;
+        Ok(false)
+    }
+
+    /// The allowances that are worth it.
+    fn choose(&mut self, input: &Input<'_>, crowding: &Crowding) -> Option<Allowances> {
+        let (steps, growth) = self.motion.steps()?;
+        if self.wait > 0 {
+            self.wait -= 1;
+            return self.choice.as_ref().map(|choice| allowances(&steps, choice.skin));
+        }
+        let choice = choose(&input.survey, crowding, (&steps, growth));
+        let same =
+            choice.as_ref().map(|choice| choice.skin) == self.choice.as_ref().map(|choice| choice.skin);
+        self.patience = if same { (2 * self.patience + 1).min(PATIENCE) } else { 0 };
+        self.wait = self.patience;
+        self.choice = choice;
+        self.choice.as_ref().map(|choice| choice.allowances)
+    }
+}

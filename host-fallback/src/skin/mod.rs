@@ -1,0 +1,306 @@
+//! Candidates that outlive a call: pairs that may overlap until some sphere has moved too far.
+//!
+//! Every sphere has an *allowance*, how far it may go. Candidates are the pairs that touch when radii are larger by
+//! those; as long as no sphere has gone farther than its own, every pair that touches is among them. So a call
+//! measures how far the spheres have gone and tests the candidates, or else finds new ones. What is found never
+//! depends on the allowances, only the time it takes.
+//!
+//! `motion` observes, `worth` chooses allowances, `course` decides from call to call, this file keeps and tests.
+
+mod course;
+mod motion;
+#[cfg(test)]
+mod tests;
+mod worth;
+
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+
+use lazygrid_kernels::Pair;
+
+use crate::Error;
+use crate::cell_list::{CellList, Crowding};
+use crate::classes::{CLASSES, class_of};
+use crate::compare::{
+    MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, prefetch, search_pieces,
+};
+use crate::input::Input;
+use crate::memory::{resize, with_growth};
+use crate::report::{Kept, Rebuilt, Report};
+use crate::survey::Survey;
+use crate::threads::Threads;
+
+pub(crate) use course::Course;
+
+/// How far the spheres of each size class may go.
+type Allowances = [f32; CLASSES];
+
+/// Spheres that are asked for ahead of their turn: they lie all over memory.
+const AHEAD: usize = 32;
+/// Spheres per piece of the pass that measures how far they have gone.
+const PIECE: usize = 1 << 13;
+/// The part of its allowance that a sphere may use up: less than all of it by more than rounding in `f32` can hide.
+const USABLE: f32 = 1.0 - 1.0 / (1 << 16) as f32;
+/// What rounding may add to a distance between nearest images, as a part of the longest axis.
+const SEAM: f32 = 1.0 / (1 << 20) as f32;
+/// Radii from which allowances may be lost in them.
+const LARGEST: f32 = 1e30;
+/// Allowances whose squares `f32` holds with room to spare.
+const FINITE: std::ops::RangeInclusive<f32> = 5e-15..=1e17;
+
+/// The allowances of a fixed skin: half of it for every sphere.
+fn fixed(distance: f32) -> Allowances {
+    [distance / 2.0; CLASSES]
+}
+
+/// The candidates and where spheres were when they were found.
+#[derive(Debug, Default)]
+pub(crate) struct Candidates {
+    /// What was known of the spheres; there are no candidates without it.
+    survey: Option<Box<Survey>>,
+    species: Vec<u32>,
+    /// Which sphere stands at which place; spheres that are near each other have near places.
+    order: Vec<u32>,
+    /// The spheres of this call, place by place.
+    rows: Vec<Row>,
+    /// Where each was, and one over the square of how far it may go.
+    origins: Vec<Row>,
+    /// Pairs of places.
+    chunks: Vec<Vec<Pair>>,
+    count: u64,
+    age: u32,
+    moved: f32,
+}
+
+impl Candidates {
+    /// Bytes per sphere besides the candidates themselves.
+    pub(crate) const BYTES_PER_SPHERE: u64 = 2 * size_of::<Row>() as u64 + 8;
+
+    /// The most bytes held for `spheres` spheres with eight candidates each.
+    pub(crate) fn memory_for(spheres: u64) -> u64 {
+        with_growth(spheres * (Self::BYTES_PER_SPHERE + 8 * size_of::<Pair>() as u64))
+    }
+
+    /// What was known of the spheres when the candidates were found, where there are any.
+    pub(crate) fn survey(&self) -> Option<&Survey> {
+        self.survey.as_deref()
+    }
+
+    /// Gives the candidates up.
+    pub(crate) fn clear(&mut self) {
+        self.survey = None;
+    }
+
+    /// How many calls they have served, and how much of the allowances is used up.
+    pub(crate) fn age(&self) -> (u32, f32) {
+        (self.age, self.moved)
+    }
+
+    /// What a report says of them.
+    pub(crate) fn kept(&self, rebuilt: Option<Rebuilt>) -> Kept {
+        Kept { count: self.count, age: self.age, moved: self.moved, rebuilt }
+    }
+
+    /// Takes up where the spheres are now; says why the candidates cannot serve this call, if they cannot.
+    pub(crate) fn refresh(&mut self, rule: &Rule<'_>, threads: Threads) -> Option<Rebuilt> {
+        let spheres = rule.spheres();
+        if self.survey.is_none() {
+            return Some(Rebuilt::First);
+        }
+        if spheres.len() != self.order.len() || spheres.species().unwrap_or(&[]) != self.species {
+            return Some(Rebuilt::Changed);
+        }
+        let (order, origins) = (&self.order, &self.origins);
+        let (farthest, changed) = (AtomicU32::new(0), AtomicBool::new(false));
+        threads.each_stretch(&mut self.rows, PIECE, |piece, rows| {
+            let places = piece * PIECE..piece * PIECE + rows.len();
+            let (part, differs) = advance(rule, &order[places.clone()], &origins[places], rows);
+            // Bits of numbers that are not negative are in the order of the numbers.
+            farthest.fetch_max(part.to_bits(), Relaxed);
+            changed.fetch_or(differs, Relaxed);
+        });
+        self.moved = f32::from_bits(farthest.into_inner()).sqrt();
+        self.age += 1;
+        match (changed.into_inner(), self.moved <= USABLE) {
+            (true, _) => Some(Rebuilt::Changed),
+            (false, false) => Some(Rebuilt::Moved),
+            (false, true) => None,
+        }
+    }
+
+    /// Finds candidates anew, with the list of all spheres. `false` where they are more than a list may hold; there are
+    /// none then.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn find(
+        &mut self,
+        (list, crowding): (&mut CellList, &Crowding),
+        input: &Input<'_>,
+        allowances: &Allowances,
+        report: &mut Report,
+    ) -> Result<bool, Error> {
+        self.clear();
+        let rule = input.rule.widened(Widening { by_class: allowances, order: None });
+        let Some(inverse) = inverse_squares(allowances, &input.rule) else { return Ok(false) };
+        if input.survey.largest_radius() > LARGEST {
+            return Ok(false);
+        }
+        let survey = report.time("survey", || Survey::of(&rule, input.threads))?;
+        let wide = |rule, survey| Input { rule, survey, ..*input };
+        let widened = wide(rule, survey);
+        list.build_at(&widened, crowding, report)?;
+        report.time("keep", || self.place(list, input, &inverse))?;
+
+        let rule = input.rule.widened(Widening { by_class: allowances, order: Some(&self.order) });
+        let widened = wide(rule, widened.survey);
+        self.chunks.iter_mut().for_each(Vec::clear);
+        let limit = input.settings.max_pairs;
+        let kept = To::List { limit, kept: AtomicU64::new(0) };
+        let output = Written::new(kept, std::mem::take(&mut self.chunks));
+        let (count, chunks) = report.time("candidates", || list.search(&widened, &output)?.finish())?;
+        self.chunks = chunks;
+        if count > limit {
+            self.chunks = Vec::new();
+            return Ok(false);
+        }
+        (self.count, self.age, self.moved) = (count, 0, 0.0);
+        self.survey = Some(Box::new(input.survey.clone()));
+        Ok(true)
+    }
+
+    /// Takes over the order of the list, and where its spheres are.
+    fn place(&mut self, list: &mut CellList, input: &Input<'_>, inverse: &Allowances) -> Result<(), Error> {
+        let n = input.survey.spheres;
+        list.renumber(&mut self.order)?;
+        resize(&mut self.rows, n, "spheres in the order of candidates")?;
+        resize(&mut self.origins, n, "where spheres were")?;
+        let ids = input.rule.spheres().species().unwrap_or(&[]);
+        resize(&mut self.species, ids.len(), "species of spheres")?;
+        self.species.copy_from_slice(ids);
+        let order = &self.order;
+        let row = |at: usize| {
+            let (center, radius) = input.rule.effective(order[at]);
+            [center.x, center.y, center.z, radius]
+        };
+        input.threads.each_stretch(&mut self.rows, PIECE, |piece, rows| {
+            rows.iter_mut().zip(piece * PIECE..).for_each(|(target, at)| *target = row(at));
+        });
+        let rows = &self.rows;
+        input.threads.each_stretch(&mut self.origins, PIECE, |piece, origins| {
+            for (origin, &[x, y, z, radius]) in origins.iter_mut().zip(&rows[piece * PIECE..]) {
+                *origin = [x, y, z, inverse[class_of(radius)]];
+            }
+        });
+        Ok(())
+    }
+
+    /// Finds all pairs among the candidates.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn search<'o, O: Output>(
+        &self,
+        input: &Input<'_>,
+        output: &'o O,
+    ) -> Result<O::Sink<'o>, Error> {
+        search_pieces((output, input.threads), (self.chunks.len(), usize::MAX), |mut sink, k| {
+            let Self { rows, order, .. } = self;
+            let sink_of = &mut sink;
+            input.run(Tests { pairs: &self.chunks[k], rows, order, rule: &input.rule, sink: sink_of });
+            Ok(sink)
+        })
+    }
+}
+
+/// One over the square of each allowance, less what rounding may hide; none where that leaves nothing to go by.
+fn inverse_squares(allowances: &Allowances, rule: &Rule<'_>) -> Option<Allowances> {
+    let longest = rule.lengths().into_iter().flatten().fold(0.0, f32::max);
+    let seam = longest * SEAM;
+    let usable = allowances.iter().all(|allowance| FINITE.contains(allowance) && seam <= allowance / 2.0);
+    usable.then(|| allowances.map(|allowance| (allowance - seam).powi(-2)))
+}
+
+/// Takes over where the spheres at some places are now. Returns the largest part of its allowance that one has gone,
+/// squared, or infinity where that is no number; and whether one has another radius.
+fn advance(rule: &Rule<'_>, order: &[u32], origins: &[Row], rows: &mut [Row]) -> (f32, bool) {
+    let lengths = rule.lengths();
+    let periodic = lengths.iter().any(Option::is_some);
+    let (mut farthest, mut changed, mut lost) = (0.0_f32, false, false);
+    let mut step = |row: &mut Row, origin: &Row, now: Row| {
+        let mut gone = [now[0] - origin[0], now[1] - origin[1], now[2] - origin[2]];
+        if periodic {
+            for (gone, length) in gone.iter_mut().zip(lengths) {
+                *gone = gone.abs().min(length.map_or(f32::INFINITY, |length| (length - gone.abs()).abs()));
+            }
+        }
+        let part = (gone[0] * gone[0] + gone[1] * gone[1] + gone[2] * gone[2]) * origin[3];
+        lost |= part.is_nan();
+        farthest = farthest.max(part);
+        changed |= now[3].to_bits() != row[3].to_bits();
+        *row = now;
+    };
+    match rule.plain_rows() {
+        Some(spheres) => {
+            let soon = order.iter().skip(AHEAD).chain(std::iter::repeat(&order[0]));
+            for (((row, origin), &id), &soon) in rows.iter_mut().zip(origins).zip(order).zip(soon) {
+                prefetch(&spheres[soon as usize]);
+                step(row, origin, bytemuck::cast(spheres[id as usize]));
+            }
+        }
+        None => {
+            for ((row, origin), &id) in rows.iter_mut().zip(origins).zip(order) {
+                let (center, radius) = rule.effective(id);
+                step(row, origin, [center.x, center.y, center.z, radius]);
+            }
+        }
+    }
+    (if lost { f32::INFINITY } else { farthest }, changed)
+}
+
+/// Tests some candidates.
+struct Tests<'t, S> {
+    pairs: &'t [Pair],
+    rows: &'t [Row],
+    order: &'t [u32],
+    rule: &'t Rule<'t>,
+    sink: &'t mut S,
+}
+
+impl<S: Sink> Tests<'_, S> {
+    /// Tests as many as a vector holds; those whose bits in `live` are set count.
+    #[inline(always)]
+    fn vector<V: Vector>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], live: u32) {
+        let [possible, certain] = vector.touching(self.rows, pairs);
+        let sure = if self.rule.is_plain() { certain } else { 0 };
+        let mut open = possible & live;
+        while open != 0 {
+            let lane = open.trailing_zeros();
+            open &= open - 1;
+            let Pair { i, j } = pairs[lane as usize];
+            let pair = Pair::new(self.order[i as usize], self.order[j as usize]);
+            if sure >> lane & 1 == 1 || self.rule.pairs(pair.i, pair.j) {
+                self.sink.pair(pair);
+            }
+        }
+    }
+}
+
+impl<S: Sink> Task for Tests<'_, S> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run<V: Vector>(mut self, vector: V) {
+        let (vectors, rest) = self.pairs.as_chunks::<MAX_LANES>();
+        for (k, pairs) in vectors.iter().enumerate() {
+            for pair in vectors.get(k + 2).unwrap_or(pairs) {
+                prefetch(&self.rows[pair.j as usize]);
+            }
+            self.vector(vector, pairs, u32::MAX);
+        }
+        if let [first, ..] = rest {
+            let mut last = [*first; MAX_LANES];
+            last[..rest.len()].copy_from_slice(rest);
+            self.vector(vector, &last, (1 << rest.len()) - 1);
+        }
+    }
+}

@@ -1,0 +1,173 @@
+use lazygrid_kernels::{Interaction, Interactions, Pair, Space, Sphere, Spheres};
+
+use crate::{Error, HostDetector, Order, Rebuilt, Settings, Skin};
+
+/// A reproducible stream of numbers between −1 and 1.
+fn random(state: &mut u64) -> f32 {
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 40) as f32 / (1 << 23) as f32 - 1.0
+}
+
+/// Spheres of several sizes in a cube of this edge.
+fn gas(n: usize, sizes: i32, edge: f32) -> Vec<Sphere> {
+    let mut state = 11;
+    (0..n)
+        .map(|k| {
+            let center = [(); 3].map(|()| edge / 2.0 * random(&mut state));
+            Sphere::new(center, 0.5_f32.powi(k as i32 % sizes))
+        })
+        .collect()
+}
+
+/// Moves every sphere by up to a part of its radius along each axis.
+fn step(spheres: &mut [Sphere], part: f32, state: &mut u64) {
+    for sphere in spheres {
+        sphere.center += glam::Vec3::from([(); 3].map(|()| part * sphere.radius * random(state)));
+    }
+}
+
+fn species(n: usize) -> Vec<u32> {
+    (0..n as u32).map(|k| k % 3).collect()
+}
+
+fn table() -> Interactions {
+    let mut table = Interactions::new(3, Interaction::Touch).expect("few species");
+    table.set(0, 0, Interaction::Never).expect("known species");
+    table.set(0, 1, Interaction::Within(1.7)).expect("known species");
+    table
+}
+
+/// Detectors with these skins and without one, in several settings.
+fn settings(skin: Skin) -> Vec<Settings> {
+    let plain = || Settings { skin, ..Settings::default() };
+    let space = Space::periodic([Some(24.0), None, Some(25.0)]).expect("a box");
+    vec![
+        plain(),
+        Settings { interactions: Some(table()), threads: Some(3), ..plain() },
+        Settings { space, threads: Some(1), ..plain() },
+        Settings { space, interactions: Some(table()), ..plain() },
+    ]
+}
+
+fn pairs(detector: &mut HostDetector, spheres: &[Sphere]) -> Vec<Pair> {
+    let ids = species(spheres.len());
+    let spheres = Spheres::from(spheres).with_species(&ids).expect("one id for each");
+    detector.pairs(spheres).expect("the spheres are valid").to_vec()
+}
+
+/// Every call of a long walk has the pairs of a search, whatever is kept, and something is.
+#[test]
+fn candidates_never_change_an_answer() {
+    for skin in [Skin::Auto, Skin::Fixed(0.3), Skin::Fixed(2.0)] {
+        for (k, settings) in settings(skin).into_iter().enumerate() {
+            let mut off =
+                HostDetector::new(Settings { skin: Skin::Off, ..settings.clone() }).expect("good settings");
+            let mut kept = HostDetector::new(settings).expect("good settings");
+            let (mut spheres, mut state) = (gas(4000, 3, 24.0), 5);
+            let (mut served, mut moved) = (0, 0);
+            for call in 0..40 {
+                let expected = pairs(&mut off, &spheres);
+                assert_eq!(pairs(&mut kept, &spheres), expected, "{skin:?}, settings {k}, call {call}");
+                let report = kept.report().candidates;
+                served += usize::from(report.is_some_and(|kept| kept.rebuilt.is_none()));
+                moved += usize::from(report.is_some_and(|kept| kept.rebuilt == Some(Rebuilt::Moved)));
+                assert!(report.is_none_or(|kept| kept.count >= expected.len() as u64));
+                step(&mut spheres, if call < 30 { 0.05 } else { 0.2 }, &mut state);
+            }
+            assert!(served > 10 && moved > 1, "{skin:?}, settings {k}: {served} served, {moved} moved");
+        }
+    }
+}
+
+#[test]
+fn all_results_come_from_candidates() {
+    let settings = Settings { skin: Skin::Fixed(0.5), max_pairs: 300, ..Settings::default() };
+    let mut kept = HostDetector::new(settings).expect("good settings");
+    let mut off = HostDetector::new(Settings::default()).expect("good settings");
+    let (mut spheres, mut state) = (gas(2000, 2, 16.0), 5);
+    for _ in 0..4 {
+        let all = off.pairs((&spheres).into()).expect("the spheres are valid").to_vec();
+        assert!(all.len() > 600, "streams take several searches");
+        assert_eq!(kept.count((&spheres).into()).expect("valid"), all.len() as u64);
+        assert!(matches!(kept.pairs((&spheres).into()), Err(Error::TooManyPairs { .. })));
+        let mut streamed = Vec::new();
+        let mut consume = |pairs: &[Pair]| {
+            streamed.extend_from_slice(pairs);
+            std::ops::ControlFlow::Continue(())
+        };
+        kept.stream((&spheres).into(), 77, &mut consume).expect("valid");
+        assert_eq!(streamed, all);
+        step(&mut spheres, 0.02, &mut state);
+    }
+}
+
+/// What else may change between calls.
+#[test]
+fn spheres_that_change_are_searched_anew() {
+    let settings = Settings { skin: Skin::Fixed(1.0), order: Order::Unordered, ..Settings::default() };
+    let mut kept = HostDetector::new(settings).expect("good settings");
+    let mut off = HostDetector::new(Settings::default()).expect("good settings");
+    let mut spheres = gas(3000, 2, 20.0);
+    let mut judge = |spheres: &[Sphere], why: Option<Rebuilt>| {
+        let found = kept.count(spheres.into()).expect("valid");
+        assert_eq!(found, off.count(spheres.into()).expect("valid"));
+        assert_eq!(kept.report().candidates.expect("there is a skin").rebuilt, why);
+    };
+    judge(&spheres, Some(Rebuilt::First));
+    judge(&spheres, None);
+    spheres[17].radius *= 1.5;
+    judge(&spheres, Some(Rebuilt::Changed));
+    spheres.push(spheres[5]);
+    judge(&spheres, Some(Rebuilt::Changed));
+    spheres[2999].center.y += 0.49;
+    judge(&spheres, None);
+    spheres[2999].center.y += 0.02;
+    judge(&spheres, Some(Rebuilt::Moved));
+}
+
+#[test]
+fn bad_spheres_are_refused_and_forgotten() {
+    let mut kept =
+        HostDetector::new(Settings { skin: Skin::Fixed(1.0), ..Settings::default() }).expect("good settings");
+    let spheres = gas(3000, 2, 20.0);
+    let expected = kept.count((&spheres).into()).expect("valid");
+    for bad in [
+        Sphere::new([f32::NAN, 0.0, 0.0], 1.0),
+        Sphere::new([0.0; 3], -1.0),
+        Sphere::new([f32::MAX; 3], f32::NAN),
+    ] {
+        let mut wrong = spheres.clone();
+        wrong[1234] = bad;
+        assert!(matches!(kept.count((&wrong).into()), Err(Error::Input(_))), "{bad:?}");
+        assert_eq!(kept.count((&spheres).into()).expect("valid"), expected);
+    }
+}
+
+#[test]
+fn skins_that_no_arithmetic_can_follow_are_refused() {
+    for distance in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20] {
+        let settings = Settings { skin: Skin::Fixed(distance), ..Settings::default() };
+        assert!(
+            matches!(HostDetector::new(settings), Err(Error::Setting { name: "skin", .. })),
+            "{distance}"
+        );
+    }
+    let algorithm = lazygrid_kernels::Algorithm::HashGrid;
+    let settings = Settings { skin: Skin::Fixed(1.0), algorithm, ..Settings::default() };
+    assert!(matches!(HostDetector::new(settings), Err(Error::Setting { name: "skin", .. })));
+}
+
+/// A skin across all of space has more candidates than are kept, and radii beside which allowances are nothing have none.
+#[test]
+fn where_candidates_cannot_be_kept_every_call_searches() {
+    let settings =
+        |distance| Settings { skin: Skin::Fixed(distance), max_pairs: 100_000, ..Settings::default() };
+    let spheres = gas(3000, 2, 60.0);
+    let expected =
+        HostDetector::new(Settings::default()).expect("good").count((&spheres).into()).expect("valid");
+    let mut kept = HostDetector::new(settings(1e4)).expect("good settings");
+    for _ in 0..2 {
+        assert_eq!(kept.count((&spheres).into()).expect("valid"), expected);
+        assert_eq!(kept.report().candidates, None);
+    }
+}
