@@ -18,16 +18,19 @@ const GROUPS: usize = 16;
 /// The smallest allowance, as a part of the largest.
 const LEAST: f32 = 1e-3;
 
-/// Estimated time per sphere to survey and sort, in nanoseconds.
+/// Estimated time per sphere to survey and sort, in nanoseconds. This and those below were measured beside each other on
+/// AMD EPYC, and only their ratios count.
 const SORT: f32 = 24.0;
+/// Estimated time of a search over what the plan of the levels says of it.
+const SEARCH: f32 = 1.4;
+/// Estimated time to write down a pair or a candidate that a search finds, in nanoseconds.
+const WRITE: f32 = 12.0;
 /// Estimated time per sphere to keep where it was, in nanoseconds.
 const KEEP: f32 = 10.0;
 /// Estimated time per sphere to measure how far it has gone, in nanoseconds.
-const MEASURE: f32 = 5.0;
-/// Estimated time to write down a candidate, in nanoseconds.
-const WRITE: f32 = 2.0;
+const MEASURE: f32 = 7.0;
 /// Estimated time to test a candidate, in nanoseconds.
-const TEST: f32 = 3.0;
+const TEST: f32 = 4.5;
 /// Candidates per sphere at most, so that memory stays in proportion.
 const MOST: f32 = 64.0;
 
@@ -48,7 +51,9 @@ pub(crate) fn choose(
     (steps, growth): (&[f32; CLASSES], Growth),
 ) -> Option<Choice> {
     let n = survey.spheres as f32;
-    let none = SORT + Levels::plan(survey, crowding).cost / n;
+    let search =
+        |survey: &Survey, found: f32| SORT + SEARCH * Levels::plan(survey, crowding).cost / n + WRITE * found;
+    let none = search(survey, candidates(survey, crowding, &[0.0; CLASSES]));
     let mut best: Option<(f32, Choice)> = None;
     for skin in SKINS {
         let allowances = allowances(steps, skin);
@@ -60,7 +65,7 @@ pub(crate) fn choose(
             break;
         }
         let wide = widened(survey, &allowances);
-        let find = SORT + KEEP + Levels::plan(&wide, crowding).cost / n + WRITE * candidates;
+        let find = KEEP + search(&wide, candidates);
         let test = MEASURE + TEST * candidates;
         let calls = growth.steps(skin).floor();
         let time = (find + (calls + 1.0) * test) / (calls + 1.0);
