@@ -90,6 +90,84 @@ impl Detector {
         }
     }
 
+    /// The overlapping pairs of one sphere of each set, in the order that was asked for: `i` is the index of the one in
+    /// `a`, `j` that of the other in `b`. No two spheres of one set are ever compared: particles against receivers, say, or
+    /// those that are owned against ghosts. The slice lives until the next call. On the CPU only, so far.
+    ///
+    /// ```
+    /// use lazygrid::{Config, Detector, Pair, Sphere};
+    ///
+    /// let carriers = [0.0, 0.1, 9.0].map(|x| Sphere::new([x, 0.0, 0.0], 0.05));
+    /// let receivers = [8.0, 0.0].map(|x| Sphere::new([x, 0.0, 0.0], 0.1));
+    /// let mut detector = Detector::new(Config::default())?;
+    /// assert_eq!(detector.between(&carriers, &receivers)?, [Pair { i: 0, j: 1 }, Pair { i: 1, j: 1 }]);
+    /// # Ok::<(), lazygrid::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`pairs`](Self::pairs), [`InputError::Second`](crate::InputError::Second) for what is wrong with `b`;
+    /// [`Error::Setting`] on a GPU, and for an algorithm other than the cell list, naive and `Auto`.
+    pub fn between<'a, 'b>(
+        &mut self,
+        a: impl Into<Spheres<'a>>,
+        b: impl Into<Spheres<'b>>,
+    ) -> Result<&[Pair], Error> {
+        self.host_of_two()?.between(a.into(), b.into())
+    }
+
+    /// How many pairs of one sphere of each set there are.
+    ///
+    /// # Errors
+    /// As [`between`](Self::between), but for [`Error::TooManyPairs`]: any number can be counted.
+    pub fn count_between<'a, 'b>(
+        &mut self,
+        a: impl Into<Spheres<'a>>,
+        b: impl Into<Spheres<'b>>,
+    ) -> Result<u64, Error> {
+        self.host_of_two()?.count_between(a.into(), b.into())
+    }
+
+    /// For every sphere of `a` those of `b` that it overlaps, ascending.
+    ///
+    /// # Errors
+    /// As [`between`](Self::between).
+    pub fn neighbors_between<'a, 'b>(
+        &mut self,
+        a: impl Into<Spheres<'a>>,
+        b: impl Into<Spheres<'b>>,
+    ) -> Result<Neighbors<'_>, Error> {
+        self.host_of_two()?.neighbors_between(a.into(), b.into())
+    }
+
+    /// Hands the pairs of one sphere of each set to `consume`, as [`stream`](Self::stream) does.
+    ///
+    /// # Errors
+    /// As [`count_between`](Self::count_between).
+    pub fn stream_between<'a, 'b, F>(
+        &mut self,
+        a: impl Into<Spheres<'a>>,
+        b: impl Into<Spheres<'b>>,
+        chunk: usize,
+        consume: F,
+    ) -> Result<u64, Error>
+    where
+        F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
+    {
+        self.host_of_two()?.stream_between((a.into(), b.into()), chunk, consume)
+    }
+
+    /// The detector that finds pairs between two sets.
+    fn host_of_two(&mut self) -> Result<&mut HostDetector, Error> {
+        match &mut self.engine {
+            Engine::Host(host) => Ok(host),
+            #[cfg(feature = "gpu")]
+            Engine::Device(_) => {
+                let range = "pairs between two sets are found on the CPU so far: choose `Backend::Cpu`";
+                Err(Error::Setting { name: "backend", value: Backend::Gpu.to_string(), range })
+            }
+        }
+    }
+
     /// The pairs as neighbour lists: for every sphere all it overlaps, ascending, each pair in both lists.
     ///
     /// # Errors

@@ -25,6 +25,22 @@ pub fn choose(asked: Algorithm, survey: &Survey) -> (Algorithm, String) {
     }
 }
 
+/// So many comparisons of all pairs between two sets cost no more than sorting one sphere and looking around it.
+const COMPARED_PER_SPHERE: u64 = 200;
+
+/// The same for pairs of one of the first `split` spheres and one of the others.
+pub(crate) fn choose_between(asked: Algorithm, survey: &Survey, split: usize) -> (Algorithm, String) {
+    if asked != Algorithm::Auto {
+        return choose(asked, survey);
+    }
+    let [a, b] = [split as u64, (survey.spheres - split) as u64];
+    if a * b < COMPARED_PER_SPHERE * (a + b) {
+        (Algorithm::Naive, format!("naive: {a} times {b} comparisons are few"))
+    } else {
+        (Algorithm::CellList, format!("cell-list: {a} spheres and {b} others"))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use lazygrid_kernels::Sphere;

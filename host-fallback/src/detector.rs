@@ -1,25 +1,22 @@
-use std::ops::{ControlFlow, Range};
-use std::sync::Mutex;
-use std::sync::atomic::AtomicU64;
+use std::ops::ControlFlow;
 
-use lazygrid_kernels::{Algorithm, Pair, Space, Sphere, Spheres};
+use lazygrid_kernels::{Algorithm, Pair, Sphere, Spheres};
 use rayon::ThreadPool;
 
-use crate::canonical::Canonical;
 use crate::cell_list::CellList;
-use crate::compare::{Columns, Consume, Count, Output, Rule, To, Written};
+use crate::compare::{Columns, Count, Rule};
+use crate::given::Given;
 use crate::input::Input;
-use crate::memory::{collect, extend, resize, with_growth};
-use crate::neighbors::Lists;
+use crate::memory::{resize, with_growth};
 use crate::paper::{ArrayGrid, HashGrid, RecursiveGrid};
-use crate::scatter::{shared, split_at};
-use crate::skin::{Candidates, Course};
-use crate::survey::{Survey, check, check_species};
+use crate::skin::Candidates;
+use crate::state::State;
+use crate::survey::Survey;
 use crate::threads::{self, Threads};
-use crate::{Error, Kept, Neighbors, Order, Rebuilt, Report, Settings, Skin, choice, naive};
+use crate::{Error, Neighbors, Order, Rebuilt, Report, Settings, Skin};
 
-/// Spheres per piece of wrapping.
-const WRAPPED: usize = 1 << 14;
+/// Pairs per chunk of a stream between two sets at most, 8 MiB.
+const PART: usize = 1 << 20;
 
 /// Finds overlapping pairs on the CPU, call after call, reusing its buffers.
 #[derive(Debug)]
@@ -27,26 +24,6 @@ pub struct HostDetector {
     settings: Settings,
     pool: Option<ThreadPool>,
     state: State,
-}
-
-/// All that survives between calls, apart from the pool, in which the rest of the work runs.
-#[derive(Debug)]
-struct State {
-    report: Report,
-    /// The spheres' images nearest to the origin, where space is periodic.
-    wrapped: Vec<Sphere>,
-    columns: Columns,
-    cell_list: CellList,
-    course: Course,
-    /// Whether this call is served from candidates.
-    from_candidates: bool,
-    hash_grid: HashGrid,
-    array_grid: ArrayGrid,
-    recursive_grid: RecursiveGrid,
-    canonical: Canonical,
-    spare: Vec<Vec<Pair>>,
-    pairs: Vec<Pair>,
-    lists: Lists,
 }
 
 impl HostDetector {
@@ -63,22 +40,8 @@ impl HostDetector {
             Some(threads) => Some(threads::pool(threads)?),
         };
         log::debug!("vector code: {:?}", settings.simd);
-        let report = Report { algorithm: settings.algorithm, ..Report::default() };
-        let state = State {
-            report,
-            wrapped: Vec::new(),
-            columns: Columns::default(),
-            cell_list: CellList::default(),
-            course: Course::default(),
-            from_candidates: false,
-            hash_grid: HashGrid::default(),
-            array_grid: ArrayGrid::default(),
-            recursive_grid: RecursiveGrid::default(),
-            canonical: Canonical::default(),
-            spare: Vec::new(),
-            pairs: Vec::new(),
-            lists: Lists::default(),
-        };
+        let mut state = State::default();
+        state.report.algorithm = settings.algorithm;
         Ok(Self { settings, pool, state })
     }
 
@@ -88,7 +51,19 @@ impl HostDetector {
     /// [`Error::Input`] for a bad input, [`Error::TooManyPairs`] above the limit, [`Error::OutOfMemory`].
     pub fn pairs(&mut self, spheres: Spheres<'_>) -> Result<&[Pair], Error> {
         let order = self.settings.order;
-        self.run(spheres, |state, input| state.list(input, order))?;
+        self.run(Given::One(spheres), |state, input| state.list(input, order))?;
+        Ok(&self.state.pairs)
+    }
+
+    /// The overlapping pairs of one sphere of each set, in the order of the settings: `i` is the index of the one in `a`,
+    /// `j` that of the other in `b`. No two spheres of one set are ever compared.
+    ///
+    /// # Errors
+    /// As [`pairs`](Self::pairs), [`InputError::Second`](lazygrid_kernels::InputError::Second) for what is wrong with `b`;
+    /// [`Error::Setting`] for an algorithm other than the cell list, naive and `Auto`.
+    pub fn between(&mut self, a: Spheres<'_>, b: Spheres<'_>) -> Result<&[Pair], Error> {
+        let order = self.settings.order;
+        self.run(self.two(a, b)?, |state, input| state.list(input, order))?;
         Ok(&self.state.pairs)
     }
 
@@ -97,9 +72,19 @@ impl HostDetector {
     /// # Errors
     /// As [`pairs`](Self::pairs).
     pub fn neighbors(&mut self, spheres: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
-        self.run(spheres, |state, input| state.list(input, Order::Canonical))?;
+        self.run(Given::One(spheres), |state, input| state.list(input, Order::Canonical))?;
         let State { report, lists, pairs, .. } = &mut self.state;
         report.time("neighbors", || lists.fill(pairs, spheres.len()))
+    }
+
+    /// For every sphere of `a` those of `b` that it overlaps, ascending.
+    ///
+    /// # Errors
+    /// As [`between`](Self::between).
+    pub fn neighbors_between(&mut self, a: Spheres<'_>, b: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
+        self.run(self.two(a, b)?, |state, input| state.list(input, Order::Canonical))?;
+        let State { report, lists, pairs, .. } = &mut self.state;
+        report.time("neighbors", || lists.fill_forward(pairs, a.len()))
     }
 
     /// How many pairs there are.
@@ -107,7 +92,19 @@ impl HostDetector {
     /// # Errors
     /// [`Error::Input`] for a bad input, [`Error::OutOfMemory`].
     pub fn count(&mut self, spheres: Spheres<'_>) -> Result<u64, Error> {
-        self.run(spheres, |state, input| {
+        self.count_of(Given::One(spheres))
+    }
+
+    /// How many pairs of one sphere of each set there are.
+    ///
+    /// # Errors
+    /// As [`between`](Self::between).
+    pub fn count_between(&mut self, a: Spheres<'_>, b: Spheres<'_>) -> Result<u64, Error> {
+        self.count_of(self.two(a, b)?)
+    }
+
+    fn count_of(&mut self, given: Given<'_>) -> Result<u64, Error> {
+        self.run(given, |state, input| {
             state.report.pairs = state.search(input, &Count)?.0;
             Ok(())
         })?;
@@ -118,7 +115,38 @@ impl HostDetector {
     ///
     /// # Errors
     /// As [`count`](Self::count).
-    pub fn stream<F>(&mut self, spheres: Spheres<'_>, chunk: usize, mut consume: F) -> Result<u64, Error>
+    pub fn stream<F>(&mut self, spheres: Spheres<'_>, chunk: usize, consume: F) -> Result<u64, Error>
+    where
+        F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
+    {
+        self.stream_of(Given::One(spheres), chunk, consume)
+    }
+
+    /// Hands the pairs of one sphere of each set over in chunks of at most `chunk` and returns how many there were.
+    ///
+    /// # Errors
+    /// As [`between`](Self::between).
+    pub fn stream_between<F>(
+        &mut self,
+        (a, b): (Spheres<'_>, Spheres<'_>),
+        chunk: usize,
+        mut consume: F,
+    ) -> Result<u64, Error>
+    where
+        F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
+    {
+        let (given, first) = (self.two(a, b)?, a.len() as u32);
+        let mut part = Vec::new();
+        let chunk = chunk.clamp(1, PART);
+        resize(&mut part, chunk, "a chunk of pairs")?;
+        self.stream_of(given, chunk, move |pairs| {
+            let own = &mut part[..pairs.len()];
+            own.iter_mut().zip(pairs).for_each(|(own, pair)| *own = Pair { i: pair.i, j: pair.j - first });
+            consume(own)
+        })
+    }
+
+    fn stream_of<F>(&mut self, given: Given<'_>, chunk: usize, mut consume: F) -> Result<u64, Error>
     where
         F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
     {
@@ -131,12 +159,25 @@ impl HostDetector {
             }
             ControlFlow::Continue(())
         };
-        self.run(spheres, |state, input| match order {
+        self.run(given, |state, input| match order {
             Order::Unordered => state.hand_over(input, &mut consume),
             Order::Canonical => state.stream_in_order(input, limit, &mut consume),
         })?;
         self.state.report.pairs = handed;
         Ok(handed)
+    }
+
+    /// Two sets, for algorithms that can keep them apart.
+    fn two<'a>(&self, a: Spheres<'a>, b: Spheres<'a>) -> Result<Given<'a>, Error> {
+        let algorithm = self.settings.algorithm;
+        match algorithm {
+            Algorithm::Auto | Algorithm::CellList | Algorithm::Naive => Ok(Given::Two(a, b)),
+            _ => {
+                let range =
+                    "pairs between two sets are found by `CellList`, `Naive` and `Auto`: choose one of them";
+                Err(Error::Setting { name: "algorithm", value: algorithm.to_string(), range })
+            }
+        }
     }
 
     /// What the last call did and why.
@@ -187,241 +228,46 @@ impl HostDetector {
     /// Checks and surveys the input, chooses, builds, and leaves the rest to `work`, all in the detector's pool.
     fn run(
         &mut self,
-        spheres: Spheres<'_>,
+        given: Given<'_>,
         work: impl FnOnce(&mut State, &Input<'_>) -> Result<(), Error> + Send,
     ) -> Result<(), Error> {
         let Self { settings, pool, state } = self;
         let task = || {
-            state.report = Report { spheres: spheres.len() as u64, ..Report::default() };
+            state.report = Report { spheres: given.len() as u64, ..Report::default() };
             let threads = match settings.threads {
                 Some(1) => Threads::Calling,
                 _ => Threads::here()?,
             };
             let interactions = settings.interactions.as_ref();
-            check_species(spheres, interactions, threads)?;
-            let mut wrapped = std::mem::take(&mut state.wrapped);
-            let near = match settings.space.is_periodic() {
-                true => {
-                    state.report.time("wrap", || wrap(spheres, &settings.space, &mut wrapped, threads))?
-                }
-                false => spheres,
+            given.check_species(interactions, threads)?;
+            let mut near = std::mem::take(&mut state.near);
+            let spheres = match (given.split(), settings.space.is_periodic()) {
+                (None, false) => given.near(&settings.space, &mut near, threads),
+                _ => state.report.time("copy", || given.near(&settings.space, &mut near, threads)),
+            }?;
+            let rule = Rule::new(spheres, interactions).in_space(settings.space);
+            let lapsed = match given {
+                Given::One(_) => state.advance(settings, &rule, threads)?,
+                Given::Two(..) => Some(Rebuilt::First),
             };
-            let rule = Rule::new(near, interactions).in_space(settings.space);
-            let lapsed = state.advance(settings, &rule, threads)?;
             let survey = match (lapsed, state.course.candidates.survey()) {
                 (None, Some(survey)) => survey.clone(),
                 _ => {
                     let survey = state.report.time("survey", || Survey::of(&rule, threads));
                     // What is wrong is said of the spheres as they were given.
-                    survey.or_else(|error| check(spheres, threads).and(Err(error)))?
+                    survey.or_else(|error| given.check(threads).and(Err(error)))?
                 }
             };
-            let input = Input { rule, survey, settings, simd: settings.simd, threads };
+            let split = given.split();
+            let input = Input { rule, survey, settings, simd: settings.simd, threads, split };
             state.build(&input, lapsed)?;
             work(state, &input)?;
-            state.wrapped = wrapped;
+            state.near = near;
             Ok(())
         };
         match pool {
             Some(pool) => pool.install(task),
             None => task(),
         }
-    }
-}
-
-/// Writes the spheres' images nearest to the origin.
-fn wrap<'w>(
-    spheres: Spheres<'w>,
-    space: &Space,
-    wrapped: &'w mut Vec<Sphere>,
-    threads: Threads,
-) -> Result<Spheres<'w>, Error> {
-    resize(wrapped, spheres.len(), "wrapped spheres")?;
-    threads.each_stretch(wrapped, WRAPPED, |piece, targets| {
-        for (k, target) in targets.iter_mut().enumerate() {
-            let Sphere { center, radius } = spheres.get(piece * WRAPPED + k);
-            *target = Sphere { center: space.wrap(center), radius };
-        }
-    });
-    let near = Spheres::from(&*wrapped);
-    Ok(spheres.species().map_or(Ok(near), |ids| near.with_species(ids))?)
-}
-
-impl State {
-    /// Takes up where the spheres are now, where candidates are kept. Says why they cannot serve the call, if they
-    /// cannot; [`Rebuilt::First`] where there are none.
-    fn advance(
-        &mut self,
-        settings: &Settings,
-        rule: &Rule<'_>,
-        threads: Threads,
-    ) -> Result<Option<Rebuilt>, Error> {
-        match (settings.skin, settings.algorithm) {
-            (Skin::Off, _) => Ok(Some(Rebuilt::First)),
-            (skin, Algorithm::Auto | Algorithm::CellList) => {
-                self.report.time("measure", || self.course.advance(skin, rule, threads))
-            }
-            _ => Ok(Some(Rebuilt::First)),
-        }
-    }
-
-    /// Chooses and builds, unless candidates serve the call.
-    fn build(&mut self, input: &Input<'_>, lapsed: Option<Rebuilt>) -> Result<(), Error> {
-        self.from_candidates = lapsed.is_none();
-        if self.from_candidates {
-            self.report.algorithm = Algorithm::CellList;
-        } else {
-            let (algorithm, reason) = choice::choose(input.settings.algorithm, &input.survey);
-            (self.report.algorithm, self.report.reason) = (algorithm, reason);
-            self.structure(input)?;
-        }
-        if self.from_candidates {
-            let kept = self.course.candidates.kept(lapsed);
-            self.report.candidates = Some(kept);
-            let Kept { count, age, .. } = kept;
-            self.report.reason = match lapsed {
-                None => format!("cell-list: {count} candidates of {age} calls ago"),
-                Some(why) => format!("{}; {count} candidates were found: {why}", self.report.reason),
-            };
-        }
-        log::debug!("{}", self.report.reason);
-        Ok(())
-    }
-
-    /// Builds what the algorithm searches.
-    fn structure(&mut self, input: &Input<'_>) -> Result<(), Error> {
-        let Self {
-            report,
-            columns,
-            cell_list,
-            course,
-            from_candidates,
-            hash_grid,
-            array_grid,
-            recursive_grid,
-            ..
-        } = self;
-        match report.algorithm {
-            Algorithm::Naive => {
-                report.time("gather", || columns.gather(&input.rule, 0..input.survey.spheres as u32))
-            }
-            Algorithm::HashGrid => hash_grid.build(input, report),
-            Algorithm::ArrayGrid => array_grid.build(input, report),
-            Algorithm::RecursiveGrid => recursive_grid.build(input, report),
-            _ if input.settings.skin == Skin::Off => cell_list.build(input, report),
-            _ => {
-                *from_candidates = course.find(cell_list, input, report)?;
-                Ok(())
-            }
-        }
-    }
-
-    fn search<'o, O: Output>(&mut self, input: &Input<'_>, output: &'o O) -> Result<O::Sink<'o>, Error> {
-        let Self { report, columns, cell_list, course, hash_grid, array_grid, recursive_grid, .. } = self;
-        if self.from_candidates {
-            return report.time("test", || course.candidates.search(input, output));
-        }
-        match report.algorithm {
-            Algorithm::Naive => report.time("search", || naive::search(input, columns, output)),
-            Algorithm::HashGrid => report.time("search", || hash_grid.search(input, output)),
-            Algorithm::ArrayGrid => report.time("search", || array_grid.search(input, output)),
-            Algorithm::RecursiveGrid => report.time("search", || recursive_grid.search(input, output)),
-            _ => report.time("search", || cell_list.search(input, output)),
-        }
-    }
-
-    /// Collects at most `limit` pairs, of those with `i` in `window` where there is one; returns how many there are and
-    /// the chunks.
-    fn collect(
-        &mut self,
-        input: &Input<'_>,
-        limit: u64,
-        window: Option<Range<u32>>,
-    ) -> Result<(u64, Vec<Vec<Pair>>), Error> {
-        let list = To::List { limit, kept: AtomicU64::new(0) };
-        let output = Written { window, ..Written::new(list, std::mem::take(&mut self.spare)) };
-        let found = self.search(input, &output)?.finish()?;
-        self.spare = output.into_spare();
-        Ok(found)
-    }
-
-    /// Moves collected chunks into `pairs` and keeps their memory.
-    fn arrange(&mut self, mut chunks: Vec<Vec<Pair>>, order: Order, input: &Input<'_>) -> Result<(), Error> {
-        let Self { report, canonical, pairs, .. } = self;
-        report.time("order", || match order {
-            Order::Canonical => {
-                let chunks = collect(chunks.iter().map(Vec::as_slice), "chunks of pairs")?;
-                canonical.order_with(input.threads, &chunks, input.survey.spheres, pairs)
-            }
-            Order::Unordered => {
-                let mut end = 0;
-                let ends = chunks.iter().map(|chunk| {
-                    end += chunk.len();
-                    end
-                });
-                let ends = collect(ends, "chunks of pairs")?;
-                resize(pairs, end, "pairs")?;
-                let mut targets = split_at(pairs, ends.into_iter())?;
-                input.threads.each(&mut targets, |k, target| {
-                    target.copy_from_slice(&chunks[k]);
-                });
-                Ok(())
-            }
-        })?;
-        chunks.iter_mut().for_each(Vec::clear);
-        extend(&mut self.spare, chunks.drain(..), "chunks of pairs")
-    }
-
-    fn list(&mut self, input: &Input<'_>, order: Order) -> Result<(), Error> {
-        let limit = input.settings.max_pairs;
-        let (found, chunks) = self.collect(input, limit, None)?;
-        self.report.pairs = found;
-        if found > limit {
-            self.spare.clear();
-            return Err(Error::TooManyPairs { found, limit });
-        }
-        self.arrange(chunks, order, input)
-    }
-
-    /// Streams as the threads find.
-    fn hand_over(&mut self, input: &Input<'_>, consume: Consume<'_>) -> Result<(), Error> {
-        let output = Written::new(To::Consumer(Mutex::new(consume)), std::mem::take(&mut self.spare));
-        self.search(input, &output)?.finish()?;
-        self.spare = output.into_spare();
-        Ok(())
-    }
-
-    /// Streams in canonical order: from one list where that is within the limit, else from as many lists of
-    /// consecutive `i` as it takes, one search for each.
-    fn stream_in_order(&mut self, input: &Input<'_>, limit: u64, consume: Consume<'_>) -> Result<(), Error> {
-        let (found, chunks) = self.collect(input, limit, None)?;
-        let spheres = input.survey.spheres;
-        if found <= limit {
-            self.arrange(chunks, Order::Canonical, input)?;
-            let _ = consume(&self.pairs);
-            return Ok(());
-        }
-        drop(chunks);
-        let mut counts = collect(std::iter::repeat_n(0_u32, spheres), "pairs of each sphere")?;
-        let tally = Written::new(To::Tally(shared(&mut counts)), std::mem::take(&mut self.spare));
-        self.search(input, &tally)?.finish()?;
-        self.spare = tally.into_spare();
-
-        let mut from = 0;
-        while from < spheres {
-            let mut total = 0;
-            let fits = |count: &&u32| {
-                total += u64::from(**count);
-                total <= limit
-            };
-            let to = from + counts[from..].iter().take_while(fits).count().max(1);
-            let (_, chunks) = self.collect(input, u64::MAX, Some(from as u32..to as u32))?;
-            self.arrange(chunks, Order::Canonical, input)?;
-            if consume(&self.pairs).is_break() {
-                break;
-            }
-            from = to;
-        }
-        Ok(())
     }
 }

@@ -10,6 +10,8 @@ pub(crate) struct Input<'a> {
     pub(crate) settings: &'a Settings,
     pub(crate) simd: Simd,
     pub(crate) threads: Threads,
+    /// How many spheres are of the first of two sets, where only pairs of one of each count.
+    pub(crate) split: Option<usize>,
 }
 
 impl Input<'_> {

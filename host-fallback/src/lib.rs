@@ -13,6 +13,7 @@ mod classes;
 mod compare;
 mod detector;
 mod floor;
+mod given;
 mod input;
 #[cfg(test)]
 mod judged;
@@ -25,6 +26,7 @@ mod report;
 mod scatter;
 mod settings;
 mod skin;
+mod state;
 mod survey;
 mod threads;
 

@@ -1,4 +1,4 @@
-//! All pairs: the judge of every other detector.
+//! All pairs: the reference of every other detector.
 
 use std::ops::Range;
 
@@ -39,13 +39,21 @@ pub(crate) fn search<'o, O: Output>(
     columns: &Columns,
     output: &'o O,
 ) -> Result<O::Sink<'o>, Error> {
-    let tiles = columns.len().div_ceil(TILE);
-    let range = |tile: usize| tile * TILE..columns.len().min((tile + 1) * TILE);
-    search_pieces((output, input.threads), (tiles, 1), |mut sink, a| {
-        for b in a..tiles {
+    let tiles = |range: Range<usize>| range.len().div_ceil(TILE);
+    let tile = |of: &Range<usize>, k: usize| of.start + k * TILE..of.end.min(of.start + (k + 1) * TILE);
+    let n = columns.len();
+    // All with all, or the first ones with the others.
+    let (rows, others) = match input.split {
+        None => (0..n, 0..n),
+        Some(split) => (0..split, split..n),
+    };
+    search_pieces((output, input.threads), (tiles(rows.clone()), 1), |mut sink, k| {
+        let first = if input.split.is_none() { k } else { 0 };
+        for other in first..tiles(others.clone()) {
             if !sink.stopped() {
                 let sink = &mut sink;
-                input.run(Tile { columns, rule: &input.rule, a: range(a), b: range(b), sink });
+                let (a, b) = (tile(&rows, k), tile(&others, other));
+                input.run(Tile { columns, rule: &input.rule, a, b, sink });
             }
         }
         Ok(sink)

@@ -76,6 +76,26 @@ impl Lists {
         }
         Ok(Neighbors { offsets, indices })
     }
+
+    /// The lists of the first spheres only, of the second ones of their pairs, from `rows` first spheres and pairs in
+    /// canonical order.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn fill_forward(&mut self, pairs: &[Pair], rows: usize) -> Result<Neighbors<'_>, Error> {
+        let Self { offsets, indices, .. } = self;
+        resize(offsets, rows + 1, "neighbour lists")?;
+        resize(indices, pairs.len(), "neighbour lists")?;
+        offsets.fill(0);
+        for (index, pair) in indices.iter_mut().zip(pairs) {
+            offsets[pair.i as usize + 1] += 1;
+            *index = pair.j;
+        }
+        for k in 1..=rows {
+            offsets[k] += offsets[k - 1];
+        }
+        Ok(Neighbors { offsets, indices })
+    }
 }
 
 #[cfg(test)]

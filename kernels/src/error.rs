@@ -22,6 +22,9 @@ pub enum InputError {
         /// How many spheres there are in all.
         total: u64,
     },
+    /// What is wrong with the second of two sets of spheres.
+    #[error("of the second set, {0}")]
+    Second(Box<InputError>),
     /// Columns or ids of different lengths.
     #[error("`{what}` has {length} values where {expected} are needed: one per sphere")]
     Lengths {

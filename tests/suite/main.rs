@@ -1,6 +1,7 @@
 //! Every detector × scenario × threads × order against the oracle.
 
 mod bad_input;
+mod between;
 mod expected;
 mod files;
 mod interactions;

@@ -102,6 +102,20 @@ impl Grid {
         Self { axes, edges, periodic, size, folded, circular, adjoining, reach }
     }
 
+    /// The largest effective radius of its spheres, and what rounding may add to it.
+    pub(crate) fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// About how many rows of cells a sphere of this radius has to look at.
+    pub(crate) fn rows_around(&self, radius: f64) -> f64 {
+        let cells = |axis: usize| {
+            let around = 1.0 + 2.0 * (radius + self.reach) / self.edges[axis];
+            around.min(f64::from(self.size[axis]))
+        };
+        cells(1) * cells(2)
+    }
+
     /// How many table entries the grid has.
     pub(crate) fn cells(&self) -> u64 {
         self.size.iter().map(|&k| u64::from(k)).product()

@@ -193,7 +193,14 @@ mod tests {
         let rule = Rule::new((&spheres).into(), None);
         let survey = Survey::of(&rule, Threads::Pool).expect("all are valid");
         let settings = Settings::default();
-        let input = Input { rule, survey, settings: &settings, simd: Simd::detect(), threads: Threads::Pool };
+        let input = Input {
+            rule,
+            survey,
+            settings: &settings,
+            simd: Simd::detect(),
+            threads: Threads::Pool,
+            split: None,
+        };
         Levels::plan(&input.survey, &Crowding::sample(&input).expect("there is memory"))
     }
 

@@ -53,11 +53,20 @@ struct Placed {
     members: std::ops::Range<usize>,
 }
 
+impl Placed {
+    /// How many rows of cells its spheres look at on another level.
+    fn effort(&self, other: &Self) -> f64 {
+        self.members.len() as f64 * other.grid.rows_around(self.grid.reach())
+    }
+}
+
 /// Where each sphere belongs in the table.
 #[derive(Clone, Copy)]
 struct Places<'p> {
     levels: &'p [Placed],
     of_class: &'p [u8; CLASSES],
+    /// How many spheres are of the first of two sets. The second one's levels follow those of the first.
+    split: Option<usize>,
 }
 
 impl Places<'_> {
@@ -66,14 +75,44 @@ impl Places<'_> {
         self.levels.last().map_or(0, |level| level.base + level.grid.cells() as usize)
     }
 
-    /// The table entry of a sphere.
+    /// The table entry of sphere `id`.
     #[inline(always)]
-    fn cell_of<V: Vector>(&self, vector: V, [x, y, z, radius]: [f32; 4]) -> u32 {
+    fn cell_of<V: Vector>(&self, vector: V, id: usize, [x, y, z, radius]: [f32; 4]) -> u32 {
         let level = match self.levels {
             [only] => only,
-            levels => &levels[usize::from(self.of_class[Survey::class_of(radius)])],
+            levels => {
+                let of_second = self.split.is_some_and(|split| id >= split);
+                let first = if of_second { levels.len() / 2 } else { 0 };
+                &levels[first + usize::from(self.of_class[Survey::class_of(radius)])]
+            }
         };
         (level.base + level.grid.index(level.grid.cell_of(vector, [x, y, z]))) as u32
+    }
+}
+
+/// How many spheres of the first set each level has; none where there is one set.
+struct Members(Option<[u32; CLASSES]>);
+
+impl Members {
+    fn count(input: &Input<'_>, plan: &Levels) -> Self {
+        Self(input.split.map(|split| {
+            let mut first = [0; CLASSES];
+            for id in 0..split as u32 {
+                let (_, radius) = input.rule.effective(id);
+                first[usize::from(plan.of_class[Survey::class_of(radius)])] += 1;
+            }
+            first
+        }))
+    }
+
+    /// How many spheres the `k`th level has, counting those of the first set before those of the second.
+    fn of(&self, k: usize, plan: &Levels) -> u32 {
+        let level = k % plan.levels.len();
+        match &self.0 {
+            None => plan.levels[level].spheres,
+            Some(first) if k < plan.levels.len() => first[level],
+            Some(first) => plan.levels[level].spheres - first[level],
+        }
     }
 }
 
@@ -102,17 +141,19 @@ impl CellList {
         let plan = report.time("plan", || Levels::plan(&input.survey, crowding));
         let (mut base, mut from) = (0, 0);
         self.levels.clear();
-        for level in &plan.levels {
+        let sets = if input.split.is_some() { 2 } else { 1 };
+        let members = Members::count(input, &plan);
+        for (k, level) in (0..sets).flat_map(|_| &plan.levels).enumerate() {
             let most = ((level.spheres as f32 * CELLS_PER_SPHERE) as u64).min(MAX_CELLS);
             let grid = |edge| Grid::new(edge, (min, max), lengths, level.largest, most);
             let wider = WIDER.map(|by| level.edge * by).into_iter().map(grid).find(|grid| !grid.folded);
             let grid = wider.unwrap_or_else(|| grid(level.edge));
             log::trace!("level of {} spheres: edge {}, {grid:?}", level.spheres, level.edge);
-            let (cells, to) = (grid.cells() as usize, from + level.spheres as usize);
+            let (cells, to) = (grid.cells() as usize, from + members.of(k, &plan) as usize);
             push(&mut self.levels, Placed { grid, base, members: from..to }, "levels")?;
             (base, from) = (base + cells, to);
         }
-        let places = Places { levels: &self.levels, of_class: &plan.of_class };
+        let places = Places { levels: &self.levels, of_class: &plan.of_class, split: input.split };
         report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts))
     }
 
@@ -245,8 +286,14 @@ mod tests {
             let rule = Rule::new((&spheres).into(), None);
             let survey = Survey::of(&rule, Threads::Pool).expect("all are valid");
             let settings = Settings::default();
-            let input =
-                Input { rule, survey, settings: &settings, simd: Simd::detect(), threads: Threads::Pool };
+            let input = Input {
+                rule,
+                survey,
+                settings: &settings,
+                simd: Simd::detect(),
+                threads: Threads::Pool,
+                split: None,
+            };
             let mut list = CellList::default();
             list.build(&input, &mut Report::default()).expect("there is memory");
             assert!(list.levels.iter().all(|level| !level.grid.folded), "{:?}", list.levels);

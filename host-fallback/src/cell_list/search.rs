@@ -20,7 +20,8 @@ pub(super) fn search<'o, O: Output>(
     let n = list.columns.len();
     search_pieces((output, input.threads), (n.div_ceil(PIECE), usize::MAX), |mut sink, piece| {
         let range = piece * PIECE..n.min((piece + 1) * PIECE);
-        input.run(Piece { list, rule: &input.rule, range, sink: &mut sink });
+        let is_split = input.split.is_some();
+        input.run(Piece { list, rule: &input.rule, range, is_split, sink: &mut sink });
         Ok(sink)
     })
 }
@@ -29,6 +30,8 @@ struct Piece<'p, S> {
     list: &'p CellList,
     rule: &'p Rule<'p>,
     range: Range<usize>,
+    /// Whether there are two sets, each with half of the levels.
+    is_split: bool,
     sink: &'p mut S,
 }
 
@@ -37,8 +40,11 @@ impl<S: Sink> Task for Piece<'_, S> {
 
     #[inline(always)]
     fn run<V: Vector>(self, vector: V) {
-        let Self { list, rule, range, sink } = self;
+        let Self { list, rule, range, is_split, sink } = self;
         let mut finder = Finder { vector, list, rule, sink, jobs: Jobs::new() };
+        if is_split {
+            return finder.across(range);
+        }
         for (k, level) in list.levels.iter().enumerate() {
             let members = range.start.max(level.members.start)..range.end.min(level.members.end);
             let coarser = &list.levels[..k];
@@ -118,6 +124,27 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
                 at += count;
             }
         }
+    }
+
+    /// Looks around the spheres of `range`, on the levels of the other set: on those where it costs less than to look from
+    /// there.
+    #[inline(always)]
+    fn across(mut self, range: Range<usize>) {
+        let (first, second) = self.list.levels.split_at(self.list.levels.len() / 2);
+        for (own, other) in [(first, second), (second, first)] {
+            for level in own {
+                let members = range.start.max(level.members.start)..range.end.min(level.members.end);
+                for target in other {
+                    let [forth, back] = [level.effort(target), target.effort(level)];
+                    if forth < back || (forth == back && own.as_ptr() == first.as_ptr()) {
+                        for at in members.clone() {
+                            self.level(target, at, 0);
+                        }
+                    }
+                }
+            }
+        }
+        self.work();
     }
 
     /// Finds what is in reach of the sphere at `at` on coarser levels.

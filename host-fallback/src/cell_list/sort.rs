@@ -167,14 +167,14 @@ impl Task for Keys<'_> {
     fn run<V: Vector>(self, vector: V) {
         match self.rule.plain_rows() {
             Some(rows) => {
-                for (key, sphere) in self.keys.iter_mut().zip(&rows[self.first..]) {
-                    *key = self.places.cell_of(vector, bytemuck::cast(*sphere));
+                for ((key, sphere), id) in self.keys.iter_mut().zip(&rows[self.first..]).zip(self.first..) {
+                    *key = self.places.cell_of(vector, id, bytemuck::cast(*sphere));
                 }
             }
             None => {
                 for (key, id) in self.keys.iter_mut().zip(self.first..) {
                     let (center, radius) = self.rule.effective(id as u32);
-                    *key = self.places.cell_of(vector, [center.x, center.y, center.z, radius]);
+                    *key = self.places.cell_of(vector, id, [center.x, center.y, center.z, radius]);
                 }
             }
         }

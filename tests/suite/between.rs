@@ -1,0 +1,133 @@
+//! Pairs of one sphere of each of two sets.
+
+use std::ops::ControlFlow;
+
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, InputError, Order, Pair, Sphere, Spheres};
+use lazygrid_io::scenes::Scene;
+use lazygrid_tests::{Scenario, adversary, in_pool, periodic};
+use proptest::prelude::*;
+use proptest::sample::select;
+
+use crate::properties::check;
+
+/// The first spheres of a scenario, and the others.
+fn sets(scenario: &Scenario, split: usize) -> [Scenario; 2] {
+    [scenario.only(|k| k < split), scenario.only(|k| k >= split)]
+}
+
+/// The pairs across, by index in either set.
+fn across(scenario: &Scenario, split: usize) -> Vec<Pair> {
+    let split = split as u32;
+    let pairs = scenario.oracle().into_iter().filter(|pair| pair.i < split && pair.j >= split);
+    pairs.map(|pair| Pair { i: pair.i, j: pair.j - split }).collect()
+}
+
+/// Asks for all results; they are those of the definition.
+fn agrees(scenario: &Scenario, split: usize, algorithm: Algorithm, threads: usize) -> Result<(), String> {
+    let expected = across(scenario, split);
+    let [a, b] = sets(scenario, split);
+    let config = scenario.config(Config::default().backend(Backend::Cpu).algorithm(algorithm));
+    let config = config.map_err(|error| error.to_string())?;
+    let complain = |what: &str| format!("{algorithm}, {threads} threads, {what}, first {split}");
+    let works = |error: Error| complain(&error.to_string());
+    in_pool(threads, || {
+        let mut detector = Detector::new(config.clone().max_pairs(1 << 20)).map_err(works)?;
+        let found = detector.between(a.view(), b.view()).map_err(works)?;
+        if found != expected {
+            return Err(complain(&format!("{} pairs, not {}", found.len(), expected.len())));
+        }
+        let count = detector.count_between(a.view(), b.view()).map_err(works)?;
+        let lists = detector.neighbors_between(a.view(), b.view()).map_err(works)?;
+        let listed = (0..lists.len()).flat_map(|i| lists.of(i).iter().map(move |&j| Pair { i: i as u32, j }));
+        if count != expected.len() as u64
+            || lists.len() != a.spheres.len()
+            || !listed.eq(expected.iter().copied())
+        {
+            return Err(complain("counted or listed otherwise"));
+        }
+        for (order, most) in [(Order::Canonical, 7), (Order::Unordered, 7), (Order::Canonical, 1 << 20)] {
+            let config = config.clone().order(order).max_pairs(most);
+            let mut detector = Detector::new(config).map_err(works)?;
+            let mut streamed = Vec::new();
+            let consume = |pairs: &[Pair]| {
+                streamed.extend_from_slice(pairs);
+                ControlFlow::Continue(())
+            };
+            let handed = detector.stream_between(a.view(), b.view(), 5, consume).map_err(works)?;
+            if order == Order::Unordered {
+                streamed.sort_unstable();
+            }
+            if streamed != expected || handed != streamed.len() as u64 {
+                return Err(complain("streamed otherwise"));
+            }
+        }
+        Ok(())
+    })
+}
+
+fn any_way() -> impl Strategy<Value = (Algorithm, usize)> {
+    (select(vec![Algorithm::CellList, Algorithm::Naive, Algorithm::Auto]), select(vec![1, 2, 7]))
+}
+
+#[test]
+fn arbitrary_sets() {
+    let scenarios = prop_oneof![
+        2 => adversary::any_spheres().prop_map(Scenario::from),
+        1 => adversary::mixture(adversary::any_spheres()),
+        1 => periodic::lattice(),
+        1 => periodic::soup(),
+        1 => periodic::giant(),
+        1 => periodic::mixture(),
+    ];
+    check(400, (scenarios, 0.0..=1.0_f32, any_way()), |(scenario, part, (algorithm, threads))| {
+        let split = (part * scenario.spheres.len() as f32).round() as usize;
+        agrees(&scenario, split, algorithm, threads)
+    });
+}
+
+/// Sets of other sizes and numbers: looking from either side is worth it on some levels.
+#[test]
+fn scenes_and_giants() {
+    let giants =
+        (0..20_u8).map(|k| Sphere::new([f32::from(k % 4), f32::from(k / 4), 0.0].map(|x| 9.0 * x), 8.0));
+    for scene in Scene::ALL {
+        let mut spheres = scene.spheres(1500, 5);
+        spheres.splice(0..0, giants.clone());
+        let scenario = Scenario::from(spheres);
+        for split in [0, 1, 20, 700, 1520] {
+            agrees(&scenario, split, Algorithm::CellList, 2).unwrap_or_else(|text| panic!("{scene}, {text}"));
+        }
+    }
+}
+
+#[test]
+fn what_is_wrong_is_said_of_the_set_that_has_it() {
+    let good = [Sphere::new([0.0; 3], 1.0); 3];
+    let bad = [good[0], Sphere::new([f32::NAN, 0.0, 0.0], 1.0)];
+    let mut detector = Detector::new(Config::default().backend(Backend::Cpu)).expect("a detector");
+    let error = detector.count_between(&bad, &good).expect_err("a bad sphere");
+    assert!(
+        matches!(error, Error::Input(InputError::Sphere { index: 1, count: 1, total: 2, .. })),
+        "{error}"
+    );
+    let error = detector.count_between(&good, &bad).expect_err("a bad sphere");
+    assert!(
+        matches!(&error, Error::Input(InputError::Second(within))
+        if matches!(**within, InputError::Sphere { index: 1, total: 2, .. })),
+        "{error}"
+    );
+    assert!(error.to_string().starts_with("of the second set, sphere 1 has centre (NaN"), "{error}");
+    let none: [Sphere; 0] = [];
+    assert_eq!(detector.count_between(&none, &good).expect("no sphere is none too many"), 0);
+
+    for algorithm in [Algorithm::HashGrid, Algorithm::ArrayGrid, Algorithm::RecursiveGrid] {
+        let config = Config::default().backend(Backend::Cpu).algorithm(algorithm);
+        let error =
+            Detector::new(config).expect("a detector").count_between(&good, &good).expect_err("its cells");
+        assert!(matches!(error, Error::Setting { name: "algorithm", .. }), "{error}");
+    }
+    let mut limited =
+        Detector::new(Config::default().backend(Backend::Cpu).max_pairs(8)).expect("a detector");
+    let error = limited.between(&good, Spheres::from(&good)).expect_err("nine pairs");
+    assert!(matches!(error, Error::TooManyPairs { found: 9, limit: 8 }), "{error}");
+}
