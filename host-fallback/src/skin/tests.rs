@@ -171,3 +171,28 @@ fn where_candidates_cannot_be_kept_every_call_searches() {
         assert_eq!(kept.report().candidates, None);
     }
 }
+
+/// Couples of spheres, each with another gap, that move towards each other: the skin has to give out in time.
+#[test]
+fn spheres_that_meet_head_on_are_found_as_they_touch() {
+    for skin in [Skin::Fixed(0.5), Skin::Auto] {
+        let place = |k: usize, by: f32| {
+            let gap = 1.5 * k as f32 / 1000.0;
+            let [x, y] = [4.0 * (k % 40) as f32, 4.0 * (k / 40) as f32];
+            let half = 0.25 + gap / 2.0 - by;
+            [Sphere::new([x, y, -half], 0.25), Sphere::new([x, y, half], 0.25)]
+        };
+        let settings = Settings { skin, ..Settings::default() };
+        let mut kept = HostDetector::new(settings).expect("good settings");
+        let mut served = 0;
+        for step in 0..60 {
+            let by = step as f32 / 80.0;
+            let spheres: Vec<_> = (0..1000).flat_map(|k| place(k, by)).collect();
+            let expected =
+                HostDetector::new(Settings::default()).expect("good settings").count((&spheres).into());
+            assert_eq!(kept.count((&spheres).into()), expected, "{skin:?}, step {step}");
+            served += usize::from(kept.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+        }
+        assert!((20..60).contains(&served), "{skin:?}: {served} of 60 calls were served");
+    }
+}
