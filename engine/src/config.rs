@@ -135,12 +135,12 @@ impl Config {
     }
 
     /// Whether candidates, pairs that may soon overlap, are kept from call to call. Worth it where spheres move little
-    /// from one call to the next; an answer never depends on it. Default: [`Skin::Off`]. On the CPU only: the
+    /// from one call to the next; an answer never depends on it. Default: [`Skin::Auto`]. On the CPU only: the
     /// GPU searches anew whatever [`Skin::Auto`] says, and refuses a fixed skin.
     ///
     /// ```
     /// # use lazygrid::{Config, Skin};
-    /// let config = Config::default().skin(Skin::Auto);
+    /// let config = Config::default().skin(Skin::Off);
     /// ```
     pub fn skin(mut self, skin: Skin) -> Self {
         self.settings.skin = skin;

@@ -245,7 +245,8 @@ impl Detector {
         report
     }
 
-    /// An estimate of the bytes this detector holds for `spheres` spheres, besides the result; on the CPU an upper one.
+    /// An estimate of the bytes this detector holds for `spheres` spheres, besides the result and besides candidates, which
+    /// take 8 bytes each as pairs do; on the CPU an upper one.
     /// On a GPU it counts eight (cell, sphere) entries per sphere, the most on one level. Where spheres of many sizes
     /// crowd together several levels may have more: ten sizes at one point about 44, for which there is made room,
     /// 16 bytes each, when a call needs it, and counted from then on.

@@ -190,7 +190,7 @@ impl HostDetector {
     /// For the paper's grids that is the most where space has up to 2²⁹ of their cells, else up to four times as much;
     /// where periodic axes are shorter than three cells there may be up to four times as many entries too. For the
     /// recursive grid there is room for one crowd of all spheres, and none inside another: each that is adds up to 150
-    /// bytes for each of its spheres. With a skin that is for eight candidates per sphere, 8 bytes each.
+    /// bytes for each of its spheres. Candidates that a skin keeps take 8 bytes each besides.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.raster_ratio, self.threads() as u64);
         let wrapped = match self.settings.space.is_periodic() {
@@ -204,9 +204,10 @@ impl HostDetector {
             Algorithm::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio, threads),
             _ => CellList::memory_for(spheres),
         };
-        let kept = match self.settings.skin {
-            Skin::Off => 0,
-            _ => Candidates::memory_for(spheres),
+        let kept = match (self.settings.skin, self.settings.algorithm) {
+            (Skin::Off, _) => 0,
+            (_, Algorithm::Auto | Algorithm::CellList) => Candidates::memory_for(spheres),
+            _ => 0,
         };
         own + wrapped + kept
     }

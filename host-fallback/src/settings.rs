@@ -21,11 +21,12 @@ pub enum Order {
 #[non_exhaustive]
 pub enum Skin {
     /// Every call searches anew.
-    #[default]
     Off,
     /// As the motion makes it worth while: every size of sphere has a skin in proportion to how far spheres of that size
     /// move, and there is none where searching anew is expected to be cheaper. What is expected follows from the spheres
-    /// given, never from a clock, so that a detector does the same from run to run.
+    /// given, never from a clock, so that a detector does the same from run to run. A detector that is called once keeps
+    /// nothing.
+    #[default]
     Auto,
     /// Candidates are the pairs whose spheres are up to this much too far apart to touch. They are kept until some
     /// sphere has moved by half of it.
@@ -123,7 +124,7 @@ impl Default for Settings {
             max_pairs: Self::MAX_PAIRS,
             interactions: None,
             space: Space::UNBOUNDED,
-            skin: Skin::Off,
+            skin: Skin::Auto,
         }
     }
 }

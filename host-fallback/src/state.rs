@@ -48,7 +48,7 @@ impl State {
         match (settings.skin, settings.algorithm) {
             (Skin::Off, _) => Ok(Some(Rebuilt::First)),
             (skin, Algorithm::Auto | Algorithm::CellList) => {
-                self.report.time("measure", || self.course.advance(skin, rule, threads))
+                self.report.time("measure", || self.course.advance(skin, (rule, &self.cell_list), threads))
             }
             _ => Ok(Some(Rebuilt::First)),
         }
@@ -100,7 +100,11 @@ impl State {
             Algorithm::HashGrid => hash_grid.build(input, report),
             Algorithm::ArrayGrid => array_grid.build(input, report),
             Algorithm::RecursiveGrid => recursive_grid.build(input, report),
-            _ if input.settings.skin == Skin::Off || input.split.is_some() => cell_list.build(input, report),
+            _ if input.settings.skin == Skin::Off || input.split.is_some() => {
+                // The candidates go by where the list has the spheres.
+                course.candidates.clear();
+                cell_list.build(input, report)
+            }
             _ => {
                 *from_candidates = course.find(cell_list, input, report)?;
                 Ok(())

@@ -23,6 +23,7 @@ pub(crate) use crowding::Crowding;
 use grid::Grid;
 use levels::CELLS_PER_SPHERE;
 pub(crate) use levels::Levels;
+pub(crate) use sort::Entry;
 use sort::Sorter;
 
 /// Table entries per level at most, so that 32 bits number the entries of all levels.
@@ -174,9 +175,18 @@ impl CellList {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<&Columns, Error> {
-        self.columns.renumber(order)?;
-        Ok(&self.columns)
+    pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
+        self.columns.renumber(order)
+    }
+
+    /// What is noted of each sphere, place by place: room that the list has no use for until it is built again.
+    pub(crate) fn notes(&self) -> &[Entry] {
+        self.sorter.entries()
+    }
+
+    /// The same, to be written.
+    pub(crate) fn notes_mut(&mut self) -> &mut [Entry] {
+        self.sorter.entries_mut()
     }
 
     /// An upper estimate of the bytes held for `spheres` spheres.

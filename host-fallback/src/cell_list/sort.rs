@@ -24,11 +24,11 @@ const MAX_BUCKETS: usize = 1 << 11;
 /// A sphere on its way to its place.
 #[derive(Clone, Copy, Debug, Default, Zeroable)]
 #[repr(C)]
-struct Entry {
-    center: Vec3,
-    radius: f32,
-    id: u32,
-    key: u32,
+pub(crate) struct Entry {
+    pub(crate) center: Vec3,
+    pub(crate) radius: f32,
+    pub(crate) id: u32,
+    pub(crate) key: u32,
 }
 
 /// Buffers that survive between calls.
@@ -44,6 +44,16 @@ pub(super) struct Sorter {
 
 impl Sorter {
     pub(super) const BYTES_PER_SPHERE: u64 = 4 + size_of::<Entry>() as u64;
+
+    /// One entry for each sphere, of no meaning after a sort and free for notes until the next.
+    pub(super) fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// The same, to be written.
+    pub(super) fn entries_mut(&mut self) -> &mut [Entry] {
+        &mut self.entries
+    }
 
     /// Entries of `starts` behind those of the cells.
     pub(super) const BEHIND: usize = 3;

@@ -34,13 +34,13 @@ impl Course {
     pub(crate) fn advance(
         &mut self,
         skin: Skin,
-        rule: &Rule<'_>,
+        (rule, list): (&Rule<'_>, &CellList),
         threads: Threads,
     ) -> Result<Option<Rebuilt>, Error> {
         if skin == Skin::Auto {
             self.motion.observe(rule)?;
         }
-        let lapsed = self.candidates.refresh(rule, threads);
+        let lapsed = self.candidates.refresh(rule, list, threads);
         let (age, moved) = self.candidates.age();
         if age == 1 {
             self.first = moved;

@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use lazygrid_kernels::Pair;
 
 use crate::Error;
-use crate::cell_list::{CellList, Crowding};
+use crate::cell_list::{CellList, Crowding, Entry};
 use crate::classes::{CLASSES, class_of};
 use crate::compare::{
     MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, prefetch, search_pieces,
@@ -62,8 +62,6 @@ pub(crate) struct Candidates {
     order: Vec<u32>,
     /// The spheres of this call, place by place.
     rows: Vec<Row>,
-    /// Where each was, and one over the square of how far it may go.
-    origins: Vec<Row>,
     /// Pairs of places.
     chunks: Vec<Vec<Pair>>,
     count: u64,
@@ -73,11 +71,11 @@ pub(crate) struct Candidates {
 
 impl Candidates {
     /// Bytes per sphere besides the candidates themselves.
-    pub(crate) const BYTES_PER_SPHERE: u64 = 2 * size_of::<Row>() as u64 + 8;
+    const BYTES_PER_SPHERE: u64 = size_of::<Row>() as u64 + 4;
 
-    /// The most bytes held for `spheres` spheres with eight candidates each.
+    /// The most bytes held for `spheres` spheres without species, besides the candidates themselves.
     pub(crate) fn memory_for(spheres: u64) -> u64 {
-        with_growth(spheres * (Self::BYTES_PER_SPHERE + 8 * size_of::<Pair>() as u64))
+        with_growth(spheres * Self::BYTES_PER_SPHERE)
     }
 
     /// What was known of the spheres when the candidates were found, where there are any.
@@ -100,8 +98,9 @@ impl Candidates {
         Kept { count: self.count, age: self.age, moved: self.moved, rebuilt }
     }
 
-    /// Takes up where the spheres are now; says why the candidates cannot serve this call, if they cannot.
-    pub(crate) fn refresh(&mut self, rule: &Rule<'_>, threads: Threads) -> Option<Rebuilt> {
+    /// Takes up where the spheres are now; says why the candidates cannot serve this call, if they cannot. `list` has
+    /// noted where they were when the candidates were found.
+    pub(crate) fn refresh(&mut self, rule: &Rule<'_>, list: &CellList, threads: Threads) -> Option<Rebuilt> {
         let spheres = rule.spheres();
         if self.survey.is_none() {
             return Some(Rebuilt::First);
@@ -109,11 +108,10 @@ impl Candidates {
         if spheres.len() != self.order.len() || spheres.species().unwrap_or(&[]) != self.species {
             return Some(Rebuilt::Changed);
         }
-        let (order, origins) = (&self.order, &self.origins);
+        let then = list.notes();
         let (farthest, changed) = (AtomicU32::new(0), AtomicBool::new(false));
         threads.each_stretch(&mut self.rows, PIECE, |piece, rows| {
-            let places = piece * PIECE..piece * PIECE + rows.len();
-            let (part, differs) = advance(rule, &order[places.clone()], &origins[places], rows);
+            let (part, differs) = advance(rule, &then[piece * PIECE..], rows);
             // Bits of numbers that are not negative are in the order of the numbers.
             farthest.fetch_max(part.to_bits(), Relaxed);
             changed.fetch_or(differs, Relaxed);
@@ -173,22 +171,24 @@ impl Candidates {
         let n = input.survey.spheres;
         list.renumber(&mut self.order)?;
         resize(&mut self.rows, n, "spheres in the order of candidates")?;
-        resize(&mut self.origins, n, "where spheres were")?;
         let ids = input.rule.spheres().species().unwrap_or(&[]);
         resize(&mut self.species, ids.len(), "species of spheres")?;
         self.species.copy_from_slice(ids);
-        let order = &self.order;
-        let row = |at: usize| {
-            let (center, radius) = input.rule.effective(order[at]);
-            [center.x, center.y, center.z, radius]
-        };
+        let (order, rule) = (&self.order, &input.rule);
         input.threads.each_stretch(&mut self.rows, PIECE, |piece, rows| {
-            rows.iter_mut().zip(piece * PIECE..).for_each(|(target, at)| *target = row(at));
+            for (row, &id) in rows.iter_mut().zip(&order[piece * PIECE..]) {
+                let (center, radius) = rule.effective(id);
+                *row = [center.x, center.y, center.z, radius];
+            }
         });
         let rows = &self.rows;
-        input.threads.each_stretch(&mut self.origins, PIECE, |piece, origins| {
-            for (origin, &[x, y, z, radius]) in origins.iter_mut().zip(&rows[piece * PIECE..]) {
-                *origin = [x, y, z, inverse[class_of(radius)]];
+        input.threads.each_stretch(list.notes_mut(), PIECE, |piece, notes| {
+            let places = piece * PIECE..;
+            for ((note, &[x, y, z, radius]), &id) in
+                notes.iter_mut().zip(&rows[places.clone()]).zip(&order[places])
+            {
+                let inverse = inverse[class_of(radius)];
+                *note = Entry { center: [x, y, z].into(), radius: inverse, id, key: 0 };
             }
         });
         Ok(())
@@ -220,37 +220,39 @@ fn inverse_squares(allowances: &Allowances, rule: &Rule<'_>) -> Option<Allowance
     usable.then(|| allowances.map(|allowance| (allowance - seam).powi(-2)))
 }
 
-/// Takes over where the spheres at some places are now. Returns the largest part of its allowance that one has gone,
-/// squared, or infinity where that is no number; and whether one has another radius.
-fn advance(rule: &Rule<'_>, order: &[u32], origins: &[Row], rows: &mut [Row]) -> (f32, bool) {
+/// Takes over where the spheres at some places are now. `then` has noted where each was, and as its radius one over the
+/// square of how far it may go. Returns the largest part of its allowance that one has gone, squared, or infinity where
+/// that is no number; and whether one has another radius.
+fn advance(rule: &Rule<'_>, then: &[Entry], rows: &mut [Row]) -> (f32, bool) {
     let lengths = rule.lengths();
     let periodic = lengths.iter().any(Option::is_some);
     let (mut farthest, mut changed, mut lost) = (0.0_f32, false, false);
-    let mut step = |row: &mut Row, origin: &Row, now: Row| {
-        let mut gone = [now[0] - origin[0], now[1] - origin[1], now[2] - origin[2]];
+    let mut step = |row: &mut Row, then: &Entry, now: Row| {
+        let mut gone = [now[0] - then.center.x, now[1] - then.center.y, now[2] - then.center.z];
         if periodic {
             for (gone, length) in gone.iter_mut().zip(lengths) {
                 *gone = gone.abs().min(length.map_or(f32::INFINITY, |length| (length - gone.abs()).abs()));
             }
         }
-        let part = (gone[0] * gone[0] + gone[1] * gone[1] + gone[2] * gone[2]) * origin[3];
+        let part = (gone[0] * gone[0] + gone[1] * gone[1] + gone[2] * gone[2]) * then.radius;
         lost |= part.is_nan();
         farthest = farthest.max(part);
         changed |= now[3].to_bits() != row[3].to_bits();
         *row = now;
     };
+    let then = &then[..rows.len()];
     match rule.plain_rows() {
         Some(spheres) => {
-            let soon = order.iter().skip(AHEAD).chain(std::iter::repeat(&order[0]));
-            for (((row, origin), &id), &soon) in rows.iter_mut().zip(origins).zip(order).zip(soon) {
-                prefetch(&spheres[soon as usize]);
-                step(row, origin, bytemuck::cast(spheres[id as usize]));
+            let soon = then.iter().skip(AHEAD).chain(std::iter::repeat(&then[0]));
+            for ((row, then), soon) in rows.iter_mut().zip(then).zip(soon) {
+                prefetch(&spheres[soon.id as usize]);
+                step(row, then, bytemuck::cast(spheres[then.id as usize]));
             }
         }
         None => {
-            for ((row, origin), &id) in rows.iter_mut().zip(origins).zip(order) {
-                let (center, radius) = rule.effective(id);
-                step(row, origin, [center.x, center.y, center.z, radius]);
+            for (row, then) in rows.iter_mut().zip(then) {
+                let (center, radius) = rule.effective(then.id);
+                step(row, then, [center.x, center.y, center.z, radius]);
             }
         }
     }

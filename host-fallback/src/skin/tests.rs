@@ -83,7 +83,8 @@ fn candidates_never_change_an_answer() {
 fn all_results_come_from_candidates() {
     let settings = Settings { skin: Skin::Fixed(0.5), max_pairs: 300, ..Settings::default() };
     let mut kept = HostDetector::new(settings).expect("good settings");
-    let mut off = HostDetector::new(Settings::default()).expect("good settings");
+    let mut off =
+        HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
     let (mut spheres, mut state) = (gas(2000, 2, 16.0), 5);
     for _ in 0..4 {
         let all = off.pairs((&spheres).into()).expect("the spheres are valid").to_vec();
@@ -106,7 +107,8 @@ fn all_results_come_from_candidates() {
 fn spheres_that_change_are_searched_anew() {
     let settings = Settings { skin: Skin::Fixed(1.0), order: Order::Unordered, ..Settings::default() };
     let mut kept = HostDetector::new(settings).expect("good settings");
-    let mut off = HostDetector::new(Settings::default()).expect("good settings");
+    let mut off =
+        HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
     let mut spheres = gas(3000, 2, 20.0);
     let mut judge = |spheres: &[Sphere], why: Option<Rebuilt>| {
         let found = kept.count(spheres.into()).expect("valid");
@@ -163,8 +165,10 @@ fn where_candidates_cannot_be_kept_every_call_searches() {
     let settings =
         |distance| Settings { skin: Skin::Fixed(distance), max_pairs: 100_000, ..Settings::default() };
     let spheres = gas(3000, 2, 60.0);
-    let expected =
-        HostDetector::new(Settings::default()).expect("good").count((&spheres).into()).expect("valid");
+    let expected = HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() })
+        .expect("good")
+        .count((&spheres).into())
+        .expect("valid");
     let mut kept = HostDetector::new(settings(1e4)).expect("good settings");
     for _ in 0..2 {
         assert_eq!(kept.count((&spheres).into()).expect("valid"), expected);
@@ -188,8 +192,9 @@ fn spheres_that_meet_head_on_are_found_as_they_touch() {
         for step in 0..60 {
             let by = step as f32 / 80.0;
             let spheres: Vec<_> = (0..1000).flat_map(|k| place(k, by)).collect();
-            let expected =
-                HostDetector::new(Settings::default()).expect("good settings").count((&spheres).into());
+            let expected = HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() })
+                .expect("good settings")
+                .count((&spheres).into());
             assert_eq!(kept.count((&spheres).into()), expected, "{skin:?}, step {step}");
             served += usize::from(kept.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
         }
