@@ -63,7 +63,7 @@ impl<'o, O: Output> Visit for Search<'_, 'o, O> {
     fn visit<K: Key>(self, entries: &[Entry<K>], _: Packing) -> Self::Result {
         let Self { grid, input, output } = self;
         let pieces = (entries.len().div_ceil(PIECE), usize::MAX);
-        search_pieces((output, input.threads), pieces, |sink, piece| {
+        search_pieces((output, input), pieces, |sink, piece| {
             grid.batches.lend(|batch| {
                 let entries = cells_of_piece(entries, piece, PIECE);
                 cells(grid, entries, batch, (input, output, sink))

@@ -252,7 +252,7 @@ impl Crowd {
         if comparisons < SPREAD {
             return (0..self.rows.len()).try_fold(sink, compare);
         }
-        sink.merge(search_pieces((output, input.threads), (self.rows.len(), 1), compare)?)
+        sink.merge(search_pieces((output, input), (self.rows.len(), 1), compare)?)
     }
 }
 

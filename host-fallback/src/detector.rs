@@ -1,6 +1,6 @@
 use std::ops::{ControlFlow, Range};
 use std::sync::Mutex;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use lazygrid_kernels::{Algorithm, Pair, Space, Sphere, Spheres};
 use rayon::ThreadPool;
@@ -62,6 +62,11 @@ impl Input<'_> {
     /// Runs comparisons in the vector code of the settings, between nearest images where space is periodic.
     pub(crate) fn run<T: Task>(&self, task: T) -> T::Result {
         self.simd.run(task, self.rule.images())
+    }
+
+    /// Whether the caller wants the search to end; asked before each piece of work.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
     }
 
     pub(crate) fn is_periodic(&self) -> bool {

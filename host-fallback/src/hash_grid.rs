@@ -158,7 +158,7 @@ impl HashGrid {
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
         let pieces = (self.heads.len().div_ceil(CHAINS), usize::MAX);
-        search_pieces((output, input.threads), pieces, |sink, piece| {
+        search_pieces((output, input), pieces, |sink, piece| {
             let heads = &self.heads[piece * CHAINS..self.heads.len().min((piece + 1) * CHAINS)];
             self.workspaces.lend(|workspace| self.chains(heads, workspace, (input, output, sink)))
         })

@@ -36,7 +36,7 @@ impl<S: Sink> Task for Tile<'_, S> {
 /// Finds all pairs among the spheres of `columns`, in tiles spread over the threads.
 ///
 /// # Errors
-/// [`Error::OutOfMemory`].
+/// [`Error::OutOfMemory`], [`Error::Stopped`].
 pub(crate) fn search<'o, O: Output>(
     input: &Input<'_>,
     columns: &Columns,
@@ -44,8 +44,11 @@ pub(crate) fn search<'o, O: Output>(
 ) -> Result<O::Sink<'o>, Error> {
     let tiles = columns.len().div_ceil(TILE);
     let range = |tile: usize| tile * TILE..columns.len().min((tile + 1) * TILE);
-    search_pieces((output, input.threads), (tiles, 1), |mut sink, a| {
+    search_pieces((output, input), (tiles, 1), |mut sink, a| {
         for b in a..tiles {
+            if input.is_stopped() {
+                return Err(Error::Stopped);
+            }
             if !sink.stopped() {
                 let sink = &mut sink;
                 input.run(Tile { columns, rule: &input.rule, a: range(a), b: range(b), sink });

@@ -294,10 +294,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
             0 | 1 if sink.stopped() => Ok(sink),
             // Without a task: most cells that are split hold little.
             pieces @ (0 | 1) => (0..pieces).try_fold(sink, piece),
-            pieces => {
-                let threads = self.input.threads;
-                sink.merge(search_pieces((self.output, threads), (pieces, usize::MAX), piece)?)
-            }
+            pieces => sink.merge(search_pieces((self.output, self.input), (pieces, usize::MAX), piece)?),
         }
     }
 

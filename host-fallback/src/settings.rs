@@ -1,3 +1,6 @@
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
 use lazygrid_kernels::{Algorithm, Backend, Interactions, Space};
 
 use crate::{Error, Simd};
@@ -35,6 +38,8 @@ pub struct Settings {
     pub interactions: Option<Interactions>,
     /// Along which axes space is periodic.
     pub space: Space,
+    /// While this is true searches end with [`Error::Stopped`].
+    pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Settings {
@@ -78,6 +83,7 @@ impl Default for Settings {
             max_pairs: Self::MAX_PAIRS,
             interactions: None,
             space: Space::UNBOUNDED,
+            stop: None,
         }
     }
 }

@@ -10,9 +10,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use lazygrid_kernels::Pair;
 
 use crate::Error;
+use crate::detector::Input;
 use crate::memory::{self, resize};
 use crate::simd::{MAX_LANES, Vector};
-use crate::threads::Threads;
 
 /// Pairs per buffer of a thread, 64 KiB: far below a core's cache, far above the cost of handing it on.
 const CHUNK: usize = 8192;
@@ -54,17 +54,18 @@ pub(crate) trait Output: Sync {
 /// order of the pieces. None is begun that nobody wants any more. `most` pieces at a time are done by one thread.
 ///
 /// # Errors
-/// Those of `search`, and [`Error::OutOfMemory`].
+/// Those of `search`, [`Error::OutOfMemory`], and [`Error::Stopped`] where the caller wants no more of any kind.
 pub(crate) fn search_pieces<'o, O: Output>(
-    (output, threads): (&'o O, Threads),
+    (output, input): (&'o O, &Input<'_>),
     (pieces, most): (usize, usize),
     search: impl Fn(O::Sink<'o>, usize) -> Result<O::Sink<'o>, Error> + Send + Sync,
 ) -> Result<O::Sink<'o>, Error> {
     let piece = |sink: O::Sink<'o>, piece| match sink.stopped() {
+        _ if input.is_stopped() => Err(Error::Stopped),
         true => Ok(sink),
         false => search(sink, piece)?.checked(),
     };
-    threads.fold((pieces, most), || output.open(), piece, Sink::merge)
+    input.threads.fold((pieces, most), || output.open(), piece, Sink::merge)
 }
 
 /// Counts pairs.

@@ -20,7 +20,7 @@ pub(super) fn search<'o, O: Output>(
     output: &'o O,
 ) -> Result<O::Sink<'o>, Error> {
     let n = list.columns.len();
-    search_pieces((output, input.threads), (n.div_ceil(PIECE), usize::MAX), |mut sink, piece| {
+    search_pieces((output, input), (n.div_ceil(PIECE), usize::MAX), |mut sink, piece| {
         let range = piece * PIECE..n.min((piece + 1) * PIECE);
         input.run(Piece { list, rule: &input.rule, range, sink: &mut sink });
         Ok(sink)
