@@ -201,7 +201,7 @@ impl Detector {
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
     ///     As :meth:`pairs`; what is wrong with values is raised by the first ``next``.
-    #[pyo3(signature = (spheres, chunk=1 << 16, species=None, *, cast=false))]
+    #[pyo3(signature = (spheres, chunk=65536, species=None, *, cast=false))]
     fn stream(
         &self,
         spheres: &Bound<'_, PyAny>,

@@ -111,15 +111,14 @@ pub(crate) fn too_many(message: String, [found, limit]: [usize; 2]) -> PyErr {
 /// What a reader says; the options of the command line by their names in Python.
 pub(crate) fn file(error: lazygrid_io::Error) -> PyErr {
     use lazygrid_io::Error;
-    let remedy = match &error {
-        Error::NoRadius { .. } => " (in Python: radii={species: radius})",
-        Error::TiltedBox { .. } | Error::BoxLength { .. } => {
-            " (in Python: periodic=(x, y, z) or periodic=\"none\")"
-        }
-        Error::UnknownFormat { .. } => " (in Python: format=)",
-        _ => "",
-    };
-    let message = format!("{error}{remedy}");
+    let mut message = error.to_string();
+    let options = [
+        ("--radius", " (in Python: radii={species: radius})"),
+        ("--periodic", " (in Python: periodic=(x, y, z) or periodic=\"none\")"),
+        ("--format", " (in Python: format=)"),
+    ];
+    let named = options.into_iter().find(|(option, _)| message.contains(option));
+    message.push_str(named.map_or("", |(_, remedy)| remedy));
     match &error {
         Error::Read { path, source } | Error::Write { path, source } => system(source, path, message),
         _ => exception("FileError", message, &[]),

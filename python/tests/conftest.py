@@ -36,4 +36,4 @@ def scene(seed: int, count: int, box: float = 10.0, largest: float = 0.6) -> Row
 @pytest.fixture
 def spheres() -> Rows:
     """Two hundred spheres of which some overlap."""
-    return scene(1, 200)
+    return scene(1, 200, box=4.0)

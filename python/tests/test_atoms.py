@@ -67,7 +67,7 @@ def test_cutoffs_by_element_and_by_atom() -> None:
     assert same(atoms, 1.85) > 20
     assert same(atoms, {("H", "H"): 1.1, ("C", "H"): 1.3, ("C", "C"): 1.85}) > 20
     assert same(atoms, {(1, 6): 1.3, ("C", "C"): 1.85, ("O", "O"): 9.0}) > 20
-    assert same(atoms, natural_cutoffs(atoms)) > 20
+    assert same(atoms, natural_cutoffs(atoms, mult=1.2)) > 20
     assert same(copper(4, 0.2), np.full(256, 1.4)) > 1000
     assert same(atoms, {("O", "O"): 9.0}) == 0
 

@@ -43,5 +43,7 @@ def test_everything_public_is_documented(name: str) -> None:
 
 
 def test_the_example_of_the_package_runs() -> None:
-    failed, tried = doctest.testmod(lazygrid)
-    assert tried > 0 and failed == 0
+    finder, runner = doctest.DocTestFinder(recurse=False), doctest.DocTestRunner()
+    for example in finder.find(lazygrid):
+        runner.run(example)
+    assert runner.tries > 0 and runner.failures == 0

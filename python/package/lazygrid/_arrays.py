@@ -26,7 +26,7 @@ def floats(given: Any, what: str, dimensions: int, cast: bool) -> npt.NDArray[np
         )
     with np.errstate(over="ignore"):
         # What overflows is refused as infinite, by its index.
-        return np.ascontiguousarray(array, dtype=np.float32)
+        return np.require(array, np.float32, ["C", "A"])
 
 
 def whole(given: Any, what: str) -> npt.NDArray[np.uint32]:
@@ -42,4 +42,4 @@ def whole(given: Any, what: str) -> npt.NDArray[np.uint32]:
         refused = InputError(f"`{what}` has {array[index]} at index {index}; ids are from 0 to 2**32 - 1")
         refused.index, refused.value = index, int(array[index])
         raise refused
-    return np.ascontiguousarray(array, dtype=np.uint32)
+    return np.require(array, np.uint32, ["C", "A"])

@@ -66,7 +66,7 @@ def neighbor_list(quantities: str, a: Atoms, cutoff: Cutoff, self_interaction: b
     unknown = [quantity for quantity in quantities if quantity not in QUANTITIES]
     if unknown or not quantities:
         raise InputError(f"quantities = {quantities!r}; choose some of the letters {QUANTITIES}")
-    positions = np.ascontiguousarray(a.positions, dtype=np.float64)
+    positions = np.require(a.positions, np.float64, ["C", "A"])
     if positions.ndim != 2 or positions.shape[1] != 3:
         raise InputError(f"positions have shape {positions.shape} where (n, 3) is needed")
     said, largest = _cutoffs(cutoff, a, len(positions))
@@ -96,7 +96,7 @@ def _cell(given: Any, periodic: list[bool], largest: float) -> npt.NDArray[np.fl
             continue
         vector, name = cell[axis], AXES[axis]
         length = abs(vector[axis])
-        if not np.isfinite(vector).all() or length == 0.0:
+        if not np.isfinite(vector).all() or not vector.any():
             raise InputError(f"the cell is periodic along {name} and its vector there is {vector.tolist()}")
         if np.abs(np.delete(vector, axis)).max() > 1e-9 * length:
             raise InputError(
@@ -126,7 +126,7 @@ def _cutoffs(cutoff: Cutoff, a: Atoms, atoms: int) -> tuple[Any, float]:
         index = int(np.argmax(given < 0.0))
         raise InputError(f"the cutoff of atom {index} is {given[index]}; a radius must not be negative")
     two = np.sort(given)[-2:]
-    return np.ascontiguousarray(given), float(two.sum())
+    return np.require(given, requirements=["C", "A"]), float(two.sum())
 
 
 def _by_kind(cutoff: Mapping[Any, float], numbers: npt.NDArray[Any]) -> tuple[Any, float]:

@@ -6,7 +6,8 @@ import os
 from collections.abc import Mapping
 
 from ._errors import FileError
-from ._lazygrid import Frame, Frames, Periodic
+from ._lazygrid import Frame, Frames
+from .types import Periodic
 
 
 def read(

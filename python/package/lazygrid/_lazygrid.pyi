@@ -1,44 +1,17 @@
 """The part of lazygrid that is written in Rust."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from types import TracebackType
-from typing import Any, Literal, TypeAlias, TypedDict, final
+from typing import Any, Literal, final
 
 import numpy as np
 import numpy.typing as npt
 from typing_extensions import Self
 
+from .types import Algorithm, Backend, Order, Periodic, Report, Spheres
+
 VERSION: str
-
-Columns: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]
-Spheres: TypeAlias = npt.ArrayLike | Columns
-Periodic: TypeAlias = Sequence[float | None] | npt.NDArray[np.floating[Any]]
-Backend: TypeAlias = Literal["auto", "cpu", "gpu"]
-Algorithm: TypeAlias = Literal[
-    "auto", "naive", "hash-grid", "array-grid", "recursive-grid", "cell-list", "eager-grid", "lazy-grid"
-]
-Order: TypeAlias = Literal["canonical", "unordered"]
-
-class Cost(TypedDict):
-    """What a call costs a GPU."""
-
-    dispatches: int
-    working_bytes: int
-    pair_bytes: int
-    moved_bytes: int | None
-
-class Report(TypedDict):
-    """What a call did and why."""
-
-    spheres: int
-    pairs: int
-    backend: str
-    adapter: str | None
-    algorithm: str
-    reason: str
-    gpu: Cost | None
-    phases: dict[str, float]
 
 @final
 class Detector:
