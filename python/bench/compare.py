@@ -99,7 +99,7 @@ def of_freud(scene: Scene, periodic: bool) -> tuple[Call, Callable[[Any], Pairs]
     points = scene.points - np.float32(scene.box / 2)
 
     def call() -> Any:
-        query = freud.locality.AABBQuery(box, points).query(points, dict(r_max=2 * RADIUS, exclude_ii=True))
+        query = freud.locality.AABBQuery(box, points).query(points, {"r_max": 2 * RADIUS, "exclude_ii": True})
         return query.toNeighborList()
 
     return call, lambda found: one_way((found.query_point_indices, found.point_indices))

@@ -11,6 +11,18 @@ from typing_extensions import Self
 
 from .types import Algorithm, Backend, Order, Periodic, Report, Spheres
 
+__all__ = [
+    "Chunks",
+    "command",
+    "Detector",
+    "Interactions",
+    "neighbors_within",
+    "Frame",
+    "Frames",
+    "simulate",
+    "VERSION",
+]
+
 VERSION: str
 
 @final
