@@ -1,6 +1,5 @@
 use std::io;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use thiserror::Error;
 
@@ -61,15 +60,15 @@ pub(crate) enum Failure {
 impl Failure {
     /// 2 where the options contradict each other, which no other input would mend; 128 and the signal's number, as
     /// shells say, after Ctrl-C (130) or SIGTERM (143); else 1.
-    pub(crate) fn exit_code(&self) -> ExitCode {
+    pub(crate) fn exit_code(&self) -> u8 {
         match self {
-            Self::Stopped { signal, .. } => ExitCode::from(128 + (*signal & 0x7F) as u8),
+            Self::Stopped { signal, .. } => 128 + (*signal & 0x7F) as u8,
             Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::AdapterOnCpu { .. })
             | Self::OutputIsInput { .. }
             | Self::OutputFormat { .. }
             | Self::NeighborsToStdout
-            | Self::RadiusTwice { .. } => ExitCode::from(2),
-            _ => ExitCode::FAILURE,
+            | Self::RadiusTwice { .. } => 2,
+            _ => 1,
         }
     }
 }

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 #[cfg(feature = "gpu")]
 use std::{ops::RangeInclusive, time::Duration};
 
@@ -123,6 +125,14 @@ impl Config {
     /// Which species pair, and at which distance. Spheres must then carry species ids.
     pub fn interactions(mut self, interactions: Interactions) -> Self {
         self.settings.interactions = Some(interactions);
+        self
+    }
+
+    /// A flag that ends searches on the CPU from outside, such as for Ctrl-C: while it is true they give
+    /// [`Error::Stopped`](crate::Error::Stopped) within some milliseconds, though not while spheres are sorted or
+    /// pairs put in order. A call on a GPU ends by itself or by its [`timeout`](Self::timeout). Default: none.
+    pub fn stop(mut self, stop: Arc<AtomicBool>) -> Self {
+        self.settings.stop = Some(stop);
         self
     }
 

@@ -6,6 +6,8 @@ use std::fmt::{Debug, Display};
 use std::hash::Hash;
 use std::ops::ControlFlow;
 use std::str::FromStr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use lazygrid::glam::Vec3;
@@ -158,5 +160,20 @@ fn what_is_written_here_runs() -> Result<(), Box<dyn StdError>> {
     assert_eq!(species.species(), 2);
     let mut detector = Detector::new(every_setting()?)?;
     assert_eq!(detector.count(&rows), Err(Error::Input(InputError::SpeciesMissing)));
+    Ok(())
+}
+
+#[test]
+fn a_flag_ends_a_search_and_is_no_part_of_the_next() -> Result<(), Error> {
+    let rows: Vec<_> = (0..20_000_u16).map(|k| Sphere::new([f32::from(k), 0.0, 0.0], 0.5)).collect();
+    for algorithm in Algorithm::CPU {
+        let stop = Arc::new(AtomicBool::new(true));
+        let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).stop(stop.clone());
+        let mut detector = Detector::new(config)?;
+        assert_eq!(detector.count(&rows), Err(Error::Stopped), "{algorithm}");
+        assert_eq!(detector.pairs(&rows).map(<[Pair]>::len), Err(Error::Stopped), "{algorithm}");
+        stop.store(false, Ordering::Relaxed);
+        assert_eq!(detector.pairs(&rows).map(<[Pair]>::len), Ok(19_999), "{algorithm}");
+    }
     Ok(())
 }

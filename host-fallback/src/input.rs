@@ -1,7 +1,9 @@
-use crate::compare::{Images, Rule, Task};
+use std::sync::atomic::Ordering::Relaxed;
+
+use crate::compare::{Images, Output, Rule, Sink, Task};
 use crate::survey::Survey;
 use crate::threads::Threads;
-use crate::{Settings, Simd};
+use crate::{Error, Settings, Simd};
 
 /// What a detector works on: spheres that were checked and surveyed.
 pub(crate) struct Input<'a> {
@@ -20,7 +22,30 @@ impl Input<'_> {
         self.simd.run(task, Images::of(&self.settings.space))
     }
 
+    /// Whether the caller wants the search to end; asked before each piece of work.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
+    }
+
     pub(crate) fn is_periodic(&self) -> bool {
         self.settings.space.is_periodic()
     }
+}
+
+/// Searches pieces of work over the threads, each from a sink to that sink with more in it, and merges the sinks in the
+/// order of the pieces. None is begun that nobody wants any more. `most` pieces at a time are done by one thread.
+///
+/// # Errors
+/// Those of `search`, [`Error::OutOfMemory`], and [`Error::Stopped`] where the caller wants no more of any kind.
+pub(crate) fn search_pieces<'o, O: Output>(
+    (output, input): (&'o O, &Input<'_>),
+    (pieces, most): (usize, usize),
+    search: impl Fn(O::Sink<'o>, usize) -> Result<O::Sink<'o>, Error> + Send + Sync,
+) -> Result<O::Sink<'o>, Error> {
+    let piece = |sink: O::Sink<'o>, piece| match sink.stopped() {
+        _ if input.is_stopped() => Err(Error::Stopped),
+        true => Ok(sink),
+        false => search(sink, piece)?.checked(),
+    };
+    input.threads.fold((pieces, most), || output.open(), piece, Sink::merge)
 }

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use crate::Error;
-use crate::compare::{Columns, Output, Rule, Sink, Task, Vector, scan, search_pieces};
-use crate::input::Input;
+use crate::compare::{Columns, Output, Rule, Sink, Task, Vector, scan};
+use crate::input::{Input, search_pieces};
 
 /// Spheres per tile: the columns of two tiles, 40 KiB, stay in the first-level cache's reach.
 const TILE: usize = 1024;
@@ -33,7 +33,7 @@ impl<S: Sink> Task for Tile<'_, S> {
 /// Finds all pairs among the spheres of `columns`, in tiles spread over the threads.
 ///
 /// # Errors
-/// [`Error::OutOfMemory`].
+/// [`Error::OutOfMemory`], [`Error::Stopped`].
 pub(crate) fn search<'o, O: Output>(
     input: &Input<'_>,
     columns: &Columns,
@@ -47,9 +47,12 @@ pub(crate) fn search<'o, O: Output>(
         None => (0..n, 0..n),
         Some(split) => (0..split, split..n),
     };
-    search_pieces((output, input.threads), (tiles(rows.clone()), 1), |mut sink, k| {
+    search_pieces((output, input), (tiles(rows.clone()), 1), |mut sink, k| {
         let first = if input.split.is_none() { k } else { 0 };
         for other in first..tiles(others.clone()) {
+            if input.is_stopped() {
+                return Err(Error::Stopped);
+            }
             if !sink.stopped() {
                 let sink = &mut sink;
                 let (a, b) = (tile(&rows, k), tile(&others, other));

@@ -1,3 +1,6 @@
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
 use lazygrid_kernels::{Algorithm, Backend, Interactions, Space};
 
 use crate::{Error, Simd};
@@ -56,6 +59,8 @@ pub struct Settings {
     pub space: Space,
     /// Whether candidates are kept from call to call.
     pub skin: Skin,
+    /// While this is true searches end with [`Error::Stopped`].
+    pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Settings {
@@ -125,6 +130,7 @@ impl Default for Settings {
             interactions: None,
             space: Space::UNBOUNDED,
             skin: Skin::Auto,
+            stop: None,
         }
     }
 }

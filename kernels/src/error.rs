@@ -125,6 +125,11 @@ pub enum Error {
         /// The limit that was set.
         limit: u64,
     },
+    /// The caller told the search to stop.
+    #[error(
+        "the search was told to stop, by the flag that was given as `stop`; clear it before the next call"
+    )]
+    Stopped,
     /// The system refused memory.
     #[error("no memory for {what}: {bytes} bytes were refused; use fewer spheres or stream the pairs")]
     OutOfMemory {

@@ -67,6 +67,7 @@ mod stream;
 pub use boundary::{Axis, Boundary};
 pub use error::Error;
 pub use model::{Chance, Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
+pub use output::series;
 pub use particles::{Particle, Particles};
 pub use receiver::{Kind, Receiver};
 pub use simulation::{Simulation, State, Totals};

@@ -5,8 +5,8 @@ use std::ops::Range;
 use super::grid::Block;
 use super::{CellList, Placed};
 use crate::Error;
-use crate::compare::{Around, Jobs, MAX_LANES, Output, Rule, Sink, Task, Vector, scan, search_pieces};
-use crate::input::Input;
+use crate::compare::{Around, Jobs, MAX_LANES, Output, Rule, Sink, Task, Vector, scan};
+use crate::input::{Input, search_pieces};
 
 /// Spheres per piece of work: some tens of microseconds where space is not crowded.
 const PIECE: usize = 1 << 10;
@@ -18,7 +18,7 @@ pub(super) fn search<'o, O: Output>(
     output: &'o O,
 ) -> Result<O::Sink<'o>, Error> {
     let n = list.columns.len();
-    search_pieces((output, input.threads), (n.div_ceil(PIECE), usize::MAX), |mut sink, piece| {
+    search_pieces((output, input), (n.div_ceil(PIECE), usize::MAX), |mut sink, piece| {
         let range = piece * PIECE..n.min((piece + 1) * PIECE);
         let is_split = input.split.is_some();
         input.run(Piece { list, rule: &input.rule, range, is_split, sink: &mut sink });

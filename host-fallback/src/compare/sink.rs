@@ -13,7 +13,6 @@ use super::columns::MAX_LANES;
 use super::simd::Vector;
 use crate::Error;
 use crate::memory::{self, resize};
-use crate::threads::Threads;
 
 /// Pairs per buffer of a thread, 64 KiB: far below a core's cache, far above the cost of handing it on.
 const CHUNK: usize = 8192;
@@ -52,23 +51,6 @@ pub(crate) trait Output: Sync {
     where
         Self: 'o;
     fn open(&self) -> Self::Sink<'_>;
-}
-
-/// Searches pieces of work over the threads, each from a sink to that sink with more in it, and merges the sinks in the
-/// order of the pieces. None is begun that nobody wants any more. `most` pieces at a time are done by one thread.
-///
-/// # Errors
-/// Those of `search`, and [`Error::OutOfMemory`].
-pub(crate) fn search_pieces<'o, O: Output>(
-    (output, threads): (&'o O, Threads),
-    (pieces, most): (usize, usize),
-    search: impl Fn(O::Sink<'o>, usize) -> Result<O::Sink<'o>, Error> + Send + Sync,
-) -> Result<O::Sink<'o>, Error> {
-    let piece = |sink: O::Sink<'o>, piece| match sink.stopped() {
-        true => Ok(sink),
-        false => search(sink, piece)?.checked(),
-    };
-    threads.fold((pieces, most), || output.open(), piece, Sink::merge)
 }
 
 /// Counts pairs.

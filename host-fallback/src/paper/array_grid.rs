@@ -4,8 +4,8 @@ use super::cell::{Batch, Crowd};
 use super::entries::{ENTRY, Entries, Packing, Visit, cells_of_piece, most_entries, run_end};
 use super::workspace::Workspaces;
 use crate::Error;
-use crate::compare::{Output, search_pieces};
-use crate::input::Input;
+use crate::compare::Output;
+use crate::input::{Input, search_pieces};
 use crate::radix::{Entry, Key};
 use crate::report::Report;
 
@@ -63,7 +63,7 @@ impl<'o, O: Output> Visit for Search<'_, 'o, O> {
     fn visit<K: Key>(self, entries: &[Entry<K>], _: Packing) -> Self::Result {
         let Self { grid, input, output } = self;
         let pieces = (entries.len().div_ceil(PIECE), usize::MAX);
-        search_pieces((output, input.threads), pieces, |sink, piece| {
+        search_pieces((output, input), pieces, |sink, piece| {
             grid.batches.lend(|batch| {
                 let entries = cells_of_piece(entries, piece, PIECE);
                 cells(grid, entries, batch, (input, output, sink))

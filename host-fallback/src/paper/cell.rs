@@ -5,8 +5,8 @@ use std::ops::Range;
 use super::entries::CLASS_BITS;
 use super::workspace::Workspaces;
 use crate::Error;
-use crate::compare::{Columns, Output, Rule, Sink, Task, Vector, scan, search_pieces};
-use crate::input::Input;
+use crate::compare::{Columns, Output, Rule, Sink, Task, Vector, scan};
+use crate::input::{Input, search_pieces};
 use crate::memory::{extend, push, with_growth};
 use crate::radix::{Entry, Key};
 
@@ -249,7 +249,7 @@ impl Crowd {
         if comparisons < SPREAD {
             return (0..self.rows.len()).try_fold(sink, compare);
         }
-        sink.merge(search_pieces((output, input.threads), (self.rows.len(), 1), compare)?)
+        sink.merge(search_pieces((output, input), (self.rows.len(), 1), compare)?)
     }
 }
 

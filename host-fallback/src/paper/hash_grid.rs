@@ -12,8 +12,8 @@ use super::cover::{Cover, Grid};
 use super::entries::{accumulate, most_entries};
 use super::workspace::Workspaces;
 use crate::Error;
-use crate::compare::{Output, search_pieces};
-use crate::input::Input;
+use crate::compare::Output;
+use crate::input::{Input, search_pieces};
 use crate::memory::{push, resize, with_growth};
 use crate::report::Report;
 use crate::scatter::{shared, split_at};
@@ -158,7 +158,7 @@ impl HashGrid {
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
         let pieces = (self.heads.len().div_ceil(CHAINS), usize::MAX);
-        search_pieces((output, input.threads), pieces, |sink, piece| {
+        search_pieces((output, input), pieces, |sink, piece| {
             let heads = &self.heads[piece * CHAINS..self.heads.len().min((piece + 1) * CHAINS)];
             self.workspaces.lend(|workspace| self.chains(heads, workspace, (input, output, sink)))
         })

@@ -18,8 +18,8 @@ use super::cover::{Cover, Grid};
 use super::entries::{ENTRY, Entries, Packing, Visit, cells_of_piece, fill, most_entries, run_end};
 use super::workspace::Workspaces;
 use crate::Error;
-use crate::compare::{Output, Sink, search_pieces};
-use crate::input::Input;
+use crate::compare::{Output, Sink};
+use crate::input::{Input, search_pieces};
 use crate::memory::{extend, more};
 use crate::radix::{Entry, Key, Radix};
 use crate::report::Report;
@@ -294,10 +294,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
             0 | 1 if sink.stopped() => Ok(sink),
             // Without a task: most cells that are split hold little.
             pieces @ (0 | 1) => (0..pieces).try_fold(sink, piece),
-            pieces => {
-                let threads = self.input.threads;
-                sink.merge(search_pieces((self.output, threads), (pieces, usize::MAX), piece)?)
-            }
+            pieces => sink.merge(search_pieces((self.output, self.input), (pieces, usize::MAX), piece)?),
         }
     }
 

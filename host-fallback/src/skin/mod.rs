@@ -20,10 +20,8 @@ use lazygrid_kernels::Pair;
 use crate::Error;
 use crate::cell_list::{CellList, Crowding, Entry};
 use crate::classes::{CLASSES, class_of};
-use crate::compare::{
-    MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, prefetch, search_pieces,
-};
-use crate::input::Input;
+use crate::compare::{MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, prefetch};
+use crate::input::{Input, search_pieces};
 use crate::memory::{resize, with_growth};
 use crate::report::{Kept, Rebuilt, Report};
 use crate::survey::Survey;
@@ -203,7 +201,7 @@ impl Candidates {
         input: &Input<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
-        search_pieces((output, input.threads), (self.chunks.len(), usize::MAX), |mut sink, k| {
+        search_pieces((output, input), (self.chunks.len(), usize::MAX), |mut sink, k| {
             let Self { rows, order, .. } = self;
             let sink_of = &mut sink;
             input.run(Tests { pairs: &self.chunks[k], rows, order, rule: &input.rule, sink: sink_of });

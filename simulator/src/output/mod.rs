@@ -4,7 +4,7 @@
 mod forecast;
 mod frames;
 mod lock;
-mod series;
+pub mod series;
 mod symbols;
 
 use std::fs::{self, File, OpenOptions};

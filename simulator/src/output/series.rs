@@ -4,11 +4,23 @@ use std::io::{self, Write};
 
 use crate::{Model, Simulator};
 
-/// The names of the columns: `step`, `time`, the particles of each species, the reactions and decays so far, what
-/// each receiver says of each species that it sees, and the pairs and the settled overlaps of the last step.
+/// The first line: `step`, `time` and the names of the counts.
 pub(super) fn header(out: &mut impl Write, model: &Model) -> io::Result<()> {
-    let mut names = vec!["step".to_owned(), "time".to_owned()];
-    names.extend(model.species.iter().map(|species| species.name.clone()));
+    writeln!(out, "step,time,{}", names(model).join(","))
+}
+
+/// One row.
+pub(super) fn row(out: &mut impl Write, simulation: &Simulator) -> io::Result<()> {
+    write!(out, "{}", moment(simulation.step_count(), simulation.model()))?;
+    counts(simulation).iter().try_for_each(|count| write!(out, ",{count}"))?;
+    writeln!(out)
+}
+
+/// The names of the [`counts`] of a model: the particles of each species, the reactions and decays so far, what each
+/// receiver says of each species that it sees, as `receiver:species`, and `pairs` and settled `contacts` of the last
+/// step.
+pub fn names(model: &Model) -> Vec<String> {
+    let mut names: Vec<_> = model.species.iter().map(|species| species.name.clone()).collect();
     names.extend(model.reactions.iter().map(|reaction| reaction.name.clone()));
     names.extend(model.decays.iter().map(|decay| decay.name.clone()));
     for receiver in &model.receivers {
@@ -16,22 +28,19 @@ pub(super) fn header(out: &mut impl Write, model: &Model) -> io::Result<()> {
         names.extend(seen.map(|(species, _)| format!("{}:{}", receiver.name, species.name)));
     }
     names.extend(["pairs".to_owned(), "contacts".to_owned()]);
-    writeln!(out, "{}", names.join(","))
+    names
 }
 
-/// One row.
-pub(super) fn row(out: &mut impl Write, simulation: &Simulator) -> io::Result<()> {
+/// What was counted up to now, in the order of the [`names`].
+pub fn counts(simulation: &Simulator) -> Vec<u64> {
     let (totals, model) = (simulation.totals(), simulation.model());
-    write!(out, "{}", moment(simulation.step_count(), model))?;
-    for count in totals.present.iter().chain(&totals.reacted).chain(&totals.decayed) {
-        write!(out, ",{count}")?;
-    }
+    let mut counts = [&totals.present[..], &totals.reacted, &totals.decayed].concat();
     for (received, receiver) in simulation.received().iter().zip(&model.receivers) {
-        for (count, _) in received.iter().zip(&receiver.sees).filter(|(_, sees)| **sees) {
-            write!(out, ",{count}")?;
-        }
+        let seen = received.iter().zip(&receiver.sees).filter(|(_, sees)| **sees);
+        counts.extend(seen.map(|(count, _)| count));
     }
-    writeln!(out, ",{},{}", totals.pairs, totals.contacts)
+    counts.extend([totals.pairs, totals.contacts]);
+    counts
 }
 
 /// How a row begins.

@@ -1,0 +1,38 @@
+"""All pairs of overlapping spheres, at every step of a simulation.
+
+>>> import numpy, lazygrid
+>>> spheres = numpy.array([[0, 0, 0, 1], [1.5, 0, 0, 1], [9, 0, 0, 0.1]], dtype=numpy.float32)
+>>> lazygrid.Detector().pairs(spheres).tolist()
+[[0, 1]]
+
+A simulation keeps one :class:`Detector`, whose buffers survive from step to step. Lengths are in any one unit.
+"""
+
+from ._atoms import neighbor_list
+from ._errors import Error, FileError, InputError, OutOfMemory, SettingError, TooManyPairs
+from ._files import read
+from ._lazygrid import VERSION as __version__
+from ._lazygrid import Chunks, Detector, Frame, Frames, Interactions
+from ._points import pairs
+from ._simulation import Particles, Simulation, simulate
+
+__all__ = [
+    "Chunks",
+    "Detector",
+    "Error",
+    "FileError",
+    "Frame",
+    "Frames",
+    "InputError",
+    "Interactions",
+    "OutOfMemory",
+    "Particles",
+    "SettingError",
+    "Simulation",
+    "TooManyPairs",
+    "__version__",
+    "neighbor_list",
+    "pairs",
+    "read",
+    "simulate",
+]

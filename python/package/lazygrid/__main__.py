@@ -1,0 +1,20 @@
+"""The command line: ``python -m lazygrid detect pour.dump``; ``--help`` says more."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from ._lazygrid import command
+
+
+def main() -> int:
+    """Do what the arguments of the process say, and return the exit code."""
+    if sys.platform == "linux" and not os.path.isabs(os.environ.get("XDG_RUNTIME_DIR", "")):
+        # Keeps libwayland, which graphics drivers ask for a display, from complaining that there is no such directory.
+        os.environ["XDG_RUNTIME_DIR"] = "/dev/null"
+    return command(["lazygrid", *sys.argv[1:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

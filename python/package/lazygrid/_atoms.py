@@ -1,0 +1,162 @@
+"""Neighbour lists of atoms as ASE and matscipy have them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ._errors import InputError
+from ._lazygrid import neighbors_within
+
+QUANTITIES = "ijdDS"
+AXES = "xyz"
+
+Cutoff = float | Mapping[tuple[int | str, int | str], float] | npt.ArrayLike
+
+
+class Atoms(Protocol):
+    """What is used of ``ase.Atoms``: positions in any length unit, the cell in the same, and the periodic axes."""
+
+    @property
+    def positions(self) -> Any: ...
+    @property
+    def cell(self) -> Any: ...
+    @property
+    def pbc(self) -> Any: ...
+    @property
+    def numbers(self) -> Any: ...
+
+
+def neighbor_list(quantities: str, a: Atoms, cutoff: Cutoff, self_interaction: bool = False) -> Any:
+    """Return the neighbours of atoms, as ``ase.neighborlist.neighbor_list`` does, to the last bit.
+
+    Every pair stands twice, as ``(i, j)`` and as ``(j, i)``. Atoms are neighbours where they are nearer than the
+    cutoff. The list is sorted by ``i``, then ``j``.
+
+    Parameters
+    ----------
+    quantities
+        Which arrays are returned, in this order: ``i`` and ``j``, indices of the atoms, int64 of shape ``(m,)``;
+        ``d``, distances, float64 of shape ``(m,)``; ``D``, vectors from ``i`` to ``j``, float64 of shape ``(m, 3)``;
+        ``S``, how many cells lie between, int64 of shape ``(m, 3)``, so that
+        ``D = a.positions[j] - a.positions[i] + S @ a.cell``.
+    a
+        The atoms: ``ase.Atoms``, or anything with ``positions``, ``cell``, ``pbc`` and ``numbers``. Nothing is
+        rounded: distances are decided in float64.
+    cutoff
+        A distance; or a dictionary of distances by two symbols or atomic numbers, ``{("H", "O"): 1.2}``, where pairs
+        that are not in it are no neighbours; or a radius for each atom, whose sums count.
+    self_interaction
+        Whether every atom is its own neighbour, too.
+
+    Returns
+    -------
+    numpy.ndarray or tuple of numpy.ndarray
+        One array where one quantity is asked for.
+
+    Raises
+    ------
+    InputError
+        Where nearest images do not do: a periodic axis shorter than twice the largest cutoff, a cell vector that is
+        not along its axis; positions or cutoffs that are not finite; unknown quantities.
+    """
+    unknown = [quantity for quantity in quantities if quantity not in QUANTITIES]
+    if unknown or not quantities:
+        raise InputError(f"quantities = {quantities!r}; choose some of the letters {QUANTITIES}")
+    positions = np.require(a.positions, np.float64, ["C", "A"])
+    if positions.ndim != 2 or positions.shape[1] != 3:
+        raise InputError(f"positions have shape {positions.shape} where (n, 3) is needed")
+    said, largest = _cutoffs(cutoff, a, len(positions))
+    periodic = [bool(axis) for axis in np.broadcast_to(np.asarray(a.pbc), 3)]
+    cell = _cell(a.cell, periodic, largest)
+    if largest <= 0:
+        # Nothing is nearer than that, not even an atom to itself.
+        positions, said = positions[:0], 0.0
+    found = neighbors_within(
+        quantities, positions, said, cell=cell.tolist(), periodic=periodic, with_itself=self_interaction
+    )
+    arrays = tuple(found[quantity] for quantity in quantities)
+    return arrays[0] if len(arrays) == 1 else arrays
+
+
+def _cell(given: Any, periodic: list[bool], largest: float) -> npt.NDArray[np.float64]:
+    """The cell as a matrix of its vectors, if nearest images do for all that is nearer than ``largest``."""
+    cell = np.array(given, dtype=np.float64)
+    if cell.shape == (3,):
+        cell = np.diag(cell)
+    if cell.shape != (3, 3):
+        raise InputError(f"the cell has shape {cell.shape} where (3, 3) is needed")
+    for axis in range(3):
+        if not periodic[axis]:
+            # No bond crosses the cell here, so that its vector does not matter.
+            cell[axis] = 0.0
+            continue
+        vector, name = cell[axis], AXES[axis]
+        length = abs(vector[axis])
+        if not np.isfinite(vector).all() or not vector.any():
+            raise InputError(f"the cell is periodic along {name} and its vector there is {vector.tolist()}")
+        if np.abs(np.delete(vector, axis)).max() > 1e-9 * length:
+            raise InputError(
+                f"the cell is tilted: its vector {axis} is {vector.tolist()}, and only one along {name} can be "
+                "periodic here; use ase.neighborlist.neighbor_list, which takes any cell"
+            )
+        if length < 2.0 * largest:
+            raise InputError(
+                f"the cell is {length} long along {name} and the largest cutoff is {largest}; only nearest images are "
+                f"looked at, which do up to {length / 2.0}: repeat the atoms (atoms.repeat), or use "
+                "ase.neighborlist.neighbor_list, which looks at all"
+            )
+    return cell
+
+
+def _cutoffs(cutoff: Cutoff, a: Atoms, atoms: int) -> tuple[Any, float]:
+    """The cutoffs as the search takes them, and the largest of any two atoms."""
+    if isinstance(cutoff, Mapping):
+        return _by_kind(cutoff, np.asarray(a.numbers))
+    given = np.asarray(cutoff, dtype=np.float64)
+    _check(given)
+    if given.ndim == 0:
+        return float(given), float(given)
+    if given.shape != (atoms,):
+        raise InputError(f"the cutoffs have shape {given.shape} where () or ({atoms},) is needed: one per atom")
+    if given.size > 0 and given.min() < 0.0:
+        index = int(np.argmax(given < 0.0))
+        raise InputError(f"the cutoff of atom {index} is {given[index]}; a radius must not be negative")
+    two = np.sort(given)[-2:]
+    return np.require(given, requirements=["C", "A"]), float(two.sum())
+
+
+def _by_kind(cutoff: Mapping[Any, float], numbers: npt.NDArray[Any]) -> tuple[Any, float]:
+    """A kind for each atom and a table of cutoffs for two kinds, from a dictionary by atomic numbers or symbols."""
+    kinds, of = np.unique(numbers, return_inverse=True)
+    place = {int(number): kind for kind, number in enumerate(kinds)}
+    table = np.zeros((len(kinds), len(kinds)))
+    # As in ASE, the last of two entries for the same pair counts.
+    for pair, distance in cutoff.items():
+        first, second = (place.get(_number(element), -1) for element in pair)
+        if first >= 0 and second >= 0:
+            table[first, second] = table[second, first] = distance
+    _check(table)
+    largest = float(table.max(initial=0.0))
+    return (np.ascontiguousarray(of.ravel(), dtype=np.uint32), table), largest
+
+
+def _number(element: int | str) -> int:
+    """The atomic number of an element."""
+    if not isinstance(element, str):
+        return int(element)
+    try:
+        from ase.data import atomic_numbers
+    except ImportError:
+        raise InputError(f"the cutoff names {element!r}, and ase is not installed; give atomic numbers") from None
+    if element not in atomic_numbers:
+        raise InputError(f"the cutoff names {element!r}, which is no element")
+    return int(atomic_numbers[element])
+
+
+def _check(cutoffs: npt.NDArray[np.float64]) -> None:
+    if not np.isfinite(cutoffs).all():
+        raise InputError(f"a cutoff is {cutoffs[~np.isfinite(cutoffs)].flat[0]}; it must be finite")

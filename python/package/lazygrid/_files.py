@@ -1,0 +1,58 @@
+"""Reading simulators' files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+
+from ._errors import FileError
+from ._lazygrid import Frame, Frames
+from .types import Periodic
+
+
+def read(
+    path: str | os.PathLike[str],
+    frame: int | None = None,
+    *,
+    format: str | None = None,
+    radii: Mapping[str, float] | None = None,
+    periodic: Periodic | str | None = None,
+    ids: bool = False,
+) -> Frame:
+    """Read the spheres of one frame of a file.
+
+    CSV, NPY, extended XYZ, LAMMPS dumps and Smoldyn's output are read, compressed by gzip or Zstandard or not. To go
+    through the frames of a file use :class:`Frames`, which takes the same keywords.
+
+    Parameters
+    ----------
+    path
+        The file.
+    frame
+        Which frame, from 0 on. It may be left out where the file has one.
+    format
+        ``csv``, ``npy``, ``xyz``, ``lammps`` or ``smoldyn``; else by extension, else by content.
+    radii
+        Radii by species, in the file's length unit, which win over those of the file.
+    periodic
+        The lengths of the periodic axes, ``None`` for one that is unbounded; or ``"none"``, whatever the file says.
+        By default the file's box counts, where it declares one.
+    ids
+        Whether ids are read too.
+
+    Raises
+    ------
+    FileError
+        With line or row and text, where something else stands than the format asks for; where there is no such
+        frame, or several and none was chosen.
+    OSError
+        Where the system refuses the file.
+    """
+    frames = Frames(path, format=format, radii=radii, periodic=periodic, ids=ids)
+    for number, found in enumerate(frames):
+        if frame is None and not frames.at_end():
+            raise FileError(f"{os.fspath(path)}: the file has several frames; choose one with frame=, or use Frames")
+        if frame is None or frame == number:
+            return found
+    wanted = "no frame" if frame is None else f"no frame {frame}; frames are counted from 0"
+    raise FileError(f"{os.fspath(path)}: there is {wanted}")

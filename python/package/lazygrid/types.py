@@ -1,0 +1,46 @@
+"""Types for annotations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal, TypedDict, Union
+
+import numpy as np
+import numpy.typing as npt
+
+Columns = tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]
+"""``x``, ``y``, ``z`` and ``r``, each of shape ``(n,)``."""
+Spheres = Union[npt.ArrayLike, Columns]
+"""Rows ``x, y, z, r`` of shape ``(n, 4)``, or columns."""
+Periodic = Union[Sequence[Union[float, None]], npt.NDArray[np.floating[Any]]]
+"""The length of each of three axes; ``None`` for one that is unbounded."""
+Backend = Literal["auto", "cpu", "gpu"]
+"""Where to run."""
+Algorithm = Literal[
+    "auto", "naive", "hash-grid", "array-grid", "recursive-grid", "cell-list", "eager-grid", "lazy-grid"
+]
+"""How to search."""
+Order = Literal["canonical", "unordered"]
+"""By ``i``, then ``j``, or as they are found."""
+
+
+class Cost(TypedDict):
+    """What a call costs a GPU."""
+
+    dispatches: int
+    working_bytes: int
+    pair_bytes: int
+    moved_bytes: int | None
+
+
+class Report(TypedDict):
+    """What a call did and why. Times of phases are in seconds."""
+
+    spheres: int
+    pairs: int
+    backend: str
+    adapter: str | None
+    algorithm: str
+    reason: str
+    gpu: Cost | None
+    phases: dict[str, float]

@@ -1,0 +1,236 @@
+//! The class `Detector`.
+
+use std::sync::Arc;
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{self, Given};
+use crate::call::call;
+use crate::chunks::Chunks;
+use crate::engines::Engines;
+use crate::interactions::Interactions;
+use crate::settings::Settings;
+use crate::{error, report};
+
+/// Finds all pairs of overlapping spheres, call after call, reusing its buffers.
+///
+/// Two spheres are a pair where their centres are at most ``ri + rj`` apart; touching counts. Spheres are
+///
+/// - an array of float32 and of shape ``(n, 4)``, with rows ``x, y, z, r``; or
+/// - a tuple of four arrays of float32, of shape ``(n,)``: ``x``, ``y``, ``z`` and ``r``,
+///
+/// all in one length unit, anywhere in space. Arrays in one piece are read where they lie; others are copied first.
+/// Whatever float32 cannot hold, such as float64, is a ``TypeError``, unless ``cast=True`` has it rounded.
+///
+/// Any number of threads may use one detector at a time: while a call runs the interpreter's lock is released. The
+/// arrays of a call must not be written to before it returns. Ctrl-C ends a long call on the CPU.
+///
+/// Parameters
+/// ----------
+/// backend
+///     Where to run. ``"auto"`` takes a GPU where there is one; ``"cpu"`` and ``"gpu"`` never fall back.
+/// algorithm
+///     How to search; all find the same pairs.
+/// threads
+///     Threads of the CPU; by default all.
+/// periodic
+///     The length of each periodic axis, in the unit of the spheres, as float32; ``None`` for one that is unbounded:
+///     ``(10.0, 10.0, None)``. Coordinates need not lie in the box.
+/// order
+///     ``"canonical"``: by ``i``, then ``j``. ``"unordered"`` spares the ordering.
+/// interactions
+///     Which species pair, and at which distance; spheres then need species ids.
+/// max_pairs
+///     The most pairs a list may hold, by default 2**29 (4 GiB); more are an error with the exact number.
+/// adapter
+///     On which GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
+///
+/// Raises
+/// ------
+/// SettingError
+///     For a setting outside its range; for an algorithm that does not run on the backend.
+/// Error
+///     Where a GPU is asked for and cannot be used.
+#[pyclass(frozen, module = "lazygrid")]
+pub(crate) struct Detector {
+    engines: Arc<Engines>,
+}
+
+#[pymethods]
+impl Detector {
+    #[new]
+    #[pyo3(signature = (*, backend="auto", algorithm="auto", threads=None, periodic=None, order="canonical",
+                        interactions=None, max_pairs=None, adapter=None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
+    fn new(
+        py: Python<'_>,
+        backend: &str,
+        algorithm: &str,
+        threads: Option<usize>,
+        periodic: Option<&Bound<'_, PyAny>>,
+        order: &str,
+        interactions: Option<&Bound<'_, Interactions>>,
+        max_pairs: Option<u64>,
+        adapter: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let config = Settings { backend, algorithm, threads, periodic, order, max_pairs }.config()?;
+        let config = match interactions {
+            None => config,
+            Some(table) => config.interactions(table.get().table()),
+        };
+        let config = match adapter {
+            None => config,
+            Some(adapter) => config.adapter(crate::settings::adapter(adapter)?),
+        };
+        // The backend is decided here, which may take a driver some time.
+        let engines = py.detach(|| Engines::new(config, threads == Some(1))).map_err(error::engine)?;
+        Ok(Self { engines })
+    }
+
+    /// Return the overlapping pairs, each once, ``i < j``, in the order that was asked for.
+    ///
+    /// Parameters
+    /// ----------
+    /// spheres
+    ///     Rows of shape ``(n, 4)``, or four columns; see the class.
+    /// species
+    ///     Where the detector has interactions: a species id per sphere, uint32 of shape ``(n,)``.
+    /// out
+    ///     Where to write the pairs: uint32 in one piece, of shape ``(k, 2)``, with room for all of them.
+    /// cast
+    ///     Whether values of another type may be rounded to float32.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray
+    ///     uint32 of shape ``(m, 2)``: indices of spheres. With ``out`` a view of its first ``m`` rows.
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     For values that are not finite and negative radii, with the ``index``, ``value`` and ``count``; for other
+    ///     shapes and unknown species.
+    /// TypeError
+    ///     For values that are not float32 where ``cast`` is not set.
+    /// TooManyPairs
+    ///     For more than ``max_pairs``, or than ``out`` has room for, with the exact number as ``found``.
+    /// OutOfMemory, MemoryError
+    ///     Where memory is refused.
+    /// KeyboardInterrupt
+    ///     After Ctrl-C.
+    #[pyo3(signature = (spheres, species=None, out=None, *, cast=false))]
+    fn pairs<'py>(
+        &self,
+        spheres: &Bound<'py, PyAny>,
+        species: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
+        cast: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let py = spheres.py();
+        let given = Given::new(spheres, species, cast)?;
+        let spheres = given.spheres()?;
+        let mut lease = self.engines.lease()?;
+        let (detector, stop) = lease.parts();
+        let found = call(py, spheres.len(), stop, || detector.pairs(spheres))?.map_err(error::engine)?;
+        arrays::pairs(py, found, out)
+    }
+
+    /// Return neighbour lists: for every sphere all that it overlaps, ascending; each pair stands in both lists.
+    ///
+    /// Returns
+    /// -------
+    /// offsets
+    ///     uint64 of shape ``(n + 1,)``.
+    /// indices
+    ///     uint32 of shape ``(2 * m,)``. The neighbours of sphere ``k`` are ``indices[offsets[k]:offsets[k + 1]]``.
+    ///
+    /// Raises
+    /// ------
+    /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
+    ///     As :meth:`pairs`.
+    #[pyo3(signature = (spheres, species=None, *, cast=false))]
+    fn neighbors<'py>(
+        &self,
+        spheres: &Bound<'py, PyAny>,
+        species: Option<&Bound<'py, PyAny>>,
+        cast: bool,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let py = spheres.py();
+        let given = Given::new(spheres, species, cast)?;
+        let spheres = given.spheres()?;
+        let mut lease = self.engines.lease()?;
+        let (detector, stop) = lease.parts();
+        let lists = call(py, spheres.len(), stop, || detector.neighbors(spheres))?.map_err(error::engine)?;
+        let (offsets, indices) = (arrays::copied(py, lists.offsets)?, arrays::copied(py, lists.indices)?);
+        Ok((offsets.into_any(), indices.into_any()))
+    }
+
+    /// Return how many pairs there are, in memory that does not depend on their number.
+    ///
+    /// Raises
+    /// ------
+    /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
+    ///     As :meth:`pairs`.
+    #[pyo3(signature = (spheres, species=None, *, cast=false))]
+    fn count(
+        &self,
+        spheres: &Bound<'_, PyAny>,
+        species: Option<&Bound<'_, PyAny>>,
+        cast: bool,
+    ) -> PyResult<u64> {
+        let py = spheres.py();
+        let given = Given::new(spheres, species, cast)?;
+        let spheres = given.spheres()?;
+        let mut lease = self.engines.lease()?;
+        let (detector, stop) = lease.parts();
+        call(py, spheres.len(), stop, || detector.count(spheres))?.map_err(error::engine)
+    }
+
+    /// Iterate over the pairs in arrays of at most ``chunk`` pairs, however many there are.
+    ///
+    /// The spheres are copied first, so that they may be moved meanwhile, and the detector may be called. In canonical
+    /// order the detector holds up to ``max_pairs`` pairs, and searches once more for every so many; unordered chunks
+    /// come as they are found, and no more than four are in memory.
+    ///
+    /// >>> detector = lazygrid.Detector(order="unordered")
+    /// >>> for pairs in detector.stream(spheres, 1_000_000):
+    /// ...     histogram += numpy.bincount(pairs[:, 0], minlength=n)
+    ///
+    /// Raises
+    /// ------
+    /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
+    ///     As :meth:`pairs`; what is wrong with values is raised by the first ``next``.
+    #[pyo3(signature = (spheres, chunk=65536, species=None, *, cast=false))]
+    fn stream(
+        &self,
+        spheres: &Bound<'_, PyAny>,
+        chunk: usize,
+        species: Option<&Bound<'_, PyAny>>,
+        cast: bool,
+    ) -> PyResult<Chunks> {
+        if chunk == 0 {
+            return Err(error::setting("chunk = 0 is out of range; choose at least one pair per chunk"));
+        }
+        let given = Given::new(spheres, species, cast)?;
+        let lease = self.engines.lease()?;
+        Chunks::start(lease, given.spheres()?, chunk)
+    }
+
+    /// Return an estimate of the bytes that the detector holds for so many spheres, besides the result.
+    fn memory_for(&self, spheres: u64) -> PyResult<u64> {
+        let mut lease = self.engines.lease()?;
+        Ok(lease.parts().0.memory_for(spheres))
+    }
+
+    /// What the call that ended last did and why; before the first, what is known by then. Times in seconds.
+    #[getter]
+    fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        report::dict(py, &self.engines.report())
+    }
+
+    fn __repr__(&self) -> String {
+        let report = self.engines.report();
+        format!("<lazygrid.Detector: {} on {}>", report.algorithm, report.adapter.as_deref().unwrap_or("cpu"))
+    }
+}

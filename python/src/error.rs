@@ -1,0 +1,155 @@
+//! Errors as Python's exceptions, whose classes are in `package/lazygrid/_errors.py`.
+
+use lazygrid::InputError;
+use pyo3::exceptions::PyOSError;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyModule;
+
+/// An exception of one of lazygrid's classes, with attributes.
+fn exception(class: &str, message: String, attributes: &[(&str, Attribute)]) -> PyErr {
+    Python::attach(|py| {
+        let raised = || {
+            static CLASSES: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
+            let classes = CLASSES
+                .get_or_try_init(py, || PyModule::import(py, "lazygrid._errors").map(Bound::unbind))?;
+            let raised = classes.bind(py).getattr(class)?.call1((message,))?;
+            for (name, value) in attributes {
+                match value {
+                    Attribute::Whole(value) => raised.setattr(*name, value)?,
+                    Attribute::Numbers(values) => {
+                        raised.setattr(*name, values.as_slice().into_pyobject(py)?)?
+                    }
+                }
+            }
+            Ok(PyErr::from_value(raised))
+        };
+        raised().unwrap_or_else(|error| error)
+    })
+}
+
+/// What an exception knows beside its message.
+enum Attribute {
+    Whole(u64),
+    Numbers(Vec<f32>),
+}
+
+/// What the engine says, as an exception.
+pub(crate) fn engine(error: lazygrid::Error) -> PyErr {
+    use lazygrid::Error;
+    let message = error.to_string();
+    match error {
+        Error::Input(error) => input(error),
+        Error::TooManyPairs { found, limit } => {
+            let attributes = [("found", Attribute::Whole(found)), ("limit", Attribute::Whole(limit))];
+            exception("TooManyPairs", message, &attributes)
+        }
+        Error::OutOfMemory { bytes, .. } | Error::DeviceOutOfMemory { bytes, .. } => {
+            exception("OutOfMemory", message, &[("bytes", Attribute::Whole(bytes))])
+        }
+        Error::Setting { .. }
+        | Error::NotOnBackend { .. }
+        | Error::AdapterOnCpu { .. }
+        | Error::UnknownAdapter { .. } => exception("SettingError", message, &[]),
+        _ => exception("Error", message, &[]),
+    }
+}
+
+/// What is wrong with an input, as an exception that knows index and value.
+pub(crate) fn input(error: InputError) -> PyErr {
+    let message = match error {
+        InputError::SpeciesMissing => {
+            "interactions are set but the spheres have no species ids; give them as species=".to_owned()
+        }
+        ref error => error.to_string(),
+    };
+    match error {
+        InputError::Sphere { index, sphere, count, .. } => {
+            let value = vec![sphere.center.x, sphere.center.y, sphere.center.z, sphere.radius];
+            let attributes = [
+                ("index", Attribute::Whole(index.into())),
+                ("value", Attribute::Numbers(value)),
+                ("count", Attribute::Whole(count)),
+            ];
+            exception("InputError", message, &attributes)
+        }
+        InputError::SpeciesId { index: Some(index), id, .. } => {
+            let attributes =
+                [("index", Attribute::Whole(index.into())), ("value", Attribute::Whole(id.into()))];
+            exception("InputError", message, &attributes)
+        }
+        _ => exception("InputError", message, &[]),
+    }
+}
+
+/// Anything else.
+pub(crate) fn other(message: impl ToString) -> PyErr {
+    exception("Error", message.to_string(), &[])
+}
+
+/// A setting that is none.
+pub(crate) fn setting(message: impl ToString) -> PyErr {
+    exception("SettingError", message.to_string(), &[])
+}
+
+/// A name that is none of those known.
+pub(crate) fn unknown(name: lazygrid::UnknownName) -> PyErr {
+    setting(name)
+}
+
+/// An array that is not what is needed.
+pub(crate) fn array(message: impl ToString) -> PyErr {
+    exception("InputError", message.to_string(), &[])
+}
+
+/// More pairs than an array has room for.
+pub(crate) fn too_many(message: String, [found, limit]: [usize; 2]) -> PyErr {
+    let attributes = [("found", Attribute::Whole(found as u64)), ("limit", Attribute::Whole(limit as u64))];
+    exception("TooManyPairs", message, &attributes)
+}
+
+/// What a reader says; the options of the command line by their names in Python.
+pub(crate) fn file(error: lazygrid_io::Error) -> PyErr {
+    use lazygrid_io::Error;
+    let mut message = error.to_string();
+    let options = [
+        ("--radius", " (in Python: radii={species: radius})"),
+        ("--periodic", " (in Python: periodic=(x, y, z) or periodic=\"none\")"),
+        ("--format", " (in Python: format=)"),
+    ];
+    let named = options.into_iter().find(|(option, _)| message.contains(option));
+    message.push_str(named.map_or("", |(_, remedy)| remedy));
+    match &error {
+        Error::Read { path, source } | Error::Write { path, source } => system(source, path, message),
+        _ => exception("FileError", message, &[]),
+    }
+}
+
+/// What the simulator says.
+pub(crate) fn simulator(error: lazygrid_sim::Error) -> PyErr {
+    use lazygrid_sim::Error;
+    let message = error.to_string();
+    match error {
+        Error::Read { path, source } | Error::Write { path, source } => system(&source, &path, message),
+        Error::Scenario { .. } | Error::Model(_) | Error::NotOnGpu { .. } => {
+            exception("SettingError", message, &[])
+        }
+        Error::OutOfMemory { bytes, .. } => {
+            exception("OutOfMemory", message, &[("bytes", Attribute::Whole(bytes))])
+        }
+        Error::Detection(error) => engine(error),
+        _ => exception("Error", message, &[]),
+    }
+}
+
+/// `FileNotFoundError` and its like, by the number of the system's error.
+fn system(error: &std::io::Error, path: &std::path::Path, message: String) -> PyErr {
+    match error.raw_os_error() {
+        Some(number) => {
+            let text = error.to_string();
+            let text = text.split(" (os error").next().unwrap_or_default().to_owned();
+            PyOSError::new_err((number, text, path.to_owned()))
+        }
+        None => exception("FileError", message, &[]),
+    }
+}

@@ -1,0 +1,95 @@
+//! The class `Interactions`.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use lazygrid::Interaction;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+
+use crate::error;
+
+/// A symmetric table: for any two species, what makes them a pair.
+///
+/// ``None``: never; ``"touch"``: within ``ri + rj``; a number: within this distance, whatever the radii.
+///
+/// >>> reactions = lazygrid.Interactions(2)
+/// >>> reactions[0, 1] = 0.2
+/// >>> lazygrid.Detector(interactions=reactions)
+///
+/// Parameters
+/// ----------
+/// species
+///     How many species there are, at most 4096; their ids are from 0 on.
+/// default
+///     What is between two species of which nothing else is said.
+///
+/// Raises
+/// ------
+/// InputError
+///     For a species that is not in the table, a distance that is negative or not finite.
+#[pyclass(frozen, module = "lazygrid")]
+pub(crate) struct Interactions {
+    table: Mutex<lazygrid::Interactions>,
+}
+
+impl Interactions {
+    /// The table as it is now.
+    pub(crate) fn table(&self) -> lazygrid::Interactions {
+        self.lock().clone()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, lazygrid::Interactions> {
+        // A table is whole whatever panicked.
+        self.table.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl Interactions {
+    #[new]
+    #[pyo3(signature = (species, default=None))]
+    fn new(species: u32, default: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let table = lazygrid::Interactions::new(species, interaction(default)?).map_err(error::input)?;
+        Ok(Self { table: Mutex::new(table) })
+    }
+
+    /// How many species there are.
+    #[getter]
+    fn species(&self) -> u32 {
+        self.lock().species()
+    }
+
+    fn __setitem__(&self, of: (u32, u32), value: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let value = interaction(value)?;
+        self.lock().set(of.0, of.1, value).map_err(error::input)
+    }
+
+    fn __getitem__<'py>(&self, py: Python<'py>, of: (u32, u32)) -> PyResult<Bound<'py, PyAny>> {
+        let table = self.lock();
+        if let Some(id) = [of.0, of.1].into_iter().find(|&id| id >= table.species()) {
+            let count = table.species();
+            return Err(error::input(lazygrid::InputError::SpeciesId { index: None, id, count }));
+        }
+        match table.get(of.0, of.1) {
+            Interaction::Never => Ok(py.None().into_bound(py)),
+            Interaction::Touch => Ok("touch".into_pyobject(py)?.into_any()),
+            Interaction::Within(distance) => Ok(distance.into_pyobject(py)?.into_any()),
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<lazygrid.Interactions of {} species>", self.lock().species())
+    }
+}
+
+/// `None`, `"touch"` or a distance.
+fn interaction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Interaction> {
+    let Some(given) = given else { return Ok(Interaction::Never) };
+    if given.extract::<&str>().is_ok_and(|word| word == "touch") {
+        return Ok(Interaction::Touch);
+    }
+    let distance = given.extract::<f32>();
+    distance.map(Interaction::Within).map_err(|_| {
+        PyTypeError::new_err("an interaction is None (never), \"touch\" (within ri + rj) or a distance")
+    })
+}

@@ -1,0 +1,47 @@
+//! lazygrid as a Python module: NumPy arrays in, NumPy arrays out.
+//!
+//! This is `lazygrid._lazygrid`; the package around it, in `package/lazygrid`, adds what is said better in Python. What
+//! Python programmers read is in `package/lazygrid/_lazygrid.pyi`.
+
+mod arrays;
+mod call;
+mod chunks;
+mod command;
+mod detector;
+mod engines;
+mod error;
+mod fork;
+mod interactions;
+mod neighbors;
+mod read;
+mod report;
+mod settings;
+mod simulate;
+
+#[pyo3::pymodule(name = "_lazygrid", gil_used = false)]
+mod module {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::chunks::Chunks;
+    #[pymodule_export]
+    use crate::command::command;
+    #[pymodule_export]
+    use crate::detector::Detector;
+    #[pymodule_export]
+    use crate::interactions::Interactions;
+    #[pymodule_export]
+    use crate::neighbors::neighbors_within;
+    #[pymodule_export]
+    use crate::read::{Frame, Frames};
+    #[pymodule_export]
+    use crate::simulate::simulate;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::fork::watch(module)
+    }
+
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+}

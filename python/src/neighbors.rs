@@ -1,0 +1,354 @@
+//! Neighbour lists in double precision, as ASE has them.
+//!
+//! The search runs in `f32`, with reaches that are wider than all its rounding can be; what it finds is then decided in
+//! `f64`, with the operations of ASE in their order, so that the results are the same to the last bit.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use lazygrid::{
+    Backend, Config, Detector, Error, Interaction, Interactions, Neighbors, Space, Sphere, Spheres,
+};
+use numpy::ndarray::{Dimension, Ix1, Ix2};
+use numpy::{
+    Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray,
+    PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::prelude::*;
+
+use crate::arrays::{empty, same_length};
+use crate::call::call;
+use crate::{error, fork};
+
+/// Atoms per piece of work.
+const PIECE: usize = 1 << 10;
+
+/// How far `f32` may be off, per length of the largest coordinate: each of two coordinates is rounded by 2⁻²⁵ of
+/// twice that length or less, so is the box, on three axes; this is more than twice their sum.
+const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
+
+/// Atoms, the box they are in, and who is whose neighbour.
+struct Atoms<'a> {
+    positions: &'a [[f64; 3]],
+    /// Vectors of the box, each along its axis where that is periodic.
+    cell: [[f64; 3]; 3],
+    periodic: [bool; 3],
+    cutoffs: Cutoffs<'a>,
+    /// Whether every atom is its own neighbour.
+    with_itself: bool,
+}
+
+/// Neighbours are nearer than this.
+enum Cutoffs<'a> {
+    /// The same for all.
+    One(f64),
+    /// The sum of the radii of the two.
+    Radii(&'a [f64]),
+    /// By the kinds of the two; there are so many kinds.
+    Kinds { of: &'a [u32], table: &'a [f64], count: usize },
+}
+
+impl Cutoffs<'_> {
+    fn between(&self, i: usize, j: usize) -> f64 {
+        match *self {
+            Self::One(cutoff) => cutoff,
+            Self::Radii(radii) => radii[i] + radii[j],
+            Self::Kinds { of, table, count } => table[of[i] as usize * count + of[j] as usize],
+        }
+    }
+
+    /// The largest, of any atom with itself included.
+    fn largest(&self) -> f64 {
+        match *self {
+            Self::One(cutoff) => cutoff,
+            Self::Radii(radii) => 2.0 * radii.iter().copied().fold(0.0, f64::max),
+            Self::Kinds { table, .. } => table.iter().copied().fold(0.0, f64::max),
+        }
+    }
+}
+
+/// What is known of an atom and one that may be its neighbour.
+struct Bond {
+    shift: [i64; 3],
+    vector: [f64; 3],
+    distance: f64,
+}
+
+impl Atoms<'_> {
+    /// From an atom to the nearest image of another. At a tie, half a box away, no cutoff that is allowed reaches either.
+    fn bond(&self, i: usize, j: usize) -> Bond {
+        let (from, to) = (self.positions[i], self.positions[j]);
+        let mut shift = [0; 3];
+        for axis in 0..3 {
+            if self.periodic[axis] {
+                shift[axis] = -((to[axis] - from[axis]) / self.cell[axis][axis]).round_ties_even() as i64;
+            }
+        }
+        let moved = |axis: usize| (0..3).map(|k| shift[k] as f64 * self.cell[k][axis]).sum::<f64>();
+        let vector: [f64; 3] = std::array::from_fn(|axis| to[axis] - from[axis] + moved(axis));
+        let [x, y, z] = vector.map(|v| v * v);
+        Bond { shift, vector, distance: (x + y + z).sqrt() }
+    }
+
+    /// Calls `take` with the neighbours of an atom, ascending.
+    fn neighbors(&self, candidates: &Neighbors<'_>, i: usize, mut take: impl FnMut(usize, Bond)) {
+        let others = candidates.of(i);
+        let own = if self.with_itself { others.partition_point(|&j| (j as usize) < i) } else { usize::MAX };
+        for at in 0..=others.len() {
+            let itself = (at == own).then_some(i);
+            for j in itself.into_iter().chain(others.get(at).map(|&j| j as usize)) {
+                let bond = self.bond(i, j);
+                if bond.distance < self.cutoffs.between(i, j) {
+                    take(j, bond);
+                }
+            }
+        }
+    }
+
+    /// The atoms as spheres around the origin that overlap wherever atoms are neighbours, and the space they are in.
+    fn spheres(&self) -> Result<(Vec<Sphere>, Space, f64), Error> {
+        let [mut low, mut high] = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        for position in self.positions {
+            for axis in 0..3 {
+                low[axis] = low[axis].min(position[axis]);
+                high[axis] = high[axis].max(position[axis]);
+            }
+        }
+        let length = |axis: usize| self.cell[axis][axis].abs();
+        let near = |position: &[f64; 3], axis: usize| match self.periodic[axis] {
+            true => position[axis] - length(axis) * (position[axis] / length(axis)).round(),
+            false => position[axis] - 0.5 * (low[axis] + high[axis]),
+        };
+        let half =
+            |axis| if self.periodic[axis] { 0.5 * length(axis) } else { 0.5 * (high[axis] - low[axis]) };
+        let slack = ROUNDING * (0..3).map(half).fold(self.cutoffs.largest(), f64::max);
+        let bytes = size_of_val(self.positions) as u64;
+        let mut spheres = Vec::new();
+        spheres
+            .try_reserve_exact(self.positions.len())
+            .map_err(|_| Error::OutOfMemory { what: "spheres", bytes })?;
+        spheres.extend(self.positions.iter().enumerate().map(|(i, position)| {
+            let radius = match self.cutoffs {
+                Cutoffs::One(cutoff) => 0.5 * (cutoff + slack),
+                Cutoffs::Radii(radii) => radii[i] + 0.5 * slack,
+                Cutoffs::Kinds { .. } => 0.0,
+            };
+            Sphere::new([0, 1, 2].map(|axis| near(position, axis) as f32), (radius as f32).next_up())
+        }));
+        let lengths = [0, 1, 2].map(|axis| self.periodic[axis].then(|| length(axis) as f32));
+        Ok((spheres, Space::periodic(lengths)?, slack))
+    }
+
+    /// A detector that finds all neighbours, and some that are none.
+    fn detector(&self, space: Space, slack: f64, stop: Arc<AtomicBool>) -> Result<Detector, Error> {
+        let config = Config::default().backend(Backend::Cpu).space(space).stop(stop);
+        let Cutoffs::Kinds { table, count, .. } = self.cutoffs else { return Detector::new(config) };
+        let mut interactions = Interactions::new(count as u32, Interaction::Never)?;
+        for a in 0..count {
+            for b in 0..=a {
+                let cutoff = table[a * count + b];
+                if cutoff > 0.0 {
+                    let reach = ((cutoff + slack) as f32).next_up();
+                    interactions.set(a as u32, b as u32, Interaction::Within(reach))?;
+                }
+            }
+        }
+        Detector::new(config.interactions(interactions))
+    }
+}
+
+/// Where the quantities go; those that nobody asked for have no room.
+#[derive(Default)]
+struct Slots<'s> {
+    i: &'s mut [i64],
+    j: &'s mut [i64],
+    distance: &'s mut [f64],
+    vector: &'s mut [[f64; 3]],
+    shift: &'s mut [[i64; 3]],
+}
+
+impl<'s> Slots<'s> {
+    /// The first so many, and what remains.
+    fn split(self, at: usize) -> (Self, Self) {
+        fn part<T>(all: &mut [T], at: usize) -> (&mut [T], &mut [T]) {
+            all.split_at_mut(at.min(all.len()))
+        }
+        let Self { i, j, distance, vector, shift } = self;
+        let (i, j, distance) = (part(i, at), part(j, at), part(distance, at));
+        let (vector, shift) = (part(vector, at), part(shift, at));
+        let first = Self { i: i.0, j: j.0, distance: distance.0, vector: vector.0, shift: shift.0 };
+        (first, Self { i: i.1, j: j.1, distance: distance.1, vector: vector.1, shift: shift.1 })
+    }
+
+    fn put(&mut self, at: usize, [i, j]: [usize; 2], bond: &Bond) {
+        fn put<T>(slots: &mut [T], at: usize, value: T) {
+            if let Some(slot) = slots.get_mut(at) {
+                *slot = value;
+            }
+        }
+        put(self.i, at, i as i64);
+        put(self.j, at, j as i64);
+        put(self.distance, at, bond.distance);
+        put(self.vector, at, bond.vector);
+        put(self.shift, at, bond.shift);
+    }
+}
+
+/// The arrays that are returned.
+struct Arrays<'py> {
+    i: Option<Bound<'py, PyArray1<i64>>>,
+    j: Option<Bound<'py, PyArray1<i64>>>,
+    distance: Option<Bound<'py, PyArray1<f64>>>,
+    vector: Option<Bound<'py, PyArray2<f64>>>,
+    shift: Option<Bound<'py, PyArray2<i64>>>,
+}
+
+impl<'py> Arrays<'py> {
+    fn new(py: Python<'py>, quantities: &str, found: usize) -> PyResult<Self> {
+        let wanted = |quantity| quantities.contains(quantity);
+        Ok(Self {
+            i: wanted('i').then(|| empty::<i64, Ix1>(py, (found,))).transpose()?,
+            j: wanted('j').then(|| empty::<i64, Ix1>(py, (found,))).transpose()?,
+            distance: wanted('d').then(|| empty::<f64, Ix1>(py, (found,))).transpose()?,
+            vector: wanted('D').then(|| empty::<f64, Ix2>(py, (found, 3))).transpose()?,
+            shift: wanted('S').then(|| empty::<i64, Ix2>(py, (found, 3))).transpose()?,
+        })
+    }
+
+    /// Lends the arrays to `fill`.
+    fn write(&self, fill: impl FnOnce(Slots<'_>) -> PyResult<()>) -> PyResult<()> {
+        let mut i = self.i.as_ref().map(|array| array.readwrite());
+        let mut j = self.j.as_ref().map(|array| array.readwrite());
+        let mut distance = self.distance.as_ref().map(|array| array.readwrite());
+        let mut vector = self.vector.as_ref().map(|array| array.readwrite());
+        let mut shift = self.shift.as_ref().map(|array| array.readwrite());
+        fill(Slots {
+            i: slots(&mut i)?,
+            j: slots(&mut j)?,
+            distance: slots(&mut distance)?,
+            vector: slots(&mut vector)?.as_chunks_mut().0,
+            shift: slots(&mut shift)?.as_chunks_mut().0,
+        })
+    }
+
+    fn named(self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let Self { i, j, distance, vector, shift } = self;
+        let [i, j] = [i, j].map(|array| array.map(Bound::into_any));
+        let (distance, vector) = (distance.map(Bound::into_any), vector.map(Bound::into_any));
+        let named = PyDict::new(py);
+        for (name, array) in
+            [("i", i), ("j", j), ("d", distance), ("D", vector), ("S", shift.map(Bound::into_any))]
+        {
+            if let Some(array) = array {
+                named.set_item(name, array)?;
+            }
+        }
+        Ok(named)
+    }
+}
+
+fn slots<'s, T: Element, D: Dimension>(
+    array: &'s mut Option<PyReadwriteArray<'_, T, D>>,
+) -> PyResult<&'s mut [T]> {
+    match array {
+        None => Ok(&mut []),
+        Some(array) => Ok(array.as_slice_mut()?),
+    }
+}
+
+/// How many neighbours the atoms of each piece have.
+fn tally(atoms: &Atoms<'_>, candidates: &Neighbors<'_>) -> Vec<usize> {
+    let count = |piece: usize| {
+        let mut count = 0;
+        of_piece(piece, candidates.len()).for_each(|i| atoms.neighbors(candidates, i, |_, _| count += 1));
+        count
+    };
+    (0..candidates.len().div_ceil(PIECE)).into_par_iter().map(count).collect()
+}
+
+/// Writes the neighbours, of which each piece has so many.
+fn fill(atoms: &Atoms<'_>, candidates: &Neighbors<'_>, counts: &[usize], mut slots: Slots<'_>) {
+    let mut pieces = Vec::with_capacity(counts.len());
+    for &count in counts {
+        let (own, rest) = slots.split(count);
+        pieces.push(own);
+        slots = rest;
+    }
+    pieces.par_iter_mut().enumerate().for_each(|(piece, slots)| {
+        let mut at = 0;
+        for i in of_piece(piece, candidates.len()) {
+            atoms.neighbors(candidates, i, |j, bond| {
+                slots.put(at, [i, j], &bond);
+                at += 1;
+            });
+        }
+    });
+}
+
+fn of_piece(piece: usize, atoms: usize) -> std::ops::Range<usize> {
+    piece * PIECE..atoms.min((piece + 1) * PIECE)
+}
+
+/// Cutoffs as Python says them: a number, a radius for each atom, or a kind for each atom and a table for two kinds.
+#[derive(FromPyObject)]
+pub(crate) enum Said<'py> {
+    Radii(PyReadonlyArray1<'py, f64>),
+    Kinds(PyReadonlyArray1<'py, u32>, PyReadonlyArray2<'py, f64>),
+    /// The last, since an array of one number is a number too.
+    One(f64),
+}
+
+impl Said<'_> {
+    fn cutoffs(&self, atoms: usize) -> PyResult<Cutoffs<'_>> {
+        match self {
+            Self::One(cutoff) => Ok(Cutoffs::One(*cutoff)),
+            Self::Radii(radii) => {
+                same_length("cutoff", radii.len(), atoms)?;
+                Ok(Cutoffs::Radii(radii.as_slice()?))
+            }
+            Self::Kinds(of, table) => {
+                same_length("numbers", of.len(), atoms)?;
+                let (of, count) = (of.as_slice()?, table.shape()[0]);
+                if table.shape()[1] != count || of.iter().any(|&kind| kind as usize >= count) {
+                    return Err(error::array("the table of cutoffs does not have every kind"));
+                }
+                Ok(Cutoffs::Kinds { of, table: table.as_slice()?, count })
+            }
+        }
+    }
+}
+
+/// Return the neighbours of atoms by quantity. See :func:`lazygrid.neighbor_list`.
+#[pyfunction]
+#[pyo3(signature = (quantities, positions, cutoffs, *, cell, periodic, with_itself))]
+#[expect(clippy::too_many_arguments, reason = "keywords in Python")]
+pub(crate) fn neighbors_within<'py>(
+    py: Python<'py>,
+    quantities: &str,
+    positions: PyReadonlyArray2<'py, f64>,
+    cutoffs: Said<'py>,
+    cell: [[f64; 3]; 3],
+    periodic: [bool; 3],
+    with_itself: bool,
+) -> PyResult<Bound<'py, PyDict>> {
+    fork::use_threads()?;
+    let positions = positions.as_slice()?.as_chunks::<3>().0;
+    let cutoffs = cutoffs.cutoffs(positions.len())?;
+    let atoms = Atoms { positions, cell, periodic, cutoffs, with_itself };
+    let stop = Arc::new(AtomicBool::new(false));
+    let count = positions.len();
+    let (spheres, space, slack) = atoms.spheres().map_err(error::engine)?;
+    let spheres = match atoms.cutoffs {
+        Cutoffs::Kinds { of, .. } => Spheres::from(&spheres).with_species(of).map_err(error::input)?,
+        _ => Spheres::from(&spheres),
+    };
+    let mut detector = atoms.detector(space, slack, stop.clone()).map_err(error::engine)?;
+    let candidates = call(py, count, &stop, || detector.neighbors(spheres))?.map_err(error::engine)?;
+    let counts = call(py, count, &stop, || tally(&atoms, &candidates))?;
+    let found = counts.iter().sum();
+    let arrays = Arrays::new(py, quantities, found)?;
+    arrays.write(|slots| call(py, count, &stop, || fill(&atoms, &candidates, &counts, slots)))?;
+    arrays.named(py)
+}

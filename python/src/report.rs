@@ -1,0 +1,31 @@
+//! Reports as dictionaries.
+
+use lazygrid::Report;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// A report by name; times in seconds.
+pub(crate) fn dict<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py, PyDict>> {
+    let phases = PyDict::new(py);
+    for phase in &report.phases {
+        phases.set_item(phase.name, phase.time.as_secs_f64())?;
+    }
+    let gpu = report.cost.as_ref().map(|cost| {
+        let gpu = PyDict::new(py);
+        gpu.set_item("dispatches", cost.dispatches)?;
+        gpu.set_item("working_bytes", cost.working_bytes)?;
+        gpu.set_item("pair_bytes", cost.pair_bytes)?;
+        gpu.set_item("moved_bytes", cost.moved_bytes)?;
+        Ok::<_, PyErr>(gpu)
+    });
+    let dict = PyDict::new(py);
+    dict.set_item("spheres", report.spheres)?;
+    dict.set_item("pairs", report.pairs)?;
+    dict.set_item("backend", report.backend.name())?;
+    dict.set_item("adapter", report.adapter.as_deref())?;
+    dict.set_item("algorithm", report.algorithm.name())?;
+    dict.set_item("reason", &report.reason)?;
+    dict.set_item("gpu", gpu.transpose()?)?;
+    dict.set_item("phases", phases)?;
+    Ok(dict)
+}

@@ -1,0 +1,68 @@
+//! The keywords of a detector as the engine's settings.
+
+use lazygrid::gpu::AdapterId;
+use lazygrid::{Config, Order, Space};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+
+use crate::error;
+
+/// What is said of a detector in words and numbers.
+pub(crate) struct Settings<'s> {
+    pub(crate) backend: &'s str,
+    pub(crate) algorithm: &'s str,
+    pub(crate) threads: Option<usize>,
+    pub(crate) periodic: Option<&'s Bound<'s, PyAny>>,
+    pub(crate) order: &'s str,
+    pub(crate) max_pairs: Option<u64>,
+}
+
+impl Settings<'_> {
+    /// The same for the engine.
+    ///
+    /// # Errors
+    /// `SettingError` for a name that is none.
+    pub(crate) fn config(self) -> PyResult<Config> {
+        let config = Config::default()
+            .backend(self.backend.parse().map_err(error::unknown)?)
+            .algorithm(self.algorithm.parse().map_err(error::unknown)?)
+            .order(order(self.order)?)
+            .space(space(self.periodic)?);
+        let config = self.threads.map_or(config.clone(), |threads| config.threads(threads));
+        Ok(self.max_pairs.map_or(config.clone(), |most| config.max_pairs(most)))
+    }
+}
+
+fn order(name: &str) -> PyResult<Order> {
+    match name {
+        "canonical" => Ok(Order::Canonical),
+        "unordered" => Ok(Order::Unordered),
+        _ => Err(error::setting(format!("unknown order '{name}'; expected one of canonical, unordered"))),
+    }
+}
+
+/// A space with the length of each periodic axis, rounded to `f32`; `None` for one that is unbounded.
+///
+/// # Errors
+/// `TypeError` for what is no three lengths; `InputError` for a length that is none.
+pub(crate) fn space(periodic: Option<&Bound<'_, PyAny>>) -> PyResult<Space> {
+    let Some(given) = periodic else { return Ok(Space::UNBOUNDED) };
+    let length = |length: PyResult<Bound<'_, PyAny>>| length?.extract::<Option<f64>>();
+    let lengths = given.try_iter()?.map(length).collect::<PyResult<Vec<_>>>()?;
+    let lengths: [_; 3] = lengths.try_into().map_err(|lengths: Vec<_>| {
+        let count = lengths.len();
+        PyTypeError::new_err(format!("periodic has {count} lengths where 3 are needed: (x, y, z)"))
+    })?;
+    Space::periodic(lengths.map(|length| length.map(|length| length as f32))).map_err(error::input)
+}
+
+/// A GPU by its index or a part of its name.
+///
+/// # Errors
+/// `TypeError` for what is neither.
+pub(crate) fn adapter(given: &Bound<'_, PyAny>) -> PyResult<AdapterId> {
+    match given.extract::<usize>() {
+        Ok(index) => Ok(AdapterId::Index(index)),
+        Err(_) => Ok(AdapterId::from(given.extract::<&str>()?)),
+    }
+}

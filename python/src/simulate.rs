@@ -1,0 +1,238 @@
+//! Runs of the simulator, with what they count and where particles are as arrays.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use lazygrid::{Algorithm, Backend};
+use lazygrid_sim::philox::Key;
+use lazygrid_sim::scenario::Scenario;
+use lazygrid_sim::transmitter::Schedule;
+use lazygrid_sim::{Error, Model, Simulator, State, series};
+use numpy::PyArray1;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::arrays;
+use crate::call::GLANCE;
+use crate::{error, fork};
+
+/// What is run: a file, its text, or the same as a dictionary.
+#[derive(FromPyObject)]
+pub(crate) enum Source<'py> {
+    Dict(Bound<'py, PyDict>),
+    Text(String),
+    File(PathBuf),
+}
+
+/// How a run goes where the scenario does not say so, or something else.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Options {
+    seed: Option<u64>,
+    steps: Option<u32>,
+    every: Option<u32>,
+    frames_every: Option<u32>,
+    backend: String,
+    algorithm: String,
+    threads: Option<usize>,
+}
+
+/// A run and what is kept of it.
+struct Run {
+    scenario: Scenario,
+    simulation: Simulator,
+    every: u32,
+    frames_every: Option<u32>,
+    steps: Vec<u32>,
+    /// By column.
+    counts: Vec<Vec<u64>>,
+    frames: Vec<(u32, State)>,
+    /// Where the work is done; with all threads where there is none.
+    pool: Option<ThreadPool>,
+}
+
+impl Run {
+    fn new(mut scenario: Scenario, options: &Options) -> PyResult<Self> {
+        let backend: Backend = options.backend.parse().map_err(error::unknown)?;
+        let algorithm: Algorithm = options.algorithm.parse().map_err(error::unknown)?;
+        scenario.seed = options.seed.unwrap_or(scenario.seed);
+        scenario.steps = options.steps.unwrap_or(scenario.steps);
+        let every = options.every.unwrap_or(scenario.output.every);
+        if every == 0 || options.frames_every == Some(0) {
+            return Err(error::setting("every = 0 is out of range; choose at least one step"));
+        }
+        let begun = Simulator::begin(&scenario.model, scenario.seed, backend, algorithm, None);
+        let simulation = begun.map_err(error::simulator)?;
+        let counts = vec![Vec::new(); series::names(&scenario.model).len()];
+        let pool = options.threads.map(|threads| {
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.map_err(|error| error::simulator(Error::Threads { threads, reason: error.to_string() }))
+        });
+        let (steps, frames, frames_every) = (Vec::new(), Vec::new(), options.frames_every);
+        let pool = pool.transpose()?;
+        Ok(Self { scenario, simulation, every, frames_every, steps, counts, frames, pool })
+    }
+
+    /// Does all steps, and looks for signals now and then.
+    fn finish(&mut self, py: Python<'_>) -> PyResult<()> {
+        self.record().map_err(error::simulator)?;
+        while self.simulation.step_count() < self.scenario.steps {
+            py.detach(|| self.some_steps()).map_err(error::simulator)?;
+            py.check_signals()?;
+        }
+        Ok(())
+    }
+
+    /// Does steps until it is time to look for signals.
+    fn some_steps(&mut self) -> Result<(), Error> {
+        let began = Instant::now();
+        while self.simulation.step_count() < self.scenario.steps && began.elapsed() < GLANCE {
+            let step = self.simulation.step_count();
+            let due = |every: u32| every - step % every;
+            let most = due(self.every).min(self.frames_every.map_or(u32::MAX, due));
+            let most = most.min(self.scenario.steps - step);
+            match &self.pool {
+                Some(pool) => pool.install(|| self.simulation.advance(most))?,
+                None => self.simulation.advance(most)?,
+            }
+            self.record()?;
+        }
+        Ok(())
+    }
+
+    /// Keeps what is due after the steps done so far.
+    fn record(&mut self) -> Result<(), Error> {
+        let step = self.simulation.step_count();
+        if step.is_multiple_of(self.every) {
+            self.steps.push(step);
+            let counts = series::counts(&self.simulation);
+            self.counts.iter_mut().zip(counts).for_each(|(column, count)| column.push(count));
+        }
+        if self.frames_every.is_some_and(|every| step.is_multiple_of(every)) {
+            self.frames.push((step, self.simulation.state()?.into_owned()));
+        }
+        Ok(())
+    }
+
+    /// All of it by name.
+    fn dict<'py>(self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let model = &self.scenario.model;
+        let last = self.simulation.state().map_err(error::simulator)?.into_owned();
+        let named = PyDict::new(py);
+        named.set_item("particles", particles(py, self.simulation.step_count(), last)?)?;
+        named.set_item("symbols", symbols(py, model, self.scenario.seed)?)?;
+        named.set_item("species", model.species.iter().map(|species| &species.name).collect::<Vec<_>>())?;
+        named.set_item("seed", self.scenario.seed)?;
+        named.set_item("time_step", model.time_step)?;
+        let columns = PyDict::new(py);
+        let times: Vec<_> = self.steps.iter().map(|&step| f64::from(step) * model.time_step).collect();
+        columns.set_item("step", PyArray1::from_vec(py, self.steps))?;
+        columns.set_item("time", PyArray1::from_vec(py, times))?;
+        for (name, counts) in series::names(model).into_iter().zip(self.counts) {
+            columns.set_item(name, PyArray1::from_vec(py, counts))?;
+        }
+        named.set_item("series", columns)?;
+        let frames = self.frames.into_iter().map(|(step, state)| particles(py, step, state));
+        named.set_item("frames", frames.collect::<PyResult<Vec<_>>>()?)?;
+        Ok(named)
+    }
+}
+
+/// Return what came of a run, and advice. See :func:`lazygrid.simulate`.
+#[pyfunction]
+pub(crate) fn simulate<'py>(
+    py: Python<'py>,
+    source: Source<'py>,
+    options: Options,
+) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
+    fork::use_threads()?;
+    let scenario = match source {
+        Source::Dict(dict) => parse(toml::to_string(&table(&dict)?).map_err(error::setting)?),
+        // No name of a file has several lines.
+        Source::Text(text) if text.contains('\n') => parse(text),
+        Source::Text(path) => Scenario::read(Path::new(&path)).map_err(error::simulator),
+        Source::File(path) => Scenario::read(&path).map_err(error::simulator),
+    };
+    let mut run = Run::new(scenario?, &options)?;
+    let advice = [run.scenario.advice.clone(), run.scenario.late_releases()].concat();
+    run.finish(py)?;
+    Ok((run.dict(py)?, advice))
+}
+
+fn parse(text: String) -> PyResult<Scenario> {
+    Scenario::parse(Path::new("scenario"), text).map_err(error::simulator)
+}
+
+/// The particles in the order of their ids.
+fn particles<'py>(py: Python<'py>, step: u32, state: State) -> PyResult<Bound<'py, PyDict>> {
+    let ordered = state.particles.permuted(&state.particles.by_id());
+    let rows = |columns: &[Vec<f32>; 3]| {
+        let [x, y, z] = columns;
+        let rows: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z]).collect();
+        arrays::rows::<[f32; 3], f32>(py, rows, 3)
+    };
+    let named = PyDict::new(py);
+    named.set_item("step", step)?;
+    named.set_item("position", rows(&ordered.position)?)?;
+    let velocity = ordered.has_velocity().then(|| rows(&ordered.velocity)).transpose()?;
+    named.set_item("velocity", velocity)?;
+    named.set_item("radius", PyArray1::from_vec(py, ordered.radius))?;
+    named.set_item("species", PyArray1::from_vec(py, ordered.species))?;
+    named.set_item("id", PyArray1::from_vec(py, ordered.id))?;
+    Ok(named)
+}
+
+/// What transmitters send, a row for each symbol, as `symbols.csv` of the command line.
+fn symbols<'py>(py: Python<'py>, model: &Model, seed: u64) -> PyResult<Bound<'py, PyDict>> {
+    let (mut times, mut names, mut sent) = (Vec::new(), Vec::new(), Vec::new());
+    for (place, transmitter) in (0..).zip(&model.transmitters) {
+        let Schedule::Message(message) = &transmitter.schedule else { continue };
+        for k in 0..message.symbols.len() {
+            times.push(message.time_of(k));
+            names.push(transmitter.name.clone());
+            sent.push(message.symbol(k, place, Key::new(seed)));
+        }
+    }
+    let columns = PyDict::new(py);
+    columns.set_item("time", PyArray1::from_vec(py, times))?;
+    columns.set_item("transmitter", names)?;
+    columns.set_item("symbol", PyArray1::from_vec(py, sent))?;
+    Ok(columns)
+}
+
+/// A dictionary as TOML.
+fn table(dict: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
+    let entry = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        Ok((key.extract::<String>()?, toml_value(&value)?))
+    };
+    // What is None is left out, as it is where a scenario does not name it.
+    dict.iter().filter(|(_, value)| !value.is_none()).map(entry).collect()
+}
+
+fn toml_value(value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
+    if let Ok(dict) = value.cast::<PyDict>() {
+        return Ok(toml::Value::Table(table(dict)?));
+    }
+    if let Ok(word) = value.extract::<String>() {
+        return Ok(toml::Value::String(word));
+    }
+    if let Ok(truth) = value.cast::<PyBool>() {
+        return Ok(toml::Value::Boolean(truth.is_true()));
+    }
+    if let Ok(whole) = value.extract::<i64>() {
+        return Ok(toml::Value::Integer(whole));
+    }
+    if let Ok(number) = value.extract::<f64>() {
+        return Ok(toml::Value::Float(number));
+    }
+    // Lists, tuples and arrays.
+    match value.try_iter() {
+        Ok(items) => {
+            let values = items.map(|item| toml_value(&item?));
+            Ok(toml::Value::Array(values.collect::<PyResult<_>>()?))
+        }
+        Err(_) => Err(PyTypeError::new_err(format!("a scenario cannot hold {}", value.repr()?))),
+    }
+}

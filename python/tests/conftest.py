@@ -1,0 +1,39 @@
+"""What several tests use."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+Rows = npt.NDArray[np.float32]
+
+
+def brute_force(
+    rows: Rows, periodic: tuple[float | None, ...] = (None, None, None)
+) -> npt.NDArray[np.uint32]:
+    """All pairs by the definition, in float64, in canonical order."""
+    wide = rows.astype(np.float64)
+    difference = wide[:, None, :3] - wide[None, :, :3]
+    for axis, length in enumerate(periodic):
+        if length is not None:
+            box = float(np.float32(length))
+            difference[..., axis] -= box * np.round(difference[..., axis] / box)
+    reach = wide[:, None, 3] + wide[None, :, 3]
+    found = np.argwhere((difference**2).sum(axis=2) <= reach**2)
+    return found[found[:, 0] < found[:, 1]].astype(np.uint32)
+
+
+def scene(seed: int, count: int, box: float = 10.0, largest: float = 0.6) -> Rows:
+    """Spheres in a box, of radii over two orders of magnitude."""
+    random = np.random.default_rng(seed)
+    rows = np.empty((count, 4), dtype=np.float32)
+    rows[:, :3] = random.uniform(0, box, (count, 3))
+    rows[:, 3] = largest * 10.0 ** random.uniform(-2, 0, count)
+    return rows
+
+
+@pytest.fixture
+def spheres() -> Rows:
+    """Two hundred spheres of which some overlap."""
+    return scene(1, 200, box=4.0)

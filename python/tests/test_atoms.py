@@ -1,0 +1,160 @@
+"""neighbor_list against ASE and matscipy, bit for bit, and what it refuses."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+import lazygrid
+
+ase = pytest.importorskip("ase")
+from ase import Atoms  # noqa: E402
+from ase.build import bulk, molecule  # noqa: E402
+from ase.neighborlist import natural_cutoffs, neighbor_list  # noqa: E402
+
+
+def ordered(lists: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The same lists sorted by i, then j, then S: ASE leaves the order of j open."""
+    i, j, _, _, shift = lists
+    order = np.lexsort((shift[:, 2], shift[:, 1], shift[:, 0], j, i))
+    return tuple(array[order] for array in lists)
+
+
+def same(atoms: Any, cutoff: Any, self_interaction: bool = False) -> int:
+    expected = ordered(neighbor_list("ijdDS", atoms, cutoff, self_interaction=self_interaction))
+    found = lazygrid.neighbor_list("ijdDS", atoms, cutoff, self_interaction=self_interaction)
+    for mine, theirs in zip(found, expected):
+        assert mine.dtype == theirs.dtype and mine.shape == theirs.shape
+        assert mine.tobytes() == np.ascontiguousarray(theirs + 0).tobytes() or (mine == theirs).all()
+    return len(found[0])
+
+
+def copper(repeat: int, rattled: float, seed: int = 42) -> Any:
+    atoms = bulk("Cu", cubic=True) * repeat
+    atoms.rattle(rattled, rng=np.random.default_rng(seed))
+    return atoms
+
+
+def test_one_cutoff() -> None:
+    for pbc in (True, False, (True, False, True)):
+        atoms = copper(4, 0.5)
+        atoms.pbc = pbc
+        assert same(atoms, 5.0) > 4000
+
+
+def test_lattices_at_exactly_the_cutoff() -> None:
+    side = 3.61
+    for atoms in (copper(4, 0.0), bulk("NaCl", "rocksalt", a=4.0, cubic=True) * 3):
+        for cutoff in (2.0, 4.0, side, side / np.sqrt(2), 5.0):
+            same(atoms, cutoff)
+
+
+def test_atoms_outside_the_cell() -> None:
+    atoms = copper(4, 0.3)
+    atoms.positions += np.random.default_rng(1).integers(-3, 4, (len(atoms), 3)) * atoms.cell.lengths()
+    assert same(atoms, 4.0) > 1000
+    atoms.pbc = False
+    same(atoms, 4.0)
+
+
+def test_cutoffs_by_element_and_by_atom() -> None:
+    atoms = molecule("isobutane")
+    assert same(atoms, 1.85) > 20
+    assert same(atoms, {("H", "H"): 1.1, ("C", "H"): 1.3, ("C", "C"): 1.85}) > 20
+    assert same(atoms, {(1, 6): 1.3, ("C", "C"): 1.85, ("O", "O"): 9.0}) > 20
+    assert same(atoms, natural_cutoffs(atoms, mult=1.2)) > 20
+    assert same(copper(4, 0.2), np.full(256, 1.4)) > 1000
+    assert same(atoms, {("O", "O"): 9.0}) == 0
+
+
+def test_every_atom_its_own_neighbour() -> None:
+    assert same(copper(4, 0.2), 3.0, self_interaction=True) > 256
+    assert same(Atoms("H", positions=[(1, 2, 3)]), 1.0, self_interaction=True) == 1
+    assert same(Atoms("H2", positions=[(1, 2, 3)] * 2), 1.0) == 2
+
+
+@given(
+    count=some.integers(1, 40),
+    cutoff=some.floats(0.1, 2.5),
+    pbc=some.tuples(some.booleans(), some.booleans(), some.booleans()),
+    lengths=some.tuples(*[some.floats(5, 12)] * 3),
+    seed=some.integers(0, 1 << 30),
+)
+@settings(deadline=None)
+def test_any_atoms(
+    count: int, cutoff: float, pbc: tuple[bool, ...], lengths: tuple[float, ...], seed: int
+) -> None:
+    random = np.random.default_rng(seed)
+    positions = random.uniform(-1.5, 2.5, (count, 3)) * lengths
+    # Half of them on a raster, so that distances repeat exactly.
+    positions[::2] = np.round(positions[::2] * 2) / 2
+    atoms = Atoms(random.choice(["H", "O"], count), positions=positions, cell=lengths, pbc=pbc)
+    same(atoms, cutoff)
+    same(atoms, {("H", "O"): cutoff, ("H", "H"): cutoff / 2})
+    same(atoms, random.uniform(0, cutoff / 2, count))
+
+
+def test_matscipy_finds_the_same() -> None:
+    matscipy = pytest.importorskip("matscipy.neighbours")
+    atoms = copper(5, 0.4)
+    expected = ordered(matscipy.neighbour_list("ijdDS", atoms, 4.5))
+    for mine, theirs in zip(lazygrid.neighbor_list("ijdDS", atoms, 4.5), expected):
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-12)
+
+
+def test_far_from_the_origin_nothing_is_lost() -> None:
+    atoms = copper(4, 0.3)
+    atoms.pbc = False
+    atoms.positions += 1e6
+    same(atoms, 3.0)
+    half = len(atoms) // 2
+    atoms.positions[half:] += 1e5
+    same(atoms, 3.0)
+
+
+def test_quantities_come_as_they_are_asked_for() -> None:
+    atoms = copper(3, 0.1)
+    alone = lazygrid.neighbor_list("d", atoms, 3.0)
+    distance, first, again = lazygrid.neighbor_list("did", atoms, 3.0)
+    np.testing.assert_array_equal(alone, distance)
+    assert again is distance and first.dtype == np.int64
+    none = Atoms()
+    assert [array.shape for array in lazygrid.neighbor_list("ijdDS", none, 3.0)] == [(0,)] * 3 + [(0, 3)] * 2
+    with pytest.raises(lazygrid.InputError, match="'ijx'.*ijdDS"):
+        lazygrid.neighbor_list("ijx", atoms, 3.0)
+
+
+def test_what_nearest_images_cannot_do_is_refused() -> None:
+    with pytest.raises(lazygrid.InputError, match=r"3.61 long along x .* 1.805"):
+        lazygrid.neighbor_list("ij", bulk("Cu", cubic=True), 3.0)
+    with pytest.raises(lazygrid.InputError, match="tilted"):
+        lazygrid.neighbor_list("ij", bulk("Cu") * 6, 3.0)
+    with pytest.raises(lazygrid.InputError, match="periodic along x"):
+        lazygrid.neighbor_list("ij", Atoms("H", pbc=True), 3.0)
+    atoms = copper(3, 0.1)
+    for wrong in (np.nan, np.inf):
+        with pytest.raises(lazygrid.InputError, match="must be finite"):
+            lazygrid.neighbor_list("ij", atoms, wrong)
+    with pytest.raises(lazygrid.InputError, match="atom 1 is -1"):
+        lazygrid.neighbor_list("ij", atoms, [1.0, -1.0] * 54)
+    with pytest.raises(lazygrid.InputError, match="one per atom"):
+        lazygrid.neighbor_list("ij", atoms, [1.0, 1.0])
+    with pytest.raises(lazygrid.InputError, match="no element"):
+        lazygrid.neighbor_list("ij", atoms, {("Cu", "Xx1"): 1.0})
+    with pytest.raises(lazygrid.InputError, match="sphere 5"):
+        atoms.positions[5] = np.nan
+        lazygrid.neighbor_list("ij", atoms, 3.0)
+
+
+def test_anything_with_positions_will_do() -> None:
+    positions = np.random.default_rng(3).uniform(0, 10, (100, 3))
+    plain = SimpleNamespace(positions=positions, cell=(10, 10, 10), pbc=True, numbers=np.ones(100))
+    atoms = Atoms("H100", positions=positions, cell=(10, 10, 10), pbc=True)
+    np.testing.assert_array_equal(
+        lazygrid.neighbor_list("d", plain, 2.0), lazygrid.neighbor_list("d", atoms, 2.0)
+    )

@@ -1,0 +1,287 @@
+"""The class Detector against the definition of pairs, and what it refuses."""
+
+from __future__ import annotations
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from conftest import Rows, brute_force, scene
+from hypothesis import given, settings
+from hypothesis import strategies as some
+from hypothesis.extra.numpy import arrays
+from scipy.spatial import cKDTree
+
+import lazygrid
+from lazygrid import Detector, Interactions
+
+CPU = ["naive", "hash-grid", "array-grid", "recursive-grid", "cell-list"]
+
+COORDINATES = some.floats(-8, 8, width=32)
+ROWS = some.integers(0, 24).flatmap(
+    lambda n: arrays(np.float32, (n, 4), elements=COORDINATES).map(
+        lambda rows: np.abs(rows) * [1, 1, 1, 0.2] * [1, -1, 1, 1]
+    )
+).map(lambda rows: np.ascontiguousarray(rows, dtype=np.float32))
+
+
+@pytest.mark.parametrize("algorithm", CPU)
+def test_pairs_are_those_of_the_definition(spheres: Rows, algorithm: str) -> None:
+    detector = Detector(backend="cpu", algorithm=algorithm)  # type: ignore[arg-type]
+    found = detector.pairs(spheres)
+    assert found.dtype == np.uint32 and found.shape[1] == 2
+    assert len(found) > 20
+    np.testing.assert_array_equal(found, brute_force(spheres))
+    assert detector.report["algorithm"] == algorithm
+    assert detector.report["pairs"] == len(found)
+
+
+@given(rows=ROWS)
+@settings(deadline=None)
+def test_any_spheres(rows: Rows) -> None:
+    detector = Detector(backend="cpu")
+    expected = brute_force(rows)
+    np.testing.assert_array_equal(detector.pairs(rows), expected)
+    np.testing.assert_array_equal(detector.pairs(tuple(rows.T.copy())), expected)
+    assert detector.count(rows) == len(expected)
+
+
+@given(rows=ROWS, lengths=some.tuples(*[some.none() | some.floats(0.5, 20, width=32)] * 3))
+@settings(deadline=None)
+def test_any_periodic_box(rows: Rows, lengths: tuple[float | None, float | None, float | None]) -> None:
+    found = Detector(backend="cpu", periodic=lengths).pairs(rows)
+    np.testing.assert_array_equal(found, brute_force(rows, lengths))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_tree_of_scipy_finds_the_same(seed: int) -> None:
+    points = scene(seed, 5000)[:, :3]
+    pairs = cKDTree(points.astype(np.float64)).query_pairs(0.25, output_type="ndarray")
+    pairs = np.sort(pairs, axis=1)
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    np.testing.assert_array_equal(lazygrid.pairs(points, 0.125, backend="cpu"), pairs)
+
+
+def test_neighbors_have_every_pair_twice(spheres: Rows) -> None:
+    detector = Detector(backend="cpu")
+    offsets, indices = detector.neighbors(spheres)
+    assert offsets.dtype == np.uint64 and indices.dtype == np.uint32
+    of = np.repeat(np.arange(len(spheres)), (offsets[1:] - offsets[:-1]).astype(np.int64))
+    both = np.column_stack([of, indices])
+    np.testing.assert_array_equal(both[both[:, 0] < both[:, 1]], brute_force(spheres))
+    assert len(both) == 2 * len(brute_force(spheres))
+
+
+def test_no_sphere_and_one() -> None:
+    detector = Detector(backend="cpu")
+    for count in (0, 1):
+        rows = np.zeros((count, 4), dtype=np.float32)
+        assert detector.pairs(rows).shape == (0, 2)
+        assert detector.neighbors(rows)[0].tolist() == [0] * (count + 1)
+        assert detector.count(rows) == 0
+        assert list(detector.stream(rows)) == []
+
+
+def test_arrays_are_read_in_any_layout(spheres: Rows) -> None:
+    detector = Detector(backend="cpu")
+    expected = brute_force(spheres)
+    every_second = np.repeat(spheres, 2, axis=0)[::2]
+    unaligned = np.frombuffer(b"\0" + spheres.tobytes(), dtype=np.float32, offset=1).reshape(-1, 4)
+    swapped = spheres.astype(">f4")
+    for rows in (np.asfortranarray(spheres), every_second, unaligned, swapped, spheres[:, ::-1][:, ::-1]):
+        np.testing.assert_array_equal(detector.pairs(rows), expected)
+    read_only = spheres.copy()
+    read_only.flags.writeable = False
+    np.testing.assert_array_equal(detector.pairs(read_only), expected)
+    np.testing.assert_array_equal(detector.pairs(tuple(spheres.T)), expected)
+    halves = np.round(spheres, 1).astype(np.float16)
+    np.testing.assert_array_equal(detector.pairs(halves), brute_force(halves.astype(np.float32)))
+
+
+def test_doubles_are_rounded_only_where_it_is_said(spheres: Rows) -> None:
+    detector = Detector(backend="cpu")
+    doubles = spheres.astype(np.float64)
+    with pytest.raises(TypeError, match=r"float64.*cast=True"):
+        detector.pairs(doubles)
+    with pytest.raises(TypeError, match=r"`y`.*float64"):
+        detector.count((spheres[:, 0], doubles[:, 1], spheres[:, 2], spheres[:, 3]))
+    np.testing.assert_array_equal(detector.pairs(doubles, cast=True), brute_force(spheres))
+    with pytest.raises(TypeError, match="no real numbers"):
+        detector.pairs(spheres.astype(np.complex128), cast=True)
+    with pytest.raises(lazygrid.InputError, match="sphere 3"):
+        doubles[3, 0] = 1e300
+        detector.pairs(doubles, cast=True)
+
+
+def test_out_is_written_and_never_overrun(spheres: Rows) -> None:
+    detector = Detector(backend="cpu")
+    expected = brute_force(spheres)
+    out = np.full((len(expected) + 5, 2), 7, dtype=np.uint32)
+    found = detector.pairs(spheres, out=out)
+    assert found.base is out
+    np.testing.assert_array_equal(found, expected)
+    assert (out[len(expected) :] == 7).all()
+    small = np.full((3, 2), 7, dtype=np.uint32)
+    with pytest.raises(lazygrid.TooManyPairs, match="room for 3 pairs") as refused:
+        detector.pairs(spheres, out=small)
+    assert (refused.value.found, refused.value.limit) == (len(expected), 3)
+    assert (small == 7).all()
+    out.flags.writeable = False
+    for wrong in (out, out.astype(np.int64), np.zeros(8, np.uint32), np.zeros((9, 3), np.uint32)):
+        with pytest.raises(lazygrid.InputError, match="`out` must be"):
+            detector.pairs(spheres, out=wrong)  # type: ignore[arg-type]
+
+
+def test_errors_name_index_and_value(spheres: Rows) -> None:
+    detector = Detector(backend="cpu")
+    spheres[17, 2], spheres[30, 3] = np.nan, -1
+    with pytest.raises(lazygrid.InputError, match="sphere 17 .* 2 of 200") as refused:
+        detector.pairs(spheres)
+    assert isinstance(refused.value, ValueError) and isinstance(refused.value, lazygrid.Error)
+    assert (refused.value.index, refused.value.count) == (17, 2)
+    assert isinstance(refused.value.value, list) and np.isnan(refused.value.value[2])
+    with pytest.raises(lazygrid.InputError, match=r"\(2, 4\).*\(n,\)|`x` has shape"):
+        detector.pairs((np.zeros((2, 4), np.float32),) * 4)
+    with pytest.raises(lazygrid.InputError, match="3 columns"):
+        detector.pairs(spheres[:, :3])
+    with pytest.raises(lazygrid.InputError, match="`z` has 1 values where 2 are needed"):
+        one, two = np.zeros(1, np.float32), np.zeros(2, np.float32)
+        detector.pairs((two, two, one, two))
+
+
+def test_too_many_pairs_are_an_error_with_their_number() -> None:
+    rows = np.zeros((100, 4), dtype=np.float32)
+    detector = Detector(backend="cpu", max_pairs=10)
+    with pytest.raises(lazygrid.TooManyPairs) as refused:
+        detector.pairs(rows)
+    assert (refused.value.found, refused.value.limit) == (4950, 10)
+    assert detector.count(rows) == 4950
+    assert sum(map(len, detector.stream(rows, 7))) == 4950
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"backend": "CPU"}, "unknown backend 'CPU'; expected one of auto, cpu, gpu"),
+        ({"algorithm": "octree"}, "unknown algorithm 'octree'"),
+        ({"order": "sorted"}, "unknown order 'sorted'"),
+        ({"threads": 0}, "threads = 0 is out of range"),
+        ({"periodic": (1.0, -2.0, None)}, "length -2 of the periodic axis y"),
+        ({"backend": "cpu", "algorithm": "lazy-grid"}, "lazy-grid does not run on the cpu backend"),
+        ({"backend": "cpu", "adapter": "nvidia"}, "leave one of them out"),
+    ],
+)
+def test_settings_are_refused_by_value(keywords: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message) as refused:
+        Detector(**keywords)  # type: ignore[arg-type]
+    assert isinstance(refused.value, lazygrid.Error)
+
+
+def test_interactions_say_which_species_pair(spheres: Rows) -> None:
+    table = Interactions(3)
+    table[0, 1] = 0.5
+    table[2, 2] = "touch"
+    assert (table[1, 0], table[2, 2], table[0, 0], table.species) == (0.5, "touch", None, 3)
+    species = np.arange(len(spheres), dtype=np.uint32) % 3
+    found = Detector(backend="cpu", interactions=table).pairs(spheres, species)
+    points = spheres.copy()
+    points[:, 3] = 0.25
+    within = brute_force(points)
+    kinds = np.sort(species[within], axis=1)
+    touching = brute_force(spheres)
+    both = np.concatenate([within[(kinds == [0, 1]).all(axis=1)], touching[(species[touching] == 2).all(axis=1)]])
+    np.testing.assert_array_equal(found, both[np.lexsort((both[:, 1], both[:, 0]))])
+    with pytest.raises(lazygrid.InputError, match="species="):
+        Detector(backend="cpu", interactions=table).pairs(spheres)
+    with pytest.raises(lazygrid.InputError, match="species id 3 of sphere 5") as refused:
+        species[5] = 3
+        Detector(backend="cpu", interactions=table).pairs(spheres, species)
+    assert (refused.value.index, refused.value.value) == (5, 3)
+    with pytest.raises(lazygrid.InputError, match="-1 at index 1"):
+        Detector(backend="cpu", interactions=table).pairs(spheres[:2], [0, -1])
+    with pytest.raises(lazygrid.InputError):
+        table[0, 3] = None
+    with pytest.raises(lazygrid.InputError, match="finite and not negative"):
+        table[0, 0] = -1.0
+
+
+def test_a_stream_has_all_pairs_in_chunks() -> None:
+    rows = scene(4, 3000, largest=1.0)
+    expected = Detector(backend="cpu").pairs(rows)
+    chunks = list(Detector(backend="cpu").stream(rows, 1000))
+    assert all(len(chunk) == 1000 for chunk in chunks[:-1])
+    np.testing.assert_array_equal(np.concatenate(chunks), expected)
+    unordered = np.concatenate(list(Detector(backend="cpu", order="unordered").stream(rows, 1000)))
+    np.testing.assert_array_equal(unordered[np.lexsort((unordered[:, 1], unordered[:, 0]))], expected)
+
+
+def test_a_stream_is_of_the_spheres_that_were_given() -> None:
+    rows = np.zeros((300, 4), dtype=np.float32)
+    detector = Detector(backend="cpu", order="unordered")
+    total = 0
+    for chunk in detector.stream(rows, 100):
+        rows[:] = np.nan
+        total += len(chunk)
+        # The detector may be called meanwhile.
+        assert detector.count(np.zeros((2, 4), dtype=np.float32)) == 1
+    assert total == 300 * 299 // 2
+
+
+def test_a_stream_may_be_left() -> None:
+    rows = np.zeros((3000, 4), dtype=np.float32)
+    detector = Detector(backend="cpu")
+    with detector.stream(rows, 10) as chunks:
+        assert len(next(chunks)) == 10
+    assert list(chunks) == []
+    left = detector.stream(rows, 10)
+    next(left)
+    del left
+    assert detector.count(rows) == 3000 * 2999 // 2
+    with pytest.raises(lazygrid.SettingError, match="chunk = 0"):
+        detector.stream(rows, 0)
+    with pytest.raises(lazygrid.InputError, match="sphere 0"):
+        next(detector.stream(np.full((1, 4), np.nan, dtype=np.float32)))
+
+
+def test_threads_share_a_detector() -> None:
+    detector = Detector(backend="cpu")
+    scenes = [scene(seed, 2000) for seed in range(8)]
+    barrier = threading.Barrier(4)
+
+    def count(rows: Rows) -> int:
+        barrier.wait()
+        return len(detector.pairs(rows))
+
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(count, scenes))
+    assert found == [detector.count(rows) for rows in scenes]
+
+
+def test_threads_do_not_change_the_bytes() -> None:
+    rows = scene(9, 40_000, box=30.0)
+    one = Detector(backend="cpu", threads=1).pairs(rows)
+    two = Detector(backend="cpu", threads=2).pairs(rows)
+    assert one.tobytes() == two.tobytes()
+
+
+def test_report_and_memory() -> None:
+    detector = Detector(backend="cpu")
+    assert detector.report["spheres"] == 0
+    assert detector.memory_for(1_000_000) > 16_000_000
+    detector.count(scene(2, 100))
+    report = detector.report
+    assert (report["spheres"], report["backend"], report["adapter"], report["gpu"]) == (100, "cpu", None, None)
+    assert "search" in report["phases"] and all(seconds >= 0 for seconds in report["phases"].values())
+    assert repr(detector) == "<lazygrid.Detector: naive on cpu>"
+
+
+def test_points_of_one_radius_and_of_many() -> None:
+    rows = scene(3, 500)
+    np.testing.assert_array_equal(lazygrid.pairs(rows[:, :3], rows[:, 3], backend="cpu"), brute_force(rows))
+    with pytest.raises(TypeError, match="cast=True"):
+        lazygrid.pairs(rows[:, :3].astype(np.float64), 0.1)
+    with pytest.raises(lazygrid.InputError, match="points"):
+        lazygrid.pairs(rows, 0.1)
+    with pytest.raises(lazygrid.InputError, match="radius"):
+        lazygrid.pairs(rows[:, :3], [0.1, 0.2])

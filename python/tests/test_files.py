@@ -1,0 +1,202 @@
+"""Files, scenarios and the command line: the same results as from the command."""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import scene
+
+import lazygrid
+
+# The scenario is short of steps, and says so.
+pytestmark = pytest.mark.filterwarnings("ignore:.*is long beside")
+
+ROOT = Path(__file__).parents[2]
+SCENARIO = """
+time-step = 0.001
+steps = 50
+seed = 3
+
+[[species]]
+name = "acid"
+radius = 0.1
+diffusion = 10.0
+
+[[species]]
+name = "base"
+radius = 0.1
+diffusion = 10.0
+
+[[reaction]]
+equation = "acid + base ->"
+rate = 20.0
+
+[[transmitter]]
+name = "burst"
+center = [0, 0, 0]
+shape = { kind = "ball", radius = 1.0 }
+release = [{ species = "acid", count = 200 }, { species = "base", count = 200 }]
+
+[[receiver]]
+name = "rx"
+center = [2, 0, 0]
+radius = 1
+kind = "transparent"
+"""
+SAME: dict[str, Any] = {
+    "time-step": 0.001,
+    "steps": 50,
+    "seed": 3,
+    "species": [
+        {"name": "acid", "radius": np.float32(0.1), "diffusion": 10.0},
+        {"name": "base", "radius": np.float32(0.1), "diffusion": 10},
+    ],
+    "reaction": [{"equation": "acid + base ->", "rate": 20.0}],
+    "transmitter": [
+        {
+            "name": "burst",
+            "center": np.zeros(3),
+            "shape": {"kind": "ball", "radius": 1.0},
+            "release": [{"species": "acid", "count": 200}, {"species": "base", "count": np.int64(200)}],
+        }
+    ],
+    "receiver": [{"name": "rx", "center": (2, 0, 0), "radius": 1, "kind": "transparent", "species": None}],
+}
+
+
+def command(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """The command line of the package or, where it is told by LAZYGRID, the Rust one."""
+    rust = os.environ.get("LAZYGRID")
+    program = [rust] if rust else [sys.executable, "-m", "lazygrid"]
+    return subprocess.run([*program, *map(str, arguments)], cwd=cwd, capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("periodic", [None, (9.0, 9.0, None)])
+def test_the_command_line_writes_the_same_bytes(tmp_path: Path, periodic: Any) -> None:
+    rows = scene(5, 3000)
+    np.save(tmp_path / "rows.npy", rows)
+    box = ["--periodic", "9,9,-"] if periodic else []
+    done = command("detect", tmp_path / "rows.npy", "-o", tmp_path / "pairs.npy", *box)
+    assert done.returncode == 0, done.stderr
+    detector = lazygrid.Detector(periodic=periodic)
+    found = detector.pairs(rows)
+    np.save(tmp_path / "own.npy", found)
+    assert found.tobytes() == np.load(tmp_path / "pairs.npy").tobytes()
+    near = tmp_path / "near.npy"
+    assert command("detect", tmp_path / "rows.npy", "--neighbors", "-o", near, *box).returncode == 0
+    offsets, indices = detector.neighbors(rows)
+    assert offsets.tobytes() == np.load(tmp_path / "near.offsets.npy").tobytes()
+    assert indices.tobytes() == np.load(tmp_path / "near.indices.npy").tobytes()
+
+
+def test_the_command_line_says_how_it_ended(tmp_path: Path) -> None:
+    said = command("--version")
+    assert (said.returncode, said.stdout) == (0, f"lazygrid {lazygrid.__version__}\n")
+    assert command("detect").returncode == 2
+    missing = command("detect", tmp_path / "missing.csv")
+    assert missing.returncode == 1 and missing.stderr.startswith("error: ")
+
+
+def test_a_file_is_read_as_arrays() -> None:
+    frame = lazygrid.read(ROOT / "tests/data/lammps-pour.dump", frame=0)
+    assert frame.spheres.shape == (15208, 4) and frame.spheres.dtype == np.float32
+    assert frame.species is not None and frame.species.shape == (15208,)
+    assert len(frame.names) == 3 and frame.step == 3000 and frame.ids is None
+    assert lazygrid.Detector().count(frame.spheres) == 3072
+    frames = lazygrid.Frames(ROOT / "tests/data/lammps-pour.dump", ids=True)
+    first = next(frames)
+    assert frames.format == "lammps" and first.ids is not None and first.ids.dtype == np.int64
+
+
+def test_files_of_several_frames(tmp_path: Path) -> None:
+    path = tmp_path / "two.xyz"
+    frame = '1\nLattice="9 0 0 0 9 0 0 0 9" pbc="T T F" Properties=species:S:1:pos:R:3:radius:R:1\nH 1 2 3 0.5\n'
+    path.write_text(frame + frame.replace("0.5", "0.25"))
+    with pytest.raises(lazygrid.FileError, match="several frames.*frame="):
+        lazygrid.read(path)
+    assert lazygrid.read(path, 1).spheres.tolist() == [[1, 2, 3, 0.25]]
+    assert lazygrid.read(path, 0).periodic == (9.0, 9.0, None)
+    assert lazygrid.read(path, 0, periodic="none").periodic is None
+    assert lazygrid.read(path, 0, periodic=(5, None, None)).periodic == (5.0, None, None)
+    assert lazygrid.read(path, 0, radii={"H": 2.0}).spheres[0, 3] == 2.0
+    assert [frame.spheres[0, 3] for frame in lazygrid.Frames(path)] == [0.5, 0.25]
+    with pytest.raises(lazygrid.FileError, match="no frame 2"):
+        lazygrid.read(path, 2)
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"missing\.csv"):
+        lazygrid.read(tmp_path / "missing.csv")
+    bad = tmp_path / "bad.csv"
+    bad.write_text("x,y,z,r\n1,2,3,0.5\n1,2,three,0.5\n")
+    with pytest.raises(lazygrid.FileError, match="line 3.*three"):
+        lazygrid.read(bad)
+    bare = tmp_path / "bare.xyz"
+    bare.write_text("1\n\nH 0 0 0\n")
+    with pytest.raises(lazygrid.FileError, match="radii="):
+        lazygrid.read(bare)
+    with pytest.raises(lazygrid.SettingError, match="unknown format"):
+        lazygrid.read(bad, format="pdb")
+
+
+def test_a_run_has_the_series_of_the_command_line(tmp_path: Path) -> None:
+    path = tmp_path / "burst.toml"
+    path.write_text(SCENARIO)
+    assert command("simulate", path, "-o", tmp_path / "run", cwd=tmp_path).returncode == 0
+    run = lazygrid.simulate(path)
+    with open(tmp_path / "run" / "series.csv") as file:
+        names, *rows = csv.reader(file)
+    assert list(run.series) == names
+    written = np.array(rows, dtype=np.float64).T
+    for name, column in zip(names, written):
+        np.testing.assert_array_equal(run.series[name], column)
+    assert len(run.series["step"]) == 51 and run.series["acid"][-1] < 200
+
+
+def test_a_file_its_text_and_a_dictionary_are_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "burst.toml"
+    path.write_text(SCENARIO)
+    runs = [lazygrid.simulate(source) for source in (path, str(path), SCENARIO, SAME)]
+    for run in runs[1:]:
+        assert run.particles.position.tobytes() == runs[0].particles.position.tobytes()
+    other = lazygrid.simulate(SAME, seed=4, steps=10, every=5, frames_every=10, threads=1)
+    assert other.series["step"].tolist() == [0, 5, 10] and other.seed == 4
+    assert [frame.step for frame in other.frames] == [0, 10] and len(other.frames[0]) == 400
+    assert other.particles.spheres.shape == (len(other.particles), 4)
+    assert (np.diff(other.particles.id.astype(np.int64)) > 0).all()
+    assert other.species == ["acid", "base"] and other.particles.velocity is None
+
+
+def test_series_make_a_data_frame() -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(lazygrid.simulate(SAME).series)
+    assert list(frame.columns)[:4] == ["step", "time", "acid", "base"] and len(frame) == 51
+
+
+def test_scenarios_that_make_no_sense() -> None:
+    with pytest.raises(lazygrid.SettingError, match="line 3, `steps`|steps"):
+        lazygrid.simulate("time-step = 1\n\nsteps = -1\n")
+    with pytest.raises(TypeError, match="cannot hold"):
+        lazygrid.simulate({"steps": object()})
+    with pytest.raises(lazygrid.SettingError, match="every = 0"):
+        lazygrid.simulate(SAME, every=0)
+    with pytest.raises(FileNotFoundError):
+        lazygrid.simulate(Path("no such scenario.toml"))
+    late = SAME | {"transmitter": [SAME["transmitter"][0] | {"times": [0.0, 99.0]}]}
+    with pytest.warns(UserWarning, match="99"):
+        lazygrid.simulate(late)
+
+
+def test_symbols_are_what_was_sent() -> None:
+    bits = SAME["transmitter"][0] | {"bits": "0110", "symbol-time": 0.01}
+    run = lazygrid.simulate(SAME | {"transmitter": [bits]})
+    assert run.symbols["symbol"].tolist() == [0, 1, 1, 0]
+    assert run.symbols["transmitter"] == ["burst"] * 4
+    np.testing.assert_allclose(run.symbols["time"], [0.0, 0.01, 0.02, 0.03])

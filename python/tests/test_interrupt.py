@@ -1,0 +1,84 @@
+"""Ctrl-C in calls that would take minutes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import scene
+
+import lazygrid
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send itself Ctrl-C there")
+
+# All pairs of a million spheres are 5e11 comparisons.
+ROWS = scene(1, 1_000_000, box=1e4)
+
+
+def interrupted(call: Callable[[], Any]) -> None:
+    timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        call()
+    timer.join()
+
+
+def test_a_search_ends_and_the_detector_can_be_used_again() -> None:
+    detector = lazygrid.Detector(backend="cpu", algorithm="naive")
+    interrupted(lambda: detector.count(ROWS))
+    interrupted(lambda: detector.pairs(ROWS))
+    assert detector.count(np.zeros((2, 4), dtype=np.float32)) == 1
+
+
+def test_a_stream_can_be_waited_for_and_left() -> None:
+    detector = lazygrid.Detector(backend="cpu", algorithm="naive", order="unordered")
+    chunks = detector.stream(ROWS)
+    interrupted(lambda: next(chunks))
+    chunks.close()
+    assert detector.count(np.zeros((2, 4), dtype=np.float32)) == 1
+
+
+def test_a_run_ends() -> None:
+    species = {"name": "a", "radius": 0.1, "diffusion": 1.0}
+    burst = {"name": "t", "center": [0, 0, 0], "shape": {"kind": "point"}, "release": [{"species": "a", "count": 9}]}
+    scenario = {"time-step": 1e-3, "steps": 1_000_000_000, "species": [species], "transmitter": [burst]}
+    interrupted(lambda: lazygrid.simulate(scenario, every=1_000_000))
+
+
+def test_other_threads_go_on_meanwhile() -> None:
+    detector = lazygrid.Detector(backend="cpu", algorithm="naive")
+    ended = threading.Event()
+    steps = 0
+
+    def count() -> None:
+        detector.count(ROWS[:60_000])
+        ended.set()
+
+    worker = threading.Thread(target=count)
+    worker.start()
+    while not ended.is_set():
+        steps += 1
+    worker.join()
+    assert steps > 0
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork")
+def test_a_copied_process_does_not_wait_for_threads_that_it_does_not_have() -> None:
+    rows = scene(1, 100)
+    lazygrid.Detector(backend="cpu").count(rows)
+    child = os.fork()
+    if child == 0:
+        alone = lazygrid.Detector(backend="cpu", threads=1).count(rows) > 0
+        try:
+            lazygrid.Detector(backend="cpu").count(rows)
+        except lazygrid.Error as refused:
+            os._exit(0 if alone and "spawn" in str(refused) else 1)
+        os._exit(2)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
