@@ -99,6 +99,9 @@ if have pkg-config pkg-config; then
     passes "C++20, with std::span" build_and_run wrapper-20 c++20 capi/tests/wrapper.cpp
     passes "example in C" build_and_run steps c99 capi/examples/steps.c
     passes "example in C++" build_and_run species c++17 capi/examples/species.cpp
+    # The first program of the README.
+    awk '/^```c$/ { inside = 1; next } /^```$/ { if (inside) exit } inside' capi/README.md >"$work/readme.c"
+    passes "the README's program" build_and_run readme c99 "$work/readme.c"
     passes "C, static" build_static contract-static c99 capi/tests/contract.c
     passes "C, static, runs" "$work/contract-static"
 

@@ -44,7 +44,7 @@ pub const ORDERS: [Order; 2] = [Order::Canonical, Order::Unordered];
 
 impl SettingsOfC {
     /// All fields 0, which is their default.
-    const fn defaults() -> Self {
+    pub const fn defaults() -> Self {
         Self {
             size: size_of::<Self>(),
             backend: 0,

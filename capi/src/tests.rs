@@ -2,13 +2,13 @@
 //! is given both: a declaration that differs from the header's is an error. Layouts and numbers go the same way.
 
 use std::collections::BTreeSet;
-use std::ffi::{c_char, c_void};
+use std::ffi::{CStr, c_char, c_void};
 use std::mem::offset_of;
 use std::process::Command;
 
 use engine::Pair;
 
-use crate::detector::{Handle, lazygrid_create, lazygrid_destroy, lazygrid_last_error};
+use crate::detector::{Handle, lazygrid_create, lazygrid_destroy, lazygrid_last_error, with_detector};
 use crate::input::SpheresOfC;
 use crate::interactions::{
     Table, lazygrid_interactions_create, lazygrid_interactions_destroy, lazygrid_interactions_set,
@@ -16,7 +16,7 @@ use crate::interactions::{
 use crate::report::{lazygrid_memory_for, lazygrid_report_json};
 use crate::search::{Consume, lazygrid_count, lazygrid_neighbors, lazygrid_pairs, lazygrid_stream};
 use crate::settings::{ALGORITHMS, BACKENDS, ORDERS, SettingsOfC, lazygrid_settings_init};
-use crate::status::{NAMES, lazygrid_status_name, lazygrid_version};
+use crate::status::{INTERNAL, NAMES, OK, PANICKED, lazygrid_status_name, lazygrid_version};
 
 const HEADER: &str = include_str!("../include/lazygrid.h");
 
@@ -183,4 +183,22 @@ fn nothing_in_the_header_is_left_out() {
         .map(str::to_owned)
         .collect();
     assert_eq!(named, known);
+}
+
+#[test]
+fn a_panic_ends_as_a_status_and_spoils_its_detector_only() {
+    let settings = SettingsOfC { backend: 1, ..SettingsOfC::defaults() };
+    let (mut spoilt, mut other) = (std::ptr::null_mut(), std::ptr::null_mut());
+    // SAFETY: all pointers are to what they are called, and detectors are destroyed once, at the end.
+    unsafe {
+        assert_eq!(lazygrid_create(&raw const settings, &raw mut spoilt), OK);
+        assert_eq!(lazygrid_create(&raw const settings, &raw mut other), OK);
+        assert_eq!(with_detector(spoilt, |_| panic!("on purpose")), INTERNAL);
+        let mut bytes = 7;
+        assert_eq!(lazygrid_memory_for(spoilt, 10, &raw mut bytes), INTERNAL);
+        assert_eq!(bytes, 0);
+        assert_eq!(CStr::from_ptr(lazygrid_last_error(spoilt)), PANICKED);
+        assert_eq!(lazygrid_memory_for(other, 10, &raw mut bytes), OK);
+        assert_eq!((lazygrid_destroy(spoilt), lazygrid_destroy(other)), (OK, OK));
+    }
 }
