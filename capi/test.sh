@@ -97,6 +97,11 @@ if have pkg-config pkg-config; then
     passes "C, newest standard" build_and_run contract-c17 c17 capi/tests/contract.c
     passes "C++17" build_and_run wrapper c++17 capi/tests/wrapper.cpp
     passes "C++20, with std::span" build_and_run wrapper-20 c++20 capi/tests/wrapper.cpp
+    if [ ${#features[@]} = 0 ]; then
+        passes "GPU" build_and_run gpu c99 capi/tests/gpu.c
+    else
+        skip "the GPU, by --without-gpu"
+    fi
     passes "example in C" build_and_run steps c99 capi/examples/steps.c
     passes "example in C++" build_and_run species c++17 capi/examples/species.cpp
     # The first program of the README.
@@ -116,10 +121,14 @@ if have pkg-config pkg-config; then
     fi
 
     # Threads of a pool that lives as long as the process are reachable, and no leak.
-    watched() { valgrind -q --leak-check=full --errors-for-leak-kinds=definite,indirect --error-exitcode=9 "$@"; }
+    # Valgrind runs one thread at a time, in turn, so that one which waits does not hold up the others.
+    watched() {
+        valgrind -q --fair-sched=yes --leak-check=full --show-leak-kinds=definite,indirect \
+            --errors-for-leak-kinds=definite,indirect --error-exitcode=9 "$@"
+    }
     if have valgrind valgrind; then
-        passes "C under valgrind" watched --show-leak-kinds=definite,indirect "$work/contract"
-        passes "C++ under valgrind" watched --show-leak-kinds=definite,indirect "$work/wrapper"
+        passes "C under valgrind" watched "$work/contract"
+        passes "C++ under valgrind" watched "$work/wrapper"
     else
         skip "valgrind is not installed"
     fi

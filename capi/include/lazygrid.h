@@ -82,7 +82,7 @@ enum {
     LAZYGRID_ERROR_DEVICE = 9,
     /* The GPU did not finish in time. */
     LAZYGRID_ERROR_TIMEOUT = 10,
-    /* The detector is in use by another thread, or by the search whose callback this is. It has no message. */
+    /* The detector is in use by another thread, or this is the callback of a search. It has no message. */
     LAZYGRID_ERROR_BUSY = 11,
     /* A fault of the library. The detector is of no further use; destroy it. */
     LAZYGRID_ERROR_INTERNAL = 12
@@ -171,7 +171,8 @@ static inline lazygrid_spheres lazygrid_spheres_of_columns(size_t count, const f
  * Takes up to `count` pairs of a stream. Returns 0 to go on; any other value ends the search. The pairs live until it
  * returns. It may be called from a thread other than the one that called lazygrid_stream, never twice at a time. It
  * must return: no exception and no longjmp may leave it. It must not search, with whichever detector, for it may hold
- * up the threads that such a search would need.
+ * up the threads that such a search would need: that is LAZYGRID_ERROR_BUSY in the same thread, and must not be done by
+ * waiting for another one.
  */
 typedef int32_t (*lazygrid_consume)(void *context, const lazygrid_pair *pairs, size_t count);
 

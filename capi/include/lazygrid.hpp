@@ -110,9 +110,9 @@ namespace detail {
 
 inline void check(lazygrid_status status, const lazygrid_detector *detector) {
     if (status == LAZYGRID_OK) return;
-    // A detector in use has no message of its own.
+    // What is busy has no message of its own.
     const bool is_busy = status == LAZYGRID_ERROR_BUSY;
-    fail(status, is_busy ? "the detector is in use by another call" : lazygrid_last_error(detector));
+    fail(status, is_busy ? "the detector is in use, or a callback searches" : lazygrid_last_error(detector));
 }
 
 // What data() of a container points to.

@@ -1,3 +1,4 @@
+use std::cell::Cell;
 use std::ffi::c_void;
 use std::ops::ControlFlow;
 use std::ptr;
@@ -6,8 +7,26 @@ use engine::{Error, Pair};
 
 use crate::detector::{Handle, Kept, with_detector};
 use crate::input::SpheresOfC;
-use crate::status::Status;
+use crate::status::{BUSY, Status};
 use crate::{Failure, Out};
+
+thread_local! {
+    /// Whether this thread is inside a callback.
+    static IS_TAKING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs a search, unless this thread is inside a callback: other threads of the pool may wait for that to return, and a
+/// search would wait for them, with whichever detector.
+///
+/// # Safety
+/// As [`with_detector`].
+unsafe fn search(detector: *const Handle, work: impl FnOnce(&mut Kept) -> Result<(), Failure>) -> Status {
+    if IS_TAKING.get() {
+        return BUSY;
+    }
+    // SAFETY: this function's own condition.
+    unsafe { with_detector(detector, work) }
+}
 
 /// The overlapping pairs.
 ///
@@ -36,7 +55,7 @@ pub unsafe extern "C" fn lazygrid_pairs(
         Ok(())
     };
     // SAFETY: this function's own condition.
-    unsafe { with_detector(detector, work) }
+    unsafe { search(detector, work) }
 }
 
 /// How many pairs there are.
@@ -59,7 +78,7 @@ pub unsafe extern "C" fn lazygrid_count(
         Ok(())
     };
     // SAFETY: this function's own condition.
-    unsafe { with_detector(detector, work) }
+    unsafe { search(detector, work) }
 }
 
 /// The pairs as neighbour lists.
@@ -86,7 +105,7 @@ pub unsafe extern "C" fn lazygrid_neighbors(
         Ok(())
     };
     // SAFETY: this function's own condition.
-    unsafe { with_detector(detector, work) }
+    unsafe { search(detector, work) }
 }
 
 /// `lazygrid_consume`: takes pairs, and returns 0 to go on.
@@ -104,8 +123,11 @@ unsafe impl Send for Consumer {}
 
 impl Consumer {
     fn take(&mut self, pairs: &[Pair]) -> ControlFlow<()> {
+        IS_TAKING.set(true);
         // SAFETY: a function of this type by the header; the pairs live until it returns.
-        match unsafe { (self.consume)(self.context, pairs.as_ptr(), pairs.len()) } {
+        let answer = unsafe { (self.consume)(self.context, pairs.as_ptr(), pairs.len()) };
+        IS_TAKING.set(false);
+        match answer {
             0 => ControlFlow::Continue(()),
             _ => ControlFlow::Break(()),
         }
@@ -141,5 +163,5 @@ pub unsafe extern "C" fn lazygrid_stream(
         Ok(())
     };
     // SAFETY: this function's own condition.
-    unsafe { with_detector(detector, work) }
+    unsafe { search(detector, work) }
 }

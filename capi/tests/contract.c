@@ -111,7 +111,7 @@ static void neighbors_are_in_both_lists(void) {
 
 /* What the callback of a stream sees and does. */
 typedef struct {
-    lazygrid_detector *detector;
+    lazygrid_detector *detector, *other;
     uint64_t pairs, calls, largest;
     uint64_t until;
     int is_refused;
@@ -126,6 +126,7 @@ static int32_t take(void *context, const lazygrid_pair *pairs, size_t count) {
     if (count > own->largest) own->largest = count;
     if (count > 0 && pairs[0].i >= pairs[0].j) own->pairs = 1000000;
     own->is_refused = lazygrid_count(own->detector, &none, &found) == LAZYGRID_ERROR_BUSY
+                      && lazygrid_count(own->other, &none, &found) == LAZYGRID_ERROR_BUSY
                       && lazygrid_destroy(own->detector) == LAZYGRID_ERROR_BUSY
                       && lazygrid_last_error(own->detector)[0] != '\0';
     return own->pairs >= own->until;
@@ -138,19 +139,22 @@ static void streams_come_in_chunks_and_can_be_ended(void) {
     int32_t order;
     for (order = LAZYGRID_ORDER_CANONICAL; order <= LAZYGRID_ORDER_UNORDERED; order++) {
         lazygrid_settings settings = on_cpu();
-        lazygrid_detector *detector;
-        taker all = {NULL, 0, 0, 0, UINT64_MAX, 0}, some = {NULL, 0, 0, 0, 250, 0};
+        lazygrid_detector *detector, *other = detector_of(&settings);
+        taker all = {NULL, NULL, 0, 0, 0, UINT64_MAX, 0}, some = {NULL, NULL, 0, 0, 0, 250, 0};
         uint64_t handed;
         settings.order = order;
         settings.threads = 2;
         detector = detector_of(&settings);
         all.detector = some.detector = detector;
+        all.other = some.other = other;
         CHECK(lazygrid_stream(detector, &spheres, CHUNK, take, &all, &handed) == LAZYGRID_OK);
         CHECK(handed == COUNT - 1 && all.pairs == COUNT - 1 && all.largest <= CHUNK && all.is_refused);
         CHECK(lazygrid_stream(detector, &spheres, CHUNK, take, &some, &handed) == LAZYGRID_OK);
         CHECK(handed == some.pairs && handed >= 250 && handed < COUNT - 1);
         CHECK(lazygrid_stream(detector, &spheres, 0, take, &all, &handed) == LAZYGRID_ERROR_ARGUMENT);
         CHECK(lazygrid_stream(detector, &spheres, CHUNK, NULL, NULL, &handed) == LAZYGRID_ERROR_ARGUMENT);
+        CHECK(lazygrid_count(other, &spheres, &handed) == LAZYGRID_OK && handed == COUNT - 1);
+        CHECK(lazygrid_destroy(other) == LAZYGRID_OK);
         CHECK(lazygrid_destroy(detector) == LAZYGRID_OK);
     }
     free(rows);

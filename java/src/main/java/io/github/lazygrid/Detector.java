@@ -244,11 +244,13 @@ public final class Detector implements AutoCloseable {
     }
 
     private static LazygridException busy() {
-        return new LazygridException(Status.BUSY, "the detector is in use by another call");
+        return new LazygridException(Status.BUSY, "the detector is in use, or a consumer searches");
     }
 
     /** Throws what a status means; {@code detector} is 0 where there is none. */
     static void check(int status, long detector) {
+        // What is busy has no message of its own.
+        if (status == Status.BUSY.ordinal()) throw busy();
         if (status != 0) throw new LazygridException(Status.of(status), Library.lastError(detector));
     }
 

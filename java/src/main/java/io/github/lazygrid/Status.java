@@ -24,7 +24,7 @@ public enum Status {
     DEVICE,
     /** The GPU did not finish in time. */
     TIMEOUT,
-    /** The detector is in use by another thread, or by the search whose callback this is. */
+    /** The detector is in use by another thread, or a consumer of pairs searches. */
     BUSY,
     /** A fault of the library; close the detector. */
     INTERNAL;

@@ -142,7 +142,8 @@ public final class ContractTest {
     private static void streams() {
         Spheres spheres = Spheres.rows(line(20_000));
         for (Order order : Order.values()) {
-            try (Detector detector = new Detector(onCpu().order(order).threads(2))) {
+            try (Detector detector = new Detector(onCpu().order(order).threads(2));
+                    Detector other = new Detector(onCpu())) {
                 AtomicLong seen = new AtomicLong();
                 long handed = detector.stream(spheres, 100, pairs -> {
                     check(pairs.remaining() <= 200, "chunk");
@@ -157,6 +158,8 @@ public final class ContractTest {
                     }), "thrown by a consumer");
                 failing(Status.BUSY, "in use",
                     () -> detector.stream(spheres, 100, pairs -> detector.count(spheres) > 0));
+                failing(Status.BUSY, "in use",
+                    () -> detector.stream(spheres, 100, pairs -> other.count(spheres) > 0));
                 failing(Status.BUSY, "in use", () -> detector.stream(spheres, 100, pairs -> {
                     detector.close();
                     return true;
