@@ -1,0 +1,264 @@
+/*
+ * lazygrid: all pairs of overlapping spheres, at every step of a simulation.
+ *
+ *     lazygrid_detector *detector;
+ *     if (lazygrid_create(NULL, &detector) != LAZYGRID_OK) { puts(lazygrid_last_error(NULL)); exit(1); }
+ *     for (step = 0; step < steps; step++) {
+ *         lazygrid_spheres spheres = lazygrid_spheres_of_rows(n, rows);     x, y, z, r of each sphere
+ *         const lazygrid_pair *pairs;
+ *         uint64_t count;
+ *         if (lazygrid_pairs(detector, &spheres, &pairs, &count) != LAZYGRID_OK) { ... }
+ *         for (k = 0; k < count; k++) collide(pairs[k].i, pairs[k].j);
+ *     }
+ *     lazygrid_destroy(detector);
+ *
+ * WHAT A PAIR IS. (i, j) with i < j and (xi-xj)^2 + (yi-yj)^2 + (zi-zj)^2 <= (ri+rj)^2. Touching counts, coincident
+ * centres count, each pair once. Space is unbounded unless axes are periodic. Lengths are in one unit, the caller's.
+ * Radius 0 is a point. Zero and one sphere are ordinary inputs.
+ *
+ * ERRORS. Functions that can fail return a lazygrid_status, LAZYGRID_OK being 0. lazygrid_last_error tells in words
+ * what was wrong, with the value, the limit and the remedy. Nothing is truncated, nothing unwinds into the caller,
+ * nothing is printed unless a fault of the library itself makes Rust report a panic on standard error; the call then
+ * returns LAZYGRID_ERROR_INTERNAL. Where a function fails, the results it was to write are NULL and 0, unless it
+ * says otherwise.
+ *
+ * LIFETIMES. Inputs are read during the call, never copied first and never kept; they must not change meanwhile. The
+ * arrays that a search hands out belong to the detector and live until the next search with it (lazygrid_pairs,
+ * lazygrid_neighbors, lazygrid_count, lazygrid_stream) or until it is destroyed, whichever is first, also where that
+ * search fails. They must not be written to, nor given to the same detector as an input.
+ *
+ * THREADS. Any thread may call with any detector, one at a time. A detector that is used by two threads at once, or
+ * from its own callback, answers LAZYGRID_ERROR_BUSY to the second and is not harmed. Different detectors are
+ * independent. Searches use the threads of one pool that the process shares, unless `threads` is set. A process that
+ * forks must not use the library in the child if the parent has used it.
+ *
+ * GROWTH. lazygrid_settings begins with its own size; later versions append fields, and 0 always means the default, so
+ * that programs compiled with an older header go on working. The other structures do not change within a major version.
+ */
+#ifndef LAZYGRID_H
+#define LAZYGRID_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* The version of this header; lazygrid_version is that of the library. */
+#define LAZYGRID_VERSION_MAJOR 0
+#define LAZYGRID_VERSION_MINOR 1
+#define LAZYGRID_VERSION_PATCH 0
+
+/* Programs that link the static library on Windows define LAZYGRID_STATIC. */
+#if defined(_WIN32) && !defined(LAZYGRID_STATIC)
+#define LAZYGRID_API __declspec(dllimport)
+#else
+#define LAZYGRID_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* What became of a call. */
+typedef int32_t lazygrid_status;
+enum {
+    LAZYGRID_OK = 0,
+    /* A pointer is NULL or not aligned, a size is wrong, or a number is none of those listed here. */
+    LAZYGRID_ERROR_ARGUMENT = 1,
+    /* An input is refused: NaN, infinity, a negative radius, a species that the table does not have, too many spheres,
+       a periodic length or a distance that is none. The message names the first sphere and its value. */
+    LAZYGRID_ERROR_INPUT = 2,
+    /* A setting is out of range, or two do not go together. */
+    LAZYGRID_ERROR_SETTING = 3,
+    /* A list would hold more than `max_pairs` pairs. */
+    LAZYGRID_ERROR_TOO_MANY_PAIRS = 4,
+    /* The system or the GPU refused memory. */
+    LAZYGRID_ERROR_OUT_OF_MEMORY = 5,
+    /* The system refused threads. */
+    LAZYGRID_ERROR_THREADS = 6,
+    /* A GPU was asked for and cannot be used. */
+    LAZYGRID_ERROR_GPU = 7,
+    /* Something does not fit the GPU. */
+    LAZYGRID_ERROR_LIMIT = 8,
+    /* The GPU was lost or refused a call; make another detector. */
+    LAZYGRID_ERROR_DEVICE = 9,
+    /* The GPU did not finish in time. */
+    LAZYGRID_ERROR_TIMEOUT = 10,
+    /* The detector is in use by another thread, or this is the callback of a search. It has no message. */
+    LAZYGRID_ERROR_BUSY = 11,
+    /* A fault of the library. The detector is of no further use; destroy it. */
+    LAZYGRID_ERROR_INTERNAL = 12
+};
+
+/* Where to search. AUTO takes a real GPU if there is one, else the CPU; decided when a detector is made. */
+enum { LAZYGRID_BACKEND_AUTO = 0, LAZYGRID_BACKEND_CPU = 1, LAZYGRID_BACKEND_GPU = 2 };
+
+/* How to search. All find the same pairs; AUTO chooses at each call and is right for almost everybody. */
+enum {
+    LAZYGRID_ALGORITHM_AUTO = 0,
+    LAZYGRID_ALGORITHM_NAIVE = 1,          /* all with all; CPU and GPU */
+    LAZYGRID_ALGORITHM_HASH_GRID = 2,      /* CPU */
+    LAZYGRID_ALGORITHM_ARRAY_GRID = 3,     /* CPU and GPU */
+    LAZYGRID_ALGORITHM_RECURSIVE_GRID = 4, /* CPU */
+    LAZYGRID_ALGORITHM_CELL_LIST = 5,      /* CPU and GPU */
+    LAZYGRID_ALGORITHM_EAGER_GRID = 6,     /* GPU */
+    LAZYGRID_ALGORITHM_LAZY_GRID = 7       /* GPU */
+};
+
+/* In which order pairs come: CANONICAL is by i, then j. UNORDERED saves the sorting. */
+enum { LAZYGRID_ORDER_CANONICAL = 0, LAZYGRID_ORDER_UNORDERED = 1 };
+
+/* What makes two spheres of given species a pair. */
+enum {
+    LAZYGRID_NEVER = 0,
+    LAZYGRID_TOUCH = 1, /* centres at most ri + rj apart */
+    LAZYGRID_WITHIN = 2 /* centres at most a given distance apart, whatever the radii */
+};
+
+/* Finds pairs, call after call, reusing its memory. */
+typedef struct lazygrid_detector lazygrid_detector;
+
+/* A table: for any two species, what makes them a pair. */
+typedef struct lazygrid_interactions lazygrid_interactions;
+
+/* Two overlapping spheres by their indices in the input, from 0 on; i < j. */
+typedef struct lazygrid_pair {
+    uint32_t i;
+    uint32_t j;
+} lazygrid_pair;
+
+/* What a detector is asked to do. A zero is the default of its field. Set `size` by lazygrid_settings_init. */
+typedef struct lazygrid_settings {
+    size_t size;              /* sizeof(lazygrid_settings) */
+    int32_t backend;          /* LAZYGRID_BACKEND_... */
+    int32_t algorithm;        /* LAZYGRID_ALGORITHM_... */
+    int32_t order;            /* LAZYGRID_ORDER_... */
+    uint32_t threads;         /* on the CPU; 0: as many as the process may use, shared by all detectors */
+    uint64_t max_pairs;       /* the most a list may hold, 8 bytes each; 0: 2^29. Counts and streams have no limit */
+    float periodic[3];        /* the length of each periodic axis x, y, z; 0: unbounded */
+    uint32_t timeout_seconds; /* how long a call may take a GPU; 0: ten minutes */
+    const char *adapter;      /* a GPU by its number, or by a part of its name that no other has, in UTF-8; or NULL */
+    const lazygrid_interactions *interactions; /* copied when the detector is made; NULL: all that touch are pairs */
+} lazygrid_settings;
+
+/*
+ * Spheres, as rows or as columns, of 32-bit floats. Either `rows` is set, to 4 * count floats x, y, z, r, x, y, ..., or
+ * x, y, z and r are, each to `count` floats; what is not set is NULL. With count 0 all may be NULL. `species` has
+ * `count` ids below the number of species of the table, where the detector has one; else it may be NULL.
+ */
+typedef struct lazygrid_spheres {
+    size_t count;
+    const float *rows;
+    const float *x;
+    const float *y;
+    const float *z;
+    const float *r;
+    const uint32_t *species;
+} lazygrid_spheres;
+
+/* `count` spheres as rows x, y, z, r, without species. */
+static inline lazygrid_spheres lazygrid_spheres_of_rows(size_t count, const float *rows) {
+    lazygrid_spheres spheres = {count, rows, NULL, NULL, NULL, NULL, NULL};
+    return spheres;
+}
+
+/* `count` spheres as four columns, without species. */
+static inline lazygrid_spheres lazygrid_spheres_of_columns(size_t count, const float *x, const float *y, const float *z,
+                                                           const float *r) {
+    lazygrid_spheres spheres = {count, NULL, x, y, z, r, NULL};
+    return spheres;
+}
+
+/*
+ * Takes up to `count` pairs of a stream. Returns 0 to go on; any other value ends the search. The pairs live until it
+ * returns. It may be called from a thread other than the one that called lazygrid_stream, never twice at a time. It
+ * must return: no exception and no longjmp may leave it. It must not search, with whichever detector, for it may hold
+ * up the threads that such a search would need: that is LAZYGRID_ERROR_BUSY in the same thread, and must not be done by
+ * waiting for another one.
+ */
+typedef int32_t (*lazygrid_consume)(void *context, const lazygrid_pair *pairs, size_t count);
+
+/* The version of the library, as "0.1.0". */
+LAZYGRID_API const char *lazygrid_version(void);
+
+/* The name of a status, as "LAZYGRID_OK"; "unknown status" for any other number. */
+LAZYGRID_API const char *lazygrid_status_name(lazygrid_status status);
+
+/*
+ * In words why the last call with `detector` failed; "" if it did not. With NULL: the same of the last call in this
+ * thread that had no detector (lazygrid_create, lazygrid_settings_init, lazygrid_interactions_create and _set, and any
+ * call that was given NULL for one). UTF-8. It lives until the next call with that detector, or the next such call in
+ * this thread, other than of this function.
+ */
+LAZYGRID_API const char *lazygrid_last_error(const lazygrid_detector *detector);
+
+/* Sets all fields to their defaults, and `size`. Write lazygrid_settings_init(&settings, sizeof settings). */
+LAZYGRID_API lazygrid_status lazygrid_settings_init(lazygrid_settings *settings, size_t size);
+
+/*
+ * A table for species 0 to `species` - 1, at most 4096, in which every two species have the interaction `kind`
+ * (LAZYGRID_NEVER, _TOUCH or _WITHIN). `distance` counts for LAZYGRID_WITHIN only. Used by one thread at a time.
+ */
+LAZYGRID_API lazygrid_status lazygrid_interactions_create(uint32_t species, int32_t kind, float distance,
+                                                          lazygrid_interactions **interactions);
+
+/* Sets the interaction of species `a` with `b`, and of `b` with `a`. Where it fails, the table is as it was. */
+LAZYGRID_API lazygrid_status lazygrid_interactions_set(lazygrid_interactions *interactions, uint32_t a, uint32_t b,
+                                                       int32_t kind, float distance);
+
+/* Frees a table. Detectors made with it keep their copies. NULL is left alone. */
+LAZYGRID_API void lazygrid_interactions_destroy(lazygrid_interactions *interactions);
+
+/* Makes a detector; `settings` may be NULL for the defaults. The backend is decided here. */
+LAZYGRID_API lazygrid_status lazygrid_create(const lazygrid_settings *settings, lazygrid_detector **detector);
+
+/*
+ * Frees a detector and all that it handed out. NULL is left alone. While a search runs it is LAZYGRID_ERROR_BUSY and
+ * nothing is freed; that is noticed, but another thread must not begin a search at the same moment.
+ */
+LAZYGRID_API lazygrid_status lazygrid_destroy(lazygrid_detector *detector);
+
+/*
+ * The overlapping pairs, `count` of them at `*pairs`. With LAZYGRID_ERROR_TOO_MANY_PAIRS `*count` is how many there
+ * are, exactly.
+ */
+LAZYGRID_API lazygrid_status lazygrid_pairs(lazygrid_detector *detector, const lazygrid_spheres *spheres,
+                                            const lazygrid_pair **pairs, uint64_t *count);
+
+/* How many pairs there are. Needs no memory for them, so that any number can be counted. */
+LAZYGRID_API lazygrid_status lazygrid_count(lazygrid_detector *detector, const lazygrid_spheres *spheres,
+                                            uint64_t *count);
+
+/*
+ * The pairs as neighbour lists in compressed sparse rows: those of sphere k are `indices[offsets[k]]` to
+ * `indices[offsets[k + 1] - 1]`, ascending, every pair in both lists. `*offsets` has one more than there are spheres;
+ * the last is the length of `*indices`.
+ */
+LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, const lazygrid_spheres *spheres,
+                                                const uint64_t **offsets, const uint32_t **indices);
+
+/*
+ * Hands the pairs to `consume` in chunks of at most `chunk`, 1 or more, and says in `*handed` how many it got. Memory
+ * stays bounded whatever their number. In canonical order a result of more than `max_pairs` pairs takes a further
+ * search per that many. `context` is passed on as it is.
+ */
+LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const lazygrid_spheres *spheres, size_t chunk,
+                                             lazygrid_consume consume, void *context, uint64_t *handed);
+
+/*
+ * What the last search did and why, as one JSON object: "spheres" and "pairs" (how many), "backend", "adapter" (null on
+ * the CPU), "algorithm", "reason", "gpu" (what it cost a GPU: "dispatches", "working_bytes", "pair_bytes",
+ * "moved_bytes"; null on the CPU), "phases" (seconds by name, in the order of the work). Later versions may add names.
+ * The text lives until the next lazygrid_report_json with that detector.
+ */
+LAZYGRID_API lazygrid_status lazygrid_report_json(lazygrid_detector *detector, const char **json);
+
+/*
+ * An estimate of the bytes that the detector holds for so many spheres, besides the result; on the CPU an upper one.
+ * UINT64_MAX where a GPU cannot hold them.
+ */
+LAZYGRID_API lazygrid_status lazygrid_memory_for(lazygrid_detector *detector, uint64_t spheres, uint64_t *bytes);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

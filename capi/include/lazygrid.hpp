@@ -1,0 +1,352 @@
+// lazygrid for C++17: lazygrid.h with objects that free themselves, views instead of pointers, and exceptions.
+//
+//     lazygrid::Detector detector;
+//     std::vector<lazygrid::Sphere> spheres = {{0, 0, 0, 1}, {1.5f, 0, 0, 1}};
+//     for (const lazygrid::Pair &pair : detector.pairs(spheres)) collide(pair.i, pair.j);
+//
+// What lazygrid.h says of pairs, lifetimes and threads holds here: a view lives until the next search with its
+// detector, and one thread at a time uses a detector. Whatever fails throws lazygrid::Error.
+#ifndef LAZYGRID_HPP
+#define LAZYGRID_HPP
+
+#include <lazygrid.h>
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+#if defined(__has_include) && __cplusplus >= 202002L
+#if __has_include(<ranges>)
+#include <ranges>
+#endif
+#endif
+
+namespace lazygrid {
+
+// Why a call gave no result; what() names the value, the limit and the remedy.
+class Error : public std::runtime_error {
+public:
+    Error(lazygrid_status status, const std::string &message) : std::runtime_error(message), status_(status) {}
+    // LAZYGRID_ERROR_...
+    lazygrid_status status() const noexcept { return status_; }
+
+private:
+    lazygrid_status status_;
+};
+
+// The input is refused: not finite, a negative radius, an unknown species.
+class InputError : public Error {
+public:
+    using Error::Error;
+};
+
+// A list would hold more pairs than Settings::max_pairs.
+class TooManyPairs : public Error {
+public:
+    TooManyPairs(const std::string &message, std::uint64_t found)
+        : Error(LAZYGRID_ERROR_TOO_MANY_PAIRS, message), found_(found) {}
+    // How many there are, exactly.
+    std::uint64_t found() const noexcept { return found_; }
+
+private:
+    std::uint64_t found_;
+};
+
+// Two spheres by their indices; i < j.
+using Pair = lazygrid_pair;
+
+// Centre and radius in the caller's length unit, as one row of the input.
+struct Sphere {
+    float x, y, z, r;
+};
+static_assert(sizeof(Sphere) == 4 * sizeof(float), "rows are four floats");
+
+// Values that belong to somebody else. A std::span can be made of it.
+template <class T> class View {
+public:
+    using value_type = T;
+    using const_iterator = const T *;
+
+    View() = default;
+    View(const T *data, std::size_t size) : data_(data), size_(size) {}
+    const T *data() const noexcept { return data_; }
+    std::size_t size() const noexcept { return size_; }
+    bool empty() const noexcept { return size_ == 0; }
+    const T *begin() const noexcept { return data_; }
+    const T *end() const noexcept { return data_ + size_; }
+    const T &operator[](std::size_t k) const noexcept { return data_[k]; }
+
+private:
+    const T *data_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+// The neighbours of each sphere, ascending; every pair in both lists.
+struct Neighbors {
+    // Where each list starts in `indices`; one more than there are spheres.
+    View<std::uint64_t> offsets;
+    View<std::uint32_t> indices;
+
+    // The neighbours of sphere k.
+    View<std::uint32_t> of(std::size_t k) const noexcept {
+        const auto first = static_cast<std::size_t>(offsets[k]), last = static_cast<std::size_t>(offsets[k + 1]);
+        return {indices.data() + first, last - first};
+    }
+};
+
+namespace detail {
+
+[[noreturn]] inline void fail(lazygrid_status status, const std::string &message) {
+    if (status == LAZYGRID_ERROR_INPUT) throw InputError(status, message);
+    throw Error(status, message);
+}
+
+inline void check(lazygrid_status status, const lazygrid_detector *detector) {
+    if (status == LAZYGRID_OK) return;
+    // What is busy has no message of its own.
+    const bool is_busy = status == LAZYGRID_ERROR_BUSY;
+    fail(status, is_busy ? "the detector is in use, or a callback searches" : lazygrid_last_error(detector));
+}
+
+// What data() of a container points to.
+template <class Rows>
+using Row = std::remove_cv_t<std::remove_pointer_t<decltype(std::declval<const Rows &>().data())>>;
+
+} // namespace detail
+
+// Spheres that belong to somebody else, as rows or columns, with or without species. Nothing is copied; what it is made
+// of must outlive it.
+class Spheres {
+public:
+    // Rows in anything contiguous that has data() and size(), as std::vector<Sphere>.
+    template <class Rows, class = std::enable_if_t<std::is_same_v<detail::Row<Rows>, Sphere>>>
+    Spheres(const Rows &rows) : Spheres(rows.data(), rows.size()) {}
+    Spheres(const Sphere *rows, std::size_t count)
+        : given_(lazygrid_spheres_of_rows(count, count == 0 ? nullptr : &rows->x)) {}
+    // Rows as 4 * count floats x, y, z, r.
+    static Spheres rows(const float *rows, std::size_t count) { return Spheres(lazygrid_spheres_of_rows(count, rows)); }
+    // Four columns of `count` values each.
+    static Spheres columns(const float *x, const float *y, const float *z, const float *r, std::size_t count) {
+        return Spheres(lazygrid_spheres_of_columns(count, x, y, z, r));
+    }
+    // Four columns of one length, as std::vector<float>. Throws InputError where the lengths differ.
+    template <class Column> static Spheres columns(const Column &x, const Column &y, const Column &z, const Column &r) {
+        if (x.size() != y.size() || x.size() != z.size() || x.size() != r.size()) {
+            detail::fail(LAZYGRID_ERROR_INPUT, "the columns x, y, z and r differ in length");
+        }
+        return columns(x.data(), y.data(), z.data(), r.data(), x.size());
+    }
+    // The same spheres with an id each. Throws InputError where there is not one per sphere.
+    template <class Ids> Spheres with_species(const Ids &ids) const {
+        if (ids.size() != given_.count) {
+            detail::fail(LAZYGRID_ERROR_INPUT, std::to_string(ids.size()) + " species ids for "
+                                                   + std::to_string(given_.count) + " spheres; give one each");
+        }
+        Spheres with = *this;
+        with.given_.species = ids.data();
+        return with;
+    }
+    // What the C functions take.
+    const lazygrid_spheres *get() const noexcept { return &given_; }
+    std::size_t size() const noexcept { return given_.count; }
+
+private:
+    explicit Spheres(const lazygrid_spheres &given) : given_(given) {}
+    lazygrid_spheres given_;
+};
+
+// What makes two spheres of given species a pair.
+class Interaction {
+public:
+    static Interaction never() { return {LAZYGRID_NEVER, 0}; }
+    // Centres at most ri + rj apart.
+    static Interaction touch() { return {LAZYGRID_TOUCH, 0}; }
+    // Centres at most `distance` apart, whatever the radii.
+    static Interaction within(float distance) { return {LAZYGRID_WITHIN, distance}; }
+
+private:
+    friend class Interactions;
+    Interaction(std::int32_t kind, float distance) : kind(kind), distance(distance) {}
+    std::int32_t kind;
+    float distance;
+};
+
+// A table: for any two species, what makes them a pair.
+class Interactions {
+public:
+    // For species 0 to `species` - 1, all with the interaction `all`.
+    Interactions(std::uint32_t species, Interaction all) {
+        lazygrid_interactions *made = nullptr;
+        detail::check(lazygrid_interactions_create(species, all.kind, all.distance, &made), nullptr);
+        table_.reset(made);
+    }
+    // Sets the interaction of a with b, and of b with a.
+    Interactions &set(std::uint32_t a, std::uint32_t b, Interaction interaction) {
+        detail::check(lazygrid_interactions_set(table_.get(), a, b, interaction.kind, interaction.distance), nullptr);
+        return *this;
+    }
+    const lazygrid_interactions *get() const noexcept { return table_.get(); }
+
+private:
+    struct Destroy {
+        void operator()(lazygrid_interactions *table) const noexcept { lazygrid_interactions_destroy(table); }
+    };
+    std::unique_ptr<lazygrid_interactions, Destroy> table_;
+};
+
+enum class Backend : std::int32_t {
+    automatic = LAZYGRID_BACKEND_AUTO,
+    cpu = LAZYGRID_BACKEND_CPU,
+    gpu = LAZYGRID_BACKEND_GPU
+};
+
+enum class Algorithm : std::int32_t {
+    automatic = LAZYGRID_ALGORITHM_AUTO,
+    naive = LAZYGRID_ALGORITHM_NAIVE,
+    hash_grid = LAZYGRID_ALGORITHM_HASH_GRID,
+    array_grid = LAZYGRID_ALGORITHM_ARRAY_GRID,
+    recursive_grid = LAZYGRID_ALGORITHM_RECURSIVE_GRID,
+    cell_list = LAZYGRID_ALGORITHM_CELL_LIST,
+    eager_grid = LAZYGRID_ALGORITHM_EAGER_GRID,
+    lazy_grid = LAZYGRID_ALGORITHM_LAZY_GRID
+};
+
+enum class Order : std::int32_t { canonical = LAZYGRID_ORDER_CANONICAL, unordered = LAZYGRID_ORDER_UNORDERED };
+
+// What a detector is asked to do; the fields are those of lazygrid_settings.
+struct Settings {
+    Backend backend = Backend::automatic;
+    Algorithm algorithm = Algorithm::automatic;
+    Order order = Order::canonical;
+    std::uint32_t threads = 0;
+    std::uint64_t max_pairs = 0;
+    // The length of each periodic axis; 0: unbounded.
+    std::array<float, 3> periodic = {0, 0, 0};
+    std::chrono::duration<std::uint32_t> timeout = {};
+    // A GPU by its number or a part of its name; empty: the best one.
+    std::string adapter = {};
+    // Copied when a detector is made.
+    const Interactions *interactions = nullptr;
+};
+
+// Finds pairs, call after call, reusing its memory. After being moved from, all it does is throw.
+class Detector {
+public:
+    explicit Detector(const Settings &settings = {}) {
+        lazygrid_settings given;
+        detail::check(lazygrid_settings_init(&given, sizeof given), nullptr);
+        given.backend = static_cast<std::int32_t>(settings.backend);
+        given.algorithm = static_cast<std::int32_t>(settings.algorithm);
+        given.order = static_cast<std::int32_t>(settings.order);
+        given.threads = settings.threads;
+        given.max_pairs = settings.max_pairs;
+        for (std::size_t axis = 0; axis < 3; axis++) given.periodic[axis] = settings.periodic[axis];
+        given.timeout_seconds = settings.timeout.count();
+        given.adapter = settings.adapter.empty() ? nullptr : settings.adapter.c_str();
+        given.interactions = settings.interactions == nullptr ? nullptr : settings.interactions->get();
+        lazygrid_detector *made = nullptr;
+        detail::check(lazygrid_create(&given, &made), nullptr);
+        detector_.reset(made);
+    }
+
+    // The overlapping pairs. Throws TooManyPairs above Settings::max_pairs, with their exact number.
+    View<Pair> pairs(const Spheres &spheres) {
+        const Pair *found = nullptr;
+        std::uint64_t count = 0;
+        const lazygrid_status status = lazygrid_pairs(get(), spheres.get(), &found, &count);
+        if (status == LAZYGRID_ERROR_TOO_MANY_PAIRS) throw TooManyPairs(lazygrid_last_error(get()), count);
+        detail::check(status, get());
+        return {found, static_cast<std::size_t>(count)};
+    }
+
+    // How many pairs there are; any number can be counted.
+    std::uint64_t count(const Spheres &spheres) {
+        std::uint64_t count = 0;
+        detail::check(lazygrid_count(get(), spheres.get(), &count), get());
+        return count;
+    }
+
+    // The pairs as neighbour lists.
+    Neighbors neighbors(const Spheres &spheres) {
+        const std::uint64_t *offsets = nullptr;
+        const std::uint32_t *indices = nullptr;
+        detail::check(lazygrid_neighbors(get(), spheres.get(), &offsets, &indices), get());
+        const std::size_t count = spheres.size();
+        return {{offsets, count + 1}, {indices, static_cast<std::size_t>(offsets[count])}};
+    }
+
+    // Hands the pairs to `consume` as View<Pair> of at most `chunk`, and returns how many it got. `consume` returns
+    // nothing, or false to end the search. What it throws ends the search and comes out here. It runs in any thread, in
+    // one at a time, and must not search.
+    template <class F> std::uint64_t stream(const Spheres &spheres, std::size_t chunk, F &&consume) {
+        using Consumer = Consuming<std::remove_reference_t<F>>;
+        Consumer consumer{consume, nullptr};
+        std::uint64_t handed = 0;
+        const auto status =
+            lazygrid_stream(get(), spheres.get(), chunk, &Consumer::take, static_cast<void *>(&consumer), &handed);
+        if (consumer.thrown) std::rethrow_exception(consumer.thrown);
+        detail::check(status, get());
+        return handed;
+    }
+
+    // What the last search did and why, as JSON.
+    std::string report_json() {
+        const char *json = nullptr;
+        detail::check(lazygrid_report_json(get(), &json), get());
+        return json;
+    }
+
+    // An estimate of the bytes held for so many spheres, besides the result.
+    std::uint64_t memory_for(std::uint64_t spheres) {
+        std::uint64_t bytes = 0;
+        detail::check(lazygrid_memory_for(get(), spheres, &bytes), get());
+        return bytes;
+    }
+
+    // What the C functions take; it stays the detector's.
+    lazygrid_detector *get() const noexcept { return detector_.get(); }
+
+private:
+    template <class F> struct Consuming {
+        F &consume;
+        std::exception_ptr thrown;
+
+        static std::int32_t take(void *context, const Pair *pairs, std::size_t count) noexcept {
+            auto &own = *static_cast<Consuming *>(context);
+            try {
+                const View<Pair> chunk(pairs, count);
+                if constexpr (std::is_void_v<decltype(own.consume(chunk))>) {
+                    own.consume(chunk);
+                    return 0;
+                } else {
+                    return own.consume(chunk) ? 0 : 1;
+                }
+            } catch (...) {
+                own.thrown = std::current_exception();
+                return 1;
+            }
+        }
+    };
+    struct Destroy {
+        void operator()(lazygrid_detector *detector) const noexcept { lazygrid_destroy(detector); }
+    };
+    std::unique_ptr<lazygrid_detector, Destroy> detector_;
+};
+
+// The version of the library, as "0.1.0".
+inline std::string version() { return lazygrid_version(); }
+
+} // namespace lazygrid
+
+#if defined(__cpp_lib_ranges)
+template <class T> inline constexpr bool std::ranges::enable_borrowed_range<lazygrid::View<T>> = true;
+#endif
+
+#endif

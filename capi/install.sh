@@ -1,0 +1,59 @@
+#!/usr/bin/env bash
+# Builds the C library and lays it out for programs. Needs Rust and a C linker.
+#
+#     capi/install.sh PREFIX [--debug] [--without-gpu]
+#
+# PREFIX/lib gets the shared and the static library, with files for pkg-config and for CMake's find_package;
+# PREFIX/include gets lazygrid.h and lazygrid.hpp. --debug builds faster, for tests. --without-gpu leaves the GPU out.
+set -euo pipefail
+
+usage() { sed -n '4s/^# *//p' "$0" >&2; exit 2; }
+
+prefix= profile=release options=()
+for argument; do
+    case $argument in
+        --debug) profile=debug ;;
+        --without-gpu) options+=(--no-default-features) ;;
+        -*) usage ;;
+        *) [ -z "$prefix" ] || usage; prefix=$argument ;;
+    esac
+done
+[ -n "$prefix" ] || usage
+[ $profile = debug ] || options+=(--release)
+mkdir -p "$prefix"
+prefix=$(cd "$prefix" && pwd)
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+cd "$here/.."
+
+cargo build -p lazygrid-capi "${options[@]}"
+built=${CARGO_TARGET_DIR:-target}/$profile
+
+version=$(cargo pkgid -p lazygrid-capi | sed 's/.*[#@]//')
+IFS=. read -r major minor _ <<<"$version"
+[ "$major" = 0 ] && number=0.$minor || number=$major
+# What the static library needs besides itself.
+if [ "$(uname)" = Darwin ]; then
+    shared=liblazygrid.$version.dylib soname=liblazygrid.$number.dylib link=liblazygrid.dylib
+    private="-framework CoreFoundation -framework Metal -framework QuartzCore -framework Foundation -lobjc -liconv -lm"
+else
+    shared=liblazygrid.so.$version soname=liblazygrid.so.$number link=liblazygrid.so
+    private="-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc"
+fi
+
+# fill TEMPLATE TARGET
+fill() {
+    sed -e "s|@VERSION@|$version|; s|@MAJOR@|$major|; s|@MINOR@|$minor|" \
+        -e "s|@SHARED@|$shared|; s|@SONAME@|$soname|; s|@PRIVATE@|$private|" "$here/$1" >"$2"
+}
+
+mkdir -p "$prefix"/include "$prefix"/lib/pkgconfig "$prefix"/lib/cmake/lazygrid
+install -m 644 "$here"/include/lazygrid.h "$here"/include/lazygrid.hpp "$prefix/include/"
+install -m 755 "$built/$link" "$prefix/lib/$shared"
+install -m 644 "$built/liblazygrid.a" "$prefix/lib/"
+ln -sf "$shared" "$prefix/lib/$soname"
+ln -sf "$soname" "$prefix/lib/$link"
+fill lazygrid.pc.in "$prefix/lib/pkgconfig/lazygrid.pc"
+for file in lazygrid-config lazygrid-config-version; do
+    fill "cmake/$file.cmake.in" "$prefix/lib/cmake/lazygrid/$file.cmake"
+done
+echo "install.sh: lazygrid $version is in $prefix" >&2

@@ -1,0 +1,119 @@
+use std::ffi::{CString, c_char};
+use std::sync::{Mutex, TryLockError};
+
+use engine::Detector;
+
+use crate::out::check;
+use crate::settings::SettingsOfC;
+use crate::status::{
+    BUSY, INTERNAL, OK, PANICKED, Status, c_text, guarded, last_without_detector, without_detector,
+};
+use crate::{Failure, Out};
+
+/// `lazygrid_detector`: a detector and the texts that were handed out.
+///
+/// The mutex is only ever tried. So a second thread, and the callback of a stream, are refused; and after a panic it is
+/// poisoned, by which the detector is known to be of no further use.
+#[derive(Debug)]
+pub struct Handle(Mutex<Kept>);
+
+/// What a handle keeps.
+#[derive(Debug)]
+pub struct Kept {
+    pub detector: Detector,
+    /// The last report that was asked for.
+    pub report: CString,
+    /// Why the last call failed; empty if it did not.
+    message: CString,
+}
+
+// Handles are used from any thread, by one at a time.
+const _: () = {
+    const fn crosses_threads<T: Send + Sync>() {}
+    crosses_threads::<Handle>();
+};
+
+/// Runs a call with a detector, and keeps what went wrong.
+///
+/// # Safety
+/// By the header: `handle` is NULL or a detector that is not destroyed before this returns.
+pub unsafe fn with_detector(
+    handle: *const Handle,
+    work: impl FnOnce(&mut Kept) -> Result<(), Failure>,
+) -> Status {
+    if let Err(failure) = check(handle, "detector") {
+        return without_detector(|| Err(failure));
+    }
+    // SAFETY: `lazygrid_create` made it, and nobody has a `&mut` to it: all go through its mutex.
+    let Handle(kept) = unsafe { &*handle };
+    guarded(|| {
+        let mut kept = match kept.try_lock() {
+            Ok(kept) => kept,
+            Err(TryLockError::WouldBlock) => return BUSY,
+            Err(TryLockError::Poisoned(_)) => return INTERNAL,
+        };
+        let (status, message) = match work(&mut kept) {
+            Ok(()) => (OK, CString::default()),
+            Err(failure) => (failure.status, c_text(failure.message)),
+        };
+        kept.message = message;
+        status
+    })
+}
+
+/// Makes a detector.
+///
+/// # Safety
+/// By the header: `settings` is NULL or such a structure, `detector` is NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_create(settings: *const SettingsOfC, detector: *mut *mut Handle) -> Status {
+    without_detector(|| {
+        // SAFETY: this function's own condition.
+        let out = unsafe { Out::new(detector, "detector", std::ptr::null_mut()) }?;
+        // SAFETY: this function's own condition.
+        let config = unsafe { SettingsOfC::config(settings) }?;
+        let detector = Detector::new(config)?;
+        let kept = Kept { detector, report: CString::default(), message: CString::default() };
+        out.put(Box::into_raw(Box::new(Handle(Mutex::new(kept)))));
+        Ok(())
+    })
+}
+
+/// Frees a detector.
+///
+/// # Safety
+/// By the header: `detector` is NULL or a detector that nobody uses from now on, unless a search is running, which is
+/// then refused.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_destroy(detector: *mut Handle) -> Status {
+    guarded(|| {
+        if detector.is_null() {
+            return OK;
+        }
+        // SAFETY: `lazygrid_create` made it, and it was not destroyed before.
+        if matches!(unsafe { &*detector }.0.try_lock(), Err(TryLockError::WouldBlock)) {
+            return BUSY;
+        }
+        // SAFETY: made by `Box::into_raw`, given back once, and no search is running, nor does one begin, by this
+        // function's condition.
+        drop(unsafe { Box::from_raw(detector) });
+        OK
+    })
+}
+
+/// Why the last call failed.
+///
+/// # Safety
+/// By the header: `detector` is NULL or a detector that is not destroyed before this returns.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_last_error(detector: *const Handle) -> *const c_char {
+    if detector.is_null() {
+        return last_without_detector();
+    }
+    // SAFETY: `lazygrid_create` made it, and nobody has a `&mut` to it.
+    match unsafe { &*detector }.0.try_lock() {
+        Ok(kept) => kept.message.as_ptr(),
+        Err(TryLockError::WouldBlock) => c"the detector is in use; wait until its call has returned".as_ptr(),
+        Err(TryLockError::Poisoned(_)) => PANICKED.as_ptr(),
+    }
+}

@@ -1,0 +1,76 @@
+use engine::{Interaction, Interactions};
+
+use crate::out::check;
+use crate::status::{Status, guarded, without_detector};
+use crate::{Failure, Out};
+
+/// `lazygrid_interactions`: a table of species.
+#[derive(Debug)]
+pub struct Table(pub Interactions);
+
+/// The interaction that C means by a kind and a distance.
+fn interaction(kind: i32, distance: f32) -> Result<Interaction, Failure> {
+    match kind {
+        0 => Ok(Interaction::Never),
+        1 => Ok(Interaction::Touch),
+        2 => Ok(Interaction::Within(distance)),
+        _ => Err(Failure::argument(format!(
+            "{kind} is no kind of interaction; choose LAZYGRID_NEVER, LAZYGRID_TOUCH or LAZYGRID_WITHIN"
+        ))),
+    }
+}
+
+/// Makes a table.
+///
+/// # Safety
+/// By the header: `interactions` is NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_interactions_create(
+    species: u32,
+    kind: i32,
+    distance: f32,
+    interactions: *mut *mut Table,
+) -> Status {
+    without_detector(|| {
+        // SAFETY: this function's own condition.
+        let out = unsafe { Out::new(interactions, "interactions", std::ptr::null_mut()) }?;
+        let table = Interactions::new(species, interaction(kind, distance)?)?;
+        out.put(Box::into_raw(Box::new(Table(table))));
+        Ok(())
+    })
+}
+
+/// Sets the interaction of two species.
+///
+/// # Safety
+/// By the header: `interactions` is NULL or a table that no other thread uses.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_interactions_set(
+    interactions: *mut Table,
+    a: u32,
+    b: u32,
+    kind: i32,
+    distance: f32,
+) -> Status {
+    without_detector(|| {
+        check(interactions, "interactions")?;
+        // SAFETY: a table that `lazygrid_interactions_create` made, used by this thread alone.
+        let Table(table) = unsafe { &mut *interactions };
+        Ok(table.set(a, b, interaction(kind, distance)?)?)
+    })
+}
+
+/// Frees a table.
+///
+/// # Safety
+/// By the header: `interactions` is NULL or a table that nobody uses from now on.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_interactions_destroy(interactions: *mut Table) {
+    guarded(|| {
+        if !interactions.is_null() {
+            // SAFETY: `lazygrid_interactions_create` made it by `Box::into_raw`, and it is given back once.
+            drop(unsafe { Box::from_raw(interactions) });
+        }
+        0
+    });
+}

@@ -1,0 +1,73 @@
+use std::ffi::c_char;
+use std::ptr;
+
+use engine::{InputError, MAX_SPHERES, Report};
+use serde_json::{Map, Value, json};
+
+use crate::Out;
+use crate::detector::{Handle, Kept, with_detector};
+use crate::status::{Status, c_text};
+
+/// The object of a report, with the names that `lazygrid detect --json` uses.
+fn object(report: &Report) -> Value {
+    let phases: Map<String, Value> =
+        report.phases.iter().map(|phase| (phase.name.to_owned(), phase.time.as_secs_f64().into())).collect();
+    json!({
+        "spheres": report.spheres, "pairs": report.pairs, "backend": report.backend.name(),
+        "adapter": report.adapter, "algorithm": report.algorithm.name(), "reason": report.reason,
+        "gpu": cost(report), "phases": phases,
+    })
+}
+
+#[cfg(feature = "gpu")]
+fn cost(report: &Report) -> Value {
+    report.cost.as_ref().map_or(Value::Null, |cost| {
+        json!({
+            "dispatches": cost.dispatches, "working_bytes": cost.working_bytes,
+            "pair_bytes": cost.pair_bytes, "moved_bytes": cost.moved_bytes,
+        })
+    })
+}
+
+#[cfg(not(feature = "gpu"))]
+fn cost(_: &Report) -> Value {
+    Value::Null
+}
+
+/// What the last search did and why.
+///
+/// # Safety
+/// By the header: `detector` is NULL or a detector, `json` is NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_report_json(detector: *mut Handle, json: *mut *const c_char) -> Status {
+    // SAFETY: this function's own condition.
+    let json = unsafe { Out::new(json, "json", ptr::null()) };
+    let work = |kept: &mut Kept| {
+        let json = json?;
+        kept.report = c_text(object(&kept.detector.report()).to_string());
+        json.put(kept.report.as_ptr());
+        Ok(())
+    };
+    // SAFETY: this function's own condition.
+    unsafe { with_detector(detector, work) }
+}
+
+/// How much memory so many spheres take.
+///
+/// # Safety
+/// By the header: `detector` is NULL or a detector, `bytes` is NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_memory_for(detector: *mut Handle, spheres: u64, bytes: *mut u64) -> Status {
+    // SAFETY: this function's own condition.
+    let bytes = unsafe { Out::new(bytes, "bytes", 0) };
+    let work = |kept: &mut Kept| {
+        let bytes = bytes?;
+        if spheres > MAX_SPHERES {
+            return Err(InputError::TooManySpheres { count: spheres }.into());
+        }
+        bytes.put(kept.detector.memory_for(spheres));
+        Ok(())
+    };
+    // SAFETY: this function's own condition.
+    unsafe { with_detector(detector, work) }
+}

@@ -1,0 +1,167 @@
+use std::cell::Cell;
+use std::ffi::c_void;
+use std::ops::ControlFlow;
+use std::ptr;
+
+use engine::{Error, Pair};
+
+use crate::detector::{Handle, Kept, with_detector};
+use crate::input::SpheresOfC;
+use crate::status::{BUSY, Status};
+use crate::{Failure, Out};
+
+thread_local! {
+    /// Whether this thread is inside a callback.
+    static IS_TAKING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs a search, unless this thread is inside a callback: other threads of the pool may wait for that to return, and a
+/// search would wait for them, with whichever detector.
+///
+/// # Safety
+/// As [`with_detector`].
+unsafe fn search(detector: *const Handle, work: impl FnOnce(&mut Kept) -> Result<(), Failure>) -> Status {
+    if IS_TAKING.get() {
+        return BUSY;
+    }
+    // SAFETY: this function's own condition.
+    unsafe { with_detector(detector, work) }
+}
+
+/// The overlapping pairs.
+///
+/// # Safety
+/// By the header: `detector` and `spheres` are what they are called or NULL, the others NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_pairs(
+    detector: *mut Handle,
+    spheres: *const SpheresOfC,
+    pairs: *mut *const Pair,
+    count: *mut u64,
+) -> Status {
+    // SAFETY: this function's own condition, for both.
+    let (pairs, count) = unsafe { (Out::new(pairs, "pairs", ptr::null()), Out::new(count, "count", 0)) };
+    let work = |kept: &mut Kept| {
+        let (pairs, count) = (pairs?, count?);
+        // SAFETY: this function's own condition.
+        let spheres = unsafe { SpheresOfC::borrow(spheres) }?;
+        let found = kept.detector.pairs(spheres).inspect_err(|error| {
+            if let Error::TooManyPairs { found, .. } = error {
+                count.put(*found);
+            }
+        })?;
+        pairs.put(found.as_ptr());
+        count.put(found.len() as u64);
+        Ok(())
+    };
+    // SAFETY: this function's own condition.
+    unsafe { search(detector, work) }
+}
+
+/// How many pairs there are.
+///
+/// # Safety
+/// By the header: `detector` and `spheres` are what they are called or NULL, `count` is NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_count(
+    detector: *mut Handle,
+    spheres: *const SpheresOfC,
+    count: *mut u64,
+) -> Status {
+    // SAFETY: this function's own condition.
+    let count = unsafe { Out::new(count, "count", 0) };
+    let work = |kept: &mut Kept| {
+        let count = count?;
+        // SAFETY: this function's own condition.
+        let spheres = unsafe { SpheresOfC::borrow(spheres) }?;
+        count.put(kept.detector.count(spheres)?);
+        Ok(())
+    };
+    // SAFETY: this function's own condition.
+    unsafe { search(detector, work) }
+}
+
+/// The pairs as neighbour lists.
+///
+/// # Safety
+/// By the header: `detector` and `spheres` are what they are called or NULL, the others NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_neighbors(
+    detector: *mut Handle,
+    spheres: *const SpheresOfC,
+    offsets: *mut *const u64,
+    indices: *mut *const u32,
+) -> Status {
+    // SAFETY: this function's own condition, for both.
+    let (offsets, indices) =
+        unsafe { (Out::new(offsets, "offsets", ptr::null()), Out::new(indices, "indices", ptr::null())) };
+    let work = |kept: &mut Kept| {
+        let (offsets, indices) = (offsets?, indices?);
+        // SAFETY: this function's own condition.
+        let spheres = unsafe { SpheresOfC::borrow(spheres) }?;
+        let lists = kept.detector.neighbors(spheres)?;
+        offsets.put(lists.offsets.as_ptr());
+        indices.put(lists.indices.as_ptr());
+        Ok(())
+    };
+    // SAFETY: this function's own condition.
+    unsafe { search(detector, work) }
+}
+
+/// `lazygrid_consume`: takes pairs, and returns 0 to go on.
+pub type Consume = unsafe extern "C" fn(context: *mut c_void, pairs: *const Pair, count: usize) -> i32;
+
+/// Who takes the pairs of a stream.
+struct Consumer {
+    consume: Consume,
+    context: *mut c_void,
+}
+
+// SAFETY: the header says that the callback is called, with its context, from threads other than that of the caller;
+// who gives one allows for it. The pointer is only passed on.
+unsafe impl Send for Consumer {}
+
+impl Consumer {
+    fn take(&mut self, pairs: &[Pair]) -> ControlFlow<()> {
+        IS_TAKING.set(true);
+        // SAFETY: a function of this type by the header; the pairs live until it returns.
+        let answer = unsafe { (self.consume)(self.context, pairs.as_ptr(), pairs.len()) };
+        IS_TAKING.set(false);
+        match answer {
+            0 => ControlFlow::Continue(()),
+            _ => ControlFlow::Break(()),
+        }
+    }
+}
+
+/// Hands the pairs over in chunks.
+///
+/// # Safety
+/// By the header: `detector` and `spheres` are what they are called or NULL, `handed` is NULL or can be written to,
+/// `consume` is NULL or may be called with `context` from any thread, and returns.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_stream(
+    detector: *mut Handle,
+    spheres: *const SpheresOfC,
+    chunk: usize,
+    consume: Option<Consume>,
+    context: *mut c_void,
+    handed: *mut u64,
+) -> Status {
+    // SAFETY: this function's own condition.
+    let handed = unsafe { Out::new(handed, "handed", 0) };
+    let work = |kept: &mut Kept| {
+        let handed = handed?;
+        // SAFETY: this function's own condition.
+        let spheres = unsafe { SpheresOfC::borrow(spheres) }?;
+        let consume = consume.ok_or_else(|| Failure::argument("`consume` is NULL; give a function"))?;
+        if chunk == 0 {
+            return Err(Failure::argument("`chunk` is 0; it must be at least 1"));
+        }
+        let mut consumer = Consumer { consume, context };
+        handed.put(kept.detector.stream(spheres, chunk, move |pairs| consumer.take(pairs))?);
+        Ok(())
+    };
+    // SAFETY: this function's own condition.
+    unsafe { search(detector, work) }
+}

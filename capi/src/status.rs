@@ -1,0 +1,141 @@
+use std::cell::RefCell;
+use std::ffi::{CStr, CString, c_char};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use engine::{Error, InputError};
+
+/// What became of a call, as C gets it.
+pub type Status = i32;
+
+pub const OK: Status = 0;
+pub const ARGUMENT: Status = 1;
+pub const INPUT: Status = 2;
+pub const SETTING: Status = 3;
+pub const TOO_MANY_PAIRS: Status = 4;
+pub const OUT_OF_MEMORY: Status = 5;
+pub const THREADS: Status = 6;
+pub const GPU: Status = 7;
+pub const LIMIT: Status = 8;
+pub const DEVICE: Status = 9;
+pub const TIMEOUT: Status = 10;
+pub const BUSY: Status = 11;
+pub const INTERNAL: Status = 12;
+
+/// The names in the header, by their number.
+pub const NAMES: [&CStr; 13] = [
+    c"LAZYGRID_OK",
+    c"LAZYGRID_ERROR_ARGUMENT",
+    c"LAZYGRID_ERROR_INPUT",
+    c"LAZYGRID_ERROR_SETTING",
+    c"LAZYGRID_ERROR_TOO_MANY_PAIRS",
+    c"LAZYGRID_ERROR_OUT_OF_MEMORY",
+    c"LAZYGRID_ERROR_THREADS",
+    c"LAZYGRID_ERROR_GPU",
+    c"LAZYGRID_ERROR_LIMIT",
+    c"LAZYGRID_ERROR_DEVICE",
+    c"LAZYGRID_ERROR_TIMEOUT",
+    c"LAZYGRID_ERROR_BUSY",
+    c"LAZYGRID_ERROR_INTERNAL",
+];
+
+/// What is said after a panic.
+pub const PANICKED: &CStr =
+    c"a fault of the library ended this call or one before it; destroy the detector and make another";
+
+/// Why a call gave no result.
+#[derive(Debug)]
+pub struct Failure {
+    pub status: Status,
+    pub message: String,
+}
+
+impl Failure {
+    /// An argument that can be seen to be wrong.
+    pub fn argument(message: impl Into<String>) -> Self {
+        Self { status: ARGUMENT, message: message.into() }
+    }
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        let status = match &error {
+            Error::Input(_) | Error::SpeciesBuffer => INPUT,
+            Error::Setting { .. } | Error::NotOnBackend { .. } | Error::AdapterOnCpu { .. } => SETTING,
+            Error::TooManyPairs { .. } => TOO_MANY_PAIRS,
+            Error::OutOfMemory { .. } | Error::DeviceOutOfMemory { .. } => OUT_OF_MEMORY,
+            Error::Threads { .. } => THREADS,
+            Error::GpuUnavailable { .. }
+            | Error::WithoutGpu
+            | Error::NoAdapter { .. }
+            | Error::UnknownAdapter { .. }
+            | Error::NoDevice { .. } => GPU,
+            Error::LimitExceeded { .. } => LIMIT,
+            Error::DeviceLost { .. } | Error::Validation { .. } => DEVICE,
+            Error::Timeout { .. } => TIMEOUT,
+            // Buffers and calls in flight that only Rust programs have, and errors that are newer than this list.
+            _ => INTERNAL,
+        };
+        Self { status, message: error.to_string() }
+    }
+}
+
+impl From<InputError> for Failure {
+    fn from(error: InputError) -> Self {
+        Error::Input(error).into()
+    }
+}
+
+/// Runs what a function does, so that no panic leaves it.
+pub fn guarded(work: impl FnOnce() -> Status) -> Status {
+    // After a panic the mutex of a detector is poisoned, and what has no detector keeps nothing from call to call.
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or(INTERNAL)
+}
+
+/// `text` for C, which ends at the first zero byte.
+pub fn c_text(text: String) -> CString {
+    let mut bytes = text.into_bytes();
+    bytes.retain(|byte| *byte != 0);
+    CString::new(bytes).unwrap_or_default()
+}
+
+thread_local! {
+    /// Why the last call in this thread failed that had no detector.
+    static LAST: RefCell<CString> = RefCell::default();
+}
+
+/// Runs a function that has no detector, and keeps what went wrong for this thread.
+pub fn without_detector(work: impl FnOnce() -> Result<(), Failure>) -> Status {
+    guarded(|| match work() {
+        Ok(()) => keep(OK, CString::default()),
+        Err(failure) => keep(failure.status, c_text(failure.message)),
+    })
+}
+
+fn keep(status: Status, message: CString) -> Status {
+    // A thread that is ending has nowhere to keep a message, and nobody who asks for it.
+    let _ = LAST.try_with(|last| *last.borrow_mut() = message);
+    status
+}
+
+/// The message of the last call in this thread that had no detector.
+pub fn last_without_detector() -> *const c_char {
+    LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
+}
+
+/// The name of a status.
+#[unsafe(no_mangle)]
+pub extern "C" fn lazygrid_status_name(status: Status) -> *const c_char {
+    let name = usize::try_from(status).ok().and_then(|number| NAMES.get(number));
+    name.unwrap_or(&c"unknown status").as_ptr()
+}
+
+/// The version of the library.
+#[unsafe(no_mangle)]
+pub extern "C" fn lazygrid_version() -> *const c_char {
+    const VERSION: &CStr =
+        match CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
+            Ok(version) => version,
+            Err(_) => panic!("a version has no zero byte"),
+        };
+    VERSION.as_ptr()
+}

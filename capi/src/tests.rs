@@ -1,0 +1,204 @@
+//! The header against the library. Each function's type is written as C from what Rust knows of it, and the C compiler
+//! is given both: a declaration that differs from the header's is an error. Layouts and numbers go the same way.
+
+use std::collections::BTreeSet;
+use std::ffi::{CStr, c_char, c_void};
+use std::mem::offset_of;
+use std::process::Command;
+
+use engine::Pair;
+
+use crate::detector::{Handle, lazygrid_create, lazygrid_destroy, lazygrid_last_error, with_detector};
+use crate::input::SpheresOfC;
+use crate::interactions::{
+    Table, lazygrid_interactions_create, lazygrid_interactions_destroy, lazygrid_interactions_set,
+};
+use crate::report::{lazygrid_memory_for, lazygrid_report_json};
+use crate::search::{Consume, lazygrid_count, lazygrid_neighbors, lazygrid_pairs, lazygrid_stream};
+use crate::settings::{ALGORITHMS, BACKENDS, ORDERS, SettingsOfC, lazygrid_settings_init};
+use crate::status::{INTERNAL, NAMES, OK, PANICKED, lazygrid_status_name, lazygrid_version};
+
+const HEADER: &str = include_str!("../include/lazygrid.h");
+
+/// A type as C writes it, with `const` behind what it holds for.
+trait InC {
+    fn name() -> String;
+}
+
+macro_rules! in_c {
+    ($($rust:ty => $c:literal),* $(,)?) => { $(impl InC for $rust { fn name() -> String { $c.to_owned() } })* };
+}
+
+in_c! {
+    () => "void", c_void => "void", c_char => "char", i32 => "int32_t", u32 => "uint32_t", u64 => "uint64_t",
+    usize => "size_t", f32 => "float", Pair => "lazygrid_pair", Handle => "lazygrid_detector",
+    Table => "lazygrid_interactions", SettingsOfC => "lazygrid_settings", SpheresOfC => "lazygrid_spheres",
+    Option<Consume> => "lazygrid_consume",
+}
+
+impl<T: InC> InC for *const T {
+    fn name() -> String {
+        format!("{} const *", T::name())
+    }
+}
+
+impl<T: InC> InC for *mut T {
+    fn name() -> String {
+        format!("{} *", T::name())
+    }
+}
+
+/// A function whose declaration can be written.
+trait Declared {
+    fn declaration(&self, name: &str) -> String;
+}
+
+macro_rules! declared {
+    ($(($($argument:ident)*))*) => { $(
+        impl<R: InC $(, $argument: InC)*> Declared for unsafe extern "C" fn($($argument),*) -> R {
+            fn declaration(&self, name: &str) -> String {
+                let arguments: Vec<String> = vec![$($argument::name()),*];
+                let arguments = if arguments.is_empty() { "void".to_owned() } else { arguments.join(", ") };
+                format!("{} {name}({arguments});\n", R::name())
+            }
+        }
+    )* };
+}
+
+declared! { () (A) (A B) (A B C) (A B C D) (A B C D E) (A B C D E F) }
+
+/// Name and declaration of each function that is listed.
+macro_rules! declarations {
+    ($($name:ident: $type:ty),* $(,)?) => {
+        [$((stringify!($name), Declared::declaration(&($name as $type), stringify!($name)))),*]
+    };
+}
+
+fn declarations() -> Vec<(&'static str, String)> {
+    declarations! {
+        lazygrid_version: unsafe extern "C" fn() -> _,
+        lazygrid_status_name: unsafe extern "C" fn(_) -> _,
+        lazygrid_last_error: unsafe extern "C" fn(_) -> _,
+        lazygrid_settings_init: unsafe extern "C" fn(_, _) -> _,
+        lazygrid_interactions_create: unsafe extern "C" fn(_, _, _, _) -> _,
+        lazygrid_interactions_set: unsafe extern "C" fn(_, _, _, _, _) -> _,
+        lazygrid_interactions_destroy: unsafe extern "C" fn(_) -> _,
+        lazygrid_create: unsafe extern "C" fn(_, _) -> _,
+        lazygrid_destroy: unsafe extern "C" fn(_) -> _,
+        lazygrid_pairs: unsafe extern "C" fn(_, _, _, _) -> _,
+        lazygrid_count: unsafe extern "C" fn(_, _, _) -> _,
+        lazygrid_neighbors: unsafe extern "C" fn(_, _, _, _) -> _,
+        lazygrid_stream: unsafe extern "C" fn(_, _, _, _, _, _) -> _,
+        lazygrid_report_json: unsafe extern "C" fn(_, _) -> _,
+        lazygrid_memory_for: unsafe extern "C" fn(_, _, _) -> _,
+    }
+    .into()
+}
+
+/// Offset of each field and size of the whole, as assertions in C.
+macro_rules! layout {
+    ($rust:ident as $c:literal, $($field:ident),*) => {{
+        // Every field is named, or this does not compile.
+        let _ = |$rust { $($field: _),* }: $rust| ();
+        let mut text = equal(concat!("sizeof(", $c, ")"), size_of::<$rust>());
+        $(text += &equal(concat!("offsetof(", $c, ", ", stringify!($field), ")"), offset_of!($rust, $field));)*
+        text
+    }};
+}
+
+fn equal(what: &str, number: usize) -> String {
+    format!("_Static_assert({what} == {number}, \"{what} is not {number}\");\n")
+}
+
+fn layouts() -> String {
+    layout!(Pair as "lazygrid_pair", i, j)
+        + &layout!(SpheresOfC as "lazygrid_spheres", count, rows, x, y, z, r, species)
+        + &layout!(
+            SettingsOfC as "lazygrid_settings",
+            size, backend, algorithm, order, threads, max_pairs, periodic, timeout_seconds, adapter, interactions
+        )
+}
+
+/// Every number that has a name in the header.
+fn numbers() -> Vec<(String, usize)> {
+    let of = |kind: &str, names: &[&str]| -> Vec<(String, usize)> {
+        let named = |name: &&str| format!("LAZYGRID_{kind}{}", name.to_uppercase().replace('-', "_"));
+        names.iter().enumerate().map(|(number, name)| (named(name), number)).collect()
+    };
+    let statuses = NAMES.map(|name| name.to_str().expect("a name is ASCII").trim_start_matches("LAZYGRID_"));
+    let orders = ORDERS.map(|order| format!("{order:?}"));
+    [
+        of("", &statuses),
+        of("BACKEND_", &BACKENDS.map(|backend| backend.name())),
+        of("ALGORITHM_", &ALGORITHMS.map(|algorithm| algorithm.name())),
+        of("ORDER_", &orders.each_ref().map(String::as_str)),
+        of("", &["never", "touch", "within"]),
+        vec![
+            ("LAZYGRID_VERSION_MAJOR".to_owned(), env!("CARGO_PKG_VERSION_MAJOR").parse().expect("a number")),
+            ("LAZYGRID_VERSION_MINOR".to_owned(), env!("CARGO_PKG_VERSION_MINOR").parse().expect("a number")),
+            ("LAZYGRID_VERSION_PATCH".to_owned(), env!("CARGO_PKG_VERSION_PATCH").parse().expect("a number")),
+        ],
+    ]
+    .concat()
+}
+
+/// The words of the header, without its comments.
+fn words() -> Vec<&'static str> {
+    let code = HEADER.split("/*").map(|part| part.split_once("*/").map_or(part, |(_, code)| code));
+    code.flat_map(|part| part.split(|c: char| !(c.is_alphanumeric() || c == '_'))).collect()
+}
+
+#[test]
+fn the_header_declares_what_the_library_has() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("drift.c");
+    let functions: String = declarations().into_iter().map(|(_, declaration)| declaration).collect();
+    let numbers: String = numbers().iter().map(|(name, number)| equal(name, *number)).collect();
+    let text = format!("#include <lazygrid.h>\n{functions}{}{numbers}", layouts());
+    std::fs::write(&path, &text).expect("a file");
+    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
+    let mut command = Command::new(compiler);
+    command.args(["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-I"]);
+    command.arg(concat!(env!("CARGO_MANIFEST_DIR"), "/include")).arg(&path);
+    let output = command.output().expect("a C compiler");
+    assert!(output.status.success(), "{}\n{text}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn nothing_in_the_header_is_left_out() {
+    let functions: BTreeSet<&str> = declarations().iter().map(|(name, _)| *name).collect();
+    let types = ["status", "detector", "interactions", "pair", "settings", "spheres", "consume"];
+    let inline = ["spheres_of_rows", "spheres_of_columns"];
+    let others: BTreeSet<String> =
+        types.iter().chain(&inline).map(|name| format!("lazygrid_{name}")).collect();
+    let declared: BTreeSet<&str> =
+        words().into_iter().filter(|word| word.starts_with("lazygrid_") && !others.contains(*word)).collect();
+    assert_eq!(declared, functions);
+
+    let known: BTreeSet<String> = numbers().into_iter().map(|(name, _)| name).collect();
+    let switches = ["LAZYGRID_H", "LAZYGRID_STATIC", "LAZYGRID_API"];
+    let named: BTreeSet<String> = words()
+        .into_iter()
+        .filter(|word| word.starts_with("LAZYGRID_") && !switches.contains(word))
+        .map(str::to_owned)
+        .collect();
+    assert_eq!(named, known);
+}
+
+#[test]
+fn a_panic_ends_as_a_status_and_spoils_its_detector_only() {
+    let settings = SettingsOfC { backend: 1, ..SettingsOfC::defaults() };
+    let (mut spoilt, mut other) = (std::ptr::null_mut(), std::ptr::null_mut());
+    // SAFETY: all pointers are to what they are called, and detectors are destroyed once, at the end.
+    unsafe {
+        assert_eq!(lazygrid_create(&raw const settings, &raw mut spoilt), OK);
+        assert_eq!(lazygrid_create(&raw const settings, &raw mut other), OK);
+        assert_eq!(with_detector(spoilt, |_| panic!("on purpose")), INTERNAL);
+        let mut bytes = 7;
+        assert_eq!(lazygrid_memory_for(spoilt, 10, &raw mut bytes), INTERNAL);
+        assert_eq!(bytes, 0);
+        assert_eq!(CStr::from_ptr(lazygrid_last_error(spoilt)), PANICKED);
+        assert_eq!(lazygrid_memory_for(other, 10, &raw mut bytes), OK);
+        assert_eq!((lazygrid_destroy(spoilt), lazygrid_destroy(other)), (OK, OK));
+    }
+}

@@ -1,0 +1,150 @@
+#!/usr/bin/env bash
+# Tests the C and C++ library as programs use it: header against library, programs built through pkg-config and CMake,
+# shared and static, with AddressSanitizer and under valgrind.
+#
+#     capi/test.sh                  all of it
+#     capi/test.sh --without-gpu    of a library without the GPU path, which builds faster
+#
+# Needs Rust. On Debian it installs what else is missing, and says so first: gcc, g++, pkg-config, cmake, valgrind. What
+# cannot be had elsewhere is skipped, and that is said.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+say() { echo "capi/test.sh: $*" >&2; }
+
+# have COMMAND PACKAGE…: whether a command is there, or could be installed.
+have() {
+    local command=$1 sudo
+    shift
+    command -v "$command" >/dev/null && return
+    sudo=$([ "$(id -u)" = 0 ] || command -v sudo || true)
+    if ! command -v apt-get >/dev/null || { [ "$(id -u)" != 0 ] && [ -z "$sudo" ]; }; then
+        return 1
+    fi
+    say "$command is missing: installing $*"
+    { $sudo apt-get update -qq && $sudo apt-get install -y -qq --no-install-recommends "$@"; } >/dev/null
+    command -v "$command" >/dev/null
+}
+
+passed=0 skipped=0
+# passes NAME COMMAND…
+passes() {
+    local name=$1
+    shift
+    say "$name"
+    "$@" || { say "$name failed: $*"; echo "$passed passed, 1 failed, $skipped skipped"; exit 1; }
+    passed=$((passed + 1))
+}
+skip() { say "skipped: $*"; skipped=$((skipped + 1)); }
+
+options=() features=()
+case ${1:-} in
+    "") ;;
+    --without-gpu) options=(--without-gpu) features=(--no-default-features) ;;
+    *) sed -n '5,6s/^# *//p' "$0" >&2; exit 2 ;;
+esac
+have cc gcc libc6-dev || { say "a C compiler is needed"; exit 1; }
+have c++ g++ || { say "a C++ compiler is needed"; exit 1; }
+
+target=${CARGO_TARGET_DIR:-$PWD/target}
+work=$target/capi-test
+rm -rf "$work"
+mkdir -p "$work"
+strict=(-Wall -Wextra -Wpedantic -Werror -g)
+
+passes "the header against the library" cargo test -p lazygrid-capi "${features[@]}"
+passes "install" capi/install.sh "$work/first" --debug "${options[@]}"
+# Found where it is, not where it was installed.
+mv "$work/first" "$work/prefix"
+prefix=$work/prefix
+
+exported() { nm -D --defined-only "$prefix/lib/liblazygrid.so" | awk '$2 == "T" { print $3 }' | sort; }
+declared() { grep -o 'lazygrid_[a-z_]*(' capi/include/lazygrid.h | tr -d '(' | grep -v spheres_of | sort -u; }
+symbols() { diff <(exported) <(declared); }
+soname() { readelf -d "$prefix/lib/liblazygrid.so" | grep -q 'soname: \[liblazygrid.so.[0-9]'; }
+if [ "$(uname)" = Linux ] && have readelf binutils; then
+    passes "what the library exports is what the header declares" symbols
+    passes "the library has a SONAME" soname
+else
+    skip "exports and SONAME are looked at on Linux, with binutils"
+fi
+
+export PKG_CONFIG_PATH=$prefix/lib/pkgconfig
+export LD_LIBRARY_PATH=$prefix/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
+
+# build NAME LANGUAGE SOURCE OPTION…: compiles for a language standard, with what pkg-config says; shared.
+build() {
+    local name=$1 language=$2 source=$3 compiler=cc
+    shift 3
+    case $language in c++*) compiler=c++ ;; esac
+    # shellcheck disable=SC2046 # words of pkg-config are options
+    $compiler -std="$language" "${strict[@]}" "$@" $(pkg-config --cflags lazygrid) "$source" -o "$work/$name" \
+        $(pkg-config --libs lazygrid) -lm -pthread
+}
+# The same with the static library in place of the shared one.
+build_static() {
+    local name=$1 language=$2 source=$3 compiler=cc
+    case $language in c++*) compiler=c++ ;; esac
+    # shellcheck disable=SC2046
+    $compiler -std="$language" "${strict[@]}" $(pkg-config --cflags lazygrid) "$source" -o "$work/$name" \
+        "$prefix/lib/liblazygrid.a" $(pkg-config --static --libs-only-l lazygrid | sed 's/-llazygrid//')
+}
+# build_and_run NAME …: as `build`.
+build_and_run() { build "$@" && "$work/$1"; }
+
+if have pkg-config pkg-config; then
+    passes "C" build_and_run contract c99 capi/tests/contract.c
+    passes "C, newest standard" build_and_run contract-c17 c17 capi/tests/contract.c
+    passes "C++17" build_and_run wrapper c++17 capi/tests/wrapper.cpp
+    passes "C++20, with std::span" build_and_run wrapper-20 c++20 capi/tests/wrapper.cpp
+    if [ ${#features[@]} = 0 ]; then
+        passes "GPU" build_and_run gpu c99 capi/tests/gpu.c
+    else
+        skip "the GPU, by --without-gpu"
+    fi
+    passes "example in C" build_and_run steps c99 capi/examples/steps.c
+    passes "example in C++" build_and_run species c++17 capi/examples/species.cpp
+    # The first program of the README.
+    awk '/^```c$/ { inside = 1; next } /^```$/ { if (inside) exit } inside' capi/README.md >"$work/readme.c"
+    passes "the README's program" build_and_run readme c99 "$work/readme.c"
+    passes "C, static" build_static contract-static c99 capi/tests/contract.c
+    passes "C, static, runs" "$work/contract-static"
+
+    sanitizers=(-fsanitize=address,undefined -fno-sanitize-recover=all)
+    echo 'int main(void) { return 0; }' >"$work/empty.c"
+    if cc "${sanitizers[@]}" "$work/empty.c" -o "$work/empty" 2>/dev/null; then
+        export ASAN_OPTIONS=detect_leaks=1
+        passes "C, AddressSanitizer" build_and_run contract-asan c99 capi/tests/contract.c "${sanitizers[@]}"
+        passes "C++, AddressSanitizer" build_and_run wrapper-asan c++17 capi/tests/wrapper.cpp "${sanitizers[@]}"
+    else
+        skip "cc has no AddressSanitizer"
+    fi
+
+    # Threads of a pool that lives as long as the process are reachable, and no leak.
+    # Valgrind runs one thread at a time, in turn, so that one which waits does not hold up the others.
+    watched() {
+        valgrind -q --fair-sched=yes --leak-check=full --show-leak-kinds=definite,indirect \
+            --errors-for-leak-kinds=definite,indirect --error-exitcode=9 "$@"
+    }
+    if have valgrind valgrind; then
+        passes "C under valgrind" watched "$work/contract"
+        passes "C++ under valgrind" watched "$work/wrapper"
+    else
+        skip "valgrind is not installed"
+    fi
+else
+    skip "pkg-config is not installed, nor what is built with it"
+fi
+
+if have cmake cmake && have make make; then
+    passes "CMake finds it" \
+        cmake -S capi/examples -B "$work/cmake" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_BUILD_TYPE=Debug
+    passes "CMake builds" cmake --build "$work/cmake"
+    run_all() { (cd "$work/cmake" && ctest --output-on-failure); }
+    passes "what CMake built" run_all
+    refused() { ! cmake -S capi/examples -B "$work/other" -Dlazygrid_DIR="$work/none" >"$work/other.log" 2>&1; }
+    passes "CMake says where there is none" refused
+else
+    skip "cmake is not installed"
+fi
+echo "$passed passed, 0 failed, $skipped skipped"

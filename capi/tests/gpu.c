@@ -1,0 +1,63 @@
+/*
+ * The GPU finds what the CPU finds, and its report tells its cost. Skipped, with the reason, where no GPU can be used;
+ * with LAZYGRID_REQUIRE_GPU=1 that is a failure.
+ */
+#include <lazygrid.h>
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { COUNT = 3000 };
+
+/* Coordinates and radii of whole eighths, so that distances are exact and both must agree also where spheres touch. */
+static void fill(float *rows) {
+    uint32_t state = 1;
+    size_t k;
+    for (k = 0; k < 4 * COUNT; k++) {
+        state = state * 1664525u + 1013904223u;
+        rows[k] = k % 4 == 3 ? 0.25f : (float)(state >> 16 & 127u) / 8.0f;
+    }
+}
+
+static lazygrid_detector *on(int32_t backend) {
+    lazygrid_settings settings;
+    lazygrid_detector *detector;
+    lazygrid_settings_init(&settings, sizeof settings);
+    settings.backend = backend;
+    return lazygrid_create(&settings, &detector) == LAZYGRID_OK ? detector : NULL;
+}
+
+static int fail(const char *what, const char *why) {
+    fprintf(stderr, "%s: %s\n", what, why);
+    return 1;
+}
+
+int main(void) {
+    static float rows[4 * COUNT];
+    const lazygrid_spheres spheres = lazygrid_spheres_of_rows(COUNT, rows);
+    lazygrid_detector *cpu = on(LAZYGRID_BACKEND_CPU), *gpu = on(LAZYGRID_BACKEND_GPU);
+    const lazygrid_pair *expected, *found;
+    uint64_t count, others;
+    const char *json;
+
+    fill(rows);
+    if (cpu == NULL) return fail("no detector", lazygrid_last_error(NULL));
+    if (gpu == NULL) {
+        const char *required = getenv("LAZYGRID_REQUIRE_GPU");
+        printf("skipped: %s\n", lazygrid_last_error(NULL));
+        lazygrid_destroy(cpu);
+        return required != NULL && strcmp(required, "1") == 0;
+    }
+    if (lazygrid_pairs(cpu, &spheres, &expected, &count) != LAZYGRID_OK) return fail("CPU", lazygrid_last_error(cpu));
+    if (lazygrid_pairs(gpu, &spheres, &found, &others) != LAZYGRID_OK) return fail("GPU", lazygrid_last_error(gpu));
+    if (count == 0 || count != others || memcmp(expected, found, (size_t)count * sizeof *found) != 0) {
+        return fail("GPU", "its pairs are others");
+    }
+    if (lazygrid_report_json(gpu, &json) != LAZYGRID_OK) return fail("report", lazygrid_last_error(gpu));
+    if (strstr(json, "\"dispatches\":") == NULL) return fail("no cost in the report", json);
+    printf("%s\n%lu pairs by both\n", json, (unsigned long)count);
+    lazygrid_destroy(cpu);
+    lazygrid_destroy(gpu);
+    return 0;
+}

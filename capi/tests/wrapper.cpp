@@ -1,0 +1,187 @@
+// What lazygrid.hpp adds to lazygrid.h: objects, views, exceptions. Ends with 0 and "N passed, 0 failed".
+#include <lazygrid.hpp>
+
+#include <array>
+#include <cmath>
+#include <iostream>
+#include <thread>
+#include <vector>
+
+#if __cplusplus >= 202002L
+#include <span>
+#endif
+
+namespace {
+
+int passed = 0, failed = 0;
+
+#define CHECK(condition)                                                                     \
+    do {                                                                                     \
+        if (condition) {                                                                     \
+            passed++;                                                                        \
+        } else {                                                                             \
+            failed++;                                                                        \
+            std::cerr << __FILE__ << ":" << __LINE__ << ": not so: " << #condition << std::endl; \
+        }                                                                                    \
+    } while (false)
+
+template <class E, class F> bool throws(F &&work, const char *text) {
+    try {
+        work();
+    } catch (const E &error) {
+        return std::string(error.what()).find(text) != std::string::npos;
+    }
+    return false;
+}
+
+lazygrid::Settings on_cpu() {
+    lazygrid::Settings settings;
+    settings.backend = lazygrid::Backend::cpu;
+    return settings;
+}
+
+// Each touches the next.
+std::vector<lazygrid::Sphere> line(std::size_t count) {
+    std::vector<lazygrid::Sphere> spheres;
+    for (std::size_t k = 0; k < count; k++) spheres.push_back({0.5f * static_cast<float>(k), 0, 0, 0.3f});
+    return spheres;
+}
+
+void every_kind_of_input() {
+    lazygrid::Detector detector(on_cpu());
+    const std::vector<float> x = {0, 1.5f, 9}, zero(3), r = {1, 1, 0.1f};
+    const std::array<lazygrid::Sphere, 3> rows = {{{0, 0, 0, 1}, {1.5f, 0, 0, 1}, {9, 0, 0, 0.1f}}};
+    CHECK(detector.pairs(rows).size() == 1);
+    CHECK(detector.count(lazygrid::Spheres::rows(&rows[0].x, 3)) == 1);
+    CHECK(detector.count(lazygrid::Spheres::columns(x, zero, zero, r)) == 1);
+    CHECK(detector.count(std::vector<lazygrid::Sphere>()) == 0);
+    CHECK(detector.neighbors(std::vector<lazygrid::Sphere>()).indices.empty());
+    CHECK(throws<lazygrid::InputError>([&] { lazygrid::Spheres::columns(x, zero, zero, {1}); }, "differ"));
+    const std::vector<std::uint32_t> none;
+    CHECK(throws<lazygrid::InputError>([&] { lazygrid::Spheres(rows).with_species(none); }, "one each"));
+}
+
+void views_are_ranges() {
+    lazygrid::Detector detector(on_cpu());
+    const auto spheres = line(100);
+    std::size_t seen = 0;
+    for (const lazygrid::Pair &pair : detector.pairs(spheres)) seen += pair.j - pair.i;
+    CHECK(seen == 99);
+    const lazygrid::Neighbors neighbors = detector.neighbors(spheres);
+    CHECK(neighbors.of(0).size() == 1 && neighbors.of(50).size() == 2 && neighbors.of(50)[0] == 49);
+#if __cplusplus >= 202002L
+    const std::span<const lazygrid::Pair> span = detector.pairs(spheres);
+    CHECK(span.size() == 99 && span.back().j == 99);
+#endif
+}
+
+void errors_are_exceptions() {
+    auto settings = on_cpu();
+    settings.max_pairs = 5;
+    lazygrid::Detector detector(settings);
+    try {
+        detector.pairs(line(100));
+        CHECK(false);
+    } catch (const lazygrid::TooManyPairs &error) {
+        CHECK(error.found() == 99 && error.status() == LAZYGRID_ERROR_TOO_MANY_PAIRS);
+    }
+    auto bad = line(3);
+    bad[2].r = NAN;
+    CHECK(throws<lazygrid::InputError>([&] { detector.count(bad); }, "sphere 2"));
+    settings.algorithm = lazygrid::Algorithm::lazy_grid;
+    CHECK(throws<lazygrid::Error>([&] { lazygrid::Detector refused(settings); }, "does not run on the cpu backend"));
+    lazygrid::Detector other = std::move(detector);
+    CHECK(other.count(line(3)) == 2);
+    CHECK(throws<lazygrid::Error>([&] { detector.count(line(3)); }, "NULL"));
+}
+
+void streams() {
+    for (auto order : {lazygrid::Order::canonical, lazygrid::Order::unordered}) {
+        auto settings = on_cpu();
+        settings.order = order;
+        settings.threads = 2;
+        lazygrid::Detector detector(settings);
+        const auto spheres = line(20000);
+        std::size_t seen = 0;
+        const auto count = [&](lazygrid::View<lazygrid::Pair> chunk) { seen += chunk.size(); };
+        CHECK(detector.stream(spheres, 64, count) == 19999);
+        CHECK(seen == 19999);
+        CHECK(detector.stream(spheres, 64, [](auto) { return false; }) <= 64);
+        const auto thrower = [](auto) { throw std::domain_error("enough"); };
+        CHECK(throws<std::domain_error>([&] { detector.stream(spheres, 64, thrower); }, "enough"));
+        bool is_busy = false;
+        detector.stream(spheres, 64, [&](auto) {
+            is_busy = throws<lazygrid::Error>([&] { detector.count(spheres); }, "in use");
+            return false;
+        });
+        CHECK(is_busy);
+        CHECK(detector.count(spheres) == 19999);
+    }
+}
+
+void species_and_boxes() {
+    lazygrid::Interactions reactions(2, lazygrid::Interaction::never());
+    reactions.set(0, 1, lazygrid::Interaction::within(0.5f));
+    auto settings = on_cpu();
+    settings.interactions = &reactions;
+    settings.periodic = {10, 0, 0};
+    lazygrid::Detector detector(settings);
+    const std::vector<lazygrid::Sphere> spheres = {{0.1f, 0, 0, 0}, {9.8f, 0, 0, 0}, {9.9f, 0, 0, 0}};
+    const std::vector<std::uint32_t> species = {0, 1, 0};
+    CHECK(detector.count(lazygrid::Spheres(spheres).with_species(species)) == 2);
+    CHECK(throws<lazygrid::InputError>([&] { reactions.set(0, 2, lazygrid::Interaction::touch()); }, "species id 2"));
+    CHECK(detector.report_json().find("\"pairs\":2") != std::string::npos);
+    CHECK(detector.memory_for(1000) > 0);
+    CHECK(lazygrid::version() == lazygrid_version());
+}
+
+// A thread of its own for each detector, and a detector that wanders from thread to thread.
+void threads() {
+    std::array<std::uint64_t, 4> found{};
+    std::vector<std::thread> workers;
+    for (auto &mine : found) {
+        workers.emplace_back([&mine] {
+            lazygrid::Detector detector(on_cpu());
+            const auto spheres = line(3000);
+            for (int turn = 0; turn < 5; turn++) mine = detector.count(spheres);
+        });
+    }
+    for (auto &worker : workers) worker.join();
+    for (auto count : found) CHECK(count == 2999);
+    lazygrid::Detector detector(on_cpu());
+    const auto spheres = line(10);
+    std::thread([&] { CHECK(detector.count(spheres) == 9); }).join();
+    std::thread([&] { CHECK(detector.count(spheres) == 9); }).join();
+}
+
+// Two threads with one detector: each call is done or refused, never both wrong.
+void one_at_a_time() {
+    lazygrid::Detector detector(on_cpu());
+    const auto spheres = line(5000);
+    std::array<bool, 2> right{true, true};
+    const auto work = [&](bool &mine) {
+        for (int turn = 0; turn < 20; turn++) {
+            std::uint64_t count = 7;
+            const auto status = lazygrid_count(detector.get(), lazygrid::Spheres(spheres).get(), &count);
+            mine = mine && (status == LAZYGRID_OK ? count == 4999 : status == LAZYGRID_ERROR_BUSY && count == 0);
+        }
+    };
+    std::thread one([&] { work(right[0]); }), two([&] { work(right[1]); });
+    one.join();
+    two.join();
+    CHECK(right[0] && right[1]);
+}
+
+} // namespace
+
+int main() {
+    every_kind_of_input();
+    views_are_ranges();
+    errors_are_exceptions();
+    streams();
+    species_and_boxes();
+    threads();
+    one_at_a_time();
+    std::cout << passed << " passed, " << failed << " failed" << std::endl;
+    return failed != 0;
+}

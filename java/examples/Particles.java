@@ -1,0 +1,46 @@
+import java.nio.FloatBuffer;
+import java.util.Random;
+
+/** Particles as a simulator keeps them: x, y, z and radius of each, one after the other. */
+final class Particles {
+    final int count;
+    final FloatBuffer rows;
+
+    /** So many at arbitrary places of a cube, the same for the same seed. */
+    Particles(int count, float edge, FloatBuffer rows, long seed) {
+        this.count = count;
+        this.rows = rows;
+        Random random = new Random(seed);
+        for (int k = 0; k < count; k++) {
+            for (int axis = 0; axis < 3; axis++) rows.put(4 * k + axis, edge * random.nextFloat());
+            rows.put(4 * k + 3, 0.2f + 0.3f * random.nextFloat());
+        }
+    }
+
+    float at(int k, int axis) {
+        return rows.get(4 * k + axis);
+    }
+
+    float radius(int k) {
+        return rows.get(4 * k + 3);
+    }
+
+    boolean touch(int i, int j) {
+        double squared = 0;
+        for (int axis = 0; axis < 3; axis++) {
+            double d = (double) at(i, axis) - at(j, axis);
+            squared += d * d;
+        }
+        double reach = (double) radius(i) + radius(j);
+        return squared <= reach * reach;
+    }
+
+    /** Every particle diffuses by a random step. */
+    void diffuse(Random random, float length) {
+        for (int k = 0; k < count; k++) {
+            for (int axis = 0; axis < 3; axis++) {
+                rows.put(4 * k + axis, at(k, axis) + length * (float) random.nextGaussian());
+            }
+        }
+    }
+}

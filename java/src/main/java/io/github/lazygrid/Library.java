@@ -1,0 +1,159 @@
+package io.github.lazygrid;
+
+import com.sun.jna.Callback;
+import com.sun.jna.Native;
+import com.sun.jna.NativeLibrary;
+import com.sun.jna.Pointer;
+import java.lang.ref.Reference;
+import java.nio.Buffer;
+import java.nio.ByteBuffer;
+import java.nio.ByteOrder;
+
+/**
+ * The functions of {@code lazygrid.h}, called through JNA. From Java 22 on another class of this name takes its place,
+ * which calls them through {@code java.lang.foreign}. Pointers are numbers, which on 64-bit machines are passed alike.
+ */
+final class Library {
+    /** What takes chunks of a stream: the address of pairs and their number; returns 0 to go on. It throws nothing. */
+    interface Consumer {
+        int take(long pairs, long count);
+    }
+
+    /** The same as C calls it. */
+    interface Consume extends Callback {
+        int take(Pointer context, Pointer pairs, long count);
+    }
+
+    private Library() {}
+
+    /** Which way the library is called. */
+    static String way() {
+        return "JNA";
+    }
+
+    /** The functions themselves; separate, so that {@link #ensureJna} runs first. */
+    private static final class Functions {
+        static {
+            Native.register(Functions.class, NativeLibrary.getInstance(NativeFile.LOCATION));
+        }
+
+        static native String lazygrid_version();
+
+        static native String lazygrid_last_error(long detector);
+
+        static native int lazygrid_settings_init(long settings, long size);
+
+        static native int lazygrid_interactions_create(int species, int kind, float distance, long interactions);
+
+        static native int lazygrid_interactions_set(long interactions, int a, int b, int kind, float distance);
+
+        static native void lazygrid_interactions_destroy(long interactions);
+
+        static native int lazygrid_create(long settings, long detector);
+
+        static native int lazygrid_destroy(long detector);
+
+        static native int lazygrid_pairs(long detector, long spheres, long pairs, long count);
+
+        static native int lazygrid_count(long detector, long spheres, long count);
+
+        static native int lazygrid_neighbors(long detector, long spheres, long offsets, long indices);
+
+        static native int lazygrid_stream(
+            long detector, long spheres, long chunk, Consume consume, long context, long handed);
+
+        static native int lazygrid_report_json(long detector, long json);
+
+        static native int lazygrid_memory_for(long detector, long spheres, long bytes);
+    }
+
+    static {
+        ensureJna();
+    }
+
+    /** Says what to do where JNA is missing, which would else show as a class that is not found. */
+    private static void ensureJna() {
+        try {
+            Class.forName("com.sun.jna.Native");
+        } catch (ClassNotFoundException | LinkageError missing) {
+            throw new UnsatisfiedLinkError(
+                "before Java 22 lazygrid needs JNA 5 on the class path (net.java.dev.jna:jna): " + missing);
+        }
+    }
+
+    /** The address of what lies at the position of a direct buffer of values of {@code size} bytes. */
+    static long address(Buffer buffer, int size) {
+        if (buffer.capacity() == 0) return 0;
+        return Pointer.nativeValue(Native.getDirectBufferPointer(buffer)) + (long) buffer.position() * size;
+    }
+
+    /** Memory of the library as a buffer, in native order. */
+    static ByteBuffer view(long address, int bytes) {
+        if (bytes == 0) return ByteBuffer.allocateDirect(0).order(ByteOrder.nativeOrder());
+        return new Pointer(address).getByteBuffer(0, bytes).order(ByteOrder.nativeOrder());
+    }
+
+    /** The UTF-8 text at an address. */
+    static String text(long address) {
+        return new Pointer(address).getString(0, "UTF-8");
+    }
+
+    static String version() {
+        return Functions.lazygrid_version();
+    }
+
+    static String lastError(long detector) {
+        return Functions.lazygrid_last_error(detector);
+    }
+
+    static int settingsInit(long settings, long size) {
+        return Functions.lazygrid_settings_init(settings, size);
+    }
+
+    static int interactionsCreate(int species, int kind, float distance, long interactions) {
+        return Functions.lazygrid_interactions_create(species, kind, distance, interactions);
+    }
+
+    static int interactionsSet(long interactions, int a, int b, int kind, float distance) {
+        return Functions.lazygrid_interactions_set(interactions, a, b, kind, distance);
+    }
+
+    static void interactionsDestroy(long interactions) {
+        Functions.lazygrid_interactions_destroy(interactions);
+    }
+
+    static int create(long settings, long detector) {
+        return Functions.lazygrid_create(settings, detector);
+    }
+
+    static int destroy(long detector) {
+        return Functions.lazygrid_destroy(detector);
+    }
+
+    static int pairs(long detector, long spheres, long pairs, long count) {
+        return Functions.lazygrid_pairs(detector, spheres, pairs, count);
+    }
+
+    static int count(long detector, long spheres, long count) {
+        return Functions.lazygrid_count(detector, spheres, count);
+    }
+
+    static int neighbors(long detector, long spheres, long offsets, long indices) {
+        return Functions.lazygrid_neighbors(detector, spheres, offsets, indices);
+    }
+
+    static int stream(long detector, long spheres, long chunk, Consumer consumer, long handed) {
+        Consume consume = (context, pairs, count) -> consumer.take(Pointer.nativeValue(pairs), count);
+        int status = Functions.lazygrid_stream(detector, spheres, chunk, consume, 0, handed);
+        Reference.reachabilityFence(consume);
+        return status;
+    }
+
+    static int reportJson(long detector, long json) {
+        return Functions.lazygrid_report_json(detector, json);
+    }
+
+    static int memoryFor(long detector, long spheres, long bytes) {
+        return Functions.lazygrid_memory_for(detector, spheres, bytes);
+    }
+}

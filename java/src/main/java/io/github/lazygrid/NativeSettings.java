@@ -1,0 +1,83 @@
+package io.github.lazygrid;
+
+import java.lang.ref.Reference;
+import java.nio.ByteBuffer;
+import java.nio.ByteOrder;
+import java.nio.charset.StandardCharsets;
+
+/** Settings as {@code lazygrid_settings} on 64-bit machines. */
+final class NativeSettings implements AutoCloseable {
+    private static final int SIZE = 64;
+    private static final int BACKEND = 8;
+    private static final int ALGORITHM = 12;
+    private static final int ORDER = 16;
+    private static final int THREADS = 20;
+    private static final int MAX_PAIRS = 24;
+    private static final int PERIODIC = 32;
+    private static final int TIMEOUT = 44;
+    private static final int ADAPTER = 48;
+    private static final int INTERACTIONS = 56;
+
+    private final ByteBuffer structure = direct(SIZE);
+    private final ByteBuffer adapter;
+    private final long interactions;
+
+    /** Throws {@link LazygridException} for a table that is refused. */
+    NativeSettings(Settings settings) {
+        Detector.check(Library.settingsInit(address(), SIZE), 0);
+        structure.putInt(BACKEND, settings.backend.ordinal());
+        structure.putInt(ALGORITHM, settings.algorithm.ordinal());
+        structure.putInt(ORDER, settings.order.ordinal());
+        structure.putInt(THREADS, settings.threads);
+        structure.putLong(MAX_PAIRS, settings.maxPairs);
+        for (int axis = 0; axis < 3; axis++) {
+            structure.putFloat(PERIODIC + 4 * axis, settings.periodic[axis]);
+        }
+        structure.putInt(TIMEOUT, settings.timeoutSeconds);
+        adapter = settings.adapter == null ? null : text(settings.adapter);
+        if (adapter != null) structure.putLong(ADAPTER, Library.address(adapter, 1));
+        interactions = settings.interactions == null ? 0 : table(settings.interactions);
+        structure.putLong(INTERACTIONS, interactions);
+    }
+
+    /** Where the structure is, until this is closed. */
+    long address() {
+        return Library.address(structure, 1);
+    }
+
+    @Override
+    public void close() {
+        if (interactions != 0) Library.interactionsDestroy(interactions);
+        Reference.reachabilityFence(adapter);
+        Reference.reachabilityFence(structure);
+    }
+
+    private static long table(Interactions interactions) {
+        ByteBuffer out = direct(Long.BYTES);
+        Interaction all = interactions.all();
+        int species = interactions.species();
+        Detector.check(
+            Library.interactionsCreate(species, all.kind().ordinal(), all.distance(), Library.address(out, 1)), 0);
+        long table = out.getLong(0);
+        try {
+            for (Interactions.Entry entry : interactions.entries()) {
+                Interaction set = entry.interaction();
+                int kind = set.kind().ordinal();
+                Detector.check(Library.interactionsSet(table, entry.a(), entry.b(), kind, set.distance()), 0);
+            }
+        } catch (LazygridException refused) {
+            Library.interactionsDestroy(table);
+            throw refused;
+        }
+        return table;
+    }
+
+    private static ByteBuffer text(String text) {
+        byte[] bytes = text.getBytes(StandardCharsets.UTF_8);
+        return direct(bytes.length + 1).put(0, bytes);
+    }
+
+    private static ByteBuffer direct(int bytes) {
+        return ByteBuffer.allocateDirect(bytes).order(ByteOrder.nativeOrder());
+    }
+}

@@ -1,0 +1,122 @@
+package io.github.lazygrid;
+
+import java.time.Duration;
+
+/** What a detector is asked to do. The defaults suit almost everybody. Each method returns these settings. */
+public final class Settings {
+    Backend backend = Backend.AUTO;
+    Algorithm algorithm = Algorithm.AUTO;
+    Order order = Order.CANONICAL;
+    int threads;
+    long maxPairs;
+    float[] periodic = new float[3];
+    int timeoutSeconds;
+    String adapter;
+    Interactions interactions;
+
+    /** The defaults. */
+    public Settings() {}
+
+    /**
+     * Where to search.
+     *
+     * @param backend by default {@link Backend#AUTO}
+     * @return these settings
+     */
+    public Settings backend(Backend backend) {
+        this.backend = backend;
+        return this;
+    }
+
+    /**
+     * How to search.
+     *
+     * @param algorithm by default {@link Algorithm#AUTO}
+     * @return these settings
+     */
+    public Settings algorithm(Algorithm algorithm) {
+        this.algorithm = algorithm;
+        return this;
+    }
+
+    /**
+     * In which order pairs come.
+     *
+     * @param order by default {@link Order#CANONICAL}
+     * @return these settings
+     */
+    public Settings order(Order order) {
+        this.order = order;
+        return this;
+    }
+
+    /**
+     * How many threads search on the CPU.
+     *
+     * @param threads 0, the default: as many as the process may use, shared by all detectors
+     * @return these settings
+     */
+    public Settings threads(int threads) {
+        if (threads < 0) throw new IllegalArgumentException(threads + " threads are less than 0");
+        this.threads = threads;
+        return this;
+    }
+
+    /**
+     * The most pairs a list may hold, 8 bytes each. Counts and streams have no limit.
+     *
+     * @param maxPairs 0, the default: 2<sup>29</sup>
+     * @return these settings
+     */
+    public Settings maxPairs(long maxPairs) {
+        if (maxPairs < 0) throw new IllegalArgumentException(maxPairs + " pairs are less than 0");
+        this.maxPairs = maxPairs;
+        return this;
+    }
+
+    /**
+     * The length of each periodic axis, in the length unit of the spheres.
+     *
+     * @param x along x; 0: unbounded
+     * @param y along y; 0: unbounded
+     * @param z along z; 0: unbounded
+     * @return these settings
+     */
+    public Settings periodic(float x, float y, float z) {
+        this.periodic = new float[] {x, y, z};
+        return this;
+    }
+
+    /**
+     * How long a call may take a GPU.
+     *
+     * @param timeout in whole seconds, at least one; by default ten minutes
+     * @return these settings
+     */
+    public Settings timeout(Duration timeout) {
+        this.timeoutSeconds = (int) Math.max(1, Math.min(Integer.MAX_VALUE, timeout.toSeconds()));
+        return this;
+    }
+
+    /**
+     * Which GPU.
+     *
+     * @param adapter its number, or a part of its name that no other has; null, the default: the best one
+     * @return these settings
+     */
+    public Settings adapter(String adapter) {
+        this.adapter = adapter;
+        return this;
+    }
+
+    /**
+     * Which species pair, and at which distance. Spheres must then carry species.
+     *
+     * @param interactions the table, read when a detector is made; null, the default: all that touch are pairs
+     * @return these settings
+     */
+    public Settings interactions(Interactions interactions) {
+        this.interactions = interactions;
+        return this;
+    }
+}

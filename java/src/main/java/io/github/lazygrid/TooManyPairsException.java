@@ -1,0 +1,23 @@
+package io.github.lazygrid;
+
+/** A list would hold more pairs than {@link Settings#maxPairs(long)}. */
+public final class TooManyPairsException extends LazygridException {
+    private static final long serialVersionUID = 1;
+
+    /** How many pairs there are. */
+    private final long found;
+
+    TooManyPairsException(String message, long found) {
+        super(Status.TOO_MANY_PAIRS, message);
+        this.found = found;
+    }
+
+    /**
+     * How many pairs there are, exactly.
+     *
+     * @return the number
+     */
+    public long found() {
+        return found;
+    }
+}

@@ -1,0 +1,220 @@
+package io.github.lazygrid;
+
+import static java.lang.foreign.ValueLayout.JAVA_FLOAT;
+import static java.lang.foreign.ValueLayout.JAVA_INT;
+import static java.lang.foreign.ValueLayout.JAVA_LONG;
+
+import java.lang.foreign.Arena;
+import java.lang.foreign.FunctionDescriptor;
+import java.lang.foreign.Linker;
+import java.lang.foreign.MemoryLayout;
+import java.lang.foreign.MemorySegment;
+import java.lang.foreign.SymbolLookup;
+import java.lang.invoke.MethodHandle;
+import java.lang.invoke.MethodHandles;
+import java.lang.invoke.MethodType;
+import java.nio.Buffer;
+import java.nio.ByteBuffer;
+import java.nio.ByteOrder;
+
+/**
+ * The functions of {@code lazygrid.h}, called through {@code java.lang.foreign}: what Java 22 and later take in place
+ * of the class of this name that calls through JNA. Pointers are numbers, which on 64-bit machines are passed alike.
+ */
+final class Library {
+    /** What takes chunks of a stream: the address of pairs and their number; returns 0 to go on. It throws nothing. */
+    interface Consumer {
+        int take(long pairs, long count);
+    }
+
+    private static final Linker LINKER = Linker.nativeLinker();
+    private static final SymbolLookup SYMBOLS = SymbolLookup.libraryLookup(NativeFile.LOCATION, Arena.global());
+
+    private static final MethodHandle VERSION = function("version", JAVA_LONG);
+    private static final MethodHandle LAST_ERROR = function("last_error", JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle SETTINGS_INIT = function("settings_init", JAVA_INT, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle INTERACTIONS_CREATE =
+        function("interactions_create", JAVA_INT, JAVA_INT, JAVA_INT, JAVA_FLOAT, JAVA_LONG);
+    private static final MethodHandle INTERACTIONS_SET =
+        function("interactions_set", JAVA_INT, JAVA_LONG, JAVA_INT, JAVA_INT, JAVA_INT, JAVA_FLOAT);
+    private static final MethodHandle INTERACTIONS_DESTROY = function("interactions_destroy", null, JAVA_LONG);
+    private static final MethodHandle CREATE = function("create", JAVA_INT, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle DESTROY = function("destroy", JAVA_INT, JAVA_LONG);
+    private static final MethodHandle PAIRS =
+        function("pairs", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle COUNT = function("count", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle NEIGHBORS =
+        function("neighbors", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle STREAM =
+        function("stream", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle REPORT_JSON = function("report_json", JAVA_INT, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle MEMORY_FOR =
+        function("memory_for", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+
+    /** What C calls for a chunk: context, pairs and their number. */
+    private static final FunctionDescriptor CONSUME =
+        FunctionDescriptor.of(JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle TAKE;
+
+    static {
+        try {
+            MethodType type = MethodType.methodType(int.class, Consumer.class, long.class, long.class, long.class);
+            TAKE = MethodHandles.lookup().findStatic(Library.class, "take", type);
+        } catch (ReflectiveOperationException impossible) {
+            throw new ExceptionInInitializerError(impossible);
+        }
+    }
+
+    private Library() {}
+
+    /** Which way the library is called. */
+    static String way() {
+        return "java.lang.foreign";
+    }
+
+    private static MethodHandle function(String name, MemoryLayout result, MemoryLayout... arguments) {
+        FunctionDescriptor type =
+            result == null ? FunctionDescriptor.ofVoid(arguments) : FunctionDescriptor.of(result, arguments);
+        MemorySegment symbol = SYMBOLS.find("lazygrid_" + name).orElseThrow(
+            () -> new UnsatisfiedLinkError(NativeFile.LOCATION + " has no function lazygrid_" + name));
+        return LINKER.downcallHandle(symbol, type);
+    }
+
+    private static int take(Consumer consumer, long context, long pairs, long count) {
+        return consumer.take(pairs, count);
+    }
+
+    /** The address of what lies at the position of a direct buffer, whatever the {@code size} of its values. */
+    static long address(Buffer buffer, int size) {
+        return MemorySegment.ofBuffer(buffer).address();
+    }
+
+    /** Memory of the library as a buffer, in native order. */
+    static ByteBuffer view(long address, int bytes) {
+        return MemorySegment.ofAddress(address).reinterpret(bytes).asByteBuffer().order(ByteOrder.nativeOrder());
+    }
+
+    /** The UTF-8 text at an address. */
+    static String text(long address) {
+        return MemorySegment.ofAddress(address).reinterpret(Long.MAX_VALUE).getString(0);
+    }
+
+    /** What a handle throws of itself is a fault of this class: the functions of C throw nothing. */
+    private static AssertionError fault(Throwable thrown) {
+        return new AssertionError("a call of lazygrid failed", thrown);
+    }
+
+    static String version() {
+        try {
+            return text((long) VERSION.invokeExact());
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static String lastError(long detector) {
+        try {
+            return text((long) LAST_ERROR.invokeExact(detector));
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int settingsInit(long settings, long size) {
+        try {
+            return (int) SETTINGS_INIT.invokeExact(settings, size);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int interactionsCreate(int species, int kind, float distance, long interactions) {
+        try {
+            return (int) INTERACTIONS_CREATE.invokeExact(species, kind, distance, interactions);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int interactionsSet(long interactions, int a, int b, int kind, float distance) {
+        try {
+            return (int) INTERACTIONS_SET.invokeExact(interactions, a, b, kind, distance);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static void interactionsDestroy(long interactions) {
+        try {
+            INTERACTIONS_DESTROY.invokeExact(interactions);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int create(long settings, long detector) {
+        try {
+            return (int) CREATE.invokeExact(settings, detector);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int destroy(long detector) {
+        try {
+            return (int) DESTROY.invokeExact(detector);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int pairs(long detector, long spheres, long pairs, long count) {
+        try {
+            return (int) PAIRS.invokeExact(detector, spheres, pairs, count);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int count(long detector, long spheres, long count) {
+        try {
+            return (int) COUNT.invokeExact(detector, spheres, count);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int neighbors(long detector, long spheres, long offsets, long indices) {
+        try {
+            return (int) NEIGHBORS.invokeExact(detector, spheres, offsets, indices);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int stream(long detector, long spheres, long chunk, Consumer consumer, long handed) {
+        // Closed when C has returned, and with it all threads that call.
+        try (Arena arena = Arena.ofConfined()) {
+            long consume = LINKER.upcallStub(TAKE.bindTo(consumer), CONSUME, arena).address();
+            return (int) STREAM.invokeExact(detector, spheres, chunk, consume, 0L, handed);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int reportJson(long detector, long json) {
+        try {
+            return (int) REPORT_JSON.invokeExact(detector, json);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int memoryFor(long detector, long spheres, long bytes) {
+        try {
+            return (int) MEMORY_FOR.invokeExact(detector, spheres, bytes);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+}

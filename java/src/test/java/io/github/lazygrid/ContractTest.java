@@ -1,0 +1,259 @@
+package io.github.lazygrid;
+
+import java.io.IOException;
+import java.nio.ByteBuffer;
+import java.nio.FloatBuffer;
+import java.nio.IntBuffer;
+import java.nio.file.Files;
+import java.nio.file.Path;
+import java.util.Arrays;
+import java.util.Locale;
+import java.util.Random;
+import java.util.TreeSet;
+import java.util.concurrent.atomic.AtomicLong;
+import java.util.function.Predicate;
+import java.util.regex.Matcher;
+import java.util.regex.Pattern;
+
+/**
+ * What the documentation promises, on whichever way this Java calls the library. Arguments: that way, {@code JNA} or
+ * {@code java.lang.foreign}, and the path of {@code lazygrid.h}. Ends with 0 and "N passed, 0 failed".
+ */
+public final class ContractTest {
+    private static int passed;
+    private static int failed;
+
+    private ContractTest() {}
+
+    private static void check(boolean condition, String what) {
+        if (condition) {
+            passed++;
+        } else {
+            failed++;
+            StackTraceElement line = new Throwable().getStackTrace()[1];
+            System.err.println(line + ": not so: " + what);
+        }
+    }
+
+    private static <E extends Throwable> void throwing(Class<E> type, Predicate<E> right, Runnable work, String what) {
+        try {
+            work.run();
+        } catch (Throwable thrown) {
+            check(type.isInstance(thrown) && right.test(type.cast(thrown)), what + ": " + thrown);
+            return;
+        }
+        check(false, what + ": nothing was thrown");
+    }
+
+    private static void failing(Status status, String says, Runnable work) {
+        throwing(LazygridException.class, e -> e.status() == status && e.getMessage().contains(says), work,
+            status + " with " + says);
+    }
+
+    private static Settings onCpu() {
+        return new Settings().backend(Backend.CPU);
+    }
+
+    /** Each touches the next. */
+    private static FloatBuffer line(int count) {
+        FloatBuffer rows = Spheres.floats(4 * count);
+        for (int k = 0; k < count; k++) rows.put(4 * k, 0.5f * k).put(4 * k + 3, 0.3f);
+        return rows;
+    }
+
+    private static FloatBuffer direct(float... values) {
+        return Spheres.floats(values.length).put(0, values);
+    }
+
+    private static void inputs() {
+        try (Detector detector = new Detector(onCpu())) {
+            FloatBuffer rows = direct(0, 0, 0, 1, 1.5f, 0, 0, 1, 9, 0, 0, 0.1f);
+            int[] pairs = detector.pairsCopied(Spheres.rows(rows));
+            check(Arrays.equals(pairs, new int[] {0, 1}), "rows: " + Arrays.toString(pairs));
+            FloatBuffer zero = direct(0, 0, 0);
+            Spheres columns = Spheres.columns(direct(0, 1.5f, 9), zero, zero, direct(1, 1, 0.1f));
+            check(detector.count(columns) == 1, "columns");
+            rows.position(4);
+            Spheres last = Spheres.rows(rows);
+            check(last.count() == 2 && detector.count(last) == 0, "a position counts");
+            rows.put(8, 1.6f);
+            check(detector.count(last) == 1, "what was written since is read");
+            Spheres none = Spheres.rows(Spheres.floats(0));
+            check(detector.count(none) == 0 && detector.pairs(none).remaining() == 0, "no spheres");
+            check(detector.neighbors(none).offsets().remaining() == 1, "no lists");
+        }
+        throwing(IllegalArgumentException.class, e -> true, () -> Spheres.rows(FloatBuffer.allocate(4)), "heap");
+        throwing(IllegalArgumentException.class, e -> true,
+            () -> Spheres.rows(ByteBuffer.allocateDirect(16).asFloatBuffer()), "other order");
+        throwing(IllegalArgumentException.class, e -> true, () -> Spheres.rows(Spheres.floats(5)), "no rows");
+        FloatBuffer two = Spheres.floats(2);
+        throwing(IllegalArgumentException.class, e -> e.getMessage().contains("z has 3"),
+            () -> Spheres.columns(two, two, Spheres.floats(3), two), "lengths");
+    }
+
+    private static void results() {
+        int count = 20_000;
+        Spheres spheres = Spheres.rows(line(count));
+        try (Detector detector = new Detector(onCpu())) {
+            IntBuffer pairs = detector.pairs(spheres);
+            check(pairs.remaining() == 2 * (count - 1) && pairs.isReadOnly(), "pairs");
+            check(pairs.get(0) == 0 && pairs.get(1) == 1 && pairs.get(2 * count - 3) == count - 1, "canonical");
+            Neighbors neighbors = detector.neighbors(spheres);
+            check(neighbors.of(0).remaining() == 1 && neighbors.of(7).get(0) == 6, "neighbours");
+            check(neighbors.of(7).get(1) == 8, "ascending");
+            check(detector.reportJson().contains("\"pairs\":" + (count - 1)), "report");
+            check(detector.memoryFor(1000) > 0, "memory");
+            failing(Status.INPUT, "", () -> detector.memoryFor(-1));
+        }
+        check(Detector.version().matches("\\d+\\.\\d+\\.\\d+"), "version " + Detector.version());
+    }
+
+    /** The plain loop judges. */
+    private static void arbitraryScenes() {
+        Random random = new Random(1);
+        try (Detector detector = new Detector(onCpu())) {
+            for (int turn = 0; turn < 20; turn++) {
+                int count = random.nextInt(300);
+                FloatBuffer rows = Spheres.floats(4 * count);
+                for (int k = 0; k < 4 * count; k++) rows.put(k, random.nextFloat() * (k % 4 == 3 ? 0.2f : 3));
+                StringBuilder expected = new StringBuilder();
+                for (int i = 0; i < count; i++) {
+                    for (int j = i + 1; j < count; j++) {
+                        if (overlap(rows, i, j)) expected.append(i).append(' ').append(j).append(' ');
+                    }
+                }
+                StringBuilder found = new StringBuilder();
+                for (int index : detector.pairsCopied(Spheres.rows(rows))) found.append(index).append(' ');
+                check(found.compareTo(expected) == 0, "scene " + turn);
+            }
+        }
+    }
+
+    private static boolean overlap(FloatBuffer rows, int i, int j) {
+        double squared = 0;
+        for (int axis = 0; axis < 3; axis++) {
+            double d = (double) rows.get(4 * i + axis) - rows.get(4 * j + axis);
+            squared += d * d;
+        }
+        double reach = (double) rows.get(4 * i + 3) + rows.get(4 * j + 3);
+        return squared <= reach * reach;
+    }
+
+    private static void streams() {
+        Spheres spheres = Spheres.rows(line(20_000));
+        for (Order order : Order.values()) {
+            try (Detector detector = new Detector(onCpu().order(order).threads(2));
+                    Detector other = new Detector(onCpu())) {
+                AtomicLong seen = new AtomicLong();
+                long handed = detector.stream(spheres, 100, pairs -> {
+                    check(pairs.remaining() <= 200, "chunk");
+                    seen.addAndGet(pairs.remaining() / 2);
+                    return true;
+                });
+                check(handed == 19_999 && seen.get() == handed, "all: " + handed + ", " + seen);
+                check(detector.stream(spheres, 100, pairs -> false) <= 100, "ended");
+                throwing(UnsupportedOperationException.class, e -> e.getMessage().equals("enough"),
+                    () -> detector.stream(spheres, 100, pairs -> {
+                        throw new UnsupportedOperationException("enough");
+                    }), "thrown by a consumer");
+                failing(Status.BUSY, "in use",
+                    () -> detector.stream(spheres, 100, pairs -> detector.count(spheres) > 0));
+                failing(Status.BUSY, "in use",
+                    () -> detector.stream(spheres, 100, pairs -> other.count(spheres) > 0));
+                failing(Status.BUSY, "in use", () -> detector.stream(spheres, 100, pairs -> {
+                    detector.close();
+                    return true;
+                }));
+                failing(Status.ARGUMENT, "chunk", () -> detector.stream(spheres, 0, pairs -> true));
+                check(detector.count(spheres) == 19_999, "of use afterwards");
+            }
+        }
+    }
+
+    private static void errors() {
+        Spheres spheres = Spheres.rows(line(100));
+        Detector detector = new Detector(onCpu().maxPairs(5));
+        throwing(TooManyPairsException.class, e -> e.found() == 99, () -> detector.pairs(spheres), "too many pairs");
+        FloatBuffer bad = line(3);
+        bad.put(11, Float.NaN);
+        failing(Status.INPUT, "sphere 2", () -> detector.count(Spheres.rows(bad)));
+        detector.close();
+        detector.close();
+        throwing(IllegalStateException.class, e -> true, () -> detector.count(spheres), "closed");
+        failing(Status.SETTING, "does not run on the cpu backend",
+            () -> new Detector(onCpu().algorithm(Algorithm.LAZY_GRID)).close());
+        failing(Status.INPUT, "periodic axis y", () -> new Detector(onCpu().periodic(1, -1, 0)).close());
+        throwing(LazygridException.class, e -> true,
+            () -> new Detector(onCpu().adapter("none such")).close(), "adapter");
+        throwing(IllegalArgumentException.class, e -> true, () -> onCpu().threads(-1), "threads");
+    }
+
+    private static void speciesAndBoxes() {
+        int acid = 0, base = 1;
+        Interactions reactions = new Interactions(2, Interaction.NEVER).set(acid, base, Interaction.within(0.5f));
+        FloatBuffer rows = direct(0.1f, 0, 0, 0, 9.8f, 0, 0, 0, 9.9f, 0, 0, 0);
+        IntBuffer species = Spheres.ints(3).put(0, new int[] {acid, base, acid});
+        try (Detector detector = new Detector(onCpu().interactions(reactions).periodic(10, 0, 0))) {
+            int[] pairs = detector.pairsCopied(Spheres.rows(rows).withSpecies(species));
+            check(Arrays.equals(pairs, new int[] {0, 1, 1, 2}), Arrays.toString(pairs));
+            failing(Status.INPUT, "no species ids", () -> detector.count(Spheres.rows(rows)));
+        }
+        reactions.set(0, 2, Interaction.TOUCH);
+        failing(Status.INPUT, "species id 2", () -> new Detector(onCpu().interactions(reactions)).close());
+        throwing(IllegalArgumentException.class, e -> true,
+            () -> Spheres.rows(rows).withSpecies(Spheres.ints(2)), "species");
+    }
+
+    private static void threads() throws InterruptedException {
+        Thread[] workers = new Thread[4];
+        AtomicLong right = new AtomicLong();
+        for (int k = 0; k < workers.length; k++) {
+            workers[k] = new Thread(() -> {
+                Spheres spheres = Spheres.rows(line(3000));
+                try (Detector detector = new Detector(onCpu())) {
+                    for (int turn = 0; turn < 5; turn++) right.addAndGet(detector.count(spheres) == 2999 ? 1 : 0);
+                }
+            });
+            workers[k].start();
+        }
+        for (Thread worker : workers) worker.join();
+        check(right.get() == 20, "threads: " + right);
+    }
+
+    /** The numbers of enumerations are those of the header. */
+    private static void header(Path path) throws IOException {
+        TreeSet<String> named = new TreeSet<>();
+        Matcher matcher = Pattern.compile("LAZYGRID_([A-Z_]+) = (\\d+)").matcher(Files.readString(path));
+        while (matcher.find()) named.add(matcher.group(1) + " " + matcher.group(2));
+        TreeSet<String> expected = new TreeSet<>();
+        for (Status status : Status.values()) {
+            expected.add((status == Status.OK ? "" : "ERROR_") + status + " " + status.ordinal());
+        }
+        for (Enum<?>[] all : new Enum<?>[][] {Backend.values(), Algorithm.values(), Order.values()}) {
+            String kind = all[0].getDeclaringClass().getSimpleName().toUpperCase(Locale.ROOT);
+            for (Enum<?> value : all) expected.add(kind + "_" + value + " " + value.ordinal());
+        }
+        for (Interaction.Kind kind : Interaction.Kind.values()) expected.add(kind + " " + kind.ordinal());
+        check(named.equals(expected), "header " + named + ", here " + expected);
+    }
+
+    /**
+     * Runs all.
+     *
+     * @param arguments see above
+     * @throws Exception where a test cannot run
+     */
+    public static void main(String[] arguments) throws Exception {
+        check(Library.way().equals(arguments[0]), "called through " + Library.way());
+        header(Path.of(arguments[1]));
+        inputs();
+        results();
+        arbitraryScenes();
+        streams();
+        errors();
+        speciesAndBoxes();
+        threads();
+        System.out.println(passed + " passed, " + failed + " failed");
+        System.exit(failed == 0 ? 0 : 1);
+    }
+}
