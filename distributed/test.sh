@@ -44,7 +44,7 @@ if [ $# -gt 0 ]; then
     exit
 fi
 
-cargo test --quiet "${features[@]}" --lib
+cargo test --quiet "${features[@]}" --lib --bins
 for ranks in 1 2 3 5 8; do
     suite "$ranks"
 done

@@ -139,7 +139,8 @@ impl Config {
         // The largest thing that is sent as one element has 32 bytes.
         let least = 64 * u64::from(ranks);
         if !(least..=i32::MAX as u64).contains(&self.message_limit) {
-            let range = format!("choose between {least} (64 for each of {ranks} ranks) and {} bytes", i32::MAX);
+            let range =
+                format!("choose between {least} (64 for each of {ranks} ranks) and {} bytes", i32::MAX);
             return refuse("message_limit", self.message_limit.to_string(), range);
         }
         match self.ownership {

@@ -10,7 +10,9 @@ use crate::identity::Identity;
 use crate::node::{Node, Place};
 use crate::settle::{Parting, settle};
 use crate::wire::Wire;
-use crate::{Config, Delivery, End, Error, GlobalPair, Local, Migration, Ownership, Particles, Report, Settled};
+use crate::{
+    Config, Delivery, End, Error, GlobalPair, Local, Migration, Ownership, Particles, Report, Settled,
+};
 
 /// Finds overlapping pairs among the spheres of all ranks of a communicator, call after call.
 ///
@@ -73,7 +75,8 @@ impl Distributed {
 
     fn keep(&mut self, particles: &Particles) -> Result<Settled, Error> {
         let rank = self.wire.rank();
-        let refuse = |error: lazygrid::InputError| Error::Input { rank, index: None, message: error.to_string() };
+        let refuse =
+            |error: lazygrid::InputError| Error::Input { rank, index: None, message: error.to_string() };
         let checked = particles.local().map_err(refuse).and_then(|local| local.check(rank, None));
         self.wire.agree(checked)?;
         let spheres = particles.ids.len();
@@ -99,7 +102,17 @@ impl Distributed {
         migration.carry(&mut self.wire, "what follows the spheres", |k| column[k as usize])
     }
 
-    /// The overlapping pairs that this rank reports, by the order that was asked for. Each pair of all ranks is in the list of
+    /// Brings elements of all ranks to rank 0, those of rank 0 first, then those of rank 1 and so on. The others get none.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] where rank 0 has no room for all.
+    pub fn gather<T: Pod>(&mut self, elements: &[T]) -> Result<Vec<T>, Error> {
+        let mut counts = vec![0; self.wire.ranks() as usize];
+        counts[0] = elements.len();
+        self.wire.exchange("what is gathered", elements, &counts).map(|(all, _)| all)
+    }
+
+    /// The overlapping pairs that this rank reports, in the order that was asked for. Each pair of all ranks is in the list of
     /// exactly one, or with [`Delivery::Owners`] in that of each rank that owns one of its spheres. The slice lives until the
     /// next call.
     ///
@@ -109,7 +122,8 @@ impl Distributed {
     /// [`Error::OutOfMemory`]; [`Error::Detection`].
     pub fn pairs(&mut self, local: Local<'_>) -> Result<&[GlobalPair], Error> {
         let prepared = self.prepare(local)?;
-        let mut list = List { pairs: std::mem::take(&mut self.pairs), limit: self.config.max_pairs, refused: None };
+        let mut list =
+            List { pairs: std::mem::take(&mut self.pairs), limit: self.config.max_pairs, refused: None };
         list.pairs.clear();
         let found = self.search(local, &prepared.ghosts, |pairs| {
             list.add(pairs);
@@ -149,9 +163,8 @@ impl Distributed {
         F: FnMut(&[GlobalPair]) -> ControlFlow<()> + Send,
     {
         let prepared = self.prepare(local)?;
-        let found = self.search(local, &prepared.ghosts, |pairs| {
-            pairs.chunks(chunk.max(1)).try_for_each(&mut consume)
-        });
+        let found = self
+            .search(local, &prepared.ghosts, |pairs| pairs.chunks(chunk.max(1)).try_for_each(&mut consume));
         let tally = self.wire.agree(found)?;
         self.tell(prepared, tally)?;
         Ok(self.report.pairs.total)
@@ -278,7 +291,8 @@ fn deliver(wire: &mut Wire, pairs: &[GlobalPair]) -> Result<Vec<GlobalPair>, Err
 
 /// The detector of this rank.
 fn detector(config: &Config, node: Node) -> Result<Detector, String> {
-    let mut detector = config.detector.clone().space(config.space).order(Order::Unordered).backend(config.backend);
+    let mut detector =
+        config.detector.clone().space(config.space).order(Order::Unordered).backend(config.backend);
     if let Some(interactions) = &config.interactions {
         detector = detector.interactions(interactions.clone());
     }

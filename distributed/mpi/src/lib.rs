@@ -43,6 +43,7 @@ mod settle;
 mod wire;
 
 pub use abort::abort_on_panic;
+pub use agree::agree;
 pub use config::{Config, Delivery, Ownership};
 pub use distributed::Distributed;
 pub use error::Error;

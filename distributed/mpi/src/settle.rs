@@ -116,7 +116,9 @@ fn checked<'a>(wire: &mut Wire, particles: &'a Particles) -> Result<(bool, Local
     let has_species = wire.sum(&[particles.species.is_some().into()])[0] > 0;
     let lacks = has_species && particles.species.is_none() && !particles.ids.is_empty();
     let agreed = match lacks {
-        true => Err(refuse("the spheres have no species ids, and others have; give all of them some".to_owned())),
+        true => {
+            Err(refuse("the spheres have no species ids, and others have; give all of them some".to_owned()))
+        }
         false => Ok(()),
     };
     wire.agree(agreed)?;
@@ -148,7 +150,8 @@ fn partition(wire: &mut Wire, bodies: &[Body], ids: &[u64]) -> Result<Partition,
     };
     wire.broadcast(&mut splits);
     let rank = wire.rank();
-    Partition::from_splits(ranks, splits).map_err(|error| Error::Detection { rank, message: error.to_string() })
+    Partition::from_splits(ranks, splits)
+        .map_err(|error| Error::Detection { rank, message: error.to_string() })
 }
 
 fn unpacked(came: &[Particle], has_species: bool) -> Particles {

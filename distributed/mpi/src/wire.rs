@@ -71,7 +71,8 @@ impl Wire {
         let mut all = self.agree(room(what, total, self.rank()))?;
         let counts: Vec<usize> = counts.into_iter().map(|count| count as usize).collect();
         let bytes = byte_counts::<T>(&counts);
-        let mut into = PartitionMut::new(bytemuck::cast_slice_mut::<T, u8>(&mut all), &bytes[..], begins(&bytes));
+        let mut into =
+            PartitionMut::new(bytemuck::cast_slice_mut::<T, u8>(&mut all), &bytes[..], begins(&bytes));
         self.comm.all_gather_varcount_into(bytemuck::cast_slice::<T, u8>(own), &mut into);
         self.count_sent(size_of_val(own) + size_of::<u64>(), ranks - 1);
         Ok((all, counts))
@@ -190,7 +191,9 @@ mod tests {
         assert_eq!(room::<u64>("ghosts", 3, 5), Ok(vec![0; 3]));
         let error = room::<u64>("ghosts", 1 << 60, 5).unwrap_err();
         assert!(
-            error.to_string().starts_with("rank 5: no memory for ghosts: 9223372036854775808 bytes were refused;"),
+            error
+                .to_string()
+                .starts_with("rank 5: no memory for ghosts: 9223372036854775808 bytes were refused;"),
             "{error}"
         );
     }

@@ -62,7 +62,10 @@ pub(crate) fn duplicate_ids(world: &SimpleCommunicator) {
         let error = distributed.count(local(&particles)).unwrap_err();
         assert_eq!(error, Error::DuplicateId { id: 77, first: [0, 1], second: [last, 4] });
     }
-    assert!(error_text(&mut distributed, &particles).starts_with("id 77 is that of sphere 1 of rank 0 and of sphere 4"));
+    assert!(
+        error_text(&mut distributed, &particles)
+            .starts_with("id 77 is that of sphere 1 of rank 0 and of sphere 4")
+    );
     particles.ids = own;
     assert!(distributed.count(local(&particles)).is_ok());
 }
@@ -95,7 +98,8 @@ pub(crate) fn refusals(world: &SimpleCommunicator) {
     let error = distributed.count(local(&particles)).unwrap_err().to_string();
     assert!(error.starts_with("rank 0: interactions are set but"), "{error}");
     let mut with = particles.clone();
-    with.species = Some((0..with.ids.len() as u32).map(|k| if rank == last && k == 9 { 2 } else { k % 2 }).collect());
+    with.species =
+        Some((0..with.ids.len() as u32).map(|k| if rank == last && k == 9 { 2 } else { k % 2 }).collect());
     let error = distributed.count(local(&with)).unwrap_err();
     assert!(matches!(error, Error::Input { rank, index: Some(9), .. } if rank == last), "{error}");
     settings(world);

@@ -20,7 +20,11 @@ pub(crate) fn million(world: &SimpleCommunicator) {
         // In blocks, as a file would be read.
         let mut particles = scene.part(MILLION, world.rank() as u32, |k| (k * ranks / MILLION) as u32);
         let settled = distributed.settle(&mut particles).unwrap();
-        assert!(settled.rebuilt && settled.owned.imbalance() <= 1.05, "{scene:?}: {}", settled.owned.imbalance());
+        assert!(
+            settled.rebuilt && settled.owned.imbalance() <= 1.05,
+            "{scene:?}: {}",
+            settled.owned.imbalance()
+        );
         let found = distributed.pairs(local(&particles)).unwrap();
         let (own, count) = (digest(found.iter().map(GlobalPair::ids)), found.len() as u64);
         let found = (sum(world, count), sum_wrapping(world, own));
@@ -46,7 +50,12 @@ pub(crate) fn million(world: &SimpleCommunicator) {
 }
 
 /// A step in which everything moves a little sends at most two bytes per sphere besides what changes rank.
-fn steady(world: &SimpleCommunicator, distributed: &mut Distributed, particles: &mut Particles, scene: Scene) {
+fn steady(
+    world: &SimpleCommunicator,
+    distributed: &mut Distributed,
+    particles: &mut Particles,
+    scene: Scene,
+) {
     for (sphere, &id) in particles.spheres.iter_mut().zip(&particles.ids) {
         sphere.center += lazygrid::glam::Vec3::from([20, 21, 22].map(|axis| 0.1 * (random(id, axis) - 0.5)));
     }

@@ -16,7 +16,9 @@ pub(crate) fn follows(world: &SimpleCommunicator) {
         let rows: Vec<[f32; 4]> =
             before.spheres.iter().map(|s| [s.center.x, s.center.y, s.center.z, s.radius]).collect();
         let rows = distributed.follow(&settled.migration, &rows).unwrap();
-        assert!(rows.iter().zip(&particles.spheres).all(|(row, sphere)| lazygrid::Sphere::from(*row) == *sphere));
+        assert!(
+            rows.iter().zip(&particles.spheres).all(|(row, sphere)| lazygrid::Sphere::from(*row) == *sphere)
+        );
         match ownership {
             Ownership::Keep => assert!(particles == before && settled.moved == 0),
             _ => assert!(settled.owned.imbalance() <= 1.02, "{}", settled.owned.imbalance()),
