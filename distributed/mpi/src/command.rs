@@ -1,10 +1,11 @@
-//! What `lazygrid-mpi detect` does: reads, settles, searches, writes, and says what was found.
+//! What the command does. `detect` reads, settles, searches, writes, and says what was found; `scale` takes times.
 
 pub(crate) mod args;
 mod input;
 mod manifest;
 mod npy;
 mod output;
+mod scale;
 mod summary;
 mod text;
 
@@ -18,6 +19,8 @@ use mpi::traits::Communicator;
 use crate::command::args::Detect;
 use crate::command::output::{Target, write};
 use crate::command::summary::Summary;
+
+pub(crate) use scale::scale;
 
 /// Collective, as all of the command: every rank returns the same.
 pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Error> {
@@ -63,7 +66,11 @@ pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Er
     if world.rank() != 0 {
         return Ok(());
     }
-    let text = if args.json { summary.json() } else { summary.to_string() };
+    print(world, &if args.json { summary.json() } else { summary.to_string() })
+}
+
+/// Writes to standard output at once.
+fn print(world: &SimpleCommunicator, text: &str) -> Result<(), Error> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         // Whoever reads has read enough.

@@ -33,8 +33,11 @@ fn main() -> ExitCode {
             return if asked { ExitCode::SUCCESS } else { ExitCode::from(2) };
         }
     };
-    let Command::Detect(args) = args.command;
-    match command::detect(&world, &args) {
+    let done = match args.command {
+        Command::Detect(args) => command::detect(&world, &args),
+        Command::Scale(args) => command::scale(&world, &args),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             if is_first {

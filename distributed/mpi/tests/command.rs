@@ -34,7 +34,7 @@ fn error(ranks: usize, directory: &Path, arguments: &[&str], code: i32) -> Strin
 fn spheres(n: u32) -> Vec<Sphere> {
     let at = |k: u32, by: u32| (k.wrapping_mul(by) >> 8) % 4001;
     let sphere = |k| {
-        let center = [2_654_435_761, 2_246_822_519, 3_266_489_917].map(|by| at(k + 1, by) as f32 * 0.005);
+        let center = [2_654_435_761, 2_246_822_519, 3_266_489_917].map(|by| at(k + 1, by) as f32 * 0.003);
         Sphere::new(center, 0.1 * (1 + k % 7) as f32)
     };
     (0..n).map(sphere).collect()
@@ -98,9 +98,9 @@ fn a_file_per_rank_and_a_manifest() {
     let directory = tempfile::tempdir().unwrap();
     let at = |name: &str| directory.path().join(name);
     let spheres = spheres(900);
-    let space = Space::periodic([Some(20.0), None, Some(20.0)]).unwrap();
+    let space = Space::periodic([Some(12.0), None, Some(12.0)]).unwrap();
     std::fs::write(at("all.npy"), npy(&spheres)).unwrap();
-    let arguments = ["all.npy", "--periodic", "20,-,20", "-o", "pairs.npy", "--json"];
+    let arguments = ["all.npy", "--periodic", "12,-,12", "-o", "pairs.npy", "--json"];
     let said: serde_json::Value = serde_json::from_str(&stdout(3, directory.path(), &arguments)).unwrap();
     let manifest = std::fs::read(at("pairs.manifest.json")).unwrap();
     let manifest: serde_json::Value = serde_json::from_slice(&manifest).unwrap();

@@ -21,6 +21,8 @@ pub(crate) struct Args {
 pub(crate) enum Command {
     /// Find the overlapping pairs of the spheres in a file
     Detect(Detect),
+    /// Time steps in which everything moves, on as many ranks as there are
+    Scale(Scale),
 }
 
 /// Finds the overlapping pairs of the spheres in a file: those whose centres are at most the sum of their radii apart.
@@ -75,6 +77,54 @@ pub(crate) struct Detect {
     /// Say what was found as a line of JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Times steps of a simulation in which every sphere moves by up to a tenth of its radius, and prints a line of JSON. The
+/// script `distributed/scaling.sh` runs it on 1, 2, 4 and more ranks.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Scale {
+    /// How the spheres lie
+    #[arg(long, value_enum, default_value_t = Scene::Uniform)]
+    pub(crate) scene: Scene,
+    /// How many there are on each rank, for weak scaling
+    #[arg(long, value_name = "N", default_value_t = 1_000_000)]
+    pub(crate) per_rank: u64,
+    /// How many there are on all ranks, for strong scaling; wins over --per-rank
+    #[arg(long, value_name = "N")]
+    pub(crate) spheres: Option<u64>,
+    /// How many steps are timed, after a first one
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    pub(crate) steps: u32,
+    /// Where each rank computes
+    #[arg(long, default_value_t, value_parser = PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
+    pub(crate) backend: Backend,
+    /// Threads of each rank [default: its share of the cores of its node]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+}
+
+/// How spheres lie.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub(crate) enum Scene {
+    /// Equal ones in a cube
+    Uniform,
+    /// Five sizes in a cube, each half as large as the one before
+    FiveSizes,
+    /// Equal ones in a cloud that is dense in the middle
+    Gaussian,
+    /// All at one point: as many pairs as there can be
+    Point,
+}
+
+impl Scene {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::FiveSizes => "five-sizes",
+            Self::Gaussian => "gaussian",
+            Self::Point => "point",
+        }
+    }
 }
 
 impl Detect {
