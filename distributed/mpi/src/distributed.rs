@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use bytemuck::Pod;
-use lazygrid::{Backend, Detector, Order};
+use lazygrid::{Algorithm, Backend, Detector, Order};
 use lazygrid_ranks::{Bodies, Body, Census, Found, Ghosts, Hull, Published, Search, Tally};
 use mpi::traits::Communicator;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -45,13 +45,14 @@ impl Distributed {
         let wire = Wire::new(communicator.duplicate(), config.message_limit);
         wire.agree(config.check(wire.ranks()))?;
         let node = Node::of(wire.comm());
-        let made = detector(&config, node);
+        let made = detectors(&config, node);
         let threads = config.threads.unwrap_or_else(|| node.threads());
-        let made = made.and_then(|detector| Ok((detector, pool(threads)?)));
+        let made = made.and_then(|detectors| Ok((detectors, pool(threads)?)));
         let rank = wire.rank();
-        let (detector, pool) = wire.agree(made.map_err(|message| Error::Detection { rank, message }))?;
+        let ((detector, across), pool) =
+            wire.agree(made.map_err(|message| Error::Detection { rank, message }))?;
         let bodies = Bodies::new(config.space, config.interactions.as_ref());
-        let search = Search::new(detector, bodies.clone(), (rank, wire.ranks()));
+        let search = Search::new(detector, across, bodies.clone(), (rank, wire.ranks()));
         let (identity, report) = (Identity::default(), Report::default());
         Ok(Self { wire, config, bodies, search, pool, identity, parting: None, pairs: Vec::new(), report })
     }
@@ -149,7 +150,13 @@ impl Distributed {
     /// # Errors
     /// As [`pairs`](Self::pairs), but for [`Error::TooManyPairs`]: any number can be counted.
     pub fn count(&mut self, local: Local<'_>) -> Result<u64, Error> {
-        self.stream(local, 1, |_| ControlFlow::Continue(()))
+        let prepared = self.prepare(local)?;
+        let search = &mut self.search;
+        let found = self.pool.install(|| search.count(local.spheres, &prepared.ghosts));
+        let rank = self.wire.rank();
+        let tally = self.wire.agree(found.map_err(|error| failed(rank, error)))?;
+        self.tell(prepared, tally)?;
+        Ok(self.report.pairs.total)
     }
 
     /// Hands the pairs that this rank reports to `consume`, in chunks of at most `chunk` pairs and in any order, each pair of
@@ -224,12 +231,7 @@ impl Distributed {
                 consume(&pairs)
             })
         });
-        found.map_err(|error| match error {
-            lazygrid::Error::OutOfMemory { what, bytes } => {
-                Error::OutOfMemory { rank, what: what.to_owned(), bytes }
-            }
-            error => Error::Detection { rank, message: error.to_string() },
-        })
+        found.map_err(|error| failed(rank, error))
     }
 
     /// Makes the report of a call.
@@ -289,14 +291,27 @@ fn deliver(wire: &mut Wire, pairs: &[GlobalPair]) -> Result<Vec<GlobalPair>, Err
     wire.exchange("pairs for their other owner", &send, &counts).map(|(came, _)| came)
 }
 
-/// The detector of this rank.
-fn detector(config: &Config, node: Node) -> Result<Detector, String> {
-    let mut detector =
-        config.detector.clone().space(config.space).order(Order::Unordered).backend(config.backend);
-    if let Some(interactions) = &config.interactions {
-        detector = detector.interactions(interactions.clone());
+/// What the detector of a rank says.
+fn failed(rank: u32, error: lazygrid::Error) -> Error {
+    match error {
+        lazygrid::Error::OutOfMemory { what, bytes } => {
+            Error::OutOfMemory { rank, what: what.to_owned(), bytes }
+        }
+        error => Error::Detection { rank, message: error.to_string() },
     }
-    detector = match node.place(config.backend) {
+}
+
+/// The detector of this rank, and one for pairs of owned spheres and ghosts where it has none of these.
+fn detectors(config: &Config, node: Node) -> Result<(Detector, Option<Detector>), String> {
+    let ours = |detector: lazygrid::Config| {
+        let detector = detector.space(config.space).order(Order::Unordered);
+        match &config.interactions {
+            Some(interactions) => detector.interactions(interactions.clone()),
+            None => detector,
+        }
+    };
+    let detector = ours(config.detector.clone()).backend(config.backend);
+    let detector = match node.place(config.backend) {
         Place::Asked => detector,
         Place::Cpu => detector.backend(Backend::Cpu),
         #[cfg(feature = "gpu")]
@@ -304,7 +319,15 @@ fn detector(config: &Config, node: Node) -> Result<Detector, String> {
         #[cfg(not(feature = "gpu"))]
         Place::Gpu(_) => detector,
     };
-    Detector::new(detector).map_err(|error| error.to_string())
+    let made = Detector::new(detector).map_err(|error| error.to_string())?;
+    let report = made.report();
+    let of_two = matches!(report.algorithm, Algorithm::Auto | Algorithm::CellList | Algorithm::Naive);
+    if report.backend == Backend::Cpu && of_two {
+        return Ok((made, None));
+    }
+    // Ghosts are few, and no GPU searches between two sets yet.
+    let across = Detector::new(ours(lazygrid::Config::default()).backend(Backend::Cpu));
+    Ok((made, Some(across.map_err(|error| error.to_string())?)))
 }
 
 /// The threads of this rank.

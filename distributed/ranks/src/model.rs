@@ -87,7 +87,7 @@ impl Model {
         ghosts: &Ghosts,
     ) -> Result<(Vec<[u64; 2]>, Tally), Error> {
         let detector = Detector::new(config.clone().order(Order::Unordered))?;
-        let mut search = Search::new(detector, self.bodies.clone(), (rank, self.owned.len() as u32));
+        let mut search = Search::new(detector, None, self.bodies.clone(), (rank, self.owned.len() as u32));
         let rows: Vec<_> = owned.iter().map(|particle| particle.sphere).collect();
         let species: Vec<_> = owned.iter().map(|particle| particle.species).collect();
         let spheres = Spheres::from(&rows).with_species(&species)?;
@@ -104,6 +104,8 @@ impl Model {
             pairs.extend(places.iter().map(ids));
             ControlFlow::Continue(())
         })?;
+        let counted = search.count(spheres, ghosts)?;
+        debug_assert_eq!(counted.reported(), tally.reported());
         Ok((pairs, tally))
     }
 }

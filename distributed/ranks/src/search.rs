@@ -1,8 +1,8 @@
 use std::ops::ControlFlow;
 
-use lazygrid::{Detector, Error, Space, Spheres};
+use lazygrid::{Detector, Error, Spheres};
 
-use crate::between::between;
+use crate::between::{between, count_between};
 use crate::rule::{Side, travels};
 use crate::{Bodies, Class, Particle};
 
@@ -72,6 +72,8 @@ impl Tally {
 #[derive(Debug)]
 pub struct Search {
     detector: Detector,
+    /// Where the detector does not search between two sets.
+    across: Option<Detector>,
     bodies: Bodies,
     rank: u32,
     ranks: u32,
@@ -79,9 +81,15 @@ pub struct Search {
 
 impl Search {
     /// For `rank` of `ranks`. The detector has to have the space and the interactions of the bodies, and every rank
-    /// the same ones; its order does not matter.
-    pub fn new(detector: Detector, bodies: Bodies, (rank, ranks): (u32, u32)) -> Self {
-        Self { detector, bodies, rank, ranks }
+    /// the same ones; its order does not matter. Between owned spheres and ghosts `across` searches, alike but on the
+    /// CPU, where the detector does not search between two sets.
+    pub fn new(
+        detector: Detector,
+        across: Option<Detector>,
+        bodies: Bodies,
+        (rank, ranks): (u32, u32),
+    ) -> Self {
+        Self { detector, across, bodies, rank, ranks }
     }
 
     /// What the detector did last.
@@ -110,7 +118,8 @@ impl Search {
         }
         let sides = Sides::new(self, owned, ghosts);
         let mut kept = Vec::new();
-        between(&mut self.detector, owned, ghosts.particles(), |pairs| {
+        let across = self.across.as_mut().unwrap_or(&mut self.detector);
+        between(across, owned, ghosts.particles(), |pairs| {
             kept.clear();
             kept.extend(pairs.iter().filter(|&&pair| sides.reports(pair)));
             tally.across += kept.len() as u64;
@@ -120,9 +129,21 @@ impl Search {
         Ok(tally)
     }
 
-    /// The space of the search.
-    pub fn space(&self) -> Space {
-        self.bodies.space()
+    /// How many pairs this rank reports; where no ghost was sent for one sphere and meets another one too, without looking
+    /// at each.
+    ///
+    /// # Errors
+    /// As [`Detector::count`].
+    pub fn count(&mut self, owned: Spheres<'_>, ghosts: &Ghosts) -> Result<Tally, Error> {
+        if ghosts.particles.is_empty() || owned.is_empty() {
+            return Ok(Tally { within: self.detector.count(owned)?, ..Tally::default() });
+        }
+        if !Sides::new(self, owned, ghosts).all_report() {
+            return self.run(owned, ghosts, |_, _| ControlFlow::Continue(()));
+        }
+        let within = self.detector.count(owned)?;
+        let across = self.across.as_mut().unwrap_or(&mut self.detector);
+        Ok(Tally { within, across: count_between(across, owned, ghosts.particles())?, elsewhere: 0 })
     }
 }
 
@@ -156,5 +177,15 @@ impl Sides {
     fn reports(&self, [own, ghost]: [u32; 2]) -> bool {
         let own = Side { rank: self.rank, class: self.owned[own as usize] };
         travels(self.ghosts[ghost as usize], own, self.ranks)
+    }
+
+    /// Whether every pair of an owned sphere and a ghost is reported here.
+    fn all_report(&self) -> bool {
+        // What travels to the largest class travels to all others.
+        let largest = self.owned.iter().max();
+        largest.is_none_or(|&class| {
+            let own = Side { rank: self.rank, class };
+            self.ghosts.iter().all(|&ghost| travels(ghost, own, self.ranks))
+        })
     }
 }

@@ -139,6 +139,11 @@ pub(crate) fn streams(world: &SimpleCommunicator) {
     let r = column(|s| s.radius);
     let columns = lazygrid::Spheres::columns(&x, &y, &z, &r).unwrap();
     assert_eq!(distributed.count(Local::new(columns, &particles.ids)), Ok(listed.len() as u64));
+    // One that does not search between two sets.
+    let grid = lazygrid::Config::default().algorithm(lazygrid::Algorithm::RecursiveGrid);
+    let mut distributed = Distributed::new(world, config().detector(grid)).unwrap();
+    assert_eq!(gathered(world, distributed.pairs(local(&particles)).unwrap()), listed);
+    assert_eq!(distributed.count(local(&particles)), Ok(listed.len() as u64));
 }
 
 pub(crate) fn rounds(world: &SimpleCommunicator) {
