@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid_host::{HostDetector, Neighbors};
-use lazygrid_kernels::{Pair, Spheres};
+use lazygrid_kernels::{MAX_SPHERES, Pair, Spheres};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceDetector, GpuDevice};
@@ -197,7 +197,8 @@ impl Detector {
     ///
     /// In canonical order the stream is canonical as a whole; a result of more than [`Config::max_pairs`] pairs
     /// then costs one further search per that many pairs. Unordered chunks come as they are found, from
-    /// whichever thread, one at a time.
+    /// whichever thread, one at a time. While `consume` runs, other threads of the search may wait for it: it must not
+    /// itself wait for work of the same rayon pool, as another search from inside it would.
     ///
     /// # Errors
     /// As [`count`](Self::count).
@@ -249,8 +250,10 @@ impl Detector {
     /// take 8 bytes each as pairs do; on the CPU an upper one.
     /// On a GPU it counts eight (cell, sphere) entries per sphere, the most on one level. Where spheres of many sizes
     /// crowd together several levels may have more: ten sizes at one point about 44, for which there is made room,
-    /// 16 bytes each, when a call needs it, and counted from then on.
+    /// 16 bytes each, when a call needs it, and counted from then on. More spheres than [`MAX_SPHERES`](crate::MAX_SPHERES)
+    /// count as so many.
     pub fn memory_for(&self, spheres: u64) -> u64 {
+        let spheres = spheres.min(MAX_SPHERES);
         match &self.engine {
             Engine::Host(host) => host.memory_for(spheres),
             #[cfg(feature = "gpu")]
