@@ -10,9 +10,10 @@ mod summary;
 mod text;
 
 use std::io::{self, Write};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use lazygrid_mpi::{Config, Distributed, Error, agree};
+use lazygrid::Space;
+use lazygrid_mpi::{Config, Distributed, Error, GlobalPair, agree};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
@@ -25,48 +26,53 @@ pub(crate) use scale::scale;
 /// Collective, as all of the command: every rank returns the same.
 pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Error> {
     let target = agree(world, Target::of(args).map_err(|message| refused(world, message)))?;
-    let begun = Instant::now();
-    let input = input::read(world, args)?;
-    let read = begun.elapsed();
-    let mut config = Config::default()
-        .space(input.space)
-        .ownership(args.ownership())
-        .backend(args.backend)
-        .max_pairs(args.max_pairs);
-    if let Some(threads) = args.threads {
-        config = config.threads(threads);
-    }
-    let mut distributed = Distributed::new(world, config)?;
+    let mut times = Times::default();
+    let input = times.take("read", || input::read(world, args))?;
+    let mut distributed = Distributed::new(world, config(args, input.space))?;
     let mut particles = input.particles;
-    let begun = Instant::now();
-    distributed.settle(&mut particles)?;
-    let settled = begun.elapsed();
+    times.take("settle", || distributed.settle(&mut particles))?;
     let local = particles.local().map_err(|error| refused(world, error.to_string()));
     let local = agree(world, local)?;
-    let begun = Instant::now();
-    let mut files = Vec::new();
-    let mut written = None;
-    let searched = match target {
-        None => {
-            distributed.count(local)?;
-            begun.elapsed()
-        }
+    let files = match target {
+        None => times.take("search", || distributed.count(local)).map(|_| Vec::new())?,
         Some(target) => {
-            let pairs: Vec<[u64; 2]> = distributed.pairs(local)?.iter().map(|pair| pair.ids()).collect();
-            let searched = begun.elapsed();
-            let begun = Instant::now();
-            files = write(world, &mut distributed, &target, pairs)?;
-            written = Some(begun.elapsed());
-            searched
+            let pairs = times.take("search", || {
+                let pairs = distributed.pairs(local)?;
+                Ok(pairs.iter().map(GlobalPair::ids).collect())
+            })?;
+            times.take("write", || write(world, &mut distributed, &target, pairs))?
         }
     };
-    let times =
-        [("read", Some(read)), ("settle", Some(settled)), ("search", Some(searched)), ("write", written)];
-    let summary = Summary { report: distributed.report(), space: input.space, files, times };
     if world.rank() != 0 {
         return Ok(());
     }
+    let summary = Summary { report: distributed.report(), space: input.space, files, times: times.0 };
     print(world, &if args.json { summary.json() } else { summary.to_string() })
+}
+
+fn config(args: &Detect, space: Space) -> Config {
+    let config = Config::default()
+        .space(space)
+        .ownership(args.ownership())
+        .backend(args.backend)
+        .max_pairs(args.max_pairs);
+    match args.threads {
+        Some(threads) => config.threads(threads),
+        None => config,
+    }
+}
+
+/// How long each part of the work took.
+#[derive(Default)]
+struct Times(Vec<(&'static str, Duration)>);
+
+impl Times {
+    fn take<T>(&mut self, name: &'static str, work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+        let begun = Instant::now();
+        let done = work();
+        self.0.push((name, begun.elapsed()));
+        done
+    }
 }
 
 /// Writes to standard output at once.

@@ -1,6 +1,8 @@
 //! `lazygrid-mpi detect` under `mpirun`, against one process. Runs where `../../test.sh` runs it, which sets what MPI
 //! needs.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 use std::path::Path;
 use std::process::{Command, Output};
 

@@ -9,6 +9,15 @@ use crate::sample::{Choice, Sample};
 use crate::search::Tally;
 use crate::{Bodies, Body, Census, Found, Ghosts, Hull, Particle, Partition, Published, Search, tie};
 
+/// What one rank reports.
+#[derive(Clone, Debug, Default)]
+pub struct Reported {
+    /// The pairs as ids, the smaller one first, in any order.
+    pub pairs: Vec<[u64; 2]>,
+    /// How many it met.
+    pub tally: Tally,
+}
+
 /// What every rank owns, and what it gets to see of the others.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -69,12 +78,11 @@ impl Model {
         self.hulls
     }
 
-    /// The pairs that each rank reports, as ids, the smaller one first, in any order; and how many it met. The bodies
-    /// have to be those of the space and interactions of `config`.
+    /// What each rank reports. The bodies have to be those of the space and interactions of `config`.
     ///
     /// # Errors
     /// As [`Detector::new`] and [`Detector::count`].
-    pub fn pairs(&self, config: &Config) -> Result<Vec<(Vec<[u64; 2]>, Tally)>, Error> {
+    pub fn pairs(&self, config: &Config) -> Result<Vec<Reported>, Error> {
         let each = self.owned.iter().zip(&self.ghosts).enumerate();
         each.map(|(rank, (owned, ghosts))| self.pairs_of(rank as u32, config, owned, ghosts)).collect()
     }
@@ -85,7 +93,7 @@ impl Model {
         config: &Config,
         owned: &[Particle],
         ghosts: &Ghosts,
-    ) -> Result<(Vec<[u64; 2]>, Tally), Error> {
+    ) -> Result<Reported, Error> {
         let detector = Detector::new(config.clone().order(Order::Unordered))?;
         let mut search = Search::new(detector, None, self.bodies.clone(), (rank, self.owned.len() as u32));
         let rows: Vec<_> = owned.iter().map(|particle| particle.sphere).collect();
@@ -106,6 +114,6 @@ impl Model {
         })?;
         let counted = search.count(spheres, ghosts)?;
         debug_assert_eq!(counted.reported(), tally.reported());
-        Ok((pairs, tally))
+        Ok(Reported { pairs, tally })
     }
 }

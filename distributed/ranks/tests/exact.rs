@@ -1,5 +1,7 @@
 //! The pairs of all ranks together are those of the definition, each once, wherever spheres are and whoever owns them.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 mod common;
 
 use common::{naive, numbered};
@@ -65,7 +67,7 @@ impl Scene {
         }
         let model = self.model(&particles, Bodies::new(space, table.as_ref()));
         let found = model.pairs(&config).unwrap();
-        let mut pairs: Vec<_> = found.into_iter().flat_map(|(pairs, _)| pairs).collect();
+        let mut pairs: Vec<_> = found.into_iter().flat_map(|rank| rank.pairs).collect();
         pairs.sort_unstable();
         assert_eq!(pairs, naive(&particles, &space, table.as_ref()), "on {} ranks", self.ranks);
     }

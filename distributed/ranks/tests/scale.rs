@@ -1,5 +1,7 @@
 //! What ranks own, get and report in scenes of thousands of spheres: held to bounds, and the pairs to the definition.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 mod common;
 
 use common::{Random, naive, numbered};
@@ -29,8 +31,8 @@ fn gaussian(spheres: usize) -> Vec<Sphere> {
 
 fn found(model: &Model, space: Space) -> (Vec<[u64; 2]>, Census) {
     let found = model.pairs(&Config::default().space(space).threads(1)).unwrap();
-    let each: Vec<_> = found.iter().map(|(pairs, _)| pairs.len() as u64).collect();
-    let mut pairs: Vec<_> = found.into_iter().flat_map(|(pairs, _)| pairs).collect();
+    let each: Vec<_> = found.iter().map(|rank| rank.pairs.len() as u64).collect();
+    let mut pairs: Vec<_> = found.into_iter().flat_map(|rank| rank.pairs).collect();
     pairs.sort_unstable();
     (pairs, Census::of(&each))
 }
@@ -72,8 +74,8 @@ fn spheres_at_one_point_are_shared_out_and_so_are_their_pairs() {
         let most = 1.02 + if ranks % 2 == 0 { 1.0 / f64::from(ranks) } else { 0.0 };
         assert!(reported.imbalance() <= most, "{} on {ranks} ranks", reported.imbalance());
         // What is compared is what each rank owns with itself and with its ghosts: no ghosts with each other.
-        let tallies = model.pairs(&Config::default().threads(1)).unwrap();
-        assert!(tallies.iter().all(|(_, tally)| tally.elsewhere == 0));
+        let ranks = model.pairs(&Config::default().threads(1)).unwrap();
+        assert!(ranks.iter().all(|rank| rank.tally.elsewhere == 0));
     }
 }
 

@@ -12,7 +12,7 @@ pub(crate) struct Summary<'a> {
     pub(crate) space: Space,
     pub(crate) files: Vec<PathBuf>,
     /// Of rank 0, which waits for the others in each.
-    pub(crate) times: [(&'static str, Option<Duration>); 4],
+    pub(crate) times: Vec<(&'static str, Duration)>,
 }
 
 impl Summary<'_> {
@@ -20,7 +20,7 @@ impl Summary<'_> {
     pub(crate) fn json(&self) -> String {
         let report = self.report;
         let times: Map<String, Value> =
-            self.times().map(|(name, time)| (name.to_owned(), time.as_secs_f64().into())).collect();
+            self.times.iter().map(|(name, time)| ((*name).to_owned(), time.as_secs_f64().into())).collect();
         let object = json!({
             "ranks": report.owned.ranks,
             "spheres": report.owned.total,
@@ -33,10 +33,6 @@ impl Summary<'_> {
             "phases": times,
         });
         format!("{object}\n")
-    }
-
-    fn times(&self) -> impl Iterator<Item = (&'static str, Duration)> {
-        self.times.iter().filter_map(|(name, time)| time.map(|time| (*name, time)))
     }
 }
 
@@ -52,9 +48,9 @@ impl fmt::Display for Summary<'_> {
         if let Some(file) = self.files.first() {
             row("output", &file.display())?;
         }
-        let total: Duration = self.times().map(|(_, time)| time).sum();
+        let total: Duration = self.times.iter().map(|(_, time)| *time).sum();
         let mut title = "time";
-        for (name, time) in self.times().chain([("total", total)]) {
+        for (name, time) in self.times.iter().copied().chain([("total", total)]) {
             let shown = format!("{time:.2?}");
             writeln!(f, "{title:<11}{name:<10}{shown:>10}")?;
             title = "";

@@ -1,6 +1,7 @@
 //! What holds on any number of ranks. All ranks run every case; a panic on one of them ends the job. `../../test.sh` runs
 //! it under `mpirun`; by itself it has one rank.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
 #![allow(clippy::print_stdout, reason = "a test program, of which rank 0 says what it did")]
 
 mod answers;
