@@ -271,9 +271,10 @@ fn engines(figure: Figure) -> Vec<Engine> {
         }
         Figure::F4 => {
             // In a pool of one thread.
-            let ours = [Algorithm::RecursiveGrid, Algorithm::Auto].map(|a| Engine::cpu(a, None));
+            let ours = [Algorithm::RecursiveGrid, Algorithm::CellList, Algorithm::Auto];
+            let ours = ours.map(|a| Engine::cpu(a, None));
             let trees = [Engine::BulletAsShipped, Engine::BulletTuned, Engine::Parry];
-            let more = [Engine::ParryMargin, Engine::ParryOptimised, Engine::PlainCellList];
+            let more = [Engine::ParryMargin, Engine::ParryOptimised, Engine::PlainCellList, Engine::Verlet];
             ours.into_iter().chain(trees).chain(more).collect()
         }
         Figure::F5a | Figure::F5b => {
