@@ -3,7 +3,7 @@
 //! Nothing here sends anything. `lazygrid-mpi` carries the data; the tests of this crate and its [`model`] play all
 //! ranks in one process.
 //!
-//! 1. A [`Partition`] cuts space into one part per rank, from a [sample](sample) of all spheres. It is optional: whatever
+//! 1. A [`Partition`] cuts space into one part per rank, from a [sample] of all spheres. It is optional: whatever
 //!    the placement, the answer is the same.
 //! 2. Every rank publishes a [`Hull`] per binade of radius ([`Class`]) of what it owns.
 //! 3. *The larger sphere travels to the owner of the smaller one*, within a class one way between two ranks ([`rule`]).
