@@ -247,11 +247,12 @@ impl Detector {
     }
 
     /// An estimate of the bytes this detector holds for `spheres` spheres, besides the result and besides candidates, which
-    /// take 8 bytes each as pairs do; on the CPU an upper one.
-    /// On a GPU it counts eight (cell, sphere) entries per sphere, the most on one level. Where spheres of many sizes
-    /// crowd together several levels may have more: ten sizes at one point about 44, for which there is made room,
-    /// 16 bytes each, when a call needs it, and counted from then on. More spheres than [`MAX_SPHERES`](crate::MAX_SPHERES)
+    /// take 8 bytes each as pairs do. On the CPU it is an upper bound. More than [`MAX_SPHERES`](crate::MAX_SPHERES) spheres
     /// count as so many.
+    ///
+    /// On a GPU the estimate has eight (cell, sphere) entries per sphere, the most on one level. Spheres of many sizes that
+    /// crowd together may have entries on several levels: ten sizes at one point have about 44 each. A call that needs
+    /// more makes room for them, 16 bytes each, and later estimates count it.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let spheres = spheres.min(MAX_SPHERES);
         match &self.engine {
