@@ -262,7 +262,7 @@ const fn scenes(figure: Figure) -> &'static [Scene] {
 
 fn engines(figure: Figure) -> Vec<Engine> {
     let on_gpu = |algorithms: &[Algorithm]| algorithms.iter().map(|&a| Engine::Gpu(a)).collect::<Vec<_>>();
-    let gpu = on_gpu(&[Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid]);
+    let gpu = on_gpu(&Algorithm::GPU);
     let grids = [Algorithm::HashGrid, Algorithm::ArrayGrid, Algorithm::RecursiveGrid];
     match figure {
         Figure::F3a | Figure::F3b | Figure::Point => {
