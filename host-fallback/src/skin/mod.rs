@@ -26,7 +26,6 @@ use crate::report::{Kept, Rebuilt, Report};
 use crate::survey::Survey;
 use crate::threads::Threads;
 use crate::{Error, Skin};
-use crate::{Error, Skin};
 
 pub(crate) use course::Course;
 
