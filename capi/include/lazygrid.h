@@ -24,8 +24,9 @@
  *
  * LIFETIMES. Inputs are read during the call, never copied first and never kept; they must not change meanwhile. The
  * arrays that a search hands out belong to the detector and live until the next search with it (lazygrid_pairs,
- * lazygrid_neighbors, lazygrid_count, lazygrid_stream) or until it is destroyed, whichever is first, also where that
- * search fails. They must not be written to, nor given to the same detector as an input.
+ * lazygrid_neighbors, lazygrid_count, lazygrid_stream, and the same between two sets) or until it is destroyed,
+ * whichever is first, also where that search fails. They must not be written to, nor given to the same detector as an
+ * input.
  *
  * THREADS. Any thread may call with any detector, one at a time. A detector that is used by two threads at once, or
  * from its own callback, answers LAZYGRID_ERROR_BUSY to the second and is not harmed. Different detectors are
@@ -106,6 +107,15 @@ enum {
 /* In which order pairs come: CANONICAL is by i, then j. UNORDERED saves the sorting. */
 enum { LAZYGRID_ORDER_CANONICAL = 0, LAZYGRID_ORDER_UNORDERED = 1 };
 
+/*
+ * Whether a detector on the CPU keeps candidates, pairs that may soon overlap, from call to call. An answer never
+ * depends on it. AUTO keeps them where spheres move so little that it is expected to take less time, by the spheres
+ * alone and never by a clock. OFF searches anew at every call. FIXED keeps the pairs that are up to `skin_distance` too
+ * far apart to touch, until some sphere has moved by half of it; only with LAZYGRID_ALGORITHM_AUTO and _CELL_LIST, and
+ * not on a GPU.
+ */
+enum { LAZYGRID_SKIN_AUTO = 0, LAZYGRID_SKIN_OFF = 1, LAZYGRID_SKIN_FIXED = 2 };
+
 /* What makes two spheres of given species a pair. */
 enum {
     LAZYGRID_NEVER = 0,
@@ -119,7 +129,10 @@ typedef struct lazygrid_detector lazygrid_detector;
 /* A table: for any two species, what makes them a pair. */
 typedef struct lazygrid_interactions lazygrid_interactions;
 
-/* Two overlapping spheres by their indices in the input, from 0 on; i < j. */
+/*
+ * Two overlapping spheres by their indices in the input, from 0 on; i < j. Between two sets `i` is an index in the
+ * first and `j` one in the second, and either may be the larger.
+ */
 typedef struct lazygrid_pair {
     uint32_t i;
     uint32_t j;
@@ -137,6 +150,8 @@ typedef struct lazygrid_settings {
     uint32_t timeout_seconds; /* how long a call may take a GPU; 0: ten minutes */
     const char *adapter;      /* a GPU by its number, or by a part of its name that no other has, in UTF-8; or NULL */
     const lazygrid_interactions *interactions; /* copied when the detector is made; NULL: all that touch are pairs */
+    int32_t skin;             /* LAZYGRID_SKIN_... */
+    float skin_distance;      /* for LAZYGRID_SKIN_FIXED, 1e-14 to 1e17, in the unit of the spheres; else 0 */
 } lazygrid_settings;
 
 /*
@@ -244,9 +259,40 @@ LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const 
                                              lazygrid_consume consume, void *context, uint64_t *handed);
 
 /*
- * What the last search did and why, as one JSON object: "spheres" and "pairs" (how many), "backend", "adapter" (null on
- * the CPU), "algorithm", "reason", "gpu" (what it cost a GPU: "dispatches", "working_bytes", "pair_bytes",
- * "moved_bytes"; null on the CPU), "phases" (seconds by name, in the order of the work). Later versions may add names.
+ * The pairs of one sphere of `a` and one of `b`, as lazygrid_pairs. No two spheres of one set are ever compared:
+ * particles against receivers, say, or those that a process owns against ghosts. With interactions both sets need
+ * species. Both may be the same spheres; each is then a pair with itself.
+ *
+ * On the CPU so far, with LAZYGRID_ALGORITHM_AUTO, _CELL_LIST or _NAIVE; else it is LAZYGRID_ERROR_SETTING. What is wrong
+ * with `b` begins with "of the second set, ". All four functions between two sets have this in common.
+ */
+LAZYGRID_API lazygrid_status lazygrid_between(lazygrid_detector *detector, const lazygrid_spheres *a,
+                                              const lazygrid_spheres *b, const lazygrid_pair **pairs, uint64_t *count);
+
+/* How many pairs of one sphere of `a` and one of `b` there are, as lazygrid_count. */
+LAZYGRID_API lazygrid_status lazygrid_count_between(lazygrid_detector *detector, const lazygrid_spheres *a,
+                                                    const lazygrid_spheres *b, uint64_t *count);
+
+/*
+ * For every sphere of `a` those of `b` that it overlaps, ascending, laid out as by lazygrid_neighbors: `*offsets` has one
+ * more than there are spheres in `a`, and every pair stands in one list.
+ */
+LAZYGRID_API lazygrid_status lazygrid_neighbors_between(lazygrid_detector *detector, const lazygrid_spheres *a,
+                                                        const lazygrid_spheres *b, const uint64_t **offsets,
+                                                        const uint32_t **indices);
+
+/* Hands the pairs of one sphere of `a` and one of `b` to `consume`, as lazygrid_stream. */
+LAZYGRID_API lazygrid_status lazygrid_stream_between(lazygrid_detector *detector, const lazygrid_spheres *a,
+                                                     const lazygrid_spheres *b, size_t chunk, lazygrid_consume consume,
+                                                     void *context, uint64_t *handed);
+
+/*
+ * What the last search did and why, as one JSON object: "spheres" and "pairs" (how many; of two sets the spheres of
+ * both), "backend", "adapter" (null on the CPU), "algorithm", "reason", "gpu" (what it cost a GPU: "dispatches",
+ * "working_bytes", "pair_bytes", "moved_bytes"; null on the CPU), "candidates" (those that the search was answered from:
+ * "count", "age" in calls, "moved", the part from 0 to 1 of what a sphere may move that one has moved, "rebuilt", why
+ * they were found anew in this call or null; null where it searched without any), "phases" (seconds by name, in the
+ * order of the work). Later versions may add names.
  * The text lives until the next lazygrid_report_json with that detector.
  */
 LAZYGRID_API lazygrid_status lazygrid_report_json(lazygrid_detector *detector, const char **json);

@@ -59,7 +59,7 @@ private:
     std::uint64_t found_;
 };
 
-// Two spheres by their indices; i < j.
+// Two spheres by their indices; i < j, or, between two sets, i in the first and j in the second.
 using Pair = lazygrid_pair;
 
 // Centre and radius in the caller's length unit, as one row of the input.
@@ -220,6 +220,22 @@ enum class Algorithm : std::int32_t {
 
 enum class Order : std::int32_t { canonical = LAZYGRID_ORDER_CANONICAL, unordered = LAZYGRID_ORDER_UNORDERED };
 
+// Whether candidates are kept from call to call; an answer never depends on it.
+class Skin {
+public:
+    // Where spheres move so little that it is expected to take less time.
+    static Skin automatic() { return {LAZYGRID_SKIN_AUTO, 0}; }
+    static Skin off() { return {LAZYGRID_SKIN_OFF, 0}; }
+    // Pairs that are up to `distance` too far apart to touch, until a sphere has moved by half of it.
+    static Skin fixed(float distance) { return {LAZYGRID_SKIN_FIXED, distance}; }
+
+private:
+    friend class Detector;
+    Skin(std::int32_t kind, float distance) : kind(kind), distance(distance) {}
+    std::int32_t kind;
+    float distance;
+};
+
 // What a detector is asked to do; the fields are those of lazygrid_settings.
 struct Settings {
     Backend backend = Backend::automatic;
@@ -234,6 +250,7 @@ struct Settings {
     std::string adapter = {};
     // Copied when a detector is made.
     const Interactions *interactions = nullptr;
+    Skin skin = Skin::automatic();
 };
 
 // Finds pairs, call after call, reusing its memory. After being moved from, all it does is throw.
@@ -251,6 +268,8 @@ public:
         given.timeout_seconds = settings.timeout.count();
         given.adapter = settings.adapter.empty() ? nullptr : settings.adapter.c_str();
         given.interactions = settings.interactions == nullptr ? nullptr : settings.interactions->get();
+        given.skin = settings.skin.kind;
+        given.skin_distance = settings.skin.distance;
         lazygrid_detector *made = nullptr;
         detail::check(lazygrid_create(&given, &made), nullptr);
         detector_.reset(made);
@@ -260,10 +279,16 @@ public:
     View<Pair> pairs(const Spheres &spheres) {
         const Pair *found = nullptr;
         std::uint64_t count = 0;
-        const lazygrid_status status = lazygrid_pairs(get(), spheres.get(), &found, &count);
-        if (status == LAZYGRID_ERROR_TOO_MANY_PAIRS) throw TooManyPairs(lazygrid_last_error(get()), count);
-        detail::check(status, get());
-        return {found, static_cast<std::size_t>(count)};
+        const auto status = lazygrid_pairs(get(), spheres.get(), &found, &count);
+        return view(status, found, count);
+    }
+
+    // The pairs of one sphere of `a` and one of `b`: i is an index in a, j one in b. On the CPU so far.
+    View<Pair> between(const Spheres &a, const Spheres &b) {
+        const Pair *found = nullptr;
+        std::uint64_t count = 0;
+        const auto status = lazygrid_between(get(), a.get(), b.get(), &found, &count);
+        return view(status, found, count);
     }
 
     // How many pairs there are; any number can be counted.
@@ -273,27 +298,44 @@ public:
         return count;
     }
 
+    // How many pairs of one sphere of `a` and one of `b` there are.
+    std::uint64_t count_between(const Spheres &a, const Spheres &b) {
+        std::uint64_t count = 0;
+        detail::check(lazygrid_count_between(get(), a.get(), b.get(), &count), get());
+        return count;
+    }
+
     // The pairs as neighbour lists.
     Neighbors neighbors(const Spheres &spheres) {
         const std::uint64_t *offsets = nullptr;
         const std::uint32_t *indices = nullptr;
         detail::check(lazygrid_neighbors(get(), spheres.get(), &offsets, &indices), get());
-        const std::size_t count = spheres.size();
-        return {{offsets, count + 1}, {indices, static_cast<std::size_t>(offsets[count])}};
+        return lists(spheres.size(), offsets, indices);
+    }
+
+    // For every sphere of `a` those of `b` that it overlaps.
+    Neighbors neighbors_between(const Spheres &a, const Spheres &b) {
+        const std::uint64_t *offsets = nullptr;
+        const std::uint32_t *indices = nullptr;
+        detail::check(lazygrid_neighbors_between(get(), a.get(), b.get(), &offsets, &indices), get());
+        return lists(a.size(), offsets, indices);
     }
 
     // Hands the pairs to `consume` as View<Pair> of at most `chunk`, and returns how many it got. `consume` returns
     // nothing, or false to end the search. What it throws ends the search and comes out here. It runs in any thread, in
     // one at a time, and must not search.
     template <class F> std::uint64_t stream(const Spheres &spheres, std::size_t chunk, F &&consume) {
-        using Consumer = Consuming<std::remove_reference_t<F>>;
-        Consumer consumer{consume, nullptr};
-        std::uint64_t handed = 0;
-        const auto status =
-            lazygrid_stream(get(), spheres.get(), chunk, &Consumer::take, static_cast<void *>(&consumer), &handed);
-        if (consumer.thrown) std::rethrow_exception(consumer.thrown);
-        detail::check(status, get());
-        return handed;
+        return streamed(consume, [&](lazygrid_consume take, void *context, std::uint64_t *handed) {
+            return lazygrid_stream(get(), spheres.get(), chunk, take, context, handed);
+        });
+    }
+
+    // Hands the pairs of one sphere of `a` and one of `b` to `consume`, as stream does.
+    template <class F>
+    std::uint64_t stream_between(const Spheres &a, const Spheres &b, std::size_t chunk, F &&consume) {
+        return streamed(consume, [&](lazygrid_consume take, void *context, std::uint64_t *handed) {
+            return lazygrid_stream_between(get(), a.get(), b.get(), chunk, take, context, handed);
+        });
     }
 
     // What the last search did and why, as JSON.
@@ -334,6 +376,22 @@ private:
             }
         }
     };
+    View<Pair> view(lazygrid_status status, const Pair *found, std::uint64_t count) const {
+        if (status == LAZYGRID_ERROR_TOO_MANY_PAIRS) throw TooManyPairs(lazygrid_last_error(get()), count);
+        detail::check(status, get());
+        return {found, static_cast<std::size_t>(count)};
+    }
+    static Neighbors lists(std::size_t count, const std::uint64_t *offsets, const std::uint32_t *indices) {
+        return {{offsets, count + 1}, {indices, static_cast<std::size_t>(offsets[count])}};
+    }
+    template <class F, class Search> std::uint64_t streamed(F &consume, const Search &search) const {
+        Consuming<F> consumer{consume, nullptr};
+        std::uint64_t handed = 0;
+        const lazygrid_status status = search(&Consuming<F>::take, static_cast<void *>(&consumer), &handed);
+        if (consumer.thrown) std::rethrow_exception(consumer.thrown);
+        detail::check(status, get());
+        return handed;
+    }
     struct Destroy {
         void operator()(lazygrid_detector *detector) const noexcept { lazygrid_destroy(detector); }
     };

@@ -58,6 +58,30 @@ impl SpheresOfC {
         // SAFETY: `count` ids, by this function's condition.
         Ok(spheres.with_species(unsafe { array(species, count, "species") }?)?)
     }
+
+    /// Two sets of spheres, not copied.
+    ///
+    /// # Errors
+    /// As [`borrow`](Self::borrow); what is wrong with the second set says so, as the engine does.
+    ///
+    /// # Safety
+    /// As [`borrow`](Self::borrow), for both.
+    pub unsafe fn borrow_two<'a>(
+        a: *const Self,
+        b: *const Self,
+    ) -> Result<(Spheres<'a>, Spheres<'a>), Failure> {
+        check(a, "a")?;
+        check(b, "b")?;
+        // SAFETY: this function's own condition.
+        let first = unsafe { Self::borrow(a) }?;
+        // SAFETY: this function's own condition.
+        let second = unsafe { Self::borrow(b) };
+        let of_second = |Failure { status, message }| {
+            let message = format!("of the second set, {message}");
+            Failure { status, message }
+        };
+        Ok((first, second.map_err(of_second)?))
+    }
 }
 
 /// `count` values at `at`; none where `count` is 0, wherever `at` points.

@@ -1,7 +1,7 @@
 use std::ffi::c_char;
 use std::ptr;
 
-use engine::{InputError, MAX_SPHERES, Report};
+use engine::{InputError, Kept as Candidates, MAX_SPHERES, Report};
 use serde_json::{Map, Value, json};
 
 use crate::Out;
@@ -15,7 +15,14 @@ fn object(report: &Report) -> Value {
     json!({
         "spheres": report.spheres, "pairs": report.pairs, "backend": report.backend.name(),
         "adapter": report.adapter, "algorithm": report.algorithm.name(), "reason": report.reason,
-        "gpu": cost(report), "phases": phases,
+        "gpu": cost(report), "candidates": report.candidates.as_ref().map(candidates), "phases": phases,
+    })
+}
+
+fn candidates(kept: &Candidates) -> Value {
+    json!({
+        "count": kept.count, "age": kept.age, "moved": kept.moved,
+        "rebuilt": kept.rebuilt.map(|why| why.to_string()),
     })
 }
 

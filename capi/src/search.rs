@@ -3,7 +3,7 @@ use std::ffi::c_void;
 use std::ops::ControlFlow;
 use std::ptr;
 
-use engine::{Error, Pair};
+use engine::{Error, Neighbors, Pair};
 
 use crate::detector::{Handle, Kept, with_detector};
 use crate::input::SpheresOfC;
@@ -45,17 +45,50 @@ pub unsafe extern "C" fn lazygrid_pairs(
         let (pairs, count) = (pairs?, count?);
         // SAFETY: this function's own condition.
         let spheres = unsafe { SpheresOfC::borrow(spheres) }?;
-        let found = kept.detector.pairs(spheres).inspect_err(|error| {
-            if let Error::TooManyPairs { found, .. } = error {
-                count.put(*found);
-            }
-        })?;
-        pairs.put(found.as_ptr());
-        count.put(found.len() as u64);
-        Ok(())
+        put_pairs(kept.detector.pairs(spheres), &pairs, &count)
     };
     // SAFETY: this function's own condition.
     unsafe { search(detector, work) }
+}
+
+/// The pairs of one sphere of each set.
+///
+/// # Safety
+/// By the header: `detector`, `a` and `b` are what they are called or NULL, the others NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_between(
+    detector: *mut Handle,
+    a: *const SpheresOfC,
+    b: *const SpheresOfC,
+    pairs: *mut *const Pair,
+    count: *mut u64,
+) -> Status {
+    // SAFETY: this function's own condition, for both.
+    let (pairs, count) = unsafe { (Out::new(pairs, "pairs", ptr::null()), Out::new(count, "count", 0)) };
+    let work = |kept: &mut Kept| {
+        let (pairs, count) = (pairs?, count?);
+        // SAFETY: this function's own condition.
+        let (a, b) = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        put_pairs(kept.detector.between(a, b), &pairs, &count)
+    };
+    // SAFETY: this function's own condition.
+    unsafe { search(detector, work) }
+}
+
+/// Writes where the pairs are and how many; of too many, how many.
+fn put_pairs(
+    found: Result<&[Pair], Error>,
+    pairs: &Out<*const Pair>,
+    count: &Out<u64>,
+) -> Result<(), Failure> {
+    let found = found.inspect_err(|error| {
+        if let Error::TooManyPairs { found, .. } = error {
+            count.put(*found);
+        }
+    })?;
+    pairs.put(found.as_ptr());
+    count.put(found.len() as u64);
+    Ok(())
 }
 
 /// How many pairs there are.
@@ -81,6 +114,30 @@ pub unsafe extern "C" fn lazygrid_count(
     unsafe { search(detector, work) }
 }
 
+/// How many pairs of one sphere of each set there are.
+///
+/// # Safety
+/// By the header: `detector`, `a` and `b` are what they are called or NULL, `count` is NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_count_between(
+    detector: *mut Handle,
+    a: *const SpheresOfC,
+    b: *const SpheresOfC,
+    count: *mut u64,
+) -> Status {
+    // SAFETY: this function's own condition.
+    let count = unsafe { Out::new(count, "count", 0) };
+    let work = |kept: &mut Kept| {
+        let count = count?;
+        // SAFETY: this function's own condition.
+        let (a, b) = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        count.put(kept.detector.count_between(a, b)?);
+        Ok(())
+    };
+    // SAFETY: this function's own condition.
+    unsafe { search(detector, work) }
+}
+
 /// The pairs as neighbour lists.
 ///
 /// # Safety
@@ -99,13 +156,43 @@ pub unsafe extern "C" fn lazygrid_neighbors(
         let (offsets, indices) = (offsets?, indices?);
         // SAFETY: this function's own condition.
         let spheres = unsafe { SpheresOfC::borrow(spheres) }?;
-        let lists = kept.detector.neighbors(spheres)?;
-        offsets.put(lists.offsets.as_ptr());
-        indices.put(lists.indices.as_ptr());
+        put_lists(&kept.detector.neighbors(spheres)?, &offsets, &indices);
         Ok(())
     };
     // SAFETY: this function's own condition.
     unsafe { search(detector, work) }
+}
+
+/// For each sphere of the first set its neighbours in the second.
+///
+/// # Safety
+/// By the header: `detector`, `a` and `b` are what they are called or NULL, the others NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_neighbors_between(
+    detector: *mut Handle,
+    a: *const SpheresOfC,
+    b: *const SpheresOfC,
+    offsets: *mut *const u64,
+    indices: *mut *const u32,
+) -> Status {
+    // SAFETY: this function's own condition, for both.
+    let (offsets, indices) =
+        unsafe { (Out::new(offsets, "offsets", ptr::null()), Out::new(indices, "indices", ptr::null())) };
+    let work = |kept: &mut Kept| {
+        let (offsets, indices) = (offsets?, indices?);
+        // SAFETY: this function's own condition.
+        let (a, b) = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        put_lists(&kept.detector.neighbors_between(a, b)?, &offsets, &indices);
+        Ok(())
+    };
+    // SAFETY: this function's own condition.
+    unsafe { search(detector, work) }
+}
+
+/// Writes where the lists are.
+fn put_lists(lists: &Neighbors<'_>, offsets: &Out<*const u64>, indices: &Out<*const u32>) {
+    offsets.put(lists.offsets.as_ptr());
+    indices.put(lists.indices.as_ptr());
 }
 
 /// `lazygrid_consume`: takes pairs, and returns 0 to go on.
@@ -122,6 +209,16 @@ struct Consumer {
 unsafe impl Send for Consumer {}
 
 impl Consumer {
+    /// # Errors
+    /// Where there is no function, or chunks would be empty.
+    fn new(consume: Option<Consume>, context: *mut c_void, chunk: usize) -> Result<Self, Failure> {
+        let consume = consume.ok_or_else(|| Failure::argument("`consume` is NULL; give a function"))?;
+        if chunk == 0 {
+            return Err(Failure::argument("`chunk` is 0; it must be at least 1"));
+        }
+        Ok(Self { consume, context })
+    }
+
     fn take(&mut self, pairs: &[Pair]) -> ControlFlow<()> {
         IS_TAKING.set(true);
         // SAFETY: a function of this type by the header; the pairs live until it returns.
@@ -154,12 +251,37 @@ pub unsafe extern "C" fn lazygrid_stream(
         let handed = handed?;
         // SAFETY: this function's own condition.
         let spheres = unsafe { SpheresOfC::borrow(spheres) }?;
-        let consume = consume.ok_or_else(|| Failure::argument("`consume` is NULL; give a function"))?;
-        if chunk == 0 {
-            return Err(Failure::argument("`chunk` is 0; it must be at least 1"));
-        }
-        let mut consumer = Consumer { consume, context };
+        let mut consumer = Consumer::new(consume, context, chunk)?;
         handed.put(kept.detector.stream(spheres, chunk, move |pairs| consumer.take(pairs))?);
+        Ok(())
+    };
+    // SAFETY: this function's own condition.
+    unsafe { search(detector, work) }
+}
+
+/// Hands the pairs of one sphere of each set over in chunks.
+///
+/// # Safety
+/// By the header: `detector`, `a` and `b` are what they are called or NULL, `handed` is NULL or can be written to,
+/// `consume` is NULL or may be called with `context` from any thread, and returns.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_stream_between(
+    detector: *mut Handle,
+    a: *const SpheresOfC,
+    b: *const SpheresOfC,
+    chunk: usize,
+    consume: Option<Consume>,
+    context: *mut c_void,
+    handed: *mut u64,
+) -> Status {
+    // SAFETY: this function's own condition.
+    let handed = unsafe { Out::new(handed, "handed", 0) };
+    let work = |kept: &mut Kept| {
+        let handed = handed?;
+        // SAFETY: this function's own condition.
+        let (a, b) = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        let mut consumer = Consumer::new(consume, context, chunk)?;
+        handed.put(kept.detector.stream_between(a, b, chunk, move |pairs| consumer.take(pairs))?);
         Ok(())
     };
     // SAFETY: this function's own condition.

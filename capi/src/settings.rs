@@ -1,7 +1,7 @@
 use std::ffi::{CStr, c_char};
 use std::{ptr, slice};
 
-use engine::{Algorithm, Backend, Config, Order, Space};
+use engine::{Algorithm, Backend, Config, Order, Skin, Space};
 
 use crate::Failure;
 use crate::interactions::Table;
@@ -22,6 +22,8 @@ pub struct SettingsOfC {
     pub timeout_seconds: u32,
     pub adapter: *const c_char,
     pub interactions: *const Table,
+    pub skin: i32,
+    pub skin_distance: f32,
 }
 
 /// The size of the first version, below which none can be.
@@ -42,6 +44,9 @@ pub const ALGORITHMS: [Algorithm; 8] = [
 
 pub const ORDERS: [Order; 2] = [Order::Canonical, Order::Unordered];
 
+/// The skins by their number, each with what a distance makes of it.
+pub const SKINS: [fn(f32) -> Skin; 3] = [|_| Skin::Auto, |_| Skin::Off, Skin::Fixed];
+
 impl SettingsOfC {
     /// All fields 0, which is their default.
     pub const fn defaults() -> Self {
@@ -56,6 +61,8 @@ impl SettingsOfC {
             timeout_seconds: 0,
             adapter: ptr::null(),
             interactions: ptr::null(),
+            skin: 0,
+            skin_distance: 0.0,
         }
     }
 
@@ -112,6 +119,7 @@ impl SettingsOfC {
             .backend(meant(&BACKENDS, settings.backend, "backend")?)
             .algorithm(meant(&ALGORITHMS, settings.algorithm, "algorithm")?)
             .order(meant(&ORDERS, settings.order, "order")?)
+            .skin(settings.skin()?)
             .space(Space::periodic(settings.periodic.map(|length| (length != 0.0).then_some(length)))?);
         if settings.threads != 0 {
             config = config.threads(settings.threads as usize);
@@ -126,6 +134,19 @@ impl SettingsOfC {
         }
         // SAFETY: this function's own condition.
         unsafe { settings.on_gpu(config) }
+    }
+
+    /// The skin; a distance that would go unheard is refused.
+    fn skin(&self) -> Result<Skin, Failure> {
+        let distance = self.skin_distance;
+        let skin = meant(&SKINS, self.skin, "skin")?(distance);
+        if distance != 0.0 && !matches!(skin, Skin::Fixed(_)) {
+            return Err(Failure::argument(format!(
+                "settings.skin_distance is {distance} where the skin is not fixed; set skin to LAZYGRID_SKIN_FIXED, or \
+                 leave the distance 0"
+            )));
+        }
+        Ok(skin)
     }
 
     /// What only a GPU path has.

@@ -14,8 +14,11 @@ use crate::interactions::{
     Table, lazygrid_interactions_create, lazygrid_interactions_destroy, lazygrid_interactions_set,
 };
 use crate::report::{lazygrid_memory_for, lazygrid_report_json};
-use crate::search::{Consume, lazygrid_count, lazygrid_neighbors, lazygrid_pairs, lazygrid_stream};
-use crate::settings::{ALGORITHMS, BACKENDS, ORDERS, SettingsOfC, lazygrid_settings_init};
+use crate::search::{
+    Consume, lazygrid_between, lazygrid_count, lazygrid_count_between, lazygrid_neighbors,
+    lazygrid_neighbors_between, lazygrid_pairs, lazygrid_stream, lazygrid_stream_between,
+};
+use crate::settings::{ALGORITHMS, BACKENDS, ORDERS, SKINS, SettingsOfC, lazygrid_settings_init};
 use crate::status::{INTERNAL, NAMES, OK, PANICKED, lazygrid_status_name, lazygrid_version};
 
 const HEADER: &str = include_str!("../include/lazygrid.h");
@@ -65,7 +68,7 @@ macro_rules! declared {
     )* };
 }
 
-declared! { () (A) (A B) (A B C) (A B C D) (A B C D E) (A B C D E F) }
+declared! { () (A) (A B) (A B C) (A B C D) (A B C D E) (A B C D E F) (A B C D E F G) }
 
 /// Name and declaration of each function that is listed.
 macro_rules! declarations {
@@ -89,6 +92,10 @@ fn declarations() -> Vec<(&'static str, String)> {
         lazygrid_count: unsafe extern "C" fn(_, _, _) -> _,
         lazygrid_neighbors: unsafe extern "C" fn(_, _, _, _) -> _,
         lazygrid_stream: unsafe extern "C" fn(_, _, _, _, _, _) -> _,
+        lazygrid_between: unsafe extern "C" fn(_, _, _, _, _) -> _,
+        lazygrid_count_between: unsafe extern "C" fn(_, _, _, _) -> _,
+        lazygrid_neighbors_between: unsafe extern "C" fn(_, _, _, _, _) -> _,
+        lazygrid_stream_between: unsafe extern "C" fn(_, _, _, _, _, _, _) -> _,
         lazygrid_report_json: unsafe extern "C" fn(_, _) -> _,
         lazygrid_memory_for: unsafe extern "C" fn(_, _, _) -> _,
     }
@@ -115,7 +122,8 @@ fn layouts() -> String {
         + &layout!(SpheresOfC as "lazygrid_spheres", count, rows, x, y, z, r, species)
         + &layout!(
             SettingsOfC as "lazygrid_settings",
-            size, backend, algorithm, order, threads, max_pairs, periodic, timeout_seconds, adapter, interactions
+            size, backend, algorithm, order, threads, max_pairs, periodic, timeout_seconds, adapter, interactions,
+            skin, skin_distance
         )
 }
 
@@ -127,11 +135,14 @@ fn numbers() -> Vec<(String, usize)> {
     };
     let statuses = NAMES.map(|name| name.to_str().expect("a name is ASCII").trim_start_matches("LAZYGRID_"));
     let orders = ORDERS.map(|order| format!("{order:?}"));
+    // Without the distance that a fixed one shows.
+    let skins = SKINS.map(|skin| format!("{:?}", skin(1.0)).replace("(1.0)", ""));
     [
         of("", &statuses),
         of("BACKEND_", &BACKENDS.map(|backend| backend.name())),
         of("ALGORITHM_", &ALGORITHMS.map(|algorithm| algorithm.name())),
         of("ORDER_", &orders.each_ref().map(String::as_str)),
+        of("SKIN_", &skins.each_ref().map(String::as_str)),
         of("", &["never", "touch", "within"]),
         vec![
             ("LAZYGRID_VERSION_MAJOR".to_owned(), env!("CARGO_PKG_VERSION_MAJOR").parse().expect("a number")),

@@ -135,6 +135,48 @@ void species_and_boxes() {
     CHECK(lazygrid::version() == lazygrid_version());
 }
 
+void two_sets() {
+    lazygrid::Detector detector(on_cpu());
+    const auto spheres = line(100);
+    const lazygrid::Spheres all(spheres), some(spheres.data() + 50, 20);
+    // Each touches itself and its neighbours on both sides.
+    CHECK(detector.count_between(some, all) == 60);
+    const auto pairs = detector.between(some, all);
+    CHECK(pairs.size() == 60 && pairs[0].i == 0 && pairs[0].j == 49 && pairs[59].i == 19 && pairs[59].j == 70);
+    const lazygrid::Neighbors neighbors = detector.neighbors_between(some, all);
+    CHECK(neighbors.offsets.size() == 21 && neighbors.of(7).size() == 3 && neighbors.of(7)[0] == 56);
+    std::size_t seen = 0;
+    const auto count = [&](lazygrid::View<lazygrid::Pair> chunk) { seen += chunk.size(); };
+    CHECK(detector.stream_between(some, all, 16, count) == 60 && seen == 60);
+    const auto thrower = [](auto) { throw std::domain_error("enough"); };
+    CHECK(throws<std::domain_error>([&] { detector.stream_between(some, all, 16, thrower); }, "enough"));
+    auto bad = line(3);
+    bad[2].r = NAN;
+    CHECK(throws<lazygrid::InputError>([&] { detector.between(all, bad); }, "of the second set, sphere 2"));
+    auto settings = on_cpu();
+    settings.max_pairs = 5;
+    lazygrid::Detector small(settings);
+    CHECK(throws<lazygrid::TooManyPairs>([&] { small.between(some, all); }, "60"));
+}
+
+void skins() {
+    const auto spheres = line(2000);
+    for (auto skin : {lazygrid::Skin::automatic(), lazygrid::Skin::off(), lazygrid::Skin::fixed(0.1f)}) {
+        auto settings = on_cpu();
+        settings.skin = skin;
+        lazygrid::Detector detector(settings);
+        CHECK(detector.count(spheres) == 1999 && detector.count(spheres) == 1999);
+    }
+    auto settings = on_cpu();
+    settings.skin = lazygrid::Skin::fixed(0.1f);
+    lazygrid::Detector detector(settings);
+    detector.count(spheres);
+    detector.count(spheres);
+    CHECK(detector.report_json().find("\"age\":1,") != std::string::npos);
+    settings.skin = lazygrid::Skin::fixed(-1);
+    CHECK(throws<lazygrid::Error>([&] { lazygrid::Detector refused(settings); }, "skin = -1"));
+}
+
 // A thread of its own for each detector, and a detector that wanders from thread to thread.
 void threads() {
     std::array<std::uint64_t, 4> found{};
@@ -180,6 +222,8 @@ int main() {
     errors_are_exceptions();
     streams();
     species_and_boxes();
+    two_sets();
+    skins();
     threads();
     one_at_a_time();
     std::cout << passed << " passed, " << failed << " failed" << std::endl;

@@ -4,6 +4,7 @@ import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 import java.nio.IntBuffer;
 import java.util.concurrent.atomic.AtomicBoolean;
+import java.util.function.ToIntFunction;
 
 /**
  * Finds overlapping spheres, call after call, reusing its memory.
@@ -82,14 +83,42 @@ public final class Detector implements AutoCloseable {
         try {
             int status = Library.pairs(detector, spheres.address(), first, second);
             spheres.keep();
-            if (status == Status.TOO_MANY_PAIRS.ordinal()) {
-                throw new TooManyPairsException(Library.lastError(detector), out.getLong(8));
-            }
-            check(status, detector);
-            return integers(out.getLong(0), 2 * out.getLong(8)).asReadOnlyBuffer();
+            return found(status);
         } finally {
             leave();
         }
+    }
+
+    /**
+     * The pairs of one sphere of each set: i is an index in {@code a} and j one in {@code b}. No two spheres of one set
+     * are ever compared: particles against receivers, say. On the CPU so far, with {@link Algorithm#AUTO},
+     * {@link Algorithm#CELL_LIST} or {@link Algorithm#NAIVE}. Valid until the next search.
+     *
+     * @param a the first set, where its spheres are now
+     * @param b the second set
+     * @return the pairs, read-only, in the detector's memory
+     * @throws LazygridException as {@link #pairs}, where what is wrong with {@code b} is said to be of the second set;
+     *     {@link Status#SETTING} on a GPU and for another algorithm
+     */
+    public IntBuffer between(Spheres a, Spheres b) {
+        enter();
+        try {
+            int status = Library.between(detector, a.address(), b.address(), first, second);
+            a.keep();
+            b.keep();
+            return found(status);
+        } finally {
+            leave();
+        }
+    }
+
+    /** The pairs that a search has found, if it has. */
+    private IntBuffer found(int status) {
+        if (status == Status.TOO_MANY_PAIRS.ordinal()) {
+            throw new TooManyPairsException(Library.lastError(detector), out.getLong(8));
+        }
+        check(status, detector);
+        return integers(out.getLong(0), 2 * out.getLong(8)).asReadOnlyBuffer();
     }
 
     /**
@@ -126,6 +155,27 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
+     * How many pairs of one sphere of each set there are.
+     *
+     * @param a the first set, where its spheres are now
+     * @param b the second set
+     * @return the number
+     * @throws LazygridException as {@link #between}, but for the number of pairs
+     */
+    public long countBetween(Spheres a, Spheres b) {
+        enter();
+        try {
+            int status = Library.countBetween(detector, a.address(), b.address(), first);
+            a.keep();
+            b.keep();
+            check(status, detector);
+            return out.getLong(0);
+        } finally {
+            leave();
+        }
+    }
+
+    /**
      * The pairs as neighbour lists. Valid until the next search.
      *
      * @param spheres where they are now
@@ -137,17 +187,42 @@ public final class Detector implements AutoCloseable {
         try {
             int status = Library.neighbors(detector, spheres.address(), first, second);
             spheres.keep();
-            check(status, detector);
-            long offsets = out.getLong(0), indices = out.getLong(8), count = spheres.count();
-            if (count + 1 > Integer.MAX_VALUE / Long.BYTES) throw tooLarge(count + 1);
-            ByteBuffer starts = Library.view(offsets, (int) (count + 1) * Long.BYTES);
-            long total = starts.getLong((int) count * Long.BYTES);
-            return new Neighbors(
-                starts.order(ByteOrder.nativeOrder()).asLongBuffer().asReadOnlyBuffer(),
-                integers(indices, total).asReadOnlyBuffer());
+            return lists(status, spheres.count());
         } finally {
             leave();
         }
+    }
+
+    /**
+     * For every sphere of {@code a} those of {@code b} that it overlaps, ascending. Valid until the next search.
+     *
+     * @param a the first set, where its spheres are now
+     * @param b the second set
+     * @return a list for each sphere of {@code a}, in the detector's memory; every pair stands in one
+     * @throws LazygridException as {@link #between}
+     */
+    public Neighbors neighborsBetween(Spheres a, Spheres b) {
+        enter();
+        try {
+            int status = Library.neighborsBetween(detector, a.address(), b.address(), first, second);
+            a.keep();
+            b.keep();
+            return lists(status, a.count());
+        } finally {
+            leave();
+        }
+    }
+
+    /** The lists that a search has found for so many spheres, if it has. */
+    private Neighbors lists(int status, long count) {
+        check(status, detector);
+        long offsets = out.getLong(0), indices = out.getLong(8);
+        if (count + 1 > Integer.MAX_VALUE / Long.BYTES) throw tooLarge(count + 1);
+        ByteBuffer starts = Library.view(offsets, (int) (count + 1) * Long.BYTES);
+        long total = starts.getLong((int) count * Long.BYTES);
+        return new Neighbors(
+            starts.order(ByteOrder.nativeOrder()).asLongBuffer().asReadOnlyBuffer(),
+            integers(indices, total).asReadOnlyBuffer());
     }
 
     /**
@@ -160,19 +235,46 @@ public final class Detector implements AutoCloseable {
      * @throws LazygridException as {@link #count}; and whatever the consumer throws
      */
     public long stream(Spheres spheres, int chunk, PairConsumer consumer) {
+        return streamed(consumer, take -> {
+            int status = Library.stream(detector, spheres.address(), chunk, take, first);
+            spheres.keep();
+            return status;
+        });
+    }
+
+    /**
+     * Hands the pairs of one sphere of each set over in chunks, as {@link #stream} does.
+     *
+     * @param a the first set, where its spheres are now
+     * @param b the second set
+     * @param chunk the most pairs of a chunk, at least 1
+     * @param consumer takes them
+     * @return how many were handed over
+     * @throws LazygridException as {@link #countBetween}; and whatever the consumer throws
+     */
+    public long streamBetween(Spheres a, Spheres b, int chunk, PairConsumer consumer) {
+        return streamed(consumer, take -> {
+            int status = Library.streamBetween(detector, a.address(), b.address(), chunk, take, first);
+            a.keep();
+            b.keep();
+            return status;
+        });
+    }
+
+    /** Runs a search that hands pairs over, and throws what the consumer has thrown. */
+    private long streamed(PairConsumer consumer, ToIntFunction<Library.Consumer> search) {
         enter();
         try {
             // Written by whichever thread of the library, read when all have ended.
             Throwable[] thrown = new Throwable[1];
-            int status = Library.stream(detector, spheres.address(), chunk, (pairs, count) -> {
+            int status = search.applyAsInt((pairs, count) -> {
                 try {
                     return consumer.take(integers(pairs, 2 * count).asReadOnlyBuffer()) ? 0 : 1;
                 } catch (Throwable any) {
                     thrown[0] = any;
                     return 1;
                 }
-            }, first);
-            spheres.keep();
+            });
             if (thrown[0] instanceof RuntimeException unchecked) throw unchecked;
             if (thrown[0] instanceof Error error) throw error;
             if (thrown[0] != null) throw new IllegalStateException("the consumer threw", thrown[0]);
@@ -185,7 +287,7 @@ public final class Detector implements AutoCloseable {
 
     /**
      * What the last search did and why, as JSON: "spheres", "pairs", "backend", "adapter", "algorithm", "reason",
-     * "gpu", and "phases", seconds by name.
+     * "gpu", "candidates" (null where it searched without any), and "phases", seconds by name.
      *
      * @return one JSON object
      */

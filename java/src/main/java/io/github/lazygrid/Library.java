@@ -62,6 +62,15 @@ final class Library {
         static native int lazygrid_stream(
             long detector, long spheres, long chunk, Consume consume, long context, long handed);
 
+        static native int lazygrid_between(long detector, long a, long b, long pairs, long count);
+
+        static native int lazygrid_count_between(long detector, long a, long b, long count);
+
+        static native int lazygrid_neighbors_between(long detector, long a, long b, long offsets, long indices);
+
+        static native int lazygrid_stream_between(
+            long detector, long a, long b, long chunk, Consume consume, long context, long handed);
+
         static native int lazygrid_report_json(long detector, long json);
 
         static native int lazygrid_memory_for(long detector, long spheres, long bytes);
@@ -143,10 +152,33 @@ final class Library {
     }
 
     static int stream(long detector, long spheres, long chunk, Consumer consumer, long handed) {
-        Consume consume = (context, pairs, count) -> consumer.take(Pointer.nativeValue(pairs), count);
+        Consume consume = consume(consumer);
         int status = Functions.lazygrid_stream(detector, spheres, chunk, consume, 0, handed);
         Reference.reachabilityFence(consume);
         return status;
+    }
+
+    static int between(long detector, long a, long b, long pairs, long count) {
+        return Functions.lazygrid_between(detector, a, b, pairs, count);
+    }
+
+    static int countBetween(long detector, long a, long b, long count) {
+        return Functions.lazygrid_count_between(detector, a, b, count);
+    }
+
+    static int neighborsBetween(long detector, long a, long b, long offsets, long indices) {
+        return Functions.lazygrid_neighbors_between(detector, a, b, offsets, indices);
+    }
+
+    static int streamBetween(long detector, long a, long b, long chunk, Consumer consumer, long handed) {
+        Consume consume = consume(consumer);
+        int status = Functions.lazygrid_stream_between(detector, a, b, chunk, consume, 0, handed);
+        Reference.reachabilityFence(consume);
+        return status;
+    }
+
+    private static Consume consume(Consumer consumer) {
+        return (context, pairs, count) -> consumer.take(Pointer.nativeValue(pairs), count);
     }
 
     static int reportJson(long detector, long json) {

@@ -7,7 +7,7 @@ import java.nio.charset.StandardCharsets;
 
 /** Settings as {@code lazygrid_settings} on 64-bit machines. */
 final class NativeSettings implements AutoCloseable {
-    private static final int SIZE = 64;
+    private static final int SIZE = 72;
     private static final int BACKEND = 8;
     private static final int ALGORITHM = 12;
     private static final int ORDER = 16;
@@ -17,6 +17,8 @@ final class NativeSettings implements AutoCloseable {
     private static final int TIMEOUT = 44;
     private static final int ADAPTER = 48;
     private static final int INTERACTIONS = 56;
+    private static final int SKIN = 64;
+    private static final int SKIN_DISTANCE = 68;
 
     private final ByteBuffer structure = direct(SIZE);
     private final ByteBuffer adapter;
@@ -34,6 +36,8 @@ final class NativeSettings implements AutoCloseable {
             structure.putFloat(PERIODIC + 4 * axis, settings.periodic[axis]);
         }
         structure.putInt(TIMEOUT, settings.timeoutSeconds);
+        structure.putInt(SKIN, settings.skin.kind().ordinal());
+        structure.putFloat(SKIN_DISTANCE, settings.skin.distance());
         adapter = settings.adapter == null ? null : text(settings.adapter);
         if (adapter != null) structure.putLong(ADAPTER, Library.address(adapter, 1));
         interactions = settings.interactions == null ? 0 : table(settings.interactions);

@@ -13,6 +13,7 @@ public final class Settings {
     int timeoutSeconds;
     String adapter;
     Interactions interactions;
+    Skin skin = Skin.AUTO;
 
     /** The defaults. */
     public Settings() {}
@@ -117,6 +118,17 @@ public final class Settings {
      */
     public Settings interactions(Interactions interactions) {
         this.interactions = interactions;
+        return this;
+    }
+
+    /**
+     * Whether candidates are kept from call to call. An answer never depends on it.
+     *
+     * @param skin by default {@link Skin#AUTO}
+     * @return these settings
+     */
+    public Settings skin(Skin skin) {
+        this.skin = skin;
         return this;
     }
 }

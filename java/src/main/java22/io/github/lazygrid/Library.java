@@ -47,6 +47,14 @@ final class Library {
         function("neighbors", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle STREAM =
         function("stream", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle BETWEEN =
+        function("between", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle COUNT_BETWEEN =
+        function("count_between", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle NEIGHBORS_BETWEEN =
+        function("neighbors_between", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle STREAM_BETWEEN = function(
+        "stream_between", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle REPORT_JSON = function("report_json", JAVA_INT, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle MEMORY_FOR =
         function("memory_for", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG);
@@ -195,11 +203,48 @@ final class Library {
     static int stream(long detector, long spheres, long chunk, Consumer consumer, long handed) {
         // Closed when C has returned, and with it all threads that call.
         try (Arena arena = Arena.ofConfined()) {
-            long consume = LINKER.upcallStub(TAKE.bindTo(consumer), CONSUME, arena).address();
-            return (int) STREAM.invokeExact(detector, spheres, chunk, consume, 0L, handed);
+            return (int) STREAM.invokeExact(detector, spheres, chunk, stub(consumer, arena), 0L, handed);
         } catch (Throwable thrown) {
             throw fault(thrown);
         }
+    }
+
+    static int between(long detector, long a, long b, long pairs, long count) {
+        try {
+            return (int) BETWEEN.invokeExact(detector, a, b, pairs, count);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int countBetween(long detector, long a, long b, long count) {
+        try {
+            return (int) COUNT_BETWEEN.invokeExact(detector, a, b, count);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int neighborsBetween(long detector, long a, long b, long offsets, long indices) {
+        try {
+            return (int) NEIGHBORS_BETWEEN.invokeExact(detector, a, b, offsets, indices);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int streamBetween(long detector, long a, long b, long chunk, Consumer consumer, long handed) {
+        // As in stream.
+        try (Arena arena = Arena.ofConfined()) {
+            return (int) STREAM_BETWEEN.invokeExact(detector, a, b, chunk, stub(consumer, arena), 0L, handed);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    /** The address of a function for C that calls the consumer, until the arena is closed. */
+    private static long stub(Consumer consumer, Arena arena) {
+        return LINKER.upcallStub(TAKE.bindTo(consumer), CONSUME, arena).address();
     }
 
     static int reportJson(long detector, long json) {

@@ -25,7 +25,7 @@ public final class ContractTest {
 
     private ContractTest() {}
 
-    private static void check(boolean condition, String what) {
+    static void check(boolean condition, String what) {
         if (condition) {
             passed++;
         } else {
@@ -35,7 +35,7 @@ public final class ContractTest {
         }
     }
 
-    private static <E extends Throwable> void throwing(Class<E> type, Predicate<E> right, Runnable work, String what) {
+    static <E extends Throwable> void throwing(Class<E> type, Predicate<E> right, Runnable work, String what) {
         try {
             work.run();
         } catch (Throwable thrown) {
@@ -45,17 +45,17 @@ public final class ContractTest {
         check(false, what + ": nothing was thrown");
     }
 
-    private static void failing(Status status, String says, Runnable work) {
+    static void failing(Status status, String says, Runnable work) {
         throwing(LazygridException.class, e -> e.status() == status && e.getMessage().contains(says), work,
             status + " with " + says);
     }
 
-    private static Settings onCpu() {
+    static Settings onCpu() {
         return new Settings().backend(Backend.CPU);
     }
 
     /** Each touches the next. */
-    private static FloatBuffer line(int count) {
+    static FloatBuffer line(int count) {
         FloatBuffer rows = Spheres.floats(4 * count);
         for (int k = 0; k < count; k++) rows.put(4 * k, 0.5f * k).put(4 * k + 3, 0.3f);
         return rows;
@@ -119,7 +119,7 @@ public final class ContractTest {
                 StringBuilder expected = new StringBuilder();
                 for (int i = 0; i < count; i++) {
                     for (int j = i + 1; j < count; j++) {
-                        if (overlap(rows, i, j)) expected.append(i).append(' ').append(j).append(' ');
+                        if (overlap(rows, i, rows, j)) expected.append(i).append(' ').append(j).append(' ');
                     }
                 }
                 StringBuilder found = new StringBuilder();
@@ -129,13 +129,13 @@ public final class ContractTest {
         }
     }
 
-    private static boolean overlap(FloatBuffer rows, int i, int j) {
+    static boolean overlap(FloatBuffer a, int i, FloatBuffer b, int j) {
         double squared = 0;
         for (int axis = 0; axis < 3; axis++) {
-            double d = (double) rows.get(4 * i + axis) - rows.get(4 * j + axis);
+            double d = (double) a.get(4 * i + axis) - b.get(4 * j + axis);
             squared += d * d;
         }
-        double reach = (double) rows.get(4 * i + 3) + rows.get(4 * j + 3);
+        double reach = (double) a.get(4 * i + 3) + b.get(4 * j + 3);
         return squared <= reach * reach;
     }
 
@@ -234,6 +234,7 @@ public final class ContractTest {
             for (Enum<?> value : all) expected.add(kind + "_" + value + " " + value.ordinal());
         }
         for (Interaction.Kind kind : Interaction.Kind.values()) expected.add(kind + " " + kind.ordinal());
+        for (Skin.Kind kind : Skin.Kind.values()) expected.add("SKIN_" + kind + " " + kind.ordinal());
         check(named.equals(expected), "header " + named + ", here " + expected);
     }
 
@@ -252,6 +253,7 @@ public final class ContractTest {
         streams();
         errors();
         speciesAndBoxes();
+        SetsAndSkins.run();
         threads();
         System.out.println(passed + " passed, " + failed + " failed");
         System.exit(failed == 0 ? 0 : 1);
