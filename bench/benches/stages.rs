@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use lazygrid::{Algorithm, Backend, Config, Detector, Order, Sphere, gpu};
+use lazygrid::{Algorithm, Backend, Config, Detector, Order, Skin, Sphere, gpu};
 use lazygrid_io::scenes::Scene;
 
 /// Few enough that one call is a matter of milliseconds even for the slow algorithms.
@@ -22,7 +22,8 @@ fn algorithms(criterion: &mut Criterion) {
             Backend::Gpu => format!("{algorithm} on the GPU"),
             _ => algorithm.to_string(),
         };
-        let config = Config::default().backend(backend).algorithm(algorithm);
+        // The spheres stand still, so that candidates would be kept for ever.
+        let config = Config::default().backend(backend).algorithm(algorithm).skin(Skin::Off);
         for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst, Scene::BurstLinear] {
             let spheres = scene.spheres(N, SEED);
             let mut group = criterion.benchmark_group(format!("{of}/{scene}"));

@@ -8,6 +8,7 @@ mod class;
 pub mod octree;
 pub mod parry;
 pub mod sweep;
+pub mod verlet;
 
 use lazygrid::Sphere;
 

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use lazygrid::gpu::{self, Cost, GpuDevice, GpuSession, GpuSettings};
-use lazygrid::{Algorithm, Backend, Config, Detector, Error, Phase, Sphere, Spheres};
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, Phase, Skin, Sphere, Spheres};
 
 use crate::bandwidth::median;
 use crate::device::PATIENCE;
@@ -78,7 +78,8 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
 /// # Errors
 /// Where there is no memory for so many, or a call fails.
 pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, Untimed> {
-    let config = Config::default().backend(Backend::Cpu).algorithm(algorithm);
+    // The spheres stand still, so that candidates would be kept for ever.
+    let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).skin(Skin::Off);
     let mut detector = Detector::new(config).map_err(|error| Untimed::Failed(error.to_string()))?;
     let (needed, free) = (detector.memory_for(spheres.len() as u64), free_memory());
     if free.is_some_and(|free| needed > free) {

@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid_host::{HostDetector, Neighbors};
-use lazygrid_kernels::{Pair, Spheres};
+use lazygrid_kernels::{MAX_SPHERES, Pair, Spheres};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceDetector, GpuDevice};
@@ -197,7 +197,8 @@ impl Detector {
     ///
     /// In canonical order the stream is canonical as a whole; a result of more than [`Config::max_pairs`] pairs
     /// then costs one further search per that many pairs. Unordered chunks come as they are found, from
-    /// whichever thread, one at a time.
+    /// whichever thread, one at a time. While `consume` runs, other threads of the search may wait for it: it must not
+    /// itself wait for work of the same rayon pool, as another search from inside it would.
     ///
     /// # Errors
     /// As [`count`](Self::count).
@@ -246,11 +247,14 @@ impl Detector {
     }
 
     /// An estimate of the bytes this detector holds for `spheres` spheres, besides the result and besides candidates, which
-    /// take 8 bytes each as pairs do; on the CPU an upper one.
-    /// On a GPU it counts eight (cell, sphere) entries per sphere, the most on one level. Where spheres of many sizes
-    /// crowd together several levels may have more: ten sizes at one point about 44, for which there is made room,
-    /// 16 bytes each, when a call needs it, and counted from then on.
+    /// take 8 bytes each as pairs do. On the CPU it is an upper bound. More than [`MAX_SPHERES`](crate::MAX_SPHERES) spheres
+    /// count as so many.
+    ///
+    /// On a GPU the estimate has eight (cell, sphere) entries per sphere, the most on one level. Spheres of many sizes that
+    /// crowd together may have entries on several levels: ten sizes at one point have about 44 each. A call that needs
+    /// more makes room for them, 16 bytes each, and later estimates count it.
     pub fn memory_for(&self, spheres: u64) -> u64 {
+        let spheres = spheres.min(MAX_SPHERES);
         match &self.engine {
             Engine::Host(host) => host.memory_for(spheres),
             #[cfg(feature = "gpu")]

@@ -48,7 +48,12 @@ impl State {
         match (settings.skin, settings.algorithm) {
             (Skin::Off, _) => Ok(Some(Rebuilt::First)),
             (skin, Algorithm::Auto | Algorithm::CellList) => {
-                self.report.time("measure", || self.course.advance(skin, (rule, &self.cell_list), threads))
+                let Self { report, course, cell_list, .. } = self;
+                match course.candidates.survey().is_some() {
+                    true => report.time("measure", || course.advance(skin, (rule, cell_list), threads)),
+                    // There is nothing to measure but a sample.
+                    false => course.advance(skin, (rule, cell_list), threads),
+                }
             }
             _ => Ok(Some(Rebuilt::First)),
         }

@@ -178,6 +178,25 @@ pub enum Error {
     },
 }
 
+impl Error {
+    /// The place in the file, where the error has one: for who reads a file in pieces and knows where each begins.
+    pub fn place_mut(&mut self) -> Option<&mut Place> {
+        match self {
+            Self::Read { .. } | Self::Write { .. } | Self::UnknownFormat { .. } => None,
+            Self::Syntax { place, .. }
+            | Self::Number { place, .. }
+            | Self::Value { place, .. }
+            | Self::NoRadius { place, .. }
+            | Self::Truncated { place, .. }
+            | Self::TiltedBox { place, .. }
+            | Self::BoxLength { place, .. }
+            | Self::RepeatedMolecule { place, .. }
+            | Self::LineTooLong { place, .. }
+            | Self::TooManySpheres { place, .. } => Some(place),
+        }
+    }
+}
+
 fn remedy(species: Option<&str>) -> String {
     match species {
         Some(name) => match bare(name) {

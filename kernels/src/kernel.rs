@@ -3,6 +3,16 @@
 use crate::layout::{Call, Lengths};
 use crate::wgsl;
 
+mod sizes;
+
+use sizes::{SCAN_ITEMS, SPHERES_PER_THREAD};
+
+pub use sizes::{
+    BOUNDS_TILE, CROWDED_TILES, CROWDED_TURNS, DENSITY_TILE, DEPTHS, DIGIT_BITS, GROUP,
+    MAX_ENTRIES_PER_SPHERE, MAX_ENTRY_OBJECTS, MAX_TURNS, NAIVE_TILES, NAIVE_TURNS, NARROW_TILE, SCAN_TILE,
+    SCANNED_AT_ONCE, SHARE, WIDE_TILE,
+};
+
 /// How a kernel uses a binding; the position in [`Kernel::bindings`] is the binding number of group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
@@ -76,47 +86,6 @@ impl Variant {
         if self.wide { WIDE_TILE } else { NARROW_TILE }
     }
 }
-
-/// Threads per workgroup of every kernel that is not a single thread.
-pub const GROUP: u32 = 256;
-/// Keys that one workgroup sorts in a radix pass where there is workgroup memory for them: runs of equal digits are
-/// as long as a cache line.
-pub const WIDE_TILE: u32 = GROUP * 16;
-/// Keys that one workgroup sorts elsewhere.
-pub const NARROW_TILE: u32 = GROUP * 8;
-/// Values that one workgroup scans.
-pub const SCAN_TILE: u32 = GROUP * SCAN_ITEMS;
-/// Spheres that one workgroup of `bounds_reduce` reads.
-pub const BOUNDS_TILE: u32 = GROUP * SPHERES_PER_THREAD;
-/// Counters that one workgroup of `density_clear` clears.
-pub const DENSITY_TILE: u32 = GROUP * SPHERES_PER_THREAD;
-/// Depths of a grid, cells at each half as wide as at the one before.
-pub const DEPTHS: u32 = 32;
-/// Bits of one radix digit.
-pub const DIGIT_BITS: u32 = 8;
-/// Most objects an entry can name: three bits of its word say where the object begins.
-pub const MAX_ENTRY_OBJECTS: u64 = 1 << 29;
-/// Most entries per sphere and level: grids are chosen so that no sphere overlaps more than two cells per axis.
-pub const MAX_ENTRIES_PER_SPHERE: u64 = 8;
-
-/// Turns that the loops of one invocation may take in all. Lavapipe ends them after 65 535, without a word.
-pub const MAX_TURNS: u32 = 16_000;
-/// Turns of the naive search per tile: of its eight parts each 32 tests and up to 32 pairs.
-pub const NAIVE_TURNS: u32 = 8 * (1 + 32 + 32);
-/// Turns of the crowded search per tile: the same, and whether this cell owns each of 32 pairs.
-pub const CROWDED_TURNS: u32 = 8 * (1 + 32 + 32 + 32);
-/// Tiles that one workgroup of the naive search may compare with.
-pub const NAIVE_TILES: u32 = MAX_TURNS / NAIVE_TURNS;
-/// Tiles that one workgroup of the crowded search may compare with, after looking for the end of a run.
-pub const CROWDED_TILES: u32 = (MAX_TURNS - u32::BITS) / CROWDED_TURNS;
-
-/// Candidates of one sphere of a cell list that are tested by one invocation.
-pub const SHARE: u32 = 2048;
-
-/// The most values that [`SCAN_ONCE`] takes.
-pub const SCANNED_AT_ONCE: u32 = 1 << 16;
-const SCAN_ITEMS: u32 = 8;
-const SPHERES_PER_THREAD: u32 = 4;
 
 impl Lengths {
     /// The lengths for a sort of `items` keys in tiles of so many: a counter per digit and tile.

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use clap::{Parser, ValueEnum};
 use lazygrid::{Algorithm, Backend, Config, Order};
 use lazygrid_bench::measure::{Contender, Options, Plan, Timing, compare, markdown, provenance};
-use lazygrid_bench::peers::{cell_list, parry};
+use lazygrid_bench::peers::{cell_list, parry, verlet};
 
 /// Above this many spheres the naive detector is left out: its time grows with the square.
 const NAIVE_LIMIT: usize = 20_000;
@@ -56,6 +56,8 @@ enum Mode {
     /// The settings of Bullet, kept from step to step; one thread.
     #[cfg(feature = "bullet")]
     Bullet,
+    /// The skins of the Verlet list, kept from step to step; one thread.
+    Verlet,
     /// The settings of the plain cell list beside parry3d's tree, kept from step to step; one thread.
     Yardstick,
     /// One call from arbitrary order; one thread.
@@ -126,7 +128,7 @@ fn plan_for(mode: Mode, plan: Plan) -> Plan {
 fn heading(mode: Mode, plan: &Plan) -> String {
     let Plan { scene, n, seed, rounds, steps, .. } = plan;
     let what = match mode {
-        Mode::Running | Mode::Yardstick => "kept from step to step, one thread",
+        Mode::Running | Mode::Verlet | Mode::Yardstick => "kept from step to step, one thread",
         #[cfg(feature = "bullet")]
         Mode::Bullet => "kept from step to step, one thread",
         Mode::Scratch => "from scratch, one thread",
@@ -144,6 +146,7 @@ fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<Contender> {
         Mode::Yardstick => {
             std::iter::once(parry::refitted("parry3d refit")).chain(cell_list::tunings(plan.scene)).collect()
         }
+        Mode::Verlet => verlet::skins(plan.scene),
         Mode::Scratch => parry::scratch(),
         #[cfg(feature = "bullet")]
         Mode::Bullet => lazygrid_bench::peers::bullet::tunings(plan.scene),

@@ -1,15 +1,15 @@
 use std::fmt;
 
-use lazygrid::{Algorithm, Backend, Config, Order};
+use lazygrid::{Algorithm, Backend, Config, Order, Skin};
 
 use crate::measure::Contender;
-use crate::peers::{cell_list, octree, parry, sweep};
+use crate::peers::{cell_list, octree, parry, sweep, verlet};
 use lazygrid_io::scenes::Scene;
 
 /// A way to find pairs that takes part in the figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Engine {
-    /// A lazygrid algorithm on the CPU; pairs in any order.
+    /// A lazygrid algorithm on the CPU; pairs in any order. Only its own choice keeps candidates from step to step.
     Cpu {
         /// Which; `Auto` is the CPU path's own choice.
         algorithm: Algorithm,
@@ -34,6 +34,8 @@ pub enum Engine {
     ParryOptimised,
     /// The yardstick.
     PlainCellList,
+    /// A Verlet list with the skin that is fastest for the scene.
+    Verlet,
     /// Sort and sweep.
     SortAndSweep,
     /// An octree with sort and sweep in its leaves.
@@ -60,6 +62,7 @@ impl Engine {
             Self::ParryMargin => parry::with_margin(name),
             Self::ParryOptimised => parry::optimised(name),
             Self::PlainCellList => cell_list::tuned(name, scene),
+            Self::Verlet => verlet::tuned(name, scene),
             Self::SortAndSweep => sweep::running(),
             Self::Octree => octree::running(),
         }
@@ -69,7 +72,9 @@ impl Engine {
     fn config(self) -> Config {
         let config = Config::default().backend(Backend::Cpu).order(Order::Unordered);
         let Self::Cpu { algorithm, threads, tau, ratio } = self else { return config };
-        let mut config = config.algorithm(algorithm);
+        // An algorithm that is asked for is to show what it takes; the CPU path's own choice keeps what it likes.
+        let skin = if algorithm == Algorithm::Auto { Skin::Auto } else { Skin::Off };
+        let mut config = config.algorithm(algorithm).skin(skin);
         if let Some(threads) = threads {
             config = config.threads(threads);
         }
@@ -139,6 +144,7 @@ impl fmt::Display for Engine {
             Self::ParryMargin => "parry3d refit, margin",
             Self::ParryOptimised => "parry3d refit, optimised",
             Self::PlainCellList => "plain cell list",
+            Self::Verlet => "Verlet list",
             Self::SortAndSweep => "sort-and-sweep (N3Sim)",
             Self::Octree => "octree (BiNS2)",
         };

@@ -262,7 +262,7 @@ const fn scenes(figure: Figure) -> &'static [Scene] {
 
 fn engines(figure: Figure) -> Vec<Engine> {
     let on_gpu = |algorithms: &[Algorithm]| algorithms.iter().map(|&a| Engine::Gpu(a)).collect::<Vec<_>>();
-    let gpu = on_gpu(&[Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid]);
+    let gpu = on_gpu(&Algorithm::GPU);
     let grids = [Algorithm::HashGrid, Algorithm::ArrayGrid, Algorithm::RecursiveGrid];
     match figure {
         Figure::F3a | Figure::F3b | Figure::Point => {
@@ -271,9 +271,10 @@ fn engines(figure: Figure) -> Vec<Engine> {
         }
         Figure::F4 => {
             // In a pool of one thread.
-            let ours = [Algorithm::RecursiveGrid, Algorithm::Auto].map(|a| Engine::cpu(a, None));
+            let ours = [Algorithm::RecursiveGrid, Algorithm::CellList, Algorithm::Auto];
+            let ours = ours.map(|a| Engine::cpu(a, None));
             let trees = [Engine::BulletAsShipped, Engine::BulletTuned, Engine::Parry];
-            let more = [Engine::ParryMargin, Engine::ParryOptimised, Engine::PlainCellList];
+            let more = [Engine::ParryMargin, Engine::ParryOptimised, Engine::PlainCellList, Engine::Verlet];
             ours.into_iter().chain(trees).chain(more).collect()
         }
         Figure::F5a | Figure::F5b => {

@@ -71,7 +71,7 @@ fn with(name: impl Into<String>, tuning: Tuning) -> Contender {
     Contender::new(name, move || Ok(CellList::new(tuning)))
 }
 
-struct CellList {
+pub(super) struct CellList {
     tuning: Tuning,
     /// From the largest spheres to the smallest.
     classes: Vec<Class>,
@@ -80,6 +80,25 @@ struct CellList {
 }
 
 impl CellList {
+    /// The one that is fastest for a scene.
+    pub(super) fn of(scene: Scene) -> Self {
+        Self::new(Tuning::best(scene))
+    }
+
+    /// The pairs of these spheres.
+    pub(super) fn pairs_of(&mut self, spheres: &[Sphere]) -> &Vec<Pair> {
+        if self.spheres != spheres.len() {
+            self.classify(spheres);
+        }
+        self.find(spheres);
+        &self.pairs
+    }
+
+    /// The spheres of the last step, those near each other in space near each other, class by class.
+    pub(super) fn order(&self) -> impl Iterator<Item = u32> {
+        self.classes.iter().flat_map(|class| class.order.iter().copied())
+    }
+
     fn new(tuning: Tuning) -> Self {
         Self { tuning, classes: vec![], pairs: vec![], spheres: 0 }
     }
@@ -101,11 +120,7 @@ impl CellList {
 
 impl Search for CellList {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
-        if self.spheres != spheres.len() {
-            self.classify(spheres);
-        }
-        self.find(spheres);
-        Ok(Found::Pairs(&self.pairs))
+        Ok(Found::Pairs(self.pairs_of(spheres)))
     }
 }
 

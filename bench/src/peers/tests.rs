@@ -15,6 +15,7 @@ fn peers_agree_with_the_judge() {
         contenders.extend([cell_list::running(), octree::running(), sweep::running()]);
         contenders.extend(cell_list::tunings(scene));
         contenders.extend(parry::running());
+        contenders.extend(verlet::skins(scene));
         #[cfg(feature = "bullet")]
         contenders.extend(bullet::tunings(scene));
         let timings = compare(&plan, &contenders).unwrap_or_else(|e| panic!("{scene}: {e}"));

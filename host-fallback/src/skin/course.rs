@@ -10,7 +10,7 @@ use crate::report::{Rebuilt, Report};
 use crate::threads::Threads;
 use crate::{Error, Skin};
 
-/// Calls at most for which a choice is not thought over.
+/// Calls at most for which a choice is not thought over, and after candidates that were too many.
 const PATIENCE: u32 = 31;
 
 /// Candidates, and what decides on the next.
@@ -24,6 +24,8 @@ pub(crate) struct Course {
     /// For how many searches the choice stands, and for how many it stood the last time.
     wait: u32,
     patience: u32,
+    /// For how many searches no candidates are looked for, as they were too many.
+    pause: u32,
 }
 
 impl Course {
@@ -68,14 +70,17 @@ impl Course {
     ) -> Result<bool, Error> {
         let crowding = report.time("plan", || Crowding::sample(input))?;
         let allowances = match input.settings.skin {
+            _ if self.pause > 0 => None,
             Skin::Off => None,
             Skin::Fixed(distance) => Some(fixed(distance)),
             Skin::Auto => report.time("plan", || self.choose(input, &crowding)),
         };
-        if let Some(allowances) = allowances
-            && self.candidates.find((list, &crowding), input, &allowances, report)?
-        {
-            return Ok(true);
+        self.pause = self.pause.saturating_sub(1);
+        if let Some(allowances) = allowances {
+            if self.candidates.find((list, &crowding), input, &allowances, report)? {
+                return Ok(true);
+            }
+            self.pause = PATIENCE;
         }
         self.candidates.clear();
         list.build_at(input, &crowding, report)?;

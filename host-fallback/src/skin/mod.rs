@@ -17,7 +17,6 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use lazygrid_kernels::Pair;
 
-use crate::Error;
 use crate::cell_list::{CellList, Crowding, Entry};
 use crate::classes::{CLASSES, class_of};
 use crate::compare::{MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, prefetch};
@@ -26,6 +25,7 @@ use crate::memory::{resize, with_growth};
 use crate::report::{Kept, Rebuilt, Report};
 use crate::survey::Survey;
 use crate::threads::Threads;
+use crate::{Error, Skin};
 
 pub(crate) use course::Course;
 
@@ -40,6 +40,8 @@ const PIECE: usize = 1 << 13;
 const USABLE: f32 = 1.0 - 1.0 / (1 << 16) as f32;
 /// What rounding may add to a distance between nearest images, as a part of the longest axis.
 const SEAM: f32 = 1.0 / (1 << 20) as f32;
+/// Candidates per sphere at most where nobody asked for them: what was expected may be wrong.
+const MOST_KEPT: u64 = 128;
 /// Radii from which allowances may be lost in them.
 const LARGEST: f32 = 1e30;
 /// Allowances whose squares `f32` holds with room to spare.
@@ -124,7 +126,7 @@ impl Candidates {
     }
 
     /// Finds candidates anew, with the list of all spheres. `false` where they are more than a list may hold; there are
-    /// none then.
+    /// none then. [`Skin::Auto`] keeps no more than memory in proportion to the spheres.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -150,7 +152,10 @@ impl Candidates {
         let rule = input.rule.widened(Widening { by_class: allowances, order: Some(&self.order) });
         let widened = wide(rule, widened.survey);
         self.chunks.iter_mut().for_each(Vec::clear);
-        let limit = input.settings.max_pairs;
+        let limit = match input.settings.skin {
+            Skin::Auto => input.settings.max_pairs.min(MOST_KEPT * input.survey.spheres as u64),
+            _ => input.settings.max_pairs,
+        };
         let kept = To::List { limit, kept: AtomicU64::new(0) };
         let output = Written::new(kept, std::mem::take(&mut self.chunks));
         let (count, chunks) = report.time("candidates", || list.search(&widened, &output)?.finish())?;

@@ -25,7 +25,9 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
              where they take long; the number is in brackets. Two warm-up steps are dropped, as trees write all their \
              boxes with the margin in the second. Bullet is the real library: one proxy per sphere, kept; as shipped, \
              with a margin of 0.05, and tuned, with a margin of the largest radius for equal spheres and half of it \
-             for five sizes. parry3d is what a Rust program would take. The plain cell list, its cells chosen for the scene, is the yardstick."
+             for five sizes. parry3d is what a Rust program would take. The plain cell list, its cells chosen for the scene, is the yardstick; the Verlet list, its skin chosen \
+             for the scene, keeps pairs that may soon overlap. lazygrid's cell-list searches anew at every step, and its \
+             own choice keeps what it expects to be worth it."
                 .to_owned(),
             "Ratios are of the total time of all steps that both ran, as a tree with a margin is slow only now and \
              then: Bullet tuned's boxes, all written together at the start, are rewritten about when spheres have \

@@ -1,0 +1,118 @@
+//! A Verlet list as a program would write it whose spheres move little: pairs within a skin of each other, found by the
+//! plain cell list, are tested until some sphere has moved by half the skin. It shares nothing with lazygrid's detectors
+//! but the exact test.
+
+use std::error::Error;
+
+use lazygrid::{Pair, Sphere};
+
+use super::cell_list::CellList;
+use super::touch;
+use crate::measure::{Contender, Found, Search};
+use lazygrid_io::scenes::Scene;
+
+/// The skin that is fastest for a scene of the benchmarks in steps of a tenth of the radius, where the largest radius is
+/// 1, of [`skins`] in `cargo bench -p lazygrid-bench --bench peers -- --mode verlet --output unordered --algorithm auto
+/// --steps 100 --rounds 3`.
+fn best(scene: Scene) -> f32 {
+    match scene {
+        Scene::Equal => 2.0,
+        Scene::FiveSizes => 1.0,
+        Scene::Burst | Scene::BurstLinear | Scene::Point => 0.1,
+    }
+}
+
+/// The list with the best skin for a scene.
+pub fn tuned(name: impl Into<String>, scene: Scene) -> Contender {
+    with(name, scene, best(scene))
+}
+
+/// The skins to choose from.
+pub fn skins(scene: Scene) -> Vec<Contender> {
+    let of = |skin: f32| with(format!("Verlet list, skin {skin}"), scene, skin);
+    [0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 2.5].map(of).into()
+}
+
+fn with(name: impl Into<String>, scene: Scene, skin: f32) -> Contender {
+    Contender::new(name, move || Ok(Verlet::new(scene, skin)))
+}
+
+struct Verlet {
+    skin: f32,
+    list: CellList,
+    /// The spheres with half the skin around them, where they were when the candidates were found.
+    wide: Vec<Sphere>,
+    /// Which sphere stands at which place, so that neighbours in space are neighbours in memory.
+    order: Vec<u32>,
+    place_of: Vec<u32>,
+    /// Where the spheres of each place are now, and where they were.
+    now: Vec<Sphere>,
+    then: Vec<Sphere>,
+    /// Pairs of places.
+    candidates: Vec<Pair>,
+    pairs: Vec<Pair>,
+}
+
+impl Verlet {
+    fn new(scene: Scene, skin: f32) -> Self {
+        Self {
+            skin,
+            list: CellList::of(scene),
+            wide: vec![],
+            order: vec![],
+            place_of: vec![],
+            now: vec![],
+            then: vec![],
+            candidates: vec![],
+            pairs: vec![],
+        }
+    }
+
+    /// Takes over where the spheres are now; whether the candidates still do.
+    fn advance(&mut self, spheres: &[Sphere]) -> bool {
+        if self.order.len() != spheres.len() {
+            return false;
+        }
+        let most = 0.25 * self.skin * self.skin * 0.9999;
+        let mut farthest = 0.0_f32;
+        for ((now, then), &k) in self.now.iter_mut().zip(&self.then).zip(&self.order) {
+            *now = spheres[k as usize];
+            farthest = farthest.max(now.center.distance_squared(then.center));
+        }
+        farthest <= most
+    }
+
+    fn find(&mut self, spheres: &[Sphere]) {
+        let widen = |sphere: &Sphere| Sphere { radius: sphere.radius + 0.5 * self.skin, ..*sphere };
+        self.wide.clear();
+        self.wide.extend(spheres.iter().map(widen));
+        self.candidates.clone_from(self.list.pairs_of(&self.wide));
+        self.order.clear();
+        self.order.extend(self.list.order());
+        self.place_of.resize(spheres.len(), 0);
+        for (place, &k) in (0..).zip(&self.order) {
+            self.place_of[k as usize] = place;
+        }
+        for pair in &mut self.candidates {
+            *pair = Pair::new(self.place_of[pair.i as usize], self.place_of[pair.j as usize]);
+        }
+        self.now.clear();
+        self.now.extend(self.order.iter().map(|&k| spheres[k as usize]));
+        self.then.clone_from(&self.now);
+    }
+}
+
+impl Search for Verlet {
+    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        if !self.advance(spheres) {
+            self.find(spheres);
+        }
+        self.pairs.clear();
+        for &Pair { i, j } in &self.candidates {
+            if touch(&self.now[i as usize], &self.now[j as usize]) {
+                self.pairs.push(Pair::new(self.order[i as usize], self.order[j as usize]));
+            }
+        }
+        Ok(Found::Pairs(&self.pairs))
+    }
+}

@@ -1,0 +1,142 @@
+//! What the command does on a GPU, and with several.
+
+use super::*;
+
+#[test]
+fn the_gpu_finds_the_pairs_of_both_files() {
+    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
+        let run = lazygrid(["detect", &data("lammps-pour.dump"), "--backend", "gpu"]);
+        assert!(run.code != Some(0) && run.err.contains("no GPU adapter"), "{}", run.err);
+        return;
+    }
+    let pairs = |file: &str, options: &[&str]| {
+        let file = data(file);
+        let args = ["detect", &file, "--backend", "gpu", "--json"];
+        let object = lazygrid(args.iter().chain(options)).succeeds().json();
+        assert_eq!(object["backend"], "gpu");
+        assert!(object["gpu"]["dispatches"].as_u64() > Some(2), "{object}");
+        object["pairs"].as_u64()
+    };
+    assert_eq!(pairs("lammps-pour.dump", &[]), Some(3072));
+    assert_eq!(pairs("smoldyn-burst.lst", &SMOLDYN), Some(35_236));
+}
+
+/// The rows of `time` in what was printed, in seconds.
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn times(out: &str) -> Vec<(&str, f64)> {
+    let (_, rows) = out.split_once("\ntime ").unwrap();
+    rows.lines()
+        .map(|row| {
+            let [name, time] = row.split_whitespace().collect::<Vec<_>>().try_into().unwrap();
+            let unit = time.find(|c: char| c.is_alphabetic()).unwrap();
+            let scale = match &time[unit..] {
+                "s" => 1.0,
+                "ms" => 1e-3,
+                "µs" => 1e-6,
+                _ => 1e-9,
+            };
+            (name, time[..unit].parse::<f64>().unwrap() * scale)
+        })
+        .collect()
+}
+
+/// What the GPU does is a part of what the host waits for, and not a further part of the whole.
+#[test]
+fn the_total_time_counts_nothing_twice() {
+    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
+        return;
+    }
+    for backend in ["cpu", "gpu"] {
+        let run = lazygrid(["detect", &data("lammps-pour.dump"), "--backend", backend]).succeeds();
+        let times = times(&run.out);
+        let waits = times.iter().any(|(name, _)| *name == "wait");
+        assert_eq!(waits, backend == "gpu", "{}", run.out);
+        let on_device = ["survey", "entries", "sort", "search"];
+        let counted =
+            times.iter().filter(|(name, _)| *name != "total" && !(waits && on_device.contains(name)));
+        let (sum, total) = (counted.map(|(_, time)| time).sum::<f64>(), times.last().unwrap());
+        assert!(total.0 == "total" && (sum - total.1).abs() < 0.02 * total.1, "{sum}: {}", run.out);
+    }
+}
+
+/// Each adapter by its index; those of which no other has the name, by a part of it.
+#[test]
+fn an_adapter_is_chosen_by_index_or_by_name() {
+    let (pour, adapters) = (data("lammps-pour.dump"), lazygrid::gpu::adapters());
+    let detect = |options: &[&str]| lazygrid(["detect", &pour, "--json"].iter().chain(options));
+    let devices = lazygrid(["devices"]).succeeds().out;
+    for (index, adapter) in adapters.iter().enumerate() {
+        assert!(devices.contains(&format!("gpu  {index}: {}", adapter.name)), "{devices}");
+        let found = detect(&["--adapter", &index.to_string()]).succeeds().json();
+        assert_eq!((&found["adapter"], &found["pairs"]), (&adapter.name.as_str().into(), &3072.into()));
+        if adapters.iter().filter(|other| other.name == adapter.name).count() == 1 {
+            let name = adapter.name.to_uppercase();
+            let found = detect(&["--adapter", &name, "--backend", "gpu"]).succeeds().json();
+            assert_eq!(found["adapter"], adapter.name);
+        }
+    }
+    let unknown = detect(&["--adapter", "nobody's card"]).fails().err;
+    match adapters.first() {
+        None => assert!(unknown.contains("no GPU adapter"), "{unknown}"),
+        Some(first) => {
+            assert!(unknown.contains("nobody's card") && unknown.contains(&first.name), "{unknown}")
+        }
+    }
+    let contradiction = detect(&["--adapter", "0", "--backend", "cpu"]);
+    assert!(
+        contradiction.code == Some(2) && contradiction.err.contains("adapter '0'"),
+        "{}",
+        contradiction.err
+    );
+    if adapters.len() < 2 {
+        #[expect(clippy::print_stderr, reason = "a test says what it could not look at")]
+        {
+            eprintln!("skipped: choosing one of several adapters, as there are only {}", adapters.len());
+        }
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn what_was_calibrated_is_kept_and_used() {
+    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
+        assert!(lazygrid(["calibrate"]).fails().err.contains("no GPU adapter"));
+        return;
+    }
+    let (scratch, pour) = (Scratch::new(), data("lammps-pour.dump"));
+    let cache = scratch.path("cache");
+    let reason = || {
+        let run =
+            LAZYGRID.run_with_cache(&cache, &["detect", &pour, "--backend", "gpu", "--json"]).succeeds();
+        (run.json()["reason"].as_str().unwrap().to_owned(), run.err)
+    };
+    let (assumed, warning) = reason();
+    assert!(assumed.contains("not measured on this") && warning.is_empty(), "{assumed} {warning}");
+
+    let file = scratch.path("cache/lazygrid/calibration.json");
+    let run = LAZYGRID.run_with_cache(&cache, &["calibrate"]).succeeds();
+    assert!(run.out.contains(&lazygrid::gpu::adapters()[0].name) && run.out.contains(&file), "{}", run.out);
+    let kept: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    let below = kept["calibrations"][0]["naive_below"].as_u64().unwrap();
+    let (measured, _) = reason();
+    assert!(measured.contains("(measured on this adapter)"), "{measured}");
+    // Three size classes.
+    let at = below + 2 * kept["calibrations"][0]["per_class"].as_u64().unwrap();
+    assert!(measured.contains(&format!(" {at} ")), "{measured}, {kept}");
+
+    // Of another version or driver it says nothing.
+    let other = fs::read_to_string(&file).unwrap().replace(env!("CARGO_PKG_VERSION"), "0.0.0");
+    fs::write(&file, other).unwrap();
+    assert!(reason().0.contains("not measured on this"));
+    // Measuring again replaces it.
+    LAZYGRID.run_with_cache(&cache, &["calibrate"]).succeeds();
+    let kept: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    assert_eq!(kept["calibrations"].as_array().unwrap().len(), 1);
+
+    fs::write(&file, "{\"calibrations\": [{").unwrap();
+    let (assumed, warning) = reason();
+    assert!(assumed.contains("not measured on this") && warning.contains(&file), "{assumed} {warning}");
+    let nowhere = scratch.write("file", "");
+    let run = LAZYGRID.run_with_cache(&nowhere, &["calibrate"]).fails();
+    assert!(run.err.contains("cannot write") && run.err.contains(&nowhere), "{}", run.err);
+}

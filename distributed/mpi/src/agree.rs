@@ -1,0 +1,35 @@
+use mpi::collective::SystemOperation;
+use mpi::traits::{Communicator, CommunicatorCollectives, Root};
+
+use crate::Error;
+
+/// The result of this rank where no rank failed, else the error of the first that did. Collective: all ranks of the
+/// communicator call it, whether they failed or not, and go on or give up together.
+///
+/// # Errors
+/// The error of the first rank that has one, the same on all ranks.
+pub fn agree<T>(comm: &impl Communicator, result: Result<T, Error>) -> Result<T, Error> {
+    let rank = comm.rank();
+    let own = if result.is_err() { rank } else { i32::MAX };
+    let mut first = i32::MAX;
+    comm.all_reduce_into(&own, &mut first, SystemOperation::min());
+    if first == i32::MAX {
+        return result;
+    }
+    let mut text = match &result {
+        Err(error) if first == rank => postcard::to_stdvec(error).unwrap_or_default(),
+        Err(error) => {
+            log::info!("{error}, besides what rank {first} says");
+            Vec::new()
+        }
+        Ok(_) => Vec::new(),
+    };
+    let speaker = comm.process_at_rank(first);
+    let mut length = text.len() as u64;
+    speaker.broadcast_into(&mut length);
+    text.resize(length as usize, 0);
+    speaker.broadcast_into(&mut text[..]);
+    let unread =
+        |_| Error::Detection { rank: first as u32, message: "failed, and could not say why".to_owned() };
+    Err(postcard::from_bytes(&text).unwrap_or_else(unread))
+}

@@ -1,0 +1,93 @@
+//! What the command does. `detect` reads, settles, searches, writes, and says what was found; `scale` takes times.
+
+pub(crate) mod args;
+mod input;
+mod manifest;
+mod npy;
+mod output;
+mod scale;
+mod summary;
+mod text;
+
+use std::io::{self, Write};
+use std::time::{Duration, Instant};
+
+use lazygrid::Space;
+use lazygrid_mpi::{Config, Distributed, Error, GlobalPair, agree};
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::Communicator;
+
+use crate::command::args::Detect;
+use crate::command::output::{Target, write};
+use crate::command::summary::Summary;
+
+pub(crate) use scale::scale;
+
+/// Collective, as all of the command: every rank returns the same.
+pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Error> {
+    let target = agree(world, Target::of(args).map_err(|message| refused(world, message)))?;
+    let mut times = Times::default();
+    let input = times.take("read", || input::read(world, args))?;
+    let mut distributed = Distributed::new(world, config(args, input.space))?;
+    let mut particles = input.particles;
+    times.take("settle", || distributed.settle(&mut particles))?;
+    let local = particles.local().map_err(|error| refused(world, error.to_string()));
+    let local = agree(world, local)?;
+    let files = match target {
+        None => times.take("search", || distributed.count(local)).map(|_| Vec::new())?,
+        Some(target) => {
+            let pairs = times.take("search", || {
+                let pairs = distributed.pairs(local)?;
+                Ok(pairs.iter().map(GlobalPair::ids).collect())
+            })?;
+            times.take("write", || write(world, &mut distributed, &target, pairs))?
+        }
+    };
+    if world.rank() != 0 {
+        return Ok(());
+    }
+    let summary = Summary { report: distributed.report(), space: input.space, files, times: times.0 };
+    print(world, &if args.json { summary.json() } else { summary.to_string() })
+}
+
+fn config(args: &Detect, space: Space) -> Config {
+    let config = Config::default()
+        .space(space)
+        .ownership(args.ownership())
+        .backend(args.backend)
+        .max_pairs(args.max_pairs);
+    match args.threads {
+        Some(threads) => config.threads(threads),
+        None => config,
+    }
+}
+
+/// How long each part of the work took.
+#[derive(Default)]
+struct Times(Vec<(&'static str, Duration)>);
+
+impl Times {
+    fn take<T>(&mut self, name: &'static str, work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+        let begun = Instant::now();
+        let done = work();
+        self.0.push((name, begun.elapsed()));
+        done
+    }
+}
+
+/// Writes to standard output at once.
+fn print(world: &SimpleCommunicator, text: &str) -> Result<(), Error> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        // Whoever reads has read enough.
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(refused(world, format!("cannot write to standard output: {error}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What this rank cannot go on with.
+pub(crate) fn refused(world: &SimpleCommunicator, message: String) -> Error {
+    Error::Input { rank: world.rank() as u32, index: None, message }
+}

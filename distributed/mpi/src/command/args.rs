@@ -1,0 +1,164 @@
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Parser, Subcommand};
+use lazygrid::{Backend, Space};
+use lazygrid_io::read::{Format, Options, Radii};
+use lazygrid_mpi::Ownership;
+
+/// All pairs of overlapping spheres, by many ranks.
+#[derive(Debug, Parser)]
+#[command(name = "lazygrid-mpi", version, arg_required_else_help = true)]
+#[command(after_help = "Exit code: 0 done; 1 bad input or failure; 2 wrong usage; 101 a rank panicked. \
+                        RUST_LOG=info says more on standard error.")]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Find the overlapping pairs of the spheres in a file
+    Detect(Detect),
+    /// Time steps in which everything moves, on as many ranks as there are
+    Scale(Scale),
+}
+
+/// Finds the overlapping pairs of the spheres in a file: those whose centres are at most the sum of their radii apart.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Input:
+  npy, csv, smoldyn   each rank reads its own part of the file: rows of arrays, whole lines of text
+  all others          one rank reads the file: xyz, lammps, Fortran order, and what is compressed
+  part-{rank}.npy     each rank reads a file of its own, in any of the formats
+Formats are those of `lazygrid detect`. Spheres are numbered from 0 in the order of the file, or of the files.
+
+Output:
+  -o pairs.npy        pairs.0.npy, pairs.1.npy and so on, one file per rank, and pairs.manifest.json
+  -o pairs.csv --gather   pairs.csv alone: what `lazygrid detect` writes, brought together on one rank
+Rows are i,j with i < j, in order within each file; arrays are of type u32, or u64 from 2^32 spheres on.
+
+Examples:
+  mpirun -n 8 lazygrid-mpi detect run.npy
+  mpirun -n 64 lazygrid-mpi detect 'part-{rank}.npy' --periodic 100,100,100 -o pairs.npy")]
+pub(crate) struct Detect {
+    /// The file with the spheres; {rank} in it stands for the number of the rank, from 0 on
+    pub(crate) file: PathBuf,
+    /// Its format [default: by extension, else by content]
+    #[arg(long, value_parser = PossibleValuesParser::new(Format::ALL.map(Format::name)).try_map(|name| name.parse::<Format>()))]
+    pub(crate) format: Option<Format>,
+    /// Which frame of a file with several, from 0 on
+    #[arg(long, value_name = "N")]
+    pub(crate) frame: Option<usize>,
+    /// The radius of a species; wins over a radius in the file. May be repeated
+    #[arg(long = "radius", value_name = "SPECIES=R", value_parser = radius)]
+    pub(crate) radii: Vec<(String, f32)>,
+    /// The lengths of a periodic box, - for an axis that is unbounded; or none [default: what the file declares]
+    #[arg(long, value_name = "X,Y,Z", value_parser = space, allow_hyphen_values = true)]
+    pub(crate) periodic: Option<Space>,
+    /// Let each rank keep the spheres that it read, instead of those of its part of space
+    #[arg(long)]
+    keep: bool,
+    /// Where each rank computes
+    #[arg(long, default_value_t, value_parser = PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
+    pub(crate) backend: Backend,
+    /// Threads of each rank [default: its share of the cores of its node]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Where to write the pairs: .csv or .npy, with or without .gz or .zst [default: count them only]
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+    /// Bring all pairs together in one file
+    #[arg(long, requires = "output")]
+    pub(crate) gather: bool,
+    /// The most pairs of a rank in memory, 32 bytes each
+    #[arg(long, value_name = "N", default_value_t = 1 << 27)]
+    pub(crate) max_pairs: u64,
+    /// Say what was found as a line of JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Times steps of a simulation in which every sphere moves by up to a tenth of its radius, and prints a line of JSON. The
+/// script `distributed/scaling.sh` runs it on 1, 2, 4 and more ranks.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Scale {
+    /// How the spheres lie
+    #[arg(long, value_enum, default_value_t = Scene::Uniform)]
+    pub(crate) scene: Scene,
+    /// How many there are on each rank, for weak scaling
+    #[arg(long, value_name = "N", default_value_t = 1_000_000)]
+    pub(crate) per_rank: u64,
+    /// How many there are on all ranks, for strong scaling; wins over --per-rank
+    #[arg(long, value_name = "N")]
+    pub(crate) spheres: Option<u64>,
+    /// How many steps are timed, after a first one
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    pub(crate) steps: u32,
+    /// Where each rank computes
+    #[arg(long, default_value_t, value_parser = PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
+    pub(crate) backend: Backend,
+    /// Threads of each rank [default: its share of the cores of its node]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+}
+
+/// How spheres lie.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub(crate) enum Scene {
+    /// Equal ones in a cube
+    Uniform,
+    /// Five sizes in a cube, each half as large as the one before
+    FiveSizes,
+    /// Equal ones in a cloud that is dense in the middle
+    Gaussian,
+    /// All at one point: as many pairs as there can be
+    Point,
+}
+
+impl Scene {
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::FiveSizes => "five-sizes",
+            Self::Gaussian => "gaussian",
+            Self::Point => "point",
+        }
+    }
+}
+
+impl Detect {
+    pub(crate) fn ownership(&self) -> Ownership {
+        if self.keep { Ownership::Keep } else { Ownership::BALANCE }
+    }
+
+    /// How files are read.
+    pub(crate) fn options(&self) -> Options {
+        let radii: Radii = self.radii.iter().cloned().collect();
+        Options { format: self.format, radii, space: self.periodic, ids: false }
+    }
+}
+
+fn radius(text: &str) -> Result<(String, f32), String> {
+    let (species, radius) = text.rsplit_once('=').ok_or("expected SPECIES=R, such as acid=0.1")?;
+    match f32::from_str(radius) {
+        Ok(radius) if radius.is_finite() && radius >= 0.0 => Ok((species.to_owned(), radius)),
+        _ => Err(format!("the radius '{radius}' must be a finite number that is not negative")),
+    }
+}
+
+fn space(text: &str) -> Result<Space, String> {
+    if text == "none" {
+        return Ok(Space::UNBOUNDED);
+    }
+    let length = |text: &str| match text.trim() {
+        "-" => Ok(None),
+        number => match f32::from_str(number) {
+            Ok(length) => Ok(Some(length)),
+            Err(_) => Err(format!("'{number}' is neither a length nor -")),
+        },
+    };
+    let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;
+    let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-, or none")?;
+    Space::periodic(lengths).map_err(|error| error.to_string())
+}

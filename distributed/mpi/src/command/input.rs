@@ -1,0 +1,137 @@
+//! The spheres of a file, each rank some of them.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use lazygrid::Space;
+use lazygrid_io::read::{Format, Frame, Frames};
+use lazygrid_mpi::{Error, Particles, agree};
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::{Communicator, CommunicatorCollectives, Root};
+
+use super::args::Detect;
+use super::{npy, refused, text};
+
+/// Stands for the number of a rank in the name of a file.
+const RANK: &str = "{rank}";
+
+/// What all ranks read together.
+pub(crate) struct Input {
+    /// The spheres of this rank, numbered through all ranks in the order of the file.
+    pub(crate) particles: Particles,
+    pub(crate) space: Space,
+}
+
+/// How a file is shared out.
+#[derive(Debug)]
+enum Way {
+    /// Each rank has a file of its own.
+    Own(PathBuf),
+    /// Rank 0 reads everything.
+    Whole,
+    /// Each rank reads rows of an array.
+    Rows(npy::Rows),
+    /// Each rank reads whole lines.
+    Lines(text::Body),
+}
+
+/// Collective.
+pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, Error> {
+    let way = agree(world, Way::of(args).map_err(|message| refused(world, message)))?;
+    let part = (world.rank() as u64, world.size() as u64);
+    let frame = match &way {
+        Way::Own(path) => whole(path, args),
+        Way::Whole if part.0 == 0 => whole(&args.file, args),
+        Way::Whole => Ok(Frame::default()),
+        Way::Rows(rows) => rows.read(&args.file, args.options(), part),
+        // Lines are counted by all ranks before one of them may fail.
+        Way::Lines(body) => {
+            let piece =
+                agree(world, body.piece(&args.file, part).map_err(|message| refused(world, message)))?;
+            let before = before(world, piece.lines());
+            piece.read(&args.file, args.options(), before)
+        }
+    };
+    let frame = agree(world, frame.map_err(|message| refused(world, message)))?;
+    let space = common_space(world, &way, frame.space)?;
+    let first = before(world, frame.spheres.len() as u64);
+    let ids = (first..).take(frame.spheres.len()).collect();
+    // Species have served for radii.
+    Ok(Input { particles: Particles { spheres: frame.spheres, ids, species: None }, space })
+}
+
+impl Way {
+    fn of(args: &Detect) -> Result<Self, String> {
+        if let Some(name) = args.file.to_str().filter(|name| name.contains(RANK)) {
+            let rank = mpi::topology::SimpleCommunicator::world().rank();
+            return Ok(Self::Own(name.replace(RANK, &rank.to_string()).into()));
+        }
+        let path = &args.file;
+        let cannot = |error| format!("{}: cannot read: {error}", path.display());
+        let mut head = Vec::new();
+        File::open(path).and_then(|file| file.take(4096).read_to_end(&mut head)).map_err(cannot)?;
+        if !path.metadata().map_err(cannot)?.is_file() {
+            return Ok(Self::Whole);
+        }
+        let known =
+            args.format.or_else(|| Format::from_extension(path)).or_else(|| Format::from_content(&head));
+        // Compressed files begin with other bytes than the formats do, and have to be read from the start.
+        let compressed = head.starts_with(b"\x1F\x8B") || head.starts_with(b"\x28\xB5\x2F\xFD");
+        let way = match known {
+            _ if compressed => None,
+            Some(Format::Npy) => npy::Rows::of(path).map_err(cannot)?.map(Self::Rows),
+            Some(format @ (Format::Csv | Format::Smoldyn)) => {
+                text::Body::of(path, format).map_err(cannot)?.map(Self::Lines)
+            }
+            _ => None,
+        };
+        Ok(way.unwrap_or_else(|| {
+            log::info!("{}: read by one rank, as it cannot be read in parts", path.display());
+            Self::Whole
+        }))
+    }
+}
+
+/// The frame that is asked for.
+fn whole(path: &Path, args: &Detect) -> Result<Frame, String> {
+    let mut frames = Frames::open(path, args.options()).map_err(|error| error.to_string())?;
+    let wanted = args.frame.unwrap_or(0);
+    let frame = frames.by_ref().nth(wanted).transpose().map_err(|error| error.to_string())?;
+    let frame = frame.ok_or_else(|| {
+        format!("{}: there is no frame {wanted}; frames are counted from 0", path.display())
+    })?;
+    let is_last = args.frame.is_some() || frames.next().is_none();
+    match is_last {
+        true => Ok(frame),
+        false => Err(format!("{}: the file has several frames; choose one with --frame", path.display())),
+    }
+}
+
+/// The space that the frames declare, on all ranks.
+fn common_space(world: &SimpleCommunicator, way: &Way, own: Space) -> Result<Space, Error> {
+    let mut lengths = own.lengths().map(|length| length.unwrap_or(0.0));
+    world.process_at_rank(0).broadcast_into(&mut lengths[..]);
+    let first = Space::periodic(lengths.map(|length| Some(length).filter(|length| *length > 0.0)));
+    let first = first.map_err(|error| refused(world, error.to_string()));
+    let agreed = first.and_then(|first| match way {
+        Way::Own(path) if own != first => Err(refused(
+            world,
+            format!(
+                "{}: the box {:?} is not that of rank 0, {:?}; give the lengths with --periodic X,Y,Z",
+                path.display(),
+                own.lengths(),
+                first.lengths()
+            ),
+        )),
+        _ => Ok(first),
+    });
+    agree(world, agreed)
+}
+
+/// The sum of what the ranks before this one have.
+fn before(world: &SimpleCommunicator, own: u64) -> u64 {
+    let mut all = vec![0_u64; world.size() as usize];
+    world.all_gather_into(&own, &mut all[..]);
+    all.iter().take(world.rank() as usize).sum()
+}

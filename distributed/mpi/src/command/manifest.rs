@@ -1,0 +1,42 @@
+//! What lies in the files of all ranks.
+
+use std::path::PathBuf;
+
+use lazygrid_io::write::{Draft, TableFormat};
+use serde_json::json;
+
+use super::output::Target;
+
+/// Writes the manifest. Scripts depend on its names.
+pub(crate) fn write(
+    target: &Target,
+    files: &[PathBuf],
+    (pairs, spheres, wide): (&[u64], u64, bool),
+) -> Result<(), lazygrid_io::Error> {
+    let of_ranks: Vec<_> = files
+        .iter()
+        .zip(pairs)
+        .enumerate()
+        .map(|(rank, (file, pairs))| {
+            // Beside the manifest, wherever that is moved.
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            json!({ "rank": rank, "file": name, "pairs": pairs })
+        })
+        .collect();
+    let format = match target.format() {
+        TableFormat::Csv => "csv",
+        TableFormat::Npy => "npy",
+    };
+    let manifest = json!({
+        "format": format,
+        "columns": ["i", "j"],
+        "type": if wide { "u64" } else { "u32" },
+        "spheres": spheres,
+        "pairs": pairs.iter().sum::<u64>(),
+        "ranks": files.len(),
+        "files": of_ranks,
+    });
+    let mut draft = Draft::create(target.manifest())?;
+    draft.put(|out| writeln!(out, "{manifest:#}"))?;
+    draft.publish()
+}

@@ -1,0 +1,149 @@
+//! Pairs to files: one per rank with a manifest, or one.
+
+use std::path::{Path, PathBuf};
+
+use lazygrid_io::write::{Draft, TableFormat};
+use lazygrid_mpi::{Distributed, Error, agree};
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::Communicator;
+
+use super::args::Detect;
+use super::manifest;
+use super::refused;
+
+/// Where pairs go.
+#[derive(Debug)]
+pub(crate) struct Target {
+    path: PathBuf,
+    format: TableFormat,
+    gather: bool,
+}
+
+impl Target {
+    /// As the options say; none where pairs are counted only.
+    pub(crate) fn of(args: &Detect) -> Result<Option<Self>, String> {
+        let Some(path) = &args.output else { return Ok(None) };
+        let Some(format) = TableFormat::from_extension(path) else {
+            return Err(format!(
+                "{}: this tells neither .csv nor .npy, with or without .gz or .zst behind it; rename it",
+                path.display()
+            ));
+        };
+        let target = Self { path: path.clone(), format, gather: args.gather };
+        let canonical = |path: &Path| path.canonicalize().ok();
+        let input = canonical(&args.file);
+        if input.is_some() && input == canonical(path) {
+            return Err(format!("{}: this is the input, which the pairs would replace", path.display()));
+        }
+        Ok(Some(target))
+    }
+
+    /// `pairs.3.npy.gz` for rank 3 of `pairs.npy.gz`.
+    pub(crate) fn of_rank(&self, rank: u32) -> PathBuf {
+        self.renamed(|stem, ending| format!("{stem}.{rank}{ending}"))
+    }
+
+    /// `pairs.manifest.json` for `pairs.npy.gz`.
+    pub(crate) fn manifest(&self) -> PathBuf {
+        self.renamed(|stem, _| format!("{stem}.manifest.json"))
+    }
+
+    fn renamed(&self, name: impl Fn(&str, &str) -> String) -> PathBuf {
+        let file = self.path.file_name().unwrap_or_default().to_string_lossy();
+        // The extension is there, or there would be no format.
+        let dot = [".csv", ".npy"].iter().filter_map(|ending| file.rfind(ending)).max().unwrap_or(file.len());
+        self.path.with_file_name(name(&file[..dot], &file[dot..]))
+    }
+
+    pub(crate) fn format(&self) -> TableFormat {
+        self.format
+    }
+}
+
+/// Writes the pairs of all ranks, as ids; those of a rank are in order. Returns the files, on rank 0. Collective.
+pub(crate) fn write(
+    world: &SimpleCommunicator,
+    distributed: &mut Distributed,
+    target: &Target,
+    pairs: Vec<[u64; 2]>,
+) -> Result<Vec<PathBuf>, Error> {
+    let rank = world.rank() as u32;
+    let wide = distributed.report().owned.total > u64::from(u32::MAX);
+    let failed = |error: lazygrid_io::Error| refused(world, error.to_string());
+    if target.gather {
+        let mut all = distributed.gather(&pairs)?;
+        all.sort_unstable();
+        let written = match rank {
+            0 => table(&target.path, target, (&all, wide)).and_then(Draft::publish).map_err(failed),
+            _ => Ok(()),
+        };
+        return agree(world, written).map(|()| vec![target.path.clone()]);
+    }
+    // None gets its name before all are complete.
+    let draft = table(&target.of_rank(rank), target, (&pairs, wide)).map_err(failed);
+    let draft = agree(world, draft)?;
+    agree(world, draft.publish().map_err(failed))?;
+    let counts = distributed.gather(&[pairs.len() as u64])?;
+    let files: Vec<_> = (0..world.size() as u32).map(|rank| target.of_rank(rank)).collect();
+    let written = match rank {
+        0 => {
+            manifest::write(target, &files, (&counts, distributed.report().owned.total, wide)).map_err(failed)
+        }
+        _ => Ok(()),
+    };
+    agree(world, written)?;
+    Ok(std::iter::once(target.manifest()).chain(files).collect())
+}
+
+/// A table of pairs, not published yet.
+fn table(
+    path: &Path,
+    target: &Target,
+    (pairs, wide): (&[[u64; 2]], bool),
+) -> Result<Draft, lazygrid_io::Error> {
+    let mut draft = Draft::create(path)?;
+    let header = match target.format {
+        TableFormat::Csv => b"i,j\n".to_vec(),
+        TableFormat::Npy => npy_header(pairs.len(), wide),
+    };
+    draft.put(|out| out.write_all(&header))?;
+    for pairs in pairs.chunks(1 << 16) {
+        let bytes = match (target.format, wide) {
+            (TableFormat::Csv, _) => {
+                pairs.iter().map(|[i, j]| format!("{i},{j}\n")).collect::<String>().into_bytes()
+            }
+            (TableFormat::Npy, true) => bytemuck::cast_slice(pairs).to_vec(),
+            (TableFormat::Npy, false) => {
+                let rows: Vec<u32> = pairs.iter().flatten().map(|&id| id as u32).collect();
+                bytemuck::cast_slice(&rows).to_vec()
+            }
+        };
+        draft.put(|out| out.write_all(&bytes))?;
+    }
+    Ok(draft)
+}
+
+/// A header of version 1 of the NumPy format for so many pairs: a multiple of 64 bytes with a line break at the end.
+fn npy_header(pairs: usize, wide: bool) -> Vec<u8> {
+    let order = if cfg!(target_endian = "big") { '>' } else { '<' };
+    let kind = if wide { "u8" } else { "u4" };
+    let text = format!("{{'descr': '{order}{kind}', 'fortran_order': False, 'shape': ({pairs}, 2), }}");
+    let length = (10 + text.len() + 1).next_multiple_of(64) - 10;
+    let text = format!("{text:<0$}\n", length - 1);
+    [b"\x93NUMPY\x01\x00", &(length as u16).to_le_bytes()[..], text.as_bytes()].concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_rank_has_a_file() {
+        let names = |path: &str| {
+            let target = Target { path: path.into(), format: TableFormat::Npy, gather: false };
+            [target.of_rank(3), target.manifest()].map(|path| path.to_str().unwrap().to_owned())
+        };
+        assert_eq!(names("pairs.npy"), ["pairs.3.npy", "pairs.manifest.json"]);
+        assert_eq!(names("a.csv/pairs.b.csv.gz"), ["a.csv/pairs.b.3.csv.gz", "a.csv/pairs.b.manifest.json"]);
+    }
+}

@@ -1,0 +1,153 @@
+//! `lazygrid-mpi scale`: steps of a simulation in which everything moves, timed on as many ranks as there are.
+
+use std::fmt::Write;
+use std::time::{Duration, Instant};
+
+use lazygrid::Sphere;
+use lazygrid::glam::Vec3;
+use lazygrid_mpi::{Config, Distributed, Error, Ownership, Particles, Report, agree};
+use lazygrid_ranks::tie;
+use mpi::collective::SystemOperation;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::{Communicator, CommunicatorCollectives};
+use serde_json::json;
+
+use super::args::{Scale, Scene};
+use super::{print, refused};
+
+/// What a step took and sent, on the rank that took or sent most.
+#[derive(Default)]
+struct Step {
+    settle: Duration,
+    search: Duration,
+    moved: u64,
+    /// Bytes that all ranks sent in the search.
+    sent: u64,
+}
+
+/// Collective, as all of the command.
+pub(crate) fn scale(world: &SimpleCommunicator, args: &Scale) -> Result<(), Error> {
+    let ranks = world.size() as u64;
+    let spheres = args.spheres.unwrap_or_else(|| args.per_rank.saturating_mul(ranks));
+    let mut config = Config::default().ownership(Ownership::BALANCE).backend(args.backend);
+    if let Some(threads) = args.threads {
+        config = config.threads(threads);
+    }
+    let mut distributed = Distributed::new(world, config)?;
+    let mut particles = own_part(world, args.scene, spheres)?;
+    // The first step shares everything out and makes room, which no other does.
+    let first = step(world, &mut distributed, &mut particles)?;
+    let mut steps = Vec::new();
+    for number in 1..=args.steps {
+        wander(&mut particles, number);
+        steps.push(step(world, &mut distributed, &mut particles)?);
+    }
+    if world.rank() != 0 {
+        return Ok(());
+    }
+    print(world, &row(args, (&first, &steps), distributed.report()))
+}
+
+fn step(
+    world: &SimpleCommunicator,
+    distributed: &mut Distributed,
+    particles: &mut Particles,
+) -> Result<Step, Error> {
+    world.barrier();
+    let begun = Instant::now();
+    let settled = distributed.settle(particles)?;
+    let settle = slowest(world, begun.elapsed());
+    let local = agree(world, particles.local().map_err(|error| refused(world, error.to_string())))?;
+    let begun = Instant::now();
+    distributed.count(local)?;
+    let search = slowest(world, begun.elapsed());
+    let mut sent = 0;
+    world.all_reduce_into(&distributed.report().sent, &mut sent, SystemOperation::sum());
+    Ok(Step { settle, search, moved: settled.moved, sent })
+}
+
+/// The longest of what all ranks took.
+fn slowest(world: &SimpleCommunicator, own: Duration) -> Duration {
+    let mut most = 0.0;
+    world.all_reduce_into(&own.as_secs_f64(), &mut most, SystemOperation::max());
+    Duration::from_secs_f64(most)
+}
+
+/// A line of JSON. Times are those of the median step.
+fn row(args: &Scale, (first, steps): (&Step, &[Step]), report: &Report) -> String {
+    let spheres = report.owned.total.max(1) as f64;
+    let median = |of: fn(&Step) -> f64| {
+        let mut values: Vec<f64> = steps.iter().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied()
+    };
+    let object = json!({
+        "ranks": report.owned.ranks,
+        "scene": args.scene.name(),
+        "spheres": report.owned.total,
+        "pairs": report.pairs.total,
+        "imbalance": { "spheres": report.owned.imbalance(), "pairs": report.pairs.imbalance() },
+        "ghosts_per_sphere": report.ghosts.total as f64 / spheres,
+        "bytes_per_sphere": median(|step| step.sent as f64).map(|sent| sent / spheres),
+        "moved_per_step": median(|step| step.moved as f64),
+        "first_seconds": { "settle": first.settle.as_secs_f64(), "search": first.search.as_secs_f64() },
+        "seconds": {
+            "settle": median(|step| step.settle.as_secs_f64()),
+            "search": median(|step| step.search.as_secs_f64()),
+        },
+        "reason": report.detector,
+    });
+    let mut line = String::new();
+    // Writing to a string does not fail.
+    let _ = writeln!(line, "{object}");
+    line
+}
+
+/// Block by block, so that the first step has everything to share out.
+fn own_part(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<Particles, Error> {
+    let (rank, ranks) = (world.rank() as u64, world.size() as u64);
+    let ids = super::npy::share(spheres, rank, ranks)..super::npy::share(spheres, rank + 1, ranks);
+    let mut own = Vec::new();
+    let bytes = (ids.end - ids.start).saturating_mul(size_of::<Sphere>() as u64);
+    let room = own.try_reserve_exact((ids.end - ids.start) as usize).map_err(|_| Error::OutOfMemory {
+        rank: rank as u32,
+        what: "spheres".to_owned(),
+        bytes,
+    });
+    agree(world, room)?;
+    own.extend(ids.clone().map(|id| sphere(scene, id, spheres)));
+    Ok(Particles { spheres: own, ids: ids.collect(), species: None })
+}
+
+/// Sphere `id` of so many: they fill 5 % of a cube, or of the middle of a cloud.
+fn sphere(scene: Scene, id: u64, spheres: u64) -> Sphere {
+    let cubes = match scene {
+        Scene::FiveSizes => 0.2 * (0..5).map(|k| 0.125_f64.powi(k)).sum::<f64>(),
+        _ => 1.0,
+    };
+    let edge = (spheres as f64 * 4.19 * cubes / 0.05).cbrt() as f32;
+    let cube = |scale: f32| Vec3::from([1, 2, 3].map(|axis| scale * (random(id, axis) - 0.5)));
+    match scene {
+        Scene::Uniform => Sphere::new(cube(edge), 1.0),
+        Scene::FiveSizes => Sphere::new(cube(edge), 0.5_f32.powi((id % 5) as i32)),
+        // The sum of four uniform numbers has a standard deviation of 0.58.
+        Scene::Gaussian => {
+            let sum = |axis: u64| (0..4).map(|k| random(id, 8 * axis + k) - 0.5).sum::<f32>();
+            Sphere::new(Vec3::from([1, 2, 3].map(sum)) * (edge / 1.45), 1.0)
+        }
+        Scene::Point => Sphere::new(Vec3::ZERO, 1.0),
+    }
+}
+
+/// Everything moves by up to a tenth of a radius along each axis.
+fn wander(particles: &mut Particles, step: u32) {
+    for (sphere, &id) in particles.spheres.iter_mut().zip(&particles.ids) {
+        let by = [0, 1, 2].map(|axis| 2.0 * random(id, u64::from(step) * 4 + axis + 64) - 1.0);
+        sphere.center += 0.1 * sphere.radius * Vec3::from(by);
+    }
+}
+
+/// From 0 to below 1; the same on every rank.
+fn random(id: u64, stream: u64) -> f32 {
+    (tie(tie(id) ^ stream) >> 40) as f32 / (1_u32 << 24) as f32
+}

@@ -1,0 +1,171 @@
+//! Lines of a text file: each rank reads whole ones, behind the lines that say what the columns are.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use lazygrid_io::At;
+use lazygrid_io::read::{Format, Frame, Frames, Options};
+
+use super::npy::share;
+
+/// The most bytes of comments and header in which the first row is looked for.
+const LONGEST: u64 = 1 << 16;
+
+/// The rows of a text file, of which every line is one.
+#[derive(Debug)]
+pub(crate) struct Body {
+    format: Format,
+    /// The lines before the rows, which every rank reads.
+    head: Vec<u8>,
+    /// Where the file ends.
+    end: u64,
+}
+
+/// The lines of one rank.
+#[derive(Debug)]
+pub(crate) struct Piece {
+    format: Format,
+    head: Vec<u8>,
+    bytes: Vec<u8>,
+    /// Whether it is that of rank 0, which also says what is wrong with an empty file.
+    is_first: bool,
+}
+
+impl Body {
+    /// Of a file; none where the first row is not found.
+    pub(crate) fn of(path: &Path, format: Format) -> io::Result<Option<Self>> {
+        let end = path.metadata()?.len();
+        let mut start = Vec::new();
+        File::open(path)?.take(LONGEST).read_to_end(&mut start)?;
+        let head = match format {
+            Format::Csv => head(&start),
+            _ => Some(0),
+        };
+        Ok(head.map(|length| {
+            start.truncate(length);
+            Self { format, head: start, end }
+        }))
+    }
+
+    /// The whole lines that begin in a rank's share of the bytes.
+    pub(crate) fn piece(&self, path: &Path, (rank, ranks): (u64, u64)) -> Result<Piece, String> {
+        let from = self.head.len() as u64;
+        let cut = |rank| from + share(self.end.saturating_sub(from), rank, ranks);
+        let read = || {
+            let mut file = File::open(path)?;
+            let begin = line_from(&mut file, (from, self.end), cut(rank))?;
+            let end = line_from(&mut file, (from, self.end), cut(rank + 1))?;
+            file.seek(SeekFrom::Start(begin))?;
+            let mut bytes = Vec::new();
+            bytes.try_reserve_exact((end - begin) as usize).map_err(|_| io::ErrorKind::OutOfMemory)?;
+            file.take(end - begin).read_to_end(&mut bytes)?;
+            Ok(bytes)
+        };
+        let bytes = read().map_err(|error: io::Error| format!("{}: cannot read: {error}", path.display()))?;
+        Ok(Piece { format: self.format, head: self.head.clone(), bytes, is_first: rank == 0 })
+    }
+}
+
+impl Piece {
+    /// How many lines it has.
+    pub(crate) fn lines(&self) -> u64 {
+        newlines(&self.bytes)
+    }
+
+    /// Its spheres. `before` is how many lines the ranks before have, for messages.
+    pub(crate) fn read(self, path: &Path, options: Options, before: u64) -> Result<Frame, String> {
+        if self.bytes.is_empty() && !self.is_first {
+            return Ok(Frame::default());
+        }
+        let mut options = options;
+        options.format = Some(self.format);
+        let head = newlines(&self.head);
+        let length = (self.head.len() + self.bytes.len()) as u64;
+        let input = Cursor::new(self.head).chain(Cursor::new(self.bytes));
+        let mut frames =
+            Frames::new(path, input, Some(length), options).map_err(|error| error.to_string())?;
+        let frame = frames.next().transpose().map_err(|mut error| {
+            if let Some(place) = error.place_mut()
+                && let At::Line(line) = &mut place.at
+                && *line > head
+            {
+                *line += before;
+            }
+            error.to_string()
+        })?;
+        Ok(frame.unwrap_or_default())
+    }
+}
+
+fn newlines(bytes: &[u8]) -> u64 {
+    bytes.iter().filter(|&&byte| byte == b'\n').count() as u64
+}
+
+/// The length of the comments and the header that a table begins with; none where they do not end.
+fn head(start: &[u8]) -> Option<usize> {
+    let mut length = 0;
+    for line in start.split_inclusive(|&byte| byte == b'\n') {
+        let text = line.trim_ascii();
+        if !line.ends_with(b"\n") {
+            return None;
+        }
+        match text.first() {
+            None | Some(b'#') => length += line.len(),
+            _ if Format::from_content(text) == Some(Format::Csv) => return Some(length + line.len()),
+            _ => return Some(length),
+        }
+    }
+    None
+}
+
+/// Where the first line begins at `at` or behind it, from the first row on.
+fn line_from(file: &mut File, (first, end): (u64, u64), at: u64) -> io::Result<u64> {
+    if at <= first {
+        return Ok(first);
+    }
+    if at >= end {
+        return Ok(end);
+    }
+    // A line begins at `at` where the byte before it ends one.
+    file.seek(SeekFrom::Start(at - 1))?;
+    let skipped = BufReader::new(file.take(end - (at - 1))).skip_until(b'\n')?;
+    Ok(at - 1 + skipped as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heads_end_with_the_header() {
+        let head = |text: &str| head(text.as_bytes());
+        assert_eq!(head("x,y,z,r\n1,2,3,4\n"), Some(8));
+        assert_eq!(head("# a\n\nx;y;z;radius\n1;2;3;4\n"), Some(18));
+        assert_eq!(head("# x y\n# x,y,z,r\n1,2,3,4\n"), Some(16));
+        assert_eq!((head("# x,y,z,r\n"), head(""), head("x,y,z,r")), (None, None, None));
+    }
+
+    #[test]
+    fn pieces_are_whole_lines_and_all_of_them() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.csv");
+        for rows in ["", "1,2,3,4\n", "1,2,3,4\n5,6,7,8", "1,2,3,4\n\n55555,6,7,8\n9,9,9,9\n"] {
+            std::fs::write(&path, format!("x,y,z,r\n{rows}")).unwrap();
+            for ranks in 1..40 {
+                let body = Body::of(&path, Format::Csv).unwrap();
+                let Some(body) = body else {
+                    assert!(rows.is_empty());
+                    continue;
+                };
+                let pieces: Vec<_> =
+                    (0..ranks).map(|rank| body.piece(&path, (rank, ranks)).unwrap()).collect();
+                let together: Vec<u8> = pieces.iter().flat_map(|piece| piece.bytes.clone()).collect();
+                assert_eq!(String::from_utf8(together).unwrap(), rows);
+                let cut =
+                    pieces.iter().filter(|piece| !piece.bytes.is_empty() && !piece.bytes.ends_with(b"\n"));
+                assert!(cut.count() <= usize::from(!rows.ends_with('\n')));
+            }
+        }
+    }
+}

@@ -1,0 +1,156 @@
+use lazygrid::{Backend, Interactions, Order, Space};
+
+use crate::Error;
+
+/// Who decides which rank owns a sphere.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub enum Ownership {
+    /// The caller: spheres stay where they are, whatever that is.
+    #[default]
+    Keep,
+    /// [`settle`](crate::Distributed::settle): spheres move to the rank whose part of space they are in. The parts are
+    /// kept from step to step, and made again only when some rank has more than `bound` times its share.
+    Balance {
+        /// Largest over mean number of spheres, 1 or more.
+        bound: f64,
+    },
+}
+
+impl Ownership {
+    /// [`Balance`](Self::Balance) with a bound of 1.2.
+    pub const BALANCE: Self = Self::Balance { bound: 1.2 };
+}
+
+/// Where the pairs of a list arrive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Delivery {
+    /// Each pair on one rank, an owner of one of its spheres.
+    #[default]
+    Once,
+    /// Each pair with every rank that owns one of its spheres: on one rank, or on two.
+    Owners,
+}
+
+/// What [`Distributed`](crate::Distributed) is asked to do. All ranks have to ask for the same.
+#[derive(Clone, Debug)]
+pub struct Config {
+    pub(crate) detector: lazygrid::Config,
+    pub(crate) backend: Backend,
+    pub(crate) space: Space,
+    pub(crate) interactions: Option<Interactions>,
+    pub(crate) order: Order,
+    pub(crate) threads: Option<usize>,
+    pub(crate) ownership: Ownership,
+    pub(crate) delivery: Delivery,
+    pub(crate) max_pairs: u64,
+    pub(crate) message_limit: u64,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            detector: lazygrid::Config::default(),
+            backend: Backend::Auto,
+            space: Space::UNBOUNDED,
+            interactions: None,
+            order: Order::Canonical,
+            threads: None,
+            ownership: Ownership::Keep,
+            delivery: Delivery::Once,
+            max_pairs: 1 << 27,
+            message_limit: 1 << 28,
+        }
+    }
+}
+
+impl Config {
+    /// Who decides which rank owns a sphere. Default: the caller, [`Ownership::Keep`].
+    pub fn ownership(mut self, ownership: Ownership) -> Self {
+        self.ownership = ownership;
+        self
+    }
+
+    /// Where the pairs of a list arrive. Default: each on one rank, [`Delivery::Once`].
+    pub fn delivery(mut self, delivery: Delivery) -> Self {
+        self.delivery = delivery;
+        self
+    }
+
+    /// The space the spheres live in. Default: unbounded.
+    pub fn space(mut self, space: Space) -> Self {
+        self.space = space;
+        self
+    }
+
+    /// Which species pair, and at which distance. The spheres of all ranks then carry species ids.
+    pub fn interactions(mut self, interactions: Interactions) -> Self {
+        self.interactions = Some(interactions);
+        self
+    }
+
+    /// The order of a rank's list: by ids, or none. Default: [`Order::Canonical`], by ids.
+    pub fn order(mut self, order: Order) -> Self {
+        self.order = order;
+        self
+    }
+
+    /// Where each rank computes. Default: [`Backend::Auto`], by which the first ranks of a node take one real GPU each and
+    /// the others the CPU. [`Backend::Gpu`] lets ranks of a node share GPUs where there are too few.
+    pub fn backend(mut self, backend: Backend) -> Self {
+        self.backend = backend;
+        self
+    }
+
+    /// Threads of each rank. Default: the cores that the rank may run on, shared among the ranks of its node that may run on
+    /// the same ones.
+    pub fn threads(mut self, threads: usize) -> Self {
+        self.threads = Some(threads);
+        self
+    }
+
+    /// The most pairs that the list of a rank may hold, 32 bytes each. Default: 2²⁷ (4 GiB). Counting and streaming have no
+    /// limit.
+    pub fn max_pairs(mut self, max_pairs: u64) -> Self {
+        self.max_pairs = max_pairs;
+        self
+    }
+
+    /// The most bytes of a message; what is more goes in rounds. At most 2³¹ − 1, as MPI counts in 32 bits; at least 64 per
+    /// rank. Default: 2²⁸.
+    pub fn message_limit(mut self, bytes: u64) -> Self {
+        self.message_limit = bytes;
+        self
+    }
+
+    /// Everything else that a detector can be told, such as its algorithm. Space, interactions, order, backend, threads
+    /// and limits are those of this configuration, whatever is said here.
+    pub fn detector(mut self, detector: lazygrid::Config) -> Self {
+        self.detector = detector;
+        self
+    }
+
+    /// Refuses settings outside their range.
+    pub(crate) fn check(&self, ranks: u32) -> Result<(), Error> {
+        let refuse = |name: &str, value: String, range: String| {
+            Err(Error::Setting { name: name.to_owned(), value, range })
+        };
+        // The largest thing that is sent as one element has 32 bytes.
+        let least = 64 * u64::from(ranks);
+        if !(least..=i32::MAX as u64).contains(&self.message_limit) {
+            let range =
+                format!("choose between {least} (64 for each of {ranks} ranks) and {} bytes", i32::MAX);
+            return refuse("message_limit", self.message_limit.to_string(), range);
+        }
+        match self.ownership {
+            Ownership::Balance { bound } if !(bound.is_finite() && bound >= 1.0) => {
+                refuse("bound", bound.to_string(), "choose a finite number from 1 on".to_owned())
+            }
+            _ if self.threads == Some(0) => {
+                refuse("threads", "0".to_owned(), "choose at least one, or leave it unset".to_owned())
+            }
+            _ => Ok(()),
+        }
+    }
+}

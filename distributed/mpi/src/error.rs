@@ -1,0 +1,86 @@
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Why a call gave no result. It is the same on all ranks. Every message names the value, the limit and the remedy.
+#[derive(Clone, Debug, Error, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Error {
+    /// The input of one rank is refused.
+    #[error("rank {rank}: {message}")]
+    Input {
+        /// The rank; the first, where there are several.
+        rank: u32,
+        /// The place of the first such sphere among those of the rank, where it is one sphere.
+        index: Option<u32>,
+        /// What is wrong, and what to do.
+        message: String,
+    },
+    /// Two spheres have the same id.
+    #[error(
+        "id {id} is that of sphere {} of rank {} and of sphere {} of rank {}; give every sphere of all ranks an id of \
+         its own",
+        first[1], first[0], second[1], second[0]
+    )]
+    DuplicateId {
+        /// The id; the smallest, where there are several.
+        id: u64,
+        /// Rank and place of one.
+        first: [u32; 2],
+        /// Rank and place of the other.
+        second: [u32; 2],
+    },
+    /// A setting outside its range.
+    #[error("{name} = {value} is out of range; {range}")]
+    Setting {
+        /// Which setting.
+        name: String,
+        /// Its value.
+        value: String,
+        /// What is allowed.
+        range: String,
+    },
+    /// The system refused memory to one rank.
+    #[error(
+        "rank {rank}: no memory for {what}: {bytes} bytes were refused; use more nodes or fewer ranks on each, or \
+         count or stream the pairs"
+    )]
+    OutOfMemory {
+        /// The rank.
+        rank: u32,
+        /// What it was for.
+        what: String,
+        /// How many bytes were asked for.
+        bytes: u64,
+    },
+    /// The list of one rank would hold more pairs than allowed. Nothing was truncated.
+    #[error(
+        "rank {rank}: {found} pairs are more than the limit of {limit} for the list of a rank; count or stream them, \
+         use more ranks, or raise `max_pairs`"
+    )]
+    TooManyPairs {
+        /// The rank.
+        rank: u32,
+        /// How many pairs it has.
+        found: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// The detector of one rank failed.
+    #[error("rank {rank}: {message}")]
+    Detection {
+        /// The rank.
+        rank: u32,
+        /// What the detector said.
+        message: String,
+    },
+    /// More than one message can carry.
+    #[error("{what}: {needed} bytes are more than the {limit} that one message can carry; use fewer ranks")]
+    Message {
+        /// What was to be sent.
+        what: String,
+        /// Its size in bytes.
+        needed: u64,
+        /// The limit in bytes.
+        limit: u64,
+    },
+}

@@ -1,0 +1,81 @@
+use lazygrid::{InputError, MAX_SPHERES, Sphere, Spheres};
+use lazygrid_ranks::Particle;
+
+use crate::Error;
+
+/// The spheres of one rank with their ids, borrowed.
+#[derive(Clone, Copy, Debug)]
+pub struct Local<'a> {
+    pub(crate) spheres: Spheres<'a>,
+    pub(crate) ids: &'a [u64],
+}
+
+impl<'a> Local<'a> {
+    /// Spheres, as rows or columns, with species where there are interactions; and one id for each, unique among all
+    /// ranks. Centres and radii are in one length unit on all ranks.
+    pub fn new(spheres: impl Into<Spheres<'a>>, ids: &'a [u64]) -> Self {
+        Self { spheres: spheres.into(), ids }
+    }
+
+    /// Refuses what no rank can compute with. `species` is how many the interaction table has, where there is one.
+    pub(crate) fn check(&self, rank: u32, species: Option<u32>) -> Result<(), Error> {
+        let refuse = |index: Option<u32>, error: InputError| {
+            Err(Error::Input { rank, index, message: error.to_string() })
+        };
+        let (length, expected) = (self.ids.len(), self.spheres.len());
+        if length != expected {
+            return refuse(None, InputError::Lengths { what: "ids", length, expected });
+        }
+        if expected as u64 > MAX_SPHERES {
+            return refuse(None, InputError::TooManySpheres { count: expected as u64 });
+        }
+        let mut bad = (0..).zip(self.spheres.iter()).filter(|(_, sphere)| !sphere.is_valid());
+        if let Some((index, sphere)) = bad.next() {
+            let count = 1 + bad.count() as u64;
+            return refuse(Some(index), InputError::Sphere { index, sphere, count, total: expected as u64 });
+        }
+        match (species, self.spheres.species()) {
+            (Some(_), None) if expected > 0 => refuse(None, InputError::SpeciesMissing),
+            (Some(count), Some(ids)) => match (0..).zip(ids).find(|&(_, &id)| id >= count) {
+                Some((index, &id)) => {
+                    refuse(Some(index), InputError::SpeciesId { index: Some(index), id, count })
+                }
+                None => Ok(()),
+            },
+            _ => Ok(()),
+        }
+    }
+
+    /// Sphere `k` as it travels.
+    #[inline]
+    pub(crate) fn particle(&self, k: u32) -> Particle {
+        let species = self.spheres.species().map_or(0, |species| species[k as usize]);
+        Particle { sphere: self.spheres.get(k as usize), id: self.ids[k as usize], species, index: k }
+    }
+}
+
+/// The spheres of one rank with their ids, owned, so that they can [move](crate::Distributed::settle).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Particles {
+    /// Centres and radii.
+    pub spheres: Vec<Sphere>,
+    /// An id per sphere, unique among all ranks.
+    pub ids: Vec<u64>,
+    /// A species per sphere; none where there are no interactions.
+    pub species: Option<Vec<u32>>,
+}
+
+impl Particles {
+    /// As a search takes them.
+    ///
+    /// # Errors
+    /// [`InputError::Lengths`] where there is not one species per sphere.
+    pub fn local(&self) -> Result<Local<'_>, InputError> {
+        let spheres = Spheres::from(&self.spheres);
+        let spheres = match &self.species {
+            Some(species) => spheres.with_species(species)?,
+            None => spheres,
+        };
+        Ok(Local { spheres, ids: &self.ids })
+    }
+}

@@ -1,0 +1,151 @@
+//! `lazygrid-mpi detect` under `mpirun`, against one process. Runs where `../../test.sh` runs it, which sets what MPI
+//! needs.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use lazygrid::{Backend, Detector, Space, Sphere, Spheres};
+
+fn run(ranks: usize, directory: &Path, arguments: &[&str]) -> Output {
+    Command::new("mpirun")
+        .args(["--oversubscribe", "-n", &ranks.to_string(), env!("CARGO_BIN_EXE_lazygrid-mpi"), "detect"])
+        .args(["--backend", "cpu", "--threads", "1"])
+        .args(arguments)
+        .current_dir(directory)
+        .output()
+        .unwrap()
+}
+
+/// Standard output, of a run that has to succeed.
+fn stdout(ranks: usize, directory: &Path, arguments: &[&str]) -> String {
+    let output = run(ranks, directory, arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?} on {ranks} ranks: {errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// What a run that has to fail says.
+fn error(ranks: usize, directory: &Path, arguments: &[&str], code: i32) -> String {
+    let output = run(ranks, directory, arguments);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?} on {ranks} ranks");
+    String::from_utf8(output.stderr).unwrap()
+}
+
+fn spheres(n: u32) -> Vec<Sphere> {
+    let at = |k: u32, by: u32| (k.wrapping_mul(by) >> 8) % 4001;
+    let sphere = |k| {
+        let center = [2_654_435_761, 2_246_822_519, 3_266_489_917].map(|by| at(k + 1, by) as f32 * 0.003);
+        Sphere::new(center, 0.1 * (1 + k % 7) as f32)
+    };
+    (0..n).map(sphere).collect()
+}
+
+fn pairs(spheres: &[Sphere], space: Space) -> Vec<[u32; 2]> {
+    let mut detector = Detector::new(lazygrid::Config::default().backend(Backend::Cpu).space(space)).unwrap();
+    detector.pairs(Spheres::from(spheres)).unwrap().iter().map(|pair| [pair.i, pair.j]).collect()
+}
+
+fn npy(spheres: &[Sphere]) -> Vec<u8> {
+    let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, 4), }}", spheres.len());
+    let text = format!("{text:<117}\n");
+    let rows = spheres.iter().flat_map(|s| [s.center.x, s.center.y, s.center.z, s.radius]);
+    let body: Vec<u8> = rows.flat_map(f32::to_le_bytes).collect();
+    [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), &body].concat()
+}
+
+fn rows(spheres: &[Sphere]) -> impl Iterator<Item = String> {
+    spheres.iter().map(|s| format!("{},{},{},{}\n", s.center.x, s.center.y, s.center.z, s.radius))
+}
+
+fn csv(pairs: &[[u32; 2]]) -> String {
+    std::iter::once("i,j\n".to_owned()).chain(pairs.iter().map(|[i, j]| format!("{i},{j}\n"))).collect()
+}
+
+#[test]
+fn every_way_to_read_gives_the_pairs_of_one_process() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let spheres = spheres(1500);
+    std::fs::write(at("all.npy"), npy(&spheres)).unwrap();
+    let table: String = rows(&spheres).collect();
+    std::fs::write(at("all.csv"), format!("# a comment\nx,y,z,r\n{table}")).unwrap();
+    let xyz: String = spheres
+        .iter()
+        .map(|s| format!("A {} {} {} {}\n", s.center.x, s.center.y, s.center.z, s.radius))
+        .collect();
+    let header = "1500\nProperties=species:S:1:pos:R:3:radius:R:1\n";
+    std::fs::write(at("all.xyz"), format!("{header}{xyz}")).unwrap();
+    for (rank, part) in spheres.chunks(500).enumerate() {
+        std::fs::write(at(&format!("part-{rank}.npy")), npy(part)).unwrap();
+    }
+    let expected = csv(&pairs(&spheres, Space::UNBOUNDED));
+    assert!(expected.lines().count() > 500);
+    for (ranks, file) in
+        [(1, "all.npy"), (3, "all.npy"), (3, "all.csv"), (2, "all.xyz"), (3, "part-{rank}.npy")]
+    {
+        for keep in [&["--keep"][..], &[]] {
+            let arguments = [&[file, "-o", "pairs.csv", "--gather"], keep].concat();
+            let said = stdout(ranks, directory.path(), &arguments);
+            assert!(said.contains("spheres    1500 "), "{said}");
+            let found = std::fs::read_to_string(at("pairs.csv")).unwrap();
+            assert!(found == expected, "{file} on {ranks} ranks");
+        }
+    }
+}
+
+#[test]
+fn a_file_per_rank_and_a_manifest() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let spheres = spheres(900);
+    let space = Space::periodic([Some(12.0), None, Some(12.0)]).unwrap();
+    std::fs::write(at("all.npy"), npy(&spheres)).unwrap();
+    let arguments = ["all.npy", "--periodic", "12,-,12", "-o", "pairs.npy", "--json"];
+    let said: serde_json::Value = serde_json::from_str(&stdout(3, directory.path(), &arguments)).unwrap();
+    let manifest = std::fs::read(at("pairs.manifest.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_slice(&manifest).unwrap();
+    let expected = pairs(&spheres, space);
+    for told in [&said["pairs"], &manifest["pairs"]] {
+        assert_eq!(told.as_u64(), Some(expected.len() as u64));
+    }
+    assert_eq!((manifest["type"].as_str(), manifest["spheres"].as_u64()), (Some("u32"), Some(900)));
+    let mut found = Vec::new();
+    for file in manifest["files"].as_array().unwrap() {
+        let bytes = std::fs::read(at(file["file"].as_str().unwrap())).unwrap();
+        let body = &bytes[10 + usize::from(bytes[8]) + 256 * usize::from(bytes[9])..];
+        let of_rank: Vec<[u32; 2]> = body
+            .chunks_exact(8)
+            .map(|row| [0, 4].map(|k| u32::from_le_bytes(row[k..k + 4].try_into().unwrap())))
+            .collect();
+        assert!(of_rank.is_sorted() && file["pairs"].as_u64() == Some(of_rank.len() as u64));
+        found.extend(of_rank);
+    }
+    found.sort_unstable();
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn what_is_wrong_is_said_once_with_its_place_in_the_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let mut spheres = spheres(300);
+    spheres[250].radius = -1.0;
+    std::fs::write(at("bad.npy"), npy(&spheres)).unwrap();
+    let table: String = rows(&spheres).collect();
+    std::fs::write(at("bad.csv"), format!("x,y,z,r\n{table}")).unwrap();
+    for (file, place) in [("bad.npy", "bad.npy, row 250: "), ("bad.csv", "bad.csv, line 252: ")] {
+        let said = error(3, directory.path(), &[file, "-o", "pairs.npy"], 1);
+        let lines: Vec<_> = said.lines().filter(|line| line.starts_with("error: ")).collect();
+        assert_eq!(lines.len(), 1, "{said}");
+        assert!(lines[0].starts_with(&format!("error: rank 2: {place}")), "{}", lines[0]);
+    }
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 2);
+    let said = error(2, directory.path(), &["missing.npy"], 1);
+    assert!(said.contains("error: rank 0: missing.npy: cannot read: "), "{said}");
+    let said = error(2, directory.path(), &["bad.npy", "-o", "pairs.txt"], 1);
+    assert!(said.contains("error: rank 0: pairs.txt: this tells neither .csv nor .npy"), "{said}");
+    let said = error(2, directory.path(), &["bad.npy", "--gather"], 2);
+    assert!(said.contains("--output <FILE>"), "{said}");
+}

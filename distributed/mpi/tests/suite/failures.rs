@@ -1,0 +1,121 @@
+use lazygrid::{Interaction, Interactions, Sphere};
+use lazygrid_mpi::{Config, Distributed, Error, Local, Ownership, Particles};
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::{Communicator, CommunicatorCollectives};
+
+use crate::scenes::{Scene, config, local};
+
+/// For `test.sh`: the last rank panics while the others wait for it.
+pub(crate) fn panic(world: &SimpleCommunicator) {
+    assert!(world.rank() + 1 < world.size(), "a panic on rank {}, as was asked for", world.rank());
+    world.barrier();
+}
+
+fn part(world: &SimpleCommunicator, n: u64) -> Particles {
+    let ranks = world.size() as u64;
+    Scene::Uniform.part(n, world.rank() as u32, |k| (k % ranks) as u32)
+}
+
+pub(crate) fn bad_sphere(world: &SimpleCommunicator) {
+    let last = world.size() as u32 - 1;
+    let mut distributed = Distributed::new(world, config().ownership(Ownership::BALANCE)).unwrap();
+    for (bad, shown) in [
+        (Sphere::new([f32::NAN, 0.0, 0.0], 1.0), "NaN"),
+        (Sphere::new([0.0; 3], -1.0), "-1"),
+        (Sphere::new([0.0, f32::INFINITY, 0.0], 1.0), "inf"),
+    ] {
+        let mut particles = part(world, 800);
+        if world.rank() as u32 == last {
+            particles.spheres[3] = bad;
+            particles.spheres[5] = bad;
+        }
+        let refused = |error: Error| {
+            let Error::Input { rank, index, ref message } = error else { panic!("{error}") };
+            assert_eq!((rank, index), (last, Some(3)));
+            assert!(message.starts_with("sphere 3 has centre (") && message.contains(shown), "{message}");
+            assert!(message.contains("2 of "), "{message}");
+            assert!(error.to_string().starts_with(&format!("rank {last}: sphere 3 has")));
+        };
+        refused(distributed.count(local(&particles)).unwrap_err());
+        refused(distributed.pairs(local(&particles)).unwrap_err());
+        let before = particles.ids.clone();
+        refused(distributed.settle(&mut particles).unwrap_err());
+        assert_eq!(particles.ids, before);
+        // It goes on from there.
+        assert!(distributed.count(local(&part(world, 800))).is_ok());
+    }
+}
+
+pub(crate) fn duplicate_ids(world: &SimpleCommunicator) {
+    let (rank, last) = (world.rank() as u32, world.size() as u32 - 1);
+    let mut distributed = Distributed::new(world, config()).unwrap();
+    let mut particles = part(world, 800);
+    assert!(distributed.count(local(&particles)).is_ok());
+    let own = particles.ids.clone();
+    if rank == 0 {
+        particles.ids[1] = 77;
+    }
+    if rank == last {
+        particles.ids[4] = 77;
+    }
+    for _ in 0..2 {
+        let error = distributed.count(local(&particles)).unwrap_err();
+        assert_eq!(error, Error::DuplicateId { id: 77, first: [0, 1], second: [last, 4] });
+    }
+    assert!(
+        error_text(&mut distributed, &particles)
+            .starts_with("id 77 is that of sphere 1 of rank 0 and of sphere 4")
+    );
+    particles.ids = own;
+    assert!(distributed.count(local(&particles)).is_ok());
+}
+
+fn error_text(distributed: &mut Distributed, particles: &Particles) -> String {
+    distributed.count(local(particles)).unwrap_err().to_string()
+}
+
+pub(crate) fn refusals(world: &SimpleCommunicator) {
+    let (rank, last) = (world.rank() as u32, world.size() as u32 - 1);
+    let particles = part(world, 800);
+    let mut distributed = Distributed::new(world, config()).unwrap();
+    // Ids are missing on one rank.
+    let ids = if rank == last { &particles.ids[1..] } else { &particles.ids[..] };
+    let Err(Error::Input { rank: named, index: None, message }) =
+        distributed.count(Local::new(&particles.spheres, ids))
+    else {
+        panic!("ids were missing")
+    };
+    assert!(named == last && message.contains("`ids`"), "{message}");
+    // A list that is too long on all ranks: the first is named, with its exact number.
+    let limit = |limit| config().max_pairs(limit);
+    let point = Scene::Point.part(400, rank, |k| (k % u64::from(last + 1)) as u32);
+    let error = Distributed::new(world, limit(10)).unwrap().pairs(local(&point)).unwrap_err();
+    let Error::TooManyPairs { rank: 0, found, limit: 10 } = error else { panic!("{error}") };
+    assert!(found > 10);
+    // Species.
+    let table = Interactions::new(2, Interaction::Touch).unwrap();
+    let mut distributed = Distributed::new(world, config().interactions(table)).unwrap();
+    let error = distributed.count(local(&particles)).unwrap_err().to_string();
+    assert!(error.starts_with("rank 0: interactions are set but"), "{error}");
+    let mut with = particles.clone();
+    with.species =
+        Some((0..with.ids.len() as u32).map(|k| if rank == last && k == 9 { 2 } else { k % 2 }).collect());
+    let error = distributed.count(local(&with)).unwrap_err();
+    assert!(matches!(error, Error::Input { rank, index: Some(9), .. } if rank == last), "{error}");
+    settings(world);
+}
+
+fn settings(world: &SimpleCommunicator) {
+    let refused = |config: Config, name: &str| match Distributed::new(world, config) {
+        Err(Error::Setting { name: refused, .. }) => assert_eq!(refused, name),
+        Err(other) => panic!("{other}"),
+        Ok(_) => panic!("{name} was accepted"),
+    };
+    refused(config().message_limit(63 * world.size() as u64), "message_limit");
+    refused(config().message_limit(1 << 31), "message_limit");
+    refused(config().threads(0), "threads");
+    refused(config().ownership(Ownership::Balance { bound: 0.9 }), "bound");
+    let eager = lazygrid::Config::default().algorithm(lazygrid::Algorithm::EagerGrid);
+    let error = Distributed::new(world, config().detector(eager)).err().unwrap().to_string();
+    assert!(error.starts_with("rank 0: eager-grid does not run on the cpu backend"), "{error}");
+}

@@ -1,0 +1,59 @@
+//! What holds on any number of ranks. All ranks run every case; a panic on one of them ends the job. `../../test.sh` runs
+//! it under `mpirun`; by itself it has one rank.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::print_stdout, reason = "a test program, of which rank 0 says what it did")]
+
+mod answers;
+mod failures;
+mod scale;
+mod scenes;
+mod settling;
+
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::{Communicator, CommunicatorCollectives};
+
+type Case = (&'static str, fn(&SimpleCommunicator));
+
+const CASES: &[Case] = &[
+    ("answers: every scene, size and placement", answers::every_scene),
+    ("answers: species and interactions", answers::interactions),
+    ("answers: each pair with both owners", answers::both_owners),
+    ("answers: streams and counts", answers::streams),
+    ("answers: messages in rounds", answers::rounds),
+    ("settling: what moved is found again", settling::follows),
+    ("settling: the parts are kept, and made again", settling::keeps_parts),
+    ("failures: one bad sphere", failures::bad_sphere),
+    ("failures: ids that two spheres have", failures::duplicate_ids),
+    ("failures: lengths, species and limits", failures::refusals),
+    ("scale: a million spheres", scale::million),
+    ("scale: all at one point", scale::one_point),
+];
+
+fn main() {
+    let Some((universe, _)) = mpi::initialize_with_threading(mpi::Threading::Funneled) else {
+        println!("MPI is running already");
+        std::process::exit(1);
+    };
+    lazygrid_mpi::abort_on_panic();
+    let world = universe.world();
+    if std::env::var_os("LAZYGRID_MPI_PANIC").is_some() {
+        failures::panic(&world);
+    }
+    // Cargo passes what was said behind `--`: names of cases, or parts of them.
+    let wanted: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let mut passed = 0;
+    for (name, case) in CASES {
+        if wanted.is_empty() || wanted.iter().any(|part| name.contains(part.as_str())) {
+            case(&world);
+            world.barrier();
+            passed += 1;
+            if world.rank() == 0 {
+                println!("on {} ranks: {name} ... ok", world.size());
+            }
+        }
+    }
+    if world.rank() == 0 {
+        println!("{passed} passed, 0 failed");
+    }
+}

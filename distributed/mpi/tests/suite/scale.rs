@@ -1,0 +1,104 @@
+use lazygrid::{Backend, Detector, Spheres};
+use lazygrid_mpi::{Distributed, GlobalPair, Ownership, Particles};
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::Communicator;
+
+use crate::scenes::{Scene, config, digest, id, local, random, sum};
+
+const MILLION: u64 = 1_000_000;
+
+/// The set of one process, and shares, ghosts and bytes within their bounds.
+pub(crate) fn million(world: &SimpleCommunicator) {
+    let ranks = world.size() as u64;
+    // One process after the other would be all that fewer ranks add.
+    let scenes: &[Scene] = match ranks {
+        8 => &[Scene::Uniform, Scene::FiveSizes, Scene::Giant, Scene::Gaussian, Scene::WideSizes],
+        _ => &[Scene::FiveSizes],
+    };
+    for &scene in scenes {
+        let mut distributed = Distributed::new(world, config().ownership(Ownership::BALANCE)).unwrap();
+        // In blocks, as a file would be read.
+        let mut particles = scene.part(MILLION, world.rank() as u32, |k| (k * ranks / MILLION) as u32);
+        let settled = distributed.settle(&mut particles).unwrap();
+        assert!(
+            settled.rebuilt && settled.owned.imbalance() <= 1.05,
+            "{scene:?}: {}",
+            settled.owned.imbalance()
+        );
+        let found = distributed.pairs(local(&particles)).unwrap();
+        let (own, count) = (digest(found.iter().map(GlobalPair::ids)), found.len() as u64);
+        let found = (sum(world, count), sum_wrapping(world, own));
+        assert_eq!(found, whole(world, scene), "{scene:?}");
+        let report = distributed.report().clone();
+        let ghosts = report.ghosts.total as f64 / MILLION as f64;
+        let most = if scene == Scene::Gaussian { 0.045 } else { 0.025 };
+        if scene != Scene::WideSizes {
+            assert!(ghosts <= most, "{scene:?}: {ghosts}");
+            assert!(report.pairs.imbalance() <= 1.10, "{scene:?}: {:?}", report.pairs);
+        }
+        steady(world, &mut distributed, &mut particles, scene);
+        if world.rank() == 0 {
+            println!(
+                "{scene:?} on {ranks} ranks: owned max/mean {:.3}, pairs max/mean {:.3}, ghosts {:.2} %, {} pairs",
+                settled.owned.imbalance(),
+                report.pairs.imbalance(),
+                100.0 * ghosts,
+                report.pairs.total
+            );
+        }
+    }
+}
+
+/// A step in which everything moves a little sends at most two bytes per sphere besides what changes rank.
+fn steady(
+    world: &SimpleCommunicator,
+    distributed: &mut Distributed,
+    particles: &mut Particles,
+    scene: Scene,
+) {
+    for (sphere, &id) in particles.spheres.iter_mut().zip(&particles.ids) {
+        sphere.center += lazygrid::glam::Vec3::from([20, 21, 22].map(|axis| 0.1 * (random(id, axis) - 0.5)));
+    }
+    let settled = distributed.settle(particles).unwrap();
+    assert!(!settled.rebuilt && settled.moved < MILLION / 50, "{scene:?}: {} moved", settled.moved);
+    distributed.count(local(particles)).unwrap();
+    let sent = sum(world, distributed.report().sent) as f64 / MILLION as f64;
+    assert!(scene == Scene::WideSizes || sent <= 2.0, "{scene:?}: {sent} bytes per sphere");
+}
+
+/// Number and digest of the pairs of one process; on all ranks.
+fn whole(world: &SimpleCommunicator, scene: Scene) -> (u64, u64) {
+    let (mut count, mut own) = (0, 0);
+    if world.rank() == 0 {
+        let config = lazygrid::Config::default().backend(Backend::Cpu).order(lazygrid::Order::Unordered);
+        let mut detector = Detector::new(config).unwrap();
+        let all = scene.all(MILLION);
+        let pairs = detector.pairs(Spheres::from(&all)).unwrap();
+        let ids = |pair: &lazygrid::Pair| {
+            let (a, b) = (id(pair.i.into()), id(pair.j.into()));
+            [a.min(b), a.max(b)]
+        };
+        (count, own) = (pairs.len() as u64, digest(pairs.iter().map(ids)));
+    }
+    (sum(world, count), sum_wrapping(world, own))
+}
+
+/// The sum over ranks of words that wrap, in halves that do not.
+fn sum_wrapping(world: &SimpleCommunicator, word: u64) -> u64 {
+    let (high, low) = (sum(world, word >> 32), sum(world, word & 0xFFFF_FFFF));
+    (high << 32).wrapping_add(low)
+}
+
+pub(crate) fn one_point(world: &SimpleCommunicator) {
+    let (n, ranks) = (10_000_u64, world.size() as u32);
+    let mut distributed = Distributed::new(world, config().ownership(Ownership::BALANCE)).unwrap();
+    let mut particles = Scene::Point.part(n, world.rank() as u32, |_| 0);
+    let settled = distributed.settle(&mut particles).unwrap();
+    assert!(settled.owned.imbalance() <= 1.05, "{}", settled.owned.imbalance());
+    assert_eq!(distributed.count(local(&particles)), Ok(n * (n - 1) / 2));
+    let report = distributed.report();
+    // Two ranks that are half of all ranks apart: one of them reports all pairs of both.
+    let most = 1.03 + if ranks % 2 == 0 { 1.0 / f64::from(ranks) } else { 0.0 };
+    assert!(report.pairs.imbalance() <= most, "{:?}", report.pairs);
+    assert_eq!(report.elsewhere, 0);
+}

@@ -1,0 +1,91 @@
+//! What a step on so many ranks would send, and how evenly the spheres are shared, counted by geometry. A model: all
+//! ranks are in this process, and nothing is timed.
+//!
+//!     cargo run --release -p lazygrid-ranks --example model [SPHERES [RANKS]…]
+
+#![allow(clippy::print_stdout, reason = "a program")]
+
+use lazygrid::Sphere;
+use lazygrid_ranks::model::Model;
+use lazygrid_ranks::{Bodies, Hull, Particle};
+
+/// Random numbers from 0 to below 1, the same on every machine.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f32 / (1_u32 << 24) as f32
+    }
+
+    fn normal(&mut self) -> f32 {
+        (0..12).map(|_| self.next()).sum::<f32>() - 6.0
+    }
+}
+
+/// Spheres in a cube of which they fill 5 %, of radii that halve from one to the next.
+fn uniform(spheres: usize, sizes: i32) -> Vec<Sphere> {
+    let mut random = Random(1);
+    let radius = |k: usize| 0.5_f32.powi(k as i32 % sizes);
+    let volume: f64 = (0..spheres).map(|k| 4.19 * f64::from(radius(k)).powi(3)).sum();
+    let edge = (volume / 0.05).cbrt() as f32;
+    (0..spheres).map(|k| Sphere::new([(); 3].map(|()| edge * random.next()), radius(k))).collect()
+}
+
+/// The same with one sphere half as wide as the cube.
+fn giant(spheres: usize) -> Vec<Sphere> {
+    let mut all = uniform(spheres, 1);
+    let edge = (spheres as f32 * 4.19 / 0.05).cbrt();
+    all[spheres / 2] = Sphere::new([edge / 2.0; 3], edge / 4.0);
+    all
+}
+
+/// A cloud that is as dense as the cube at one standard deviation.
+fn gaussian(spheres: usize) -> Vec<Sphere> {
+    let mut random = Random(2);
+    let scale = (spheres as f32 * 4.19 / 0.05).cbrt() / 2.5 / 1.4;
+    (0..spheres).map(|_| Sphere::new([(); 3].map(|()| scale * random.normal()), 1.0)).collect()
+}
+
+fn main() {
+    let mut numbers = std::env::args().skip(1).filter_map(|word| word.parse::<usize>().ok());
+    let spheres = numbers.next().unwrap_or(1_000_000);
+    let mut ranks: Vec<u32> = numbers.map(|ranks| ranks as u32).collect();
+    if ranks.is_empty() {
+        ranks = vec![8, 64, 512];
+    }
+    println!("{spheres} spheres; a model by geometry, not a measurement\n");
+    println!(
+        "scene      | ranks | owned max/mean | ghosts/n | ghosts max | bytes per sphere | bytes per rank, max"
+    );
+    println!(
+        "---------- | ----- | -------------- | -------- | ---------- | ---------------- | -------------------"
+    );
+    for (name, scene) in [
+        ("uniform", uniform(spheres, 1)),
+        ("five sizes", uniform(spheres, 5)),
+        ("giant", giant(spheres)),
+        ("gaussian", gaussian(spheres)),
+        ("one point", vec![Sphere::new([1.0; 3], 1.0); spheres.min(100_000)]),
+    ] {
+        let particle = |(id, sphere)| Particle { sphere, id, species: 0, index: 0 };
+        let particles: Vec<_> = (0..).zip(scene).map(particle).collect();
+        ranks.iter().for_each(|&ranks| print_row(name, &particles, ranks));
+    }
+}
+
+fn print_row(name: &str, particles: &[Particle], ranks: u32) {
+    let model = Model::balanced(particles, ranks, Bodies::default());
+    let (owned, ghosts) = (model.owned(), model.ghosts());
+    // Every rank gets the hulls of all others.
+    let hulls = model.hulls() * size_of::<Hull>() as u64;
+    let sent = ghosts.total * size_of::<Particle>() as u64 + hulls * u64::from(ranks - 1);
+    println!(
+        "{name:10} | {ranks:5} | {:14.3} | {:7.2}% | {:10} | {:16.2} | {:19}",
+        owned.imbalance(),
+        100.0 * ghosts.total as f64 / owned.total as f64,
+        ghosts.most,
+        sent as f64 / owned.total as f64,
+        ghosts.most * size_of::<Particle>() as u64 + hulls,
+    );
+}

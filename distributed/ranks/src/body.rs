@@ -1,0 +1,55 @@
+use glam::Vec3;
+use lazygrid::{Interactions, Reach, Space, Sphere};
+
+use crate::{Class, Particle};
+
+/// What steering looks at: a sphere's image nearest to the origin, with a radius that covers its interactions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// Centre; along periodic axes within half a length of the origin.
+    pub center: Vec3,
+    /// Effective radius: any two spheres that may pair are at most the sum of theirs apart.
+    pub radius: f32,
+}
+
+impl Body {
+    /// The binade of its effective radius.
+    #[inline]
+    pub fn class(&self) -> Class {
+        Class::of(self.radius)
+    }
+}
+
+/// Turns spheres into bodies: knows the space, and the interactions where there are any.
+#[derive(Clone, Debug, Default)]
+pub struct Bodies {
+    space: Space,
+    /// By species; `None` where all that touch pair.
+    reach: Option<Vec<Reach>>,
+}
+
+impl Bodies {
+    /// In this space, with these interactions.
+    pub fn new(space: Space, interactions: Option<&Interactions>) -> Self {
+        let reach = interactions.map(|table| (0..table.species()).map(|s| table.reach(s)).collect());
+        Self { space, reach }
+    }
+
+    /// The space.
+    pub fn space(&self) -> Space {
+        self.space
+    }
+
+    /// The body of a sphere. A species that is not in the table reaches as far as its radius.
+    #[inline]
+    pub fn body(&self, sphere: Sphere, species: u32) -> Body {
+        let reach = self.reach.as_ref().and_then(|reach| reach.get(species as usize));
+        let radius = reach.map_or(sphere.radius, |reach| reach.effective_radius(sphere.radius));
+        Body { center: self.space.wrap(sphere.center), radius }
+    }
+
+    /// The bodies of particles, in their order.
+    pub fn of(&self, particles: &[Particle]) -> Vec<Body> {
+        particles.iter().map(|particle| self.body(particle.sphere, particle.species)).collect()
+    }
+}

@@ -1,0 +1,69 @@
+use bytemuck::{Pod, Zeroable};
+
+/// A bijection of 64-bit words whose every output bit depends on every input bit (the finaliser of SplitMix64).
+pub(crate) fn mix(word: u64) -> u64 {
+    let word = (word ^ (word >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let word = (word ^ (word >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    word ^ (word >> 31)
+}
+
+/// What decides between spheres of equal coordinates: a hash of the id, so that even one point is halved evenly.
+/// Different ids have different ties.
+#[inline]
+pub fn tie(id: u64) -> u64 {
+    mix(id.wrapping_add(0x9E37_79B9_7F4A_7C15))
+}
+
+/// Tells whether two sets of ids are the same, in whichever order and on whichever ranks they are. Digests of parts
+/// [join](Self::join) to that of the whole. Different sets have equal digests with a chance of about 2⁻¹²⁸.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Digest {
+    sums: [u64; 2],
+}
+
+impl Digest {
+    /// The digest of some ids.
+    pub fn of(ids: impl IntoIterator<Item = u64>) -> Self {
+        ids.into_iter().fold(Self::default(), |digest, id| {
+            let one = mix(id ^ 0xA076_1D64_78BD_642F);
+            let other = mix(one ^ 0xE703_7ED1_A0B4_28DB);
+            digest.join(Self { sums: [one, other] })
+        })
+    }
+
+    /// The digest of both sets together.
+    pub fn join(self, other: Self) -> Self {
+        let sum = |k: usize| self.sums[k].wrapping_add(other.sums[k]);
+        Self { sums: [sum(0), sum(1)] }
+    }
+
+    /// The rank that looks whether somebody else has this id too.
+    pub fn judge(id: u64, ranks: u32) -> u32 {
+        ((u128::from(mix(id ^ 0x8EBC_6AF0_9C88_C6E3)) * u128::from(ranks.max(1))) >> 64) as u32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_digest_is_that_of_the_set() {
+        let whole = Digest::of(0..1000);
+        assert_eq!(whole, Digest::of((0..1000).rev()));
+        assert_eq!(whole, Digest::of(0..300).join(Digest::of(300..1000)));
+        assert_ne!(whole, Digest::of(1..1001));
+        assert_ne!(whole, Digest::of((0..999).chain([0])));
+        // Two changes that a plain sum or an exclusive or would not see.
+        assert_ne!(Digest::of([1, 4]), Digest::of([2, 3]));
+        assert_ne!(Digest::of([5, 5]), Digest::of([7, 7]));
+    }
+
+    #[test]
+    fn judges_share_the_ids() {
+        let mut of_rank = [0; 7];
+        (0..70_000).for_each(|id| of_rank[Digest::judge(id, 7) as usize] += 1);
+        assert!(of_rank.iter().all(|ids| (9_500..10_500).contains(ids)), "{of_rank:?}");
+    }
+}

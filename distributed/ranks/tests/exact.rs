@@ -1,0 +1,143 @@
+//! The pairs of all ranks together are those of the definition, each once, wherever spheres are and whoever owns them.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use common::{naive, numbered};
+use lazygrid::{Config, Interaction, Interactions, Space, Sphere};
+use lazygrid_ranks::model::Model;
+use lazygrid_ranks::{Bodies, Particle};
+use proptest::prelude::*;
+use proptest::sample::select;
+
+/// Who owns what.
+#[derive(Clone, Debug)]
+enum Placement {
+    Balanced,
+    /// By these words, one per sphere in turn.
+    Kept(Vec<u32>),
+    /// All on one rank.
+    Single(u32),
+}
+
+#[derive(Clone, Debug)]
+struct Scene {
+    spheres: Vec<Sphere>,
+    lengths: [Option<f32>; 3],
+    ranks: u32,
+    placement: Placement,
+    interactions: bool,
+}
+
+impl Scene {
+    fn table(&self) -> Option<Interactions> {
+        self.interactions.then(|| {
+            let mut table = Interactions::new(3, Interaction::Touch).unwrap();
+            table.set(0, 1, Interaction::Within(2.5)).unwrap();
+            table.set(1, 1, Interaction::Never).unwrap();
+            table.set(2, 1, Interaction::Never).unwrap();
+            table.set(2, 2, Interaction::Within(0.0)).unwrap();
+            table
+        })
+    }
+
+    fn model(&self, particles: &[Particle], bodies: Bodies) -> Model {
+        let owner = |k: usize| match &self.placement {
+            Placement::Kept(words) => words[k % words.len()] % self.ranks,
+            Placement::Single(word) => word % self.ranks,
+            Placement::Balanced => 0,
+        };
+        if let Placement::Balanced = self.placement {
+            return Model::balanced(particles, self.ranks, bodies);
+        }
+        let mut owned = vec![Vec::new(); self.ranks as usize];
+        for (k, particle) in particles.iter().enumerate() {
+            owned[owner(k) as usize].push(*particle);
+        }
+        Model::kept(owned, bodies)
+    }
+
+    fn check(&self) {
+        let particles = numbered(self.spheres.iter().copied());
+        let (space, table) = (Space::periodic(self.lengths).unwrap(), self.table());
+        let mut config = Config::default().space(space).threads(1);
+        if let Some(table) = &table {
+            config = config.interactions(table.clone());
+        }
+        let model = self.model(&particles, Bodies::new(space, table.as_ref()));
+        let found = model.pairs(&config).unwrap();
+        let mut pairs: Vec<_> = found.into_iter().flat_map(|rank| rank.pairs).collect();
+        pairs.sort_unstable();
+        assert_eq!(pairs, naive(&particles, &space, table.as_ref()), "on {} ranks", self.ranks);
+    }
+}
+
+/// Coordinates that are often equal, often exactly one contact apart, on either side of a seam, or far away.
+fn coordinate() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        4 => (-3_i8..4).prop_map(f32::from),
+        2 => -4.0_f32..4.0,
+        1 => select(vec![0.0, -0.0, 2.0_f32.next_up(), 1e6, -1e6, 1e-30, 3e38, -3e38]),
+    ]
+}
+
+fn radius() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        6 => select(vec![0.0, 0.5, 1.0, 1.5]),
+        2 => 0.0_f32..1.0,
+        1 => select(vec![1e-40, 1e-6, 40.0, 1e6, -0.0, 3e38]),
+    ]
+}
+
+fn sphere() -> impl Strategy<Value = Sphere> {
+    ([coordinate(), coordinate(), coordinate()], radius())
+        .prop_map(|(center, radius)| Sphere::new(center, radius))
+}
+
+fn spheres() -> impl Strategy<Value = Vec<Sphere>> {
+    prop_oneof![
+        6 => prop::collection::vec(sphere(), 0..40),
+        // All at one point, of one size or of several.
+        1 => (sphere(), prop::collection::vec(radius(), 0..40)).prop_map(|(at, radii)| {
+            radii.into_iter().map(|radius| Sphere::new(at.center, radius)).collect()
+        }),
+        1 => (sphere(), 0_usize..40).prop_map(|(sphere, n)| vec![sphere; n]),
+    ]
+}
+
+fn scene() -> impl Strategy<Value = Scene> {
+    let length = || prop_oneof![Just(None), select(vec![Some(6.0), Some(4.0), Some(2.5), Some(1e7)])];
+    let placement = prop_oneof![
+        2 => Just(Placement::Balanced),
+        2 => prop::collection::vec(any::<u32>(), 1..40).prop_map(Placement::Kept),
+        1 => any::<u32>().prop_map(Placement::Single),
+    ];
+    let ranks = select(vec![1, 2, 3, 4, 5, 8, 13]);
+    (spheres(), [length(), length(), length()], ranks, placement, any::<bool>()).prop_map(
+        |(spheres, lengths, ranks, placement, interactions)| Scene {
+            spheres,
+            lengths,
+            ranks,
+            placement,
+            interactions,
+        },
+    )
+}
+
+proptest! {
+    #[test]
+    fn few_ranks(scene in scene()) {
+        scene.check();
+    }
+}
+
+proptest! {
+    // Most ranks are empty, and each of them makes a detector.
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn many_ranks(scene in scene(), ranks in select(vec![64, 100, 512])) {
+        Scene { ranks, ..scene }.check();
+    }
+}
