@@ -247,7 +247,7 @@ impl Detector {
     ///     As :meth:`pairs`; an ``InputError`` about values of ``b`` has ``second`` set.
     /// SettingError
     ///     On a GPU, and for another algorithm.
-    #[pyo3(signature = (a, b, species_a=None, species_b=None, out=None, *, cast=False))]
+    #[pyo3(signature = (a, b, species_a=None, species_b=None, out=None, *, cast=false))]
     fn between<'py>(
         &self,
         a: &Bound<'py, PyAny>,
@@ -280,7 +280,7 @@ impl Detector {
     /// ------
     /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt, SettingError
     ///     As :meth:`between`.
-    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, cast=False))]
+    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, cast=false))]
     fn neighbors_between<'py>(
         &self,
         a: &Bound<'py, PyAny>,
@@ -306,7 +306,7 @@ impl Detector {
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
     ///     As :meth:`between`.
-    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, cast=False))]
+    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, cast=false))]
     fn count_between<'py>(
         &self,
         a: &Bound<'py, PyAny>,
@@ -330,7 +330,7 @@ impl Detector {
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
     ///     As :meth:`between`; what is wrong with values or the algorithm is raised by the first ``next``.
-    #[pyo3(signature = (a, b, chunk=65536, species_a=None, species_b=None, *, cast=False))]
+    #[pyo3(signature = (a, b, chunk=65536, species_a=None, species_b=None, *, cast=false))]
     fn stream_between<'py>(
         &self,
         a: &Bound<'py, PyAny>,
