@@ -36,17 +36,40 @@ impl<'py> Given<'py> {
         species: Option<&Bound<'py, PyAny>>,
         cast: bool,
     ) -> PyResult<Self> {
+        Self::named(spheres, species, cast, ["spheres", "x", "y", "z", "r", "species"])
+    }
+
+    /// The first of two sets, and the second, as [`new`](Self::new); messages name the set.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(crate) fn two(
+        [a, b]: [&Bound<'py, PyAny>; 2],
+        [species_a, species_b]: [Option<&Bound<'py, PyAny>>; 2],
+        cast: bool,
+    ) -> PyResult<[Self; 2]> {
+        let a = Self::named(a, species_a, cast, ["a", "a[0]", "a[1]", "a[2]", "a[3]", "species_a"])?;
+        let b = Self::named(b, species_b, cast, ["b", "b[0]", "b[1]", "b[2]", "b[3]", "species_b"])?;
+        Ok([a, b])
+    }
+
+    fn named(
+        spheres: &Bound<'py, PyAny>,
+        species: Option<&Bound<'py, PyAny>>,
+        cast: bool,
+        [all, x, y, z, r, ids]: [&str; 6],
+    ) -> PyResult<Self> {
         let layout = match spheres.cast::<PyTuple>() {
             Ok(columns) if columns.len() == 4 => {
                 let column = |k: usize, name| floats::<Ix1>(&columns.get_item(k)?, name, cast);
-                Layout::Columns([column(0, "x")?, column(1, "y")?, column(2, "z")?, column(3, "r")?])
+                Layout::Columns([column(0, x)?, column(1, y)?, column(2, z)?, column(3, r)?])
             }
             _ => {
-                let rows = floats::<Ix2>(spheres, "spheres", cast)?;
+                let rows = floats::<Ix2>(spheres, all, cast)?;
                 let width = rows.shape()[1];
                 if width != 4 {
                     let message = format!(
-                        "`spheres` has {width} columns where 4 are needed: x, y, z and r; for points of one radius see \
+                        "`{all}` has {width} columns where 4 are needed: x, y, z and r; for points of one radius see \
                          lazygrid.pairs"
                     );
                     return Err(error::array(message));
@@ -54,7 +77,7 @@ impl<'py> Given<'py> {
                 Layout::Rows(rows)
             }
         };
-        let species = species.map(|ids| whole(ids, "species")).transpose()?;
+        let species = species.map(|given| whole(given, ids)).transpose()?;
         Ok(Self { spheres: layout, species })
     }
 
@@ -63,17 +86,31 @@ impl<'py> Given<'py> {
     /// # Errors
     /// `InputError` for columns or ids of different lengths.
     pub(crate) fn spheres(&self) -> PyResult<Spheres<'_>> {
+        self.borrowed()?.map_err(error::input)
+    }
+
+    /// The same of the second of two sets, which is named.
+    ///
+    /// # Errors
+    /// As [`spheres`](Self::spheres).
+    pub(crate) fn second(&self) -> PyResult<Spheres<'_>> {
+        self.borrowed()?.map_err(|wrong| error::input(InputError::Second(Box::new(wrong))))
+    }
+
+    fn borrowed(&self) -> PyResult<Result<Spheres<'_>, InputError>> {
         let spheres = match &self.spheres {
-            Layout::Rows(rows) => Spheres::from(rows.as_slice()?.as_chunks::<4>().0),
+            Layout::Rows(rows) => Ok(Spheres::from(rows.as_slice()?.as_chunks::<4>().0)),
             Layout::Columns([x, y, z, r]) => {
-                let all = Spheres::columns(x.as_slice()?, y.as_slice()?, z.as_slice()?, r.as_slice()?);
-                all.map_err(error::input)?
+                Spheres::columns(x.as_slice()?, y.as_slice()?, z.as_slice()?, r.as_slice()?)
             }
         };
-        match &self.species {
-            None => Ok(spheres),
-            Some(ids) => spheres.with_species(ids.as_slice()?).map_err(error::input),
-        }
+        Ok(match &self.species {
+            None => spheres,
+            Some(ids) => {
+                let ids = ids.as_slice()?;
+                spheres.and_then(|spheres| spheres.with_species(ids))
+            }
+        })
     }
 }
 

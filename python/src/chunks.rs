@@ -20,7 +20,7 @@ const AHEAD: usize = 2;
 
 type Sent = Result<Vec<Pair>, Error>;
 
-/// An iterator over chunks of pairs, uint32 of shape ``(k, 2)``, from :meth:`Detector.stream`.
+/// An iterator over chunks of pairs, uint32 of shape ``(k, 2)``, from :meth:`Detector.stream` and its like.
 ///
 /// A thread searches ahead by some chunks. ``close``, the end of a ``with`` block, and dropping the iterator end it.
 #[pyclass(frozen, module = "lazygrid")]
@@ -31,14 +31,20 @@ pub(crate) struct Chunks {
 }
 
 impl Chunks {
-    /// Begins the search.
-    pub(crate) fn start(lease: Lease, spheres: Spheres<'_>, chunk: usize) -> PyResult<Self> {
+    /// Begins the search, of one set or between two.
+    pub(crate) fn start(
+        lease: Lease,
+        spheres: Spheres<'_>,
+        second: Option<Spheres<'_>>,
+        chunk: usize,
+    ) -> PyResult<Self> {
         let copied = Copied::new(spheres).map_err(error::engine)?;
+        let second = second.map(Copied::new).transpose().map_err(error::engine)?;
         lease.keep_report();
         let stopper = lease.stopper();
         let (to, chunks) = sync_channel(AHEAD);
         let thread = thread::Builder::new().name("lazygrid stream".into());
-        let spawned = thread.spawn(move || search(lease, &copied, chunk, &to));
+        let spawned = thread.spawn(move || search(lease, &copied, second.as_ref(), chunk, &to));
         spawned
             .map_err(|refused| error::engine(Error::Threads { threads: 1, reason: refused.to_string() }))?;
         Ok(Self { chunks: Mutex::new(Some(chunks)), stopper })
@@ -142,7 +148,7 @@ fn room<T>(count: usize, what: &'static str) -> Result<Vec<T>, Error> {
 }
 
 /// Sends the pairs, and last of all why there are no more if that is an error.
-fn search(mut lease: Lease, copied: &Copied, chunk: usize, to: &SyncSender<Sent>) {
+fn search(mut lease: Lease, copied: &Copied, second: Option<&Copied>, chunk: usize, to: &SyncSender<Sent>) {
     let mut refused = None;
     let send = |pairs: &[Pair]| {
         let own = room(pairs.len(), "a chunk of pairs").map(|mut own| {
@@ -160,7 +166,13 @@ fn search(mut lease: Lease, copied: &Copied, chunk: usize, to: &SyncSender<Sent>
             }
         }
     };
-    let streamed = copied.spheres().and_then(|spheres| lease.parts().0.stream(spheres, chunk, send));
+    let detector = lease.parts().0;
+    let streamed = match second {
+        None => copied.spheres().and_then(|spheres| detector.stream(spheres, chunk, send)),
+        Some(second) => {
+            copied.spheres().and_then(|a| detector.stream_between(a, second.spheres()?, chunk, send))
+        }
+    };
     // Whoever sees the end can use the engine again, and read its report.
     drop(lease);
     if let Some(error) = refused.or(streamed.err()) {

@@ -45,6 +45,10 @@ use crate::{error, report};
 ///     The most pairs a list may hold, by default 2**29 (4 GiB); more are an error with the exact number.
 /// adapter
 ///     On which GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
+/// skin
+///     Whether candidates, pairs that may soon overlap, are kept from call to call on the CPU; an answer never depends
+///     on it. ``"auto"`` keeps them where spheres move so little that it is expected to take less time, ``"off"`` never.
+///     A number keeps the pairs that are up to this distance too far apart, until some sphere has moved by half of it.
 ///
 /// Raises
 /// ------
@@ -61,7 +65,9 @@ pub(crate) struct Detector {
 impl Detector {
     #[new]
     #[pyo3(signature = (*, backend="auto", algorithm="auto", threads=None, periodic=None, order="canonical",
-                        interactions=None, max_pairs=None, adapter=None))]
+                        interactions=None, max_pairs=None, adapter=None, skin=None),
+           text_signature = "(*, backend='auto', algorithm='auto', threads=None, periodic=None, order='canonical', \
+                             interactions=None, max_pairs=None, adapter=None, skin='auto')")]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         py: Python<'_>,
@@ -73,8 +79,9 @@ impl Detector {
         interactions: Option<&Bound<'_, Interactions>>,
         max_pairs: Option<u64>,
         adapter: Option<&Bound<'_, PyAny>>,
+        skin: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let config = Settings { backend, algorithm, threads, periodic, order, max_pairs }.config()?;
+        let config = Settings { backend, algorithm, threads, periodic, order, max_pairs, skin }.config()?;
         let config = match interactions {
             None => config,
             Some(table) => config.interactions(table.get().table()),
@@ -209,12 +216,134 @@ impl Detector {
         species: Option<&Bound<'_, PyAny>>,
         cast: bool,
     ) -> PyResult<Chunks> {
-        if chunk == 0 {
-            return Err(error::setting("chunk = 0 is out of range; choose at least one pair per chunk"));
-        }
+        check_chunk(chunk)?;
         let given = Given::new(spheres, species, cast)?;
         let lease = self.engines.lease()?;
-        Chunks::start(lease, given.spheres()?, chunk)
+        Chunks::start(lease, given.spheres()?, None, chunk)
+    }
+
+    /// Return the pairs of one sphere of ``a`` and one of ``b``, in the order that was asked for.
+    ///
+    /// No two spheres of one set are ever compared: particles against receivers, say. On the CPU so far, with the
+    /// algorithms ``"auto"``, ``"cell-list"`` and ``"naive"``.
+    ///
+    /// Parameters
+    /// ----------
+    /// a, b
+    ///     The two sets, each as the spheres of :meth:`pairs`.
+    /// species_a, species_b
+    ///     Where the detector has interactions: a species id per sphere of each set.
+    /// out, cast
+    ///     As in :meth:`pairs`.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray
+    ///     uint32 of shape ``(m, 2)``: an index in ``a`` and one in ``b``. With ``out`` a view of its first ``m`` rows.
+    ///
+    /// Raises
+    /// ------
+    /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
+    ///     As :meth:`pairs`; an ``InputError`` about values of ``b`` has ``second`` set.
+    /// SettingError
+    ///     On a GPU, and for another algorithm.
+    #[pyo3(signature = (a, b, species_a=None, species_b=None, out=None, *, cast=false))]
+    fn between<'py>(
+        &self,
+        a: &Bound<'py, PyAny>,
+        b: &Bound<'py, PyAny>,
+        species_a: Option<&Bound<'py, PyAny>>,
+        species_b: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
+        cast: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let py = a.py();
+        let [first, second] = Given::two([a, b], [species_a, species_b], cast)?;
+        let (a, b) = (first.spheres()?, second.second()?);
+        let mut lease = self.engines.lease()?;
+        let (detector, stop) = lease.parts();
+        let count = a.len() + b.len();
+        let found = call(py, count, stop, || detector.between(a, b))?.map_err(error::engine)?;
+        arrays::pairs(py, found, out)
+    }
+
+    /// Return for every sphere of ``a`` those of ``b`` that it overlaps, ascending.
+    ///
+    /// Returns
+    /// -------
+    /// offsets
+    ///     uint64 of shape ``(len(a) + 1,)``.
+    /// indices
+    ///     uint32 of shape ``(m,)``. The neighbours of sphere ``k`` are ``indices[offsets[k]:offsets[k + 1]]``.
+    ///
+    /// Raises
+    /// ------
+    /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt, SettingError
+    ///     As :meth:`between`.
+    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, cast=false))]
+    fn neighbors_between<'py>(
+        &self,
+        a: &Bound<'py, PyAny>,
+        b: &Bound<'py, PyAny>,
+        species_a: Option<&Bound<'py, PyAny>>,
+        species_b: Option<&Bound<'py, PyAny>>,
+        cast: bool,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let py = a.py();
+        let [first, second] = Given::two([a, b], [species_a, species_b], cast)?;
+        let (a, b) = (first.spheres()?, second.second()?);
+        let mut lease = self.engines.lease()?;
+        let (detector, stop) = lease.parts();
+        let count = a.len() + b.len();
+        let lists = call(py, count, stop, || detector.neighbors_between(a, b))?.map_err(error::engine)?;
+        let (offsets, indices) = (arrays::copied(py, lists.offsets)?, arrays::copied(py, lists.indices)?);
+        Ok((offsets.into_any(), indices.into_any()))
+    }
+
+    /// Return how many pairs of one sphere of ``a`` and one of ``b`` there are.
+    ///
+    /// Raises
+    /// ------
+    /// InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
+    ///     As :meth:`between`.
+    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, cast=false))]
+    fn count_between<'py>(
+        &self,
+        a: &Bound<'py, PyAny>,
+        b: &Bound<'py, PyAny>,
+        species_a: Option<&Bound<'py, PyAny>>,
+        species_b: Option<&Bound<'py, PyAny>>,
+        cast: bool,
+    ) -> PyResult<u64> {
+        let py = a.py();
+        let [first, second] = Given::two([a, b], [species_a, species_b], cast)?;
+        let (a, b) = (first.spheres()?, second.second()?);
+        let mut lease = self.engines.lease()?;
+        let (detector, stop) = lease.parts();
+        let count = a.len() + b.len();
+        call(py, count, stop, || detector.count_between(a, b))?.map_err(error::engine)
+    }
+
+    /// Iterate over the pairs of one sphere of ``a`` and one of ``b``, as :meth:`stream` does. Both are copied.
+    ///
+    /// Raises
+    /// ------
+    /// InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
+    ///     As :meth:`between`; what is wrong with values or the algorithm is raised by the first ``next``.
+    #[pyo3(signature = (a, b, chunk=65536, species_a=None, species_b=None, *, cast=false))]
+    fn stream_between<'py>(
+        &self,
+        a: &Bound<'py, PyAny>,
+        b: &Bound<'py, PyAny>,
+        chunk: usize,
+        species_a: Option<&Bound<'py, PyAny>>,
+        species_b: Option<&Bound<'py, PyAny>>,
+        cast: bool,
+    ) -> PyResult<Chunks> {
+        check_chunk(chunk)?;
+        let [first, second] = Given::two([a, b], [species_a, species_b], cast)?;
+        let lease = self.engines.lease()?;
+        Chunks::start(lease, first.spheres()?, Some(second.second()?), chunk)
     }
 
     /// Return an estimate of the bytes that the detector holds for so many spheres, besides the result.
@@ -232,5 +361,13 @@ impl Detector {
     fn __repr__(&self) -> String {
         let report = self.engines.report();
         format!("<lazygrid.Detector: {} on {}>", report.algorithm, report.adapter.as_deref().unwrap_or("cpu"))
+    }
+}
+
+/// Refuses chunks without pairs.
+fn check_chunk(chunk: usize) -> PyResult<()> {
+    match chunk {
+        0 => Err(error::setting("chunk = 0 is out of range; choose at least one pair per chunk")),
+        _ => Ok(()),
     }
 }

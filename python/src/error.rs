@@ -17,6 +17,7 @@ fn exception(class: &str, message: String, attributes: &[(&str, Attribute)]) -> 
             for (name, value) in attributes {
                 match value {
                     Attribute::Whole(value) => raised.setattr(*name, value)?,
+                    Attribute::Truth(value) => raised.setattr(*name, value)?,
                     Attribute::Numbers(values) => {
                         raised.setattr(*name, values.as_slice().into_pyobject(py)?)?
                     }
@@ -31,6 +32,7 @@ fn exception(class: &str, message: String, attributes: &[(&str, Attribute)]) -> 
 /// What an exception knows beside its message.
 enum Attribute {
     Whole(u64),
+    Truth(bool),
     Numbers(Vec<f32>),
 }
 
@@ -57,29 +59,44 @@ pub(crate) fn engine(error: lazygrid::Error) -> PyErr {
 
 /// What is wrong with an input, as an exception that knows index and value.
 pub(crate) fn input(error: InputError) -> PyErr {
+    match error {
+        InputError::Second(error) => {
+            let (message, mut attributes) = described(*error);
+            attributes.push(("second", Attribute::Truth(true)));
+            exception("InputError", format!("of the second set, {message}"), &attributes)
+        }
+        error => {
+            let (message, attributes) = described(error);
+            exception("InputError", message, &attributes)
+        }
+    }
+}
+
+/// The message and the attributes.
+fn described(error: InputError) -> (String, Vec<(&'static str, Attribute)>) {
     let message = match error {
         InputError::SpeciesMissing => {
-            "interactions are set but the spheres have no species ids; give them as species=".to_owned()
+            "interactions are set but the spheres have no species ids; give them as species=, those of two sets as \
+             species_a= and species_b="
+                .to_owned()
         }
         ref error => error.to_string(),
     };
-    match error {
+    let attributes = match error {
         InputError::Sphere { index, sphere, count, .. } => {
             let value = vec![sphere.center.x, sphere.center.y, sphere.center.z, sphere.radius];
-            let attributes = [
+            vec![
                 ("index", Attribute::Whole(index.into())),
                 ("value", Attribute::Numbers(value)),
                 ("count", Attribute::Whole(count)),
-            ];
-            exception("InputError", message, &attributes)
+            ]
         }
         InputError::SpeciesId { index: Some(index), id, .. } => {
-            let attributes =
-                [("index", Attribute::Whole(index.into())), ("value", Attribute::Whole(id.into()))];
-            exception("InputError", message, &attributes)
+            vec![("index", Attribute::Whole(index.into())), ("value", Attribute::Whole(id.into()))]
         }
-        _ => exception("InputError", message, &[]),
-    }
+        _ => Vec::new(),
+    };
+    (message, attributes)
 }
 
 /// Anything else.

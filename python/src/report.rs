@@ -18,6 +18,14 @@ pub(crate) fn dict<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py,
         gpu.set_item("moved_bytes", cost.moved_bytes)?;
         Ok::<_, PyErr>(gpu)
     });
+    let candidates = report.candidates.as_ref().map(|kept| {
+        let candidates = PyDict::new(py);
+        candidates.set_item("count", kept.count)?;
+        candidates.set_item("age", kept.age)?;
+        candidates.set_item("moved", kept.moved)?;
+        candidates.set_item("rebuilt", kept.rebuilt.map(|why| why.to_string()))?;
+        Ok::<_, PyErr>(candidates)
+    });
     let dict = PyDict::new(py);
     dict.set_item("spheres", report.spheres)?;
     dict.set_item("pairs", report.pairs)?;
@@ -26,6 +34,7 @@ pub(crate) fn dict<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py,
     dict.set_item("algorithm", report.algorithm.name())?;
     dict.set_item("reason", &report.reason)?;
     dict.set_item("gpu", gpu.transpose()?)?;
+    dict.set_item("candidates", candidates.transpose()?)?;
     dict.set_item("phases", phases)?;
     Ok(dict)
 }

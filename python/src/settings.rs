@@ -1,9 +1,10 @@
 //! The keywords of a detector as the engine's settings.
 
 use lazygrid::gpu::AdapterId;
-use lazygrid::{Config, Order, Space};
+use lazygrid::{Config, Order, Skin, Space};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::PyBool;
 
 use crate::error;
 
@@ -15,6 +16,7 @@ pub(crate) struct Settings<'s> {
     pub(crate) periodic: Option<&'s Bound<'s, PyAny>>,
     pub(crate) order: &'s str,
     pub(crate) max_pairs: Option<u64>,
+    pub(crate) skin: Option<&'s Bound<'s, PyAny>>,
 }
 
 impl Settings<'_> {
@@ -27,7 +29,8 @@ impl Settings<'_> {
             .backend(self.backend.parse().map_err(error::unknown)?)
             .algorithm(self.algorithm.parse().map_err(error::unknown)?)
             .order(order(self.order)?)
-            .space(space(self.periodic)?);
+            .space(space(self.periodic)?)
+            .skin(self.skin.map_or(Ok(Skin::Auto), skin)?);
         let config = self.threads.map_or(config.clone(), |threads| config.threads(threads));
         Ok(self.max_pairs.map_or(config.clone(), |most| config.max_pairs(most)))
     }
@@ -38,6 +41,27 @@ fn order(name: &str) -> PyResult<Order> {
         "canonical" => Ok(Order::Canonical),
         "unordered" => Ok(Order::Unordered),
         _ => Err(error::setting(format!("unknown order '{name}'; expected one of canonical, unordered"))),
+    }
+}
+
+/// `"auto"`, `"off"` or a distance, rounded to `f32`.
+///
+/// # Errors
+/// `SettingError` for another word; `TypeError` for what is neither a word nor a number.
+fn skin(given: &Bound<'_, PyAny>) -> PyResult<Skin> {
+    if let Ok(word) = given.extract::<&str>() {
+        return match word {
+            "auto" => Ok(Skin::Auto),
+            "off" => Ok(Skin::Off),
+            _ => Err(error::setting(format!(
+                "unknown skin '{word}'; expected one of auto, off, or a distance"
+            ))),
+        };
+    }
+    // A truth is a number to Python, and says nothing of a distance.
+    match given.extract::<f64>() {
+        Ok(distance) if !given.is_instance_of::<PyBool>() => Ok(Skin::Fixed(distance as f32)),
+        _ => Err(PyTypeError::new_err("a skin is \"auto\", \"off\" or a distance")),
     }
 }
 

@@ -16,6 +16,8 @@ class InputError(Error, ValueError):
     """Its ``[x, y, z, r]``, or its species id."""
     count: int | None = None
     """How many spheres are not finite or have a negative radius."""
+    second: bool = False
+    """Whether it is of the second of two sets."""
 
 
 class SettingError(Error, ValueError):

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from typing_extensions import Self
 
-from .types import Algorithm, Backend, Order, Periodic, Report, Spheres
+from .types import Algorithm, Backend, Order, Periodic, Report, Skin, Spheres
 
 __all__ = [
     "Chunks",
@@ -59,6 +59,10 @@ class Detector:
         The most pairs a list may hold, by default 2**29 (4 GiB); more are an error with the exact number.
     adapter
         On which GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
+    skin
+        Whether candidates, pairs that may soon overlap, are kept from call to call on the CPU; an answer never depends
+        on it. ``"auto"`` keeps them where spheres move so little that it is expected to take less time, ``"off"`` never.
+        A number keeps the pairs that are up to this distance too far apart, until some sphere has moved by half of it.
 
     Raises
     ------
@@ -79,6 +83,7 @@ class Detector:
         interactions: Interactions | None = None,
         max_pairs: int | None = None,
         adapter: int | str | None = None,
+        skin: Skin = "auto",
     ) -> Self: ...
     def pairs(
         self,
@@ -167,6 +172,102 @@ class Detector:
             As :meth:`pairs`; what is wrong with values is raised by the first ``next``.
         """
 
+    def between(
+        self,
+        a: Spheres,
+        b: Spheres,
+        species_a: npt.ArrayLike | None = None,
+        species_b: npt.ArrayLike | None = None,
+        out: npt.NDArray[np.uint32] | None = None,
+        *,
+        cast: bool = False,
+    ) -> npt.NDArray[np.uint32]:
+        """Return the pairs of one sphere of ``a`` and one of ``b``, in the order that was asked for.
+
+        No two spheres of one set are ever compared: particles against receivers, say. On the CPU so far, with the
+        algorithms ``"auto"``, ``"cell-list"`` and ``"naive"``.
+
+        Parameters
+        ----------
+        a, b
+            The two sets, each as the spheres of :meth:`pairs`.
+        species_a, species_b
+            Where the detector has interactions: a species id per sphere of each set.
+        out, cast
+            As in :meth:`pairs`.
+
+        Returns
+        -------
+        numpy.ndarray
+            uint32 of shape ``(m, 2)``: an index in ``a`` and one in ``b``. With ``out`` a view of its first ``m`` rows.
+
+        Raises
+        ------
+        InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
+            As :meth:`pairs`; an ``InputError`` about values of ``b`` has ``second`` set.
+        SettingError
+            On a GPU, and for another algorithm.
+        """
+
+    def neighbors_between(
+        self,
+        a: Spheres,
+        b: Spheres,
+        species_a: npt.ArrayLike | None = None,
+        species_b: npt.ArrayLike | None = None,
+        *,
+        cast: bool = False,
+    ) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32]]:
+        """Return for every sphere of ``a`` those of ``b`` that it overlaps, ascending.
+
+        Returns
+        -------
+        offsets
+            uint64 of shape ``(len(a) + 1,)``.
+        indices
+            uint32 of shape ``(m,)``. The neighbours of sphere ``k`` are ``indices[offsets[k]:offsets[k + 1]]``.
+
+        Raises
+        ------
+        InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt, SettingError
+            As :meth:`between`.
+        """
+
+    def count_between(
+        self,
+        a: Spheres,
+        b: Spheres,
+        species_a: npt.ArrayLike | None = None,
+        species_b: npt.ArrayLike | None = None,
+        *,
+        cast: bool = False,
+    ) -> int:
+        """Return how many pairs of one sphere of ``a`` and one of ``b`` there are.
+
+        Raises
+        ------
+        InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
+            As :meth:`between`.
+        """
+
+    def stream_between(
+        self,
+        a: Spheres,
+        b: Spheres,
+        chunk: int = 65536,
+        species_a: npt.ArrayLike | None = None,
+        species_b: npt.ArrayLike | None = None,
+        *,
+        cast: bool = False,
+    ) -> Chunks:
+        """Iterate over the pairs of one sphere of ``a`` and one of ``b``, as :meth:`stream` does. Both are copied.
+
+        Raises
+        ------
+        InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
+            As :meth:`between`; what is wrong with values or the algorithm is raised by the first ``next``.
+        """
+
     def memory_for(self, spheres: int) -> int:
         """Return an estimate of the bytes that the detector holds for so many spheres, besides the result."""
 
@@ -176,7 +277,7 @@ class Detector:
 
 @final
 class Chunks:
-    """An iterator over chunks of pairs, uint32 of shape ``(k, 2)``, from :meth:`Detector.stream`.
+    """An iterator over chunks of pairs, uint32 of shape ``(k, 2)``, from :meth:`Detector.stream` and its like.
 
     A thread searches ahead by some chunks. ``close``, the end of a ``with`` block, and dropping the iterator end it.
     """

@@ -22,6 +22,8 @@ Algorithm = Literal[
 """How to search."""
 Order = Literal["canonical", "unordered"]
 """By ``i``, then ``j``, or as they are found."""
+Skin = Union[Literal["auto", "off"], float]
+"""Whether candidates are kept from call to call; a number: those up to this distance too far apart."""
 
 
 class Cost(TypedDict):
@@ -31,6 +33,18 @@ class Cost(TypedDict):
     working_bytes: int
     pair_bytes: int
     moved_bytes: int | None
+
+
+class Candidates(TypedDict):
+    """The candidates that a call was answered from."""
+
+    count: int
+    age: int
+    """How many calls ago they were found."""
+    moved: float
+    """The part, from 0 to 1, of what a sphere may move that one has moved."""
+    rebuilt: str | None
+    """Why they were found anew in this call; ``None`` where they were kept."""
 
 
 class Report(TypedDict):
@@ -43,4 +57,5 @@ class Report(TypedDict):
     algorithm: str
     reason: str
     gpu: Cost | None
+    candidates: Candidates | None
     phases: dict[str, float]
