@@ -7,7 +7,7 @@ use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths};
 
-use crate::device::{download, run, upload};
+use crate::device::{download, download_one, run, upload, upload_one};
 use crate::kernels::{Fault, SIZES, same, variants};
 use crate::{Random, Scenario, Words, adversary, periodic};
 
@@ -20,7 +20,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
         let call = upload(own, &[Call { spheres: most, ..Call::zeroed() }])?;
         let source = upload(own, &[given])?;
         let bounds = upload(own, &[1_u32; size_of::<Bounds>() / 4])?;
-        let grid = upload(own, &[Grid::zeroed()])?;
+        let grid = upload_one(own, &Grid::zeroed())?;
         let outcome = upload(own, &[1_u32; size_of::<Outcome>() / 4])?;
         let bound = [
             ("call", &call),
@@ -34,7 +34,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
         let [most_bits, none] = [u32::MAX, 0].map(|bits| [bits; 3]);
         let empty = Bounds { low: most_bits, high: none, radius_min: u32::MAX, ..Bounds::zeroed() };
         same(|| case("bounds"), &download::<Bounds>(own, &bounds, 1)?[0], &empty)?;
-        same(|| case("spheres"), &download::<Grid>(own, &grid, 1)?[0].spheres, &given.min(most))?;
+        same(|| case("spheres"), &download_one::<Grid>(own, &grid)?.spheres, &given.min(most))?;
         let found = download::<Outcome>(own, &outcome, 1)?[0];
         let overflow = if given > most { Outcome::SPHERES } else { 0 };
         // What the last kernel of a call settles may be anything.
@@ -71,7 +71,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), Fault> {
         let [period_x, period_y, period_z] = lengths.map(|length| length.unwrap_or(0.0));
         let call = Call { period_x, period_y, period_z, ..Call::zeroed() };
         let grid = Grid { spheres: spheres.len() as u32, ..Grid::zeroed() };
-        let (call, grid, given) = (upload(own, &[call])?, upload(own, &[grid])?, upload(own, &spheres)?);
+        let (call, grid, given) = (upload(own, &[call])?, upload_one(own, &grid)?, upload(own, &spheres)?);
         let wrapped = upload(own, &vec![[0_u32; 4]; spheres.len()])?;
         let bound = [("call", &call), ("grid", &grid), ("given", &given), ("wrapped", &wrapped)];
         let groups = spheres.len().div_ceil(256) as u32;
@@ -116,7 +116,7 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
         spheres.iter_mut().take(bad).for_each(|sphere| sphere.center.y = f32::NAN);
         let empty = Bounds { low: [u32::MAX; 3], radius_min: u32::MAX, ..Bounds::zeroed() };
         let (call, bounds) = (upload(own, &[Call::zeroed()])?, upload(own, &[empty])?);
-        let grid = upload(own, &[Grid { spheres: size as u32, ..Grid::zeroed() }])?;
+        let grid = upload_one(own, &Grid { spheres: size as u32, ..Grid::zeroed() })?;
         let (outcome, input) = (upload(own, &[Outcome::zeroed()])?, upload(own, &spheres)?);
         let bound = [
             ("call", &call),
@@ -242,7 +242,7 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
                 window_end: window.end,
                 ..Call::zeroed()
             };
-            let grid = upload(own, &[Grid { spheres: size, ordinary: 1, ..Grid::zeroed() }])?;
+            let grid = upload_one(own, &Grid { spheres: size, ordinary: 1, ..Grid::zeroed() })?;
             let (call, input) = (upload(own, &[call])?, upload(own, &scenario.spheres)?);
             let outcome = upload(own, &[Outcome::zeroed()])?;
             let pairs = upload(own, &vec![[u32::MAX; 2]; room as usize + 1])?;

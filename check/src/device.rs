@@ -3,6 +3,8 @@
 use std::time::Duration;
 
 use bytemuck::Pod;
+use encase::internal::{CreateFrom, WriteInto};
+use encase::{ShaderType, StorageBuffer};
 use lazygrid::Error;
 use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid_kernels::kernel::{Binding, Kernel, Variant};
@@ -58,6 +60,25 @@ pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> R
     let refused = |reason: String| Error::Validation { what: "a readback", reason };
     let view = staging.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
     Ok(bytemuck::pod_collect_to_vec(&view[..bytes as usize]))
+}
+
+/// As [`upload`], of a structure that a shader lays out otherwise than memory.
+///
+/// # Errors
+/// Where the device refuses it.
+pub fn upload_one<T: ShaderType + WriteInto>(own: &GpuDevice, data: &T) -> Result<wgpu::Buffer, Error> {
+    let mut bytes = StorageBuffer::new(Vec::<u8>::new());
+    bytes.write(data).expect("a vector grows");
+    upload(own, bytes.as_ref())
+}
+
+/// As [`download`], of such a structure.
+///
+/// # Errors
+/// Where the device fails, or does not finish in [`PATIENCE`].
+pub fn download_one<T: ShaderType + CreateFrom>(own: &GpuDevice, from: &wgpu::Buffer) -> Result<T, Error> {
+    let bytes = download::<u8>(own, from, T::min_size().get() as usize)?;
+    Ok(StorageBuffer::new(bytes).create().expect("all of it"))
 }
 
 /// Waits for all that was submitted.

@@ -1,12 +1,13 @@
 //! The kernels of the cell list one by one, against plain sequential functions.
 
 use bytemuck::Zeroable;
+use encase::ShaderType;
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Lengths, List, Outcome, Survey};
 
-use crate::device::{download, run, upload};
+use crate::device::{download, run, upload, upload_one};
 use crate::kernels::{Fault, SIZES, same};
 use crate::{Random, Words, adversary};
 
@@ -101,7 +102,7 @@ fn begun(
     periodic: bool,
     kernels: &[(&'static k::Kernel, u32)],
 ) -> Result<Begun, Fault> {
-    let (survey, list) = (upload(own, &[Survey::zeroed()])?, upload(own, &[List::zeroed()])?);
+    let (survey, list) = (upload(own, &[Survey::zeroed()])?, upload_one(own, &List::zeroed())?);
     let (outcome, lengths) = (upload(own, &[Outcome::default()])?, upload(own, &[Lengths::zeroed()])?);
     let (starts, density) = (upload(own, &[7_u32; CELLS as usize + 2])?, upload(own, &[0_u32; 4])?);
     let written = [
@@ -120,7 +121,7 @@ fn begun(
     }
     Ok(Begun {
         leaves_no_survey: download::<Survey>(own, &survey, 1)?[0] == Survey::zeroed(),
-        list: download::<u8>(own, &list, size_of::<List>())?,
+        list: download::<u8>(own, &list, List::min_size().get() as usize)?,
         outcome: download::<u8>(own, &outcome, size_of::<Outcome>())?,
         lengths: download::<u8>(own, &lengths, size_of::<Lengths>())?,
         starts: download::<u32>(own, &starts, CELLS as usize + 2)?,
@@ -167,7 +168,7 @@ pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), Fault> {
         let counters = list.cells + 2;
         let expected: Vec<u32> =
             (0..counters).map(|cell| sorted.partition_point(|&own| own < cell) as u32).collect();
-        let (list, sorted) = (upload(own, &[list])?, upload(own, &sorted)?);
+        let (list, sorted) = (upload_one(own, &list)?, upload(own, &sorted)?);
         let starts = upload(own, &vec![u32::MAX; counters as usize])?;
         let bound = [("list", &list), ("cells", &sorted), ("starts", &starts)];
         run(own, &k::CELLS_INDEX, Variant::default(), counters.div_ceil(2048), &bound)?;
@@ -198,7 +199,7 @@ pub(crate) fn spheres_place(own: &GpuDevice) -> Result<(), Fault> {
         let mut order: Vec<u32> = (0..size as u32).collect();
         order.sort_by_key(|&at| homes[at as usize]);
         let call = upload(own, &[Call::zeroed()])?;
-        let list = upload(own, &[List { spheres: size as u32, ..List::zeroed() }])?;
+        let list = upload_one(own, &List { spheres: size as u32, ..List::zeroed() })?;
         let (input, starts, homes_given) =
             (upload(own, &spheres)?, upload(own, &starts)?, upload(own, &homes)?);
         let [cells, places] = [(); 2].map(|()| upload(own, &vec![0_u32; size]));

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use bytemuck::Zeroable;
+use glam::{IVec3, UVec3, Vec3};
 use lazygrid::Error;
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
@@ -10,7 +11,7 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level};
 
 use crate::Random;
-use crate::device::{download, run, upload};
+use crate::device::{download, download_one, run, upload, upload_one};
 use crate::kernels::{Fault, SIZES, same, variants};
 
 const HAS_OWN: u32 = 1 << 31;
@@ -49,16 +50,16 @@ impl Cells {
 /// Cells of edge 8 at depth 0 with a corner at the origin: powers of two, so that nothing is rounded.
 fn grid(spheres: usize, refinement: u32) -> Grid {
     let mut grid = Grid {
-        inverse_edge: [0.125; 3],
-        low: [-1024; 3],
-        high: [1023; 3],
+        inverse_edge: Vec3::splat(0.125),
+        low: IVec3::splat(-1024),
+        high: IVec3::splat(1023),
         spheres: spheres as u32,
         refinement,
         depths: 1,
         occupied: 1,
         ..Grid::zeroed()
     };
-    grid.levels[0] = Level { bits: [8; 3], base: 0 };
+    grid.levels[0] = Level { bits: UVec3::splat(8), base: 0 };
     grid
 }
 
@@ -163,7 +164,7 @@ pub(crate) fn density_clear(own: &GpuDevice) -> Result<(), Fault> {
     for slots in [1_u32, 256, 512, 8192] {
         for refinement in [1, 2] {
             let call = upload(own, &[Call { density_slots: slots, ..call(refinement, 0) }])?;
-            let grid = upload(own, &[grid(1, refinement)])?;
+            let grid = upload_one(own, &grid(1, refinement))?;
             let density = upload(own, &vec![7_u32; 2 * slots as usize + 3])?;
             let bound = [("call", &call), ("grid", &grid), ("density", &density)];
             run(own, &k::DENSITY_CLEAR, Variant::default(), (2 * slots).div_ceil(k::DENSITY_TILE), &bound)?;
@@ -195,7 +196,8 @@ pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), Fault> {
                 expected.remove(300);
             }
             let (input, call) = (upload(own, &spheres)?, upload(own, &[call(refinement, 0)])?);
-            let (grid, bounds) = (upload(own, &[grid(size, refinement)])?, upload(own, &[Bounds::zeroed()])?);
+            let (grid, bounds) =
+                (upload_one(own, &grid(size, refinement))?, upload(own, &[Bounds::zeroed()])?);
             let (cells, density) = (upload(own, &vec![[0_u32; 2]; size])?, table(own)?);
             let bound = [
                 ("call", &call),
@@ -233,7 +235,7 @@ pub(crate) fn levels_refine(own: &GpuDevice) -> Result<(), Fault> {
             let (first, all) = density_plain(&cells, tau);
             let mut bounds = Bounds { depths: depths_of(&cells), ..Bounds::zeroed() };
             let (input, call) = (upload(own, &packed(&cells))?, upload(own, &[call(2, tau)])?);
-            let (grid, settled) = (upload(own, &[grid(size, 2)])?, upload(own, &[bounds])?);
+            let (grid, settled) = (upload_one(own, &grid(size, 2))?, upload(own, &[bounds])?);
             let density = upload(own, &first)?;
             let bound = [
                 ("call", &call),
@@ -269,10 +271,10 @@ pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), Fault> {
             }
             let goes_on = bounds.descending[1..].iter().any(|&count| count > 0);
             let call = upload(own, &[Call { key_bits, ..call(2, 0) }])?;
-            let grid = upload(own, &[grid(1 << 20, 2)])?;
+            let grid = upload_one(own, &grid(1 << 20, 2))?;
             let bound = [("call", &call), ("bounds", &upload(own, &[bounds])?), ("grid", &grid)];
             run(own, &k::LEVELS_SETTLE, Variant::default(), 1, &bound)?;
-            let grid = download::<Grid>(own, &grid, 1)?[0];
+            let grid = download_one::<Grid>(own, &grid)?;
             let case = |what: &str| format!("{what}, {key_bits} bits, depths {depths:x}");
             if !goes_on {
                 same(|| case("one level"), &[grid.refinement, grid.depths, grid.passive], &[0, 1, 0])?;
@@ -286,10 +288,10 @@ pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), Fault> {
                 // A fold repeats after eight cells.
                 same(
                     || case(&format!("{bits:?} bits of three or more")),
-                    &bits.iter().all(|&b| b >= 3),
+                    &bits.cmpge(UVec3::splat(3)).all(),
                     &true,
                 )?;
-                end += 1 << bits.iter().sum::<u32>();
+                end += 1 << bits.element_sum();
             }
             same(|| case(&format!("room for {end} keys")), &(end <= 1 << (key_bits - 1)), &true)?;
         }
@@ -351,13 +353,13 @@ pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), Fault> {
             let occupied = depths_of(&cells);
             let mut grid = Grid { depths: occupied | 1, occupied, passive: 1, ..grid(size, refinement) };
             for depth in 0..32 {
-                grid.levels[depth] = Level { bits: [3, 4, 5], base: (depth as u32) << 12 };
+                grid.levels[depth] = Level { bits: UVec3::new(3, 4, 5), base: (depth as u32) << 12 };
             }
             let call = upload(own, &[call(refinement, tau)])?;
             let (input, table) = (upload(own, &packed(&cells))?, upload(own, &density)?);
             let outcome = upload(own, &[Outcome::zeroed()])?;
             let (keys, objects) = (upload(own, &vec![0_u32; 1 << 20])?, upload(own, &vec![0_u32; 1 << 20])?);
-            let uploaded = upload(own, &[grid])?;
+            let uploaded = upload_one(own, &grid)?;
             let bound = [
                 ("call", &call),
                 ("grid", &uploaded),
@@ -400,7 +402,7 @@ pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), Fault> {
         let spheres = vec![Sphere::new([0.0; 3], 1.0); count as usize];
         let settings = Call { pair_capacity: 1 << 20, window_end: u32::MAX, ..call(2, 0) };
         let (call, grid) =
-            (upload(own, &[settings])?, upload(own, &[Grid { passive, ..grid(count as usize, 2) }])?);
+            (upload(own, &[settings])?, upload_one(own, &Grid { passive, ..grid(count as usize, 2) })?);
         let (keys, objects) = (upload(own, &keys)?, upload(own, &objects)?);
         let (lengths, spheres) =
             (upload(own, &[Lengths { items: count, ..Lengths::zeroed() }])?, upload(own, &spheres)?);

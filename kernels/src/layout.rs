@@ -1,6 +1,11 @@
-//! Rust twins of the structures in `shader/shared/layout.wgsl`. A test holds sizes and offsets against the shaders.
+//! Rust twins of the structures in the shaders. A test holds sizes and offsets against them.
+//!
+//! Structures with vectors lie in buffers as WGSL says (`ShaderType`). `repr(C)` keeps their members in order, by which the
+//! test tells them apart. The others are words alone, which are the same on both sides, and are copied as they are (`Pod`).
 
 use bytemuck::{Pod, Zeroable};
+use encase::ShaderType;
+use glam::{IVec3, UVec3, Vec3};
 
 /// What the host says about one call. The first word is the number of spheres, so that the same buffer can be
 /// bound as `count_source`.
@@ -93,43 +98,41 @@ pub struct Bounds {
 }
 
 /// The share of the keys that belongs to the cells of one depth.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct Level {
     /// Key bits of each axis.
-    pub bits: [u32; 3],
+    pub bits: UVec3,
     /// The first key.
     pub base: u32,
 }
 
 /// The grids, as the device chooses them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct Grid {
     /// Where cells of all levels have a corner.
-    pub origin: [f32; 3],
+    pub origin: Vec3,
     /// How many spheres the call has.
     pub spheres: u32,
     /// Cells of depth 0 per unit of length.
-    pub inverse_edge: [f32; 3],
+    pub inverse_edge: Vec3,
     /// 1 when no distance test of the call can overflow or underflow.
     pub ordinary: u32,
     /// The lowest cell of depth 0.
-    pub low: [i32; 3],
+    pub low: IVec3,
     /// As in the call; 0 where one level turned out to do.
     pub refinement: u32,
     /// The highest cell of depth 0.
-    pub high: [i32; 3],
+    pub high: IVec3,
     /// Depths that are levels, a bit each.
     pub depths: u32,
     /// Edges of depth 0 once around each periodic axis, 0 for an unbounded one.
-    pub turns: [f32; 3],
+    pub turns: Vec3,
     /// Depths that have spheres, a bit each.
     pub occupied: u32,
     /// The key bit that marks passive entries, or 0.
     pub passive: u32,
-    /// Levels begin at a multiple of their alignment.
-    pub padding: [u32; 3],
     /// Keys of each depth.
     pub levels: [Level; 32],
 }
@@ -217,30 +220,28 @@ pub struct Survey {
 }
 
 /// A level of a cell list.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct ListLevel {
     /// Cells once around each axis.
-    pub cells: [u32; 3],
+    pub cells: UVec3,
     /// The level's first cell in the table.
     pub base: u32,
     /// The number of the cell in which an unbounded axis begins.
-    pub low: [u32; 3],
+    pub low: UVec3,
     /// Quanta per unit of length.
     pub scale: f32,
     /// Cells per unit of length on a periodic axis.
-    pub around: [f32; 3],
+    pub around: Vec3,
     /// Bits of the coordinate from which on neighbouring floats are farther apart than spheres of this level reach; those
     /// of infinity where that is nowhere.
     pub far: u32,
     /// The largest radius that is at home here.
     pub reach: f32,
-    /// Levels lie at a multiple of their alignment.
-    pub padding: [u32; 3],
 }
 
 /// The cells of a cell list, as the device chooses them.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct List {
     /// How many spheres the call has.
@@ -257,8 +258,6 @@ pub struct List {
     pub ordinary: u32,
     /// Levels of the classes, four to a word.
     pub class_levels: [u32; 64],
-    /// Structures with vectors begin at a multiple of 16 bytes.
-    pub padding: [u32; 2],
     /// The levels.
     pub level: [ListLevel; 16],
 }

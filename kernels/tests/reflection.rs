@@ -9,7 +9,7 @@ use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, Variant};
 use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level, List, ListLevel, Outcome, Pass, Survey};
 use naga::valid::ModuleInfo;
 use naga::{AddressSpace, Module};
-use reflection::{bindings, layout, parse, spirv, structures};
+use reflection::{bindings, laid_out, layout, parse, spirv, structures};
 
 fn each_shader(mut check: impl FnMut(&'static Kernel, Variant, &Module, &ModuleInfo)) {
     for kernel in KERNELS {
@@ -65,7 +65,7 @@ fn every_shader_translates_to_spirv() {
 #[test]
 fn rust_structures_have_the_layout_of_the_shaders() {
     let layouts = [
-        layout!(Call {
+        layout!(words Call {
             spheres,
             pair_capacity,
             entry_capacity,
@@ -90,10 +90,10 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             share,
             further_shares
         }),
-        layout!(Pass { shift, mask, is_first }),
+        layout!(words Pass { shift, mask, is_first }),
         layout!(ListLevel { cells, base, low, scale, around, far, reach }),
         layout!(List { spheres, cells, quanta, levels, is_dense, ordinary, class_levels, level }),
-        layout!(Survey { low, high, smallest, quarantined, members, largest }),
+        layout!(words Survey { low, high, smallest, quarantined, members, largest }),
         layout!(Grid {
             origin,
             spheres,
@@ -109,7 +109,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             levels
         }),
         layout!(Level { bits, base }),
-        layout!(Outcome {
+        layout!(words Outcome {
             found_lo,
             found_hi,
             overflow,
@@ -126,7 +126,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             crowded_end,
             densest
         }),
-        layout!(Lengths { items, counters }),
+        layout!(words Lengths { items, counters }),
     ];
     let mut held = 0;
     each_shader(|kernel, _, module, _| {

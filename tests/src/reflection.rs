@@ -1,6 +1,8 @@
 //! What a WGSL text says of itself, by naga and without a device. Tests of several crates include this file, and have
 //! `Access` beside it.
 
+use std::num::NonZeroU64;
+
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
@@ -57,9 +59,31 @@ pub(crate) fn spirv(name: &str, (module, info): (&Module, &ModuleInfo)) -> Vec<u
     naga::back::spv::write_vec(module, info, &options, None).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// A Rust structure as [`structures`] has those of a text.
+/// The same of a Rust structure: its fields with their places in memory, where `repr(C)` keeps them in order, and what
+/// its layout in a buffer says of as many fields.
+pub(crate) fn laid_out<const N: usize>(
+    name: &str,
+    size: NonZeroU64,
+    mut fields: [(usize, &str); N],
+    offsets: [u64; N],
+) -> Structure {
+    fields.sort_unstable();
+    let members =
+        fields.iter().zip(offsets).map(|((_, field), offset)| ((*field).to_owned(), offset as usize));
+    (name.to_owned(), size.get() as usize, members.collect())
+}
+
+/// A Rust structure as [`structures`] has those of a text. One of `words` lies in a buffer as in memory.
 macro_rules! layout {
     ($type:ident { $($field:ident),* $(,)? }) => {
+        laid_out(
+            stringify!($type),
+            <$type as encase::ShaderType>::min_size(),
+            [$((std::mem::offset_of!($type, $field), stringify!($field))),*],
+            <$type as encase::ShaderType>::METADATA.extra.offsets,
+        )
+    };
+    (words $type:ident { $($field:ident),* $(,)? }) => {
         (
             stringify!($type).to_owned(),
             std::mem::size_of::<$type>(),

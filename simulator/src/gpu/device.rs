@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use encase::internal::WriteInto;
+use encase::{ShaderType, StorageBuffer};
 use lazygrid::gpu::{GpuDevice, wgpu};
 
 use crate::Error;
@@ -37,14 +39,16 @@ pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<
 }
 
 /// A buffer with these contents, or with zeros where there are none.
-pub(super) fn filled<T: bytemuck::NoUninit>(
+pub(super) fn filled<T: ShaderType + WriteInto>(
     own: &GpuDevice,
     name: &'static str,
-    contents: &[T],
+    contents: &T,
 ) -> Result<wgpu::Buffer, Error> {
-    let bytes: &[u8] = bytemuck::cast_slice(contents);
+    let mut bytes = StorageBuffer::new(Vec::<u8>::new());
+    bytes.write(contents).expect("a vector grows");
+    let bytes = bytes.into_inner();
     let made = buffer(own, name, bytes.len() as u64)?;
-    scoped(own, name, 0, || own.queue.write_buffer(&made, 0, bytes))?;
+    scoped(own, name, 0, || own.queue.write_buffer(&made, 0, &bytes))?;
     Ok(made)
 }
 

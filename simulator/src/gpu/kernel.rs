@@ -121,7 +121,9 @@ mod reflection;
 mod tests {
     use std::mem::size_of;
 
-    use super::reflection::{bindings, layout, parse, spirv, structures};
+    use encase::ShaderType;
+
+    use super::reflection::{bindings, laid_out, layout, parse, spirv, structures};
 
     use super::super::layout::{CANDIDATE_BYTES, CLAIM_BYTES, Fate, Head, Kind, Params, Rule, Watch};
     use super::*;
@@ -172,6 +174,7 @@ mod tests {
                 first_share
             }),
         ];
+        Params::assert_uniform_compat();
         let sizes = [("Candidate", CANDIDATE_BYTES), ("Claim", CLAIM_BYTES)];
         let mut held = 0;
         for kernel in KERNELS {

@@ -1,12 +1,17 @@
 //! Rust twins of the structures in the shaders. A test holds sizes and offsets against them.
+//!
+//! Structures that are written lie in buffers as WGSL says (`ShaderType`). `repr(C)` keeps their members in order, by which
+//! the test tells them apart. [`Head`] is read back as the bytes that it is: words alone are the same on both sides.
 
 use bytemuck::{Pod, Zeroable};
+use encase::ShaderType;
+use glam::{UVec2, UVec3, Vec2, Vec3};
 
 /// What does not change in a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Params {
-    pub(super) key: [u32; 2],
+    pub(super) key: UVec2,
     pub(super) species: u32,
     /// How many tallies a step has.
     pub(super) tallies: u32,
@@ -18,16 +23,16 @@ pub(super) struct Params {
     /// Whether pairs are listed, and not only counted.
     pub(super) lists_pairs: u32,
     /// By axis: 0 open, 1 reflecting, 2 periodic.
-    pub(super) axes: [u32; 4],
-    pub(super) low: [f32; 4],
-    pub(super) high: [f32; 4],
+    pub(super) axes: UVec3,
+    pub(super) low: Vec3,
+    pub(super) high: Vec3,
 }
 
 /// The step of one species.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Kind {
-    pub(super) drift: [f32; 3],
+    pub(super) drift: Vec3,
     pub(super) length: f32,
     pub(super) diffusion: f32,
     pub(super) radius: f32,
@@ -36,17 +41,16 @@ pub(super) struct Kind {
 }
 
 /// What may befall a particle of one species.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Fate {
-    pub(super) center: [f32; 3],
+    pub(super) center: Vec3,
     pub(super) radius: f32,
     pub(super) kind: u32,
     pub(super) receiver: u32,
     pub(super) up_to: u32,
     pub(super) product: u32,
     pub(super) tally: u32,
-    pub(super) unused: [u32; 3],
 }
 
 impl Fate {
@@ -56,18 +60,17 @@ impl Fate {
 }
 
 /// A species in a transparent receiver.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Watch {
-    pub(super) center: [f32; 3],
+    pub(super) center: Vec3,
     pub(super) radius: f32,
     pub(super) first: u32,
     pub(super) species: u32,
-    pub(super) unused: [u32; 2],
 }
 
 /// A reaction between two species, as an entry of the table by both.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Rule {
     pub(super) reaction: u32,
@@ -75,8 +78,8 @@ pub(super) struct Rule {
     pub(super) first: u32,
     pub(super) up_to: u32,
     pub(super) flags: u32,
-    pub(super) products: [u32; 2],
-    pub(super) radii: [f32; 2],
+    pub(super) products: UVec2,
+    pub(super) radii: Vec2,
     pub(super) within: f32,
     pub(super) unbinding: f32,
     pub(super) share: f32,

@@ -48,7 +48,7 @@ impl Base {
         let tallies = tables.tallies.len() as u64;
         let mut buffers = HashMap::new();
         let mut keep = |name, made: wgpu::Buffer| drop(buffers.insert(name, made));
-        keep("params", filled(&own, "params", &[tables.params])?);
+        keep("params", filled(&own, "params", &tables.params)?);
         keep("kinds", filled(&own, "kinds", &tables.kinds)?);
         keep("fates", filled(&own, "fates", &tables.fates)?);
         keep("rules", filled(&own, "rules", &tables.rules)?);

@@ -146,19 +146,18 @@ impl Tables {
 
 fn params(model: &Model, key: Key, turns: u32, tallies: &Tallies) -> Params {
     let mut params = Params {
-        key: key.0,
+        key: key.0.into(),
         species: tallies.species as u32,
         tallies: tallies.len() as u32,
         first_reaction: tallies.reaction(0) as u32,
         is_open: model.boundary.is_open().into(),
         turns,
         lists_pairs: u32::from(!model.reactions.is_empty()),
-        // An open axis has walls that nobody looks at, but that must not divide by zero.
-        high: [1.0; 4],
         ..Params::default()
     };
     for (k, axis) in model.boundary.axes.into_iter().enumerate() {
         let (kind, walls) = match axis {
+            // Walls that nobody looks at, but that must not divide by zero.
             Axis::Open => (0, [0.0, 1.0]),
             Axis::Reflecting { low, high } => (1, [low, high]),
             Axis::Periodic { low, high } => (2, [low, high]),
@@ -183,7 +182,7 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
             };
             if receiver.sees[id] {
                 fates.push(Fate {
-                    center: receiver.center,
+                    center: receiver.center.into(),
                     radius: receiver.radius,
                     kind,
                     receiver: place as u32,
@@ -202,7 +201,7 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
         }));
         let step = motion.steps[id];
         kinds.push(Kind {
-            drift: step.drift,
+            drift: step.drift.into(),
             length: step.length,
             diffusion: step.diffusion,
             radius: species.radius,
@@ -216,11 +215,10 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
 fn watches(model: &Model, tallies: &Tallies) -> Vec<Watch> {
     let transparent = model.receivers.iter().enumerate().filter(|(_, r)| r.kind == Counting::Transparent);
     let watch = |(place, receiver): (usize, &crate::Receiver), species: usize| Watch {
-        center: receiver.center,
+        center: receiver.center.into(),
         radius: receiver.radius,
         first: tallies.arrival(place, species) as u32,
         species: species as u32,
-        ..Watch::default()
     };
     transparent
         .flat_map(|r| (0..tallies.species).filter(move |&s| r.1.sees[s]).map(move |s| watch(r, s)))
@@ -246,8 +244,8 @@ fn rules(model: &Model) -> Vec<Rule> {
             first: rule.first,
             up_to: rule.up_to,
             flags,
-            products: reaction.products.map(|product| product.unwrap_or(NOTHING)),
-            radii: reaction.products.map(radius),
+            products: reaction.products.map(|product| product.unwrap_or(NOTHING)).into(),
+            radii: reaction.products.map(radius).into(),
             within: within.unwrap_or(0.0),
             unbinding: reaction.unbinding_radius,
             share,

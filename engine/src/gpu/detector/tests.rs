@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use bytemuck::Pod;
+use encase::{ShaderType, StorageBuffer};
 use lazygrid_kernels::layout::Grid;
 use lazygrid_kernels::{Algorithm, Space, Sphere};
 
@@ -132,15 +133,16 @@ fn entries_of(own: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)>
     detector.encode(&mut call, &GpuSpheres::new(&given, spheres.len() as u32)).expect("recorded");
     let Prepared { plan, buffers, .. } = detector.prepared.as_ref().expect("recorded");
     let outcome: Vec<Outcome> = download(own, call, buffers.get(Slot::Outcome), 1);
-    let grid: Vec<Grid> = download(own, encoder(own), buffers.get(Slot::Grid), 1);
+    let grid: Vec<u8> = download(own, encoder(own), buffers.get(Slot::Grid), Grid::min_size().get() as usize);
+    let grid: Grid = StorageBuffer::new(grid).create().expect("all of it");
     // After the sort, which changes their order alone.
     let front = plan.passes() % 2 == 1;
     let count = outcome[0].entries() as usize;
     let [keys, objects]: [Vec<u32>; 2] = [Slot::Keys(front), Slot::Objects(front)]
         .map(|slot| download(own, encoder(own), buffers.get(slot), count));
-    let first_keys = 1 << grid[0].levels[0].bits.iter().sum::<u32>();
+    let first_keys = 1 << grid.levels[0].bits.element_sum();
     let entries = keys.iter().zip(objects);
-    entries.map(|(key, object)| (key >> grid[0].passive < first_keys, object & 0x1fff_ffff)).collect()
+    entries.map(|(key, object)| (key >> grid.passive < first_keys, object & 0x1fff_ffff)).collect()
 }
 
 /// A crowd beside a few spheres, with some of both on the border between their cells: as τ grows, the crowd's cells go

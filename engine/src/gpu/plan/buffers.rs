@@ -1,5 +1,6 @@
 //! The buffers of a plan, and what else its kernels bind.
 
+use encase::ShaderType;
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Bounds, Grid, Lengths, Outcome};
 
@@ -79,7 +80,7 @@ pub(crate) enum Resource {
 pub(super) fn call_buffers(pairs: u32) -> [(Slot, u64); 4] {
     [
         (Slot::Bounds, size_of::<Bounds>() as u64),
-        (Slot::Grid, size_of::<Grid>() as u64),
+        (Slot::Grid, Grid::min_size().get()),
         (Slot::Outcome, size_of::<Outcome>() as u64),
         (Slot::Pairs, bytes_of(pairs, 8)),
     ]

@@ -1,5 +1,6 @@
 //! What a cell list takes.
 
+use encase::ShaderType;
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Lengths, List, Survey};
 
@@ -54,7 +55,7 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
 pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(Slot, u64)> {
     let mut buffers = vec![
         (Slot::Survey, size_of::<Survey>() as u64),
-        (Slot::List, size_of::<List>() as u64),
+        (Slot::List, List::min_size().get()),
         (Slot::Lengths, size_of::<Lengths>() as u64),
         (Slot::Starts, bytes_of(plan.counters, 4)),
         (Slot::Density, bytes_of(plan.density_slots, 4)),

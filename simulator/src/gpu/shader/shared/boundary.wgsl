@@ -3,9 +3,9 @@ fn placed(x: vec3<f32>, radius: f32) -> vec3<f32> {
     if (params.is_open != 0u) {
         return x;
     }
-    let inset = select(vec3(0.0), vec3(radius), params.axes.xyz == vec3(1u));
-    let low = params.low.xyz + inset;
-    let high = params.high.xyz - inset;
+    let inset = select(vec3(0.0), vec3(radius), params.axes == vec3(1u));
+    let low = params.low + inset;
+    let high = params.high - inset;
     let length = high - low;
     let y = x - low;
     let rest = y - 2.0 * length * floor(y / (2.0 * length));
@@ -14,12 +14,12 @@ fn placed(x: vec3<f32>, radius: f32) -> vec3<f32> {
     let shifted = x - length * floor(y / length);
     let wrapped = select(low, shifted, (shifted >= low) & (shifted < high));
     let repeated = select(wrapped, x, (x >= low) & (x < high));
-    let axes = params.axes.xyz;
+    let axes = params.axes;
     return select(select(repeated, mirrored, axes == vec3(1u)), x, axes == vec3(0u));
 }
 
 // A difference of two positions, that of the nearest images where space repeats.
 fn nearest(d: vec3<f32>) -> vec3<f32> {
-    let length = params.high.xyz - params.low.xyz;
-    return select(d, d - length * floor(d / length + 0.5), params.axes.xyz == vec3(2u));
+    let length = params.high - params.low;
+    return select(d, d - length * floor(d / length + 0.5), params.axes == vec3(2u));
 }

@@ -11,7 +11,7 @@ struct Params {
     // Whether pairs are listed, and not only counted.
     lists_pairs: u32,
     // By axis: 0 open, 1 reflecting, 2 periodic.
-    axes: vec4<u32>,
-    low: vec4<f32>,
-    high: vec4<f32>,
+    axes: vec3<u32>,
+    low: vec3<f32>,
+    high: vec3<f32>,
 }
