@@ -21,10 +21,12 @@ fn names_are_read_back() {
 }
 
 /// Crate by crate, the crates of this workspace that it may depend on outside its own tests.
-const LAYERS: [(&str, &[&str]); 9] = [
+const LAYERS: [(&str, &[&str]); 11] = [
     ("lazygrid-kernels", &[]),
     ("lazygrid-host", &["lazygrid-kernels"]),
     ("lazygrid", &["lazygrid-kernels", "lazygrid-host"]),
+    ("lazygrid-capi", &["lazygrid"]),
+    ("lazygrid-ranks", &["lazygrid"]),
     ("lazygrid-io", &["lazygrid"]),
     ("lazygrid-sim", &["lazygrid", "lazygrid-io"]),
     ("lazygrid-check", &["lazygrid-kernels", "lazygrid", "lazygrid-io"]),
