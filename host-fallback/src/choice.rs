@@ -1,8 +1,36 @@
 //! Which detector runs: a pure function of the input's survey, with its reason.
 
-use lazygrid_kernels::Algorithm;
+use lazygrid_kernels::{Algorithm, Backend};
 
-use crate::Survey;
+use crate::{Error, Survey};
+
+/// What the CPU path builds and searches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Structure {
+    Naive,
+    HashGrid,
+    ArrayGrid,
+    RecursiveGrid,
+    #[default]
+    CellList,
+}
+
+impl Structure {
+    /// That of an algorithm, for `Auto` the one that takes most.
+    ///
+    /// # Errors
+    /// [`Error::NotOnBackend`] for an algorithm that the CPU path does not have.
+    pub(crate) fn of(algorithm: Algorithm) -> Result<Self, Error> {
+        match algorithm {
+            Algorithm::Naive => Ok(Self::Naive),
+            Algorithm::HashGrid => Ok(Self::HashGrid),
+            Algorithm::ArrayGrid => Ok(Self::ArrayGrid),
+            Algorithm::RecursiveGrid => Ok(Self::RecursiveGrid),
+            Algorithm::CellList | Algorithm::Auto => Ok(Self::CellList),
+            _ => Err(Error::NotOnBackend { algorithm, backend: Backend::Cpu }),
+        }
+    }
+}
 
 /// Below this many spheres of one size class all pairs are tested: sampling, sorting and looking around cost more.
 /// Measured with `cargo bench --bench sweep -- --what crossover`; a wrong value costs some microseconds.

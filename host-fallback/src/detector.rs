@@ -1,9 +1,10 @@
 use std::ops::ControlFlow;
 
-use lazygrid_kernels::{Algorithm, Pair, Sphere, Spheres};
+use lazygrid_kernels::{Pair, Sphere, Spheres};
 use rayon::ThreadPool;
 
 use crate::cell_list::CellList;
+use crate::choice::Structure;
 use crate::compare::{Columns, Count, Rule};
 use crate::given::Given;
 use crate::input::Input;
@@ -13,7 +14,7 @@ use crate::skin::Candidates;
 use crate::state::State;
 use crate::survey::Survey;
 use crate::threads::{self, Threads};
-use crate::{Error, Neighbors, Order, Rebuilt, Report, Settings, Skin};
+use crate::{Error, Neighbors, Order, Rebuilt, Report, Settings};
 
 /// Pairs per chunk of a stream between two sets at most, 8 MiB.
 const PART: usize = 1 << 20;
@@ -22,6 +23,8 @@ const PART: usize = 1 << 20;
 #[derive(Debug)]
 pub struct HostDetector {
     settings: Settings,
+    /// What its calls build, at most.
+    structure: Structure,
     pool: Option<ThreadPool>,
     state: State,
 }
@@ -33,7 +36,7 @@ impl HostDetector {
     /// [`Error::Setting`] for a setting outside its range, [`Error::NotOnBackend`] for a GPU algorithm,
     /// [`Error::Threads`] where the system refuses the threads.
     pub fn new(settings: Settings) -> Result<Self, Error> {
-        settings.check()?;
+        let structure = settings.check()?;
         let pool = match settings.threads {
             // One thread is the calling one.
             None | Some(1) => None,
@@ -42,7 +45,7 @@ impl HostDetector {
         log::debug!("vector code: {:?}", settings.simd);
         let mut state = State::default();
         state.report.algorithm = settings.algorithm;
-        Ok(Self { settings, pool, state })
+        Ok(Self { settings, structure, pool, state })
     }
 
     /// The overlapping pairs, each once, in the order of the settings.
@@ -169,13 +172,13 @@ impl HostDetector {
 
     /// Two sets, for algorithms that can keep them apart.
     fn two<'a>(&self, a: Spheres<'a>, b: Spheres<'a>) -> Result<Given<'a>, Error> {
-        let algorithm = self.settings.algorithm;
-        match algorithm {
-            Algorithm::Auto | Algorithm::CellList | Algorithm::Naive => Ok(Given::Two(a, b)),
-            _ => {
+        match self.structure {
+            Structure::CellList | Structure::Naive => Ok(Given::Two(a, b)),
+            Structure::HashGrid | Structure::ArrayGrid | Structure::RecursiveGrid => {
                 let range =
                     "pairs between two sets are found by `CellList`, `Naive` and `Auto`: choose one of them";
-                Err(Error::Setting { name: "algorithm", value: algorithm.to_string(), range })
+                let value = self.settings.algorithm.to_string();
+                Err(Error::Setting { name: "algorithm", value, range })
             }
         }
     }
@@ -197,17 +200,16 @@ impl HostDetector {
             true => with_growth(spheres * size_of::<Sphere>() as u64),
             false => 0,
         };
-        let own = match self.settings.algorithm {
-            Algorithm::Naive => with_growth(spheres * Columns::BYTES_PER_SPHERE),
-            Algorithm::HashGrid => HashGrid::memory_for(spheres, ratio, threads),
-            Algorithm::ArrayGrid => ArrayGrid::memory_for(spheres, ratio, threads),
-            Algorithm::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio, threads),
-            _ => CellList::memory_for(spheres),
+        let own = match self.structure {
+            Structure::Naive => with_growth(spheres * Columns::BYTES_PER_SPHERE),
+            Structure::HashGrid => HashGrid::memory_for(spheres, ratio, threads),
+            Structure::ArrayGrid => ArrayGrid::memory_for(spheres, ratio, threads),
+            Structure::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio, threads),
+            Structure::CellList => CellList::memory_for(spheres),
         };
-        let kept = match (self.settings.skin, self.settings.algorithm) {
-            (Skin::Off, _) => 0,
-            (_, Algorithm::Auto | Algorithm::CellList) => Candidates::memory_for(spheres),
-            _ => 0,
+        let kept = match self.settings.keeps_candidates() {
+            true => Candidates::memory_for(spheres),
+            false => 0,
         };
         own + wrapped + kept
     }
@@ -232,7 +234,7 @@ impl HostDetector {
         given: Given<'_>,
         work: impl FnOnce(&mut State, &Input<'_>) -> Result<(), Error> + Send,
     ) -> Result<(), Error> {
-        let Self { settings, pool, state } = self;
+        let Self { settings, pool, state, .. } = self;
         let task = || {
             state.report = Report { spheres: given.len() as u64, ..Report::default() };
             let threads = match settings.threads {
@@ -242,10 +244,10 @@ impl HostDetector {
             let interactions = settings.interactions.as_ref();
             given.check_species(interactions, threads)?;
             let mut near = std::mem::take(&mut state.near);
-            let spheres = match (given.split(), settings.space.is_periodic()) {
-                (None, false) => given.near(&settings.space, &mut near, threads),
-                _ => state.report.time("copy", || given.near(&settings.space, &mut near, threads)),
-            }?;
+            let spheres = match given.as_they_are(&settings.space) {
+                Some(spheres) => spheres,
+                None => state.report.time("copy", || given.near(&settings.space, &mut near, threads))?,
+            };
             let rule = Rule::new(spheres, interactions).in_space(settings.space);
             let lapsed = match given {
                 Given::One(_) => state.advance(settings, &rule, threads)?,
@@ -259,8 +261,7 @@ impl HostDetector {
                     survey.or_else(|error| given.check(threads).and(Err(error)))?
                 }
             };
-            let split = given.split();
-            let input = Input { rule, survey, settings, simd: settings.simd, threads, split };
+            let input = Input { rule, survey, settings, simd: settings.simd, threads, split: given.split() };
             state.build(&input, lapsed)?;
             work(state, &input)?;
             state.near = near;

@@ -77,8 +77,15 @@ impl<'a> Given<'a> {
         self.each(|spheres| check(spheres, threads))
     }
 
-    /// The spheres one after another, as their images nearest to the origin: where space is unbounded and there is one
-    /// set, those that were given.
+    /// The spheres that were given, where there is one set and space is unbounded: there is nothing to copy.
+    pub(crate) fn as_they_are(self, space: &Space) -> Option<Spheres<'a>> {
+        match self {
+            Self::One(all) if !space.is_periodic() => Some(all),
+            _ => None,
+        }
+    }
+
+    /// The spheres one after another, as their images nearest to the origin.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -89,9 +96,6 @@ impl<'a> Given<'a> {
         threads: Threads,
     ) -> Result<Spheres<'a>, Error> {
         let (a, b) = self.parts();
-        if b.is_none() && !space.is_periodic() {
-            return Ok(a);
-        }
         let Near { spheres, species } = near;
         resize(spheres, self.len(), "nearest images of spheres")?;
         let (first, second) = spheres.split_at_mut(a.len());

@@ -6,7 +6,7 @@ use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Space, Sphere
 use crate::{HostDetector, Order, Settings};
 
 /// A reproducible stream of numbers (SplitMix64).
-struct Random(u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
     fn next(&mut self) -> u64 {
@@ -17,11 +17,11 @@ impl Random {
     }
 
     /// Uniform in −1..1.
-    fn unit(&mut self) -> f32 {
+    pub(crate) fn unit(&mut self) -> f32 {
         (self.next() >> 40) as f32 / (1 << 23) as f32 - 1.0
     }
 
-    fn point(&mut self, scale: f32) -> [f32; 3] {
+    pub(crate) fn point(&mut self, scale: f32) -> [f32; 3] {
         [(); 3].map(|()| scale * self.unit())
     }
 }

@@ -1,9 +1,10 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use lazygrid_kernels::{Algorithm, Backend, Interactions, Space};
+use lazygrid_kernels::{Algorithm, Interactions, Space};
 
-use crate::{Error, Simd};
+use crate::choice::Structure;
+use crate::{Error, Simd, skin};
 
 /// The order of a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -70,13 +71,11 @@ impl Settings {
     /// Raster ratio by default. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform
     /// scenes are fastest between 4 and 8, crowded ones in the array grid between 1 and 1.5.
     pub const RASTER_RATIO: f32 = 4.0;
-    /// Fixed skins: those whose square `f32` tells from 0 and from infinity with room to spare.
-    pub(crate) const SKINS: std::ops::RangeInclusive<f32> = 1e-14..=1e17;
     /// 2²⁹ pairs, a list of 4 GiB.
     pub const MAX_PAIRS: u64 = 1 << 29;
 
-    /// Refuses settings outside their range.
-    pub(crate) fn check(&self) -> Result<(), Error> {
+    /// Refuses settings outside their range. Returns what others have built.
+    pub(crate) fn check(&self) -> Result<Structure, Error> {
         if !(0.5..=16.0).contains(&self.raster_ratio) {
             let value = self.raster_ratio.to_string();
             return Err(Error::Setting { name: "raster_ratio", value, range: "choose between 0.5 and 16" });
@@ -88,32 +87,30 @@ impl Settings {
         if let Skin::Fixed(distance) = self.skin {
             self.check_skin(distance)?;
         }
-        match self.algorithm {
-            Algorithm::EagerGrid | Algorithm::LazyGrid => {
-                Err(Error::NotOnBackend { algorithm: self.algorithm, backend: Backend::Cpu })
-            }
-            _ => Ok(()),
-        }
+        Structure::of(self.algorithm)
     }
 
     /// Refuses a skin that no arithmetic can follow, and one for an algorithm that keeps nothing.
     fn check_skin(&self, distance: f32) -> Result<(), Error> {
         let value = distance.to_string();
-        if !Self::SKINS.contains(&distance) {
+        if !skin::FIXED.contains(&distance) {
             return Err(Error::Setting {
                 name: "skin",
                 value,
                 range: "choose between 1e-14 and 1e17, `Auto` or `Off`",
             });
         }
-        match self.algorithm {
-            Algorithm::Auto | Algorithm::CellList => Ok(()),
-            _ => {
-                let range =
-                    "only `Algorithm::CellList` and `Auto` keep candidates: choose one of them, or no skin";
-                Err(Error::Setting { name: "skin", value, range })
-            }
+        if !self.keeps_candidates() {
+            let range =
+                "only `Algorithm::CellList` and `Auto` keep candidates: choose one of them, or no skin";
+            return Err(Error::Setting { name: "skin", value, range });
         }
+        Ok(())
+    }
+
+    /// Whether a detector may keep candidates from call to call.
+    pub(crate) fn keeps_candidates(&self) -> bool {
+        self.skin != Skin::Off && matches!(self.algorithm, Algorithm::Auto | Algorithm::CellList)
     }
 }
 

@@ -6,6 +6,7 @@ use lazygrid_kernels::{Algorithm, Pair};
 
 use crate::canonical::Canonical;
 use crate::cell_list::CellList;
+use crate::choice::Structure;
 use crate::compare::{Columns, Consume, Output, Rule, To, Written};
 use crate::given::Near;
 use crate::input::Input;
@@ -15,7 +16,7 @@ use crate::paper::{ArrayGrid, HashGrid, RecursiveGrid};
 use crate::scatter::{shared, split_at};
 use crate::skin::Course;
 use crate::threads::Threads;
-use crate::{Error, Kept, Order, Rebuilt, Report, Settings, Skin, choice, naive};
+use crate::{Error, Kept, Order, Rebuilt, Report, Settings, choice, naive};
 
 /// All that survives between calls, apart from the pool, in which the rest of the work runs.
 #[derive(Debug, Default)]
@@ -25,6 +26,8 @@ pub(crate) struct State {
     columns: Columns,
     cell_list: CellList,
     pub(crate) course: Course,
+    /// What this call searches, where it does.
+    structure: Structure,
     /// Whether this call is served from candidates.
     from_candidates: bool,
     hash_grid: HashGrid,
@@ -45,17 +48,16 @@ impl State {
         rule: &Rule<'_>,
         threads: Threads,
     ) -> Result<Option<Rebuilt>, Error> {
-        match (settings.skin, settings.algorithm) {
-            (Skin::Off, _) => Ok(Some(Rebuilt::First)),
-            (skin, Algorithm::Auto | Algorithm::CellList) => {
-                let Self { report, course, cell_list, .. } = self;
-                match course.candidates.survey().is_some() {
-                    true => report.time("measure", || course.advance(skin, (rule, cell_list), threads)),
-                    // There is nothing to measure but a sample.
-                    false => course.advance(skin, (rule, cell_list), threads),
-                }
-            }
-            _ => Ok(Some(Rebuilt::First)),
+        if !settings.keeps_candidates() {
+            return Ok(Some(Rebuilt::First));
+        }
+        let Self { report, course, cell_list, .. } = self;
+        let is_kept = course.candidates.survey().is_some();
+        let mut advance = || course.advance(settings.skin, (rule, cell_list), threads);
+        match is_kept {
+            true => report.time("measure", advance),
+            // There is nothing to measure but a sample.
+            false => advance(),
         }
     }
 
@@ -70,7 +72,8 @@ impl State {
                 Some(split) => choice::choose_between(input.settings.algorithm, &input.survey, split),
             };
             (self.report.algorithm, self.report.reason) = (algorithm, reason);
-            self.structure(input)?;
+            self.structure = Structure::of(algorithm)?;
+            self.build_structure(input)?;
         }
         if self.from_candidates {
             let kept = self.course.candidates.kept(lapsed);
@@ -86,9 +89,10 @@ impl State {
     }
 
     /// Builds what the algorithm searches.
-    fn structure(&mut self, input: &Input<'_>) -> Result<(), Error> {
+    fn build_structure(&mut self, input: &Input<'_>) -> Result<(), Error> {
         let Self {
             report,
+            structure,
             columns,
             cell_list,
             course,
@@ -98,19 +102,14 @@ impl State {
             recursive_grid,
             ..
         } = self;
-        match report.algorithm {
-            Algorithm::Naive => {
+        match structure {
+            Structure::Naive => {
                 report.time("gather", || columns.gather(&input.rule, 0..input.survey.spheres as u32))
             }
-            Algorithm::HashGrid => hash_grid.build(input, report),
-            Algorithm::ArrayGrid => array_grid.build(input, report),
-            Algorithm::RecursiveGrid => recursive_grid.build(input, report),
-            _ if input.settings.skin == Skin::Off || input.split.is_some() => {
-                // The candidates go by where the list has the spheres.
-                course.candidates.clear();
-                cell_list.build(input, report)
-            }
-            _ => {
+            Structure::HashGrid => hash_grid.build(input, report),
+            Structure::ArrayGrid => array_grid.build(input, report),
+            Structure::RecursiveGrid => recursive_grid.build(input, report),
+            Structure::CellList => {
                 *from_candidates = course.find(cell_list, input, report)?;
                 Ok(())
             }
@@ -122,17 +121,19 @@ impl State {
         input: &Input<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
-        let Self { report, columns, cell_list, course, hash_grid, array_grid, recursive_grid, .. } = self;
+        let Self {
+            report, structure, columns, cell_list, course, hash_grid, array_grid, recursive_grid, ..
+        } = self;
         if self.from_candidates {
             return report.time("test", || course.candidates.search(input, output));
         }
-        match report.algorithm {
-            Algorithm::Naive => report.time("search", || naive::search(input, columns, output)),
-            Algorithm::HashGrid => report.time("search", || hash_grid.search(input, output)),
-            Algorithm::ArrayGrid => report.time("search", || array_grid.search(input, output)),
-            Algorithm::RecursiveGrid => report.time("search", || recursive_grid.search(input, output)),
-            _ => report.time("search", || cell_list.search(input, output)),
-        }
+        report.time("search", || match structure {
+            Structure::Naive => naive::search(input, columns, output),
+            Structure::HashGrid => hash_grid.search(input, output),
+            Structure::ArrayGrid => array_grid.search(input, output),
+            Structure::RecursiveGrid => recursive_grid.search(input, output),
+            Structure::CellList => cell_list.search(input, output),
+        })
     }
 
     /// Collects at most `limit` pairs, of those with `i` in `window` where there is one; returns how many there are and

@@ -118,20 +118,11 @@ impl Members {
 }
 
 impl CellList {
-    /// Plans and builds for these spheres.
+    /// Plans and builds for these spheres, which are so crowded.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(crate) fn build(&mut self, input: &Input<'_>, report: &mut Report) -> Result<(), Error> {
-        let crowding = report.time("plan", || Crowding::sample(input))?;
-        self.build_at(input, &crowding, report)
-    }
-
-    /// The same for spheres that are known to be so crowded.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
-    pub(crate) fn build_at(
+    pub(crate) fn build(
         &mut self,
         input: &Input<'_>,
         crowding: &Crowding,
@@ -200,7 +191,7 @@ impl CellList {
 mod tests {
     use lazygrid_kernels::{Algorithm, Pair, Space, Sphere};
 
-    use super::CellList;
+    use super::{CellList, Crowding};
     use crate::compare::Rule;
     use crate::input::Input;
     use crate::judged::judge;
@@ -305,7 +296,8 @@ mod tests {
                 split: None,
             };
             let mut list = CellList::default();
-            list.build(&input, &mut Report::default()).expect("there is memory");
+            let crowding = Crowding::sample(&input).expect("there is memory");
+            list.build(&input, &crowding, &mut Report::default()).expect("there is memory");
             assert!(list.levels.iter().all(|level| !level.grid.folded), "{:?}", list.levels);
         }
     }

@@ -183,8 +183,7 @@ impl Task for Keys<'_> {
             }
             None => {
                 for (key, id) in self.keys.iter_mut().zip(self.first..) {
-                    let (center, radius) = self.rule.effective(id as u32);
-                    *key = self.places.cell_of(vector, id, [center.x, center.y, center.z, radius]);
+                    *key = self.places.cell_of(vector, id, self.rule.row(id as u32));
                 }
             }
         }

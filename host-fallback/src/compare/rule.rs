@@ -1,8 +1,10 @@
 //! What makes two spheres a pair: the one exact test behind every filter.
 
-use crate::classes::{CLASSES, class_of};
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Interaction, Interactions, Reach, Space, Sphere, Spheres};
+
+use super::Row;
+use crate::classes::{CLASSES, class_of};
 
 /// Whether two centres are at most `reach` apart, evaluated in `f64`: there differences of `f32` coordinates
 /// cannot overflow, underflow or lose the digits that decide exact contact.
@@ -103,6 +105,13 @@ impl<'a> Rule<'a> {
             Some(widening) => (radius + widening.by_class[class_of(radius)]).next_up(),
         };
         (sphere.center, radius)
+    }
+
+    /// The same as the row of a table.
+    #[inline(always)]
+    pub(crate) fn row(&self, id: u32) -> Row {
+        let (center, radius) = self.effective(id);
+        [center.x, center.y, center.z, radius]
     }
 
     /// Whether lanes that may be pairs count as pairs: the places `i` and `j`, where the rule is for candidates. Of

@@ -70,20 +70,25 @@ impl Course {
     ) -> Result<bool, Error> {
         let crowding = report.time("plan", || Crowding::sample(input))?;
         let allowances = match input.settings.skin {
-            _ if self.pause > 0 => None,
+            // Only one set has candidates.
+            _ if input.split.is_some() => None,
             Skin::Off => None,
+            _ if self.pause > 0 => {
+                self.pause -= 1;
+                None
+            }
             Skin::Fixed(distance) => Some(fixed(distance)),
             Skin::Auto => report.time("plan", || self.choose(input, &crowding)),
         };
-        self.pause = self.pause.saturating_sub(1);
         if let Some(allowances) = allowances {
             if self.candidates.find((list, &crowding), input, &allowances, report)? {
                 return Ok(true);
             }
             self.pause = PATIENCE;
         }
+        // Candidates go by where the list has the spheres.
         self.candidates.clear();
-        list.build_at(input, &crowding, report)?;
+        list.build(input, &crowding, report)?;
         Ok(false)
     }
 
@@ -92,14 +97,13 @@ impl Course {
         let (steps, growth) = self.motion.steps()?;
         if self.wait > 0 {
             self.wait -= 1;
-            return self.choice.as_ref().map(|choice| allowances(&steps, choice.skin));
+        } else {
+            let choice = choose(&input.survey, crowding, (&steps, growth));
+            let skin = |choice: Option<Choice>| choice.map(|choice| choice.skin);
+            let same = skin(choice) == skin(self.choice);
+            self.patience = if same { (2 * self.patience + 1).min(PATIENCE) } else { 0 };
+            (self.wait, self.choice) = (self.patience, choice);
         }
-        let choice = choose(&input.survey, crowding, (&steps, growth));
-        let same =
-            choice.as_ref().map(|choice| choice.skin) == self.choice.as_ref().map(|choice| choice.skin);
-        self.patience = if same { (2 * self.patience + 1).min(PATIENCE) } else { 0 };
-        self.wait = self.patience;
-        self.choice = choice;
-        self.choice.as_ref().map(|choice| choice.allowances)
+        self.choice.map(|choice| allowances(&steps, choice.skin))
     }
 }

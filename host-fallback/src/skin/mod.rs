@@ -15,6 +15,7 @@ mod worth;
 
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
+use glam::Vec3;
 use lazygrid_kernels::Pair;
 
 use crate::cell_list::{CellList, Crowding, Entry};
@@ -46,6 +47,8 @@ const MOST_KEPT: u64 = 128;
 const LARGEST: f32 = 1e30;
 /// Allowances whose squares `f32` holds with room to spare.
 const FINITE: std::ops::RangeInclusive<f32> = 5e-15..=1e17;
+/// Fixed skins whose half is such an allowance.
+pub(crate) const FIXED: std::ops::RangeInclusive<f32> = 2.0 * *FINITE.start()..=*FINITE.end();
 
 /// The allowances of a fixed skin: half of it for every sphere.
 fn fixed(distance: f32) -> Allowances {
@@ -146,7 +149,7 @@ impl Candidates {
         let survey = report.time("survey", || Survey::of(&rule, input.threads))?;
         let wide = |rule, survey| Input { rule, survey, ..*input };
         let widened = wide(rule, survey);
-        list.build_at(&widened, crowding, report)?;
+        list.build(&widened, crowding, report)?;
         report.time("keep", || self.place(list, input, &inverse))?;
 
         let rule = input.rule.widened(Widening { by_class: allowances, order: Some(&self.order) });
@@ -180,8 +183,7 @@ impl Candidates {
         let (order, rule) = (&self.order, &input.rule);
         input.threads.each_stretch(&mut self.rows, PIECE, |piece, rows| {
             for (row, &id) in rows.iter_mut().zip(&order[piece * PIECE..]) {
-                let (center, radius) = rule.effective(id);
-                *row = [center.x, center.y, center.z, radius];
+                *row = rule.row(id);
             }
         });
         let rows = &self.rows;
@@ -223,6 +225,18 @@ fn inverse_squares(allowances: &Allowances, rule: &Rule<'_>) -> Option<Allowance
     usable.then(|| allowances.map(|allowance| (allowance - seam).powi(-2)))
 }
 
+/// How far apart the nearest images of two places are along each axis.
+#[inline(always)]
+fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
+    let mut apart = apart.abs();
+    for (axis, length) in lengths.into_iter().enumerate() {
+        if let Some(length) = length {
+            apart[axis] = apart[axis].min((length - apart[axis]).abs());
+        }
+    }
+    apart
+}
+
 /// Takes over where the spheres at some places are now. `then` has noted where each was, and as its radius one over the
 /// square of how far it may go. Returns the largest part of its allowance that one has gone, squared, or infinity where
 /// that is no number; and whether one has another radius.
@@ -231,13 +245,11 @@ fn advance(rule: &Rule<'_>, then: &[Entry], rows: &mut [Row]) -> (f32, bool) {
     let periodic = lengths.iter().any(Option::is_some);
     let (mut farthest, mut changed, mut lost) = (0.0_f32, false, false);
     let mut step = |row: &mut Row, then: &Entry, now: Row| {
-        let mut gone = [now[0] - then.center.x, now[1] - then.center.y, now[2] - then.center.z];
+        let mut gone = Vec3::new(now[0], now[1], now[2]) - then.center;
         if periodic {
-            for (gone, length) in gone.iter_mut().zip(lengths) {
-                *gone = gone.abs().min(length.map_or(f32::INFINITY, |length| (length - gone.abs()).abs()));
-            }
+            gone = nearest(gone, lengths);
         }
-        let part = (gone[0] * gone[0] + gone[1] * gone[1] + gone[2] * gone[2]) * then.radius;
+        let part = gone.length_squared() * then.radius;
         lost |= part.is_nan();
         farthest = farthest.max(part);
         changed |= now[3].to_bits() != row[3].to_bits();
@@ -254,8 +266,7 @@ fn advance(rule: &Rule<'_>, then: &[Entry], rows: &mut [Row]) -> (f32, bool) {
         }
         None => {
             for (row, then) in rows.iter_mut().zip(then) {
-                let (center, radius) = rule.effective(then.id);
-                step(row, then, [center.x, center.y, center.z, radius]);
+                step(row, then, rule.row(then.id));
             }
         }
     }

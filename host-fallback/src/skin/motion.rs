@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::nearest;
 use crate::Error;
 use crate::classes::{CLASSES, class_of};
 use crate::compare::Rule;
@@ -76,13 +77,8 @@ impl Motion {
         let mut steps = [0.0_f32; CLASSES];
         for (k, place) in self.places.iter_mut().enumerate() {
             let (center, radius) = rule.effective((k * n / size) as u32);
-            let mut step = (center - *place).abs();
-            for (axis, length) in lengths.into_iter().enumerate() {
-                step[axis] =
-                    step[axis].min(length.map_or(f32::INFINITY, |length| (length - step[axis]).abs()));
-            }
             let class = &mut steps[class_of(radius)];
-            *class = class.max(step.length());
+            *class = class.max(nearest(center - *place, lengths).length());
             *place = center;
         }
         if known {

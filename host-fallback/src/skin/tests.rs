@@ -1,28 +1,18 @@
 use lazygrid_kernels::{Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
+use crate::judged::Random;
 use crate::{Error, HostDetector, Order, Rebuilt, Settings, Skin};
-
-/// A reproducible stream of numbers between −1 and 1.
-fn random(state: &mut u64) -> f32 {
-    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 40) as f32 / (1 << 23) as f32 - 1.0
-}
 
 /// Spheres of several sizes in a cube of this edge.
 fn gas(n: usize, sizes: i32, edge: f32) -> Vec<Sphere> {
-    let mut state = 11;
-    (0..n)
-        .map(|k| {
-            let center = [(); 3].map(|()| edge / 2.0 * random(&mut state));
-            Sphere::new(center, 0.5_f32.powi(k as i32 % sizes))
-        })
-        .collect()
+    let mut random = Random(11);
+    (0..n).map(|k| Sphere::new(random.point(edge / 2.0), 0.5_f32.powi(k as i32 % sizes))).collect()
 }
 
 /// Moves every sphere by up to a part of its radius along each axis.
-fn step(spheres: &mut [Sphere], part: f32, state: &mut u64) {
+fn step(spheres: &mut [Sphere], part: f32, random: &mut Random) {
     for sphere in spheres {
-        sphere.center += glam::Vec3::from([(); 3].map(|()| part * sphere.radius * random(state)));
+        sphere.center += glam::Vec3::from(random.point(part * sphere.radius));
     }
 }
 
@@ -63,7 +53,7 @@ fn candidates_never_change_an_answer() {
             let mut off =
                 HostDetector::new(Settings { skin: Skin::Off, ..settings.clone() }).expect("good settings");
             let mut kept = HostDetector::new(settings).expect("good settings");
-            let (mut spheres, mut state) = (gas(4000, 3, 24.0), 5);
+            let (mut spheres, mut random) = (gas(4000, 3, 24.0), Random(5));
             let (mut served, mut moved) = (0, 0);
             for call in 0..40 {
                 let expected = pairs(&mut off, &spheres);
@@ -72,7 +62,7 @@ fn candidates_never_change_an_answer() {
                 served += usize::from(report.is_some_and(|kept| kept.rebuilt.is_none()));
                 moved += usize::from(report.is_some_and(|kept| kept.rebuilt == Some(Rebuilt::Moved)));
                 assert!(report.is_none_or(|kept| kept.count >= expected.len() as u64));
-                step(&mut spheres, if call < 30 { 0.05 } else { 0.2 }, &mut state);
+                step(&mut spheres, if call < 30 { 0.05 } else { 0.2 }, &mut random);
             }
             assert!(served > 10 && moved > 1, "{skin:?}, settings {k}: {served} served, {moved} moved");
         }
@@ -85,7 +75,7 @@ fn all_results_come_from_candidates() {
     let mut kept = HostDetector::new(settings).expect("good settings");
     let mut off =
         HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
-    let (mut spheres, mut state) = (gas(2000, 2, 16.0), 5);
+    let (mut spheres, mut random) = (gas(2000, 2, 16.0), Random(5));
     for _ in 0..4 {
         let all = off.pairs((&spheres).into()).expect("the spheres are valid").to_vec();
         assert!(all.len() > 600, "streams take several searches");
@@ -98,7 +88,7 @@ fn all_results_come_from_candidates() {
         };
         kept.stream((&spheres).into(), 77, &mut consume).expect("valid");
         assert_eq!(streamed, all);
-        step(&mut spheres, 0.02, &mut state);
+        step(&mut spheres, 0.02, &mut random);
     }
 }
 

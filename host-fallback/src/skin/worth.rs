@@ -35,9 +35,8 @@ const TEST: f32 = 4.5;
 const MOST: f32 = 64.0;
 
 /// A skin that is worth it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Choice {
-    pub(crate) allowances: Allowances,
     /// The skin in farthest steps of the sample.
     pub(crate) skin: f32,
     /// How many calls candidates are expected to last.
@@ -71,7 +70,7 @@ pub(crate) fn choose(
         let time = (find + (calls + 1.0) * test) / (calls + 1.0);
         match &best {
             Some((least, _)) if *least <= time => {}
-            _ => best = Some((time, Choice { allowances, skin, calls })),
+            _ => best = Some((time, Choice { skin, calls })),
         }
     }
     let (time, choice) = best?;
