@@ -10,32 +10,8 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-say() { echo "capi/test.sh: $*" >&2; }
-
-# have COMMAND PACKAGE…: whether a command is there, or could be installed.
-have() {
-    local command=$1 sudo
-    shift
-    command -v "$command" >/dev/null && return
-    sudo=$([ "$(id -u)" = 0 ] || command -v sudo || true)
-    if ! command -v apt-get >/dev/null || { [ "$(id -u)" != 0 ] && [ -z "$sudo" ]; }; then
-        return 1
-    fi
-    say "$command is missing: installing $*"
-    { $sudo apt-get update -qq && $sudo apt-get install -y -qq --no-install-recommends "$@"; } >/dev/null
-    command -v "$command" >/dev/null
-}
-
-passed=0 skipped=0
-# passes NAME COMMAND…
-passes() {
-    local name=$1
-    shift
-    say "$name"
-    "$@" || { say "$name failed: $*"; echo "$passed passed, 1 failed, $skipped skipped"; exit 1; }
-    passed=$((passed + 1))
-}
-skip() { say "skipped: $*"; skipped=$((skipped + 1)); }
+name=capi/test.sh
+. capi/checks.sh
 
 options=() features=()
 case ${1:-} in
