@@ -123,6 +123,22 @@ pub fn run(
     groups: u32,
     buffers: &[(&str, &wgpu::Buffer)],
 ) -> Result<(), Error> {
+    run_over(own, (kernel, variant), [groups, 1, 1], buffers)
+}
+
+/// The same over so many workgroups of each dimension.
+///
+/// # Errors
+/// Where the device refuses it.
+///
+/// # Panics
+/// Where a binding has no buffer.
+pub fn run_over(
+    own: &GpuDevice,
+    (kernel, variant): (&'static Kernel, Variant),
+    [x, y, z]: [u32; 3],
+    buffers: &[(&str, &wgpu::Buffer)],
+) -> Result<(), Error> {
     let (pipeline, layout) = own.kernel(kernel, variant)?;
     let entry = |(binding, bound): (u32, Binding)| {
         let (_, buffer) = buffers
@@ -138,7 +154,7 @@ pub fn run(
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &bindings, &[]);
-        pass.dispatch_workgroups(groups, 1, 1);
+        pass.dispatch_workgroups(x, y, z);
         Ok(())
     })
 }

@@ -1,13 +1,13 @@
-//! Every kernel that can be run by itself, against a plain sequential function.
+//! Every kernel by itself, against a plain sequential function.
 
 use std::fmt::Debug;
 
 use lazygrid::Error;
 use lazygrid::gpu::GpuDevice;
-use lazygrid_kernels::kernel::{KERNELS, Variant};
+use lazygrid_kernels::kernel::Variant;
 use thiserror::Error;
 
-use crate::{Extent, calls, list, nested, primitives};
+use crate::{Extent, calls, grid, homes, list, nested, primitives, runs, shares};
 
 /// Around a workgroup, and many.
 pub(crate) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
@@ -42,10 +42,11 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 pub type Run = fn(&GpuDevice, Extent) -> Result<(), Fault>;
 
 /// All checks, in the order of a call.
-pub const CHECKS: [KernelCheck; 20] = [
+pub const CHECKS: [KernelCheck; 29] = [
     one("call begin", &["call_begin"], |own, _| calls::call_begin(own)),
     one("images nearest to the origin", &["spheres_wrap"], |own, _| calls::spheres_wrap(own)),
     one("bounds", &["bounds_reduce"], |own, _| calls::bounds_reduce(own)),
+    one("grid", &["grid_configure"], |own, _| grid::grid_configure(own)),
     one("density table", &["density_clear"], |own, _| nested::density_clear(own)),
     one("cells", &["cells_find"], |own, _| nested::cells_find(own)),
     one("deeper levels", &["levels_refine"], |own, _| nested::levels_refine(own)),
@@ -60,11 +61,19 @@ pub const CHECKS: [KernelCheck; 20] = [
         sizes(extent).try_for_each(|size| primitives::sort(own, size))
     }),
     one("sizes and bounds", &["spheres_survey"], |own, _| list::spheres_survey(own)),
+    one("cells of a list", &["list_configure"], |own, _| homes::list_configure(own)),
     one("cells of few spheres", &["list_begin"], |own, _| list::list_begin(own)),
+    one("spheres of the first cells", &["density_count"], |own, _| homes::density_count(own)),
+    one("homes and places", &["homes_count"], |own, _| homes::homes_count(own)),
+    one("homes as keys", &["homes_key"], |own, _| homes::homes_key(own)),
     one("beginnings of cells", &["cells_index"], |own, _| list::cells_index(own)),
     one("spheres in order", &["spheres_place", "spheres_gather"], |own, _| list::spheres_place(own)),
-    one("runs of a cell", &["runs_search"], |own, _| nested::runs_search(own)),
+    one("first candidates", &["list_search"], |own, _| shares::list_search(own)),
+    one("sizes of the search of further candidates", &["shares_open"], |own, _| shares::shares_open(own)),
+    one("further candidates", &["shares_search"], |own, _| shares::shares_search(own)),
+    one("runs of a cell", &["runs_search"], |own, _| runs::runs_search(own)),
     one("sizes of the crowded search", &["crowded_open"], |own, _| calls::crowded_open(own)),
+    one("crowded search", &["crowded_search"], |own, _| runs::crowded_search(own)),
     one("all pairs", &["naive_search"], |own, _| calls::naive_search(own)),
     one("outcome", &["outcome_finish"], |own, _| calls::outcome_finish(own)),
 ];
@@ -73,12 +82,6 @@ fn sizes(extent: Extent) -> impl Iterator<Item = usize> {
     let most = if extent == Extent::Quick { 5000 } else { usize::MAX };
     let large = (extent == Extent::Full).then_some(primitives::LARGE);
     primitives::SIZES.into_iter().filter(move |size| *size < most).chain(large)
-}
-
-/// The kernels that no check runs by itself: they are checked within the algorithms alone.
-pub fn within_algorithms() -> impl Iterator<Item = &'static str> {
-    let alone = |name: &&str| CHECKS.iter().any(|check| check.kernels.contains(name));
-    KERNELS.iter().map(|kernel| kernel.name).filter(move |name| !alone(name))
 }
 
 /// Without subgroup operations, and with them where the device has them.
@@ -110,15 +113,17 @@ pub(crate) fn same<T: PartialEq + Debug>(
 
 #[cfg(test)]
 mod tests {
+    use lazygrid_kernels::kernel::KERNELS;
+
     use super::*;
 
     #[test]
-    fn checks_name_kernels_that_there_are() {
-        let named = CHECKS.iter().flat_map(|check| check.kernels);
-        for name in named.clone() {
-            assert!(KERNELS.iter().any(|kernel| kernel.name == *name), "{name}");
-        }
-        assert_eq!(within_algorithms().count() + named.count(), KERNELS.len());
+    fn every_kernel_has_one_check() {
+        let mut checked: Vec<&str> = CHECKS.iter().flat_map(|check| check.kernels).copied().collect();
+        let mut all: Vec<&str> = KERNELS.iter().map(|kernel| kernel.name).collect();
+        checked.sort_unstable();
+        all.sort_unstable();
+        assert_eq!(checked, all);
     }
 
     #[test]

@@ -21,12 +21,17 @@ pub mod scenes;
 pub mod speed;
 
 mod calls;
+mod cells;
 mod choices;
 mod difference;
+mod grid;
+mod homes;
 mod list;
 mod nested;
 mod random;
+mod runs;
 mod scenario;
+mod shares;
 mod shrink;
 mod way;
 

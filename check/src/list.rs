@@ -131,7 +131,8 @@ fn begun(
 /// Radii are at least so large that devices do not flush them.
 const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
-fn surveyed(spheres: &[Sphere], flushes: bool) -> Survey {
+/// What is known of these spheres, where devices take subnormal numbers for zero or not.
+pub(crate) fn surveyed(spheres: &[Sphere], flushes: bool) -> Survey {
     let ordered = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 };
     let mut survey = Survey::zeroed();
     for sphere in spheres {

@@ -8,7 +8,7 @@ use lazygrid::Error;
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
 use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level};
+use lazygrid_kernels::layout::{Bounds, Call, Grid, Level};
 
 use crate::Random;
 use crate::device::{download, download_one, run, upload, upload_one};
@@ -379,55 +379,6 @@ pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), Fault> {
             let case = || format!("{size} spheres, refinement {refinement}, tau {tau}, {variant:?}");
             same(case, &found, &expected)?;
         }
-    }
-    Ok(())
-}
-
-/// Active entries meet all of their run: all spheres at one point, so that nothing but runs and marks decides.
-///
-/// # Errors
-/// What is wrong.
-pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), Fault> {
-    for (actives, passives, passive) in
-        [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]
-    {
-        let run_length = actives + passives;
-        let runs = 5_u32;
-        let count = runs * run_length;
-        let of = |entry: u32| {
-            ((entry / run_length) << passive) | (u32::from(entry % run_length >= actives) * passive)
-        };
-        let keys: Vec<u32> = (0..count).map(of).collect();
-        let objects: Vec<u32> = (0..count).map(|entry| entry | 7 << 29).collect();
-        let spheres = vec![Sphere::new([0.0; 3], 1.0); count as usize];
-        let settings = Call { pair_capacity: 1 << 20, window_end: u32::MAX, ..call(2, 0) };
-        let (call, grid) =
-            (upload(own, &[settings])?, upload_one(own, &Grid { passive, ..grid(count as usize, 2) })?);
-        let (keys, objects) = (upload(own, &keys)?, upload(own, &objects)?);
-        let (lengths, spheres) =
-            (upload(own, &[Lengths { items: count, ..Lengths::zeroed() }])?, upload(own, &spheres)?);
-        let (outcome, pairs) = (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![[0_u32; 2]; 1 << 20])?);
-        let crowded = upload(own, &vec![0_u32; 64])?;
-        let bound = [
-            ("call", &call),
-            ("grid", &grid),
-            ("lengths", &lengths),
-            ("keys", &keys),
-            ("objects", &objects),
-            ("spheres", &spheres),
-            ("outcome", &outcome),
-            ("pairs", &pairs),
-            ("crowded", &crowded),
-        ];
-        run(own, &k::RUNS_SEARCH, Variant::default(), count.div_ceil(256), &bound)?;
-        let outcome = download::<Outcome>(own, &outcome, 1)?[0];
-        let mut found = download::<[u32; 2]>(own, &pairs, outcome.found() as usize)?;
-        found.sort_unstable();
-        let expected: Vec<[u32; 2]> = (0..count)
-            .flat_map(|i| (i + 1..count).map(move |j| [i, j]))
-            .filter(|[i, j]| i / run_length == j / run_length && i % run_length < actives)
-            .collect();
-        same(|| format!("{actives} active, {passives} passive"), &found, &expected)?;
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ use lazygrid::Error;
 use lazygrid::gpu::GpuDevice;
 use lazygrid_check::compare::{self, Case, Failure as Fault, Pace};
 use lazygrid_check::fuzz::Round;
-use lazygrid_check::kernels::{CHECKS, within_algorithms};
+use lazygrid_check::kernels::CHECKS;
 use lazygrid_check::{Gpu, Way, guarded};
 
 use self::report::Report;
@@ -152,10 +152,9 @@ impl Work<'_> {
                 self.tell(|| report.failure(Fault { name, what, scenario: None, options: String::new() }))?;
             }
         }
-        let alone = CHECKS.iter().map(|check| check.kernels.len()).sum();
-        let others: Vec<&str> = within_algorithms().collect();
+        let kernels = CHECKS.iter().map(|check| check.kernels.len()).sum();
         self.bar.set_position(from + KERNELS);
-        self.tell(|| report.kernels(alone, &others, start.elapsed()))
+        self.tell(|| report.kernels(kernels, start.elapsed()))
     }
 
     fn scenes(&self, report: &mut Report) -> Result<(), Failure> {

@@ -47,7 +47,7 @@ fn the_gpu_is_all_right_where_there_is_one() {
     let object = checked(&["--quick", "--backend", "gpu", "--adapter", "0"]);
     assert_eq!(timed(&object, "gpu"), Algorithm::GPU.map(|algorithm| algorithm.name().to_owned()));
     assert_eq!(object["gpu"]["name"], adapters()[0].name);
-    assert!(object["kernels"]["alone"].as_u64() > Some(10), "{}", object["kernels"]);
+    assert!(object["kernels"]["checked"].as_u64() > Some(10), "{}", object["kernels"]);
     let what = |row: &Value| row["what"].as_str().map(str::to_owned);
     let rows: Vec<_> =
         object["primitives"]["rows"].as_array().expect("rows").iter().filter_map(what).collect();

@@ -1,0 +1,218 @@
+//! The cells of a cell list as the device chooses them, and which of them a sphere is at home in, as plain sequential
+//! functions.
+
+use bytemuck::Zeroable;
+use glam::Vec3;
+use lazygrid::gpu::{GpuDevice, Outcome};
+use lazygrid::{Space, Sphere};
+use lazygrid_kernels::kernel::{self as k, Variant};
+use lazygrid_kernels::layout::{Call, Lengths, List, Survey};
+
+use crate::device::{download, download_one, run, upload, upload_one};
+use crate::kernels::{Fault, same};
+use crate::list::surveyed;
+use crate::{Random, Scenario, periodic};
+
+/// Cells that the table has room for.
+pub(crate) const ROOM: u32 = 4096;
+/// The level of classes that are listed.
+pub(crate) const LISTED: usize = 255;
+/// Spheres that leave crowded cells of the first level leave those with more than this.
+pub(crate) const TAU: u32 = 8;
+
+/// A call of the cell list, and what the device chose for it.
+#[derive(Clone)]
+pub(crate) struct Chosen {
+    pub(crate) call: Call,
+    pub(crate) scenario: Scenario,
+    pub(crate) list: List,
+    pub(crate) variant: Variant,
+    pub(crate) lengths: Lengths,
+    pub(crate) outcome: Outcome,
+    pub(crate) survey: Survey,
+}
+
+/// What a call is like.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Case {
+    pub(crate) spheres: u32,
+    pub(crate) lengths: [Option<f32>; 3],
+    /// Whether smaller spheres leave crowded cells, which the call before found.
+    pub(crate) is_dense: bool,
+}
+
+/// Few spheres and many, in unbounded and periodic spaces, with and without leaving crowded cells.
+pub(crate) fn cases() -> impl Iterator<Item = Case> {
+    let spaces = [[None; 3], [Some(20.0), None, Some(24.5)], [Some(0.75); 3]];
+    let sizes = [0, 1, 257, 5000];
+    sizes.into_iter().flat_map(move |spheres| {
+        let case = move |lengths, is_dense| Case { spheres, lengths, is_dense };
+        spaces.into_iter().flat_map(move |lengths| [false, true].map(|is_dense| case(lengths, is_dense)))
+    })
+}
+
+/// Spheres of three sizes, a third of them crowded, few far larger ones, and some that are not valid.
+fn scene(count: u32) -> Vec<Sphere> {
+    let mut random = Random(u64::from(count));
+    let mut coordinate = |edge: f32| (random.unit() - 0.5) * edge;
+    let sphere = |k: u32| {
+        let edge = if k.is_multiple_of(3) { 1.0 } else { 20.0 };
+        let radius = if k % 200 == 50 { 4.0 } else { [0.5, 0.06, 0.01][k as usize / 3 % 3] };
+        let center = [(); 3].map(|()| coordinate(edge));
+        Sphere::new(if k % 100 == 99 { [f32::NAN; 3] } else { center }, radius)
+    };
+    (0..count).map(sphere).collect()
+}
+
+impl Case {
+    /// Has the device choose cells.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub(crate) fn choose(self, own: &GpuDevice) -> Result<Chosen, Fault> {
+        self.choose_for(own, scene(self.spheres))
+    }
+
+    /// The same for given spheres.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub(crate) fn choose_for(self, own: &GpuDevice, spheres: Vec<Sphere>) -> Result<Chosen, Fault> {
+        let space = periodic::space(self.lengths);
+        let [period_x, period_y, period_z] = self.lengths.map(|length| length.unwrap_or(0.0));
+        let call = Call {
+            spheres: self.spheres,
+            cells: ROOM,
+            raster_ratio: 2.0,
+            tau: if self.is_dense { TAU } else { u32::MAX },
+            density_slots: 512,
+            pair_capacity: 1 << 22,
+            window_end: u32::MAX,
+            share: 256,
+            part_tiles: Call::UNPARTED,
+            period_x,
+            period_y,
+            period_z,
+            ..Call::zeroed()
+        };
+        let variant = Variant { periodic: space.is_periodic(), ..Variant::default() };
+        let images: Vec<Sphere> =
+            spheres.iter().map(|sphere| Sphere::new(space.wrap(sphere.center), sphere.radius)).collect();
+        let before = Outcome { densest: TAU + 1, crowded: 7, found_lo: 7, ..Outcome::zeroed() };
+        let (given, count, input) =
+            (upload(own, &[call])?, upload(own, &[self.spheres])?, upload(own, &spheres)?);
+        let (survey, list) = (upload(own, &[surveyed(&images, false)])?, upload_one(own, &List::zeroed())?);
+        let (outcome, lengths) = (upload(own, &[before])?, upload(own, &[Lengths::zeroed()])?);
+        let bound = [
+            ("call", &given),
+            ("count_source", &count),
+            ("spheres", &input),
+            ("survey", &survey),
+            ("list", &list),
+            ("outcome", &outcome),
+            ("lengths", &lengths),
+        ];
+        run(own, &k::LIST_CONFIGURE, variant, 1, &bound)?;
+        Ok(Chosen {
+            call,
+            scenario: Scenario { spheres, space, mixture: None },
+            list: download_one(own, &list)?,
+            variant,
+            lengths: download::<Lengths>(own, &lengths, 1)?[0],
+            outcome: download::<Outcome>(own, &outcome, 1)?[0],
+            survey: download::<Survey>(own, &survey, 1)?[0],
+        })
+    }
+}
+
+/// The level of spheres of this radius.
+pub(crate) fn level_of(list: &List, radius: f32) -> usize {
+    let class = (radius.to_bits() >> 23) as usize;
+    (list.class_levels[class / 4] >> (class % 4 * 8) & 255) as usize
+}
+
+/// The cell of a place along each axis, not yet brought round the ring; `fused` says how a device rounds.
+pub(crate) fn numbers(list: &List, space: Space, place: Vec3, (level, fused): (usize, bool)) -> [u32; 3] {
+    let own = &list.level[level];
+    let quanta = i64::from(list.quanta);
+    let open = |x: f32| {
+        let (size, middle) = (x.abs().to_bits(), 1_i64 << 30);
+        if size < own.far {
+            return (middle + ((x * own.scale).floor() as i64).div_euclid(quanta)) as u32;
+        }
+        let beyond = i64::from((size - own.far).min(0x1fff_ffff));
+        match x < 0.0 {
+            true => (middle - (middle + quanta - 1) / quanta - beyond) as u32,
+            false => (middle + middle / quanta + beyond) as u32,
+        }
+    };
+    [0, 1, 2].map(|axis| match space.lengths()[axis] {
+        None => open(place[axis]).wrapping_sub(own.low[axis]),
+        Some(_) => {
+            let (cells, around) = (own.cells[axis], own.around[axis]);
+            let half = 0.5 * cells as f32;
+            let at = if fused { place[axis].mul_add(around, half) } else { place[axis] * around + half };
+            (at.floor() as i32 + cells as i32) as u32
+        }
+    })
+}
+
+/// The place of a sphere's cell in the table.
+fn cell(list: &List, space: Space, place: Vec3, (level, fused): (usize, bool)) -> u32 {
+    let own = &list.level[level];
+    let [x, y, z] = numbers(list, space, place, (level, fused));
+    let [x, y, z] = [x % own.cells.x, y % own.cells.y, z % own.cells.z];
+    own.base + (z * own.cells.y + y) * own.cells.x + x
+}
+
+impl Chosen {
+    /// Where spheres are for the device.
+    pub(crate) fn place(&self, sphere: &Sphere) -> Vec3 {
+        self.scenario.space.wrap(sphere.center)
+    }
+
+    /// The cell of level 0 of each valid sphere that is not listed.
+    fn coarsest(&self, sphere: &Sphere, fused: bool) -> Option<u32> {
+        let has_cell = sphere.is_valid() && level_of(&self.list, sphere.radius) != LISTED;
+        has_cell.then(|| cell(&self.list, self.scenario.space, self.place(sphere), (0, fused)))
+    }
+
+    /// How many spheres each counter of the table has.
+    pub(crate) fn density(&self, fused: bool) -> Vec<u32> {
+        let mut density = vec![0; self.call.density_slots as usize];
+        let slots = density.len();
+        let cells = self.scenario.spheres.iter().filter_map(|sphere| self.coarsest(sphere, fused));
+        cells.filter(|_| self.list.is_dense != 0).for_each(|cell| density[cell as usize % slots] += 1);
+        density
+    }
+
+    /// The cell of a sphere; where it leaves a crowded one, how many spheres that has.
+    fn home(&self, sphere: &Sphere, density: &[u32], fused: bool) -> (u32, u32) {
+        let (list, space) = (&self.list, self.scenario.space);
+        let Some(coarsest) = self.coarsest(sphere, fused) else {
+            return (list.cells + u32::from(!sphere.is_valid()), 0);
+        };
+        let level = level_of(list, sphere.radius);
+        let crowd = density[coarsest as usize % density.len()];
+        match level != 0 && list.is_dense != 0 && crowd > self.call.tau {
+            true => (cell(list, space, self.place(sphere), (level, fused)), crowd),
+            false => (coarsest, 0),
+        }
+    }
+
+    /// The cell of every sphere, and the most spheres of a cell that one leaves.
+    pub(crate) fn homes(&self, density: &[u32], fused: bool) -> (Vec<u32>, u32) {
+        let homes = || self.scenario.spheres.iter().map(|sphere| self.home(sphere, density, fused));
+        (homes().map(|(cell, _)| cell).collect(), homes().map(|(_, crowd)| crowd).max().unwrap_or(0))
+    }
+
+    /// Holds what the device found against what it may have to be, however it rounds.
+    pub(crate) fn agrees<T: PartialEq + std::fmt::Debug>(
+        case: impl FnOnce() -> String,
+        found: &T,
+        expected: impl Fn(bool) -> T,
+    ) -> Result<(), Fault> {
+        let fused = expected(true);
+        if *found == fused { Ok(()) } else { same(case, found, &expected(false)) }
+    }
+}

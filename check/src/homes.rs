@@ -1,0 +1,221 @@
+//! The kernels that choose the cells of a cell list and find those of its spheres, one by one, against plain sequential
+//! functions.
+
+use bytemuck::Zeroable;
+use lazygrid::gpu::{GpuDevice, Outcome};
+use lazygrid_kernels::kernel as k;
+use lazygrid_kernels::layout::{Call, Lengths, Pass, Survey};
+
+use crate::cells::{Case, Chosen, LISTED, ROOM, TAU, cases, level_of, numbers};
+use crate::device::{download, run, upload, upload_one};
+use crate::kernels::{Fault, same};
+
+/// Cells are as wide as the spheres that are at home there, fit the table, and have spheres that touch next to each other.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), Fault> {
+    for case in cases() {
+        let chosen = case.choose(own)?;
+        let Chosen { list, scenario, outcome, .. } = &chosen;
+        let what = |what: &str| format!("{what}, {case:?}");
+        let bad = scenario.spheres.iter().filter(|sphere| !sphere.is_valid()).count() as u32;
+        let begun = Outcome {
+            quarantined: bad,
+            entries_lo: case.spheres,
+            spheres: case.spheres,
+            ..Outcome::zeroed()
+        };
+        same(|| what("outcome"), outcome, &begun)?;
+        same(|| what("whether the survey is empty"), &(chosen.survey == Survey::zeroed()), &true)?;
+        same(|| what("spheres"), &list.spheres, &case.spheres)?;
+        let ordinary = bad < case.spheres;
+        same(|| what("whether all is ordinary"), &(list.ordinary != 0), &ordinary)?;
+        let dense = case.is_dense && case.spheres > 1;
+        same(|| what("whether spheres leave cells"), &(list.is_dense != 0), &dense)?;
+        let lengths = Lengths { items: case.spheres, counters: list.cells + 2 };
+        same(|| what("lengths"), &chosen.lengths, &lengths)?;
+        levels_are_sound(&chosen, case)?;
+        neighbours_are_near(&chosen, case)?;
+    }
+    Ok(())
+}
+
+/// Levels have room, edges and places in the table.
+fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), Fault> {
+    let Chosen { list, scenario, .. } = chosen;
+    let mut base = 0;
+    for (level, own) in list.level.iter().enumerate() {
+        let what = || format!("level {level} of {own:?}, {} quanta, {case:?}", list.quanta);
+        let is_used = list.levels >> level & 1 == 1;
+        same(what, &(own.cells.x != 0), &is_used)?;
+        if is_used {
+            same(what, &own.base, &base)?;
+            same(what, &own.cells.to_array().iter().all(|&cells| cells == 1 || cells > 2), &true)?;
+            let edge = list.quanta as f32 / own.scale;
+            let edges = (64..=127).contains(&list.quanta)
+                && own.scale == list.level[0].scale * (level as f32).exp2()
+                && (2.0 * own.reach..2.1 * own.reach).contains(&edge);
+            same(what, &edges, &true)?;
+            base += own.cells.element_product();
+        }
+    }
+    let what = |what: &str| format!("{what}, {case:?}");
+    same(|| what("cells in all"), &list.cells, &base)?;
+    same(|| what("whether there is room for them"), &(list.cells <= ROOM && list.levels & 1 == 1), &true)?;
+    let valid = || scenario.spheres.iter().filter(|sphere| sphere.is_valid());
+    let listed = valid().filter(|sphere| level_of(list, sphere.radius) == LISTED).count();
+    let is_few = listed <= 8 || valid().count() == listed;
+    same(|| what("whether few are listed"), &is_few, &true)?;
+    for sphere in valid().filter(|sphere| level_of(list, sphere.radius) != LISTED) {
+        let level = if list.is_dense == 0 { 0 } else { level_of(list, sphere.radius) };
+        let fits = sphere.radius <= list.level[level].reach && sphere.radius <= list.level[0].reach;
+        same(|| format!("whether {sphere:?} fits level {level}, {case:?}"), &fits, &true)?;
+    }
+    Ok(())
+}
+
+/// Spheres that touch are in neighbouring cells of every level that both could be at home in.
+fn neighbours_are_near(chosen: &Chosen, case: Case) -> Result<(), Fault> {
+    let Chosen { list, scenario, .. } = chosen;
+    let step = scenario.spheres.len().div_ceil(500);
+    let valid = scenario.only(|k| scenario.spheres[k].is_valid() && k.is_multiple_of(step));
+    for pair in valid.oracle() {
+        let (a, b) = (&valid.spheres[pair.i as usize], &valid.spheres[pair.j as usize]);
+        let levels = [a, b].map(|sphere| level_of(list, sphere.radius));
+        if levels.contains(&LISTED) {
+            continue;
+        }
+        let own = if levels[0] == levels[1] && list.is_dense != 0 { levels[0] } else { 0 };
+        for level in [0, own] {
+            let at = |sphere| numbers(list, scenario.space, chosen.place(sphere), (level, true));
+            let (of_a, of_b) = (at(a), at(b));
+            let is_near = (0..3).all(|axis| {
+                let apart = of_a[axis].abs_diff(of_b[axis]);
+                let around = list.level[level].cells[axis];
+                apart <= 1 || (scenario.space.lengths()[axis].is_some() && apart + 1 >= around)
+            });
+            same(
+                || format!("{a:?} in {of_a:?}, {b:?} in {of_b:?}, level {level}, {case:?}"),
+                &is_near,
+                &true,
+            )?;
+        }
+    }
+    Ok(())
+}
+
+/// Each cell's counter has the spheres that are not listed, where smaller ones may leave cells.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn density_count(own: &GpuDevice) -> Result<(), Fault> {
+    for case in cases() {
+        let chosen = case.choose(own)?;
+        let Chosen { call, scenario, list, variant, .. } = &chosen;
+        let (given, of_list) = (upload(own, &[*call])?, upload_one(own, list)?);
+        let spheres = upload(own, &scenario.spheres)?;
+        let density = upload(own, &vec![0_u32; call.density_slots as usize])?;
+        let bound = [("call", &given), ("list", &of_list), ("spheres", &spheres), ("density", &density)];
+        run(own, &k::DENSITY_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &bound)?;
+        let found = download::<u32>(own, &density, call.density_slots as usize)?;
+        Chosen::agrees(|| format!("{case:?}"), &found, |fused| chosen.density(fused))?;
+    }
+    Ok(())
+}
+
+/// Every sphere gets its cell and a place there of its own, and crowded cells are reported.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), Fault> {
+    for case in cases() {
+        let chosen = case.choose(own)?;
+        let Chosen { call, scenario, list, variant, .. } = &chosen;
+        let (table, call) = (chosen.density(true), Call { tau: TAU, ..*call });
+        let (given, of_list) = (upload(own, &[call])?, upload_one(own, list)?);
+        let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &table)?);
+        let (outcome, homes) =
+            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![[0_u32; 2]; case.spheres as usize])?);
+        let starts = upload(own, &vec![0_u32; list.cells as usize + 2])?;
+        let bound = [
+            ("call", &given),
+            ("list", &of_list),
+            ("spheres", &spheres),
+            ("density", &density),
+            ("outcome", &outcome),
+            ("starts", &starts),
+            ("homes", &homes),
+        ];
+        run(own, &k::HOMES_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &bound)?;
+        let mut found = download::<[u32; 2]>(own, &homes, case.spheres as usize)?;
+        let cells = found.iter().map(|&[cell, _]| cell).collect();
+        let what = |what: &str| format!("{what}, {case:?}");
+        Chosen::agrees(|| what("cells"), &cells, |fused| chosen.homes(&table, fused).0)?;
+        let counts = download::<u32>(own, &starts, list.cells as usize + 2)?;
+        let mut expected = vec![0; counts.len()];
+        cells.iter().for_each(|&cell| expected[cell as usize] += 1);
+        same(|| what("spheres of each cell"), &counts, &expected)?;
+        found.sort_unstable();
+        let places = (0_u32..).zip(&counts).flat_map(|(cell, &count)| (0..count).map(move |at| [cell, at]));
+        same(|| what("places"), &found, &places.collect())?;
+        let densest = download::<Outcome>(own, &outcome, 1)?[0].densest;
+        if list.is_dense == 1 {
+            Chosen::agrees(|| what("the fullest cell"), &densest, |fused| chosen.homes(&table, fused).1)?;
+        } else {
+            // The smaller spheres come to their cell among the others, in any order.
+            let small = |id: usize| ![0, LISTED].contains(&level_of(list, scenario.spheres[id].radius));
+            let mut smaller = vec![0; counts.len()];
+            (0..cells.len()).filter(|&id| small(id)).for_each(|id| smaller[cells[id] as usize] += 1);
+            let [least, most] = [&smaller, &counts].map(|counts| counts.iter().copied().max().unwrap_or(0));
+            let is_told =
+                if densest == 0 { least <= TAU } else { (least.max(TAU + 1)..=most).contains(&densest) };
+            same(|| format!("{densest} of {least} to {most} in a cell, {case:?}"), &is_told, &true)?;
+        }
+    }
+    Ok(())
+}
+
+/// Every sphere's key is its cell, and the digits of the first pass are counted.
+///
+/// # Errors
+/// What is wrong.
+pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), Fault> {
+    for case in cases() {
+        let chosen = case.choose(own)?;
+        let Chosen { call, scenario, list, variant, .. } = &chosen;
+        let (table, tile) = (chosen.density(true), variant.radix_tile());
+        let tiles = case.spheres.div_ceil(tile);
+        let pass = Pass { shift: 0, mask: 255, is_first: 1 };
+        let lengths = Lengths { items: case.spheres, counters: 256 * tiles };
+        let (given, of_list) = (upload(own, &[*call])?, upload_one(own, list)?);
+        let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &table)?);
+        let (outcome, keys) =
+            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![0_u32; case.spheres as usize])?);
+        let (pass, lengths) = (upload(own, &[pass])?, upload(own, &[lengths])?);
+        let counts = upload(own, &vec![7_u32; 256 * tiles as usize])?;
+        let bound = [
+            ("call", &given),
+            ("digit_pass", &pass),
+            ("list", &of_list),
+            ("lengths", &lengths),
+            ("spheres", &spheres),
+            ("density", &density),
+            ("outcome", &outcome),
+            ("keys", &keys),
+            ("counts", &counts),
+        ];
+        run(own, &k::HOMES_KEY, *variant, tiles, &bound)?;
+        let found = download::<u32>(own, &keys, case.spheres as usize)?;
+        let what = |what: &str| format!("{what}, {case:?}");
+        Chosen::agrees(|| what("keys"), &found, |fused| chosen.homes(&table, fused).0)?;
+        let mut expected = vec![0_u32; 256 * tiles as usize];
+        for (tile, keys) in found.chunks(tile as usize).enumerate() {
+            keys.iter().for_each(|key| expected[(key & 255) as usize * tiles as usize + tile] += 1);
+        }
+        same(|| what("digits"), &download::<u32>(own, &counts, expected.len())?, &expected)?;
+        let densest = download::<Outcome>(own, &outcome, 1)?[0].densest;
+        Chosen::agrees(|| what("the fullest cell"), &densest, |fused| chosen.homes(&table, fused).1)?;
+    }
+    Ok(())
+}
