@@ -27,6 +27,9 @@ export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_mpi_yi
 export OMPI_MCA_rmaps_base_oversubscribe=1 OMPI_MCA_hwloc_base_binding_policy=none
 export OMPI_MCA_btl_vader_single_copy_mechanism=none
 
+# What the workspace of the other crates has built is not built again.
+export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/../../target}
+
 # What is tested here is the way between ranks. wgpu would take longer to compile than all of it.
 features=(--no-default-features --features command)
 host=$(rustc -vV | sed -n 's/^host: //p')

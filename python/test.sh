@@ -18,6 +18,9 @@ skip() {
     exit
 }
 
+# What the workspace of the other crates has built is not built again.
+export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/../target}
+
 usable='import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))'
 for python in ${PYTHON:-} python3.13 python3.12 python3.11 python3.10 python3 none; do
     "$python" -c "$usable" 2>/dev/null && break

@@ -58,14 +58,14 @@ fn a_million_and_more_spheres_in_one_call() {
 
 /// Every pair of blocks has to be looked at, by invocations whose loops a software rasteriser may end early.
 #[test]
-fn twenty_thousand_coincident_spheres_are_counted_exactly() {
+fn fourteen_thousand_coincident_spheres_are_counted_exactly() {
     let Some(own) = device() else { return };
-    let spheres = vec![Sphere::new([1.0, -2.0, 3.0], 0.5); 20_000];
+    let spheres = vec![Sphere::new([1.0, -2.0, 3.0], 0.5); 14_000];
     for algorithm in [Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::CellList] {
         let settings = GpuSettings { algorithm, ..GpuSettings::default() };
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
         let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
-        assert_eq!(session.finish_count(ticket), Ok(199_990_000), "{algorithm}");
+        assert_eq!(session.finish_count(ticket), Ok(97_993_000), "{algorithm}");
     }
 }
 
@@ -114,7 +114,7 @@ fn one_giant_among_a_hundred_thousand_grains() {
 #[test]
 fn soak_of_changing_sizes_and_shapes() {
     let Some(own) = device() else { return };
-    let steps = std::env::var("LAZYGRID_SOAK").ok().and_then(|text| text.parse().ok()).unwrap_or(400_u64);
+    let steps = std::env::var("LAZYGRID_SOAK").ok().and_then(|text| text.parse().ok()).unwrap_or(150_u64);
     let mut session = GpuSession::new(own.clone(), GpuSettings::default()).expect("made");
     session.set_timeout(Duration::from_secs(60));
     let mut detector = cpu();

@@ -36,8 +36,8 @@ fn a_list_of_too_many_pairs_is_refused_by_its_number() {
     let limit = 1 << 20;
     for subject in Subject::each_algorithm() {
         let (n, found) = match subject.backend {
-            Backend::Gpu => (4000, 7_998_000),
-            _ => (20_000, 199_990_000),
+            Backend::Gpu => (2000, 1_999_000),
+            _ => (8000, 31_996_000),
         };
         let spheres = coincident(n);
         let mut detector = Detector::new(subject.config().max_pairs(limit)).expect("a detector");
