@@ -5,7 +5,7 @@ use lazygrid::gpu::{AdapterId, GpuDevice, GpuSession, GpuSettings};
 use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Simd};
 
 use crate::device::PATIENCE;
-use crate::{Scenario, Tolerance};
+use crate::{Extent, Scenario, Tolerance};
 
 /// The GPU that is checked.
 #[derive(Clone, Debug)]
@@ -63,13 +63,16 @@ impl Way {
     }
 
     /// Every algorithm of the GPU with and without subgroup operations, and with cells that are split where they hold more
-    /// than one smaller sphere.
-    pub fn on_gpu(own: &GpuDevice) -> Vec<Self> {
+    /// than one smaller sphere. For a [quick](Extent::Quick) look each as a detector has it by default.
+    pub fn on_gpu(own: &GpuDevice, extent: Extent) -> Vec<Self> {
         let with = |subgroups, tau| {
             let way = move |algorithm| Self { tau, ..Self::new(algorithm, Place::Gpu { subgroups }) };
             Algorithm::GPU.map(way).to_vec()
         };
         let subgroups = own.adapter.has_subgroups;
+        if extent == Extent::Quick {
+            return with(subgroups, None);
+        }
         let mut ways = with(false, None);
         if subgroups {
             ways.extend(with(true, None));

@@ -160,7 +160,7 @@ impl Work<'_> {
     fn scenes(&self, report: &mut Report) -> Result<(), Failure> {
         let (from, start) = (self.bar.position(), Instant::now());
         let cases = compare::cases(self.args.extent());
-        let on_gpu = self.gpu.as_ref().map_or_else(Vec::new, |gpu| Way::on_gpu(&gpu.own));
+        let on_gpu = self.gpu.as_ref().map_or_else(Vec::new, |gpu| Way::on_gpu(&gpu.own, self.args.extent()));
         let on_cpu = if self.on_cpu { Way::on_cpu() } else { Vec::new() };
         let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);
         let most = if self.args.full { SCENE_SECONDS * 20.0 } else { SCENE_SECONDS };
