@@ -4,9 +4,10 @@ mod common;
 
 use bytemuck::Zeroable;
 use common::scenes::{cloud, detect, detect_with, judge, scenes, settings, touching};
-use common::{Random, device, upload};
+use common::{Random, device, download, upload};
 use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuSettings, GpuSpheres, Outcome, wgpu};
-use lazygrid::{Algorithm, Backend, Error, Interaction, Interactions, Pair, Sphere};
+use lazygrid::{Algorithm, Backend, Error, Interaction, Interactions, Pair, Space, Sphere};
+use lazygrid_check::{Mixture, Scenario, Tolerance, difference};
 
 const ALGORITHMS: [Algorithm; 5] = Algorithm::GPU;
 
@@ -281,4 +282,79 @@ fn a_host_application_with_default_limits_and_no_features() {
     let mut detector = GpuDetector::new(&device, settings).expect("made");
     let error = detector.reserve(1000).expect_err("ten storage buffers where the default is eight");
     assert!(matches!(error, Error::LimitExceeded { needed: 10, limit: 8, .. }), "{error}");
+}
+
+/// A simulation that takes the order over at every step, sorted by counting and by radix, in a box and of species: pairs name
+/// places, which are those of the spheres that come back.
+#[test]
+fn a_caller_may_take_the_sorted_order_over() {
+    let Some(own) = device() else { return };
+    let boxed = Space::periodic([Some(9.0), None, Some(8.5)]).expect("a box");
+    let mut table = Interactions::new(2, Interaction::Touch).expect("two species");
+    table.set(0, 0, Interaction::Never).expect("a species");
+    for (space, radix_from, species) in
+        [(Space::UNBOUNDED, u32::MAX, false), (boxed, 1, false), (Space::UNBOUNDED, 1, true)]
+    {
+        let settings = GpuSettings {
+            sorted_pairs: true,
+            space,
+            radix_from,
+            interactions: species.then(|| table.clone()),
+            ..settings(Algorithm::CellList, true)
+        };
+        let mut detector = GpuDetector::new(&own.device, settings).expect("made");
+        let mut spheres = cloud(33, 4000, 10.0, |random| [0.3, 0.05][random.below(2) as usize]);
+        spheres[7].radius = f32::NAN;
+        let mut ids: Vec<u32> = (0..4000).map(|k| k % 2).collect();
+        for step in 0..3 {
+            let (given, of_species) = (upload(&own, &spheres), upload(&own, &ids));
+            let input =
+                GpuSpheres { species: species.then_some(&of_species), ..GpuSpheres::new(&given, 4000) };
+            let found = detect_with(&own, &mut detector, &input);
+            assert_eq!(found.outcome.is_sorted, 1);
+            let sorted = detector.reserve(4000).expect("reserved").sorted.expect("a cell list");
+            let order = download::<u32>(&own, &sorted.order, 4000);
+            let images: Vec<Sphere> = download(&own, &sorted.spheres, 4000);
+            let mut places = order.clone();
+            places.sort_unstable();
+            assert!(places.into_iter().eq(0..4000), "step {step}: each once");
+            assert!(order[3999] == 7 || step > 0, "what is not valid comes last");
+            for (image, &at) in images.iter().zip(&order) {
+                let Sphere { center, radius } = spheres[at as usize];
+                let same = image.center == space.wrap(center) && image.radius.to_bits() == radius.to_bits();
+                assert!(same, "{image:?} of {center}");
+            }
+            let scenario = Scenario {
+                mixture: species.then(|| Mixture {
+                    species: order.iter().map(|&at| ids[at as usize]).collect(),
+                    rows: vec![vec![Interaction::Never], vec![Interaction::Touch; 2]],
+                }),
+                spheres: images[..3999].to_vec(),
+                space,
+            };
+            let expected = scenario.oracle();
+            assert!(expected.len() > 1000);
+            difference(&scenario, &found.pairs, &expected, Tolerance::Tangent)
+                .unwrap_or_else(|text| panic!("step {step}: {text}"));
+            ids = order.iter().map(|&at| ids[at as usize]).collect();
+            if let Some(sorted) = &sorted.species {
+                assert_eq!(download::<u32>(&own, sorted, 4000), ids);
+            }
+            spheres = images;
+        }
+    }
+}
+
+/// Where there is no such order pairs name the spheres as given, and the outcome says so.
+#[test]
+fn without_a_cell_list_there_is_no_sorted_order() {
+    let Some(own) = device() else { return };
+    for algorithm in ALGORITHMS {
+        let settings = GpuSettings { sorted_pairs: true, ..settings(algorithm, true) };
+        let mut detector = GpuDetector::new(&own.device, settings).expect("made");
+        let found = detect(&own, &mut detector, &cloud(34, 300, 3.0, |_| 0.3));
+        let is_list = algorithm == Algorithm::CellList;
+        assert_eq!(found.outcome.is_sorted, u32::from(is_list), "{algorithm}");
+        assert_eq!(detector.reserve(300).expect("reserved").sorted.is_some(), is_list, "{algorithm}");
+    }
 }

@@ -88,8 +88,8 @@ fn every_setting() -> Result<Config, Error> {
 mod on_gpu {
     use lazygrid::gpu::{
         AdapterId, AdapterSummary, BoundScan, BoundSort, Calibration, Cost, Count, GpuDetector, GpuDevice,
-        GpuPairs, GpuSession, GpuSettings, GpuSpheres, Keyed, Outcome, PrefixScan, RadixSort, Ticket,
-        adapters, calibrate, wgpu,
+        GpuPairs, GpuSession, GpuSettings, GpuSorted, GpuSpheres, Keyed, Outcome, PrefixScan, RadixSort,
+        Ticket, adapters, calibrate, wgpu,
     };
 
     use super::*;
@@ -103,6 +103,7 @@ mod on_gpu {
         crosses_threads::<Count<'_>>();
         crosses_threads::<AdapterSummary>();
         crosses_threads::<GpuPairs>();
+        crosses_threads::<GpuSorted>();
         crosses_threads::<BoundScan>();
         crosses_threads::<BoundSort>();
         is_data::<AdapterId>();

@@ -60,6 +60,8 @@ pub struct Call {
     pub share: u32,
     /// Workgroups for further shares of each block; 0 where the device finds how many it takes.
     pub further_shares: u32,
+    /// 1 where pairs of a cell list are to name places in the order of the cells.
+    pub sorted_pairs: u32,
 }
 
 /// Which digit a radix pass sorts by.
@@ -171,6 +173,9 @@ pub struct Outcome {
     pub crowded_end: u32,
     /// Cell list: spheres in the fullest cell that smaller ones had to leave, or would have; 0 where there was none.
     pub densest: u32,
+    /// 1 where pairs name places in the order of the cells (`GpuSettings::sorted_pairs`), 0 where they name the spheres as
+    /// given.
+    pub is_sorted: u32,
 }
 
 impl Outcome {

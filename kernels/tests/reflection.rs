@@ -88,7 +88,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             split,
             tile,
             share,
-            further_shares
+            further_shares,
+            sorted_pairs
         }),
         layout!(words Pass { shift, mask, is_first }),
         layout!(ListLevel { cells, base, low, scale, around, far, reach }),
@@ -124,7 +125,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             crowded_tiles,
             crowded_begin,
             crowded_end,
-            densest
+            densest,
+            is_sorted
         }),
         layout!(words Lengths { items, counters }),
     ];

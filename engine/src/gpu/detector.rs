@@ -55,6 +55,23 @@ pub struct GpuPairs {
     /// The [`Outcome`]: how many pairs there are, and what did not fit; `STORAGE`, `INDIRECT` and `COPY_SRC` usage. A
     /// consumer with a thread per pair is dispatched from [`Outcome::DISPATCH_OFFSET`].
     pub outcome: wgpu::Buffer,
+    /// The spheres in the order of the cells, where the call runs by the cell list.
+    pub sorted: Option<GpuSorted>,
+}
+
+/// The spheres in the order of a cell list's cells: neighbours in space are mostly neighbours in memory. Who takes this
+/// order over, every now and then, makes the next calls faster, which then read memory nearly in sequence; and with
+/// [`GpuSettings::sorted_pairs`] its own work on pairs as well. All buffers have `STORAGE` and `COPY_SRC` usage, hold what a
+/// call left until the next one, and have as many elements as the call had spheres.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct GpuSorted {
+    /// The index that each had in the input, as `u32`: each once. Spheres that are not valid come last.
+    pub order: wgpu::Buffer,
+    /// `x, y, z, r` as four `f32` for each; in a periodic space the image nearest to the origin.
+    pub spheres: wgpu::Buffer,
+    /// The species of each as `u32`, where the settings have interactions.
+    pub species: Option<wgpu::Buffer>,
 }
 
 /// How a call runs.
@@ -314,6 +331,7 @@ impl GpuDetector {
             tile: plan.tile,
             share: plan.share,
             further_shares: plan.further_shares,
+            sorted_pairs: u32::from(self.settings.sorted_pairs),
         }
     }
 

@@ -35,6 +35,11 @@ pub struct GpuSettings {
     pub space: Space,
     /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
     pub consumer_group: u32,
+    /// Whether pairs of the cell list name places in the order of its cells ([`GpuSorted`](super::GpuSorted)) in place of the
+    /// spheres as given, for consumers that work on the sorted spheres; [`Outcome::is_sorted`] says which, as other algorithms
+    /// have no such order. Windows go by the indices given all the same. A [`GpuSession`](super::GpuSession) does without.
+    /// Default: no.
+    pub sorted_pairs: bool,
     /// Whether subgroup operations are used where the device was made with them. Default: yes.
     pub subgroups: bool,
     /// Whether phases are timed where the device was made with timestamp queries. Each then has a pass of its
@@ -71,6 +76,7 @@ impl Default for GpuSettings {
             interactions: None,
             space: Space::UNBOUNDED,
             consumer_group: GROUP,
+            sorted_pairs: false,
             subgroups: true,
             timed: false,
         }

@@ -21,7 +21,7 @@ mod slot;
 
 pub use adapter::{AdapterId, AdapterSummary, GpuDevice, adapters, wanted_features};
 pub use calibration::{Calibration, Crossover, Sample, calibrate};
-pub use detector::{GpuDetector, GpuPairs, read_outcome};
+pub use detector::{GpuDetector, GpuPairs, GpuSorted, read_outcome};
 pub(crate) use device_detector::DeviceDetector;
 pub use input::{Count, GpuSettings, GpuSpheres};
 pub use lazygrid_kernels::kernel::Access;

@@ -210,6 +210,11 @@ impl Plan {
         digits(self.key_bits, self.algorithm == Algorithm::CellList)
     }
 
+    /// Where a cell list leaves the order of its spheres.
+    pub(crate) fn order(&self) -> Slot {
+        Slot::Objects(self.passes() % 2 == 1)
+    }
+
     /// The buffer behind a binding's name at a stage.
     pub(crate) fn resource(&self, stage: &Stage, binding: &str) -> Resource {
         // Each pass reads what the one before wrote; after the last, the parity of their number says where.

@@ -39,6 +39,11 @@ impl Buffers {
     pub(crate) fn get(&self, slot: Slot) -> &wgpu::Buffer {
         &self.0[&slot]
     }
+
+    /// One that there may not be.
+    pub(crate) fn find(&self, slot: Slot) -> Option<&wgpu::Buffer> {
+        self.0.get(&slot)
+    }
 }
 
 /// A read-only buffer with these contents. Needs no queue, so that it can be made while recording.

@@ -99,6 +99,8 @@ impl GpuSession {
     /// As [`GpuDetector::new`], and where the device was lost.
     pub fn new(own: GpuDevice, settings: GpuSettings) -> Result<Self, Error> {
         own.probe()?;
+        // Nobody could tell who is meant.
+        let settings = GpuSettings { sorted_pairs: false, ..settings };
         let mut detector = GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)
             .map_err(|error| own.reason(error))?;
         detector.set_part_tests(PART_TESTS);

@@ -31,6 +31,7 @@ fn call_begin() {
     atomicStore(&outcome.crowded_tiles, 0u);
     atomicStore(&outcome.crowded_begin, 0u);
     atomicStore(&outcome.crowded_end, 0u);
+    atomicStore(&outcome.is_sorted, 0u);
     atomicStore(&outcome.entries_lo, 0u);
     atomicStore(&outcome.entries_hi, 0u);
     atomicStore(&outcome.spheres, given);

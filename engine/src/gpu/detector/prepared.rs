@@ -2,11 +2,12 @@
 
 use std::collections::VecDeque;
 
+use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::Call;
 
-use super::GpuPairs;
 use super::tables::Tables;
+use super::{GpuPairs, GpuSorted};
 use crate::Error;
 use crate::gpu::pipelines::Pipelines;
 use crate::gpu::plan::{Plan, Resource, Slot};
@@ -35,7 +36,12 @@ pub(super) struct Key {
 impl Prepared {
     pub(super) fn output(&self) -> GpuPairs {
         let [pairs, outcome] = [Slot::Pairs, Slot::Outcome].map(|slot| self.buffers.get(slot).clone());
-        GpuPairs { pairs, capacity: self.plan.pairs, outcome }
+        let sorted = (self.plan.algorithm == Algorithm::CellList).then(|| GpuSorted {
+            order: self.buffers.get(self.plan.order()).clone(),
+            spheres: self.buffers.get(Slot::Sorted).clone(),
+            species: self.buffers.find(Slot::SortedSpecies).cloned(),
+        });
+        GpuPairs { pairs, capacity: self.plan.pairs, outcome, sorted }
     }
 
     pub(super) fn bind(

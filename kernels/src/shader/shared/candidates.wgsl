@@ -179,6 +179,16 @@ fn is_open(walk: Walk) -> bool {
     return walk.left != 0u && walk.level != NOWHERE;
 }
 
+// What a pair names the sphere at a place by.
+fn name_of(position: u32) -> u32 {
+    // A turn or none: some devices run both sides of a branch.
+    var name = position;
+    for (var once = select(1u, 0u, call.sorted_pairs == 0u); once < 1u; once++) {
+        name = order[position];
+    }
+    return name;
+}
+
 // Finds the pairs of the block that starts here. Called by all threads of a workgroup. Returns how many candidates
 // of this thread's sphere belong to later shares, where it is asked about the first.
 fn search_share(block: u32, share: u32, lane: u32) -> u32 {
@@ -221,7 +231,7 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
             for (var turn = 0u; turn < HITS / GROUP; turn++) {
                 let hit = turn * GROUP + lane;
                 if (hit < written.x) {
-                    pair_write(written.y + hit, order[hits[hit].x], order[hits[hit].y]);
+                    pair_write(written.y + hit, name_of(hits[hit].x), name_of(hits[hit].y));
                 }
             }
         }

@@ -169,6 +169,7 @@ fn set_call(count: u32) {
     atomicStore(&outcome.crowded_tiles, 0u);
     atomicStore(&outcome.crowded_begin, 0u);
     atomicStore(&outcome.crowded_end, 0u);
+    atomicStore(&outcome.is_sorted, call.sorted_pairs);
     atomicStore(&outcome.entries_lo, count);
     atomicStore(&outcome.entries_hi, 0u);
     atomicStore(&outcome.spheres, count_source[0]);

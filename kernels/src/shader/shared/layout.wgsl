@@ -44,6 +44,8 @@ struct Call {
     share: u32,
     // Workgroups for further shares of each block of a cell list; 0 where the device finds how many it takes.
     further_shares: u32,
+    // 1 where pairs of a cell list are to name places in the order of the cells.
+    sorted_pairs: u32,
 }
 
 // What the spheres are like. Bounds of all valid ones, their widened radii included; floats in an order-preserving
@@ -120,6 +122,8 @@ struct Outcome {
     crowded_end: atomic<u32>,
     // Spheres in the fullest cell that smaller ones had to leave, or would have; 0 where there was none.
     densest: atomic<u32>,
+    // 1 where pairs name places in the order of the cells, 0 where they name the spheres as given.
+    is_sorted: atomic<u32>,
 }
 
 // How many keys there are to sort and how many values to scan.
