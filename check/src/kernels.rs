@@ -7,7 +7,7 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel::Variant;
 use thiserror::Error;
 
-use crate::{Extent, calls, grid, homes, list, nested, primitives, runs, shares};
+use crate::{Extent, calls, grid, homes, list, nested, primitives, runs, shares, skin};
 
 /// Around a workgroup, and many.
 pub(crate) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
@@ -42,7 +42,7 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 pub type Run = fn(&GpuDevice, Extent) -> Result<(), Fault>;
 
 /// All checks, in the order of a call.
-pub const CHECKS: [KernelCheck; 29] = [
+pub const CHECKS: [KernelCheck; 34] = [
     one("call begin", &["call_begin"], |own, _| calls::call_begin(own)),
     one("images nearest to the origin", &["spheres_wrap"], |own, _| calls::spheres_wrap(own)),
     one("bounds", &["bounds_reduce"], |own, _| calls::bounds_reduce(own)),
@@ -74,6 +74,11 @@ pub const CHECKS: [KernelCheck; 29] = [
     one("runs of a cell", &["runs_search"], |own, _| runs::runs_search(own)),
     one("sizes of the crowded search", &["crowded_open"], |own, _| calls::crowded_open(own)),
     one("crowded search", &["crowded_search"], |own, _| runs::crowded_search(own)),
+    one("how far spheres have gone", &["skin_measure"], |own, _| skin::skin_measure(own)),
+    one("whether candidates have lapsed", &["skin_decide"], |own, _| skin::skin_decide(own)),
+    one("spheres that are kept", &["skin_keep"], |own, _| skin::skin_keep(own)),
+    one("sizes of the test of candidates", &["candidates_open"], |own, _| skin::candidates_open(own)),
+    one("pairs among candidates", &["candidates_test"], |own, _| skin::candidates_test(own)),
     one("all pairs", &["naive_search"], |own, _| calls::naive_search(own)),
     one("outcome", &["outcome_finish"], |own, _| calls::outcome_finish(own)),
 ];

@@ -33,6 +33,7 @@ mod runs;
 mod scenario;
 mod shares;
 mod shrink;
+mod skin;
 mod way;
 
 /// How much is checked.

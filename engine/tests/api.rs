@@ -88,8 +88,8 @@ fn every_setting() -> Result<Config, Error> {
 mod on_gpu {
     use lazygrid::gpu::{
         AdapterId, AdapterSummary, BoundScan, BoundSort, Calibration, Cost, Count, GpuDetector, GpuDevice,
-        GpuPairs, GpuSession, GpuSettings, GpuSorted, GpuSpheres, Keyed, Outcome, PrefixScan, RadixSort,
-        Ticket, adapters, calibrate, wgpu,
+        GpuPairs, GpuSession, GpuSettings, GpuSkinDetector, GpuSorted, GpuSpheres, Keyed, Outcome,
+        PrefixScan, RadixSort, Ticket, adapters, calibrate, wgpu,
     };
 
     use super::*;
@@ -98,6 +98,7 @@ mod on_gpu {
         crosses_threads::<GpuDevice>();
         crosses_threads::<GpuDetector>();
         crosses_threads::<GpuSession>();
+        crosses_threads::<GpuSkinDetector>();
         crosses_threads::<GpuSettings>();
         crosses_threads::<GpuSpheres<'_>>();
         crosses_threads::<Count<'_>>();

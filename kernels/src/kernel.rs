@@ -298,13 +298,34 @@ kernels! {
         [uniform("call"), read("list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), read("crowded")],
         species: [read("sorted_species"), read("table")];
+    /// How far spheres have gone since candidates were found.
+    SKIN_MEASURE = "skin_measure", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), uniform("skin"), read("count_source"), read("spheres"), read("kept"), write("state")],
+        species: [read("species"), read("kept_species")];
+    /// Decides whether candidates are found anew.
+    SKIN_DECIDE = "skin_decide", 64, subgroups: false, periodic: false,
+        [uniform("call"), uniform("skin"), read("count_source"), write("state"), read("full"), write("gate"),
+         write("dispatch")], species: [];
+    /// Keeps the spheres, widened, where candidates are found anew.
+    SKIN_KEEP = "skin_keep", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), uniform("skin"), read("spheres"), write("state"), write("kept")],
+        species: [read("species"), write("kept_species")];
+    /// Sizes the test of the candidates.
+    CANDIDATES_OPEN = "candidates_open", 1, subgroups: false, periodic: false,
+        [uniform("call"), uniform("skin"), read("count_source"), write("found"), write("state"), write("outcome"),
+         write("dispatch")], species: [];
+    /// Pairs among the candidates.
+    CANDIDATES_TEST = "candidates_test", GROUP, subgroups: false, periodic: true,
+        [uniform("call"), read("candidates"), write("state"), read("spheres"), write("outcome"), write("pairs")],
+        species: [read("species"), read("table")];
     /// Overflow flag and indirect-dispatch arguments.
     OUTCOME_FINISH = "outcome_finish", 1, subgroups: false, periodic: false,
         [uniform("call"), write("outcome")], species: [];
 }
 
 /// Shared pieces of WGSL by the name in `#include`.
-const PIECES: [(&str, &str); 31] = [
+const PIECES: [(&str, &str); 34] = [
+    ("between", include_str!("shader/shared/between.wgsl")),
     ("candidates", include_str!("shader/shared/candidates.wgsl")),
     ("cells", include_str!("shader/shared/cells.wgsl")),
     ("configure", include_str!("shader/shared/configure.wgsl")),
@@ -330,11 +351,13 @@ const PIECES: [(&str, &str); 31] = [
     ("reach", include_str!("shader/shared/reach.wgsl")),
     ("reserve", include_str!("shader/shared/reserve.wgsl")),
     ("reserve_lane", include_str!("shader/shared/reserve_lane.wgsl")),
+    ("skin", include_str!("shader/shared/skin.wgsl")),
     ("sphere", include_str!("shader/shared/sphere.wgsl")),
     ("survey", include_str!("shader/shared/survey.wgsl")),
     ("tile", include_str!("shader/shared/tile.wgsl")),
     ("walk", include_str!("shader/shared/walk.wgsl")),
     ("wide", include_str!("shader/shared/wide.wgsl")),
+    ("widened", include_str!("shader/shared/widened.wgsl")),
     ("wrap", include_str!("shader/shared/wrap.wgsl")),
 ];
 

@@ -147,7 +147,7 @@ pub struct Outcome {
     pub found_lo: u32,
     /// High word of the number of pairs found.
     pub found_hi: u32,
-    /// Bits [`Outcome::PAIRS`], [`Outcome::ENTRIES`] and [`Outcome::SPHERES`].
+    /// Bits [`Outcome::PAIRS`], [`Outcome::ENTRIES`], [`Outcome::SPHERES`] and [`Outcome::CANDIDATES`].
     pub overflow: u32,
     /// Spheres that are not finite or have a negative radius (or an unknown species): they pair with nothing.
     pub quarantined: u32,
@@ -178,6 +178,40 @@ pub struct Outcome {
     pub is_sorted: u32,
 }
 
+/// What the host says about candidates that outlive a call.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Skin {
+    /// Half of the skin, by which radii grow.
+    pub half: f32,
+    /// The square of how far a sphere may go: a little less than that half.
+    pub usable: f32,
+    /// Candidates that there is room for.
+    pub capacity: u32,
+}
+
+/// What is known of these candidates from call to call.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SkinState {
+    /// Bits of the square of how far the farthest sphere has gone, as a call measures it; 0 between calls.
+    pub moved: u32,
+    /// 1 where some sphere is not the one of then, likewise.
+    pub changed: u32,
+    /// 1 where the candidates are all that there are.
+    pub is_complete: u32,
+    /// How many spheres there were.
+    pub spheres: u32,
+    /// 1 where the last call found candidates anew.
+    pub is_rebuilt: u32,
+    /// Calls since then.
+    pub age: u32,
+    /// How many candidates there are.
+    pub candidates: u32,
+    /// Bits of the square of how far the farthest sphere had gone at the last call.
+    pub moved_last: u32,
+}
+
 impl Outcome {
     /// Overflow bit: more pairs than the output holds; the count is exact nevertheless.
     pub const PAIRS: u32 = 1;
@@ -186,6 +220,9 @@ impl Outcome {
     pub const ENTRIES: u32 = 2;
     /// Overflow bit: more spheres than prepared for; those beyond were not looked at.
     pub const SPHERES: u32 = 4;
+    /// Overflow bit: more candidates than there is room for; the number of pairs is then a lower bound,
+    /// [`entries`](Self::entries) is that of the candidates, and the call must be repeated with room for them.
+    pub const CANDIDATES: u32 = 8;
     /// Offset of the indirect-dispatch arguments in bytes.
     pub const DISPATCH_OFFSET: u64 = std::mem::offset_of!(Self, dispatch_x) as u64;
 
@@ -200,7 +237,7 @@ impl Outcome {
         u64::from(self.found_hi) << 32 | u64::from(self.found_lo)
     }
 
-    /// How many entries the grid needs.
+    /// How many entries the grid needs, or how many candidates a skin has.
     pub fn entries(&self) -> u64 {
         u64::from(self.entries_hi) << 32 | u64::from(self.entries_lo)
     }

@@ -6,7 +6,9 @@ mod reflection;
 use std::mem::{offset_of, size_of};
 
 use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, Variant};
-use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths, Level, List, ListLevel, Outcome, Pass, Survey};
+use lazygrid_kernels::layout::{
+    Bounds, Call, Grid, Lengths, Level, List, ListLevel, Outcome, Pass, Skin, SkinState, Survey,
+};
 use naga::valid::ModuleInfo;
 use naga::{AddressSpace, Module};
 use reflection::{bindings, laid_out, layout, parse, spirv, structures};
@@ -129,6 +131,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             is_sorted
         }),
         layout!(words Lengths { items, counters }),
+        layout!(words Skin { half, usable, capacity }),
+        layout!(words SkinState { moved, changed, is_complete, spheres, is_rebuilt, age, candidates, moved_last }),
     ];
     let mut held = 0;
     each_shader(|kernel, _, module, _| {

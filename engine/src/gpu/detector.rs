@@ -13,13 +13,13 @@ use lazygrid_kernels::{Algorithm, Interactions};
 use prepared::{Key, Prepared};
 use room::EntryRoom;
 pub(crate) use room::Raised;
-use tables::Tables;
+pub(crate) use tables::Tables;
 use timer::Timer;
 
-use super::input::{Count, GpuSettings, GpuSpheres, check, check_buffer};
+use super::input::{Count, GpuSettings, GpuSpheres, check};
 use super::pipelines::Pipelines;
 use super::plan::{Cost, DeviceLimits, Plan, Request, most_entries, plan};
-use super::recording::Buffers;
+use super::recording::{Buffers, Recording};
 use super::scope::scoped;
 use crate::{Error, choice};
 
@@ -227,8 +227,7 @@ impl GpuDetector {
 
     /// Records a further part of the last recorded call, whose search it is timed as.
     pub(crate) fn encode_rest(&self, encoder: &mut wgpu::CommandEncoder) {
-        if let Some(prepared) = &self.prepared {
-            let recording = &prepared.recordings[prepared.current].1;
+        if let Some(recording) = self.recording() {
             recording.encode_rest(encoder, self.timer.as_ref().map(Timer::queries));
             if let Some(timer) = &self.timer {
                 timer.resolve(encoder);
@@ -267,24 +266,31 @@ impl GpuDetector {
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
     ) -> Result<GpuPairs, Error> {
-        let spheres = match input.count {
-            Count::Host(count) => count,
-            Count::Buffer { buffer, at_most } => {
-                check_buffer("count", buffer, 4)?;
-                at_most
+        let output = self.bind_as(way, input)?;
+        if let Some(recording) = self.recording() {
+            match &self.timer {
+                None => recording.encode(encoder),
+                Some(timer) => {
+                    recording.encode_timed(encoder, timer.queries());
+                    timer.resolve(encoder);
+                }
             }
-        };
-        check_buffer("spheres", input.spheres, u64::from(spheres.max(1)) * 16)?;
-        if let Some(species) = input.species {
-            check_buffer("species", species, u64::from(spheres.max(1)) * 4)?;
         }
-        if input.species.is_some() != self.tables.is_some() {
-            return Err(Error::SpeciesBuffer);
-        }
+        Ok(output)
+    }
+
+    /// Binds all that a call dispatches, and encodes nothing.
+    pub(crate) fn bind_as(&mut self, way: Way, input: &GpuSpheres<'_>) -> Result<GpuPairs, Error> {
+        let spheres = input.check(self.tables.is_some())?;
         let mut prepared = self.prepare(spheres, way)?;
-        let recorded = self.record(&mut prepared, way, encoder, input);
+        let bound = self.bind(&mut prepared, way, input);
         let output = self.prepared.insert(prepared).output();
-        recorded.map(|()| output)
+        bound.map(|()| output)
+    }
+
+    /// What was bound last.
+    pub(crate) fn recording(&self) -> Option<&Recording> {
+        self.prepared.as_ref().and_then(|p| p.recordings.get(p.current)).map(|(_, recording)| recording)
     }
 
     /// The plan of the last recorded call.
@@ -335,13 +341,7 @@ impl GpuDetector {
         }
     }
 
-    fn record(
-        &self,
-        prepared: &mut Prepared,
-        way: Way,
-        encoder: &mut wgpu::CommandEncoder,
-        input: &GpuSpheres<'_>,
-    ) -> Result<(), Error> {
+    fn bind(&self, prepared: &mut Prepared, way: Way, input: &GpuSpheres<'_>) -> Result<(), Error> {
         let call = self.call(&prepared.plan, way, &input.window);
         let count = match input.count {
             Count::Host(_) => None,
@@ -360,14 +360,6 @@ impl GpuDetector {
             }
         };
         prepared.current = position;
-        let recording = &prepared.recordings[position].1;
-        match &self.timer {
-            None => recording.encode(encoder),
-            Some(timer) => {
-                recording.encode_timed(encoder, timer.queries());
-                timer.resolve(encoder);
-            }
-        }
         Ok(())
     }
 }

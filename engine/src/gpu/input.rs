@@ -119,6 +119,26 @@ impl<'a> GpuSpheres<'a> {
 
     /// The window that every pair is in.
     pub const ALL: Range<u32> = 0..u32::MAX;
+
+    /// Refuses buffers that are too short or cannot be bound, and species where there is no table, or none where there is.
+    /// Returns how many spheres there may be.
+    pub(super) fn check(&self, has_table: bool) -> Result<u32, Error> {
+        let spheres = match self.count {
+            Count::Host(count) => count,
+            Count::Buffer { buffer, at_most } => {
+                check_buffer("count", buffer, 4)?;
+                at_most
+            }
+        };
+        check_buffer("spheres", self.spheres, u64::from(spheres.max(1)) * 16)?;
+        if let Some(species) = self.species {
+            check_buffer("species", species, u64::from(spheres.max(1)) * 4)?;
+        }
+        match self.species.is_some() == has_table {
+            true => Ok(spheres),
+            false => Err(Error::SpeciesBuffer),
+        }
+    }
 }
 
 /// Refuses settings out of range.

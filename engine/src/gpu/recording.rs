@@ -139,6 +139,38 @@ impl Recording {
         self.steps.iter().for_each(|step| step.dispatch(&mut pass));
     }
 
+    /// The workgroups of each step, three words for each; none where an earlier step finds how many.
+    pub(crate) fn groups(&self) -> Vec<u32> {
+        let of = |step: &Step| match step.groups {
+            Groups::Fixed([x, y]) => [x, y, 1],
+            Groups::Indirect(_) => [0; 3],
+        };
+        self.steps.iter().flat_map(of).collect()
+    }
+
+    /// Where earlier steps say how many workgroups a later one has.
+    pub(crate) fn found_groups(&self) -> Option<&wgpu::Buffer> {
+        self.steps.iter().find_map(|step| match &step.groups {
+            Groups::Fixed(_) => None,
+            Groups::Indirect(buffer) => Some(buffer),
+        })
+    }
+
+    /// Records all dispatches in one pass, each with as many workgroups as `gate` says by then, where it has
+    /// [`groups`](Self::groups) or zeros.
+    pub(crate) fn encode_gated(&self, encoder: &mut wgpu::CommandEncoder, gate: &wgpu::Buffer) {
+        let descriptor =
+            wgpu::ComputePassDescriptor { label: Some("lazygrid gated"), timestamp_writes: None };
+        let mut pass = encoder.begin_compute_pass(&descriptor);
+        for (offset, step) in (0..).step_by(12).zip(&self.steps) {
+            step.bind(&mut pass);
+            match &step.groups {
+                Groups::Fixed(_) => pass.dispatch_workgroups_indirect(gate, offset),
+                Groups::Indirect(found) => pass.dispatch_workgroups_indirect(found, 0),
+            }
+        }
+    }
+
     /// Records a further part of a call that is too much for one submission; with timestamps where there are queries,
     /// in place of those of the search before.
     pub(crate) fn encode_rest(&self, encoder: &mut wgpu::CommandEncoder, queries: Option<&wgpu::QuerySet>) {
@@ -173,9 +205,13 @@ fn ends_of(phase: Phase, queries: &wgpu::QuerySet) -> wgpu::ComputePassTimestamp
 }
 
 impl Step {
-    fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>) {
+    fn bind(&self, pass: &mut wgpu::ComputePass<'_>) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bindings, &[]);
+    }
+
+    fn dispatch(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.bind(pass);
         match &self.groups {
             Groups::Fixed([x, y]) => pass.dispatch_workgroups(*x, *y, 1),
             Groups::Indirect(buffer) => pass.dispatch_workgroups_indirect(buffer, 0),

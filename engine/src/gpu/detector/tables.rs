@@ -5,17 +5,17 @@ use crate::gpu::recording::constant_buffer;
 
 /// The interaction table on the device.
 #[derive(Debug)]
-pub(super) struct Tables {
+pub(crate) struct Tables {
     /// Per species, whether it touches any other and half its longest distance.
-    pub(super) reach: wgpu::Buffer,
+    pub(crate) reach: wgpu::Buffer,
     /// Per pair of species, a distance or one of the two negative marks.
-    pub(super) table: wgpu::Buffer,
+    pub(crate) table: wgpu::Buffer,
 }
 
 impl Tables {
     /// # Errors
     /// [`Error::LimitExceeded`] where the device cannot bind the table, or where it refuses the memory.
-    pub(super) fn new(device: &wgpu::Device, interactions: &Interactions) -> Result<Self, Error> {
+    pub(crate) fn new(device: &wgpu::Device, interactions: &Interactions) -> Result<Self, Error> {
         let species = interactions.species();
         let bytes = u64::from(species) * u64::from(species) * 4;
         let limit = device.limits().max_storage_buffer_binding_size;

@@ -1,0 +1,179 @@
+//! `GpuSkinDetector` against all pairs, over simulations in which little moves and in which much does.
+
+mod common;
+
+use common::{Random, device, download, submit, upload};
+use lazygrid::gpu::{Count, GpuDevice, GpuSettings, GpuSkinDetector, GpuSpheres, Outcome, SkinState};
+use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere};
+use lazygrid_check::scenes::cloud;
+use lazygrid_check::{Mixture, Scenario, Tolerance, difference};
+
+/// What a call found, and what is known of the candidates behind it.
+fn ask(
+    own: &GpuDevice,
+    detector: &mut GpuSkinDetector,
+    scenario: &Scenario,
+) -> (Outcome, Vec<Pair>, SkinState) {
+    let given = upload(own, &scenario.spheres);
+    let species = scenario.mixture.as_ref().map(|mixture| upload(own, &mixture.species));
+    let count = upload(own, &[scenario.spheres.len() as u32]);
+    let at_most = scenario.spheres.len() as u32 + 5;
+    // Of every second call the device alone knows how many spheres it has.
+    let room = [&scenario.spheres[..], &[Sphere::default(); 5]].concat();
+    let (input, count) = match scenario.spheres.len() % 2 {
+        0 => (given, Count::Host(at_most - 5)),
+        _ => (upload(own, &room), Count::Buffer { buffer: &count, at_most }),
+    };
+    let species = species.map(|ids| match count {
+        Count::Host(_) => ids,
+        Count::Buffer { .. } => upload(
+            own,
+            &[&scenario.mixture.as_ref().map_or_else(Vec::new, |m| m.species.clone())[..], &[0; 5]].concat(),
+        ),
+    });
+    let spheres = GpuSpheres { count, species: species.as_ref(), ..GpuSpheres::new(&input, at_most) };
+    let output = submit(own, |encoder| detector.encode(encoder, &spheres)).expect("recorded");
+    let outcome = download::<Outcome>(own, &output.outcome, 1)[0];
+    let state = download::<SkinState>(own, detector.state().expect("after a call"), 1)[0];
+    (outcome, download(own, &output.pairs, outcome.found().min(output.capacity.into()) as usize), state)
+}
+
+fn judge(own: &GpuDevice, detector: &mut GpuSkinDetector, scenario: &Scenario, case: &str) -> SkinState {
+    let (outcome, pairs, state) = ask(own, detector, scenario);
+    assert_eq!(outcome.overflow, 0, "{case}: {outcome:?}");
+    let valid = scenario.only(|k| scenario.spheres[k].is_valid());
+    let ids: Vec<u32> =
+        (0..scenario.spheres.len() as u32).filter(|&k| scenario.spheres[k as usize].is_valid()).collect();
+    assert_eq!(outcome.quarantined as usize, scenario.spheres.len() - ids.len(), "{case}");
+    let name = |id: u32| ids.binary_search(&id).expect("only valid spheres pair") as u32;
+    let found: Vec<Pair> = pairs.iter().map(|pair| Pair { i: name(pair.i), j: name(pair.j) }).collect();
+    difference(&valid, &found, &valid.oracle(), Tolerance::Tangent)
+        .unwrap_or_else(|text| panic!("{case}: {text}"));
+    state
+}
+
+fn walk(spheres: &mut [Sphere], part: f32, random: &mut Random) {
+    for sphere in spheres {
+        let far = if sphere.radius.is_finite() { part * sphere.radius } else { part };
+        sphere.center += glam::Vec3::from([(); 3].map(|()| (2.0 * random.unit() - 1.0) * far));
+    }
+}
+
+/// Every call has the pairs of its own spheres, and most are served from candidates.
+#[test]
+fn candidates_never_change_an_answer() {
+    let Some(own) = device() else { return };
+    let mut table = Interactions::new(2, Interaction::Touch).expect("two species");
+    table.set(0, 0, Interaction::Never).expect("a species");
+    table.set(0, 1, Interaction::Within(0.9)).expect("a distance");
+    let rows = vec![vec![Interaction::Never], vec![Interaction::Within(0.9), Interaction::Touch]];
+    let boxed = Space::periodic([Some(9.0), None, Some(8.5)]).expect("a box");
+    let cases = [
+        (Algorithm::CellList, Space::UNBOUNDED, false),
+        (Algorithm::CellList, boxed, true),
+        (Algorithm::CellList, Space::UNBOUNDED, true),
+        (Algorithm::LazyGrid, boxed, false),
+        (Algorithm::Naive, Space::UNBOUNDED, false),
+    ];
+    for (count, (algorithm, space, has_species)) in
+        [1500, 1501].into_iter().flat_map(|n| cases.map(|c| (n, c)))
+    {
+        let case = format!("{count}, {algorithm}, {space:?}, species {has_species}");
+        let settings = GpuSettings {
+            algorithm,
+            space,
+            interactions: has_species.then(|| table.clone()),
+            ..GpuSettings::default()
+        };
+        let mut detector = GpuSkinDetector::new(&own.device, settings, 0.3).expect("made");
+        let mut scenario = Scenario {
+            spheres: cloud(3, count, 9.0, |random| [0.4, 0.1][random.below(2) as usize]),
+            mixture: has_species
+                .then(|| Mixture { species: (0..count as u32).map(|k| k % 2).collect(), rows: rows.clone() }),
+            space,
+        };
+        scenario.spheres[17].center.x = f32::INFINITY;
+        let mut random = Random(4);
+        let (mut served, mut rebuilt) = (0, 0);
+        for step in 0..16 {
+            let state = judge(&own, &mut detector, &scenario, &format!("{case}, step {step}"));
+            *if state.is_rebuilt == 0 { &mut served } else { &mut rebuilt } += 1;
+            walk(&mut scenario.spheres, if step == 12 { 3.0 } else { 0.1 }, &mut random);
+        }
+        assert!(served >= 8 && rebuilt >= 3, "{case}: {served} served, {rebuilt} rebuilt");
+    }
+}
+
+/// Two spheres that run at each other, each as fast as it may without candidates being found anew.
+#[test]
+fn half_a_skin_each_is_not_too_far() {
+    let Some(own) = device() else { return };
+    for (radius, skin) in [(1.0_f32, 0.5_f32), (1.0, 1e-3), (1e-6, 1e-7), (1e6, 1e4)] {
+        let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin).expect("made");
+        let at = |gone: f32| {
+            let x = radius + 0.4985 * skin - gone;
+            Scenario::from(vec![Sphere::new([-x, 0.0, 0.0], radius), Sphere::new([x, 0.0, 0.0], radius)])
+        };
+        let mut served = 0;
+        for step in 0..40 {
+            // They touch at last, a little before either has used up its half.
+            let gone = 0.4994 * skin * (step as f32 / 30.0).min(1.0);
+            let state = judge(&own, &mut detector, &at(gone), &format!("{radius}, {skin}, step {step}"));
+            served += u32::from(state.is_rebuilt == 0);
+        }
+        assert!(served == 39, "{radius}, {skin}: {served} served");
+    }
+}
+
+#[test]
+fn other_spheres_have_candidates_found_anew() {
+    let Some(own) = device() else { return };
+    let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), 0.5).expect("made");
+    let mut scenario = Scenario::from(cloud(6, 900, 6.0, |_| 0.3));
+    let mut ask = |scenario: &Scenario, is_rebuilt: u32, case: &str| {
+        let state = judge(&own, &mut detector, scenario, case);
+        assert_eq!(state.is_rebuilt, is_rebuilt, "{case}: {state:?}");
+    };
+    ask(&scenario, 1, "the first");
+    ask(&scenario, 0, "the same");
+    scenario.spheres[500].radius = 1.5;
+    ask(&scenario, 1, "a larger one");
+    scenario.spheres[501].radius = f32::NAN;
+    ask(&scenario, 1, "one that is no more valid");
+    ask(&scenario, 0, "nothing new");
+    scenario.spheres[501].radius = 0.3;
+    ask(&scenario, 1, "one that is valid again");
+    scenario.spheres.swap(3, 4);
+    ask(&scenario, 1, "two that changed places");
+    scenario.spheres.truncate(800);
+    ask(&scenario, 1, "fewer");
+    scenario.spheres.extend(cloud(7, 500, 6.0, |_| 0.3));
+    ask(&scenario, 1, "more than ever");
+    ask(&scenario, 0, "nothing new");
+}
+
+/// What does not fit is said, call after call, until there is room.
+#[test]
+fn too_many_candidates_are_said_with_their_number() {
+    let Some(own) = device() else { return };
+    let settings = GpuSettings { pair_capacity: 600_000, ..GpuSettings::default() };
+    let mut detector = GpuSkinDetector::new(&own.device, settings, 0.5).expect("made");
+    detector.set_candidate_capacity(1000);
+    let scenario = Scenario::from(vec![Sphere::new([1.0; 3], 0.5); 1000]);
+    for _ in 0..2 {
+        let (outcome, ..) = ask(&own, &mut detector, &scenario);
+        assert_eq!((outcome.overflow, outcome.entries()), (Outcome::CANDIDATES, 499_500), "{outcome:?}");
+    }
+    detector.set_candidate_capacity(500_000);
+    assert_eq!(judge(&own, &mut detector, &scenario, "with room").is_rebuilt, 1);
+    assert_eq!(judge(&own, &mut detector, &scenario, "kept").is_rebuilt, 0);
+}
+
+#[test]
+fn skins_that_no_arithmetic_can_follow_are_refused() {
+    let Some(own) = device() else { return };
+    for skin in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20] {
+        let refused = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin);
+        assert!(refused.expect_err("refused").to_string().contains("1e-14"), "{skin}");
+    }
+}

@@ -1,0 +1,48 @@
+// Opens the test of the candidates: a thread for each, and an outcome that has no pairs yet.
+#include layout
+#include skin
+
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<uniform> skin: Skin;
+@group(0) @binding(2) var<storage, read> count_source: array<u32>;
+// The outcome of the search for candidates.
+@group(0) @binding(3) var<storage, read_write> found: Outcome;
+@group(0) @binding(4) var<storage, read_write> state: SkinState;
+@group(0) @binding(5) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(6) var<storage, read_write> dispatch: array<u32>;
+
+const MAX_GROUPS: u32 = 65535u;
+// Bits of `overflow`.
+const SPHERES: u32 = 4u;
+const CANDIDATES: u32 = 8u;
+
+@compute @workgroup_size(1)
+fn candidates_open() {
+    let count = atomicLoad(&found.found_lo);
+    let full = atomicLoad(&found.found_hi) != 0u || count > skin.capacity;
+    // Pairs too many in that search are candidates too many here.
+    let others = atomicLoad(&found.overflow) & ~(1u | SPHERES);
+    let overflow = others | select(0u, CANDIDATES, full);
+    let written = select(count, skin.capacity, full);
+    state.is_complete = select(1u, 0u, overflow != 0u);
+    state.candidates = written;
+    let groups = (written + 255u) / 256u;
+    let rows = (groups + MAX_GROUPS - 1u) / MAX_GROUPS;
+    dispatch[0] = select(groups, MAX_GROUPS, rows > 1u);
+    dispatch[1] = max(rows, 1u);
+    dispatch[2] = 1u;
+    atomicStore(&outcome.found_lo, 0u);
+    atomicStore(&outcome.found_hi, 0u);
+    atomicStore(&outcome.overflow, overflow | select(0u, SPHERES, count_source[0] > call.spheres));
+    atomicStore(&outcome.quarantined, atomicLoad(&found.quarantined));
+    atomicStore(&outcome.crowded, 0u);
+    atomicStore(&outcome.crowded_tiles, 0u);
+    atomicStore(&outcome.crowded_begin, 0u);
+    atomicStore(&outcome.crowded_end, 0u);
+    // Of a full list the number of all that were found, so that there may be room for them.
+    atomicStore(&outcome.entries_lo, count);
+    atomicStore(&outcome.entries_hi, atomicLoad(&found.found_hi));
+    atomicStore(&outcome.spheres, count_source[0]);
+    atomicStore(&outcome.densest, 0u);
+    atomicStore(&outcome.is_sorted, 0u);
+}

@@ -1,0 +1,65 @@
+// Pairs among the candidates, one thread for each.
+#include layout
+#include place
+#include skin
+
+@group(0) @binding(0) var<uniform> call: Call;
+@group(0) @binding(1) var<storage, read> candidates: array<vec2<u32>>;
+@group(0) @binding(2) var<storage, read_write> state: SkinState;
+@group(0) @binding(3) var<storage, read> spheres: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(5) var<storage, read_write> pairs: array<vec2<u32>>;
+#ifdef SPECIES
+@group(0) @binding(6) var<storage, read> species: array<u32>;
+@group(0) @binding(7) var<storage, read> table: array<f32>;
+#endif
+#include overlap
+#include image
+#include pairs
+
+var<workgroup> group_hits: atomic<u32>;
+// Where the pairs of the workgroup go.
+var<workgroup> first_place: u32;
+
+fn is_hit(candidate: vec2<u32>) -> bool {
+    let a = image_of(spheres[candidate.x]);
+    let b = image_of(spheres[candidate.y]);
+#ifdef SPECIES
+    return is_pair(a, b, species[candidate.x], species[candidate.y]);
+#else
+    return is_pair(a, b);
+#endif
+}
+
+@compute @workgroup_size(256)
+fn candidates_test(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+    let number = number_of_group(id, groups) * 256u + place.lane;
+    if (place.lane == 0u) {
+        atomicStore(&group_hits, 0u);
+    }
+    workgroupBarrier();
+    var candidate = vec2(0u);
+    var hit = false;
+    var before = 0u;
+    // A turn or none: some devices run both sides of a branch.
+    for (var once = select(1u, 0u, number < state.candidates); once < 1u; once++) {
+        candidate = candidates[number];
+        hit = is_in_window(candidate.x) && is_hit(candidate);
+    }
+    if (hit) {
+        before = atomicAdd(&group_hits, 1u);
+    }
+    workgroupBarrier();
+    if (place.lane == 0u) {
+        let total = atomicLoad(&group_hits);
+        var first = 0u;
+        if (total != 0u) {
+            first = found_reserve(total);
+        }
+        first_place = first;
+    }
+    let first = workgroupUniformLoad(&first_place);
+    if (hit && first < call.pair_capacity) {
+        pair_write(first + before, candidate.x, candidate.y);
+    }
+}
