@@ -144,7 +144,7 @@ fn table(args: &Args, contenders: &[Contender]) -> Result<String, Box<dyn Error>
 fn crossover(args: &Args) -> Result<(), Box<dyn Error>> {
     let algorithms: &[Algorithm] = match args.backend {
         Backend::Cpu => &Algorithm::CPU,
-        _ => &[Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid],
+        _ => &Algorithm::GPU,
     };
     let contenders: Vec<Contender> =
         algorithms.iter().map(|&a| Contender::list(a.name(), args.config(a))).collect();

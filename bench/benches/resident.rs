@@ -1,0 +1,142 @@
+//! Spheres that stay on the GPU: the cell list at every step beside candidates that are kept, by the clock on the wall from
+//! submission to completion. Detectors take turns at every step; spheres are moved by the host between. Markdown on
+//! standard output.
+//!
+//! `cargo bench -p lazygrid-bench --bench resident -- --n 1000000 --moves 0.01,0.1 --skin 0.25,0.5`
+#![allow(clippy::print_stdout)]
+
+use std::error::Error;
+use std::time::Instant;
+
+use clap::Parser;
+use lazygrid::gpu::{
+    GpuDetector, GpuDevice, GpuPairs, GpuSettings, GpuSkinDetector, GpuSpheres, Outcome, wgpu,
+};
+use lazygrid::{Algorithm, Sphere};
+use lazygrid_bench::measure::{markdown, provenance};
+use lazygrid_check::device::{download, submit, upload, wait};
+use lazygrid_io::scenes::Scene;
+
+#[derive(Parser)]
+#[command(about = "Candidates that are kept on the GPU against a cell list at every step")]
+struct Args {
+    /// Scenes, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [Scene::Equal, Scene::FiveSizes])]
+    scene: Vec<Scene>,
+    /// Numbers of spheres, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [100_000])]
+    n: Vec<usize>,
+    /// How far spheres go in a step, in radii, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [0.001, 0.01, 0.1])]
+    moves: Vec<f32>,
+    /// Skins as parts of the largest diameter, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [0.125, 0.25, 0.5])]
+    skin: Vec<f32>,
+    /// Steps, after one to warm up
+    #[arg(long, default_value_t = 30)]
+    steps: u32,
+    /// Check the answers at small sizes instead of measuring; also without `--bench`, which `cargo bench` passes
+    #[arg(long)]
+    quick: bool,
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// One of those who take turns.
+enum Runner {
+    Every(GpuDetector),
+    Kept(GpuSkinDetector),
+}
+
+impl Runner {
+    fn encode(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        input: &GpuSpheres<'_>,
+    ) -> Result<GpuPairs, lazygrid::Error> {
+        match self {
+            Self::Every(detector) => detector.encode(encoder, input),
+            Self::Kept(detector) => detector.encode(encoder, input),
+        }
+    }
+
+    /// Seconds of a step, and how many pairs it found.
+    fn step(&mut self, own: &GpuDevice, input: &GpuSpheres<'_>) -> Result<(f64, u64), Box<dyn Error>> {
+        let start = Instant::now();
+        let found = submit(own, |encoder| self.encode(encoder, input))?;
+        wait(own)?;
+        let seconds = start.elapsed().as_secs_f64();
+        let outcome = download::<Outcome>(own, &found.outcome, 1)?[0];
+        match outcome.overflow {
+            0 => Ok((seconds, outcome.found())),
+            _ => Err(format!("what was found does not fit: {outcome:?}").into()),
+        }
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = Args::parse();
+    if args.quick || !args.bench {
+        (args.n, args.steps) = (vec![300], 4);
+    }
+    let own = match GpuDevice::open(true) {
+        Err(error @ lazygrid::Error::NoAdapter { .. })
+            if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() =>
+        {
+            println!("not run: {error}");
+            return Ok(());
+        }
+        opened => opened?,
+    };
+    println!("{}\n\n{}\n", provenance(), own.adapter.name);
+    let mut rows = Vec::new();
+    for (&scene, &n) in args.scene.iter().flat_map(|scene| args.n.iter().map(move |n| (scene, n))) {
+        for &moves in &args.moves {
+            let seconds = race(&own, &args, (scene, n, moves))?;
+            let per_sphere = |s: &f64| format!("{:.1} ({:.2})", s / n as f64 * 1e9, s / seconds[0]);
+            let head = [scene.to_string(), n.to_string(), moves.to_string()];
+            rows.push(head.into_iter().chain(seconds.iter().map(per_sphere)).collect());
+        }
+    }
+    let skins = args.skin.iter().map(|part| format!("skin {part}"));
+    let head: Vec<String> =
+        ["scene", "spheres", "moves", "every step"].map(str::to_owned).into_iter().chain(skins).collect();
+    println!("Nanoseconds per sphere and step, and as a part of a search at every step\n");
+    println!("{}", markdown(&head.iter().map(String::as_str).collect::<Vec<_>>(), &rows));
+    Ok(())
+}
+
+/// Mean seconds of a step by each of the runners, the cell list at every step first.
+fn race(
+    own: &GpuDevice,
+    args: &Args,
+    (scene, n, moves): (Scene, usize, f32),
+) -> Result<Vec<f64>, Box<dyn Error>> {
+    let mut spheres = scene.spheres(n, 1);
+    let settings = || GpuSettings {
+        algorithm: Algorithm::CellList,
+        pair_capacity: (4 * n as u32).max(1 << 20),
+        ..GpuSettings::default()
+    };
+    let mut runners = vec![Runner::Every(GpuDetector::new(&own.device, settings())?)];
+    for part in &args.skin {
+        // The largest radius of the scenes is 1.
+        runners.push(Runner::Kept(GpuSkinDetector::new(&own.device, settings(), 2.0 * part)?));
+    }
+    let mut sums = vec![0.0; runners.len()];
+    for step in 0..=args.steps {
+        let given = upload::<Sphere>(own, &spheres)?;
+        let input = GpuSpheres::new(&given, n as u32);
+        let mut found = None;
+        for (runner, sum) in runners.iter_mut().zip(&mut sums) {
+            let (seconds, pairs) = runner.step(own, &input)?;
+            // Within 4 ulp of tangency pairs may fall either way, but always the same.
+            if *found.get_or_insert(pairs) != pairs {
+                return Err(format!("{pairs} pairs at step {step}, not {found:?}").into());
+            }
+            *sum += if step == 0 { 0.0 } else { seconds };
+        }
+        Scene::advance_by(moves, &mut spheres, 1, step);
+    }
+    Ok(sums.into_iter().map(|sum| sum / f64::from(args.steps)).collect())
+}
