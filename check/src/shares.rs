@@ -134,7 +134,7 @@ pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), Fault> {
 /// # Errors
 /// What is wrong.
 pub(crate) fn list_search(own: &GpuDevice) -> Result<(), Fault> {
-    for count in [2_u32, 256, 257, 300, 700, 1400] {
+    for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
         let case = Case { spheres: count, lengths: [None; 3], is_dense: false };
         let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
         let chosen = case.choose_for(own, spheres)?;
