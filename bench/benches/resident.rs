@@ -44,8 +44,8 @@ struct Args {
 
 /// One of those who take turns.
 enum Runner {
-    Every(GpuDetector),
-    Kept(GpuSkinDetector),
+    Every(Box<GpuDetector>),
+    Kept(Box<GpuSkinDetector>),
 }
 
 impl Runner {
@@ -118,10 +118,10 @@ fn race(
         pair_capacity: (4 * n as u32).max(1 << 20),
         ..GpuSettings::default()
     };
-    let mut runners = vec![Runner::Every(GpuDetector::new(&own.device, settings())?)];
+    let mut runners = vec![Runner::Every(Box::new(GpuDetector::new(&own.device, settings())?))];
     for part in &args.skin {
         // The largest radius of the scenes is 1.
-        runners.push(Runner::Kept(GpuSkinDetector::new(&own.device, settings(), 2.0 * part)?));
+        runners.push(Runner::Kept(Box::new(GpuSkinDetector::new(&own.device, settings(), 2.0 * part)?)));
     }
     let mut sums = vec![0.0; runners.len()];
     for step in 0..=args.steps {
