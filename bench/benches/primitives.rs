@@ -7,7 +7,6 @@
 use std::error::Error;
 
 use clap::Parser;
-use lazygrid::gpu::GpuDevice;
 use lazygrid_bench::measure::{Spread, markdown, provenance};
 use lazygrid_check::bandwidth::{Measured, Stopwatch};
 
@@ -38,15 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if args.quick || !args.bench {
         (args.n, args.rounds) = (vec![0, 1, 257, 20_000], 1);
     }
-    let own = match GpuDevice::open(true) {
-        Err(error @ lazygrid::Error::NoAdapter { .. })
-            if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() =>
-        {
-            println!("not run: {error}");
-            return Ok(());
-        }
-        opened => opened?,
-    };
+    let Some(own) = lazygrid_tests::device() else { return Ok(()) };
     let adapter = own.adapter.clone();
     let watch = Stopwatch::new(own, args.rounds)?;
     let clock =

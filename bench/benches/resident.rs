@@ -79,15 +79,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if args.quick || !args.bench {
         (args.n, args.steps) = (vec![300], 4);
     }
-    let own = match GpuDevice::open(true) {
-        Err(error @ lazygrid::Error::NoAdapter { .. })
-            if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() =>
-        {
-            println!("not run: {error}");
-            return Ok(());
-        }
-        opened => opened?,
-    };
+    let Some(own) = lazygrid_tests::device() else { return Ok(()) };
     println!("{}\n\n{}\n", provenance(), own.adapter.name);
     let mut rows = Vec::new();
     for (&scene, &n) in args.scene.iter().flat_map(|scene| args.n.iter().map(move |n| (scene, n))) {

@@ -8,7 +8,7 @@ use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths};
 
 use crate::device::{download, download_one, run, upload, upload_one};
-use crate::kernels::{Fault, SIZES, same, variants};
+use crate::kernels::{Fault, SIZES, ordered, same, variants};
 use crate::{Random, Scenario, Words, adversary, periodic};
 
 /// What a call accumulates is cleared, and has as many spheres as were given, or as there is room for.
@@ -68,8 +68,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), Fault> {
     for (seed, lengths) in lengths.into_iter().enumerate() {
         let space = periodic::space(lengths);
         let spheres = wrapped_scene(seed as u64, space);
-        let [period_x, period_y, period_z] = lengths.map(|length| length.unwrap_or(0.0));
-        let call = Call { period_x, period_y, period_z, ..Call::zeroed() };
+        let call = Call::zeroed().in_space(space);
         let grid = Grid { spheres: spheres.len() as u32, ..Grid::zeroed() };
         let (call, grid, given) = (upload(own, &[call])?, upload_one(own, &grid)?, upload(own, &spheres)?);
         let wrapped = upload(own, &vec![[0_u32; 4]; spheres.len()])?;
@@ -108,7 +107,6 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
 /// # Errors
 /// What is wrong.
 pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
-    let ordered = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 };
     let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
     for size in SIZES {
         let mut spheres = adversary::soup(&Words::drawn(&mut Random(size as u64), size));

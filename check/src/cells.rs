@@ -79,7 +79,6 @@ impl Case {
     /// Where the device fails.
     pub(crate) fn choose_for(self, own: &GpuDevice, spheres: Vec<Sphere>) -> Result<Chosen, Fault> {
         let space = periodic::space(self.lengths);
-        let [period_x, period_y, period_z] = self.lengths.map(|length| length.unwrap_or(0.0));
         let call = Call {
             spheres: self.spheres,
             cells: ROOM,
@@ -90,11 +89,9 @@ impl Case {
             window_end: u32::MAX,
             share: 256,
             part_tiles: Call::UNPARTED,
-            period_x,
-            period_y,
-            period_z,
             ..Call::zeroed()
         };
+        let call = call.in_space(space);
         let variant = Variant { periodic: space.is_periodic(), ..Variant::default() };
         let images: Vec<Sphere> =
             spheres.iter().map(|sphere| Sphere::new(space.wrap(sphere.center), sphere.radius)).collect();
@@ -202,8 +199,9 @@ impl Chosen {
 
     /// The cell of every sphere, and the most spheres of a cell that one leaves.
     pub(crate) fn homes(&self, density: &[u32], fused: bool) -> (Vec<u32>, u32) {
-        let homes = || self.scenario.spheres.iter().map(|sphere| self.home(sphere, density, fused));
-        (homes().map(|(cell, _)| cell).collect(), homes().map(|(_, crowd)| crowd).max().unwrap_or(0))
+        let homes = self.scenario.spheres.iter().map(|sphere| self.home(sphere, density, fused));
+        let (cells, crowds): (Vec<u32>, Vec<u32>) = homes.unzip();
+        (cells, crowds.into_iter().max().unwrap_or(0))
     }
 
     /// Holds what the device found against what it may have to be, however it rounds.

@@ -8,7 +8,7 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Bounds, Call, Grid};
 
 use crate::device::{download_one, run, upload, upload_one};
-use crate::kernels::{Fault, same};
+use crate::kernels::{Fault, ordered, same};
 use crate::{Random, periodic};
 
 /// Bits of a key.
@@ -30,7 +30,6 @@ fn extent(spheres: &[Sphere]) -> [Vec3; 2] {
 }
 
 fn bounds(spheres: &[Sphere]) -> Bounds {
-    let ordered = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 };
     let [low, high] = extent(spheres);
     let radii = || spheres.iter().map(|sphere| sphere.radius.to_bits());
     Bounds {
@@ -50,18 +49,11 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), Fault> {
     let spaces = [[None; 3], [Some(20.0), None, Some(1e3)], [Some(3.0); 3]];
     for (count, lengths) in [1, 200, 256].into_iter().flat_map(|count| spaces.map(|space| (count, space))) {
         for radii in [&[0.5_f32][..], &[0.5, 0.01]] {
-            let spheres = scene(count, radii, periodic::space(lengths));
+            let space = periodic::space(lengths);
+            let spheres = scene(count, radii, space);
             let case = |what: &str| format!("{what} of {count} spheres of radii {radii:?} in {lengths:?}");
-            let [period_x, period_y, period_z] = lengths.map(|length: Option<f32>| length.unwrap_or(0.0));
-            let settings = Call {
-                raster_ratio: 2.0,
-                key_bits: KEY_BITS,
-                refinement: 2,
-                period_x,
-                period_y,
-                period_z,
-                ..Call::zeroed()
-            };
+            let settings = Call { raster_ratio: 2.0, key_bits: KEY_BITS, refinement: 2, ..Call::zeroed() };
+            let settings = settings.in_space(space);
             let grid = upload_one(own, &Grid { spheres: count as u32, ..Grid::zeroed() })?;
             let (call, input) = (upload(own, &[settings])?, upload(own, &spheres)?);
             let bound = [
@@ -70,8 +62,8 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), Fault> {
                 ("bounds", &upload(own, &[bounds(&spheres)])?),
                 ("grid", &grid),
             ];
-            let periodic = lengths.iter().any(Option::is_some);
-            run(own, &k::GRID_CONFIGURE, Variant { periodic, ..Variant::default() }, 1, &bound)?;
+            let variant = Variant { periodic: space.is_periodic(), ..Variant::default() };
+            run(own, &k::GRID_CONFIGURE, variant, 1, &bound)?;
             let grid = download_one::<Grid>(own, &grid)?;
             let fits = count > 1 && radii.len() > 1;
             let levels = [grid.refinement, grid.depths, grid.occupied, grid.passive, grid.ordinary];

@@ -97,6 +97,11 @@ pub(crate) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
     [None, subgroups].into_iter().take(1 + usize::from(subgroups.is_some())).map(with)
 }
 
+/// Unsigned integers in the order of the floats.
+pub(crate) fn ordered(x: f32) -> u32 {
+    if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 }
+}
+
 /// Holds what was found against what has to be.
 pub(crate) fn same<T: PartialEq + Debug>(
     case: impl FnOnce() -> String,

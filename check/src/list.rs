@@ -8,7 +8,7 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Lengths, List, Outcome, Survey};
 
 use crate::device::{download, run, upload, upload_one};
-use crate::kernels::{Fault, SIZES, same};
+use crate::kernels::{Fault, SIZES, ordered, same};
 use crate::{Random, Words, adversary};
 
 /// Bounds, sizes and the number of bad spheres are found, and counters cleared, by any number of workgroups.
@@ -133,7 +133,6 @@ const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
 /// What is known of these spheres, where devices take subnormal numbers for zero or not.
 pub(crate) fn surveyed(spheres: &[Sphere], flushes: bool) -> Survey {
-    let ordered = |x: f32| if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 };
     let mut survey = Survey::zeroed();
     for sphere in spheres {
         if !sphere.is_valid() {

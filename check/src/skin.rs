@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, SkinState};
-use lazygrid::{Pair, Sphere};
+use lazygrid::{Pair, Space, Sphere};
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Skin};
 
@@ -37,18 +37,10 @@ fn widened(sphere: &Sphere) -> [f32; 4] {
     }
 }
 
-fn call(spheres: usize, lengths: [Option<f32>; 3]) -> (Call, Variant) {
-    let [period_x, period_y, period_z] = lengths.map(|length| length.unwrap_or(0.0));
-    let call = Call {
-        spheres: spheres as u32,
-        pair_capacity: 1 << 16,
-        window_end: u32::MAX,
-        period_x,
-        period_y,
-        period_z,
-        ..Call::zeroed()
-    };
-    (call, Variant { periodic: lengths.iter().any(Option::is_some), ..Variant::default() })
+fn call(spheres: usize, space: Space) -> (Call, Variant) {
+    let call =
+        Call { spheres: spheres as u32, pair_capacity: 1 << 16, window_end: u32::MAX, ..Call::zeroed() };
+    (call.in_space(space), Variant { periodic: space.is_periodic(), ..Variant::default() })
 }
 
 /// The farthest sphere is found, and whether one is another.
@@ -83,7 +75,7 @@ pub(crate) fn skin_measure(own: &GpuDevice) -> Result<(), Fault> {
             (other(|sphere| sphere.radius = if sphere.is_valid() { f32::NAN } else { 1.0 }), is_some),
             (other(|sphere| sphere.radius = 0.75), is_some),
         ] {
-            let (call, variant) = call(size, lengths);
+            let (call, variant) = call(size, space);
             let kept: Vec<[f32; 4]> = then.iter().map(widened).collect();
             let (call, skin, count) =
                 (upload(own, &[call])?, upload(own, &[SKIN])?, upload(own, &[size as u32])?);
@@ -132,7 +124,7 @@ pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), Fault> {
     for (state, is_rebuilt) in cases {
         for steps in [1, 20, 70] {
             let full: Vec<u32> = (1..=3 * steps).collect();
-            let (call, _) = call(12, [None; 3]);
+            let (call, _) = call(12, Space::UNBOUNDED);
             let (call, skin, count) = (upload(own, &[call])?, upload(own, &[SKIN])?, upload(own, &[10_u32])?);
             let (given, full_given) = (upload(own, &[state])?, upload(own, &full)?);
             let (gate, dispatch) =
@@ -176,7 +168,7 @@ pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), Fault> {
         let given = spheres(size, 3);
         let state = SkinState { spheres: size as u32, is_rebuilt, ..SkinState::zeroed() };
         let before = vec![[7.0_f32; 4]; size];
-        let (call, variant) = call(size, [None; 3]);
+        let (call, variant) = call(size, Space::UNBOUNDED);
         let (call, skin) = (upload(own, &[call])?, upload(own, &[SKIN])?);
         let (input, state, kept) = (upload(own, &given)?, upload(own, &[state])?, upload(own, &before)?);
         let bound =
@@ -205,7 +197,7 @@ pub(crate) fn candidates_open(own: &GpuDevice) -> Result<(), Fault> {
         (7, 0, entries, 10),
         (7, 0, Outcome::SPHERES, 13),
     ] {
-        let (call, _) = call(12, [None; 3]);
+        let (call, _) = call(12, Space::UNBOUNDED);
         let skin = Skin { capacity: most, ..SKIN };
         let of_search =
             Outcome { found_lo: low, found_hi: high, overflow, quarantined: 3, ..Outcome::zeroed() };
@@ -264,7 +256,7 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), Fault> {
             window.contains(&pair.i) && space.distance_squared(a.center, b.center) <= reach * reach
         };
         let expected: Vec<Pair> = candidates.iter().copied().filter(touch).collect();
-        let (call, variant) = call(given.len(), lengths);
+        let (call, variant) = call(given.len(), space);
         let call = Call { pair_capacity: room, window_begin: window.start, window_end: window.end, ..call };
         let state = SkinState { candidates: candidates.len() as u32, ..SkinState::zeroed() };
         let groups = (candidates.len() as u32).div_ceil(256);

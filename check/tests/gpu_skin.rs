@@ -14,23 +14,14 @@ fn ask(
     detector: &mut GpuSkinDetector,
     scenario: &Scenario,
 ) -> (Outcome, Vec<Pair>, SkinState) {
-    let given = upload(own, &scenario.spheres);
-    let species = scenario.mixture.as_ref().map(|mixture| upload(own, &mixture.species));
-    let count = upload(own, &[scenario.spheres.len() as u32]);
-    let at_most = scenario.spheres.len() as u32 + 5;
+    let n = scenario.spheres.len() as u32;
+    let at_most = n + 5;
+    let input = upload(own, &[&scenario.spheres[..], &[Sphere::default(); 5]].concat());
+    let species =
+        scenario.mixture.as_ref().map(|mixture| upload(own, &[&mixture.species[..], &[0; 5]].concat()));
+    let known = upload(own, &[n]);
     // Of every second call the device alone knows how many spheres it has.
-    let room = [&scenario.spheres[..], &[Sphere::default(); 5]].concat();
-    let (input, count) = match scenario.spheres.len() % 2 {
-        0 => (given, Count::Host(at_most - 5)),
-        _ => (upload(own, &room), Count::Buffer { buffer: &count, at_most }),
-    };
-    let species = species.map(|ids| match count {
-        Count::Host(_) => ids,
-        Count::Buffer { .. } => upload(
-            own,
-            &[&scenario.mixture.as_ref().map_or_else(Vec::new, |m| m.species.clone())[..], &[0; 5]].concat(),
-        ),
-    });
+    let count = if n.is_multiple_of(2) { Count::Host(n) } else { Count::Buffer { buffer: &known, at_most } };
     let spheres = GpuSpheres { count, species: species.as_ref(), ..GpuSpheres::new(&input, at_most) };
     let output = submit(own, |encoder| detector.encode(encoder, &spheres)).expect("recorded");
     let outcome = download::<Outcome>(own, &output.outcome, 1)[0];

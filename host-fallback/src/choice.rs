@@ -5,13 +5,12 @@ use lazygrid_kernels::{Algorithm, Backend};
 use crate::{Error, Survey};
 
 /// What the CPU path builds and searches.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Structure {
     Naive,
     HashGrid,
     ArrayGrid,
     RecursiveGrid,
-    #[default]
     CellList,
 }
 

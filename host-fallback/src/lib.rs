@@ -38,4 +38,5 @@ pub use lazygrid_kernels::Error;
 pub use neighbors::{Lists, Neighbors};
 pub use report::{Kept, Phase, Rebuilt, Report};
 pub use settings::{Order, Settings, Skin};
+pub use skin::SKINS;
 pub use survey::{Class, Survey};

@@ -93,7 +93,7 @@ impl Settings {
     /// Refuses a skin that no arithmetic can follow, and one for an algorithm that keeps nothing.
     fn check_skin(&self, distance: f32) -> Result<(), Error> {
         let value = distance.to_string();
-        if !skin::FIXED.contains(&distance) {
+        if !skin::SKINS.contains(&distance) {
             return Err(Error::Setting {
                 name: "skin",
                 value,

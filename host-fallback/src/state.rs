@@ -26,8 +26,6 @@ pub(crate) struct State {
     columns: Columns,
     cell_list: CellList,
     pub(crate) course: Course,
-    /// What this call searches, where it does.
-    structure: Structure,
     /// Whether this call is served from candidates.
     from_candidates: bool,
     hash_grid: HashGrid,
@@ -72,8 +70,7 @@ impl State {
                 Some(split) => choice::choose_between(input.settings.algorithm, &input.survey, split),
             };
             (self.report.algorithm, self.report.reason) = (algorithm, reason);
-            self.structure = Structure::of(algorithm)?;
-            self.build_structure(input)?;
+            self.structure(input)?;
         }
         if self.from_candidates {
             let kept = self.course.candidates.kept(lapsed);
@@ -89,10 +86,9 @@ impl State {
     }
 
     /// Builds what the algorithm searches.
-    fn build_structure(&mut self, input: &Input<'_>) -> Result<(), Error> {
+    fn structure(&mut self, input: &Input<'_>) -> Result<(), Error> {
         let Self {
             report,
-            structure,
             columns,
             cell_list,
             course,
@@ -102,7 +98,7 @@ impl State {
             recursive_grid,
             ..
         } = self;
-        match structure {
+        match Structure::of(report.algorithm)? {
             Structure::Naive => {
                 report.time("gather", || columns.gather(&input.rule, 0..input.survey.spheres as u32))
             }
@@ -121,12 +117,11 @@ impl State {
         input: &Input<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
-        let Self {
-            report, structure, columns, cell_list, course, hash_grid, array_grid, recursive_grid, ..
-        } = self;
+        let Self { report, columns, cell_list, course, hash_grid, array_grid, recursive_grid, .. } = self;
         if self.from_candidates {
             return report.time("test", || course.candidates.search(input, output));
         }
+        let structure = Structure::of(report.algorithm)?;
         report.time("search", || match structure {
             Structure::Naive => naive::search(input, columns, output),
             Structure::HashGrid => hash_grid.search(input, output),

@@ -3,8 +3,10 @@
 use crate::layout::{Call, Lengths};
 use crate::wgsl;
 
+mod pieces;
 mod sizes;
 
+use pieces::PIECES;
 use sizes::{SCAN_ITEMS, SPHERES_PER_THREAD};
 
 pub use sizes::{
@@ -322,44 +324,6 @@ kernels! {
     OUTCOME_FINISH = "outcome_finish", 1, subgroups: false, periodic: false,
         [uniform("call"), write("outcome")], species: [];
 }
-
-/// Shared pieces of WGSL by the name in `#include`.
-const PIECES: [(&str, &str); 34] = [
-    ("between", include_str!("shader/shared/between.wgsl")),
-    ("candidates", include_str!("shader/shared/candidates.wgsl")),
-    ("cells", include_str!("shader/shared/cells.wgsl")),
-    ("configure", include_str!("shader/shared/configure.wgsl")),
-    ("crowd", include_str!("shader/shared/crowd.wgsl")),
-    ("density", include_str!("shader/shared/density.wgsl")),
-    ("density_add", include_str!("shader/shared/density_add.wgsl")),
-    ("density_slot", include_str!("shader/shared/density_slot.wgsl")),
-    ("digit_pass", include_str!("shader/shared/digit_pass.wgsl")),
-    ("entry", include_str!("shader/shared/entry.wgsl")),
-    ("fold", include_str!("shader/shared/fold.wgsl")),
-    ("group_scan", include_str!("shader/shared/group_scan.wgsl")),
-    ("home", include_str!("shader/shared/home.wgsl")),
-    ("image", include_str!("shader/shared/image.wgsl")),
-    ("layout", include_str!("shader/shared/layout.wgsl")),
-    ("list", include_str!("shader/shared/list.wgsl")),
-    ("list_cells", include_str!("shader/shared/list_cells.wgsl")),
-    ("ordered", include_str!("shader/shared/ordered.wgsl")),
-    ("overlap", include_str!("shader/shared/overlap.wgsl")),
-    ("pairs", include_str!("shader/shared/pairs.wgsl")),
-    ("periods", include_str!("shader/shared/periods.wgsl")),
-    ("place", include_str!("shader/shared/place.wgsl")),
-    ("put", include_str!("shader/shared/put.wgsl")),
-    ("reach", include_str!("shader/shared/reach.wgsl")),
-    ("reserve", include_str!("shader/shared/reserve.wgsl")),
-    ("reserve_lane", include_str!("shader/shared/reserve_lane.wgsl")),
-    ("skin", include_str!("shader/shared/skin.wgsl")),
-    ("sphere", include_str!("shader/shared/sphere.wgsl")),
-    ("survey", include_str!("shader/shared/survey.wgsl")),
-    ("tile", include_str!("shader/shared/tile.wgsl")),
-    ("walk", include_str!("shader/shared/walk.wgsl")),
-    ("wide", include_str!("shader/shared/wide.wgsl")),
-    ("widened", include_str!("shader/shared/widened.wgsl")),
-    ("wrap", include_str!("shader/shared/wrap.wgsl")),
-];
 
 /// A text with its pieces in place, and `#{NAME}` as what it stands for. What is behind `#standard` is only in the text
 /// for compilers that go by the standard.

@@ -7,6 +7,8 @@ use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
 use glam::{IVec3, UVec3, Vec3};
 
+use crate::Space;
+
 /// What the host says about one call. The first word is the number of spheres, so that the same buffer can be
 /// bound as `count_source`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -79,6 +81,12 @@ pub struct Pass {
 impl Call {
     /// As [`part_tiles`](Self::part_tiles): all of the crowded search in one part, however much that is.
     pub const UNPARTED: u32 = u32::MAX;
+
+    /// The same call in this space.
+    pub fn in_space(self, space: Space) -> Self {
+        let [period_x, period_y, period_z] = space.lengths().map(|length| length.unwrap_or(0.0));
+        Self { period_x, period_y, period_z, ..self }
+    }
 }
 
 /// What the spheres are like, as the device finds it.

@@ -5,6 +5,7 @@
 //! * [`Subject`] — one way to run a detector; [`Subject::all`] is the list that a new backend joins;
 //! * [`periodic`] — oracles and generators of scenarios in periodic spaces;
 //! * [`difference`] — compares a result with the expected pairs and explains the first wrong one;
+//! * [`device`] — an adapter of the GPU, where there is one;
 //! * [`command`] — a built command from outside;
 //! * [`adversary`] — generators of spheres that are hard on grids, with shrinking.
 
@@ -16,5 +17,6 @@ mod adapter;
 mod gpu;
 mod subject;
 
+pub use gpu::device;
 pub use lazygrid_check::{Choices, Mixture, Scenario, Tolerance, Words, checksum, difference};
 pub use subject::{Subject, THREADS, in_pool};

@@ -3,28 +3,25 @@ mod room;
 mod tables;
 mod timer;
 
-use std::collections::VecDeque;
 use std::ops::Range;
 
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Call, Outcome};
 use lazygrid_kernels::{Algorithm, Interactions};
 
-use prepared::{Key, Prepared};
+pub(crate) use prepared::Key;
+use prepared::Prepared;
 use room::EntryRoom;
 pub(crate) use room::Raised;
 pub(crate) use tables::Tables;
 use timer::Timer;
 
-use super::input::{Count, GpuSettings, GpuSpheres, check};
+use super::input::{GpuSettings, GpuSpheres, check};
 use super::pipelines::Pipelines;
 use super::plan::{Cost, DeviceLimits, Plan, Request, most_entries, plan};
-use super::recording::{Buffers, Recording};
+use super::recording::{Buffers, Recent, Recording};
 use super::scope::scoped;
 use crate::{Error, choice};
-
-/// Recordings kept for callers that alternate between a few buffers.
-const KEPT_RECORDINGS: usize = 4;
 
 /// Finds overlapping pairs of spheres in GPU buffers and leaves them in GPU buffers.
 ///
@@ -171,7 +168,7 @@ impl GpuDetector {
             return Ok(Prepared { plan, ..prepared });
         }
         let buffers = Buffers::allocate(&self.device, &plan.buffers)?;
-        Ok(Prepared { plan, buffers, recordings: VecDeque::new(), current: 0 })
+        Ok(Prepared { plan, buffers, recordings: Recent::NONE })
     }
 
     /// How many pairs the output of the next call holds.
@@ -290,7 +287,7 @@ impl GpuDetector {
 
     /// What was bound last.
     pub(crate) fn recording(&self) -> Option<&Recording> {
-        self.prepared.as_ref().and_then(|p| p.recordings.get(p.current)).map(|(_, recording)| recording)
+        self.prepared.as_ref().and_then(|prepared| prepared.recordings.current())
     }
 
     /// The plan of the last recorded call.
@@ -311,56 +308,26 @@ impl GpuDetector {
 
     /// What the kernels read of a call.
     fn call(&self, plan: &Plan, way: Way, window: &Range<u32>) -> Call {
-        let [period_x, period_y, period_z] =
-            self.settings.space.lengths().map(|length| length.unwrap_or_default());
         Call {
-            spheres: plan.spheres,
-            pair_capacity: plan.pairs,
             entry_capacity: plan.entries,
             key_bits: plan.key_bits,
             raster_ratio: way.raster_ratio,
-            species: self.settings.interactions.as_ref().map_or(0, Interactions::species),
             search_groups: plan.search_groups,
-            consumer_group: self.settings.consumer_group,
-            window_begin: window.start,
-            window_end: window.end,
             refinement: plan.refinement as u32,
-            tau: self.settings.tau,
             density_slots: plan.density_slots,
             part_tiles: self.part_tiles,
-            period_x,
-            period_y,
-            period_z,
             cells: plan.cells,
             counters: if plan.tile == 0 { plan.counters } else { 0 },
-            split: 0,
             tile: plan.tile,
             share: plan.share,
             further_shares: plan.further_shares,
-            sorted_pairs: u32::from(self.settings.sorted_pairs),
+            ..self.settings.call(plan.spheres, window)
         }
     }
 
     fn bind(&self, prepared: &mut Prepared, way: Way, input: &GpuSpheres<'_>) -> Result<(), Error> {
-        let call = self.call(&prepared.plan, way, &input.window);
-        let count = match input.count {
-            Count::Host(_) => None,
-            Count::Buffer { buffer, .. } => Some(buffer.clone()),
-        };
-        let key = Key { spheres: input.spheres.clone(), species: input.species.cloned(), count, call };
-        let position = prepared.recordings.iter().position(|(known, _)| *known == key);
-        let position = match position {
-            Some(position) => position,
-            None => {
-                let tables = self.tables.as_ref();
-                let recording = prepared.bind(&self.device, &self.pipelines, &key, tables)?;
-                prepared.recordings.truncate(KEPT_RECORDINGS - 1);
-                prepared.recordings.push_front((key, recording));
-                0
-            }
-        };
-        prepared.current = position;
-        Ok(())
+        let key = Key::of(input, self.call(&prepared.plan, way, &input.window));
+        prepared.bind(&self.device, &self.pipelines, key, self.tables.as_ref())
     }
 }
 

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use lazygrid_kernels::kernel::GROUP;
+use lazygrid_kernels::layout::Call;
 use lazygrid_kernels::{Algorithm, Interactions, Space};
 
 use super::Crossover;
@@ -62,6 +63,24 @@ impl GpuSettings {
     pub const MIN_RASTER_RATIO: f32 = 1.5;
     /// The largest raster ratio.
     pub const MAX_RASTER_RATIO: f32 = 16.0;
+}
+
+impl GpuSettings {
+    /// What all kernels read of a call of up to so many spheres, whatever finds its pairs.
+    pub(super) fn call(&self, spheres: u32, window: &Range<u32>) -> Call {
+        let call = Call {
+            spheres,
+            pair_capacity: self.pair_capacity,
+            species: self.interactions.as_ref().map_or(0, Interactions::species),
+            consumer_group: self.consumer_group,
+            window_begin: window.start,
+            window_end: window.end,
+            tau: self.tau,
+            sorted_pairs: u32::from(self.sorted_pairs),
+            ..Call::default()
+        };
+        call.in_space(self.space)
+    }
 }
 
 impl Default for GpuSettings {

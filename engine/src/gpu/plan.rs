@@ -3,6 +3,7 @@
 mod buffers;
 mod cost;
 mod list;
+pub(super) mod skin;
 mod stages;
 
 use crate::Error;
@@ -324,9 +325,30 @@ fn density_slots(spheres: u32) -> u32 {
     (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_DENSITY_SLOTS)
 }
 
+/// What helps where there are too many spheres for a device.
+const SPLIT: &str = "split the spheres or take a device with a larger limit";
+
+/// Refuses buffers that cannot be bound.
+pub(super) fn check_buffers(buffers: &[(Slot, u64)], limits: &DeviceLimits) -> Result<(), Error> {
+    let limit = limits.bytes();
+    for &(slot, needed) in buffers {
+        if needed > limit {
+            let (what, remedy) = match slot {
+                Slot::Pairs => {
+                    ("the pair buffer", "use a smaller pair capacity and take the result in parts")
+                }
+                Slot::Kept | Slot::KeptSpecies => ("the sphere buffer", SPLIT),
+                _ => ("a buffer for entries", SPLIT),
+            };
+            return Err(Error::LimitExceeded { what, needed, limit, remedy });
+        }
+    }
+    Ok(())
+}
+
 fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), Error> {
     let limit = limits.bytes();
-    let remedy = "split the spheres or take a device with a larger limit";
+    let remedy = SPLIT;
     let spheres = bytes_of(plan.spheres, 16);
     if spheres > limit {
         return Err(Error::LimitExceeded { what: "the sphere buffer", needed: spheres, limit, remedy });
@@ -335,17 +357,7 @@ fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), Error>
         let (needed, limit) = (plan.spheres.into(), k::MAX_ENTRY_OBJECTS);
         return Err(Error::LimitExceeded { what: "the number of spheres", needed, limit, remedy });
     }
-    for &(slot, needed) in &plan.buffers {
-        if needed > limit {
-            let (what, remedy) = match slot {
-                Slot::Pairs => {
-                    ("the pair buffer", "use a smaller pair capacity and take the result in parts")
-                }
-                _ => ("a buffer for entries", remedy),
-            };
-            return Err(Error::LimitExceeded { what, needed, limit, remedy });
-        }
-    }
+    check_buffers(&plan.buffers, limits)?;
     let variant = k::Variant { species, periodic: plan.periodic, ..k::Variant::default() };
     let storage = |stage: &Stage| {
         stage.kernel.bindings(variant).filter(|b| b.access != k::Access::Uniform).count() as u64

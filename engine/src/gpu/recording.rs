@@ -1,4 +1,4 @@
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 
 use lazygrid_kernels::kernel::{CROWDED_OPEN, SHARES_OPEN, Variant};
 
@@ -16,7 +16,7 @@ impl Buffers {
         let mut buffers = HashMap::new();
         for &(slot, size) in sizes {
             let mut usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-            if matches!(slot, Slot::Outcome | Slot::Dispatch) {
+            if matches!(slot, Slot::Outcome | Slot::Dispatch | Slot::Gate) {
                 usage |= wgpu::BufferUsages::INDIRECT;
             }
             if slot == Slot::Total {
@@ -66,6 +66,38 @@ pub(crate) fn constant_buffer(
         Ok(buffer)
     })?
     .map_err(|error| Error::Validation { what: label, reason: error.to_string() })
+}
+
+/// The last few things that were made, for callers that alternate between a few buffers.
+#[derive(Debug)]
+pub(crate) struct Recent<K, V> {
+    made: VecDeque<(K, V)>,
+    /// The one that was turned to last.
+    current: usize,
+}
+
+impl<K: PartialEq, V> Recent<K, V> {
+    const MOST: usize = 4;
+
+    pub(crate) const NONE: Self = Self { made: VecDeque::new(), current: 0 };
+
+    /// Turns to what was made for this, and makes it first where it was not.
+    pub(crate) fn turn_to(&mut self, key: K, make: impl FnOnce(&K) -> Result<V, Error>) -> Result<(), Error> {
+        self.current = match self.made.iter().position(|(known, _)| *known == key) {
+            Some(position) => position,
+            None => {
+                let value = make(&key)?;
+                self.made.truncate(Self::MOST - 1);
+                self.made.push_front((key, value));
+                0
+            }
+        };
+        Ok(())
+    }
+
+    pub(crate) fn current(&self) -> Option<&V> {
+        self.made.get(self.current).map(|(_, value)| value)
+    }
 }
 
 /// Dispatches with everything bound, ready to be put into any encoder.

@@ -4,25 +4,20 @@
 //! gone since. The device decides whether that is too far, and only then do the dispatches that find candidates have
 //! workgroups; nothing is read back. Then candidates are tested where the spheres are now.
 
-use std::collections::VecDeque;
-
-use bytemuck::Zeroable;
-use lazygrid_kernels::kernel::{self as k, Kernel, Variant};
-use lazygrid_kernels::layout::{Call, Outcome, Skin, SkinState};
+use lazygrid_host::SKINS;
+use lazygrid_kernels::kernel::{self as k, Variant};
+use lazygrid_kernels::layout::Skin;
 use lazygrid_kernels::{Interaction, Interactions};
 
-use super::detector::{GpuDetector, GpuPairs, Tables};
-use super::input::{Count, GpuSettings, GpuSpheres, check};
+use super::detector::{GpuDetector, GpuPairs, Key, Tables};
+use super::input::{GpuSettings, GpuSpheres, check};
 use super::pipelines::Pipelines;
-use super::plan::{Phase, Stage};
-use super::recording::{Recording, constant_buffer};
-use super::scope::scoped;
+use super::plan::{DeviceLimits, Slot, Stage, check_buffers, skin};
+use super::recording::{Buffers, Recent, Recording, constant_buffer};
 use crate::Error;
+#[cfg(doc)]
+use crate::gpu::{Outcome, SkinState};
 
-/// Recordings kept for callers that alternate between a few buffers.
-const KEPT_RECORDINGS: usize = 4;
-/// Skins whose half has a square that devices neither flush nor make infinite.
-const SKINS: std::ops::RangeInclusive<f32> = 1e-14..=1e17;
 /// The part of its half of the skin that a sphere may use up: less than all of it by more than rounding can hide.
 const USABLE: f32 = 1.0 - 1.0 / 1024.0;
 /// By how much distances of species grow besides the skin, as the radii do.
@@ -52,26 +47,17 @@ pub struct GpuSkinDetector {
 struct Resident {
     /// Spheres that there is room for.
     spheres: u32,
-    kept: wgpu::Buffer,
-    kept_species: wgpu::Buffer,
-    state: wgpu::Buffer,
-    dispatch: wgpu::Buffer,
-    outcome: wgpu::Buffer,
-    pairs: wgpu::Buffer,
-    capacity: u32,
-    /// The candidates, by the search for them.
-    found: Option<GpuPairs>,
-    recordings: VecDeque<(Key, Parts)>,
+    buffers: Buffers,
+    candidates: Option<Candidates>,
 }
 
-/// What a recording was made for.
-#[derive(Clone, Debug, PartialEq)]
-struct Key {
-    spheres: wgpu::Buffer,
-    species: Option<wgpu::Buffer>,
-    count: Option<wgpu::Buffer>,
-    call: Call,
-    groups: Vec<u32>,
+/// The candidates, by the search for them, and what is known of them.
+#[derive(Debug)]
+struct Candidates {
+    found: GpuPairs,
+    state: Buffers,
+    /// By the call and the workgroups of the search.
+    parts: Recent<(Key, Vec<u32>), Parts>,
 }
 
 /// What comes before the search for candidates and behind it.
@@ -79,7 +65,7 @@ struct Key {
 struct Parts {
     before: Recording,
     /// Workgroups of the search's dispatches, by then.
-    gate: wgpu::Buffer,
+    gate: Buffers,
     behind: Recording,
 }
 
@@ -123,7 +109,8 @@ impl GpuSkinDetector {
 
     /// What is known of the candidates: [`SkinState`], with `STORAGE` and `COPY_SRC` usage. `None` before the first call.
     pub fn state(&self) -> Option<&wgpu::Buffer> {
-        self.resident.as_ref().map(|resident| &resident.state)
+        let candidates = self.resident.as_ref()?.candidates.as_ref()?;
+        Some(candidates.state.get(Slot::SkinState))
     }
 
     /// Records the detection, as [`GpuDetector::encode`] does. [`Outcome::CANDIDATES`] in the overflow flag says that the
@@ -141,157 +128,85 @@ impl GpuSkinDetector {
             Some(resident) => resident,
             None => self.allocate(spheres)?,
         };
+        let Resident { buffers, candidates, .. } = &mut resident;
         let kept = GpuSpheres {
-            spheres: &resident.kept,
+            spheres: buffers.get(Slot::Kept),
             count: input.count,
-            species: self.tables.as_ref().map(|_| &resident.kept_species),
+            species: buffers.find(Slot::KeptSpecies),
             window: GpuSpheres::ALL,
         };
         let found = self.search.bind_as(self.search.way(), &kept)?;
-        if resident.found.as_ref() != Some(&found) {
-            // The candidates that there were are gone.
-            resident.state = self.buffer("what is known of candidates", size_of::<SkinState>() as u64)?;
-            resident.recordings.clear();
-            resident.found = Some(found.clone());
+        // With other buffers of the search those that there were are gone.
+        let candidates = match candidates.take().filter(|candidates| candidates.found == found) {
+            Some(same) => candidates.insert(same),
+            None => {
+                let state = Buffers::allocate(&self.device, &[skin::STATE])?;
+                candidates.insert(Candidates { found, state, parts: Recent::NONE })
+            }
+        };
+        let key = Key::of(input, self.settings.call(spheres, &input.window));
+        self.record(buffers, candidates, key)?;
+        if let (Some(Parts { before, gate, behind }), Some(search)) =
+            (candidates.parts.current(), self.search.recording())
+        {
+            before.encode(encoder);
+            search.encode_gated(encoder, gate.get(Slot::Gate));
+            behind.encode(encoder);
         }
-        let position = self.recorded(&mut resident, (spheres, &found), input)?;
-        let Parts { before, gate, behind } = &resident.recordings[position].1;
-        before.encode(encoder);
-        if let Some(search) = self.search.recording() {
-            search.encode_gated(encoder, gate);
-        }
-        behind.encode(encoder);
-        let (pairs, outcome) = (resident.pairs.clone(), resident.outcome.clone());
-        let output = GpuPairs { pairs, capacity: resident.capacity, outcome, sorted: None };
+        let [pairs, outcome] = [Slot::Pairs, Slot::Outcome].map(|slot| buffers.get(slot).clone());
         self.resident = Some(resident);
-        Ok(output)
+        Ok(GpuPairs { pairs, capacity: self.settings.pair_capacity, outcome, sorted: None })
     }
 
     fn allocate(&self, spheres: u32) -> Result<Resident, Error> {
-        let capacity = self.settings.pair_capacity;
-        let species = if self.tables.is_some() { spheres } else { 0 };
-        Ok(Resident {
-            spheres,
-            kept: self.buffer("kept spheres", u64::from(spheres) * 16)?,
-            kept_species: self.buffer("kept species", u64::from(species) * 4)?,
-            state: self.buffer("what is known of candidates", size_of::<SkinState>() as u64)?,
-            dispatch: self.buffer("workgroups of the candidates", 16)?,
-            outcome: self.buffer("outcome", size_of::<Outcome>() as u64)?,
-            pairs: self.buffer("pairs", u64::from(capacity) * 8)?,
-            capacity,
-            found: None,
-            recordings: VecDeque::new(),
+        let buffers = skin::buffers(spheres, self.settings.pair_capacity, self.tables.is_some());
+        check_buffers(&buffers, &DeviceLimits::of(&self.device))?;
+        let buffers = Buffers::allocate(&self.device, &buffers)?;
+        Ok(Resident { spheres, buffers, candidates: None })
+    }
+
+    /// Binds all dispatches of such a call, unless they are.
+    fn record(&self, buffers: &Buffers, candidates: &mut Candidates, key: Key) -> Result<(), Error> {
+        let Candidates { found, state, parts } = candidates;
+        let search = self.search.recording();
+        let groups = search.map(Recording::groups).unwrap_or_default();
+        parts.turn_to((key, groups), |(key, groups)| {
+            let half = self.skin / 2.0;
+            let skin = Skin { half, usable: (half * USABLE).powi(2), capacity: found.capacity };
+            let call = constant_buffer(&self.device, "call", bytemuck::bytes_of(&key.call))?;
+            let skin = constant_buffer(&self.device, "skin", bytemuck::bytes_of(&skin))?;
+            let full = constant_buffer(&self.device, "workgroups", bytemuck::cast_slice(groups))?;
+            let gate = Buffers::allocate(&self.device, &[(Slot::Gate, full.size())])?;
+            let own = |slot| buffers.get(slot);
+            let resolve = |stage: &Stage, binding: &str| match (binding, &self.tables, &key.species) {
+                ("skin", ..) => &skin,
+                ("count_source", ..) => key.count.as_ref().unwrap_or(&call),
+                ("spheres", ..) => &key.spheres,
+                ("species", _, Some(species)) => species,
+                ("table", Some(tables), _) => &tables.table,
+                ("kept", ..) => own(Slot::Kept),
+                ("kept_species", Some(_), _) => own(Slot::KeptSpecies),
+                ("state", ..) => state.get(Slot::SkinState),
+                ("full", ..) => &full,
+                ("gate", ..) => gate.get(Slot::Gate),
+                // Of the search, where it finds workgroups itself; its own, which is written again, where it does not.
+                ("dispatch", ..) if stage.kernel == &k::SKIN_DECIDE => {
+                    search.and_then(Recording::found_groups).unwrap_or(own(Slot::Dispatch))
+                }
+                ("dispatch", ..) => own(Slot::Dispatch),
+                ("candidates", ..) => &found.pairs,
+                ("found", ..) => &found.outcome,
+                ("outcome", ..) => own(Slot::Outcome),
+                ("pairs", ..) => own(Slot::Pairs),
+                _ => &call,
+            };
+            let periodic = self.settings.space.is_periodic();
+            let variant = Variant { species: self.tables.is_some(), periodic, ..self.pipelines.variant() };
+            let [before, behind] = skin::stages(key.call.spheres)
+                .map(|stages| Recording::new(&self.device, &self.pipelines, variant, stages, resolve));
+            Ok(Parts { before: before?, gate, behind: behind? })
         })
     }
-
-    fn buffer(&self, label: &'static str, bytes: u64) -> Result<wgpu::Buffer, Error> {
-        let limits = self.device.limits();
-        let (size, limit) =
-            (bytes.max(16), limits.max_storage_buffer_binding_size.min(limits.max_buffer_size));
-        if size > limit {
-            let remedy = "ask for fewer pairs, or for fewer spheres at a time";
-            return Err(Error::LimitExceeded { what: label, needed: size, limit, remedy });
-        }
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::INDIRECT;
-        let descriptor =
-            wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
-        scoped(&self.device, label, size, || self.device.create_buffer(&descriptor))
-    }
-
-    /// What the kernels of this call read.
-    fn call(&self, spheres: u32, input: &GpuSpheres<'_>) -> Call {
-        let [period_x, period_y, period_z] =
-            self.settings.space.lengths().map(|length| length.unwrap_or_default());
-        Call {
-            spheres,
-            pair_capacity: self.settings.pair_capacity,
-            species: self.settings.interactions.as_ref().map_or(0, Interactions::species),
-            consumer_group: self.settings.consumer_group,
-            window_begin: input.window.start,
-            window_end: input.window.end,
-            period_x,
-            period_y,
-            period_z,
-            ..Call::zeroed()
-        }
-    }
-
-    /// The place of what was recorded for this input, or is now.
-    fn recorded(
-        &self,
-        resident: &mut Resident,
-        (spheres, found): (u32, &GpuPairs),
-        input: &GpuSpheres<'_>,
-    ) -> Result<usize, Error> {
-        let count = match input.count {
-            Count::Host(_) => None,
-            Count::Buffer { buffer, .. } => Some(buffer.clone()),
-        };
-        let groups = self.search.recording().map(Recording::groups).unwrap_or_default();
-        let call = self.call(spheres, input);
-        let key =
-            Key { spheres: input.spheres.clone(), species: input.species.cloned(), count, call, groups };
-        if let Some(position) = resident.recordings.iter().position(|(known, _)| *known == key) {
-            return Ok(position);
-        }
-        let parts = self.record(resident, &key, found)?;
-        resident.recordings.truncate(KEPT_RECORDINGS - 1);
-        resident.recordings.push_front((key, parts));
-        Ok(0)
-    }
-
-    fn record(&self, resident: &Resident, key: &Key, found: &GpuPairs) -> Result<Parts, Error> {
-        let half = self.skin / 2.0;
-        let skin = Skin { half, usable: (half * USABLE).powi(2), capacity: found.capacity };
-        let call = constant_buffer(&self.device, "call", bytemuck::bytes_of(&key.call))?;
-        let skin = constant_buffer(&self.device, "skin", bytemuck::bytes_of(&skin))?;
-        let full = constant_buffer(&self.device, "workgroups", bytemuck::cast_slice(&key.groups))?;
-        let gate = self.buffer("workgroups of the search", full.size())?;
-        let unused = self.buffer("unused", 16)?;
-        let of_search = self.search.recording().and_then(Recording::found_groups).unwrap_or(&unused);
-        let resolve = |stage: &Stage, binding: &str| match binding {
-            "skin" => &skin,
-            "count_source" => key.count.as_ref().unwrap_or(&call),
-            "spheres" => &key.spheres,
-            "species" => key.species.as_ref().unwrap_or(&unused),
-            "table" => self.tables.as_ref().map_or(&unused, |tables| &tables.table),
-            "kept" => &resident.kept,
-            "kept_species" => &resident.kept_species,
-            "state" => &resident.state,
-            "full" => &full,
-            "gate" => &gate,
-            "dispatch" if stage.kernel == &k::SKIN_DECIDE => of_search,
-            "dispatch" => &resident.dispatch,
-            "candidates" => &found.pairs,
-            "found" => &found.outcome,
-            "outcome" => &resident.outcome,
-            "pairs" => &resident.pairs,
-            _ => &call,
-        };
-        let periodic = self.settings.space.is_periodic();
-        let variant = Variant { species: self.tables.is_some(), periodic, ..self.pipelines.variant() };
-        let [before, behind] = stages(key.call.spheres)
-            .map(|stages| Recording::new(&self.device, &self.pipelines, variant, stages, resolve));
-        Ok(Parts { before: before?, gate: gate.clone(), behind: behind? })
-    }
-}
-
-/// The dispatches before the search for candidates and behind it.
-fn stages(spheres: u32) -> [Vec<Stage>; 2] {
-    let stage =
-        |kernel: &'static Kernel, groups, phase| Stage { kernel, groups, indirect: false, phase, pass: 0 };
-    let per_sphere = spheres.div_ceil(k::GROUP);
-    let before = vec![
-        stage(&k::SKIN_MEASURE, per_sphere, Phase::Survey),
-        stage(&k::SKIN_DECIDE, 1, Phase::Survey),
-        stage(&k::SKIN_KEEP, per_sphere, Phase::Survey),
-    ];
-    let behind = vec![
-        stage(&k::CANDIDATES_OPEN, 1, Phase::Search),
-        Stage { indirect: true, ..stage(&k::CANDIDATES_TEST, 0, Phase::Search) },
-        stage(&k::OUTCOME_FINISH, 1, Phase::Search),
-    ];
-    [before, behind]
 }
 
 /// The table by which species are candidates.

@@ -47,8 +47,8 @@ const MOST_KEPT: u64 = 128;
 const LARGEST: f32 = 1e30;
 /// Allowances whose squares `f32` holds with room to spare.
 const FINITE: std::ops::RangeInclusive<f32> = 5e-15..=1e17;
-/// Fixed skins whose half is such an allowance.
-pub(crate) const FIXED: std::ops::RangeInclusive<f32> = 2.0 * *FINITE.start()..=*FINITE.end();
+/// Fixed skins: those whose half is such an allowance.
+pub const SKINS: std::ops::RangeInclusive<f32> = 2.0 * *FINITE.start()..=*FINITE.end();
 
 /// The allowances of a fixed skin: half of it for every sphere.
 fn fixed(distance: f32) -> Allowances {

@@ -10,8 +10,9 @@
 @group(0) @binding(4) var<storage, read_write> state: SkinState;
 @group(0) @binding(5) var<storage, read_write> outcome: Outcome;
 @group(0) @binding(6) var<storage, read_write> dispatch: array<u32>;
+#include outcome_begin
+#include rows
 
-const MAX_GROUPS: u32 = 65535u;
 // Bits of `overflow`.
 const SPHERES: u32 = 4u;
 const CANDIDATES: u32 = 8u;
@@ -26,23 +27,13 @@ fn candidates_open() {
     let written = select(count, skin.capacity, full);
     state.is_complete = select(1u, 0u, overflow != 0u);
     state.candidates = written;
-    let groups = (written + 255u) / 256u;
-    let rows = (groups + MAX_GROUPS - 1u) / MAX_GROUPS;
-    dispatch[0] = select(groups, MAX_GROUPS, rows > 1u);
-    dispatch[1] = max(rows, 1u);
+    let groups = in_rows((written + 255u) / 256u);
+    dispatch[0] = groups.x;
+    dispatch[1] = groups.y;
     dispatch[2] = 1u;
-    atomicStore(&outcome.found_lo, 0u);
-    atomicStore(&outcome.found_hi, 0u);
-    atomicStore(&outcome.overflow, overflow | select(0u, SPHERES, count_source[0] > call.spheres));
-    atomicStore(&outcome.quarantined, atomicLoad(&found.quarantined));
-    atomicStore(&outcome.crowded, 0u);
-    atomicStore(&outcome.crowded_tiles, 0u);
-    atomicStore(&outcome.crowded_begin, 0u);
-    atomicStore(&outcome.crowded_end, 0u);
+    outcome_begin(overflow, atomicLoad(&found.quarantined));
     // Of a full list the number of all that were found, so that there may be room for them.
     atomicStore(&outcome.entries_lo, count);
     atomicStore(&outcome.entries_hi, atomicLoad(&found.found_hi));
-    atomicStore(&outcome.spheres, count_source[0]);
     atomicStore(&outcome.densest, 0u);
-    atomicStore(&outcome.is_sorted, 0u);
 }

@@ -3,8 +3,7 @@
 
 @group(0) @binding(0) var<uniform> call: Call;
 @group(0) @binding(1) var<storage, read_write> outcome: Outcome;
-
-const MAX_GROUPS: u32 = 65535u;
+#include rows
 
 @compute @workgroup_size(1)
 fn outcome_finish() {
@@ -18,9 +17,9 @@ fn outcome_finish() {
         atomicOr(&outcome.overflow, 1u);
     }
     let written = select(found, call.pair_capacity, full);
-    let groups = written / call.consumer_group + select(0u, 1u, written % call.consumer_group != 0u);
-    let rows = (groups + MAX_GROUPS - 1u) / MAX_GROUPS;
-    atomicStore(&outcome.dispatch_x, select(groups, MAX_GROUPS, rows > 1u));
-    atomicStore(&outcome.dispatch_y, max(rows, 1u));
+    let groups =
+        in_rows(written / call.consumer_group + select(0u, 1u, written % call.consumer_group != 0u));
+    atomicStore(&outcome.dispatch_x, groups.x);
+    atomicStore(&outcome.dispatch_y, groups.y);
     atomicStore(&outcome.dispatch_z, 1u);
 }

@@ -53,6 +53,14 @@ pub(crate) enum Slot {
     Sorted,
     /// Their species.
     SortedSpecies,
+    /// The spheres as they were when candidates were found, widened.
+    Kept,
+    /// Their species then.
+    KeptSpecies,
+    /// What is known of the candidates.
+    SkinState,
+    /// Workgroups of the search for candidates: all or none.
+    Gate,
 }
 
 /// What a kernel's binding is bound to.

@@ -82,7 +82,7 @@ pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(Slot, u64)> {
 
 pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
     let per_sphere = plan.spheres.div_ceil(k::GROUP);
-    let stage = |kernel, groups, phase| Stage { kernel, groups, indirect: false, phase, pass: 0 };
+    let stage = Stage::new;
     let survey = plan.spheres.div_ceil(k::GROUP * SPHERES_PER_THREAD).clamp(1, SURVEY_GROUPS);
     let mut stages = match plan.spheres <= VERY_FEW && plan.tile == 0 {
         true => vec![stage(&k::LIST_BEGIN, 1, Phase::Survey)],
@@ -106,7 +106,7 @@ pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
         stages.push(stage(&k::HOMES_KEY, plan.spheres.div_ceil(plan.tile), Phase::Entries));
         // The digits of the first pass are counted already.
         stages.extend(sort_stages(plan.spheres, plan.tile, plan.passes()).skip(1));
-        let sorted = |kernel, groups| Stage { pass: plan.passes(), ..stage(kernel, groups, Phase::Sort) };
+        let sorted = |kernel, groups| Stage::of_sort(kernel, groups, plan.passes());
         stages.push(sorted(&k::CELLS_INDEX, plan.counters.div_ceil(INDEX_BLOCK)));
         stages.push(sorted(&k::SPHERES_GATHER, per_sphere));
     }
@@ -116,7 +116,7 @@ pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
         stages.push(stage(&k::SHARES_SEARCH, per_sphere * plan.further_shares, Phase::Search));
     } else if plan.spheres > plan.share {
         stages.push(stage(&k::SHARES_OPEN, 1, Phase::Search));
-        stages.push(Stage { indirect: true, ..stage(&k::SHARES_SEARCH, 1, Phase::Search) });
+        stages.push(Stage::indirect(&k::SHARES_SEARCH, Phase::Search));
     }
     stages
 }

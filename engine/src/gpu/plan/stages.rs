@@ -48,10 +48,27 @@ pub(crate) struct Stage {
     pub(crate) pass: u32,
 }
 
+impl Stage {
+    /// So many workgroups, outside the sort.
+    pub(crate) const fn new(kernel: &'static Kernel, groups: u32, phase: Phase) -> Self {
+        Self { kernel, groups, indirect: false, phase, pass: 0 }
+    }
+
+    /// The same in a radix pass of the sort.
+    pub(super) const fn of_sort(kernel: &'static Kernel, groups: u32, pass: u32) -> Self {
+        Self { pass, ..Self::new(kernel, groups, Phase::Sort) }
+    }
+
+    /// As many workgroups as the device finds.
+    pub(crate) const fn indirect(kernel: &'static Kernel, phase: Phase) -> Self {
+        Self { indirect: true, ..Self::new(kernel, 1, phase) }
+    }
+}
+
 /// The dispatches of a call.
 pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
     let per_sphere = plan.spheres.div_ceil(k::GROUP);
-    let stage = |kernel, groups, phase| Stage { kernel, groups, indirect: false, phase, pass: 0 };
+    let stage = Stage::new;
     let mut stages = vec![
         stage(&k::CALL_BEGIN, 1, Phase::Survey),
         stage(&k::SPHERES_WRAP, if plan.periodic { per_sphere } else { 0 }, Phase::Survey),
@@ -79,7 +96,7 @@ pub(super) fn stages(plan: &Plan) -> Vec<Stage> {
         stages.extend(sort_stages(plan.entries, plan.tile, plan.passes()));
         stages.push(stage(&k::RUNS_SEARCH, plan.entries.div_ceil(k::GROUP), Phase::Search));
         stages.push(stage(&k::CROWDED_OPEN, 1, Phase::Search));
-        stages.push(Stage { indirect: true, ..stage(&k::CROWDED_SEARCH, 1, Phase::Search) });
+        stages.push(Stage::indirect(&k::CROWDED_SEARCH, Phase::Search));
     }
     stages.push(stage(&k::OUTCOME_FINISH, 1, Phase::Search));
     stages.retain(|stage| stage.groups > 0);
@@ -97,7 +114,7 @@ pub(in crate::gpu) fn sort_stages(items: u32, tile: u32, passes: u32) -> impl It
     let tiles = items.div_ceil(tile);
     let digits = if tiles == 0 { 0 } else { 1 << k::DIGIT_BITS };
     (0..passes).flat_map(move |pass| {
-        let stage = move |kernel, groups| Stage { kernel, groups, indirect: false, phase: Phase::Sort, pass };
+        let stage = move |kernel, groups| Stage::of_sort(kernel, groups, pass);
         [stage(&k::RADIX_COUNT, tiles), stage(&k::RADIX_SCAN, digits), stage(&k::RADIX_SCATTER, tiles)]
     })
 }
@@ -105,6 +122,6 @@ pub(in crate::gpu) fn sort_stages(items: u32, tile: u32, passes: u32) -> impl It
 /// The stages of an exclusive scan of at most `values` values.
 pub(in crate::gpu) fn scan_stages(values: u32, pass: u32) -> [Stage; 3] {
     let tiles = values.div_ceil(k::SCAN_TILE);
-    let stage = |kernel, groups| Stage { kernel, groups, indirect: false, phase: Phase::Sort, pass };
+    let stage = |kernel, groups| Stage::of_sort(kernel, groups, pass);
     [stage(&k::SCAN_REDUCE, tiles), stage(&k::SCAN_SPINE, 1), stage(&k::SCAN_SPREAD, tiles)]
 }

@@ -1,6 +1,8 @@
 // Chooses the cells of a call: which sizes share a level, how wide its cells are and how many go round each axis.
 // Clears the survey for the next call, and what this one counts.
 
+#include outcome_begin
+
 const SAMPLES: u32 = 256u;
 // So few of the largest spheres are compared with all others instead of having cells.
 const MOST_LISTED: u32 = 8u;
@@ -161,18 +163,9 @@ fn set_call(count: u32) {
     }
     // Without a valid sphere the complement of nothing is no number, and nothing is tested.
     list.ordinary = select(0u, 1u, smallest > 0x1p-40 && farthest < 0x1p58 && widest < 0x1p58);
-    atomicStore(&outcome.found_lo, 0u);
-    atomicStore(&outcome.found_hi, 0u);
-    atomicStore(&outcome.overflow, select(0u, 4u, count_source[0] > call.spheres));
-    atomicStore(&outcome.quarantined, atomicLoad(&survey.quarantined));
-    atomicStore(&outcome.crowded, 0u);
-    atomicStore(&outcome.crowded_tiles, 0u);
-    atomicStore(&outcome.crowded_begin, 0u);
-    atomicStore(&outcome.crowded_end, 0u);
+    outcome_begin(0u, atomicLoad(&survey.quarantined));
     atomicStore(&outcome.is_sorted, call.sorted_pairs);
     atomicStore(&outcome.entries_lo, count);
-    atomicStore(&outcome.entries_hi, 0u);
-    atomicStore(&outcome.spheres, count_source[0]);
     atomicStore(&survey.smallest, 0u);
     atomicStore(&survey.quarantined, 0u);
 }
