@@ -3,9 +3,10 @@
 use std::ops::ControlFlow;
 
 use lazygrid::Error::TooManyPairs;
-use lazygrid::{Algorithm, Detector, Order, Pair, Simd};
+use lazygrid::{Algorithm, Config, Detector, Order, Pair, Simd};
 
 use crate::compare::{Failure, with_species};
+use crate::motion::{skin_of, walk};
 use crate::way::{Place, text};
 use crate::{Gpu, Random, Scenario, Tolerance, Way, Words, adversary, difference, guarded, periodic, shrink};
 
@@ -46,7 +47,13 @@ impl Round {
         let max_pairs = if random.below(4) == 0 { random.below(50).into() } else { u64::from(u32::MAX) };
         let mut calls = vec![(drawn_call(&mut random), drawn_scene(&mut random))];
         let (space, table) = (calls[0].1.space, calls[0].1.mixture.clone());
-        for _ in 0..random.below(3) {
+        for _ in 0..random.below(if way.skin > 0.0 { 6 } else { 3 }) {
+            if way.skin > 0.0 && random.below(4) != 0 {
+                let mut moved = calls[calls.len() - 1].1.clone();
+                walk(&mut moved.spheres, 0.3 * way.skin * random.unit(), random.word());
+                calls.push((drawn_call(&mut random), moved));
+                continue;
+            }
             let mut scenario = drawn_scene(&mut random);
             scenario.space = space;
             scenario.mixture = table.clone().map(|mut mixture| {
@@ -101,7 +108,10 @@ impl Round {
 
     fn run(&self, gpu: Option<&Gpu>) -> Result<(), String> {
         let config = self.way.config(gpu).order(self.order).max_pairs(self.max_pairs);
-        let config = self.calls.iter().take(1).try_fold(config, |config, (_, s)| s.config(config));
+        let with_first = |config: Config, (_, first): &(Call, Scenario)| {
+            first.config(config.skin(skin_of(&first.spheres, self.way.skin)))
+        };
+        let config = self.calls.iter().take(1).try_fold(config, with_first);
         let mut detector = Detector::new(config.map_err(text)?).map_err(text)?;
         self.judge(|call, scenario| answer(&mut detector, call, scenario))
     }
@@ -243,7 +253,9 @@ fn drawn_way(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Way {
     };
     let tau = [0, 1, 2, 8, 32, u32::MAX, random.below(600)][random.below(7) as usize];
     let ratio = [0.5, 1.0, 1.5, 2.0, 16.0, 0.5 + 15.5 * random.unit()][random.below(6) as usize];
+    let keeps = is_on_gpu || matches!(algorithm, Algorithm::Auto | Algorithm::CellList);
     Way {
+        skin: if keeps && random.below(3) == 0 { [0.01, 0.3, 2.0][random.below(3) as usize] } else { 0.0 },
         tau: (random.below(2) == 0).then_some(tau),
         raster_ratio: (random.below(2) == 0).then_some(ratio),
         ..Way::new(algorithm, place)

@@ -27,6 +27,7 @@ mod difference;
 mod grid;
 mod homes;
 mod list;
+pub mod motion;
 mod nested;
 mod random;
 mod runs;

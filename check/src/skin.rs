@@ -114,14 +114,15 @@ pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), Fault> {
         ..SkinState::zeroed()
     };
     let cases = [
-        (kept, false),
-        (SkinState::zeroed(), true),
-        (SkinState { spheres: 9, ..kept }, true),
-        (SkinState { changed: 1, ..kept }, true),
-        (SkinState { moved: SKIN.usable.next_up().to_bits(), ..kept }, true),
-        (SkinState { moved: f32::NAN.to_bits(), ..kept }, true),
+        (kept, 0),
+        (SkinState::zeroed(), SkinState::FIRST),
+        (SkinState { spheres: 9, ..kept }, SkinState::CHANGED),
+        (SkinState { changed: 1, ..kept }, SkinState::CHANGED),
+        (SkinState { moved: SKIN.usable.next_up().to_bits(), ..kept }, SkinState::MOVED),
+        (SkinState { moved: f32::NAN.to_bits(), ..kept }, SkinState::MOVED),
     ];
-    for (state, is_rebuilt) in cases {
+    for (state, rebuilt) in cases {
+        let is_rebuilt = rebuilt != 0;
         for steps in [1, 20, 70] {
             let full: Vec<u32> = (1..=3 * steps).collect();
             let (call, _) = call(12, Space::UNBOUNDED);
@@ -144,7 +145,7 @@ pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), Fault> {
                 moved: 0,
                 changed: 0,
                 spheres: 10,
-                is_rebuilt: u32::from(is_rebuilt),
+                rebuilt,
                 age: if is_rebuilt { 0 } else { state.age + 1 },
                 moved_last: state.moved,
                 ..state
@@ -164,9 +165,11 @@ pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), Fault> {
 /// # Errors
 /// What is wrong.
 pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), Fault> {
-    for (size, is_rebuilt) in SIZES.into_iter().flat_map(|size| [0, 1].map(|is_rebuilt| (size, is_rebuilt))) {
+    for (size, rebuilt) in
+        SIZES.into_iter().flat_map(|size| [0, SkinState::MOVED].map(|rebuilt| (size, rebuilt)))
+    {
         let given = spheres(size, 3);
-        let state = SkinState { spheres: size as u32, is_rebuilt, ..SkinState::zeroed() };
+        let state = SkinState { spheres: size as u32, rebuilt, ..SkinState::zeroed() };
         let before = vec![[7.0_f32; 4]; size];
         let (call, variant) = call(size, Space::UNBOUNDED);
         let (call, skin) = (upload(own, &[call])?, upload(own, &[SKIN])?);
@@ -174,8 +177,8 @@ pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), Fault> {
         let bound =
             [("call", &call), ("skin", &skin), ("spheres", &input), ("state", &state), ("kept", &kept)];
         run(own, &k::SKIN_KEEP, variant, size.div_ceil(256) as u32, &bound)?;
-        let expected = if is_rebuilt == 1 { given.iter().map(widened).collect() } else { before };
-        let case = || format!("{size} spheres, rebuilt {is_rebuilt}");
+        let expected = if rebuilt != 0 { given.iter().map(widened).collect() } else { before };
+        let case = || format!("{size} spheres, rebuilt {rebuilt}");
         same(case, &download::<[f32; 4]>(own, &kept, size)?, &expected)?;
     }
     Ok(())

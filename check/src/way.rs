@@ -2,9 +2,10 @@ use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use lazygrid::gpu::{AdapterId, GpuDevice, GpuSession, GpuSettings};
-use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Simd};
+use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Simd, Skin};
 
 use crate::device::PATIENCE;
+use crate::motion::{skin_of, walk};
 use crate::{Extent, Scenario, Tolerance};
 
 /// The GPU that is checked.
@@ -27,6 +28,8 @@ pub struct Way {
     pub tau: Option<u32>,
     /// The raster ratio, where it is not the default.
     pub raster_ratio: Option<f32>,
+    /// The skin with which candidates are kept from call to call, as a part of a radius; 0 where the detector decides.
+    pub skin: f32,
 }
 
 /// Where a detector runs, and with what.
@@ -49,7 +52,7 @@ pub enum Place {
 impl Way {
     /// A way with default settings.
     pub fn new(algorithm: Algorithm, place: Place) -> Self {
-        Self { algorithm, place, tau: None, raster_ratio: None }
+        Self { algorithm, place, tau: None, raster_ratio: None, skin: 0.0 }
     }
 
     /// Every algorithm of the CPU on one thread with every width of vectors that the processor has, and on all threads.
@@ -63,21 +66,23 @@ impl Way {
     }
 
     /// Every algorithm of the GPU with and without subgroup operations, and with cells that are split where they hold more
-    /// than one smaller sphere. For a [quick](Extent::Quick) look each as a detector has it by default.
+    /// than one smaller sphere; and with candidates that are kept. For a [quick](Extent::Quick) look each as a detector has it by default.
     pub fn on_gpu(own: &GpuDevice, extent: Extent) -> Vec<Self> {
         let with = |subgroups, tau| {
             let way = move |algorithm| Self { tau, ..Self::new(algorithm, Place::Gpu { subgroups }) };
             Algorithm::GPU.map(way).to_vec()
         };
         let subgroups = own.adapter.has_subgroups;
+        let keeping = Self { skin: 0.5, ..Self::new(Algorithm::CellList, Place::Gpu { subgroups }) };
         if extent == Extent::Quick {
-            return with(subgroups, None);
+            return [with(subgroups, None), vec![keeping]].concat();
         }
         let mut ways = with(false, None);
         if subgroups {
             ways.extend(with(true, None));
         }
         ways.extend(with(subgroups, Some(1)));
+        ways.push(keeping);
         ways
     }
 
@@ -153,6 +158,14 @@ impl Way {
         };
         let mut session = GpuSession::new(gpu.own.clone(), settings).map_err(text)?;
         session.set_timeout(PATIENCE);
+        if let Skin::Fixed(distance) = skin_of(&scenario.spheres, self.skin) {
+            session.set_skin(Some(distance)).map_err(text)?;
+            // So that the call that is looked at is answered from candidates of an earlier one.
+            let mut before = scenario.clone();
+            walk(&mut before.spheres, 0.1 * self.skin, 1);
+            let ticket = session.begin(before.view()).map_err(text)?;
+            session.finish_count(ticket).map_err(text)?;
+        }
         let ticket = session.begin(scenario.view()).map_err(text)?;
         Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
     }
@@ -181,7 +194,8 @@ impl fmt::Display for Way {
             Place::Gpu { subgroups } => write!(f, ", subgroups {}", if subgroups { "on" } else { "off" })?,
         }
         self.tau.map_or(Ok(()), |tau| write!(f, ", τ {tau}"))?;
-        self.raster_ratio.map_or(Ok(()), |ratio| write!(f, ", raster ratio {ratio}"))
+        self.raster_ratio.map_or(Ok(()), |ratio| write!(f, ", raster ratio {ratio}"))?;
+        if self.skin > 0.0 { write!(f, ", candidates kept") } else { Ok(()) }
     }
 }
 

@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 
 use common::{Random, device};
 use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings, wgpu};
-use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, Sphere, Spheres};
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, Rebuilt, Sphere, Spheres};
 
 /// Radii and places are multiples of a power of two, so that no rounding happens and results agree exactly.
 fn cloud(seed: u64, n: usize, extent: u32) -> Vec<Sphere> {
@@ -302,4 +302,35 @@ fn unordered_lists_have_the_same_pairs() {
     let mut pairs = gpu(Config::default().order(Order::Unordered)).pairs(&spheres).expect("found").to_vec();
     pairs.sort_unstable();
     assert_eq!(pairs, expected(&spheres));
+}
+
+/// Candidates that do not fit have room made for them, or are done without for a while; answers stay the same.
+#[test]
+fn candidates_that_do_not_fit_never_fail_a_call() {
+    let Some(own) = device() else { return };
+    let settings = GpuSettings { pair_capacity: 1 << 10, ..GpuSettings::default() };
+    let own = with_bindings_of(&own, 1 << 20);
+    let mut session = GpuSession::new(own, settings).expect("a session");
+    session.set_skin(Some(0.01)).expect("a skin");
+    let mut count = |n: usize, what: &str| {
+        let spheres = vec![Sphere::new([1.0; 3], 0.5); n];
+        let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+        let found = session.finish_count(ticket).expect("finished");
+        assert_eq!(found, (n * (n - 1) / 2) as u64, "{n}, {what}");
+        session.kept().map(|kept| (kept.count, kept.age, kept.rebuilt))
+    };
+    // Of 4096 candidates that there is room for by the pairs, and 131 072 that there can be.
+    assert_eq!(count(80, "few"), Some((3160, 0, Some(Rebuilt::First))));
+    assert_eq!(count(80, "few again"), Some((3160, 1, None)));
+    assert_eq!(count(400, "more"), Some((79_800, 0, Some(Rebuilt::First))));
+    assert_eq!(count(400, "more again"), Some((79_800, 1, None)));
+    for _ in 0..10 {
+        assert_eq!(count(600, "too many"), None);
+    }
+    for _ in 0..10 {
+        count(80, "few for some time");
+    }
+    assert!(
+        count(80, "few at last").is_some_and(|(candidates, age, _)| (candidates, age > 0) == (3160, true))
+    );
 }

@@ -88,7 +88,7 @@ fn candidates_never_change_an_answer() {
         let (mut served, mut rebuilt) = (0, 0);
         for step in 0..16 {
             let state = judge(&own, &mut detector, &scenario, &format!("{case}, step {step}"));
-            *if state.is_rebuilt == 0 { &mut served } else { &mut rebuilt } += 1;
+            *if state.rebuilt == 0 { &mut served } else { &mut rebuilt } += 1;
             walk(&mut scenario.spheres, if step == 12 { 3.0 } else { 0.1 }, &mut random);
         }
         assert!(served >= 8 && rebuilt >= 3, "{case}: {served} served, {rebuilt} rebuilt");
@@ -110,7 +110,7 @@ fn half_a_skin_each_is_not_too_far() {
             // They touch at last, a little before either has used up its half.
             let gone = 0.4994 * skin * (step as f32 / 30.0).min(1.0);
             let state = judge(&own, &mut detector, &at(gone), &format!("{radius}, {skin}, step {step}"));
-            served += u32::from(state.is_rebuilt == 0);
+            served += u32::from(state.rebuilt == 0);
         }
         assert!(served == 39, "{radius}, {skin}: {served} served");
     }
@@ -121,25 +121,25 @@ fn other_spheres_have_candidates_found_anew() {
     let Some(own) = device() else { return };
     let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), 0.5).expect("made");
     let mut scenario = Scenario::from(cloud(6, 900, 6.0, |_| 0.3));
-    let mut ask = |scenario: &Scenario, is_rebuilt: u32, case: &str| {
+    let mut ask = |scenario: &Scenario, rebuilt: u32, case: &str| {
         let state = judge(&own, &mut detector, scenario, case);
-        assert_eq!(state.is_rebuilt, is_rebuilt, "{case}: {state:?}");
+        assert_eq!(state.rebuilt, rebuilt, "{case}: {state:?}");
     };
-    ask(&scenario, 1, "the first");
+    ask(&scenario, SkinState::FIRST, "the first");
     ask(&scenario, 0, "the same");
     scenario.spheres[500].radius = 1.5;
-    ask(&scenario, 1, "a larger one");
+    ask(&scenario, SkinState::CHANGED, "a larger one");
     scenario.spheres[501].radius = f32::NAN;
-    ask(&scenario, 1, "one that is no more valid");
+    ask(&scenario, SkinState::CHANGED, "one that is no more valid");
     ask(&scenario, 0, "nothing new");
     scenario.spheres[501].radius = 0.3;
-    ask(&scenario, 1, "one that is valid again");
+    ask(&scenario, SkinState::CHANGED, "one that is valid again");
     scenario.spheres.swap(3, 4);
-    ask(&scenario, 1, "two that changed places");
+    ask(&scenario, SkinState::MOVED, "two that changed places");
     scenario.spheres.truncate(800);
-    ask(&scenario, 1, "fewer");
+    ask(&scenario, SkinState::CHANGED, "fewer");
     scenario.spheres.extend(cloud(7, 500, 6.0, |_| 0.3));
-    ask(&scenario, 1, "more than ever");
+    ask(&scenario, SkinState::FIRST, "more than ever");
     ask(&scenario, 0, "nothing new");
 }
 
@@ -156,8 +156,8 @@ fn too_many_candidates_are_said_with_their_number() {
         assert_eq!((outcome.overflow, outcome.entries()), (Outcome::CANDIDATES, 499_500), "{outcome:?}");
     }
     detector.set_candidate_capacity(500_000);
-    assert_eq!(judge(&own, &mut detector, &scenario, "with room").is_rebuilt, 1);
-    assert_eq!(judge(&own, &mut detector, &scenario, "kept").is_rebuilt, 0);
+    assert_eq!(judge(&own, &mut detector, &scenario, "with room").rebuilt, SkinState::FIRST);
+    assert_eq!(judge(&own, &mut detector, &scenario, "kept").rebuilt, 0);
 }
 
 #[test]

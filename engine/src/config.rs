@@ -145,8 +145,8 @@ impl Config {
     }
 
     /// Whether candidates, pairs that may soon overlap, are kept from call to call. Worth it where spheres move little
-    /// from one call to the next; an answer never depends on it. Default: [`Skin::Auto`]. On the CPU only: the
-    /// GPU searches anew whatever [`Skin::Auto`] says, and refuses a fixed skin.
+    /// from one call to the next; an answer never depends on it. Default: [`Skin::Auto`]. On the GPU
+    /// candidates are kept with [`Skin::Fixed`] only, and stay there: [`Skin::Auto`] searches anew.
     ///
     /// ```
     /// # use lazygrid::{Config, Skin};

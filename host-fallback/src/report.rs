@@ -20,7 +20,7 @@ pub struct Report {
 }
 
 /// Candidates: pairs that may overlap until spheres have moved too far.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Kept {
     /// How many there are.

@@ -210,14 +210,24 @@ pub struct SkinState {
     pub is_complete: u32,
     /// How many spheres there were.
     pub spheres: u32,
-    /// 1 where the last call found candidates anew.
-    pub is_rebuilt: u32,
+    /// Why the last call found candidates anew: [`FIRST`](Self::FIRST), [`CHANGED`](Self::CHANGED) or
+    /// [`MOVED`](Self::MOVED); 0 where it kept them.
+    pub rebuilt: u32,
     /// Calls since then.
     pub age: u32,
     /// How many candidates there are.
     pub candidates: u32,
     /// Bits of the square of how far the farthest sphere had gone at the last call.
     pub moved_last: u32,
+}
+
+impl SkinState {
+    /// There were no candidates, or not all.
+    pub const FIRST: u32 = 1;
+    /// There were more spheres or fewer, others, or of other radii or species.
+    pub const CHANGED: u32 = 2;
+    /// Some sphere had gone too far.
+    pub const MOVED: u32 = 3;
 }
 
 impl Outcome {

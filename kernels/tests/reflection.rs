@@ -132,7 +132,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
         }),
         layout!(words Lengths { items, counters }),
         layout!(words Skin { half, usable, capacity }),
-        layout!(words SkinState { moved, changed, is_complete, spheres, is_rebuilt, age, candidates, moved_last }),
+        layout!(words SkinState { moved, changed, is_complete, spheres, rebuilt, age, candidates, moved_last }),
     ];
     let mut held = 0;
     each_shader(|kernel, _, module, _| {

@@ -171,6 +171,10 @@ impl GpuDetector {
         Ok(Prepared { plan, buffers, recordings: Recent::NONE })
     }
 
+    pub(crate) fn settings(&self) -> &GpuSettings {
+        &self.settings
+    }
+
     /// How many pairs the output of the next call holds.
     pub fn pair_capacity(&self) -> u32 {
         self.settings.pair_capacity

@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use lazygrid_host::{Canonical, Lists, Neighbors, Order, Phase, Settings, Skin, Survey};
+use lazygrid_host::{Canonical, Kept, Lists, Neighbors, Order, Phase, Settings, Skin, Survey};
 use lazygrid_kernels::{Pair, Spheres};
 
 use super::{Crossover, GpuDevice, GpuSession, GpuSettings, Ticket};
@@ -27,10 +27,6 @@ impl DeviceDetector {
         let settings = config.settings;
         let crossover = choice::crossover(&config.calibrations, &own.adapter);
         let ratio = raster_ratio(config.raster_ratio)?;
-        if let Skin::Fixed(distance) = settings.skin {
-            let range = "the GPU keeps no candidates yet: choose the CPU, `Auto` or `Off`";
-            return Err(Error::Setting { name: "skin", value: distance.to_string(), range });
-        }
         let gpu = GpuSettings {
             algorithm: settings.algorithm,
             crossover: crossover.0,
@@ -53,6 +49,9 @@ impl DeviceDetector {
             phases: Vec::new(),
         };
         let mut session = GpuSession::new(own, gpu)?;
+        if let Skin::Fixed(distance) = settings.skin {
+            session.set_skin(Some(distance))?;
+        }
         if let Some(timeout) = config.timeout {
             session.set_timeout(timeout);
         }
@@ -142,6 +141,7 @@ impl DeviceDetector {
         self.report.spheres = spheres.len() as u64;
         self.report.pairs = 0;
         self.report.cost = None;
+        self.report.candidates = None;
         let start = Instant::now();
         let survey = Survey::new(spheres, self.settings.interactions.as_ref())?;
         self.report.phases.push(Phase { name: "check", time: start.elapsed() });
@@ -166,6 +166,13 @@ impl DeviceDetector {
             log::info!("{instead}");
             self.report.algorithm = ran;
             self.report.reason += &format!("; {instead}");
+        }
+        self.report.candidates = self.session.kept();
+        if let Some(Kept { count, age, rebuilt, .. }) = self.report.candidates {
+            self.report.reason += &match rebuilt {
+                None => format!("; {count} candidates of {age} calls ago"),
+                Some(why) => format!("; {count} candidates were found: {why}"),
+            };
         }
         self.report.phases.extend_from_slice(self.session.timings());
     }

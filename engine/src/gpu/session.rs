@@ -1,8 +1,8 @@
-use std::ops::{ControlFlow, Range};
+use std::ops::ControlFlow;
 use std::sync::{Arc, Weak};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use lazygrid_host::Phase as Timing;
+use lazygrid_host::{Kept, Phase as Timing};
 use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Pair, Spheres};
 
@@ -10,13 +10,17 @@ use super::adapter::{AdapterSummary, GpuDevice};
 use super::detector::{GpuDetector, Way};
 use super::error::make_room;
 use super::input::{GpuSettings, GpuSpheres, check_algorithm};
-use super::mapping::{Mapping, Wait};
-use super::plan::{Cost, Phase, Plan};
-use super::scope::scoped;
-use super::slot::{Returned, Slot, copy_back, staged_pairs};
+use super::mapping::Wait;
+use super::plan::{Cost, Plan};
+use super::slot::Slot;
 use crate::Error;
 
+mod flight;
+mod kept;
 mod repeat;
+
+use flight::{Flight, Work};
+use kept::Keeping;
 
 /// Calls that may be in flight at once.
 const SLOTS: usize = 2;
@@ -33,6 +37,10 @@ const PART_TESTS: u64 = 1 << 34;
 pub struct GpuSession {
     own: GpuDevice,
     detector: GpuDetector,
+    /// What keeps candidates from call to call, where that was asked for.
+    skin: Option<Keeping>,
+    /// The candidates that the last finished call was answered from.
+    kept: Option<Kept>,
     /// How calls run that are begun from now on.
     asked: Way,
     timeout: Duration,
@@ -61,37 +69,6 @@ pub struct Ticket {
     _held: Arc<()>,
 }
 
-/// Work on its way back.
-#[derive(Debug)]
-struct Flight {
-    number: u64,
-    device: wgpu::Device,
-    submission: wgpu::SubmissionIndex,
-    staging: wgpu::Buffer,
-    mapping: Mapping,
-    staged: u64,
-    capacity: u32,
-    /// The phases whose times it took.
-    timed: &'static [Phase],
-}
-
-/// What a submission does.
-#[derive(Debug)]
-enum Work {
-    /// A call, of which pairs are asked for whose smaller index is in this window.
-    Call(Range<u32>),
-    /// A further part of the call that was launched last.
-    Rest,
-}
-
-impl Drop for Flight {
-    /// Whether it landed or was given up: the staging buffer is used again.
-    fn drop(&mut self) {
-        // On a device that is gone there is nothing left to unmap, and nobody to be told.
-        let _ = scoped(&self.device, "unmapping", 0, || self.staging.unmap());
-    }
-}
-
 impl GpuSession {
     /// A session on this device.
     ///
@@ -108,6 +85,8 @@ impl GpuSession {
         Ok(Self {
             asked,
             detector,
+            skin: None,
+            kept: None,
             own,
             timeout: Duration::from_secs(600),
             slots: Default::default(),
@@ -153,12 +132,20 @@ impl GpuSession {
     /// The algorithm of the call that was worked on last, which is ArrayGrid in place of several levels where their
     /// entries do not fit the device; `Auto` before the first.
     pub fn algorithm(&self) -> Algorithm {
-        self.detector.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
+        self.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
     }
 
-    /// What the call cost that was worked on last; `None` before the first.
+    /// What the call cost that was worked on last; `None` before the first, and where candidates were kept.
     pub fn cost(&self) -> Option<Cost> {
-        self.detector.plan().map(Plan::cost)
+        self.plan().filter(|_| self.kept.is_none_or(|kept| kept.rebuilt.is_some())).map(Plan::cost)
+    }
+
+    /// The plan of the search that was recorded last.
+    fn plan(&self) -> Option<&Plan> {
+        match (&self.skin, self.kept) {
+            (Some(skin), Some(_)) => skin.detector.plan(),
+            _ => self.detector.plan(),
+        }
     }
 
     /// What the last finished call found besides its pairs.
@@ -179,7 +166,11 @@ impl GpuSession {
     /// [`Error::LimitExceeded`] where the device cannot hold it.
     pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
         let input = u64::from(spheres).next_power_of_two().max(1) * 16;
-        Ok(self.detector.memory_for(spheres)? + SLOTS as u64 * (input + self.expected * 8))
+        let working = match &self.skin {
+            None => self.detector.memory_for(spheres)?,
+            Some(skin) => skin.detector.memory_for(spheres)?,
+        };
+        Ok(working + SLOTS as u64 * (input + self.expected * 8))
     }
 
     /// Bytes of device memory held now for input and way back.
@@ -300,6 +291,7 @@ impl GpuSession {
     fn forget_last(&mut self) {
         self.pairs.clear();
         self.timings.clear();
+        self.kept = None;
     }
 
     fn capacity(&self) -> u32 {
@@ -310,85 +302,6 @@ impl GpuSession {
     fn largest_capacity(&self) -> u64 {
         let limits = self.own.device.limits();
         (limits.max_storage_buffer_binding_size.min(limits.max_buffer_size / 2) / 8).min(1 << 31)
-    }
-
-    /// Records and submits a call together with its way back.
-    fn launch(&mut self, number: u64, work: Work) -> Result<(), Error> {
-        self.submit(number, work).map_err(|error| self.own.reason(error))
-    }
-
-    fn submit(&mut self, number: u64, work: Work) -> Result<(), Error> {
-        let Self { own, detector, slots, ways, expected, .. } = self;
-        let slot = &mut slots[number as usize % SLOTS];
-        let capacity = detector.pair_capacity();
-        let staged = (*expected).min(capacity.into());
-        let staging = slot.staging(own, staged)?;
-        let Some(spheres) = slot.spheres.clone() else { return Ok(()) };
-        let mut encoder =
-            scoped(&own.device, "an encoder", 0, || own.device.create_command_encoder(&Default::default()))?;
-        let timed: &[Phase] = match work {
-            _ if detector.ticks().is_none() => &[],
-            Work::Call(_) => &Phase::ALL,
-            Work::Rest => &[Phase::Search],
-        };
-        match work {
-            Work::Call(window) => {
-                // Whatever comes of it, nothing of an earlier call is left to go on with.
-                self.launched = None;
-                let species = slot.species.as_ref().filter(|_| detector.has_interactions());
-                let input = GpuSpheres { species, window, ..GpuSpheres::new(&spheres, slot.count) };
-                detector.encode_as(ways[number as usize % SLOTS], &mut encoder, &input)?;
-            }
-            Work::Rest => detector.encode_rest(&mut encoder),
-        }
-        let staged = staged.min(staged_pairs(&staging));
-        if let Some(found) = detector.output() {
-            let from = [Some(&found.outcome), detector.ticks(), Some(&found.pairs)];
-            copy_back(&mut encoder, from, &staging, staged);
-        }
-        let (submission, mapping) = scoped(&own.device, "a call", 0, || {
-            (own.queue.submit([encoder.finish()]), Mapping::request(&staging))
-        })?;
-        own.check_lost()?;
-        let device = own.device.clone();
-        let flight = Flight { number, device, submission, staging, mapping, staged, capacity, timed };
-        self.launched = Some(number);
-        self.flights[number as usize % SLOTS] = Some(flight);
-        Ok(())
-    }
-
-    /// Waits for what was launched and appends its pairs, if all of them came back.
-    async fn land(&mut self, number: u64, wait: Wait) -> Result<Outcome, Error> {
-        let flight = self.flights[number as usize % SLOTS].take().filter(|flight| flight.number == number);
-        let Some(flight) = flight else {
-            return Err(Error::Busy { calls: SLOTS });
-        };
-        let start = Instant::now();
-        let waiting = flight.mapping.clone();
-        let submission = flight.submission.clone();
-        let finished = waiting.finished(&self.own.device, submission, self.timeout, wait).await;
-        self.own.check_lost()?;
-        finished?;
-        self.time("wait", start.elapsed());
-        let start = Instant::now();
-        let view = flight.staging.slice(..).get_mapped_range();
-        let view = view.map_err(|error| Error::Validation { what: "readback", reason: error.to_string() })?;
-        let returned = Returned(&view);
-        let outcome = returned.outcome()?;
-        if outcome.found() <= flight.staged.min(flight.capacity.into()) {
-            returned.append_pairs(outcome.found() as usize, &mut self.pairs)?;
-        }
-        if !flight.timed.is_empty() {
-            let (period, ticks) = (f64::from(self.own.queue.get_timestamp_period()) * 1e-9, returned.ticks());
-            for phase in flight.timed {
-                let [begin, end] = ticks[*phase as usize];
-                self.time(phase.name(), Duration::from_secs_f64(end.saturating_sub(begin) as f64 * period));
-            }
-        }
-        drop(view);
-        drop(flight);
-        self.time("read", start.elapsed());
-        Ok(outcome)
     }
 
     fn time(&mut self, name: &'static str, time: Duration) {

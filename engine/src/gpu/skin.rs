@@ -9,10 +9,10 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::Skin;
 use lazygrid_kernels::{Interaction, Interactions};
 
-use super::detector::{GpuDetector, GpuPairs, Key, Tables};
+use super::detector::{GpuDetector, GpuPairs, Key, Tables, Way};
 use super::input::{GpuSettings, GpuSpheres, check};
 use super::pipelines::Pipelines;
-use super::plan::{DeviceLimits, Slot, Stage, check_buffers, skin};
+use super::plan::{DeviceLimits, Plan, Slot, Stage, check_buffers, skin};
 use super::recording::{Buffers, Recent, Recording, constant_buffer};
 use crate::Error;
 #[cfg(doc)]
@@ -45,8 +45,8 @@ pub struct GpuSkinDetector {
 /// What stays on the device.
 #[derive(Debug)]
 struct Resident {
-    /// Spheres that there is room for.
-    spheres: u32,
+    /// Spheres that there is room for, and pairs.
+    room: [u32; 2],
     buffers: Buffers,
     candidates: Option<Candidates>,
 }
@@ -77,12 +77,20 @@ impl GpuSkinDetector {
     /// # Errors
     /// [`Error::Setting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
     pub fn new(device: &wgpu::Device, settings: GpuSettings, skin: f32) -> Result<Self, Error> {
+        Self::with_pipelines(device, Pipelines::new(device), settings, skin)
+    }
+
+    pub(crate) fn with_pipelines(
+        device: &wgpu::Device,
+        pipelines: Pipelines,
+        settings: GpuSettings,
+        skin: f32,
+    ) -> Result<Self, Error> {
         check(&settings)?;
         if !SKINS.contains(&skin) {
             let (value, range) = (skin.to_string(), "choose between 1e-14 and 1e17, or a `GpuDetector`");
             return Err(Error::Setting { name: "skin", value, range });
         }
-        let pipelines = Pipelines::new(device);
         let wide = GpuSettings {
             interactions: settings.interactions.as_ref().map(|table| widened(table, skin)).transpose()?,
             pair_capacity: settings.pair_capacity.saturating_mul(PER_PAIR),
@@ -102,9 +110,37 @@ impl GpuSkinDetector {
         self.search.set_pair_capacity(candidates);
     }
 
+    pub(crate) fn candidate_capacity(&self) -> u32 {
+        self.search.pair_capacity()
+    }
+
+    /// Changes how many pairs the output holds; the output is allocated anew by the next call, which finds candidates anew.
+    pub fn set_pair_capacity(&mut self, pairs: u32) {
+        self.settings.pair_capacity = pairs;
+    }
+
     /// As [`GpuDetector::set_entry_capacity`].
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
         self.search.set_entry_capacity(entries)
+    }
+
+    /// Bytes of device memory for calls of up to `spheres` spheres, candidates and the output included and the input not.
+    ///
+    /// # Errors
+    /// As [`GpuDetector::memory_for`].
+    pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
+        let own = skin::buffers(spheres, self.settings.pair_capacity, self.tables.is_some());
+        Ok(self.search.memory_for(spheres)? + own.iter().map(|(_, bytes)| bytes).sum::<u64>())
+    }
+
+    /// The part of what it may go, between 0 and 1, that a sphere has gone whose square has these bits.
+    pub(crate) fn part(&self, moved: u32) -> f32 {
+        f32::from_bits(moved).sqrt() / (self.skin / 2.0)
+    }
+
+    /// The plan of the search for candidates that was recorded last.
+    pub(crate) fn plan(&self) -> Option<&Plan> {
+        self.search.plan()
     }
 
     /// What is known of the candidates: [`SkinState`], with `STORAGE` and `COPY_SRC` usage. `None` before the first call.
@@ -123,10 +159,22 @@ impl GpuSkinDetector {
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
     ) -> Result<GpuPairs, Error> {
+        self.encode_as(self.search.way(), encoder, input)
+    }
+
+    /// As [`encode`](Self::encode), with candidates found in another way than the settings say.
+    pub(crate) fn encode_as(
+        &mut self,
+        way: Way,
+        encoder: &mut wgpu::CommandEncoder,
+        input: &GpuSpheres<'_>,
+    ) -> Result<GpuPairs, Error> {
         let spheres = input.check(self.tables.is_some())?;
-        let mut resident = match self.resident.take().filter(|resident| resident.spheres >= spheres) {
+        let pairs = self.settings.pair_capacity;
+        let has_room = |had: &Resident| had.room[0] >= spheres && had.room[1] == pairs;
+        let mut resident = match self.resident.take().filter(has_room) {
             Some(resident) => resident,
-            None => self.allocate(spheres)?,
+            None => self.allocate([spheres, pairs])?,
         };
         let Resident { buffers, candidates, .. } = &mut resident;
         let kept = GpuSpheres {
@@ -135,7 +183,7 @@ impl GpuSkinDetector {
             species: buffers.find(Slot::KeptSpecies),
             window: GpuSpheres::ALL,
         };
-        let found = self.search.bind_as(self.search.way(), &kept)?;
+        let found = self.search.bind_as(way, &kept)?;
         // With other buffers of the search those that there were are gone.
         let candidates = match candidates.take().filter(|candidates| candidates.found == found) {
             Some(same) => candidates.insert(same),
@@ -158,11 +206,12 @@ impl GpuSkinDetector {
         Ok(GpuPairs { pairs, capacity: self.settings.pair_capacity, outcome, sorted: None })
     }
 
-    fn allocate(&self, spheres: u32) -> Result<Resident, Error> {
-        let buffers = skin::buffers(spheres, self.settings.pair_capacity, self.tables.is_some());
+    fn allocate(&self, room: [u32; 2]) -> Result<Resident, Error> {
+        let [spheres, pairs] = room;
+        let buffers = skin::buffers(spheres, pairs, self.tables.is_some());
         check_buffers(&buffers, &DeviceLimits::of(&self.device))?;
         let buffers = Buffers::allocate(&self.device, &buffers)?;
-        Ok(Resident { spheres, buffers, candidates: None })
+        Ok(Resident { room, buffers, candidates: None })
     }
 
     /// Binds all dispatches of such a call, unless they are.

@@ -1,4 +1,5 @@
 use bytemuck::Pod;
+use lazygrid_kernels::layout::SkinState;
 use lazygrid_kernels::{Pair, Sphere, Spheres};
 
 use super::adapter::GpuDevice;
@@ -6,7 +7,8 @@ use super::error::make_room;
 use super::scope::scoped;
 use crate::Error;
 
-/// Bytes before the pairs in a staging buffer: the outcome, and the ticks of the phases from [`TICKS_AT`] on.
+/// Bytes before the pairs in a staging buffer: the outcome, and from [`TICKS_AT`] on the ticks of the phases or what is known
+/// of candidates.
 const PAIRS_AT: u64 = 128;
 const TICKS_AT: u64 = 64;
 
@@ -67,16 +69,16 @@ pub(crate) fn staged_pairs(staging: &wgpu::Buffer) -> u64 {
     (staging.size() - PAIRS_AT) / 8
 }
 
-/// Records the way back: outcome, ticks where there are any, and the first `pairs` pairs.
+/// Records the way back: outcome, ticks or the state of candidates where there are any, and the first `pairs` pairs.
 pub(crate) fn copy_back(
     encoder: &mut wgpu::CommandEncoder,
     from: [Option<&wgpu::Buffer>; 3],
     staging: &wgpu::Buffer,
     pairs: u64,
 ) {
-    let [outcome, ticks, list] = from;
+    let [outcome, beside, list] = from;
     for (source, at, most) in
-        [(outcome, 0, TICKS_AT), (ticks, TICKS_AT, TICKS_AT), (list, PAIRS_AT, pairs * 8)]
+        [(outcome, 0, TICKS_AT), (beside, TICKS_AT, TICKS_AT), (list, PAIRS_AT, pairs * 8)]
     {
         if let Some(source) = source {
             let bytes = source.size().min(most);
@@ -98,6 +100,12 @@ impl Returned<'_> {
     /// Pairs of (begin, end) ticks.
     pub(crate) fn ticks(&self) -> Vec<[u64; 2]> {
         bytemuck::pod_collect_to_vec(&self.0[TICKS_AT as usize..PAIRS_AT as usize])
+    }
+
+    /// What is known of candidates, in the place of the ticks.
+    pub(crate) fn state(&self) -> SkinState {
+        let at = TICKS_AT as usize;
+        bytemuck::pod_read_unaligned(&self.0[at..at + size_of::<SkinState>()])
     }
 
     /// Appends the first `count` pairs.

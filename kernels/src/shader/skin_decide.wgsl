@@ -13,6 +13,12 @@
 // Those of a dispatch whose number an earlier one finds.
 @group(0) @binding(6) var<storage, read_write> dispatch: array<u32>;
 
+// Why candidates are found anew.
+const KEPT: u32 = 0u;
+const FIRST: u32 = 1u;
+const CHANGED: u32 = 2u;
+const MOVED: u32 = 3u;
+
 var<workgroup> lapsed: u32;
 
 @compute @workgroup_size(64)
@@ -20,22 +26,23 @@ fn skin_decide(place: Place) {
     if (place.lane == 0u) {
         let count = min(count_source[0], call.spheres);
         let moved = atomicLoad(&state.moved);
-        let is_kept = state.is_complete != 0u && state.spheres == count && atomicLoad(&state.changed) == 0u
-            && moved <= bitcast<u32>(skin.usable);
-        lapsed = select(1u, 0u, is_kept);
-        state.is_rebuilt = lapsed;
-        state.age = select(0u, state.age + 1u, is_kept);
+        var why = select(MOVED, KEPT, moved <= bitcast<u32>(skin.usable));
+        why = select(why, CHANGED, state.spheres != count || atomicLoad(&state.changed) != 0u);
+        why = select(why, FIRST, state.is_complete == 0u);
+        lapsed = why;
+        state.rebuilt = why;
+        state.age = select(0u, state.age + 1u, why == KEPT);
         state.spheres = count;
         state.moved_last = moved;
         atomicStore(&state.moved, 0u);
         atomicStore(&state.changed, 0u);
-        if (is_kept) {
+        if (why == KEPT) {
             dispatch[0] = 0u;
             dispatch[1] = 0u;
             dispatch[2] = 0u;
         }
     }
-    let is_rebuilt = workgroupUniformLoad(&lapsed) != 0u;
+    let is_rebuilt = workgroupUniformLoad(&lapsed) != KEPT;
     let words = arrayLength(&full);
     let rounds = (words + 63u) / 64u;
     for (var round = 0u; round < rounds; round++) {

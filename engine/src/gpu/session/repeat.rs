@@ -36,9 +36,13 @@ impl GpuSession {
         wait: Wait,
     ) -> Result<Outcome, Error> {
         loop {
+            let is_kept = self.flights[number as usize % SLOTS].as_ref().is_some_and(|flight| flight.is_kept);
             let outcome = self.land(number, wait).await.map_err(|error| self.own.reason(error))?;
             self.last = outcome;
-            if outcome.overflow & Outcome::ENTRIES != 0 {
+            if is_kept && outcome.overflow & !Outcome::PAIRS != 0 {
+                self.pairs.clear();
+                self.repeat_for_candidates(number, window.clone(), &outcome)?;
+            } else if outcome.overflow & Outcome::ENTRIES != 0 {
                 self.pairs.clear();
                 self.repeat_for_entries(number, window.clone(), outcome.entries())?;
             } else if !outcome.is_partial() {

@@ -20,8 +20,8 @@ struct SkinState {
     is_complete: u32,
     // How many spheres there were.
     spheres: u32,
-    // 1 where this call finds candidates anew.
-    is_rebuilt: u32,
+    // Why this call finds candidates anew; 0 where it keeps them.
+    rebuilt: u32,
     // Calls since then.
     age: u32,
     // How many candidates there are.

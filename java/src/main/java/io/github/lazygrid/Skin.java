@@ -27,7 +27,7 @@ public record Skin(Kind kind, float distance) {
 
     /**
      * Candidates are the pairs that are up to this much too far apart to touch, until some sphere has moved by half of
-     * it. Only with {@link Algorithm#AUTO} and {@link Algorithm#CELL_LIST}, and not on a GPU.
+     * it. On the CPU only with {@link Algorithm#AUTO} and {@link Algorithm#CELL_LIST}.
      *
      * @param distance in the length unit of the spheres; 1e-14 to 1e17
      * @return the rule

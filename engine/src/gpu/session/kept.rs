@@ -1,0 +1,107 @@
+//! Calls that are answered from candidates, which stay on the device from call to call.
+
+use std::ops::Range;
+
+use lazygrid_host::{Kept, Rebuilt};
+use lazygrid_kernels::layout::{Outcome, SkinState};
+
+use super::{GpuSession, Work};
+use crate::Error;
+use crate::gpu::skin::GpuSkinDetector;
+
+/// Calls that search anew after one whose candidates did not fit. Trying costs about as much as one of them.
+const PAUSE: u64 = 16;
+
+/// A detector with candidates, and what is known of them.
+#[derive(Debug)]
+pub(super) struct Keeping {
+    pub(super) detector: GpuSkinDetector,
+    /// The first call that may be answered from candidates again.
+    from: u64,
+    /// Calls since candidates were found.
+    age: u32,
+}
+
+impl Keeping {
+    /// Whether this call is answered from candidates.
+    pub(super) fn serves(&self, number: u64) -> bool {
+        number >= self.from
+    }
+}
+
+impl GpuSession {
+    /// Has later calls keep candidates, pairs that are up to so much too far apart to touch, until some sphere has moved by
+    /// half of that; without a distance they search anew. An answer never depends on it. Where the candidates do not fit the
+    /// device, calls search anew as well. Unlike another search, that for candidates is never split over several submissions.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a distance out of range; otherwise where the device refuses something.
+    pub fn set_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
+        let keeping = |distance| -> Result<Keeping, Error> {
+            let (device, pipelines) = (&self.own.device, self.own.pipelines.clone());
+            let settings = self.detector.settings().clone();
+            let detector = GpuSkinDetector::with_pipelines(device, pipelines, settings, distance)
+                .map_err(|error| self.own.reason(error))?;
+            Ok(Keeping { detector, from: 0, age: 0 })
+        };
+        self.skin = distance.map(keeping).transpose()?;
+        Ok(())
+    }
+
+    /// The candidates that the last finished call was answered from; `None` where it searched without any.
+    pub fn kept(&self) -> Option<Kept> {
+        self.kept
+    }
+
+    /// Takes down what a submission says of the candidates. A call that was repeated has found them anew if one of its
+    /// submissions has.
+    pub(super) fn note(&mut self, state: &SkinState) {
+        let Some(skin) = &mut self.skin else { return };
+        let rebuilt = match state.rebuilt {
+            0 => None,
+            SkinState::MOVED => Some(Rebuilt::Moved),
+            SkinState::CHANGED => Some(Rebuilt::Changed),
+            _ => Some(Rebuilt::First),
+        };
+        let before = self.kept.take();
+        let mut kept = Kept::default();
+        kept.count = state.candidates.into();
+        kept.rebuilt = before.and_then(|kept| kept.rebuilt).or(rebuilt);
+        skin.age = match (kept.rebuilt, before) {
+            (Some(_), _) => 0,
+            (None, Some(_)) => skin.age,
+            (None, None) => skin.age.saturating_add(1),
+        };
+        kept.age = skin.age;
+        kept.moved = if kept.rebuilt.is_some() { 0.0 } else { skin.detector.part(state.moved_last) };
+        self.kept = Some(kept);
+    }
+
+    /// Repeats a call whose candidates did not fit: with room for them, or without any.
+    pub(super) fn repeat_for_candidates(
+        &mut self,
+        number: u64,
+        window: Range<u32>,
+        outcome: &Outcome,
+    ) -> Result<(), Error> {
+        let (largest, needed) = (self.largest_capacity(), outcome.entries());
+        let Some(skin) = &mut self.skin else { return self.launch(number, Work::Call(window)) };
+        let before = skin.detector.candidate_capacity();
+        if outcome.overflow & !Outcome::PAIRS == Outcome::CANDIDATES && needed <= largest {
+            // Below 2³² by the largest capacity.
+            skin.detector.set_candidate_capacity((needed + needed / 8).min(largest) as u32);
+            log::info!("{needed} candidates do not fit: repeating with room for them");
+            match self.launch(number, Work::Call(window.clone())) {
+                Err(Error::DeviceOutOfMemory { .. } | Error::LimitExceeded { .. }) => (),
+                launched => return launched,
+            }
+        }
+        log::info!("{needed} candidates do not fit: searching anew for {PAUSE} calls");
+        if let Some(skin) = &mut self.skin {
+            skin.detector.set_candidate_capacity(before);
+            skin.from = number + PAUSE;
+        }
+        self.kept = None;
+        self.launch(number, Work::Call(window))
+    }
+}
