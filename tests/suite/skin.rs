@@ -56,7 +56,7 @@ fn arbitrary_spheres() {
         1 => adversary::mixture(adversary::any_spheres()),
     ];
     let cases = (scenarios, parts(), moves(), select(keepers()));
-    check(400, cases, |(scenario, part, moves, subject)| follows(&scenario, part, moves, subject));
+    check(200, cases, |(scenario, part, moves, subject)| follows(&scenario, part, moves, subject));
 }
 
 #[test]
