@@ -263,7 +263,7 @@ LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const 
  * particles against receivers, say, or those that a process owns against ghosts. With interactions both sets need
  * species. Both may be the same spheres; each is then a pair with itself.
  *
- * On the CPU so far, with LAZYGRID_ALGORITHM_AUTO, _CELL_LIST or _NAIVE; else it is LAZYGRID_ERROR_SETTING. What is wrong
+ * On the CPU only with LAZYGRID_ALGORITHM_AUTO, _CELL_LIST or _NAIVE; else it is LAZYGRID_ERROR_SETTING. What is wrong
  * with `b` begins with "of the second set, ". All four functions between two sets have this in common.
  */
 LAZYGRID_API lazygrid_status lazygrid_between(lazygrid_detector *detector, const lazygrid_spheres *a,

@@ -92,7 +92,7 @@ impl Detector {
 
     /// The overlapping pairs of one sphere of each set, in the order that was asked for: `i` is the index of the one in
     /// `a`, `j` that of the other in `b`. No two spheres of one set are ever compared: particles against receivers, say, or
-    /// those that are owned against ghosts. The slice lives until the next call. On the CPU only, so far.
+    /// those that are owned against ghosts. The slice lives until the next call.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, Pair, Sphere};
@@ -106,13 +106,18 @@ impl Detector {
     ///
     /// # Errors
     /// As [`pairs`](Self::pairs), [`InputError::Second`](crate::InputError::Second) for what is wrong with `b`;
-    /// [`Error::Setting`] on a GPU, and for an algorithm other than the cell list, naive and `Auto`.
+    /// [`Error::Setting`] on the CPU for an algorithm other than the cell list, naive and `Auto`, and on a GPU for more than
+    /// 2048 species.
     pub fn between<'a, 'b>(
         &mut self,
         a: impl Into<Spheres<'a>>,
         b: impl Into<Spheres<'b>>,
     ) -> Result<&[Pair], Error> {
-        self.host_of_two()?.between(a.into(), b.into())
+        match &mut self.engine {
+            Engine::Host(host) => host.between(a.into(), b.into()),
+            #[cfg(feature = "gpu")]
+            Engine::Device(device) => device.between(a.into(), b.into()),
+        }
     }
 
     /// How many pairs of one sphere of each set there are.
@@ -124,7 +129,11 @@ impl Detector {
         a: impl Into<Spheres<'a>>,
         b: impl Into<Spheres<'b>>,
     ) -> Result<u64, Error> {
-        self.host_of_two()?.count_between(a.into(), b.into())
+        match &mut self.engine {
+            Engine::Host(host) => host.count_between(a.into(), b.into()),
+            #[cfg(feature = "gpu")]
+            Engine::Device(device) => device.count_between(a.into(), b.into()),
+        }
     }
 
     /// For every sphere of `a` those of `b` that it overlaps, ascending.
@@ -136,7 +145,11 @@ impl Detector {
         a: impl Into<Spheres<'a>>,
         b: impl Into<Spheres<'b>>,
     ) -> Result<Neighbors<'_>, Error> {
-        self.host_of_two()?.neighbors_between(a.into(), b.into())
+        match &mut self.engine {
+            Engine::Host(host) => host.neighbors_between(a.into(), b.into()),
+            #[cfg(feature = "gpu")]
+            Engine::Device(device) => device.neighbors_between(a.into(), b.into()),
+        }
     }
 
     /// Hands the pairs of one sphere of each set to `consume`, as [`stream`](Self::stream) does.
@@ -153,18 +166,10 @@ impl Detector {
     where
         F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
     {
-        self.host_of_two()?.stream_between((a.into(), b.into()), chunk, consume)
-    }
-
-    /// The detector that finds pairs between two sets.
-    fn host_of_two(&mut self) -> Result<&mut HostDetector, Error> {
         match &mut self.engine {
-            Engine::Host(host) => Ok(host),
+            Engine::Host(host) => host.stream_between((a.into(), b.into()), chunk, consume),
             #[cfg(feature = "gpu")]
-            Engine::Device(_) => {
-                let range = "pairs between two sets are found on the CPU so far: choose `Backend::Cpu`";
-                Err(Error::Setting { name: "backend", value: Backend::Gpu.to_string(), range })
-            }
+            Engine::Device(device) => device.stream_between((a.into(), b.into()), chunk, consume),
         }
     }
 

@@ -82,7 +82,7 @@ impl Lists {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(crate) fn fill_forward(&mut self, pairs: &[Pair], rows: usize) -> Result<Neighbors<'_>, Error> {
+    pub fn fill_forward(&mut self, pairs: &[Pair], rows: usize) -> Result<Neighbors<'_>, Error> {
         let Self { offsets, indices, .. } = self;
         resize(offsets, rows + 1, "neighbour lists")?;
         resize(indices, pairs.len(), "neighbour lists")?;

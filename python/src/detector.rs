@@ -224,8 +224,8 @@ impl Detector {
 
     /// Return the pairs of one sphere of ``a`` and one of ``b``, in the order that was asked for.
     ///
-    /// No two spheres of one set are ever compared: particles against receivers, say. On the CPU so far, with the
-    /// algorithms ``"auto"``, ``"cell-list"`` and ``"naive"``.
+    /// No two spheres of one set are ever compared: particles against receivers, say. On the CPU only with
+    /// the algorithms ``"auto"``, ``"cell-list"`` and ``"naive"``.
     ///
     /// Parameters
     /// ----------

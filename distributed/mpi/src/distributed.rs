@@ -325,7 +325,7 @@ fn detectors(config: &Config, node: Node) -> Result<(Detector, Option<Detector>)
     if report.backend == Backend::Cpu && of_two {
         return Ok((made, None));
     }
-    // Ghosts are few, and no GPU searches between two sets yet.
+    // Ghosts are few, and a GPU would be given all owned spheres once more for them. The paper's grids have one set.
     let across = Detector::new(ours(lazygrid::Config::default()).backend(Backend::Cpu));
     Ok((made, Some(across.map_err(|error| error.to_string())?)))
 }

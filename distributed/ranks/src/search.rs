@@ -72,7 +72,7 @@ impl Tally {
 #[derive(Debug)]
 pub struct Search {
     detector: Detector,
-    /// Where the detector does not search between two sets.
+    /// Where another detector is to search between two sets.
     across: Option<Detector>,
     bodies: Bodies,
     rank: u32,
@@ -82,7 +82,7 @@ pub struct Search {
 impl Search {
     /// For `rank` of `ranks`. The detector has to have the space and the interactions of the bodies, and every rank
     /// the same ones; its order does not matter. Between owned spheres and ghosts `across` searches, alike but on the
-    /// CPU, where the detector does not search between two sets.
+    /// CPU, where there is one.
     pub fn new(
         detector: Detector,
         across: Option<Detector>,

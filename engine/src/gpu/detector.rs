@@ -148,6 +148,11 @@ impl GpuDetector {
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
+    /// Whether the device can bind what such a call needs.
+    pub(crate) fn fits(&self, spheres: u32, way: Way) -> bool {
+        self.plan_for(spheres, way).is_ok()
+    }
+
     /// Allocates for calls of up to `spheres` spheres, unless that is there already. Buffers of an earlier, smaller
     /// size are released.
     ///

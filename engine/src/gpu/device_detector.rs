@@ -2,9 +2,11 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use lazygrid_host::{Canonical, Kept, Lists, Neighbors, Order, Phase, Settings, Skin, Survey};
-use lazygrid_kernels::{Pair, Spheres};
+use lazygrid_kernels::{InputError, MAX_SPHERES, Pair, Spheres};
 
-use super::{Crossover, GpuDevice, GpuSession, GpuSettings, Ticket};
+use super::device_search::{Given, Search};
+use super::two_sets::TwoSets;
+use super::{Crossover, GpuDevice, GpuSession, GpuSettings};
 use crate::{Backend, Config, Error, Report, choice};
 
 /// Parts in which the threads that order a list share it out.
@@ -13,24 +15,50 @@ const PARTS: usize = 128;
 /// The GPU side of a `Detector`: checks and chooses like the CPU path, works in a session, and orders on the host.
 #[derive(Debug)]
 pub(crate) struct DeviceDetector {
-    session: GpuSession,
     settings: Settings,
     crossover: (Crossover, &'static str),
+    one: Search,
+    two: Option<Box<TwoSets>>,
     canonical: Canonical,
     lists: Lists,
     pairs: Vec<Pair>,
     report: Report,
 }
 
+/// What a call is given.
+#[derive(Clone, Copy)]
+enum Asked<'a> {
+    /// All pairs of these.
+    One(Spheres<'a>),
+    /// Pairs of one of each.
+    Two(Spheres<'a>, Spheres<'a>),
+}
+
+impl Asked<'_> {
+    fn len(self) -> usize {
+        match self {
+            Self::One(all) => all.len(),
+            Self::Two(a, b) => a.len() + b.len(),
+        }
+    }
+
+    /// How many spheres are of the first of two sets; 0 where there is one.
+    fn first(self) -> usize {
+        match self {
+            Self::One(_) => 0,
+            Self::Two(a, _) => a.len(),
+        }
+    }
+}
+
 impl DeviceDetector {
     pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
         let settings = config.settings;
         let crossover = choice::crossover(&config.calibrations, &own.adapter);
-        let ratio = raster_ratio(config.raster_ratio)?;
         let gpu = GpuSettings {
             algorithm: settings.algorithm,
             crossover: crossover.0,
-            raster_ratio: ratio,
+            raster_ratio: raster_ratio(config.raster_ratio)?,
             tau: config.tau.unwrap_or(GpuSettings::TAU),
             interactions: settings.interactions.clone(),
             space: settings.space,
@@ -55,27 +83,52 @@ impl DeviceDetector {
         if let Some(timeout) = config.timeout {
             session.set_timeout(timeout);
         }
+        let (one, two) = (Search::new(session), None);
         let (canonical, lists, pairs) = Default::default();
-        Ok(Self { session, settings, crossover, canonical, lists, pairs, report })
+        Ok(Self { settings, crossover, one, two, canonical, lists, pairs, report })
     }
 
     pub(crate) fn pairs(&mut self, spheres: Spheres<'_>) -> Result<&[Pair], Error> {
-        self.list(spheres, self.settings.order)?;
+        self.list(Asked::One(spheres), self.settings.order)?;
+        Ok(&self.pairs)
+    }
+
+    pub(crate) fn between(&mut self, a: Spheres<'_>, b: Spheres<'_>) -> Result<&[Pair], Error> {
+        self.list(Asked::Two(a, b), self.settings.order)?;
         Ok(&self.pairs)
     }
 
     pub(crate) fn neighbors(&mut self, spheres: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
-        self.list(spheres, Order::Canonical)?;
+        self.list(Asked::One(spheres), Order::Canonical)?;
         let start = Instant::now();
         let neighbors = self.lists.fill(&self.pairs, spheres.len())?;
         self.report.phases.push(Phase { name: "neighbors", time: start.elapsed() });
         Ok(neighbors)
     }
 
+    pub(crate) fn neighbors_between(
+        &mut self,
+        a: Spheres<'_>,
+        b: Spheres<'_>,
+    ) -> Result<Neighbors<'_>, Error> {
+        self.list(Asked::Two(a, b), Order::Canonical)?;
+        let start = Instant::now();
+        let neighbors = self.lists.fill_forward(&self.pairs, a.len())?;
+        self.report.phases.push(Phase { name: "neighbors", time: start.elapsed() });
+        Ok(neighbors)
+    }
+
     pub(crate) fn count(&mut self, spheres: Spheres<'_>) -> Result<u64, Error> {
-        let ticket = self.begin(spheres)?;
-        let found = self.session.finish_count(ticket)?;
-        self.conclude(found);
+        self.count_of(Asked::One(spheres))
+    }
+
+    pub(crate) fn count_between(&mut self, a: Spheres<'_>, b: Spheres<'_>) -> Result<u64, Error> {
+        self.count_of(Asked::Two(a, b))
+    }
+
+    fn count_of(&mut self, asked: Asked<'_>) -> Result<u64, Error> {
+        let found = self.search(asked, |search, given| search.count(given))?;
+        self.report.pairs = found;
         Ok(found)
     }
 
@@ -83,27 +136,51 @@ impl DeviceDetector {
         &mut self,
         spheres: Spheres<'_>,
         chunk: usize,
+        consume: impl FnMut(&[Pair]) -> ControlFlow<()>,
+    ) -> Result<u64, Error> {
+        self.stream_of(Asked::One(spheres), chunk, consume)
+    }
+
+    pub(crate) fn stream_between(
+        &mut self,
+        (a, b): (Spheres<'_>, Spheres<'_>),
+        chunk: usize,
+        consume: impl FnMut(&[Pair]) -> ControlFlow<()>,
+    ) -> Result<u64, Error> {
+        self.stream_of(Asked::Two(a, b), chunk, consume)
+    }
+
+    fn stream_of(
+        &mut self,
+        asked: Asked<'_>,
+        chunk: usize,
         mut consume: impl FnMut(&[Pair]) -> ControlFlow<()>,
     ) -> Result<u64, Error> {
-        let ticket = self.begin(spheres)?;
-        let Self { session, settings, canonical, pairs: ordered, .. } = self;
+        let mut canonical = std::mem::take(&mut self.canonical);
+        let mut ordered = std::mem::take(&mut self.pairs);
+        let in_order = self.settings.order == Order::Canonical;
+        let most = in_order.then_some(self.settings.max_pairs);
         let (mut handed, mut refused) = (0, None);
-        session.finish_in_parts(ticket, |pairs| {
-            if settings.order == Order::Canonical {
-                refused = canonical.order(&parts(pairs), spheres.len(), ordered).err();
-                std::mem::swap(pairs, ordered);
-            }
-            if refused.is_some() {
-                return ControlFlow::Break(());
-            }
-            for part in pairs.chunks(chunk.max(1)) {
-                handed += part.len() as u64;
-                consume(part)?;
-            }
-            ControlFlow::Continue(())
-        })?;
-        self.conclude(handed);
-        refused.map_or(Ok(handed), Err)
+        let result = self.search(asked, |search, given| {
+            search.parts(given, most, |pairs| {
+                if in_order {
+                    refused = canonical.order(&parts(pairs), asked.len(), &mut ordered).err();
+                    std::mem::swap(pairs, &mut ordered);
+                }
+                if refused.is_some() {
+                    return ControlFlow::Break(());
+                }
+                from_first(pairs, asked.first());
+                for part in pairs.chunks(chunk.max(1)) {
+                    handed += part.len() as u64;
+                    consume(part)?;
+                }
+                ControlFlow::Continue(())
+            })
+        });
+        (self.canonical, self.pairs) = (canonical, ordered);
+        self.report.pairs = handed;
+        result.and(refused.map_or(Ok(handed), Err))
     }
 
     pub(crate) fn report(&self) -> &Report {
@@ -111,71 +188,133 @@ impl DeviceDetector {
     }
 
     pub(crate) fn memory_for(&self, spheres: u64) -> u64 {
+        let session = &self.one.session;
+        let algorithm = self.settings.algorithm;
+        let at_once = match session.fits(spheres, algorithm) {
+            true => spheres,
+            false => session.most_spheres(spheres, algorithm),
+        };
         // What cannot be held at all is refused when it is tried.
-        u32::try_from(spheres).ok().and_then(|n| self.session.memory_for(n).ok()).unwrap_or(u64::MAX)
+        u32::try_from(at_once).ok().and_then(|n| session.memory_for(n).ok()).unwrap_or(u64::MAX)
     }
 
     pub(crate) fn into_pairs(self) -> Vec<Pair> {
         self.pairs
     }
 
-    fn list(&mut self, spheres: Spheres<'_>, order: Order) -> Result<(), Error> {
-        let ticket = self.begin(spheres)?;
-        let found = self.session.finish(ticket, self.settings.max_pairs)?;
-        let (start, count) = (Instant::now(), found.len() as u64);
+    fn list(&mut self, asked: Asked<'_>, order: Order) -> Result<(), Error> {
+        let limit = self.settings.max_pairs;
+        let mut found = self.search(asked, |search, given| {
+            search.list(given, limit)?;
+            Ok(std::mem::take(&mut search.pairs))
+        })?;
+        self.report.pairs = found.len() as u64;
+        let start = Instant::now();
         if order == Order::Canonical {
-            self.canonical.order(&parts(found), spheres.len(), &mut self.pairs)?;
+            self.canonical.order(&parts(&found), asked.len(), &mut self.pairs)?;
+            self.report.phases.push(Phase { name: "order", time: start.elapsed() });
         } else {
-            self.session.swap_pairs(&mut self.pairs);
+            std::mem::swap(&mut found, &mut self.pairs);
         }
-        let ordering = start.elapsed();
-        self.conclude(count);
-        if order == Order::Canonical {
-            self.report.phases.push(Phase { name: "order", time: ordering });
+        // Its memory serves the next call.
+        match (asked, &mut self.two) {
+            (Asked::Two(..), Some(two)) => two.search.pairs = found,
+            _ => self.one.pairs = found,
         }
+        from_first(&mut self.pairs, asked.first());
         Ok(())
     }
 
-    fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, Error> {
+    /// Checks and chooses, has `work` search, and reports.
+    fn search<R>(
+        &mut self,
+        asked: Asked<'_>,
+        work: impl FnOnce(&mut Search, &Given<'_>) -> Result<R, Error>,
+    ) -> Result<R, Error> {
         self.report.phases.clear();
-        self.report.spheres = spheres.len() as u64;
+        self.report.spheres = asked.len() as u64;
         self.report.pairs = 0;
         self.report.cost = None;
         self.report.candidates = None;
         let start = Instant::now();
-        let survey = Survey::new(spheres, self.settings.interactions.as_ref())?;
+        let classes = self.check(asked)?;
         self.report.phases.push(Phase { name: "check", time: start.elapsed() });
-        // Below 2³² by the survey.
-        let load = (spheres.len() as u32, survey.occupied().count());
+        // Below 2³² by the check.
+        let load = (asked.len() as u32, classes);
         let (algorithm, reason) = choice::algorithm(self.settings.algorithm, load, self.crossover);
         log::debug!("{reason}");
         self.report.algorithm = algorithm;
         self.report.reason = reason;
-        let start = Instant::now();
-        let ticket = self.session.begin_with(algorithm, spheres)?;
-        self.report.phases.push(Phase { name: "upload", time: start.elapsed() });
-        Ok(ticket)
+        let Settings { space, interactions, .. } = &self.settings;
+        match asked {
+            Asked::One(spheres) => {
+                let interactions = interactions.as_ref();
+                let result = work(&mut self.one, &Given { spheres, interactions, space: *space, algorithm })?;
+                conclude(&mut self.report, &self.one);
+                Ok(result)
+            }
+            Asked::Two(a, b) => {
+                let two = match &mut self.two {
+                    Some(two) => two,
+                    none => none.insert(Box::new(TwoSets::new(&self.one.session, interactions.as_ref())?)),
+                };
+                let result = two.search(a, b, (*space, algorithm), work)?;
+                conclude(&mut self.report, &two.search);
+                Ok(result)
+            }
+        }
     }
 
-    fn conclude(&mut self, found: u64) {
-        self.report.pairs = found;
-        self.report.cost = self.session.cost();
-        let ran = self.session.algorithm();
-        if ran != self.report.algorithm {
-            let instead = choice::one_level(ran, self.report.algorithm);
-            log::info!("{instead}");
-            self.report.algorithm = ran;
-            self.report.reason += &format!("; {instead}");
+    /// Refuses what is not valid; how many size classes there are.
+    fn check(&self, asked: Asked<'_>) -> Result<usize, Error> {
+        let survey = |spheres| Survey::new(spheres, self.settings.interactions.as_ref());
+        if asked.len() as u64 > MAX_SPHERES {
+            return Err(InputError::TooManySpheres { count: asked.len() as u64 }.into());
         }
-        self.report.candidates = self.session.kept();
-        if let Some(Kept { count, age, rebuilt, .. }) = self.report.candidates {
-            self.report.reason += &match rebuilt {
-                None => format!("; {count} candidates of {age} calls ago"),
-                Some(why) => format!("; {count} candidates were found: {why}"),
-            };
+        match asked {
+            Asked::One(spheres) => Ok(survey(spheres)?.occupied().count()),
+            Asked::Two(a, b) => {
+                let a = survey(a)?;
+                let b = survey(b).map_err(|error| match error {
+                    Error::Input(error) => Error::Input(InputError::Second(Box::new(error))),
+                    other => other,
+                })?;
+                let of_a: Vec<usize> = a.occupied().map(|(class, _)| class).collect();
+                Ok(of_a.len() + b.occupied().filter(|(class, _)| !of_a.contains(class)).count())
+            }
         }
-        self.report.phases.extend_from_slice(self.session.timings());
     }
+}
+
+/// Has pairs of two sets name the second sphere by its index in the second set.
+fn from_first(pairs: &mut [Pair], first: usize) {
+    if first > 0 {
+        pairs.iter_mut().for_each(|pair| pair.j -= first as u32);
+    }
+}
+
+/// Says what a search did.
+fn conclude(report: &mut Report, search: &Search) {
+    let session = &search.session;
+    report.cost = session.cost();
+    let ran = session.algorithm();
+    if ran != report.algorithm {
+        let instead = choice::one_level(ran, report.algorithm);
+        log::info!("{instead}");
+        report.algorithm = ran;
+        report.reason += &format!("; {instead}");
+    }
+    if search.slabs != 1 {
+        report.reason += &format!("; in {} slabs: the device cannot bind all spheres at once", search.slabs);
+    }
+    report.candidates = session.kept();
+    if let Some(Kept { count, age, rebuilt, .. }) = report.candidates {
+        report.reason += &match rebuilt {
+            None => format!("; {count} candidates of {age} calls ago"),
+            Some(why) => format!("; {count} candidates were found: {why}"),
+        };
+    }
+    report.phases.extend_from_slice(&search.timings);
 }
 
 /// The raster ratio that was `asked` for, as near as the GPU comes to it.
@@ -197,23 +336,85 @@ mod tests {
     use lazygrid_kernels::{Algorithm, Sphere};
 
     use super::*;
+    use crate::Detector;
     use crate::gpu::adapter::device_or_skip;
     use crate::gpu::wgpu;
+
+    /// The same adapter with room for 2²⁰ pairs, the default output, in a binding: and for 2¹⁹ spheres.
+    fn with_small_bindings(own: &GpuDevice) -> GpuDevice {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        let adapter = adapters.into_iter().find(|a| a.get_info().name == own.adapter.name).expect("the same");
+        let limits = wgpu::Limits { max_storage_buffer_binding_size: 8 << 20, ..adapter.limits() };
+        let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
+        GpuDevice::lent(&device, &queue)
+    }
+
+    /// More spheres than a binding holds, among them a giant that reaches through all slabs.
+    #[test]
+    fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
+        let Some(own) = device_or_skip() else { return };
+        let own = with_small_bindings(&own);
+        let mut word = 7_u32;
+        let mut unit = || {
+            word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (word >> 8) as f32 / (1 << 24) as f32
+        };
+        // Places and radii are multiples of a power of two, so that no rounding happens and results agree exactly.
+        let mut place = || (unit() * 16384.0).floor() / 128.0;
+        let mut spheres: Vec<_> =
+            (0..600_000).map(|_| Sphere::new([place(), place(), place()], 0.5)).collect();
+        spheres[99] = Sphere::new([64.0; 3], 8.0);
+        let config = Config::default().algorithm(Algorithm::CellList);
+        let mut host = Detector::new(config.clone().backend(Backend::Cpu)).expect("made");
+        let expected = host.pairs(&spheres).expect("valid").to_vec();
+        let mut detector = DeviceDetector::new(own.clone(), config.clone()).expect("made");
+        let all = Spheres::from(&spheres);
+        assert_eq!(detector.count(all), Ok(expected.len() as u64));
+        let reason = &detector.report().reason;
+        assert!(reason.contains("in 2 slabs"), "{reason}");
+        assert!(detector.pairs(all).expect("found") == expected);
+        let (first, second) = spheres.split_at(1000);
+        let across = |pair: &&Pair| pair.i < 1000 && pair.j >= 1000;
+        let across: Vec<_> = expected.iter().filter(across).map(|p| Pair { i: p.i, j: p.j - 1000 }).collect();
+        assert!(detector.between(first.into(), second.into()).expect("found") == across);
+        let mut streamed = Vec::new();
+        let mut keep = |pairs: &[Pair]| {
+            streamed.extend_from_slice(pairs);
+            ControlFlow::Continue(())
+        };
+        let handed = detector.stream(all, 1 << 16, &mut keep).expect("in order");
+        assert!(streamed == expected && handed == expected.len() as u64);
+        let limited = config.max_pairs(expected.len() as u64 - 1);
+        let mut detector = DeviceDetector::new(own.clone(), limited.clone()).expect("made");
+        let (found, limit) = (expected.len() as u64, expected.len() as u64 - 1);
+        assert_eq!(detector.pairs(all), Err(Error::TooManyPairs { found, limit }));
+        let refused =
+            detector.stream(all, 9, |_| ControlFlow::Continue(())).expect_err("too many to be ordered");
+        assert!(matches!(refused, Error::LimitExceeded { needed, .. } if needed == found), "{refused}");
+        let mut detector = DeviceDetector::new(own, limited.order(Order::Unordered)).expect("made");
+        let mut streamed = Vec::new();
+        let mut keep = |pairs: &[Pair]| {
+            streamed.extend_from_slice(pairs);
+            ControlFlow::Continue(())
+        };
+        detector.stream(all, 1 << 16, &mut keep).expect("streamed");
+        streamed.sort_unstable();
+        assert!(streamed == expected);
+        // All at one point: there is nowhere to cut.
+        let crowd = vec![Sphere::new([0.0; 3], 1.0); 600_000];
+        let refused = detector.count(Spheres::from(&crowd)).expect_err("too many");
+        assert!(refused.to_string().contains("overlaps too much"), "{refused}");
+    }
 
     /// Twenty sizes at one point, on a device that can bind a tenth of their entries.
     #[test]
     fn a_report_says_why_one_level_had_to_do() {
         let Some(own) = device_or_skip() else { return };
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-        let adapter = adapters.into_iter().find(|a| a.get_info().name == own.adapter.name).expect("the same");
-        // Room for the default output of 2²⁰ pairs, and for 2²¹ entries.
-        let limits = wgpu::Limits { max_storage_buffer_binding_size: 8 << 20, ..adapter.limits() };
-        let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
         let spheres: Vec<_> = (0..26_000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
         let config = Config::default().backend(Backend::Gpu).algorithm(Algorithm::LazyGrid);
-        let mut detector = DeviceDetector::new(GpuDevice::lent(&device, &queue), config).expect("made");
+        let mut detector = DeviceDetector::new(with_small_bindings(&own), config).expect("made");
         assert_eq!(detector.count(Spheres::from(&spheres)), Ok(26_000 * 25_999 / 2));
         let report = detector.report();
         assert_eq!(report.algorithm, Algorithm::ArrayGrid);

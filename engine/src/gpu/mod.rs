@@ -8,6 +8,7 @@ pub(crate) mod adapter;
 mod calibration;
 mod detector;
 mod device_detector;
+mod device_search;
 mod error;
 mod input;
 mod mapping;
@@ -18,7 +19,9 @@ mod recording;
 mod scope;
 mod session;
 mod skin;
+mod slabs;
 mod slot;
+mod two_sets;
 
 pub use adapter::{AdapterId, AdapterSummary, GpuDevice, adapters, wanted_features};
 pub use calibration::{Calibration, Crossover, Sample, calibrate};

@@ -1,10 +1,10 @@
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use lazygrid_host::{Kept, Phase as Timing};
 use lazygrid_kernels::layout::Outcome;
-use lazygrid_kernels::{Algorithm, Pair, Spheres};
+use lazygrid_kernels::{Algorithm, Interactions, Pair, Spheres};
 
 use super::adapter::{AdapterSummary, GpuDevice};
 use super::detector::{GpuDetector, Way};
@@ -46,7 +46,7 @@ pub struct GpuSession {
     timeout: Duration,
     slots: [Slot; SLOTS],
     /// How the call in each slot runs.
-    ways: [Way; SLOTS],
+    calls: [Call; SLOTS],
     begun: u64,
     /// The call whose work is in the detector's buffers, if any is.
     launched: Option<u64>,
@@ -58,6 +58,16 @@ pub struct GpuSession {
     gathered: Vec<Pair>,
     timings: Vec<Timing>,
     last: Outcome,
+}
+
+/// How a call runs.
+#[derive(Clone, Debug)]
+pub(super) struct Call {
+    pub(super) way: Way,
+    /// Pairs are asked for whose smaller index is in this window.
+    pub(super) window: Range<u32>,
+    /// Whether candidates that are kept may serve it.
+    pub(super) keeps: bool,
 }
 
 /// A call that was begun and is to be finished. Dropping it gives the call up and makes room for another.
@@ -90,7 +100,7 @@ impl GpuSession {
             own,
             timeout: Duration::from_secs(600),
             slots: Default::default(),
-            ways: [asked; SLOTS],
+            calls: [(); SLOTS].map(|()| Call { way: asked, window: GpuSpheres::ALL, keeps: true }),
             begun: 0,
             launched: None,
             flights: Default::default(),
@@ -101,6 +111,14 @@ impl GpuSession {
             timings: Vec::new(),
             last: Outcome::default(),
         })
+    }
+
+    /// Another session on the same device, that differs in its table of interactions and keeps no candidates.
+    pub(super) fn with_interactions(&self, table: Interactions) -> Result<Self, Error> {
+        let settings = GpuSettings { interactions: Some(table), ..self.detector.settings().clone() };
+        let mut session = Self::new(self.own.clone(), settings)?;
+        session.timeout = self.timeout;
+        Ok(session)
     }
 
     /// How long a call may take before it is given up with [`Error::Timeout`]. Default: ten minutes.
@@ -173,6 +191,25 @@ impl GpuSession {
         Ok(working + SLOTS as u64 * (input + self.expected * 8))
     }
 
+    /// Whether the device can bind so many spheres, and what the search needs for them.
+    pub(super) fn fits(&self, spheres: u64, algorithm: Algorithm) -> bool {
+        let limits = self.own.device.limits();
+        let is_bound = spheres * 16 <= limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let way = Way { algorithm, ..self.asked };
+        is_bound && u32::try_from(spheres).is_ok_and(|spheres| self.detector.fits(spheres, way))
+    }
+
+    /// About how many spheres fit at most, below a number that does not.
+    pub(super) fn most_spheres(&self, beyond: u64, algorithm: Algorithm) -> u64 {
+        let limits = self.own.device.limits();
+        let bound = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / 16;
+        let mut most = beyond.min(bound);
+        while most > 1 && !self.fits(most, algorithm) {
+            most -= most.div_ceil(16);
+        }
+        most
+    }
+
     /// Bytes of device memory held now for input and way back.
     pub fn held_bytes(&self) -> u64 {
         self.slots.iter().map(Slot::device_bytes).sum()
@@ -183,11 +220,16 @@ impl GpuSession {
     /// # Errors
     /// [`Error::Busy`] with two calls in flight already; otherwise as [`GpuDetector::encode`].
     pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, Error> {
-        self.begin_with(self.asked.algorithm, spheres)
+        self.begin_as(self.call(self.asked.algorithm), spheres)
     }
 
-    /// As [`begin`](Self::begin), with another algorithm for this call.
-    pub(crate) fn begin_with(&mut self, algorithm: Algorithm, spheres: Spheres<'_>) -> Result<Ticket, Error> {
+    /// How a call runs with this algorithm, if nothing else is asked for.
+    pub(super) fn call(&self, algorithm: Algorithm) -> Call {
+        Call { way: Way { algorithm, ..self.asked }, window: GpuSpheres::ALL, keeps: true }
+    }
+
+    /// As [`begin`](Self::begin), with another way for this call.
+    pub(super) fn begin_as(&mut self, call: Call, spheres: Spheres<'_>) -> Result<Ticket, Error> {
         for (flight, ticket) in self.flights.iter_mut().zip(&self.tickets) {
             if ticket.strong_count() == 0 {
                 *flight = None;
@@ -199,8 +241,9 @@ impl GpuSession {
             return Err(Error::Busy { calls: SLOTS });
         };
         self.slots[slot_of(number)].upload(&self.own, spheres).map_err(|error| self.own.reason(error))?;
-        self.ways[slot_of(number)] = Way { algorithm, ..self.asked };
-        self.launch(number, Work::Call(GpuSpheres::ALL))?;
+        let window = call.window.clone();
+        self.calls[slot_of(number)] = call;
+        self.launch(number, Work::Call(window))?;
         self.begun = number + 1;
         let held = Arc::new(());
         self.tickets[slot_of(number)] = Arc::downgrade(&held);
@@ -232,8 +275,13 @@ impl GpuSession {
     /// Where the device fails.
     pub fn finish_count(&mut self, ticket: Ticket) -> Result<u64, Error> {
         self.forget_last();
-        pollster::block_on(self.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking))
+        pollster::block_on(self.settle(ticket.number, self.window_of(&ticket), Wait::Blocking))
             .map(|outcome| outcome.found())
+    }
+
+    /// The window of all that a call asks for.
+    fn window_of(&self, ticket: &Ticket) -> Range<u32> {
+        self.calls[ticket.number as usize % SLOTS].window.clone()
     }
 
     /// Hands the pairs of a call over in parts whose smaller indices ascend from part to part; within a part they
@@ -248,7 +296,8 @@ impl GpuSession {
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
         self.forget_last();
-        let outcome = pollster::block_on(self.settle(ticket.number, GpuSpheres::ALL, Wait::Blocking))?;
+        let outcome =
+            pollster::block_on(self.settle(ticket.number, self.window_of(&ticket), Wait::Blocking))?;
         if outcome.found() == self.pairs.len() as u64 {
             let _ = consume(&mut self.pairs);
             return Ok(());
@@ -260,8 +309,8 @@ impl GpuSession {
 
     async fn collect(&mut self, ticket: Ticket, limit: u64, wait: Wait) -> Result<(), Error> {
         self.forget_last();
-        let number = ticket.number;
-        let found = self.settle(number, GpuSpheres::ALL, wait).await?.found();
+        let (number, window) = (ticket.number, self.window_of(&ticket));
+        let found = self.settle(number, window.clone(), wait).await?.found();
         if found > limit {
             self.pairs.clear();
             return Err(Error::TooManyPairs { found, limit });
@@ -271,8 +320,8 @@ impl GpuSession {
         }
         if found <= self.largest_capacity().max(self.capacity().into()) {
             self.pairs.clear();
-            self.repeat_for_pairs(number, GpuSpheres::ALL, found)?;
-            self.settle(number, GpuSpheres::ALL, wait).await?;
+            self.repeat_for_pairs(number, window.clone(), found)?;
+            self.settle(number, window, wait).await?;
             return Ok(());
         }
         let mut all = std::mem::take(&mut self.gathered);

@@ -184,8 +184,8 @@ class Detector:
     ) -> npt.NDArray[np.uint32]:
         """Return the pairs of one sphere of ``a`` and one of ``b``, in the order that was asked for.
 
-        No two spheres of one set are ever compared: particles against receivers, say. On the CPU so far, with the
-        algorithms ``"auto"``, ``"cell-list"`` and ``"naive"``.
+        No two spheres of one set are ever compared: particles against receivers, say. On the CPU only with
+        the algorithms ``"auto"``, ``"cell-list"`` and ``"naive"``.
 
         Parameters
         ----------

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use lazygrid_kernels::layout::Outcome;
 
-use super::{GpuSession, SLOTS};
+use super::{Call, GpuSession, SLOTS};
 use crate::Error;
 use crate::gpu::input::GpuSpheres;
 use crate::gpu::mapping::{Mapping, Wait};
@@ -54,7 +54,8 @@ impl GpuSession {
 
     fn submit(&mut self, number: u64, work: Work) -> Result<(), Error> {
         let at = number as usize % SLOTS;
-        let Self { own, detector, skin, slots, ways, expected, .. } = self;
+        let Self { own, detector, skin, slots, calls, expected, .. } = self;
+        let Call { way, keeps, .. } = calls[at];
         let slot = &mut slots[at];
         let capacity = detector.pair_capacity();
         let staged = (*expected).min(capacity.into());
@@ -62,7 +63,7 @@ impl GpuSession {
         let Some(spheres) = slot.spheres.clone() else { return Ok(()) };
         let mut encoder =
             scoped(&own.device, "an encoder", 0, || own.device.create_command_encoder(&Default::default()))?;
-        let skin = skin.as_mut().filter(|skin| skin.serves(number)).map(|skin| &mut skin.detector);
+        let skin = skin.as_mut().filter(|skin| keeps && skin.serves(number)).map(|skin| &mut skin.detector);
         let timed: &[Phase] = match work {
             _ if detector.ticks().is_none() || skin.is_some() => &[],
             Work::Call(_) => &Phase::ALL,
@@ -78,10 +79,10 @@ impl GpuSession {
                 match skin {
                     Some(skin) => {
                         skin.set_pair_capacity(capacity);
-                        let found = skin.encode_as(ways[at], &mut encoder, &input)?;
+                        let found = skin.encode_as(way, &mut encoder, &input)?;
                         (Some(found), skin.state())
                     }
-                    None => (Some(detector.encode_as(ways[at], &mut encoder, &input)?), detector.ticks()),
+                    None => (Some(detector.encode_as(way, &mut encoder, &input)?), detector.ticks()),
                 }
             }
             (Work::Rest, _) => {

@@ -66,14 +66,15 @@ impl GpuSession {
             log::info!("{entries} entries do not fit: repeating with room for them");
             return self.launch_with_room(number, window, before);
         }
-        let Some(way) = self.ways[slot].with_fewer_entries(self.algorithm(), self.asked.raster_ratio) else {
+        let Some(way) = self.calls[slot].way.with_fewer_entries(self.algorithm(), self.asked.raster_ratio)
+        else {
             let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
             let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");
             return Err(Error::LimitExceeded { what, needed: entries, limit, remedy });
         };
         let Way { algorithm, raster_ratio } = way;
         log::info!("{entries} entries do not fit: repeating as {algorithm} with raster ratio {raster_ratio}");
-        self.ways[slot] = way;
+        self.calls[slot].way = way;
         self.launch(number, Work::Call(window))
     }
 
@@ -106,11 +107,13 @@ impl GpuSession {
         wait: Wait,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
-        let count = self.slots[number as usize % SLOTS].count;
+        let slot = number as usize % SLOTS;
+        let Range { start, end: last } = self.calls[slot].window;
+        let count = last.min(self.slots[slot].count);
         let mut capacity = u64::from(self.capacity());
         self.expected = capacity;
         let mut width = (u64::from(count) * capacity / found.max(1)).clamp(1, u64::from(count)) as u32;
-        let mut begin = 0;
+        let mut begin = start;
         while begin < count {
             let end = begin.saturating_add(width).min(count);
             self.pairs.clear();

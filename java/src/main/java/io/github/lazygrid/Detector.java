@@ -91,8 +91,8 @@ public final class Detector implements AutoCloseable {
 
     /**
      * The pairs of one sphere of each set: i is an index in {@code a} and j one in {@code b}. No two spheres of one set
-     * are ever compared: particles against receivers, say. On the CPU so far, with {@link Algorithm#AUTO},
-     * {@link Algorithm#CELL_LIST} or {@link Algorithm#NAIVE}. Valid until the next search.
+     * are ever compared: particles against receivers, say. On the CPU with {@link Algorithm#AUTO},
+     * {@link Algorithm#CELL_LIST} or {@link Algorithm#NAIVE} only. Valid until the next search.
      *
      * @param a the first set, where its spheres are now
      * @param b the second set

@@ -1,0 +1,325 @@
+//! How a call of more spheres than a device can bind is cut into several, without a device in sight.
+//!
+//! Space is cut across one axis. A slab *owns* the spheres whose lower end is in it, and is lent those that reach into it
+//! from before. Of two spheres that overlap, the one that begins later is owned by some slab, and the other one is owned by
+//! it or lent to it: so each pair is found once, where at least one of the two is owned. Along a periodic axis the other one
+//! may be lent around the box as well, but not where a slab and two spheres together do not reach around it.
+
+use std::ops::Range;
+
+use lazygrid_kernels::{Interactions, Reach, Space, Sphere, Spheres};
+
+use super::error::make_room;
+use crate::Error;
+
+/// Spheres that are looked at for places to cut.
+const SAMPLE: usize = 1 << 14;
+/// Places to cut, at most.
+const EDGES: usize = 1 << 10;
+/// By what part of the radius, and of a periodic axis, ends are moved outwards: more than what rounding, or the 4 ulp that a
+/// GPU may be wrong by, can hide.
+const MARGIN: f64 = 1.0 / (1 << 20) as f64;
+/// One axis is as good as another where no more than this part of the spheres is lent.
+const FEW: usize = 16;
+
+/// What a call is given.
+#[derive(Debug)]
+pub(crate) struct Whole<'a> {
+    spheres: Spheres<'a>,
+    reaches: Vec<Reach>,
+    space: Space,
+}
+
+/// A call that is cut.
+#[derive(Debug)]
+pub(crate) struct Slabs {
+    axis: usize,
+    /// Where slabs begin, ascending; and how many spheres each has at most.
+    slabs: Vec<(f64, usize)>,
+}
+
+/// The spheres of a slab, in buffers that are used again.
+#[derive(Debug, Default)]
+pub(crate) struct Slab {
+    /// Those that it owns, then those that it is lent.
+    spheres: Vec<Sphere>,
+    species: Vec<u32>,
+    /// The index of each in the whole call.
+    indices: Vec<u32>,
+    /// How many it owns.
+    owned: u32,
+}
+
+impl<'a> Whole<'a> {
+    pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&Interactions>, space: Space) -> Self {
+        let reach = |table: &Interactions| (0..table.species()).map(|of| table.reach(of)).collect();
+        Self { spheres, reaches: interactions.map_or_else(Vec::new, reach), space }
+    }
+
+    /// Both ends of a sphere along an axis; on a periodic one the lower end is in the box and the upper one maybe beyond.
+    fn ends(&self, k: usize, axis: usize) -> [f64; 2] {
+        let Sphere { center, radius } = self.spheres.get(k);
+        let radius = match self.spheres.species() {
+            Some(species) if !self.reaches.is_empty() => {
+                self.reaches[species[k] as usize].effective_radius(radius)
+            }
+            _ => radius,
+        };
+        let half = f64::from(radius) * (1.0 + MARGIN);
+        match self.space.lengths()[axis].map(f64::from) {
+            None => {
+                let at = f64::from(center[axis]);
+                [at - half, at + half]
+            }
+            Some(length) => {
+                let (at, half) = (f64::from(self.space.wrap(center)[axis]), half + MARGIN * length);
+                let begin = (at - half).max(-1.5 * length);
+                let begin = if begin < -length / 2.0 { begin + length } else { begin };
+                [begin, begin + 2.0 * half]
+            }
+        }
+    }
+
+    fn period(&self, axis: usize) -> Option<f64> {
+        self.space.lengths()[axis].map(f64::from)
+    }
+
+    /// Places to cut this axis at, so that there are about as many spheres between any two; the first is before all.
+    fn edges(&self, axis: usize) -> Vec<f64> {
+        let step = (self.spheres.len() / SAMPLE).max(1);
+        let mut begins: Vec<f64> =
+            (0..self.spheres.len()).step_by(step).map(|k| self.ends(k, axis)[0]).collect();
+        begins.sort_unstable_by(f64::total_cmp);
+        let mut edges = vec![self.period(axis).map_or(f64::NEG_INFINITY, |length| -length / 2.0)];
+        edges.extend(begins.iter().copied().step_by(begins.len().div_ceil(EDGES).max(1)));
+        edges.dedup();
+        edges
+    }
+
+    /// Slabs across an axis with no more than `most` spheres each, and how many spheres are lent; `None` where they cannot be
+    /// cut so.
+    fn cut(&self, axis: usize, most: usize) -> Option<(Slabs, usize)> {
+        let edges = self.edges(axis);
+        let period = self.period(axis);
+        let mut owned = vec![0_usize; edges.len()];
+        // Spheres lent where a slab begins at an edge, as differences from edge to edge.
+        let mut lent = vec![0_isize; edges.len() + 1];
+        let slot = |end: f64| edges.partition_point(|&edge| edge <= end) - 1;
+        let mut widest = 0.0_f64;
+        for k in 0..self.spheres.len() {
+            let [begin, end] = self.ends(k, axis);
+            widest = widest.max(end - begin);
+            let [from, to] = [begin, end].map(slot);
+            owned[from] += 1;
+            lent[from + 1] += 1;
+            lent[to + 1] -= 1;
+            if let Some(length) = period.filter(|length| end >= length / 2.0) {
+                lent[0] += 1;
+                lent[slot((end - length).max(edges[0])) + 1] -= 1;
+            }
+        }
+        // Of slabs that are narrower no pair is found twice.
+        let width = period.map_or(f64::INFINITY, |length| length - 2.0 * widest);
+        let mut slabs: Vec<(f64, usize)> = Vec::new();
+        let (mut lent_here, mut all_lent) = (0, 0);
+        for (k, &edge) in edges.iter().enumerate() {
+            lent_here += lent[k];
+            let lent = lent_here.max(0) as usize;
+            let next = edges.get(k + 1).copied().or(period.map(|length| length / 2.0)).unwrap_or(edge);
+            let is_narrow = |begin: f64| period.is_none() || next - begin < width;
+            match slabs.last_mut() {
+                Some((begin, count)) if *count + owned[k] <= most && is_narrow(*begin) => *count += owned[k],
+                _ if owned[k] + lent > most || !is_narrow(edge) => return None,
+                _ => {
+                    slabs.push((edge, owned[k] + lent));
+                    all_lent += lent;
+                }
+            }
+        }
+        Some((Slabs { axis, slabs }, all_lent))
+    }
+}
+
+impl Slabs {
+    /// Cuts a call into slabs of no more than `most` spheres each, across the axis where the fewest are lent; `None` where so
+    /// many spheres overlap that none will do.
+    pub(crate) fn new(whole: &Whole<'_>, most: usize) -> Option<Self> {
+        let mut best: Option<(Self, usize)> = None;
+        for axis in 0..3 {
+            if let Some((slabs, lent)) = whole.cut(axis, most)
+                && best.as_ref().is_none_or(|(_, least)| lent < *least)
+            {
+                best = Some((slabs, lent));
+            }
+            if best.as_ref().is_some_and(|(_, least)| *least <= whole.spheres.len() / FEW) {
+                break;
+            }
+        }
+        best.map(|(slabs, _)| slabs)
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.slabs.len()
+    }
+
+    /// Gathers the spheres of one of them.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn gather(&self, number: usize, whole: &Whole<'_>, slab: &mut Slab) -> Result<(), Error> {
+        let (from, count) = self.slabs[number];
+        let to = self.slabs.get(number + 1).map_or(f64::INFINITY, |slab| slab.0);
+        let period = whole.period(self.axis);
+        slab.clear();
+        make_room(&mut slab.spheres, count, "the spheres of a slab")?;
+        make_room(&mut slab.indices, count, "the spheres of a slab")?;
+        make_room(&mut slab.species, count, "the spheres of a slab")?;
+        let is_owned = |[begin, _]: [f64; 2]| from <= begin && begin < to;
+        let is_lent = |[begin, end]: [f64; 2]| {
+            begin < from && from <= end || period.is_some_and(|length| from <= end - length)
+        };
+        for owned in [true, false] {
+            for k in 0..whole.spheres.len() {
+                let ends = whole.ends(k, self.axis);
+                if if owned { is_owned(ends) } else { !is_owned(ends) && is_lent(ends) } {
+                    slab.spheres.push(whole.spheres.get(k));
+                    slab.indices.push(k as u32);
+                    slab.species.extend(whole.spheres.species().map(|species| species[k]));
+                }
+            }
+            if owned {
+                slab.owned = slab.spheres.len() as u32;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Slab {
+    fn clear(&mut self) {
+        self.spheres.clear();
+        self.species.clear();
+        self.indices.clear();
+    }
+
+    /// Its spheres.
+    ///
+    /// # Errors
+    /// As [`Spheres::with_species`].
+    pub(crate) fn spheres(&self) -> Result<Spheres<'_>, Error> {
+        let spheres = Spheres::from(&self.spheres);
+        Ok(if self.species.is_empty() { spheres } else { spheres.with_species(&self.species)? })
+    }
+
+    /// The pairs to be found have their smaller index in here.
+    pub(crate) fn window(&self) -> Range<u32> {
+        0..self.owned
+    }
+
+    /// Has pairs name the spheres of the whole call.
+    pub(crate) fn name(&self, pairs: &mut [lazygrid_kernels::Pair]) {
+        for pair in pairs {
+            let [a, b] = [pair.i, pair.j].map(|k| self.indices[k as usize]);
+            (pair.i, pair.j) = (a.min(b), a.max(b));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::{Interaction, Pair};
+
+    use super::*;
+
+    /// The words of a linear congruential generator.
+    struct Random(u64);
+
+    impl Random {
+        fn unit(&mut self) -> f32 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 40) as f32 / (1 << 24) as f32
+        }
+    }
+
+    fn cloud(random: &mut Random, count: usize, far: f32) -> Vec<Sphere> {
+        (0..count)
+            .map(|k| {
+                let center = [(); 3].map(|()| far * (2.0 * random.unit() - 1.0));
+                Sphere::new(center, [0.3, 0.05, 0.0, 1.0][k % 4])
+            })
+            .collect()
+    }
+
+    fn overlaps(whole: &Whole<'_>, a: usize, b: usize) -> bool {
+        let radius = |k: usize| {
+            let reach = whole.spheres.species().map(|species| whole.reaches[species[k] as usize]);
+            let radius = whole.spheres.get(k).radius;
+            f64::from(reach.map_or(radius, |reach| reach.effective_radius(radius)))
+        };
+        let [at, other] = [a, b].map(|k| whole.spheres.get(k).center);
+        whole.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)
+    }
+
+    /// Cut into slabs of `most` spheres, every pair is found once.
+    fn agrees(whole: &Whole<'_>, most: usize) -> usize {
+        let all = 0..whole.spheres.len();
+        let pairs = all.clone().flat_map(|i| (i + 1..all.end).map(move |j| (i, j)));
+        let pairs = pairs.filter(|&(i, j)| overlaps(whole, i, j));
+        let expected: Vec<Pair> = pairs.map(|(i, j)| Pair { i: i as u32, j: j as u32 }).collect();
+        let slabs = Slabs::new(whole, most).expect("few overlap");
+        let (mut slab, mut found) = (Slab::default(), Vec::new());
+        for number in 0..slabs.len() {
+            slabs.gather(number, whole, &mut slab).expect("there is memory");
+            let count = slab.indices.len();
+            assert!(count <= most, "{count} spheres in a slab of {most}");
+            let of = |k: u32| slab.indices[k as usize] as usize;
+            let in_slab = slab.window().flat_map(|i| (i + 1..count as u32).map(move |j| Pair { i, j }));
+            let mut own: Vec<Pair> = in_slab.filter(|pair| overlaps(whole, of(pair.i), of(pair.j))).collect();
+            slab.name(&mut own);
+            found.extend(own);
+        }
+        found.sort_unstable();
+        let wrong = found.iter().zip(&expected).find(|(found, expected)| found != expected);
+        assert!(found == expected, "{} pairs, not {}: {wrong:?}", found.len(), expected.len());
+        slabs.len()
+    }
+
+    #[test]
+    fn every_pair_is_found_in_one_slab() {
+        let mut random = Random(3);
+        let boxed = Space::periodic([Some(12.0), Some(11.0), None]).expect("a box");
+        let narrow = Space::periodic([Some(3.0), Some(3.0), Some(12.0)]).expect("a box");
+        for (space, far) in [(Space::UNBOUNDED, 6.0), (boxed, 6.0), (narrow, 30.0), (Space::UNBOUNDED, 1e6)] {
+            for most in [80, 150, 333] {
+                let spheres = cloud(&mut random, 400, far);
+                let slabs = agrees(&Whole::new(Spheres::from(&spheres), None, space), most);
+                assert!(slabs > 1, "{space:?}, {most}");
+            }
+        }
+    }
+
+    #[test]
+    fn giants_and_species_reach_over_several_slabs() {
+        let mut random = Random(5);
+        let mut spheres = cloud(&mut random, 300, 8.0);
+        spheres[7].radius = 9.0;
+        spheres[150].radius = 1e30;
+        agrees(&Whole::new(Spheres::from(&spheres), None, Space::UNBOUNDED), 120);
+        let mut table = Interactions::new(2, Interaction::Within(0.2)).expect("a table");
+        table.set(0, 1, Interaction::Within(3.0)).expect("a distance");
+        let species: Vec<u32> = (0..300).map(|k| u32::from(k % 10 == 0)).collect();
+        let spheres = cloud(&mut random, 300, 8.0);
+        let all = Spheres::from(&spheres).with_species(&species).expect("as many");
+        agrees(&Whole::new(all, Some(&table), Space::UNBOUNDED), 250);
+    }
+
+    #[test]
+    fn what_overlaps_altogether_cannot_be_cut() {
+        let spheres = vec![Sphere::new([1.0; 3], 1.0); 100];
+        assert!(Slabs::new(&Whole::new(Spheres::from(&spheres), None, Space::UNBOUNDED), 60).is_none());
+        let mut random = Random(8);
+        let boxed = Space::periodic([Some(3.0); 3]).expect("a box");
+        let spheres = cloud(&mut random, 100, 1.5);
+        assert!(Slabs::new(&Whole::new(Spheres::from(&spheres), None, boxed), 60).is_none(), "too narrow");
+    }
+}
