@@ -78,12 +78,28 @@ impl Case {
     /// # Errors
     /// Where the device fails.
     pub(crate) fn choose_for(self, own: &GpuDevice, spheres: Vec<Sphere>) -> Result<Chosen, Fault> {
+        let tau = if self.is_dense { TAU } else { u32::MAX };
+        let before =
+            Outcome { densest: TAU + 1, crowded: 7, found_lo: 7, dispatch_z: 1, ..Outcome::zeroed() };
+        self.choose_after(own, spheres, (tau, before))
+    }
+
+    /// The same for this τ, after this outcome of a call before.
+    ///
+    /// # Errors
+    /// Where the device fails.
+    pub(crate) fn choose_after(
+        self,
+        own: &GpuDevice,
+        spheres: Vec<Sphere>,
+        (tau, before): (u32, Outcome),
+    ) -> Result<Chosen, Fault> {
         let space = periodic::space(self.lengths);
         let call = Call {
             spheres: self.spheres,
             cells: ROOM,
             raster_ratio: 2.0,
-            tau: if self.is_dense { TAU } else { u32::MAX },
+            tau,
             density_slots: 512,
             pair_capacity: 1 << 22,
             window_end: u32::MAX,
@@ -95,7 +111,6 @@ impl Case {
         let variant = Variant { periodic: space.is_periodic(), ..Variant::default() };
         let images: Vec<Sphere> =
             spheres.iter().map(|sphere| Sphere::new(space.wrap(sphere.center), sphere.radius)).collect();
-        let before = Outcome { densest: TAU + 1, crowded: 7, found_lo: 7, ..Outcome::zeroed() };
         let (given, count, input) =
             (upload(own, &[call])?, upload(own, &[self.spheres])?, upload(own, &spheres)?);
         let (survey, list) = (upload(own, &[surveyed(&images, false)])?, upload_one(own, &List::zeroed())?);

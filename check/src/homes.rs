@@ -2,6 +2,7 @@
 //! functions.
 
 use bytemuck::Zeroable;
+use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Call, Lengths, Pass, Survey};
@@ -24,6 +25,7 @@ pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), Fault> {
             quarantined: bad,
             entries_lo: case.spheres,
             spheres: case.spheres,
+            dispatch_z: 1,
             ..Outcome::zeroed()
         };
         same(|| what("outcome"), outcome, &begun)?;
@@ -37,6 +39,26 @@ pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), Fault> {
         same(|| what("lengths"), &chosen.lengths, &lengths)?;
         levels_are_sound(&chosen, case)?;
         neighbours_are_near(&chosen, case)?;
+    }
+    first_calls_miss_no_crowd(own)
+}
+
+/// Crowds of which a call samples one sphere each: a first call looks again, and a later one knows.
+fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), Fault> {
+    const SPHERES: u32 = 20_000;
+    let sphere = |k: u32| {
+        let crowd = (256 * k + SPHERES / 2) / SPHERES;
+        let [x, y] = [crowd % 16, crowd / 16].map(|number| 9.0 * number as f32);
+        Sphere::new([x, y, 0.0], if k.is_multiple_of(2) { 1.0 } else { 0.1 })
+    };
+    for (before, expected) in [
+        (Outcome::zeroed(), true),
+        (Outcome { dispatch_z: 1, ..Outcome::zeroed() }, false),
+        (Outcome { dispatch_z: 1, densest: 9, ..Outcome::zeroed() }, true),
+    ] {
+        let case = Case { spheres: SPHERES, lengths: [None; 3], is_dense: false };
+        let chosen = case.choose_after(own, (0..SPHERES).map(sphere).collect(), (0, before))?;
+        same(|| format!("crowds of {case:?} after {before:?}"), &(chosen.list.is_dense != 0), &expected)?;
     }
     Ok(())
 }

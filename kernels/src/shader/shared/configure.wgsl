@@ -4,6 +4,8 @@
 #include outcome_begin
 
 const SAMPLES: u32 = 256u;
+// So many are taken where fewer could miss a crowd and no last call knows of it.
+const MOST_SAMPLES: u32 = 1024u;
 // So few of the largest spheres are compared with all others instead of having cells.
 const MOST_LISTED: u32 = 8u;
 // Edges are wider than diameters by this much, which is more than the distance test rounds.
@@ -26,7 +28,9 @@ var<workgroup> populations: array<atomic<u32>, 16>;
 var<workgroup> packed_levels: array<atomic<u32>, 64>;
 var<workgroup> low: array<u32, 3>;
 var<workgroup> high: array<u32, 3>;
-var<workgroup> sampled: array<u32, 256>;
+var<workgroup> samples: u32;
+// The cells that they are in.
+var<workgroup> sampled: array<u32, 1024>;
 var<workgroup> sampled_pairs: atomic<u32>;
 // Exponent of a quantum of level 0.
 var<workgroup> quantum: i32;
@@ -170,21 +174,35 @@ fn set_call(count: u32) {
     atomicStore(&survey.quarantined, 0u);
 }
 
+// Fewer pairs of samples in one cell may be there by chance.
+const TELLING: f32 = 4.0;
+
+// Whether crowds of more than τ spheres may go unseen among so many samples.
+fn may_miss(count: u32, samples: u32) -> bool {
+    return count > samples && TELLING * f32(count) > f32(call.tau) * f32(samples) * f32(samples);
+}
+
+// Whether no call has left an outcome: each ends with this at 1.
+fn is_first() -> bool {
+    return atomicLoad(&outcome.dispatch_z) == 0u;
+}
+
 // The cell of level 0 of one of the spheres, or a number that no other sample has.
-fn sample_cell(lane: u32, count: u32) -> u32 {
-    let index = select(lane, (count / SAMPLES) * lane + ((count % SAMPLES) * lane) / SAMPLES, count > SAMPLES);
+fn sample_cell(number: u32, count: u32) -> u32 {
+    let spread = (count / samples) * number + ((count % samples) * number) / samples;
+    let index = select(number, spread, count > samples);
     if (index >= count) {
-        return 0xffffffffu - lane;
+        return 0xffffffffu - number;
     }
     let sphere = spheres[index];
     if (!is_accepted(index, sphere) || class_of(effective_radius(index, sphere)) > atomicLoad(&base_class)) {
-        return 0xffffffffu - lane;
+        return 0xffffffffu - number;
     }
     return cell_of(image_of(sphere).xyz, 0u);
 }
 
 // Whether smaller spheres leave the crowded cells of level 0: where they would gain from it, and where samples or the
-// last call found such cells.
+// last call found such cells. Where both may miss some these are looked for.
 fn decide_density(count: u32) {
     var finer = false;
     for (var level = 1u; level < LEVELS; level++) {
@@ -192,9 +210,10 @@ fn decide_density(count: u32) {
     }
     // Ordered pairs of samples in one cell, as a share of all, times the spheres: how many share a cell on average.
     let pairs = f32(atomicLoad(&sampled_pairs));
-    let crowd = pairs * f32(count) / f32(min(count, SAMPLES) * min(count, SAMPLES) + 1u);
+    let share = f32(count) / f32(min(count, samples) * min(count, samples) + 1u);
+    let is_seen = pairs >= TELLING && pairs * share > f32(call.tau);
     let was_dense = atomicLoad(&outcome.densest) > call.tau;
-    is_dense = finer && ((pairs >= 4.0 && crowd > f32(call.tau)) || was_dense);
+    is_dense = finer && (is_seen || was_dense || (is_first() && may_miss(count, samples)));
     list.is_dense = select(0u, 1u, is_dense);
     atomicStore(&outcome.densest, 0u);
 }
@@ -245,6 +264,7 @@ fn configure(lane: u32) {
     if (lane == 0u) {
         choose_edge();
         set_call(count);
+        samples = select(SAMPLES, MOST_SAMPLES, is_first() && may_miss(count, SAMPLES));
     }
     workgroupBarrier();
 
@@ -267,14 +287,24 @@ fn configure(lane: u32) {
     }
     storageBarrier();
 
-    let cell = sample_cell(lane, count);
-    sampled[lane] = cell;
+    let taken = samples;
+    for (var round = 0u; round < MOST_SAMPLES / 256u; round++) {
+        let number = round * 256u + lane;
+        if (number < taken) {
+            sampled[number] = sample_cell(number, count);
+        }
+    }
     workgroupBarrier();
     var shared_with = 0u;
-    for (var other = 0u; other < SAMPLES; other++) {
-        shared_with += select(0u, 1u, sampled[other] == cell);
+    for (var round = 0u; round < MOST_SAMPLES / 256u; round++) {
+        let number = round * 256u + lane;
+        if (number < taken) {
+            for (var other = 0u; other < taken; other++) {
+                shared_with += select(0u, 1u, other != number && sampled[other] == sampled[number]);
+            }
+        }
     }
-    atomicAdd(&sampled_pairs, shared_with - 1u);
+    atomicAdd(&sampled_pairs, shared_with);
     workgroupBarrier();
     if (lane == 0u) {
         decide_density(count);
