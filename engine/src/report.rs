@@ -19,7 +19,7 @@ pub struct Report {
     pub algorithm: Algorithm,
     /// Why this backend and this algorithm.
     pub reason: String,
-    /// What the call cost the GPU, by its plan; `None` on the CPU.
+    /// What the call cost the GPU, by its plan; `None` on the CPU, and where it was answered from candidates that were kept.
     #[cfg(feature = "gpu")]
     pub cost: Option<crate::gpu::Cost>,
     /// The candidates that the call was answered from; `None` where it searched without any.

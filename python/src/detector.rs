@@ -48,7 +48,8 @@ use crate::{error, report};
 /// skin
 ///     Whether candidates, pairs that may soon overlap, are kept from call to call; an answer never depends
 ///     on it. ``"auto"`` keeps them where spheres move so little that it is expected to take less time, but not on a GPU;
-///     ``"off"`` never. A number keeps the pairs that are up to this distance too far apart, until some sphere has moved by half of it.
+///     ``"off"`` never. A number keeps the pairs that are up to this distance too far apart, until some sphere has moved
+///     by half of it.
 ///
 /// Raises
 /// ------

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import Rows, scene
+from conftest import Rows, brute_force, scene
 
 import lazygrid
 from lazygrid import Detector, Interactions
@@ -104,6 +105,26 @@ def test_errors_name_the_second_set(spheres: Rows) -> None:
         detector.stream_between(spheres, spheres, 0)
     with pytest.raises(lazygrid.SettingError, match="hash-grid"):
         Detector(backend="cpu", algorithm="hash-grid").between(spheres, spheres)
+
+
+def test_a_gpu_says_the_same() -> None:
+    try:
+        detector = Detector(backend="gpu", algorithm="cell-list", skin=0.3)
+    except lazygrid.Error as error:
+        assert "LAZYGRID_REQUIRE_GPU" not in os.environ, error
+        pytest.skip(f"no GPU: {error}")
+    a, b = scene(11, 900, box=5.0), scene(12, 400, box=5.0)
+    expected = brute_force_between(a, b)
+    np.testing.assert_array_equal(detector.between(a, b), expected)
+    assert detector.count_between(a, b) == len(expected)
+    ages = []
+    for _ in range(4):
+        np.testing.assert_array_equal(detector.pairs(a), brute_force(a))
+        candidates = detector.report["candidates"]
+        assert candidates is not None
+        ages.append(candidates["age"])
+        a[:, :3] += np.float32(0.01)
+    assert ages == [0, 1, 2, 3]
 
 
 def test_out_and_limits(spheres: Rows) -> None:

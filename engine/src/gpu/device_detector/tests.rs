@@ -1,0 +1,85 @@
+use lazygrid_kernels::{Algorithm, Sphere};
+
+use super::*;
+use crate::Detector;
+use crate::gpu::adapter::device_or_skip;
+use crate::gpu::wgpu;
+
+/// The same adapter with room for 2²⁰ pairs, the default output, in a binding: and for 2¹⁹ spheres.
+fn with_small_bindings(own: &GpuDevice) -> GpuDevice {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    let adapter = adapters.into_iter().find(|a| a.get_info().name == own.adapter.name).expect("the same");
+    let limits = wgpu::Limits { max_storage_buffer_binding_size: 8 << 20, ..adapter.limits() };
+    let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
+    GpuDevice::lent(&device, &queue)
+}
+
+/// More spheres than a binding holds, among them a giant that reaches through all slabs.
+#[test]
+fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
+    let Some(own) = device_or_skip() else { return };
+    let own = with_small_bindings(&own);
+    let mut word = 7_u32;
+    let mut unit = || {
+        word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (word >> 8) as f32 / (1 << 24) as f32
+    };
+    // Places and radii are multiples of a power of two, so that no rounding happens and results agree exactly.
+    let mut place = || (unit() * 16384.0).floor() / 128.0;
+    let mut spheres: Vec<_> = (0..600_000).map(|_| Sphere::new([place(), place(), place()], 0.5)).collect();
+    spheres[99] = Sphere::new([64.0; 3], 8.0);
+    let config = Config::default().algorithm(Algorithm::CellList);
+    let mut host = Detector::new(config.clone().backend(Backend::Cpu)).expect("made");
+    let expected = host.pairs(&spheres).expect("valid").to_vec();
+    let mut detector = DeviceDetector::new(own.clone(), config.clone()).expect("made");
+    let all = Spheres::from(&spheres);
+    assert_eq!(detector.count(all), Ok(expected.len() as u64));
+    let reason = &detector.report().reason;
+    assert!(reason.contains("in 2 slabs"), "{reason}");
+    assert!(detector.pairs(all).expect("found") == expected);
+    let (first, second) = spheres.split_at(1000);
+    let across = |pair: &&Pair| pair.i < 1000 && pair.j >= 1000;
+    let across: Vec<_> = expected.iter().filter(across).map(|p| Pair { i: p.i, j: p.j - 1000 }).collect();
+    assert!(detector.between(first.into(), second.into()).expect("found") == across);
+    let mut streamed = Vec::new();
+    let mut keep = |pairs: &[Pair]| {
+        streamed.extend_from_slice(pairs);
+        ControlFlow::Continue(())
+    };
+    let handed = detector.stream(all, 1 << 16, &mut keep).expect("in order");
+    assert!(streamed == expected && handed == expected.len() as u64);
+    let limited = config.max_pairs(expected.len() as u64 - 1);
+    let mut detector = DeviceDetector::new(own.clone(), limited.clone()).expect("made");
+    let (found, limit) = (expected.len() as u64, expected.len() as u64 - 1);
+    assert_eq!(detector.pairs(all), Err(Error::TooManyPairs { found, limit }));
+    let refused = detector.stream(all, 9, |_| ControlFlow::Continue(())).expect_err("too many to be ordered");
+    assert!(matches!(refused, Error::LimitExceeded { needed, .. } if needed == found), "{refused}");
+    let mut detector = DeviceDetector::new(own, limited.order(Order::Unordered)).expect("made");
+    let mut streamed = Vec::new();
+    let mut keep = |pairs: &[Pair]| {
+        streamed.extend_from_slice(pairs);
+        ControlFlow::Continue(())
+    };
+    detector.stream(all, 1 << 16, &mut keep).expect("streamed");
+    streamed.sort_unstable();
+    assert!(streamed == expected);
+    // All at one point: there is nowhere to cut.
+    let crowd = vec![Sphere::new([0.0; 3], 1.0); 600_000];
+    let refused = detector.count(Spheres::from(&crowd)).expect_err("too many");
+    assert!(refused.to_string().contains("overlaps too much"), "{refused}");
+}
+
+/// Twenty sizes at one point, on a device that can bind a tenth of their entries.
+#[test]
+fn a_report_says_why_one_level_had_to_do() {
+    let Some(own) = device_or_skip() else { return };
+    let spheres: Vec<_> = (0..26_000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
+    let config = Config::default().backend(Backend::Gpu).algorithm(Algorithm::LazyGrid);
+    let mut detector = DeviceDetector::new(with_small_bindings(&own), config).expect("made");
+    assert_eq!(detector.count(Spheres::from(&spheres)), Ok(26_000 * 25_999 / 2));
+    let report = detector.report();
+    assert_eq!(report.algorithm, Algorithm::ArrayGrid);
+    assert!(report.reason.contains("array-grid instead of lazy-grid: the entries"), "{}", report.reason);
+}
