@@ -66,7 +66,8 @@ impl Way {
     }
 
     /// Every algorithm of the GPU with and without subgroup operations, and with cells that are split where they hold more
-    /// than one smaller sphere; and with candidates that are kept. For a [quick](Extent::Quick) look each as a detector has it by default.
+    /// than one smaller sphere; and with candidates that are kept. For a [quick](Extent::Quick) look each as a detector has it
+    /// by default.
     pub fn on_gpu(own: &GpuDevice, extent: Extent) -> Vec<Self> {
         let with = |subgroups, tau| {
             let way = move |algorithm| Self { tau, ..Self::new(algorithm, Place::Gpu { subgroups }) };

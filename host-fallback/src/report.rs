@@ -65,17 +65,23 @@ pub struct Phase {
     pub time: Duration,
 }
 
+impl Phase {
+    /// Adds to the time of the phase of this name, or takes it down behind the others.
+    pub fn add(phases: &mut Vec<Self>, name: &'static str, time: Duration) {
+        #[expect(clippy::disallowed_methods, reason = "a call has a handful of phases")]
+        match phases.iter_mut().find(|phase| phase.name == name) {
+            Some(phase) => phase.time += time,
+            None => phases.push(Self { name, time }),
+        }
+    }
+}
+
 impl Report {
     /// Runs `work` and records its time as phase `name`; a phase that runs again adds to its time.
     pub(crate) fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();
-        let time = start.elapsed();
-        #[expect(clippy::disallowed_methods, reason = "a call has a handful of phases")]
-        match self.phases.iter_mut().find(|phase| phase.name == name) {
-            Some(phase) => phase.time += time,
-            None => self.phases.push(Phase { name, time }),
-        }
+        Phase::add(&mut self.phases, name, start.elapsed());
         result
     }
 }

@@ -148,11 +148,6 @@ impl GpuDetector {
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
-    /// Whether the device can bind what such a call needs.
-    pub(crate) fn fits(&self, spheres: u32, way: Way) -> bool {
-        self.plan_for(spheres, way).is_ok()
-    }
-
     /// Allocates for calls of up to `spheres` spheres, unless that is there already. Buffers of an earlier, smaller
     /// size are released.
     ///
@@ -309,8 +304,8 @@ impl GpuDetector {
         self.prepared.as_ref().map(Prepared::output)
     }
 
-    /// The ticks at either end of each phase (`u64`, in the order of [`Phase::ALL`](super::Phase::ALL)); `None` where calls are not
-    /// timed.
+    /// The ticks at either end of each phase (`u64`, in the order of [`Phase::ALL`](super::Phase::ALL)); `None` where calls
+    /// are not timed.
     pub fn ticks(&self) -> Option<&wgpu::Buffer> {
         self.timer.as_ref().map(Timer::ticks)
     }

@@ -21,6 +21,8 @@ pub(crate) struct DeviceDetector {
     two: Option<Box<TwoSets>>,
     canonical: Canonical,
     lists: Lists,
+    /// As they came; its memory serves the next call.
+    found: Vec<Pair>,
     pairs: Vec<Pair>,
     report: Report,
 }
@@ -84,8 +86,8 @@ impl DeviceDetector {
             session.set_timeout(timeout);
         }
         let (one, two) = (Search::new(session), None);
-        let (canonical, lists, pairs) = Default::default();
-        Ok(Self { settings, crossover, one, two, canonical, lists, pairs, report })
+        let (canonical, lists, found, pairs) = Default::default();
+        Ok(Self { settings, crossover, one, two, canonical, lists, found, pairs, report })
     }
 
     pub(crate) fn pairs(&mut self, spheres: Spheres<'_>) -> Result<&[Pair], Error> {
@@ -99,11 +101,7 @@ impl DeviceDetector {
     }
 
     pub(crate) fn neighbors(&mut self, spheres: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
-        self.list(Asked::One(spheres), Order::Canonical)?;
-        let start = Instant::now();
-        let neighbors = self.lists.fill(&self.pairs, spheres.len())?;
-        self.report.phases.push(Phase { name: "neighbors", time: start.elapsed() });
-        Ok(neighbors)
+        self.neighbors_of(Asked::One(spheres))
     }
 
     pub(crate) fn neighbors_between(
@@ -111,9 +109,16 @@ impl DeviceDetector {
         a: Spheres<'_>,
         b: Spheres<'_>,
     ) -> Result<Neighbors<'_>, Error> {
-        self.list(Asked::Two(a, b), Order::Canonical)?;
+        self.neighbors_of(Asked::Two(a, b))
+    }
+
+    fn neighbors_of(&mut self, asked: Asked<'_>) -> Result<Neighbors<'_>, Error> {
+        self.list(asked, Order::Canonical)?;
         let start = Instant::now();
-        let neighbors = self.lists.fill_forward(&self.pairs, a.len())?;
+        let neighbors = match asked {
+            Asked::One(all) => self.lists.fill(&self.pairs, all.len())?,
+            Asked::Two(a, _) => self.lists.fill_forward(&self.pairs, a.len())?,
+        };
         self.report.phases.push(Phase { name: "neighbors", time: start.elapsed() });
         Ok(neighbors)
     }
@@ -189,13 +194,11 @@ impl DeviceDetector {
 
     pub(crate) fn memory_for(&self, spheres: u64) -> u64 {
         let session = &self.one.session;
-        let algorithm = self.settings.algorithm;
-        let at_once = match session.fits(spheres, algorithm) {
-            true => spheres,
-            false => session.most_spheres(spheres, algorithm),
-        };
-        // What cannot be held at all is refused when it is tried.
-        u32::try_from(at_once).ok().and_then(|n| session.memory_for(n).ok()).unwrap_or(u64::MAX)
+        // More are searched in slabs. What cannot be held at all is refused when it is tried.
+        u32::try_from(spheres.min(session.most_spheres()))
+            .ok()
+            .and_then(|n| session.memory_for(n).ok())
+            .unwrap_or(u64::MAX)
     }
 
     pub(crate) fn into_pairs(self) -> Vec<Pair> {
@@ -204,10 +207,8 @@ impl DeviceDetector {
 
     fn list(&mut self, asked: Asked<'_>, order: Order) -> Result<(), Error> {
         let limit = self.settings.max_pairs;
-        let mut found = self.search(asked, |search, given| {
-            search.list(given, limit)?;
-            Ok(std::mem::take(&mut search.pairs))
-        })?;
+        let mut found = std::mem::take(&mut self.found);
+        self.search(asked, |search, given| search.list(given, limit, &mut found))?;
         self.report.pairs = found.len() as u64;
         let start = Instant::now();
         if order == Order::Canonical {
@@ -216,11 +217,7 @@ impl DeviceDetector {
         } else {
             std::mem::swap(&mut found, &mut self.pairs);
         }
-        // Its memory serves the next call.
-        match (asked, &mut self.two) {
-            (Asked::Two(..), Some(two)) => two.search.pairs = found,
-            _ => self.one.pairs = found,
-        }
+        self.found = found;
         from_first(&mut self.pairs, asked.first());
         Ok(())
     }
@@ -268,11 +265,11 @@ impl DeviceDetector {
     /// Refuses what is not valid; how many size classes there are.
     fn check(&self, asked: Asked<'_>) -> Result<usize, Error> {
         let survey = |spheres| Survey::new(spheres, self.settings.interactions.as_ref());
-        if asked.len() as u64 > MAX_SPHERES {
-            return Err(InputError::TooManySpheres { count: asked.len() as u64 }.into());
-        }
         match asked {
             Asked::One(spheres) => Ok(survey(spheres)?.occupied().count()),
+            Asked::Two(..) if asked.len() as u64 > MAX_SPHERES => {
+                Err(InputError::TooManySpheres { count: asked.len() as u64 }.into())
+            }
             Asked::Two(a, b) => {
                 let a = survey(a)?;
                 let b = survey(b).map_err(|error| match error {

@@ -1,5 +1,5 @@
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use lazygrid_host::Phase;
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres};
@@ -23,8 +23,6 @@ pub(super) struct Given<'a> {
 pub(super) struct Search {
     pub(super) session: GpuSession,
     slab: Slab,
-    /// The pairs of the last list, unordered.
-    pub(super) pairs: Vec<Pair>,
     /// Times of the last call.
     pub(super) timings: Vec<Phase>,
     /// Slabs of the last call; 1 where it was not cut.
@@ -33,24 +31,24 @@ pub(super) struct Search {
 
 impl Search {
     pub(super) fn new(session: GpuSession) -> Self {
-        let (slab, pairs, timings) = Default::default();
-        Self { session, slab, pairs, timings, slabs: 1 }
+        let (slab, timings) = Default::default();
+        Self { session, slab, timings, slabs: 1 }
     }
 
-    /// The pairs, unordered, in [`pairs`](Self::pairs).
+    /// Puts the pairs into `list`, unordered.
     ///
     /// # Errors
     /// [`Error::TooManyPairs`] above `limit`, with the exact number; otherwise where the device fails.
-    pub(super) fn list(&mut self, given: &Given<'_>, limit: u64) -> Result<(), Error> {
+    pub(super) fn list(&mut self, given: &Given<'_>, limit: u64, list: &mut Vec<Pair>) -> Result<(), Error> {
         let Some((whole, slabs)) = self.cut(given)? else {
             let ticket = self.begin(given)?;
             self.session.finish(ticket, limit)?;
-            self.session.swap_pairs(&mut self.pairs);
+            self.session.swap_pairs(list);
             self.note();
             return Ok(());
         };
         let mut found = 0;
-        self.pairs.clear();
+        list.clear();
         for number in 0..slabs.len() {
             let ticket = self.begin_slab(&slabs, number, (&whole, given.algorithm))?;
             if found > limit {
@@ -60,10 +58,10 @@ impl Search {
             match self.session.finish(ticket, limit - found) {
                 Ok(pairs) => {
                     found += pairs.len() as u64;
-                    let before = self.pairs.len();
-                    make_room(&mut self.pairs, pairs.len(), "pairs")?;
-                    self.pairs.extend_from_slice(pairs);
-                    self.slab.name(&mut self.pairs[before..]);
+                    let before = list.len();
+                    make_room(list, pairs.len(), "pairs")?;
+                    list.extend_from_slice(pairs);
+                    self.slab.name(&mut list[before..]);
                 }
                 Err(Error::TooManyPairs { found: more, .. }) => found += more,
                 Err(error) => return Err(error),
@@ -71,7 +69,6 @@ impl Search {
             self.note();
         }
         if found > limit {
-            self.pairs.clear();
             return Err(Error::TooManyPairs { found, limit });
         }
         Ok(())
@@ -116,7 +113,8 @@ impl Search {
         };
         if let Some(limit) = in_order_up_to {
             // A slab has pairs of small indices and of large ones.
-            self.list(given, limit).map_err(|error| match error {
+            let mut list = Vec::new();
+            self.list(given, limit, &mut list).map_err(|error| match error {
                 Error::TooManyPairs { found, limit } => {
                     let what =
                         "a stream in order, of more spheres than the device can bind: the number of pairs";
@@ -125,7 +123,7 @@ impl Search {
                 }
                 other => other,
             })?;
-            let _ = consume(&mut self.pairs);
+            let _ = consume(&mut list);
             return Ok(());
         }
         for number in 0..slabs.len() {
@@ -150,11 +148,11 @@ impl Search {
         self.timings.clear();
         self.slabs = 1;
         let (spheres, count) = (given.spheres, given.spheres.len() as u64);
-        if self.session.fits(count, given.algorithm) {
+        let most = self.session.most_spheres();
+        if count <= most {
             return Ok(None);
         }
         let start = Instant::now();
-        let most = self.session.most_spheres(count, given.algorithm);
         let whole = Whole::new(spheres, given.interactions, given.space);
         let Some(slabs) = Slabs::new(&whole, most as usize) else {
             let what = "the sphere buffer, which overlaps too much to be cut into several,";
@@ -162,14 +160,14 @@ impl Search {
             return Err(Error::LimitExceeded { what, needed: 16 * count, limit: 16 * most, remedy });
         };
         self.slabs = slabs.len();
-        self.time("cut", start.elapsed());
+        self.time("cut", start);
         Ok(Some((whole, slabs)))
     }
 
     fn begin(&mut self, given: &Given<'_>) -> Result<Ticket, Error> {
         let start = Instant::now();
         let ticket = self.session.begin_as(self.session.call(given.algorithm), given.spheres)?;
-        self.time("upload", start.elapsed());
+        self.time("upload", start);
         Ok(ticket)
     }
 
@@ -182,25 +180,21 @@ impl Search {
     ) -> Result<Ticket, Error> {
         let start = Instant::now();
         slabs.gather(number, whole, &mut self.slab)?;
-        self.time("cut", start.elapsed());
+        self.time("cut", start);
         let start = Instant::now();
         let call = Call { window: self.slab.window(), keeps: false, ..self.session.call(algorithm) };
         let ticket = self.session.begin_as(call, self.slab.spheres()?)?;
-        self.time("upload", start.elapsed());
+        self.time("upload", start);
         Ok(ticket)
     }
 
     /// Takes down the times of the session's last call.
     fn note(&mut self) {
-        for timing in self.session.timings().to_vec() {
-            self.time(timing.name, timing.time);
-        }
+        let Self { session, timings, .. } = self;
+        session.timings().iter().for_each(|timing| Phase::add(timings, timing.name, timing.time));
     }
 
-    fn time(&mut self, name: &'static str, time: Duration) {
-        match self.timings.iter_mut().find(|timing| timing.name == name) {
-            Some(timing) => timing.time += time,
-            None => self.timings.push(Phase { name, time }),
-        }
+    fn time(&mut self, name: &'static str, since: Instant) {
+        Phase::add(&mut self.timings, name, since.elapsed());
     }
 }

@@ -277,6 +277,11 @@ pub(super) fn digits(bits: u32, is_counted: bool) -> Vec<Pass> {
     (0..passes).map(digit).collect()
 }
 
+/// The most spheres that a device can bind and number.
+pub(super) fn most_spheres(limits: &DeviceLimits) -> u64 {
+    (limits.bytes() / 16).min(k::MAX_ENTRY_OBJECTS)
+}
+
 /// The most entries that a device can hold and search.
 pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
     (limits.bytes() / 4).min(MAX_ENTRIES)

@@ -11,7 +11,7 @@ use super::detector::{GpuDetector, Way};
 use super::error::make_room;
 use super::input::{GpuSettings, GpuSpheres, check_algorithm};
 use super::mapping::Wait;
-use super::plan::{Cost, Plan};
+use super::plan::{Cost, DeviceLimits, Plan, most_spheres};
 use super::slot::Slot;
 use crate::Error;
 
@@ -191,23 +191,9 @@ impl GpuSession {
         Ok(working + SLOTS as u64 * (input + self.expected * 8))
     }
 
-    /// Whether the device can bind so many spheres, and what the search needs for them.
-    pub(super) fn fits(&self, spheres: u64, algorithm: Algorithm) -> bool {
-        let limits = self.own.device.limits();
-        let is_bound = spheres * 16 <= limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let way = Way { algorithm, ..self.asked };
-        is_bound && u32::try_from(spheres).is_ok_and(|spheres| self.detector.fits(spheres, way))
-    }
-
-    /// About how many spheres fit at most, below a number that does not.
-    pub(super) fn most_spheres(&self, beyond: u64, algorithm: Algorithm) -> u64 {
-        let limits = self.own.device.limits();
-        let bound = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / 16;
-        let mut most = beyond.min(bound);
-        while most > 1 && !self.fits(most, algorithm) {
-            most -= most.div_ceil(16);
-        }
-        most
+    /// How many spheres a call may have at most: a grid's plan needs no buffer with more bytes for each than the input has.
+    pub(super) fn most_spheres(&self) -> u64 {
+        most_spheres(&DeviceLimits::of(&self.own.device))
     }
 
     /// Bytes of device memory held now for input and way back.
@@ -354,10 +340,7 @@ impl GpuSession {
     }
 
     fn time(&mut self, name: &'static str, time: Duration) {
-        match self.timings.iter_mut().find(|timing| timing.name == name) {
-            Some(timing) => timing.time += time,
-            None => self.timings.push(Timing { name, time }),
-        }
+        Timing::add(&mut self.timings, name, time);
     }
 
     /// Moves the pairs of the last call out, and a list in whose memory the next call may use.

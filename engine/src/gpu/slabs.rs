@@ -46,6 +46,8 @@ pub(crate) struct Slab {
     species: Vec<u32>,
     /// The index of each in the whole call.
     indices: Vec<u32>,
+    /// The indices of those that it is lent, while they are gathered.
+    lent: Vec<u32>,
     /// How many it owns.
     owned: u32,
 }
@@ -170,38 +172,38 @@ impl Slabs {
         let (from, count) = self.slabs[number];
         let to = self.slabs.get(number + 1).map_or(f64::INFINITY, |slab| slab.0);
         let period = whole.period(self.axis);
-        slab.clear();
-        make_room(&mut slab.spheres, count, "the spheres of a slab")?;
-        make_room(&mut slab.indices, count, "the spheres of a slab")?;
-        make_room(&mut slab.species, count, "the spheres of a slab")?;
+        let Slab { spheres, species, indices, lent, owned } = slab;
+        indices.clear();
+        lent.clear();
+        make_room(indices, count, "the spheres of a slab")?;
+        make_room(lent, count, "the spheres of a slab")?;
         let is_owned = |[begin, _]: [f64; 2]| from <= begin && begin < to;
         let is_lent = |[begin, end]: [f64; 2]| {
             begin < from && from <= end || period.is_some_and(|length| from <= end - length)
         };
-        for owned in [true, false] {
-            for k in 0..whole.spheres.len() {
-                let ends = whole.ends(k, self.axis);
-                if if owned { is_owned(ends) } else { !is_owned(ends) && is_lent(ends) } {
-                    slab.spheres.push(whole.spheres.get(k));
-                    slab.indices.push(k as u32);
-                    slab.species.extend(whole.spheres.species().map(|species| species[k]));
-                }
+        for k in 0..whole.spheres.len() {
+            let ends = whole.ends(k, self.axis);
+            if is_owned(ends) {
+                indices.push(k as u32);
+            } else if is_lent(ends) {
+                lent.push(k as u32);
             }
-            if owned {
-                slab.owned = slab.spheres.len() as u32;
-            }
+        }
+        *owned = indices.len() as u32;
+        indices.append(lent);
+        spheres.clear();
+        make_room(spheres, indices.len(), "the spheres of a slab")?;
+        spheres.extend(indices.iter().map(|&k| whole.spheres.get(k as usize)));
+        species.clear();
+        if let Some(of_all) = whole.spheres.species() {
+            make_room(species, indices.len(), "the spheres of a slab")?;
+            species.extend(indices.iter().map(|&k| of_all[k as usize]));
         }
         Ok(())
     }
 }
 
 impl Slab {
-    fn clear(&mut self) {
-        self.spheres.clear();
-        self.species.clear();
-        self.indices.clear();
-    }
-
     /// Its spheres.
     ///
     /// # Errors

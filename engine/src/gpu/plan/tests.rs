@@ -46,6 +46,20 @@ fn plans_fit_their_devices_or_say_why_not() {
     }
 }
 
+/// Calls are cut into slabs by this number alone. Naive is refused where it has more pairs to test than workgroups can be
+/// counted, and the message names another algorithm.
+#[test]
+fn the_most_spheres_that_can_be_bound_can_be_searched() {
+    for limits in [LAVAPIPE, H200, DeviceLimits { storage_binding: 8 << 20, ..LAVAPIPE }] {
+        let most = u32::try_from(most_spheres(&limits)).expect("indices have 32 bits");
+        let grids = Algorithm::GPU.into_iter().filter(|&algorithm| algorithm != Algorithm::Naive);
+        for (algorithm, periodic) in grids.flat_map(|of| [(of, false), (of, true)]) {
+            let request = Request { algorithm, periodic, species: 2, ..request(most, 1) };
+            plan(&request, &limits).unwrap_or_else(|error| panic!("{algorithm}, {limits:?}: {error}"));
+        }
+    }
+}
+
 #[test]
 fn four_million_spheres_have_room_for_all_entries_on_lavapipe() {
     assert_eq!(plan(&request(4_000_000, 1 << 20), &LAVAPIPE).expect("fits").entries, 32_000_000);
