@@ -27,7 +27,7 @@ pub enum Skin {
     /// Every call searches anew.
     Off,
     /// As the motion makes it worth while: every size of sphere has a skin in proportion to how far spheres of that size
-    /// move, and there is none where searching anew is expected to be cheaper. What is expected follows from the spheres
+    /// move, on a GPU all the same one, and there is none where searching anew is expected to be cheaper. What is expected follows from the spheres
     /// given, never from a clock, so that a detector does the same from run to run. A detector that is called once keeps
     /// nothing.
     #[default]

@@ -18,11 +18,13 @@ fn scenes_have_their_expected_pairs() {
                 (Scene::Point, _) => 3000,
                 _ => 10_000,
             };
+            // At one point every seed has the same pairs, which are all.
+            let seeds = if scene == Scene::Point { 1 } else { SEEDS };
             let expected = scene.expected_pairs(n);
             let mut detector = Detector::new(subject.config()).expect("a detector");
             let total: u64 =
-                (0..SEEDS).map(|seed| detector.count(&scene.spheres(n, 100 + seed)).expect("a count")).sum();
-            let (mean, error) = (total as f64 / SEEDS as f64, (expected.variance / SEEDS as f64).sqrt());
+                (0..seeds).map(|seed| detector.count(&scene.spheres(n, 100 + seed)).expect("a count")).sum();
+            let (mean, error) = (total as f64 / seeds as f64, (expected.variance / seeds as f64).sqrt());
             let off = (mean - expected.mean).abs();
             assert!(
                 off <= 4.0 * error,

@@ -189,10 +189,10 @@ fn subjects() -> impl Iterator<Item = Subject> {
 /// One test, for there is one allocator.
 #[test]
 fn refused_memory_is_an_error_wherever_it_happens() {
-    let sizes = Scene::FiveSizes.spheres(2500, 41);
-    let burst = Scene::Burst.spheres(2000, 42);
+    let sizes = Scene::FiveSizes.spheres(1300, 41);
+    let burst = Scene::Burst.spheres(1200, 42);
     // All in the one cell that a giant asks for.
-    let mut crowd = Scene::Equal.spheres(3000, 43);
+    let mut crowd = Scene::Equal.spheres(1300, 43);
     crowd.iter_mut().for_each(|sphere| sphere.center += 100.0);
     crowd.push(Sphere::new([100.0; 3], 20.0));
     let species: Vec<u32> = (0..3).cycle().take(sizes.len()).collect();

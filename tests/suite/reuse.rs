@@ -94,8 +94,11 @@ fn a_running_simulation() {
             .map(|subject| (subject, Detector::new(subject.config()).expect("a detector")))
             .collect();
         for step in 0..6 {
+            let expected = scenario.oracle();
             for (subject, detector) in &mut detectors {
-                ask(*subject, detector, Call::Pairs, &scenario)
+                let found = detector.pairs(scenario.view()).expect("the scene is valid").to_vec();
+                assert_eq!(detector.report().pairs, found.len() as u64, "{subject}, {scene}, step {step}");
+                difference(&scenario, &found, &expected, subject.tolerance())
                     .unwrap_or_else(|text| panic!("{subject}, {scene}, step {step}: {text}"));
             }
             Scene::advance(&mut scenario.spheres, 21, step);

@@ -52,16 +52,18 @@ fn quick_ones() -> impl Iterator<Item = Subject> {
 fn the_same_bytes_for_any_number_of_threads() {
     let mut lists: Vec<((String, Order), Vec<Pair>)> = Vec::new();
     for scene in [Scene::FiveSizes, Scene::Burst] {
-        let scenario = Scenario::from(scene.spheres(20_000, 8));
+        let [on_cpu, on_gpu] = [20_000, 6_000].map(|n| Scenario::from(scene.spheres(n, 8)));
         for order in [Order::Canonical, Order::Unordered] {
             for subject in quick_ones() {
+                let is_on_gpu = subject.backend == Backend::Gpu;
+                // The GPU promises an order only where it is asked for one.
+                if is_on_gpu && order == Order::Unordered {
+                    continue;
+                }
+                let scenario = if is_on_gpu { &on_gpu } else { &on_cpu };
                 let kind = (format!("{} on {} at {scene}", subject.algorithm, subject.backend), order);
                 for repeat in 0..2 {
-                    let mut found = subject.pairs(&scenario, Config::default().order(order)).expect("pairs");
-                    // The GPU promises an order only where it is asked for one.
-                    if subject.backend == Backend::Gpu && order == Order::Unordered {
-                        found.sort_unstable();
-                    }
+                    let found = subject.pairs(scenario, Config::default().order(order)).expect("pairs");
                     match lists.iter().find(|(other, _)| *other == kind) {
                         Some((_, first)) => {
                             assert!(

@@ -202,7 +202,10 @@ impl Writer<'_, '_> {
     /// [`Error::OutOfMemory`].
     pub(crate) fn finish(mut self) -> Result<(u64, Vec<Vec<Pair>>), Error> {
         self.flush()?;
-        Ok((self.found, self.chunks))
+        match self.refused {
+            None => Ok((self.found, self.chunks)),
+            Some(error) => Err(error),
+        }
     }
 
     /// Room for the pairs of one comparison; none where memory for it is refused.
@@ -273,8 +276,9 @@ impl Sink for Writer<'_, '_> {
     }
 
     fn merge(mut self, later: Self) -> Result<Self, Error> {
-        let Self { found, mut chunks, chunk, len, counting, .. } = later;
+        let Self { found, mut chunks, chunk, len, counting, refused, .. } = later;
         self.found += found;
+        self.refused = self.refused.or(refused);
         if chunks.is_empty() && self.len + len + MAX_LANES <= self.chunk.len() {
             // Else the work of many threads would leave many chunks that are nearly empty.
             self.chunk[self.len..self.len + len].copy_from_slice(&chunk[..len]);

@@ -293,7 +293,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         match entries.len().div_ceil(PIECE) {
             0 | 1 if sink.stopped() => Ok(sink),
             // Without a task: most cells that are split hold little.
-            pieces @ (0 | 1) => (0..pieces).try_fold(sink, piece),
+            pieces @ (0 | 1) => (0..pieces).try_fold(sink, piece)?.checked(),
             pieces => sink.merge(search_pieces((self.output, self.input), (pieces, usize::MAX), piece)?),
         }
     }
