@@ -110,9 +110,8 @@ enum { LAZYGRID_ORDER_CANONICAL = 0, LAZYGRID_ORDER_UNORDERED = 1 };
 /*
  * Whether a detector keeps candidates, pairs that may soon overlap, from call to call. An answer never depends on it.
  * AUTO keeps them where spheres move so little that it is expected to take less time, by the spheres alone and never by a
- * clock; on a GPU it keeps none. OFF searches anew at every call. FIXED keeps the pairs that are up to `skin_distance` too
- * far apart to touch, until some sphere has moved by half of it; on the CPU only with LAZYGRID_ALGORITHM_AUTO and
- * _CELL_LIST.
+ * clock. OFF searches anew at every call. FIXED keeps the pairs that are up to `skin_distance` too far apart to touch, until
+ * some sphere has moved by half of it; on the CPU only with LAZYGRID_ALGORITHM_AUTO and _CELL_LIST.
  */
 enum { LAZYGRID_SKIN_AUTO = 0, LAZYGRID_SKIN_OFF = 1, LAZYGRID_SKIN_FIXED = 2 };
 

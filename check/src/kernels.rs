@@ -85,7 +85,7 @@ pub const CHECKS: [KernelCheck; 34] = [
 
 fn sizes(extent: Extent) -> impl Iterator<Item = usize> {
     let most = if extent == Extent::Quick { 5000 } else { usize::MAX };
-    let large = (extent == Extent::Full).then_some(primitives::LARGE);
+    let large = (extent == Extent::Full).then_some(1 << 24);
     primitives::SIZES.into_iter().filter(move |size| *size < most).chain(large)
 }
 

@@ -10,8 +10,8 @@ use crate::kernels::{Fault, same, variants};
 
 /// Around a workgroup, a tile, and many tiles.
 pub const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 300_000];
-/// More than one dimension of a dispatch holds.
-pub const LARGE: usize = 65_535 * 256 + 1;
+/// From how many keys on only random ones are sorted, by two numbers of bits.
+const MANY: usize = 100_000;
 
 fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
     let mut total = 0_u64;
@@ -94,8 +94,8 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
     ]
 }
 
-/// The sort of so many keys of every kind by some numbers of bits, with and without subgroup operations; of a large number
-/// only random ones by three digits.
+/// The sort of so many keys of every kind by some numbers of bits, with and without subgroup operations; of many keys only
+/// of random ones, by three and four digits.
 ///
 /// # Errors
 /// What is wrong.
@@ -103,8 +103,8 @@ pub fn sort(own: &GpuDevice, size: usize) -> Result<(), Fault> {
     for subgroups in [false, true] {
         let sort = RadixSort::new(&own.device, subgroups);
         let [random, others @ ..] = keys_of_each_kind(size);
-        if size >= LARGE {
-            sort_one(own, &sort, &random, 24)?;
+        if size >= MANY {
+            [24, 32].into_iter().try_for_each(|bits| sort_one(own, &sort, &random, bits))?;
             continue;
         }
         for keys in [vec![random], others.into()].concat() {

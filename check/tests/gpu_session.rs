@@ -4,8 +4,8 @@ mod common;
 
 use std::ops::ControlFlow;
 
-use common::{Random, device};
-use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings, wgpu};
+use common::{Random, device, limited};
+use lazygrid::gpu::{GpuSession, GpuSettings, wgpu};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, Rebuilt, Sphere, Spheres};
 
 /// Radii and places are multiples of a power of two, so that no rounding happens and results agree exactly.
@@ -26,18 +26,6 @@ fn expected(spheres: &[Sphere]) -> Vec<Pair> {
 
 fn gpu(config: Config) -> Detector {
     Detector::new(config.backend(Backend::Gpu)).expect("an adapter")
-}
-
-/// The same adapter with storage bindings of no more than so many bytes.
-fn with_bindings_of(own: &GpuDevice, bytes: u64) -> GpuDevice {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    let same = adapters.into_iter().find(|adapter| adapter.get_info().name == own.adapter.name);
-    let adapter = same.expect("the adapter");
-    let limits = wgpu::Limits { max_storage_buffer_binding_size: bytes, ..adapter.limits() };
-    let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
-    GpuDevice::lent(&device, &queue)
 }
 
 #[test]
@@ -213,7 +201,7 @@ fn a_call_that_is_repeated_keeps_its_algorithm_and_its_pairs() {
 #[test]
 fn where_levels_do_not_fit_one_level_serves() {
     let Some(own) = device() else { return };
-    let own = with_bindings_of(&own, 256 << 10);
+    let own = limited(&own, |limits| wgpu::Limits { max_storage_buffer_binding_size: 256 << 10, ..limits });
     let n = 2000_u64;
     let spheres: Vec<_> = (0..n as i32).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
     let settings =
@@ -309,7 +297,7 @@ fn unordered_lists_have_the_same_pairs() {
 fn candidates_that_do_not_fit_never_fail_a_call() {
     let Some(own) = device() else { return };
     let settings = GpuSettings { pair_capacity: 1 << 10, ..GpuSettings::default() };
-    let own = with_bindings_of(&own, 1 << 20);
+    let own = limited(&own, |limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..limits });
     let mut session = GpuSession::new(own, settings).expect("a session");
     session.set_skin(Some(0.01)).expect("a skin");
     let mut count = |n: usize, what: &str| {

@@ -146,7 +146,7 @@ impl Config {
 
     /// Whether candidates, pairs that may soon overlap, are kept from call to call. Worth it where spheres move little
     /// from one call to the next; an answer never depends on it. Default: [`Skin::Auto`]. On the GPU
-    /// candidates are kept with [`Skin::Fixed`] only, and stay there: [`Skin::Auto`] searches anew.
+    /// candidates stay there, and [`Skin::Auto`] keeps some from ten thousand spheres on.
     ///
     /// ```
     /// # use lazygrid::{Config, Skin};

@@ -8,8 +8,8 @@ use lazygrid_io::scenes::Scene;
 #[test]
 fn peers_agree_with_the_judge() {
     for scene in Scene::ALL {
-        let n = if scene == Scene::Point { 300 } else { 3000 };
-        let plan = Plan { scene, n, seed: 3, rounds: 3, steps: 5, moves: Scene::STEP, fresh: false };
+        let n = if scene == Scene::Point { 200 } else { 1500 };
+        let plan = Plan { scene, n, seed: 3, rounds: 2, steps: 4, moves: Scene::STEP, fresh: false };
         let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
         let mut contenders = vec![Contender::list("naive", judge)];
         contenders.extend([cell_list::running(), octree::running(), sweep::running()]);

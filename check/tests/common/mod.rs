@@ -18,6 +18,21 @@ pub(crate) fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::open(true))
 }
 
+/// A device of the same adapter and with the same features, with other limits.
+pub(crate) fn limited(own: &GpuDevice, limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> GpuDevice {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    let same = adapters.into_iter().find(|adapter| adapter.get_info().name == own.adapter.name);
+    let adapter = same.expect("the adapter");
+    let descriptor = wgpu::DeviceDescriptor {
+        required_features: own.device.features(),
+        required_limits: limits(adapter.limits()),
+        ..Default::default()
+    };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
+    GpuDevice::lent(&device, &queue)
+}
+
 pub(crate) fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> wgpu::Buffer {
     device::upload(own, data).expect("uploaded")
 }

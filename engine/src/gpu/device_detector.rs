@@ -2,9 +2,11 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use lazygrid_host::{Canonical, Kept, Lists, Neighbors, Order, Phase, Settings, Skin, Survey};
-use lazygrid_kernels::{InputError, MAX_SPHERES, Pair, Spheres};
+use lazygrid_kernels::{Algorithm, InputError, MAX_SPHERES, Pair, Spheres};
 
+use super::course::Course;
 use super::device_search::{Given, Search};
+use super::plan::DeviceLimits;
 use super::two_sets::TwoSets;
 use super::{Crossover, GpuDevice, GpuSession, GpuSettings};
 use crate::{Backend, Config, Error, Report, choice};
@@ -19,6 +21,8 @@ pub(crate) struct DeviceDetector {
     crossover: (Crossover, &'static str),
     one: Search,
     two: Option<Box<TwoSets>>,
+    /// Where it is for the detector to choose a skin.
+    course: Option<Course>,
     canonical: Canonical,
     lists: Lists,
     /// As they came; its memory serves the next call.
@@ -57,7 +61,10 @@ impl DeviceDetector {
     pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
         let settings = config.settings;
         let crossover = choice::crossover(&config.calibrations, &own.adapter);
+        let most_pairs = DeviceLimits::of(&own.device).bytes() / size_of::<Pair>() as u64;
+        let defaults = GpuSettings::default();
         let gpu = GpuSettings {
+            pair_capacity: most_pairs.min(defaults.pair_capacity.into()) as u32,
             algorithm: settings.algorithm,
             crossover: crossover.0,
             raster_ratio: raster_ratio(config.raster_ratio)?,
@@ -65,7 +72,7 @@ impl DeviceDetector {
             interactions: settings.interactions.clone(),
             space: settings.space,
             timed: true,
-            ..GpuSettings::default()
+            ..defaults
         };
         let report = Report {
             spheres: 0,
@@ -82,12 +89,14 @@ impl DeviceDetector {
         if let Skin::Fixed(distance) = settings.skin {
             session.set_skin(Some(distance))?;
         }
+        let chooses = matches!(settings.algorithm, Algorithm::Auto | Algorithm::CellList);
+        let course = (settings.skin == Skin::Auto && chooses).then(Course::default);
         if let Some(timeout) = config.timeout {
             session.set_timeout(timeout);
         }
         let (one, two) = (Search::new(session), None);
         let (canonical, lists, found, pairs) = Default::default();
-        Ok(Self { settings, crossover, one, two, canonical, lists, found, pairs, report })
+        Ok(Self { settings, crossover, one, two, course, canonical, lists, found, pairs, report })
     }
 
     pub(crate) fn pairs(&mut self, spheres: Spheres<'_>) -> Result<&[Pair], Error> {
@@ -195,10 +204,12 @@ impl DeviceDetector {
     pub(crate) fn memory_for(&self, spheres: u64) -> u64 {
         let session = &self.one.session;
         // More are searched in slabs. What cannot be held at all is refused when it is tried.
-        u32::try_from(spheres.min(session.most_spheres()))
-            .ok()
-            .and_then(|n| session.memory_for(n).ok())
-            .unwrap_or(u64::MAX)
+        let memory = |n| match &self.course {
+            Some(_) => session.memory_with_candidates(n),
+            None => session.memory_for(n),
+        };
+        let at_once = u32::try_from(spheres.min(session.most_spheres())).ok();
+        at_once.and_then(|n| memory(n).ok()).unwrap_or(u64::MAX)
     }
 
     pub(crate) fn into_pairs(self) -> Vec<Pair> {
@@ -245,9 +256,16 @@ impl DeviceDetector {
         let Settings { space, interactions, .. } = &self.settings;
         match asked {
             Asked::One(spheres) => {
+                if let Some(course) = &mut self.course {
+                    self.one.session.change_skin(course.next(spheres, *space))?;
+                }
                 let interactions = interactions.as_ref();
                 let result = work(&mut self.one, &Given { spheres, interactions, space: *space, algorithm })?;
                 conclude(&mut self.report, &self.one);
+                if let Some(course) = &mut self.course {
+                    let outcome = self.one.session.outcome();
+                    course.note(spheres.len(), outcome.found(), self.report.candidates);
+                }
                 Ok(result)
             }
             Asked::Two(a, b) => {

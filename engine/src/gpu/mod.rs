@@ -6,6 +6,7 @@
 
 pub(crate) mod adapter;
 mod calibration;
+mod course;
 mod detector;
 mod device_detector;
 mod device_search;

@@ -68,7 +68,7 @@ impl DeviceLimits {
     }
 
     /// The most bytes a buffer may have that is bound as a whole.
-    fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         self.storage_binding.min(self.buffer)
     }
 }

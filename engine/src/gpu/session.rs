@@ -183,12 +183,17 @@ impl GpuSession {
     /// # Errors
     /// [`Error::LimitExceeded`] where the device cannot hold it.
     pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
-        let input = u64::from(spheres).next_power_of_two().max(1) * 16;
         let working = match &self.skin {
             None => self.detector.memory_for(spheres)?,
             Some(skin) => skin.detector.memory_for(spheres)?,
         };
-        Ok(working + SLOTS as u64 * (input + self.expected * 8))
+        Ok(working + self.memory_beside(spheres))
+    }
+
+    /// Bytes for input and way back.
+    fn memory_beside(&self, spheres: u32) -> u64 {
+        let input = u64::from(spheres).next_power_of_two().max(1) * 16;
+        SLOTS as u64 * (input + self.expected * 8)
     }
 
     /// How many spheres a call may have at most: a grid's plan needs no buffer with more bytes for each than the input has.

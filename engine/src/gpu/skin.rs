@@ -104,6 +104,11 @@ impl GpuSkinDetector {
         Ok(Self { device: device.clone(), settings, skin, pipelines, tables, search, resident: None })
     }
 
+    /// How wide the skin is.
+    pub(crate) fn skin(&self) -> f32 {
+        self.skin
+    }
+
     /// Changes how many candidates there is room for, by default four for each pair that the output holds. After a call
     /// that had too little ([`Outcome::CANDIDATES`]) [`Outcome::entries`] tells how many there are.
     pub fn set_candidate_capacity(&mut self, candidates: u32) {

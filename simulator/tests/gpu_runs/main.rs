@@ -149,7 +149,7 @@ fn mean_square_displacement() {
 fn annihilation_has_the_statistics_of_the_cpu() {
     let Some(own) = device() else { return };
     let model = brownian(true);
-    let seeds = 8;
+    let seeds = 5;
     let counts = |side: u64| -> Vec<f64> {
         let one = |seed: u64| {
             if side == 0 {

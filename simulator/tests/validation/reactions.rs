@@ -6,12 +6,12 @@ use lazygrid_sim::{Boundary, Chance, Model, Reaction, Shape};
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{begin, burst, mean, species, steps};
+use crate::setup::{begin, burst, is_long, mean, species, steps};
 
 /// A fixed target that traps diffuse to. With steps of length s, hits are those of a sphere of radius
 /// σ′ = σ − 0.5826·s: 4πDσ′T + 8σ′²√(πDT) − (4/3)π(σ³ − σ′³) per unit of concentration.
 pub(crate) fn diffusion_limited() -> Vec<Row> {
-    let (traps, ball, batches) = (1_500_000_u32, 8.0_f64, 500);
+    let (traps, ball, batches) = (if is_long() { 1_500_000_u32 } else { 400_000 }, 8.0_f64, 400);
     let mut rows = Vec::new();
     for xi in [0.1_f64, 0.2] {
         let time_step = xi * xi / 2.0;
@@ -78,14 +78,15 @@ pub(crate) fn well_mixed() -> Vec<Row> {
             simulation.state().totals.present[0] as f64
         })
     };
-    let runs: Vec<[f64; 2]> = (0..20).into_par_iter().map(run).collect();
+    let seeds = if is_long() { 20 } else { 10 };
+    let runs: Vec<[f64; 2]> = (0..seeds).into_par_iter().map(run).collect();
     // The chance that two points of the periodic unit cube are within σ.
     let near = 4.0 / 3.0 * PI * sigma.powi(3);
     let k = near * probability / time_step;
     let row = |(place, time): (usize, u32)| {
         let (measured, error) = mean(&runs.iter().map(|run| run[place]).collect::<Vec<_>>());
         let expected = 1.0 / (1.0 / f64::from(n) + k * f64::from(time) * time_step);
-        Row::new(format!("n after {time} steps, mean of 20 seeds"), expected, measured, 4.0 * error)
+        Row::new(format!("n after {time} steps, mean of {seeds} seeds"), expected, measured, 4.0 * error)
     };
     times.into_iter().enumerate().map(row).collect()
 }

@@ -30,7 +30,7 @@ pub(super) struct Flight {
 }
 
 /// What a submission does.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) enum Work {
     /// A call, of which pairs are asked for whose smaller index is in this window.
     Call(Range<u32>),
@@ -47,9 +47,19 @@ impl Drop for Flight {
 }
 
 impl GpuSession {
-    /// Records and submits a call together with its way back.
+    /// Records and submits a call together with its way back. Where the device has no memory for candidates, the call
+    /// searches without.
     pub(super) fn launch(&mut self, number: u64, work: Work) -> Result<(), Error> {
-        self.submit(number, work).map_err(|error| self.own.reason(error))
+        let keeps = self.keeps(number);
+        let launched = match self.submit(number, work.clone()) {
+            Err(error @ (Error::DeviceOutOfMemory { .. } | Error::LimitExceeded { .. })) if keeps => {
+                log::info!("no room for candidates: {error}");
+                self.pause_skin(number);
+                self.submit(number, work)
+            }
+            launched => launched,
+        };
+        launched.map_err(|error| self.own.reason(error))
     }
 
     fn submit(&mut self, number: u64, work: Work) -> Result<(), Error> {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use lazygrid_host::{Kept, Rebuilt};
 use lazygrid_kernels::layout::{Outcome, SkinState};
 
-use super::{GpuSession, Work};
+use super::{GpuSession, SLOTS, Work};
 use crate::Error;
 use crate::gpu::skin::GpuSkinDetector;
 
@@ -37,15 +37,48 @@ impl GpuSession {
     /// # Errors
     /// [`Error::Setting`] for a distance out of range; otherwise where the device refuses something.
     pub fn set_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
-        let keeping = |distance| -> Result<Keeping, Error> {
-            let (device, pipelines) = (&self.own.device, self.own.pipelines.clone());
-            let settings = self.detector.settings().clone();
-            let detector = GpuSkinDetector::with_pipelines(device, pipelines, settings, distance)
-                .map_err(|error| self.own.reason(error))?;
-            Ok(Keeping { detector, from: 0, age: 0 })
-        };
+        let keeping =
+            |distance| Ok::<_, Error>(Keeping { detector: self.with_skin(distance)?, from: 0, age: 0 });
         self.skin = distance.map(keeping).transpose()?;
         Ok(())
+    }
+
+    /// As [`set_skin`](Self::set_skin); with the same distance as before candidates stay.
+    pub(in crate::gpu) fn change_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
+        if self.skin.as_ref().map(|skin| skin.detector.skin()) == distance {
+            return Ok(());
+        }
+        self.set_skin(distance)
+    }
+
+    fn with_skin(&self, distance: f32) -> Result<GpuSkinDetector, Error> {
+        let (device, pipelines) = (&self.own.device, self.own.pipelines.clone());
+        let settings = self.detector.settings().clone();
+        GpuSkinDetector::with_pipelines(device, pipelines, settings, distance)
+            .map_err(|error| self.own.reason(error))
+    }
+
+    /// As [`memory_for`](Self::memory_for), for calls that search anew and calls that keep candidates by turns.
+    pub(in crate::gpu) fn memory_with_candidates(&self, spheres: u32) -> Result<u64, Error> {
+        let kept = match &self.skin {
+            Some(skin) => skin.detector.memory_for(spheres)?,
+            None => self.with_skin(1.0)?.memory_for(spheres)?,
+        };
+        Ok(self.memory_beside(spheres) + self.detector.memory_for(spheres)? + kept)
+    }
+
+    /// Whether this call is answered from candidates, if there is room for them.
+    pub(super) fn keeps(&self, number: u64) -> bool {
+        let asked = self.calls[number as usize % SLOTS].keeps;
+        self.skin.as_ref().is_some_and(|skin| asked && skin.serves(number))
+    }
+
+    /// Has this call and some after it search anew.
+    pub(super) fn pause_skin(&mut self, number: u64) {
+        if let Some(skin) = &mut self.skin {
+            skin.from = number + PAUSE;
+        }
+        self.kept = None;
     }
 
     /// The candidates that the last finished call was answered from; `None` where it searched without any.
@@ -91,17 +124,16 @@ impl GpuSession {
             // Below 2³² by the largest capacity.
             skin.detector.set_candidate_capacity((needed + needed / 8).min(largest) as u32);
             log::info!("{needed} candidates do not fit: repeating with room for them");
-            match self.launch(number, Work::Call(window.clone())) {
-                Err(Error::DeviceOutOfMemory { .. } | Error::LimitExceeded { .. }) => (),
-                launched => return launched,
+            self.launch(number, Work::Call(window))?;
+            if !self.keeps(number)
+                && let Some(skin) = &mut self.skin
+            {
+                skin.detector.set_candidate_capacity(before);
             }
+            return Ok(());
         }
         log::info!("{needed} candidates do not fit: searching anew for {PAUSE} calls");
-        if let Some(skin) = &mut self.skin {
-            skin.detector.set_candidate_capacity(before);
-            skin.from = number + PAUSE;
-        }
-        self.kept = None;
+        self.pause_skin(number);
         self.launch(number, Work::Call(window))
     }
 }

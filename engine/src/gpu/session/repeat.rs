@@ -166,8 +166,8 @@ mod tests {
         let Some(own) = device_or_skip() else { return };
         let settings = GpuSettings { algorithm: ArrayGrid, timed: true, ..GpuSettings::default() };
         let mut session = GpuSession::new(own, settings).expect("made");
-        session.set_part_tests(1 << 20);
-        let spheres = vec![Sphere::new([1.0; 3], 0.5); 3000];
+        session.set_part_tests(1 << 18);
+        let spheres = vec![Sphere::new([1.0; 3], 0.5); 1500];
         let search = |session: &GpuSession| {
             session.timings().iter().find(|timing| timing.name == "search").map_or(Duration::ZERO, |t| t.time)
         };
