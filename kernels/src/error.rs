@@ -129,7 +129,9 @@ pub enum InputError {
         given: (usize, Option<usize>),
     },
     /// Excluded pairs came with the second of two sets.
-    #[error("pairs between two sets are excluded with the first set, not with this one: make them with `Exclusions::between`")]
+    #[error(
+        "pairs between two sets are excluded with the first set, not with this one: make them with `Exclusions::between`"
+    )]
     ExclusionsOfSecond,
     /// An interaction distance that is negative or not finite.
     #[error("the interaction distance {distance} of species {a} and {b} must be finite and not negative")]

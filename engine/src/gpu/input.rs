@@ -163,7 +163,8 @@ impl<'a> GpuSpheres<'a> {
 /// Refuses settings out of range.
 pub(super) fn check(settings: &GpuSettings) -> Result<(), Error> {
     if settings.space.shear().is_some() {
-        let range = "what stays on the GPU has edges along the axes only: choose `Detector`, which takes any edges";
+        let range =
+            "what stays on the GPU has edges along the axes only: choose `Detector`, which takes any edges";
         return Err(Error::Setting { name: "space", value: "sheared".into(), range });
     }
     if !(GpuSettings::MIN_RASTER_RATIO..=GpuSettings::MAX_RASTER_RATIO).contains(&settings.raster_ratio) {

@@ -208,7 +208,8 @@ impl GpuSession {
     /// [`Detector`](crate::Detector) knows; otherwise as [`GpuDetector::encode`].
     pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, Error> {
         if spheres.groups().is_some() || spheres.exclusions().is_some() {
-            let range = "a session reports all that touch: choose `Detector`, or leave pairs out when they have come";
+            let range =
+                "a session reports all that touch: choose `Detector`, or leave pairs out when they have come";
             return Err(Error::Setting { name: "exclusions", value: "given".into(), range });
         }
         self.begin_as(self.call(self.asked.algorithm), spheres)

@@ -138,8 +138,8 @@ pub struct Options {
     pub format: Option<Format>,
     /// Radii by species, for files that have none; they win over a radius column.
     pub radii: Radii,
-    /// The space of all frames; else what each frame declares: a periodic box along the axes (`Lattice` and `pbc` of
-    /// extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded space where it declares none.
+    /// The space of all frames; else what each frame declares: a periodic box, sheared or not (`Lattice` and `pbc`
+    /// of extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded space where it declares none.
     pub space: Option<Space>,
     /// Whether the ids of spheres are read too, from a column `id` (Smoldyn: serial numbers).
     pub ids: bool,
