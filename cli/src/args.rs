@@ -93,6 +93,7 @@ Examples:
   xz -dc run.xyz.xz | lazygrid detect - --frame 3 -o - | sort | uniq -c
   lazygrid detect slab.csv --periodic 10,10,- -o pairs.npy
   lazygrid detect cell.csv --periodic 10,10,10 --tilt 2.5,0,0 -o pairs.npy
+  lazygrid detect run.lammpstrj --ids --exclude bonds.csv --exclude-groups -o pairs-{frame}.csv
   lazygrid detect run.xyz --json | jq .pairs")]
 pub(crate) struct Detect {
     /// The file with the spheres; - for standard input
@@ -151,6 +152,13 @@ pub(crate) struct Detect {
     /// Write the ids of spheres instead of their rows, from a column id (Smoldyn: serial numbers)
     #[arg(long, requires = "output")]
     pub(crate) ids: bool,
+    /// Leave out the pairs that this file names: two whole numbers on a line, rows from 0 on, or with --ids ids, of which
+    /// those that no sphere of the frame has are passed over
+    #[arg(long, value_name = "PATH")]
+    pub(crate) exclude: Option<PathBuf>,
+    /// Leave out pairs within a molecule, by a column group, molecule or mol; 0 is no molecule
+    #[arg(long)]
+    pub(crate) exclude_groups: bool,
     /// Find neighbour lists instead of pairs
     #[arg(long)]
     pub(crate) neighbors: bool,
@@ -323,7 +331,13 @@ impl Detect {
                 return Err(Failure::RadiusTwice { species: species.clone(), values: [first, *radius] });
             }
         }
-        Ok(Options { format: self.format, radii, space: self.space()?, ids: self.ids })
+        Ok(Options {
+            format: self.format,
+            radii,
+            space: self.space()?,
+            ids: self.ids,
+            groups: self.exclude_groups,
+        })
     }
 
     /// The space that was given.

@@ -61,7 +61,7 @@ impl Frames {
             Some(word) if word.extract::<&str>().is_ok_and(|word| word == "none") => Some(space(None)?),
             lengths => Some(space(lengths)?),
         };
-        let options = Options { format, radii: radii.unwrap_or_default(), space, ids };
+        let options = Options { format, radii: radii.unwrap_or_default(), space, ids, groups: false };
         let frames = read::Frames::open(&path, options).map_err(error::file)?;
         Ok(Self { path, frames: Mutex::new(frames) })
     }
