@@ -42,7 +42,7 @@ fn ids_that_a_file_names() {
     // Nobody has id 99.
     let bonds = scratch.write("bonds.csv", "id_i,id_j\n11,9\n99,7\n7,8\n");
     detect(&file, ["--ids", "-o", &output, "--exclude", &bonds]).succeeds();
-    assert_eq!(table(&output), [[8, 9], [10, 11]]);
+    assert_eq!(std::fs::read_to_string(&output).unwrap(), "id_i,id_j\n8,9\n10,11\n");
 }
 
 #[test]
@@ -52,7 +52,7 @@ fn molecules() {
     detect(&file, ["-o", &output, "--exclude-groups"]).succeeds();
     assert_eq!(table(&output), [[1, 2], [3, 4]]);
     detect(&file, ["-o", &output, "--exclude-groups", "--ids"]).succeeds();
-    assert_eq!(table(&output), [[7, 8], [9, 11]]);
+    assert_eq!(std::fs::read_to_string(&output).unwrap(), "id_i,id_j\n7,8\n9,11\n");
     let atoms = "1 1 0 0 0 0.5\n2 1 1 0 0 0.5\n3 0 2 0 0 0.5\n4 0 3 0 0 0.5\n";
     let dump = format!(
         "ITEM: TIMESTEP\n7\nITEM: NUMBER OF ATOMS\n4\nITEM: BOX BOUNDS ff ff ff\n0 9\n0 9\n0 9\n\
