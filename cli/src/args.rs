@@ -33,7 +33,7 @@ pub(crate) struct Args {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Find the overlapping pairs of the spheres in a file
-    Detect(Detect),
+    Detect(Box<Detect>),
     /// Write a scene to a file
     Generate(Generate),
     /// Run a scenario of diffusing, reacting and colliding particles

@@ -59,7 +59,7 @@ pub use glam;
 pub use lazygrid_host::{Kept, Neighbors, Order, Phase, Rebuilt, Simd, Skin};
 pub use lazygrid_kernels::{
     Algorithm, Backend, Error, Exclusions, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach,
-    Space, Sphere, Spheres, UnknownName,
+    Shear, Space, Sphere, Spheres, UnknownName,
 };
 pub use report::Report;
 
