@@ -16,7 +16,9 @@ use lazygrid_io::write::{Output, SphereFormat, TableFormat};
 use crate::cache;
 use crate::failure::Failure;
 use crate::input::STANDARD;
-use parsers::{PathWith, adapter, one_of, radius, raster_ratio, seconds, skin, space, table_format, threads};
+use parsers::{
+    PathWith, adapter, one_of, radius, raster_ratio, seconds, skin, space, table_format, threads, tilts,
+};
 
 /// All pairs of overlapping spheres.
 #[derive(Debug, Parser)]
@@ -31,7 +33,7 @@ pub(crate) struct Args {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Find the overlapping pairs of the spheres in a file
-    Detect(Detect),
+    Detect(Box<Detect>),
     /// Write a scene to a file
     Generate(Generate),
     /// Run a scenario of diffusing, reacting and colliding particles
@@ -66,10 +68,10 @@ pub(crate) enum Command {
            header
   npy      a NumPy array of shape (n, 4), f32 or f64: x, y, z, radius; or a structured one with such
            fields, optionally species and id
-  xyz      plain (radii from --radius) or extended, with a radius column; a Lattice along the axes is
-           periodic where pbc says T, or on all sides without pbc
+  xyz      plain (radii from --radius) or extended, with a radius column; a Lattice is periodic
+           where pbc says T, or on all sides without pbc, also where it leans
   lammps   text dumps with x y z (or xu, xs, xsu) and radius or diameter; species by type; periodic
-           along the axes whose BOX BOUNDS say pp
+           along the edges whose BOX BOUNDS say pp, also where they lean
   smoldyn  output of listmols (radii from --radius, for acid and all its states, or for acid(solution))
 Each may be compressed with gzip or Zstandard.
 
@@ -90,6 +92,8 @@ Examples:
   lazygrid detect run.lammpstrj.gz --ids -o pairs-{frame}.npy
   xz -dc run.xyz.xz | lazygrid detect - --frame 3 -o - | sort | uniq -c
   lazygrid detect slab.csv --periodic 10,10,- -o pairs.npy
+  lazygrid detect cell.csv --periodic 10,10,10 --tilt 2.5,0,0 -o pairs.npy
+  lazygrid detect run.lammpstrj --ids --exclude bonds.csv --exclude-groups -o pairs-{frame}.csv
   lazygrid detect run.xyz --json | jq .pairs")]
 pub(crate) struct Detect {
     /// The file with the spheres; - for standard input
@@ -104,6 +108,10 @@ pub(crate) struct Detect {
     /// says. Where the box begins makes no difference [default: the file's box where it declares one]
     #[arg(long, value_name = "X,Y,Z", value_parser = space, allow_hyphen_values = true)]
     pub(crate) periodic: Option<Space>,
+    /// How far the box of --periodic leans, as LAMMPS has it: the edges along which space repeats are (X,0,0), (XY,Y,0) and
+    /// (XZ,YZ,Z)
+    #[arg(long, value_name = "XY,XZ,YZ", value_parser = tilts, allow_hyphen_values = true, requires = "periodic")]
+    pub(crate) tilt: Option<[f32; 3]>,
     /// Where to run
     #[arg(long, default_value_t, value_parser = one_of(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,
@@ -144,6 +152,13 @@ pub(crate) struct Detect {
     /// Write the ids of spheres instead of their rows, from a column id (Smoldyn: serial numbers)
     #[arg(long, requires = "output")]
     pub(crate) ids: bool,
+    /// Leave out the pairs that this file names: two whole numbers on a line, rows from 0 on, or with --ids ids, of which
+    /// those that no sphere of the frame has are passed over
+    #[arg(long, value_name = "PATH")]
+    pub(crate) exclude: Option<PathBuf>,
+    /// Leave out pairs within a molecule, by a column group, molecule or mol; 0 is no molecule
+    #[arg(long)]
+    pub(crate) exclude_groups: bool,
     /// Find neighbour lists instead of pairs
     #[arg(long)]
     pub(crate) neighbors: bool,
@@ -316,7 +331,22 @@ impl Detect {
                 return Err(Failure::RadiusTwice { species: species.clone(), values: [first, *radius] });
             }
         }
-        Ok(Options { format: self.format, radii, space: self.periodic, ids: self.ids })
+        Ok(Options {
+            format: self.format,
+            radii,
+            space: self.space()?,
+            ids: self.ids,
+            groups: self.exclude_groups,
+        })
+    }
+
+    /// The space that was given.
+    fn space(&self) -> Result<Option<Space>, Failure> {
+        let (Some(space), Some([xy, xz, yz])) = (self.periodic, self.tilt) else { return Ok(self.periodic) };
+        let [x, y, z] = space.lengths();
+        let edges = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
+        let sheared = Space::sheared(edges.map(|edge| edge.map(Into::into)));
+        sheared.map(Some).map_err(|error| Failure::Setting(error.into()))
     }
 
     /// Where the pairs go.

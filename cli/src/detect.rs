@@ -2,11 +2,11 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use lazygrid::Spheres;
 use lazygrid_io::write::{Draft, Output};
 use same_file::Handle;
 
 use crate::args::Detect;
+use crate::exclusions::{self, Excluded};
 use crate::failure::Failure;
 use crate::input::{self, Input, Numbered};
 use crate::print;
@@ -20,6 +20,7 @@ const FRAME: &str = "{frame}";
 pub(crate) fn run(args: &Detect) -> Result<(), Failure> {
     let output = args.output()?;
     let mut engine = Engine::new(args.config())?;
+    let excluded = Excluded::read(args)?;
     let mut input = Input::open(args)?;
     let to_stdout = output.as_ref().is_some_and(|output| output.path.is_none());
     let own_output = output.as_ref().is_some_and(has_number);
@@ -36,10 +37,12 @@ pub(crate) fn run(args: &Detect) -> Result<(), Failure> {
             let path = || input::name(&args.file).to_owned();
             frame.sort_by_id().map_err(|id| Failure::IdTwice { path: path(), frame: number, id })?;
         }
+        let exclusions = excluded.as_ref().map(|excluded| excluded.of(&frame, number)).transpose()?;
+        let spheres = exclusions::spheres(&frame, exclusions.as_ref());
         let mut search = Search {
             args,
             frame: number,
-            spheres: Spheres::from(&frame.spheres),
+            spheres: spheres.map_err(|error| Failure::Setting(error.into()))?,
             ids: frame.ids.as_deref(),
             detector: engine.detector(frame.space)?,
             progress: &input.progress,

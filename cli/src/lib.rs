@@ -6,6 +6,7 @@ mod calibrate;
 mod check;
 mod detect;
 mod devices;
+mod exclusions;
 mod failure;
 mod generate;
 mod input;

@@ -30,6 +30,8 @@ struct Object<'a> {
     step: Option<i64>,
     /// The length of each axis that is periodic.
     periodic: Option<[Option<f32>; 3]>,
+    /// The edges along which space repeats, where they are not along the axes; then `periodic` has their lengths.
+    edges: Option<[Option<[f32; 3]>; 3]>,
     periodic_from: Option<&'a str>,
     spheres: u64,
     pairs: u64,
@@ -53,6 +55,7 @@ impl Summary {
             frame: self.frame,
             step: self.step,
             periodic: self.space.is_periodic().then(|| self.space.lengths()),
+            edges: self.space.shear().map(|_| self.space.edges().map(|edge| edge.map(Into::into))),
             periodic_from: self.space_said().then_some(if self.space_given { "option" } else { "file" }),
             spheres: report.spheres,
             pairs: report.pairs,
@@ -149,8 +152,15 @@ pub(crate) fn cost_text(cost: &gpu::Cost) -> String {
     format!("{} dispatches, {:.0} bytes a sphere{moved}", cost.dispatches, per_sphere(cost.working_bytes))
 }
 
-/// The lengths of a space as `--periodic` takes them.
+/// The lengths of a space as `--periodic` takes them, or its edges.
 fn lengths(space: Space) -> String {
+    if space.shear().is_some() {
+        let edges = space.edges().map(|edge| match edge.map(|edge| edge.to_array()) {
+            None => "-".to_owned(),
+            Some([x, y, z]) => format!("({x},{y},{z})"),
+        });
+        return format!("along {}", edges.join(" "));
+    }
     if !space.is_periodic() {
         return "none".to_owned();
     }

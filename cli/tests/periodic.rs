@@ -107,18 +107,52 @@ fn a_box_may_change_from_frame_to_frame() {
     assert_eq!(counts, boxes.map(|lengths| brute_force(&spheres(), lengths).len()));
 }
 
+/// The judge of boxes that lean: every pair, every image up to three edges away, in `f64`.
+fn brute_force_of_edges(spheres: &[Sphere], edges: [[f64; 3]; 3]) -> Vec<[u32; 2]> {
+    let steps = (0..343).map(|k| [k % 7 - 3, k / 7 % 7 - 3, k / 49 - 3].map(f64::from));
+    let images: Vec<[f64; 3]> =
+        steps.map(|n| [0, 1, 2].map(|axis| (0..3).map(|edge| n[edge] * edges[edge][axis]).sum())).collect();
+    let touch = |a: &Sphere, b: &Sphere| {
+        let d = [0, 1, 2].map(|axis| f64::from(a.center[axis]) - f64::from(b.center[axis]));
+        let reach = f64::from(a.radius) + f64::from(b.radius);
+        images
+            .iter()
+            .any(|image| (0..3).map(|axis| (d[axis] + image[axis]).powi(2)).sum::<f64>() <= reach * reach)
+    };
+    let n = spheres.len();
+    let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| [i, j]));
+    pairs.filter(|&[i, j]| touch(&spheres[i], &spheres[j])).map(|pair| pair.map(|k| k as u32)).collect()
+}
+
 #[test]
-fn a_tilted_box_is_refused_unless_one_is_given() {
+fn a_box_that_leans_is_used_and_said() {
     let scratch = Scratch::new();
-    let file = scratch.write("a.dump", &dump("xy xz yz pp pp pp\n0 18 2\n0 16 0\n0 16 0", None));
-    let run = detect(&file, []).fails();
-    for part in ["a.dump, line 5: the periodic box is tilted", "--periodic X,Y,Z", "--periodic none"] {
-        assert!(run.err.contains(part), "{}", run.err);
+    let expected = brute_force_of_edges(&spheres(), [[16.0, 0.0, 0.0], [2.0, 16.0, 0.0], [0.0, -3.0, 16.0]]);
+    assert_ne!(expected.len(), brute_force(&spheres(), [Some(16.0); 3]).len());
+    let output = scratch.path("pairs.csv");
+    for (name, text) in [
+        ("a.dump", dump("xy xz yz pp pp pp\n0 18 2\n-3 16 0\n0 16 -3", None)),
+        ("a.xyz", xyz("Lattice=\"16 0 0 2 16 0 0 -3 16\"")),
+    ] {
+        let file = scratch.write(name, &text);
+        let run = detect(&file, ["-o", &output]).succeeds();
+        assert_eq!(table(&output), expected, "{name}");
+        let line = "periodic   along (16,0,0) (2,16,0) (0,-3,16) (as the file says; --periodic none for unbounded space)";
+        assert!(run.out.lines().any(|l| l == line), "{}", run.out);
+        let object = detect(&file, ["--json"]).succeeds().json();
+        assert_eq!(object["edges"], json!([[16.0, 0.0, 0.0], [2.0, 16.0, 0.0], [0.0, -3.0, 16.0]]));
+        let pairs =
+            |periodic| detect(&file, ["--json", "--periodic", periodic]).succeeds().json()["pairs"].clone();
+        assert_eq!(pairs("none"), brute_force(&spheres(), [None; 3]).len());
+        assert_eq!(pairs("16,16,16"), brute_force(&spheres(), [Some(16.0); 3]).len());
+        // The same said by hand.
+        detect(&file, ["-o", &output, "--periodic", "16,16,16", "--tilt", "2,0,-3"]).succeeds();
+        assert_eq!(table(&output), expected, "{name}");
     }
-    let pairs =
-        |periodic| detect(&file, ["--json", "--periodic", periodic]).succeeds().json()["pairs"].clone();
-    assert_eq!(pairs("none"), brute_force(&spheres(), [None; 3]).len());
-    assert_eq!(pairs("16,16,16"), brute_force(&spheres(), [Some(16.0); 3]).len());
+    let file = scratch.write("b.xyz", &xyz(""));
+    assert!(LAZYGRID.run(["detect", &file, "--tilt", "2,0,0"]).err.contains("--periodic"));
+    let run = detect(&file, ["--periodic", "16,16,16", "--tilt", "1e9,0,0"]).fails();
+    assert!(run.err.contains("(1000000000, 16, 0)"), "{}", run.err);
 }
 
 /// The pour is in a box with fixed walls (`BOX BOUNDS ff ff ff`). With the same box said to be periodic, it has the

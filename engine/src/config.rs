@@ -158,7 +158,8 @@ impl Config {
     }
 
     /// The space the spheres live in. Default: [`Space::UNBOUNDED`]. In a periodic one the GPU decides
-    /// pairs within 5 ulp of exact tangency either way, relative to the squared reach, where it is 4 ulp else.
+    /// pairs within 5 ulp of exact tangency either way, relative to the squared reach, where it is 4 ulp else; in a sheared one
+    /// the host has the last word, and a count brings all candidates back.
     pub fn space(mut self, space: Space) -> Self {
         self.settings.space = space;
         self

@@ -58,8 +58,8 @@ pub use detector::{Detector, detect};
 pub use glam;
 pub use lazygrid_host::{Kept, Neighbors, Order, Phase, Rebuilt, Simd, Skin};
 pub use lazygrid_kernels::{
-    Algorithm, Backend, Error, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach, Space,
-    Sphere, Spheres, UnknownName,
+    Algorithm, Backend, Error, Exclusions, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach,
+    Shear, Space, Sphere, Spheres, UnknownName,
 };
 pub use report::Report;
 

@@ -243,12 +243,23 @@ impl HostDetector {
             };
             let interactions = settings.interactions.as_ref();
             given.check_species(interactions, threads)?;
+            let refinement = given.refinement(interactions, &settings.space)?;
             let mut near = std::mem::take(&mut state.near);
-            let spheres = match given.as_they_are(&settings.space) {
-                Some(spheres) => spheres,
-                None => state.report.time("copy", || given.near(&settings.space, &mut near, threads))?,
+            let report = &mut state.report;
+            let rule = match (settings.space.shear(), &refinement) {
+                (Some(shear), Some(refinement)) => {
+                    let spheres = report.time("copy", || near.straight(refinement, given.len(), threads))?;
+                    Rule::new(spheres, None).in_space(shear.straight())
+                }
+                _ => {
+                    let spheres = match given.as_they_are(&settings.space) {
+                        Some(spheres) => spheres,
+                        None => report.time("copy", || given.near(&settings.space, &mut near, threads))?,
+                    };
+                    Rule::new(spheres, interactions).in_space(settings.space)
+                }
             };
-            let rule = Rule::new(spheres, interactions).in_space(settings.space);
+            let rule = rule.refined(refinement.as_ref());
             let lapsed = match given {
                 Given::One(_) => state.advance(settings, &rule, threads)?,
                 Given::Two(..) => Some(Rebuilt::First),

@@ -4,6 +4,7 @@ use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Space, Sphere, Sph
 
 use crate::Error;
 use crate::memory::resize;
+use crate::refinement::Refinement;
 use crate::survey::{check, check_species};
 use crate::threads::Threads;
 
@@ -77,6 +78,19 @@ impl<'a> Given<'a> {
         self.each(|spheres| check(spheres, threads))
     }
 
+    /// What is asked of pairs besides touching.
+    ///
+    /// # Errors
+    /// Those of [`Refinement::new`].
+    pub(crate) fn refinement(
+        self,
+        table: Option<&'a Interactions>,
+        space: &'a Space,
+    ) -> Result<Option<Refinement<'a>>, InputError> {
+        let (a, b) = self.parts();
+        Refinement::new(a, b, table, space)
+    }
+
     /// The spheres that were given, where there is one set and space is unbounded: there is nothing to copy.
     pub(crate) fn as_they_are(self, space: &Space) -> Option<Spheres<'a>> {
         match self {
@@ -112,6 +126,27 @@ impl<'a> Given<'a> {
         first.copy_from_slice(of_a);
         second.copy_from_slice(of_b);
         Ok(all.with_species(species)?)
+    }
+}
+
+impl Near {
+    /// The spheres one after another, as they are searched in a sheared space.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn straight(
+        &mut self,
+        refinement: &Refinement<'_>,
+        count: usize,
+        threads: Threads,
+    ) -> Result<Spheres<'_>, Error> {
+        resize(&mut self.spheres, count, "straight spheres")?;
+        threads.each_stretch(&mut self.spheres, PIECE, |piece, targets| {
+            for (target, k) in targets.iter_mut().zip(piece * PIECE..) {
+                *target = refinement.searched(k);
+            }
+        });
+        Ok(Spheres::from(&self.spheres))
     }
 }
 

@@ -19,7 +19,7 @@ pub(crate) struct Input<'a> {
 impl Input<'_> {
     /// Runs comparisons in the vector code of the settings, between nearest images where space is periodic.
     pub(crate) fn run<T: Task>(&self, task: T) -> T::Result {
-        self.simd.run(task, Images::of(&self.settings.space))
+        self.simd.run(task, Images::of(self.rule.space()))
     }
 
     /// Whether the caller wants the search to end; asked before each piece of work.
@@ -28,7 +28,7 @@ impl Input<'_> {
     }
 
     pub(crate) fn is_periodic(&self) -> bool {
-        self.settings.space.is_periodic()
+        self.rule.space().is_periodic()
     }
 }
 

@@ -119,18 +119,16 @@ pub enum Error {
         /// How many the file says there are.
         expected: u64,
     },
-    /// The file's box repeats along an edge that is not along an axis.
+    /// The file's box repeats along edges that span none.
     #[error(
-        "{place}: the periodic box is tilted, with an edge ({}, {}, {}), and only boxes with edges along the axes can \
-         be periodic; turn the box in the simulator, give the lengths of one that is not tilted with --periodic \
-         X,Y,Z, or take space as unbounded with --periodic none",
-        edge[0], edge[1], edge[2]
+        "{place}: the box cannot be periodic: {reason}; give lengths with --periodic X,Y,Z, or take space as unbounded with \
+         --periodic none"
     )]
-    TiltedBox {
+    BoxEdges {
         /// Where the box is declared.
         place: Place,
-        /// The edge.
-        edge: [f64; 3],
+        /// What is wrong with them.
+        reason: Box<lazygrid::InputError>,
     },
     /// The file's box repeats after a length that no period can have.
     #[error(
@@ -188,7 +186,7 @@ impl Error {
             | Self::Value { place, .. }
             | Self::NoRadius { place, .. }
             | Self::Truncated { place, .. }
-            | Self::TiltedBox { place, .. }
+            | Self::BoxEdges { place, .. }
             | Self::BoxLength { place, .. }
             | Self::RepeatedMolecule { place, .. }
             | Self::LineTooLong { place, .. }

@@ -77,6 +77,62 @@ pub enum InputError {
         /// The length given.
         length: f32,
     },
+    /// Edges of a sheared space that span no box.
+    #[error(
+        "the edges {} must be finite and independent, and their box no thinner than 2^-24 of its longest edge; leave out \
+         edges along which space does not repeat",
+        .edges.iter().flatten().map(|[x, y, z]| format!("({x}, {y}, {z})")).collect::<Vec<_>>().join(", ")
+    )]
+    Edges {
+        /// The edges given.
+        edges: [Option<[f32; 3]>; 3],
+    },
+    /// A pair is to be left out of which there is no sphere.
+    #[error(
+        "the excluded pair ({i}, {j}) names a sphere that is none of the {first} and {second} there are; give indices of \
+         spheres, from 0 on"
+    )]
+    Excluded {
+        /// The first of the two.
+        i: u32,
+        /// The second.
+        j: u32,
+        /// How many spheres the first may be of.
+        first: usize,
+        /// How many the second may be of.
+        second: usize,
+    },
+    /// Compressed rows of excluded pairs that are none.
+    #[error(
+        "offset {at} of the excluded pairs is {offset}; {offsets} offsets must begin with 0, never fall, and end with the \
+         number of indices, {indices}"
+    )]
+    ExcludedRows {
+        /// Which offset is wrong.
+        at: usize,
+        /// Its value.
+        offset: usize,
+        /// How many there are.
+        offsets: usize,
+        /// How many indices there are.
+        indices: usize,
+    },
+    /// Excluded pairs were made for other numbers of spheres than the call has.
+    #[error(
+        "pairs are excluded among {} where the call has {}; make `Exclusions` anew when spheres come or go",
+        sets(.made_for), sets(.given)
+    )]
+    ExclusionsOfOthers {
+        /// How many spheres they were made for, of one set or of each of two.
+        made_for: (usize, Option<usize>),
+        /// How many there are.
+        given: (usize, Option<usize>),
+    },
+    /// Excluded pairs came with the second of two sets.
+    #[error(
+        "pairs between two sets are excluded with the first set, not with this one: make them with `Exclusions::between`"
+    )]
+    ExclusionsOfSecond,
     /// An interaction distance that is negative or not finite.
     #[error("the interaction distance {distance} of species {a} and {b} must be finite and not negative")]
     Distance {
@@ -258,6 +314,13 @@ pub enum Error {
     /// An interaction table is set but no species buffer was given, or the other way round.
     #[error("interactions and species ids go together; give both or neither")]
     SpeciesBuffer,
+}
+
+fn sets((first, second): &(usize, Option<usize>)) -> String {
+    match second {
+        None => format!("{first} spheres"),
+        Some(second) => format!("sets of {first} and {second} spheres"),
+    }
 }
 
 fn runs_on(backend: Backend) -> String {

@@ -74,6 +74,16 @@ impl Interactions {
         self.table[a as usize * self.species as usize + b as usize]
     }
 
+    /// The same with every distance replaced by touching: for spheres as large as their species [reach](Self::reach), whose
+    /// pairs are all that this table has and more.
+    pub fn touching(&self) -> Self {
+        let touching = |interaction: &Interaction| match interaction {
+            Interaction::Never => Interaction::Never,
+            Interaction::Touch | Interaction::Within(_) => Interaction::Touch,
+        };
+        Self { species: self.species, table: self.table.iter().map(touching).collect() }
+    }
+
     /// How many species the table has.
     pub fn species(&self) -> u32 {
         self.species

@@ -5,7 +5,8 @@
 //!
 //! * [`Sphere`], [`Spheres`] — input, as rows or as columns, without copying;
 //! * [`Interactions`] — which species may pair, and at which distance;
-//! * [`Space`] — unbounded, or periodic along some axes;
+//! * [`Exclusions`] — pairs that are none, such as bonds;
+//! * [`Space`] — unbounded, or periodic along some axes or edges;
 //! * [`Pair`] — one overlapping pair, smaller index first;
 //! * [`Algorithm`], [`Backend`] — the detectors, and where they run, by name;
 //! * [`Error`], [`InputError`] — why there is no result, on any backend, and what can be wrong with an input;
@@ -15,10 +16,12 @@
 mod algorithm;
 mod backend;
 mod error;
+mod exclusions;
 mod interactions;
 pub mod kernel;
 pub mod layout;
 mod pair;
+mod shear;
 mod space;
 mod sphere;
 pub mod wgsl;
@@ -26,7 +29,9 @@ pub mod wgsl;
 pub use algorithm::Algorithm;
 pub use backend::Backend;
 pub use error::{Error, InputError, UnknownName};
+pub use exclusions::Exclusions;
 pub use interactions::{Interaction, Interactions, Reach};
 pub use pair::Pair;
+pub use shear::Shear;
 pub use space::Space;
 pub use sphere::{MAX_SPHERES, Sphere, Spheres};

@@ -1,13 +1,18 @@
 use glam::Vec3;
 
 use crate::InputError;
+use crate::shear::Shear;
 
-/// The space that spheres live in: along each axis unbounded, or periodic with some length.
+/// The space that spheres live in: along each axis unbounded, or periodic with some length; or periodic along up to three
+/// edges of any direction, as those of a triclinic cell.
 ///
 /// In a periodic space every sphere has images, one length apart, and two spheres are as far apart as their nearest
 /// images: along a periodic axis of length `L` a difference `d` of coordinates counts as `d − L·round(d/L)`. Two
 /// spheres are a pair once if that distance is at most their reach, however many of their images are; a sphere never
 /// pairs with an image of its own. This holds for any radii, those larger than the box included.
+///
+/// The same holds of sheared spaces, where images are whole numbers of edges apart. The nearest ones are found whatever
+/// the edges, also where tilts are longer than half an edge.
 ///
 /// Only differences count, so it does not matter where the box begins, and coordinates may lie outside it, as those
 /// of a simulator that unwraps trajectories do.
@@ -17,15 +22,21 @@ use crate::InputError;
 /// let slab = Space::periodic([Some(10.0), Some(10.0), None])?;
 /// assert_eq!(slab.distance_squared([0.5, 0.0, 0.0].into(), [9.5, 0.0, 3.0].into()), 1.0 + 9.0);
 /// # Ok::<(), lazygrid_kernels::InputError>(())
+///
+/// // A box of 10 × 10 × 10 that leans by 4 along x for every 10 along y.
+/// let leaning = Space::sheared([[10.0, 0.0, 0.0], [4.0, 10.0, 0.0], [0.0, 0.0, 10.0]].map(Some))?;
+/// assert_eq!(leaning.distance_squared([1.0, 0.5, 0.0].into(), [5.0, 9.5, 0.0].into()), 1.0);
+/// # Ok::<(), lazygrid_kernels::InputError>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Space {
     lengths: [Option<f32>; 3],
+    shear: Option<Shear>,
 }
 
 impl Space {
     /// Unbounded along all axes.
-    pub const UNBOUNDED: Self = Self { lengths: [None; 3] };
+    pub const UNBOUNDED: Self = Self { lengths: [None; 3], shear: None };
 
     /// Periodic along those of the axes `x`, `y`, `z` that have a length, in the length unit of the spheres.
     ///
@@ -37,12 +48,48 @@ impl Space {
                 return Err(InputError::Period { axis, length });
             }
         }
-        Ok(Self { lengths })
+        Ok(Self::of_lengths(lengths))
     }
 
-    /// The length of each periodic axis.
+    /// The same of lengths that are known to be valid.
+    pub(crate) fn of_lengths(lengths: [Option<f32>; 3]) -> Self {
+        Self { lengths, shear: None }
+    }
+
+    /// Periodic along up to three edges, which may have any direction, in the length unit of the spheres. It repeats along
+    /// those that are given; the others, and where the box begins, make no difference.
+    ///
+    /// The box that LAMMPS writes as lengths `lx, ly, lz` and tilts `xy, xz, yz` has the edges `(lx, 0, 0)`, `(xy, ly, 0)`
+    /// and `(xz, yz, lz)`; the cell of ASE has its rows as edges, of which those count that `pbc` names. Where every edge
+    /// lies along an axis of its own, the space is that of [`periodic`](Self::periodic).
+    ///
+    /// # Errors
+    /// [`InputError::Edges`] for edges that are not finite, zero, or so nearly in one line or plane that the box is thinner
+    /// than 2⁻²⁴ of its longest edge; also for boxes thinner than what `f32` can hold.
+    pub fn sheared(edges: [Option<Vec3>; 3]) -> Result<Self, InputError> {
+        if let Some(lengths) = along_axes(&edges) {
+            return Self::periodic(lengths);
+        }
+        let shear = Shear::new(edges)?;
+        Ok(Self { lengths: edges.map(|edge| edge.map(Vec3::length)), shear: Some(shear) })
+    }
+
+    /// The length of each periodic axis; of a [sheared](Self::shear) space the length of each edge.
     pub fn lengths(&self) -> [Option<f32>; 3] {
         self.lengths
+    }
+
+    /// The edges along which space repeats.
+    pub fn edges(&self) -> [Option<Vec3>; 3] {
+        match &self.shear {
+            Some(shear) => shear.edges(),
+            None => [0, 1, 2].map(|axis| self.lengths[axis].map(|length| Vec3::AXES[axis] * length)),
+        }
+    }
+
+    /// What is to be known of the edges where not all lie along the axes.
+    pub fn shear(&self) -> Option<&Shear> {
+        self.shear.as_ref()
     }
 
     /// Whether any axis is periodic.
@@ -53,8 +100,11 @@ impl Space {
     /// The image of a point nearest to the origin: along a periodic axis of length `L` between `−L/2` and `L/2`.
     ///
     /// Exact: the result is a whole number of lengths away, and `f32` can always represent it. Coordinates that are
-    /// not finite give NaN.
+    /// not finite give NaN. In a sheared space it is the image with at most half of each edge of a reduced box, rounded.
     pub fn wrap(&self, point: Vec3) -> Vec3 {
+        if let Some(shear) = &self.shear {
+            return shear.wrap(point);
+        }
         let mut wrapped = point;
         for (axis, length) in self.lengths.into_iter().enumerate() {
             if let Some(length) = length {
@@ -64,8 +114,13 @@ impl Space {
         wrapped
     }
 
-    /// The squared distance of the nearest images of two points, as the exact test of the CPU path takes it.
+    /// The squared distance of the nearest images of two points, as the exact test of the CPU path takes it. In a sheared
+    /// space differences of coordinates are folded in `f64`, which for points up to 2²⁰ boxes away is as exact as their
+    /// coordinates are.
     pub fn distance_squared(&self, a: Vec3, b: Vec3) -> f64 {
+        if let Some(shear) = &self.shear {
+            return shear.distance_squared(a, b);
+        }
         let (a, b) = (self.wrap(a), self.wrap(b));
         let mut d = [0.0; 3];
         for (axis, length) in self.lengths.into_iter().enumerate() {
@@ -77,6 +132,20 @@ impl Space {
         }
         d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     }
+}
+
+/// The length of each axis, where every edge lies along one of its own.
+fn along_axes(edges: &[Option<Vec3>; 3]) -> Option<[Option<f32>; 3]> {
+    let mut lengths = [None; 3];
+    for edge in edges.iter().flatten() {
+        let axis = (0..3).find(|&axis| edge[axis] != 0.0)?;
+        let is_along = (0..3).all(|other| other == axis || edge[other] == 0.0);
+        if !is_along || lengths[axis].is_some() {
+            return None;
+        }
+        lengths[axis] = Some(edge[axis].abs());
+    }
+    Some(lengths)
 }
 
 /// The remainder of `x` of least magnitude.

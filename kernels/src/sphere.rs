@@ -1,7 +1,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use crate::InputError;
+use crate::{Exclusions, InputError};
 
 /// The most spheres one call can name: indices are `u32` and the last two values are reserved.
 pub const MAX_SPHERES: u64 = u32::MAX as u64 - 1;
@@ -39,7 +39,7 @@ impl From<[f32; 4]> for Sphere {
 }
 
 /// A borrowed set of spheres: rows (`&[Sphere]`, `&[[f32; 4]]`) or columns (four `&[f32]`), never copied here,
-/// and optionally a species id per sphere.
+/// and optionally a species id and a group per sphere, and pairs that are to be left out.
 ///
 /// ```
 /// # use lazygrid_kernels::{Sphere, Spheres};
@@ -51,6 +51,8 @@ impl From<[f32; 4]> for Sphere {
 pub struct Spheres<'a> {
     layout: Layout<'a>,
     species: Option<&'a [u32]>,
+    groups: Option<&'a [u32]>,
+    exclusions: Option<&'a Exclusions>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -60,6 +62,13 @@ enum Layout<'a> {
 }
 
 impl<'a> Spheres<'a> {
+    /// The group of spheres that are in none: see [`with_groups`](Self::with_groups).
+    pub const NO_GROUP: u32 = u32::MAX;
+
+    fn of(layout: Layout<'a>) -> Self {
+        Self { layout, species: None, groups: None, exclusions: None }
+    }
+
     /// Spheres stored as structure of arrays: `x`, `y`, `z` and `r`, all of one length.
     ///
     /// # Errors
@@ -70,7 +79,7 @@ impl<'a> Spheres<'a> {
                 return Err(InputError::Lengths { what, length: column.len(), expected: x.len() });
             }
         }
-        Ok(Self { layout: Layout::Columns([x, y, z, r]), species: None })
+        Ok(Self::of(Layout::Columns([x, y, z, r])))
     }
 
     /// Adds a species id per sphere, for [`Interactions`](crate::Interactions).
@@ -83,6 +92,34 @@ impl<'a> Spheres<'a> {
             return Err(InputError::Lengths { what: "species", length, expected });
         }
         self.species = Some(species);
+        Ok(self)
+    }
+
+    /// Adds a group per sphere: a molecule, a rigid body. Two spheres of one group are never a pair, but for those of
+    /// [`NO_GROUP`](Self::NO_GROUP). In a search between two sets groups of both are the same where their numbers are.
+    ///
+    /// # Errors
+    /// [`InputError::Lengths`] where there is not one group per sphere.
+    pub fn with_groups(mut self, groups: &'a [u32]) -> Result<Self, InputError> {
+        if groups.len() != self.len() {
+            let (length, expected) = (groups.len(), self.len());
+            return Err(InputError::Lengths { what: "groups", length, expected });
+        }
+        self.groups = Some(groups);
+        Ok(self)
+    }
+
+    /// Adds pairs that are to be left out, such as bonds. In a search between two sets they come with the first one and are
+    /// made by [`Exclusions::between`].
+    ///
+    /// # Errors
+    /// [`InputError::ExclusionsOfOthers`] where they were made for another number of spheres.
+    pub fn with_exclusions(mut self, exclusions: &'a Exclusions) -> Result<Self, InputError> {
+        let (made_for, given) = (exclusions.spheres(), self.len());
+        if made_for.0 != given {
+            return Err(InputError::ExclusionsOfOthers { made_for, given: (given, made_for.1) });
+        }
+        self.exclusions = Some(exclusions);
         Ok(self)
     }
 
@@ -127,6 +164,23 @@ impl<'a> Spheres<'a> {
         self.species
     }
 
+    /// The groups, if any were given.
+    #[inline]
+    pub fn groups(&self) -> Option<&'a [u32]> {
+        self.groups
+    }
+
+    /// The pairs that are to be left out, if any were given.
+    #[inline]
+    pub fn exclusions(&self) -> Option<&'a Exclusions> {
+        self.exclusions
+    }
+
+    /// The same without groups and without pairs to be left out.
+    pub fn without_exclusions(self) -> Self {
+        Self { groups: None, exclusions: None, ..self }
+    }
+
     /// All spheres in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Sphere> + '_ {
         (0..self.len()).map(|i| self.get(i))
@@ -135,7 +189,7 @@ impl<'a> Spheres<'a> {
 
 impl<'a> From<&'a [Sphere]> for Spheres<'a> {
     fn from(rows: &'a [Sphere]) -> Self {
-        Self { layout: Layout::Rows(rows), species: None }
+        Self::of(Layout::Rows(rows))
     }
 }
 

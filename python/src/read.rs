@@ -40,8 +40,15 @@ pub(crate) struct Frame {
     names: Vec<String>,
     /// The simulator's number of the time step, where the file has one.
     step: Option<i64>,
-    /// The length of each periodic axis, for :class:`Detector`; ``None`` in unbounded space.
-    periodic: Option<(Option<f32>, Option<f32>, Option<f32>)>,
+    /// The length of each periodic axis, or the edges of a box that leans, for :class:`Detector`; ``None`` in unbounded space.
+    periodic: Option<(Option<Edge>, Option<Edge>, Option<Edge>)>,
+}
+
+/// Along what space repeats: an axis, after a length, or an edge.
+#[derive(Clone, Copy, IntoPyObject, IntoPyObjectRef)]
+enum Edge {
+    Length(f32),
+    Edge((f32, f32, f32)),
 }
 
 #[pymethods]
@@ -61,7 +68,7 @@ impl Frames {
             Some(word) if word.extract::<&str>().is_ok_and(|word| word == "none") => Some(space(None)?),
             lengths => Some(space(lengths)?),
         };
-        let options = Options { format, radii: radii.unwrap_or_default(), space, ids };
+        let options = Options { format, radii: radii.unwrap_or_default(), space, ids, groups: false };
         let frames = read::Frames::open(&path, options).map_err(error::file)?;
         Ok(Self { path, frames: Mutex::new(frames) })
     }
@@ -106,7 +113,12 @@ impl Frames {
 
 impl Frame {
     fn new(py: Python<'_>, frame: read::Frame, names: Vec<String>) -> PyResult<Self> {
-        let [x, y, z] = frame.space.lengths();
+        let is_sheared = frame.space.shear().is_some();
+        let (lengths, edges) = (frame.space.lengths(), frame.space.edges());
+        let [x, y, z] = [0, 1, 2].map(|k| match is_sheared {
+            false => lengths[k].map(Edge::Length),
+            true => edges[k].map(|edge| Edge::Edge(edge.into())),
+        });
         let species = frame.species.map(|ids| PyArray1::from_vec(py, ids).unbind());
         Ok(Self {
             spheres: arrays::rows::<Sphere, f32>(py, frame.spheres, 4)?.unbind(),

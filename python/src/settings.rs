@@ -1,5 +1,6 @@
 //! The keywords of a detector as the engine's settings.
 
+use lazygrid::glam::Vec3;
 use lazygrid::gpu::AdapterId;
 use lazygrid::{Config, Order, Skin, Space};
 use pyo3::exceptions::PyTypeError;
@@ -65,19 +66,32 @@ fn skin(given: &Bound<'_, PyAny>) -> PyResult<Skin> {
     }
 }
 
-/// A space with the length of each periodic axis, rounded to `f32`; `None` for one that is unbounded.
+/// A space with the length of each periodic axis, or the edge along which it repeats, rounded to `f32`; `None` for an axis
+/// that is unbounded.
 ///
 /// # Errors
-/// `TypeError` for what is no three lengths; `InputError` for a length that is none.
+/// `TypeError` for what is no three lengths or edges; `InputError` for a length that is none, and edges that span no box.
 pub(crate) fn space(periodic: Option<&Bound<'_, PyAny>>) -> PyResult<Space> {
     let Some(given) = periodic else { return Ok(Space::UNBOUNDED) };
-    let length = |length: PyResult<Bound<'_, PyAny>>| length?.extract::<Option<f64>>();
-    let lengths = given.try_iter()?.map(length).collect::<PyResult<Vec<_>>>()?;
-    let lengths: [_; 3] = lengths.try_into().map_err(|lengths: Vec<_>| {
-        let count = lengths.len();
+    let items = given.try_iter()?.collect::<PyResult<Vec<_>>>()?;
+    let items: [_; 3] = items.try_into().map_err(|items: Vec<_>| {
+        let count = items.len();
         PyTypeError::new_err(format!("periodic has {count} lengths where 3 are needed: (x, y, z)"))
     })?;
-    Space::periodic(lengths.map(|length| length.map(|length| length as f32))).map_err(error::input)
+    let lengths = items.iter().map(|item| item.extract::<Option<f64>>()).collect::<PyResult<Vec<_>>>();
+    if let Ok(&[x, y, z]) = lengths.as_deref() {
+        let lengths = [x, y, z].map(|length| length.map(|length| length as f32));
+        return Space::periodic(lengths).map_err(error::input);
+    }
+    let mut edges = [None; 3];
+    for (axis, (edge, item)) in edges.iter_mut().zip(&items).enumerate() {
+        *edge = match item.extract::<f64>() {
+            _ if item.is_none() => None,
+            Ok(length) => Some(Vec3::AXES[axis] * length as f32),
+            Err(_) => Some(Vec3::from(item.extract::<[f64; 3]>()?.map(|x| x as f32))),
+        };
+    }
+    Space::sheared(edges).map_err(error::input)
 }
 
 /// A GPU by its index or a part of its name.

@@ -6,6 +6,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from conftest import Rows, brute_force, scene
 from hypothesis import given, settings
@@ -52,6 +53,31 @@ def test_any_spheres(rows: Rows) -> None:
 def test_any_periodic_box(rows: Rows, lengths: tuple[float | None, float | None, float | None]) -> None:
     found = Detector(backend="cpu", periodic=lengths).pairs(rows)
     np.testing.assert_array_equal(found, brute_force(rows, lengths))
+
+
+def brute_force_of_edges(rows: Rows, edges: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
+    """All pairs of spheres any of whose images, up to three edges away, are in reach; in canonical order."""
+    wide = rows.astype(np.float64)
+    turns = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
+    difference = wide[:, None, :3] - wide[None, :, :3]
+    nearest = np.min([((difference + turn @ edges) ** 2).sum(axis=2) for turn in turns], axis=0)
+    reach = wide[:, None, 3] + wide[None, :, 3]
+    found = np.argwhere(nearest <= reach**2)
+    return found[found[:, 0] < found[:, 1]].astype(np.uint32)
+
+
+def test_boxes_that_lean() -> None:
+    rows = scene(4, 300, box=5.0)
+    edges = np.array([[5.0, 0.0, 0.0], [2.0, 5.0, 0.0], [-1.5, 2.5, 4.0]])
+    expected = brute_force_of_edges(rows, edges)
+    assert len(expected) != len(brute_force(rows, (5.0, 5.0, 4.0)))
+    np.testing.assert_array_equal(Detector(backend="cpu", periodic=edges).pairs(rows), expected)
+    np.testing.assert_array_equal(Detector(backend="cpu", periodic=edges.tolist()).pairs(rows), expected)
+    slab = Detector(backend="cpu", periodic=((5.0, 0.0, 0.0), (2.0, 5.0, 0.0), None)).pairs(rows)
+    flat = brute_force_of_edges(rows, edges * [[1], [1], [1e6]])
+    np.testing.assert_array_equal(slab, flat)
+    with pytest.raises(lazygrid.InputError, match="edges .*must be finite and independent"):
+        Detector(periodic=((1.0, 1.0, 0.0), (2.0, 2.0, 0.0), None))
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -131,6 +131,14 @@ def test_files_of_several_frames(tmp_path: Path) -> None:
         lazygrid.read(path, 2)
 
 
+def test_a_box_that_leans(tmp_path: Path) -> None:
+    path = tmp_path / "leaning.xyz"
+    path.write_text('1\nLattice="9 0 0 3 8 0 0 0 7" pbc="T T F" Properties=pos:R:3:radius:R:1\n1 2 3 0.5\n')
+    frame = lazygrid.read(path)
+    assert frame.periodic == ((9.0, 0.0, 0.0), (3.0, 8.0, 0.0), None)
+    assert lazygrid.Detector(periodic=frame.periodic).count(frame.spheres) == 0
+
+
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"missing\.csv"):
         lazygrid.read(tmp_path / "missing.csv")

@@ -4,6 +4,7 @@
 //!   `lazygrid check` judges by too;
 //! * [`Subject`] — one way to run a detector; [`Subject::all`] is the list that a new backend joins;
 //! * [`periodic`] — oracles and generators of scenarios in periodic spaces;
+//! * [`sheared`] — the same of spaces whose edges lean;
 //! * [`difference`] — compares a result with the expected pairs and explains the first wrong one;
 //! * [`device`] — an adapter of the GPU, where there is one;
 //! * [`command`] — a built command from outside;
@@ -12,6 +13,7 @@
 pub mod adversary;
 pub mod command;
 pub mod periodic;
+pub mod sheared;
 
 mod adapter;
 mod gpu;

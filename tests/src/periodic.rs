@@ -9,7 +9,7 @@ use crate::adversary::{self, words};
 use crate::{Choices, Scenario, Subject, Tolerance};
 
 /// All pairs in canonical order, by `apart`, the squared distance of the nearest images of two spheres.
-fn pairs(scenario: &Scenario, apart: impl Fn(usize, usize) -> f64) -> Vec<Pair> {
+pub(crate) fn pairs(scenario: &Scenario, apart: impl Fn(usize, usize) -> f64) -> Vec<Pair> {
     let spheres = scenario.spheres.len();
     let all = (0..spheres).flat_map(|i| (i + 1..spheres).map(move |j| (i, j)));
     let touch =

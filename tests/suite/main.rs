@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod between;
+mod exclusions;
 mod expected;
 mod files;
 mod interactions;
@@ -12,5 +13,6 @@ mod properties;
 mod results;
 mod reuse;
 mod scenes;
+mod sheared;
 mod skin;
 mod structure;

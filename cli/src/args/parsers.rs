@@ -46,6 +46,13 @@ pub(super) fn space(text: &str) -> Result<Space, String> {
     Space::periodic(lengths).map_err(|error| error.to_string())
 }
 
+pub(super) fn tilts(text: &str) -> Result<[f32; 3], String> {
+    let tilt = |text: &str| f32::from_str(text.trim()).ok().filter(|tilt| tilt.is_finite());
+    let tilts: Option<Vec<_>> = text.split(',').map(tilt).collect();
+    let tilts = tilts.and_then(|tilts| tilts.try_into().ok());
+    tilts.ok_or_else(|| "expected three numbers, such as 2.5,0,0".to_owned())
+}
+
 pub(super) fn threads(text: &str) -> Result<NonZeroUsize, String> {
     text.parse().map_err(|_| "expected a whole number above zero; leave it out to use all threads".to_owned())
 }

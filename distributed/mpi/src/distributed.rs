@@ -197,7 +197,7 @@ impl Distributed {
         let (hulls, counts) = self.wire.share("hulls", &Hull::of(&bodies))?;
         let mut hulls = hulls.into_iter();
         let published = Published::new(counts.iter().map(|&count| hulls.by_ref().take(count).collect()));
-        let leaving = self.pool.install(|| published.ghosts(rank, &bodies, &self.config.space));
+        let leaving = self.pool.install(|| published.ghosts(rank, &bodies, &self.bodies.space()));
         drop(bodies);
         debug_assert_eq!(leaving.len(), ranks as usize);
         let counts: Vec<usize> = leaving.iter().map(Vec::len).collect();

@@ -29,6 +29,10 @@ impl<'a> Local<'a> {
         if expected as u64 > MAX_SPHERES {
             return refuse(None, InputError::TooManySpheres { count: expected as u64 });
         }
+        if self.spheres.groups().is_some() || self.spheres.exclusions().is_some() {
+            let message = "groups and exclusions are known within one process only; leave pairs out when they have come";
+            return Err(Error::Input { rank, index: None, message: message.to_owned() });
+        }
         let mut bad = (0..).zip(self.spheres.iter()).filter(|(_, sphere)| !sphere.is_valid());
         if let Some((index, sphere)) = bad.next() {
             let count = 1 + bad.count() as u64;

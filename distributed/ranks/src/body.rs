@@ -6,7 +6,8 @@ use crate::{Class, Particle};
 /// What steering looks at: a sphere's image nearest to the origin, with a radius that covers its interactions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
-    /// Centre; along periodic axes within half a length of the origin.
+    /// Centre; along periodic axes within half a length of the origin. In a sheared space in straight coordinates, in which
+    /// it is an orthogonal one.
     pub center: Vec3,
     /// Effective radius: any two spheres that may pair are at most the sum of theirs apart.
     pub radius: f32,
@@ -35,9 +36,9 @@ impl Bodies {
         Self { space, reach }
     }
 
-    /// The space.
+    /// The space of the bodies: of a sheared one that of straight coordinates.
     pub fn space(&self) -> Space {
-        self.space
+        self.space.shear().map_or(self.space, |shear| shear.straight())
     }
 
     /// The body of a sphere. A species that is not in the table reaches as far as its radius.
@@ -45,7 +46,13 @@ impl Bodies {
     pub fn body(&self, sphere: Sphere, species: u32) -> Body {
         let reach = self.reach.as_ref().and_then(|reach| reach.get(species as usize));
         let radius = reach.map_or(sphere.radius, |reach| reach.effective_radius(sphere.radius));
-        Body { center: self.space.wrap(sphere.center), radius }
+        match self.space.shear() {
+            None => Body { center: self.space.wrap(sphere.center), radius },
+            Some(shear) => {
+                let Sphere { center, radius } = shear.straighten(Sphere { radius, ..sphere });
+                Body { center, radius }
+            }
+        }
     }
 
     /// The bodies of particles, in their order.

@@ -25,6 +25,8 @@ enum Placement {
 struct Scene {
     spheres: Vec<Sphere>,
     lengths: [Option<f32>; 3],
+    /// How far the edges lean: xy, xz and yz.
+    tilts: [f32; 3],
     ranks: u32,
     placement: Placement,
     interactions: bool,
@@ -60,7 +62,9 @@ impl Scene {
 
     fn check(&self) {
         let particles = numbered(self.spheres.iter().copied());
-        let (space, table) = (Space::periodic(self.lengths).unwrap(), self.table());
+        let ([x, y, z], [xy, xz, yz]) = (self.lengths, self.tilts);
+        let edges = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
+        let (space, table) = (Space::sheared(edges.map(|edge| edge.map(Into::into))).unwrap(), self.table());
         let mut config = Config::default().space(space).threads(1);
         if let Some(table) = &table {
             config = config.interactions(table.clone());
@@ -114,10 +118,13 @@ fn scene() -> impl Strategy<Value = Scene> {
         1 => any::<u32>().prop_map(Placement::Single),
     ];
     let ranks = select(vec![1, 2, 3, 4, 5, 8, 13]);
-    (spheres(), [length(), length(), length()], ranks, placement, any::<bool>()).prop_map(
-        |(spheres, lengths, ranks, placement, interactions)| Scene {
+    let tilts = select(vec![[0.0; 3], [0.0; 3], [1.0, -0.5, 2.0], [0.0, 3.0, 0.0], [7.0, 0.0, -1.25]]);
+    let bounds = ([length(), length(), length()], tilts);
+    (spheres(), bounds, ranks, placement, any::<bool>()).prop_map(
+        |(spheres, (lengths, tilts), ranks, placement, interactions)| Scene {
             spheres,
             lengths,
+            tilts,
             ranks,
             placement,
             interactions,

@@ -1,11 +1,14 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use lazygrid_host::{Canonical, Kept, Lists, Neighbors, Order, Phase, Settings, Skin, Survey};
-use lazygrid_kernels::{Algorithm, InputError, MAX_SPHERES, Pair, Spheres};
+use lazygrid_host::{Canonical, Kept, Lists, Neighbors, Order, Phase, Refinement, Settings, Skin, Survey};
+use lazygrid_kernels::{
+    Algorithm, InputError, Interactions, MAX_SPHERES, Pair, Shear, Space, Sphere, Spheres,
+};
 
 use super::course::Course;
 use super::device_search::{Given, Search};
+use super::error::make_room;
 use super::plan::DeviceLimits;
 use super::two_sets::TwoSets;
 use super::{Crossover, GpuDevice, GpuSession, GpuSettings};
@@ -18,6 +21,8 @@ const PARTS: usize = 128;
 #[derive(Debug)]
 pub(crate) struct DeviceDetector {
     settings: Settings,
+    /// The space and the table with which the device searches.
+    searched: (Space, Option<Interactions>),
     crossover: (Crossover, &'static str),
     one: Search,
     two: Option<Box<TwoSets>>,
@@ -25,6 +30,8 @@ pub(crate) struct DeviceDetector {
     course: Option<Course>,
     canonical: Canonical,
     lists: Lists,
+    /// The spheres of a sheared space, as they are searched.
+    straight: Vec<Sphere>,
     /// As they came; its memory serves the next call.
     found: Vec<Pair>,
     pairs: Vec<Pair>,
@@ -40,7 +47,31 @@ enum Asked<'a> {
     Two(Spheres<'a>, Spheres<'a>),
 }
 
-impl Asked<'_> {
+impl<'a> Asked<'a> {
+    /// The first set, and the second where there are two.
+    fn parts(self) -> (Spheres<'a>, Option<Spheres<'a>>) {
+        match self {
+            Self::One(all) => (all, None),
+            Self::Two(a, b) => (a, Some(b)),
+        }
+    }
+
+    /// What the device is given: `straight` spheres in place of these where space is sheared, and none of the exclusions,
+    /// which are looked at when pairs have come back.
+    fn searched(self, straight: Option<&'a Vec<Sphere>>) -> Result<Self, InputError> {
+        let like = |set: Spheres<'a>, from: usize| match straight {
+            None => Ok(set.without_exclusions()),
+            Some(straight) => {
+                let spheres = Spheres::from(&straight[from..from + set.len()]);
+                set.species().map_or(Ok(spheres), |species| spheres.with_species(species))
+            }
+        };
+        Ok(match self {
+            Self::One(all) => Self::One(like(all, 0)?),
+            Self::Two(a, b) => Self::Two(like(a, 0)?, like(b, a.len())?),
+        })
+    }
+
     fn len(self) -> usize {
         match self {
             Self::One(all) => all.len(),
@@ -60,6 +91,7 @@ impl Asked<'_> {
 impl DeviceDetector {
     pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
         let settings = config.settings;
+        let searched = searched(&settings);
         let crossover = choice::crossover(&config.calibrations, &own.adapter);
         let most_pairs = DeviceLimits::of(&own.device).bytes() / size_of::<Pair>() as u64;
         let defaults = GpuSettings::default();
@@ -69,8 +101,8 @@ impl DeviceDetector {
             crossover: crossover.0,
             raster_ratio: raster_ratio(config.raster_ratio)?,
             tau: config.tau.unwrap_or(GpuSettings::TAU),
-            interactions: settings.interactions.clone(),
-            space: settings.space,
+            interactions: searched.1.clone(),
+            space: searched.0,
             timed: true,
             ..defaults
         };
@@ -87,7 +119,8 @@ impl DeviceDetector {
         };
         let mut session = GpuSession::new(own, gpu)?;
         if let Skin::Fixed(distance) = settings.skin {
-            session.set_skin(Some(distance))?;
+            let scale = settings.space.shear().map_or(1.0, |_| Shear::SCALE);
+            session.set_skin(Some(distance * scale))?;
         }
         let chooses = matches!(settings.algorithm, Algorithm::Auto | Algorithm::CellList);
         let course = (settings.skin == Skin::Auto && chooses).then(Course::default);
@@ -95,8 +128,21 @@ impl DeviceDetector {
             session.set_timeout(timeout);
         }
         let (one, two) = (Search::new(session), None);
-        let (canonical, lists, found, pairs) = Default::default();
-        Ok(Self { settings, crossover, one, two, course, canonical, lists, found, pairs, report })
+        let (canonical, lists, straight, found, pairs) = Default::default();
+        Ok(Self {
+            settings,
+            searched,
+            crossover,
+            one,
+            two,
+            course,
+            canonical,
+            lists,
+            straight,
+            found,
+            pairs,
+            report,
+        })
     }
 
     pub(crate) fn pairs(&mut self, spheres: Spheres<'_>) -> Result<&[Pair], Error> {
@@ -254,13 +300,25 @@ impl DeviceDetector {
         self.report.algorithm = algorithm;
         self.report.reason = reason;
         let Settings { space, interactions, .. } = &self.settings;
-        match asked {
+        let (first, second) = asked.parts();
+        let refinement = Refinement::new(first, second, interactions.as_ref(), space)?;
+        if let Some(refinement) = refinement.as_ref().filter(|refinement| refinement.is_sheared()) {
+            let start = Instant::now();
+            self.straight.clear();
+            make_room(&mut self.straight, asked.len(), "straight spheres")?;
+            self.straight.extend((0..asked.len()).map(|k| refinement.searched(k)));
+            self.report.phases.push(Phase { name: "copy", time: start.elapsed() });
+        }
+        let is_sheared = space.shear().is_some();
+        let (space, interactions) = (self.searched.0, self.searched.1.as_ref());
+        let refinement = refinement.as_ref();
+        match asked.searched(is_sheared.then_some(&self.straight))? {
             Asked::One(spheres) => {
                 if let Some(course) = &mut self.course {
-                    self.one.session.change_skin(course.next(spheres, *space))?;
+                    self.one.session.change_skin(course.next(spheres, space))?;
                 }
-                let interactions = interactions.as_ref();
-                let result = work(&mut self.one, &Given { spheres, interactions, space: *space, algorithm })?;
+                let given = Given { spheres, interactions, space, algorithm, refinement };
+                let result = work(&mut self.one, &given)?;
                 conclude(&mut self.report, &self.one);
                 if let Some(course) = &mut self.course {
                     let outcome = self.one.session.outcome();
@@ -271,9 +329,9 @@ impl DeviceDetector {
             Asked::Two(a, b) => {
                 let two = match &mut self.two {
                     Some(two) => two,
-                    none => none.insert(Box::new(TwoSets::new(&self.one.session, interactions.as_ref())?)),
+                    none => none.insert(Box::new(TwoSets::new(&self.one.session, interactions)?)),
                 };
-                let result = two.search(a, b, (*space, algorithm), work)?;
+                let result = two.search((a, b), (space, algorithm), refinement, work)?;
                 conclude(&mut self.report, &two.search);
                 Ok(result)
             }
@@ -298,6 +356,16 @@ impl DeviceDetector {
                 Ok(of_a.len() + b.occupied().filter(|(class, _)| !of_a.contains(class)).count())
             }
         }
+    }
+}
+
+/// The space and the table with which a device searches: those of the settings, or where space is sheared that of straight
+/// coordinates, in which species pair that ever do, when their spheres, as large as the species reach, touch.
+fn searched(settings: &Settings) -> (Space, Option<Interactions>) {
+    let Settings { space, interactions, .. } = settings;
+    match space.shear() {
+        None => (*space, interactions.clone()),
+        Some(shear) => (shear.straight(), interactions.as_ref().map(Interactions::touching)),
     }
 }
 

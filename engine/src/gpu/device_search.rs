@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use lazygrid_host::Phase;
+use lazygrid_host::{Phase, Refinement};
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres};
 
 use super::error::make_room;
@@ -16,6 +16,8 @@ pub(super) struct Given<'a> {
     pub(super) interactions: Option<&'a Interactions>,
     pub(super) space: Space,
     pub(super) algorithm: Algorithm,
+    /// What is asked of pairs besides, once they have come back.
+    pub(super) refinement: Option<&'a Refinement<'a>>,
 }
 
 /// Searches in a session: in one call, or slab by slab where the device cannot bind all spheres.
@@ -40,6 +42,19 @@ impl Search {
     /// # Errors
     /// [`Error::TooManyPairs`] above `limit`, with the exact number; otherwise where the device fails.
     pub(super) fn list(&mut self, given: &Given<'_>, limit: u64, list: &mut Vec<Pair>) -> Result<(), Error> {
+        match (self.list_found(given, limit, list), given.refinement) {
+            (Ok(()), Some(refinement)) => {
+                refine(list, refinement);
+                Ok(())
+            }
+            // What is no pair needs no room in the list.
+            (Err(Error::TooManyPairs { .. }), Some(_)) => self.list_in_parts(given, limit, list),
+            (result, _) => result,
+        }
+    }
+
+    /// Puts all that the device finds into `list`.
+    fn list_found(&mut self, given: &Given<'_>, limit: u64, list: &mut Vec<Pair>) -> Result<(), Error> {
         let Some((whole, slabs)) = self.cut(given)? else {
             let ticket = self.begin(given)?;
             self.session.finish(ticket, limit)?;
@@ -74,11 +89,42 @@ impl Search {
         Ok(())
     }
 
+    /// The pairs, of which no more than fit are ever in memory.
+    fn list_in_parts(&mut self, given: &Given<'_>, limit: u64, list: &mut Vec<Pair>) -> Result<(), Error> {
+        list.clear();
+        let (mut found, mut refused) = (0, None);
+        self.parts(given, None, |pairs| {
+            found += pairs.len() as u64;
+            if found > limit {
+                return ControlFlow::Continue(());
+            }
+            refused = make_room(list, pairs.len(), "pairs").err();
+            if refused.is_some() {
+                return ControlFlow::Break(());
+            }
+            list.append(pairs);
+            ControlFlow::Continue(())
+        })?;
+        match refused {
+            Some(error) => Err(error),
+            None if found > limit => Err(Error::TooManyPairs { found, limit }),
+            None => Ok(()),
+        }
+    }
+
     /// How many pairs there are.
     ///
     /// # Errors
     /// Where the device fails.
     pub(super) fn count(&mut self, given: &Given<'_>) -> Result<u64, Error> {
+        if given.refinement.is_some() {
+            let mut found = 0;
+            self.parts(given, None, |pairs| {
+                found += pairs.len() as u64;
+                ControlFlow::Continue(())
+            })?;
+            return Ok(found);
+        }
         let Some((whole, slabs)) = self.cut(given)? else {
             let ticket = self.begin(given)?;
             let found = self.session.finish_count(ticket)?;
@@ -105,6 +151,12 @@ impl Search {
         in_order_up_to: Option<u64>,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
+        let mut consume = |pairs: &mut Vec<Pair>| {
+            if let Some(refinement) = given.refinement {
+                refine(pairs, refinement);
+            }
+            consume(pairs)
+        };
         let Some((whole, slabs)) = self.cut(given)? else {
             let ticket = self.begin(given)?;
             self.session.finish_in_parts(ticket, consume)?;
@@ -197,4 +249,9 @@ impl Search {
     fn time(&mut self, name: &'static str, since: Instant) {
         Phase::add(&mut self.timings, name, since.elapsed());
     }
+}
+
+/// Leaves out what is no pair.
+fn refine(pairs: &mut Vec<Pair>, refinement: &Refinement<'_>) {
+    pairs.retain(|pair| refinement.keeps(pair.i, pair.j));
 }

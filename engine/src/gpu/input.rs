@@ -30,7 +30,7 @@ pub struct GpuSettings {
     pub radix_from: u32,
     /// Which species pair, and at which distance; `None`: all that touch.
     pub interactions: Option<Interactions>,
-    /// The space the spheres live in. Default: [`Space::UNBOUNDED`]. In a periodic one spheres are copied to their
+    /// The space the spheres live in, which is not [sheared](Space::sheared). Default: [`Space::UNBOUNDED`]. In a periodic one spheres are copied to their
     /// nearest images first, which takes 16 bytes for each; pairs within 5 ulp of
     /// exact tangency, relative to the squared reach, may fall either way, where it is 4 ulp in an unbounded one.
     pub space: Space,
@@ -162,6 +162,11 @@ impl<'a> GpuSpheres<'a> {
 
 /// Refuses settings out of range.
 pub(super) fn check(settings: &GpuSettings) -> Result<(), Error> {
+    if settings.space.shear().is_some() {
+        let range =
+            "what stays on the GPU has edges along the axes only: choose `Detector`, which takes any edges";
+        return Err(Error::Setting { name: "space", value: "sheared".into(), range });
+    }
     if !(GpuSettings::MIN_RASTER_RATIO..=GpuSettings::MAX_RASTER_RATIO).contains(&settings.raster_ratio) {
         let value = settings.raster_ratio.to_string();
         let range = "on the GPU choose between 1.5 and 16";

@@ -209,8 +209,14 @@ impl GpuSession {
     /// Uploads the spheres and starts the detection; does not wait.
     ///
     /// # Errors
-    /// [`Error::Busy`] with two calls in flight already; otherwise as [`GpuDetector::encode`].
+    /// [`Error::Busy`] with two calls in flight already; [`Error::Setting`] for spheres with groups or exclusions, which only
+    /// [`Detector`](crate::Detector) knows; otherwise as [`GpuDetector::encode`].
     pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, Error> {
+        if spheres.groups().is_some() || spheres.exclusions().is_some() {
+            let range =
+                "a session reports all that touch: choose `Detector`, or leave pairs out when they have come";
+            return Err(Error::Setting { name: "exclusions", value: "given".into(), range });
+        }
         self.begin_as(self.call(self.asked.algorithm), spheres)
     }
 

@@ -1,5 +1,6 @@
 //! Pairs of one sphere of each of two sets: a search of both, in which spheres of one set never pair.
 
+use lazygrid_host::Refinement;
 use lazygrid_kernels::{Algorithm, Interaction, Interactions, Space, Sphere, Spheres};
 
 use super::device_search::{Given, Search};
@@ -35,9 +36,9 @@ impl TwoSets {
     /// Those of `work`, and [`Error::OutOfMemory`].
     pub(super) fn search<R>(
         &mut self,
-        a: Spheres<'_>,
-        b: Spheres<'_>,
+        (a, b): (Spheres<'_>, Spheres<'_>),
         (space, algorithm): (Space, Algorithm),
+        refinement: Option<&Refinement<'_>>,
         work: impl FnOnce(&mut Search, &Given<'_>) -> Result<R, Error>,
     ) -> Result<R, Error> {
         let Self { search, table, has_species, spheres, species } = self;
@@ -54,7 +55,7 @@ impl TwoSets {
             }
         }
         let spheres = Spheres::from(&*spheres).with_species(species)?;
-        work(search, &Given { spheres, interactions: Some(table), space, algorithm })
+        work(search, &Given { spheres, interactions: Some(table), space, algorithm, refinement })
     }
 }
 

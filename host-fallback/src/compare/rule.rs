@@ -1,10 +1,11 @@
 //! What makes two spheres a pair: the one exact test behind every filter.
 
 use glam::{DVec3, Vec3};
-use lazygrid_kernels::{Interaction, Interactions, Reach, Space, Sphere, Spheres};
+use lazygrid_kernels::{Interaction, Interactions, Reach, Shear, Space, Sphere, Spheres};
 
 use super::Row;
 use crate::classes::{CLASSES, class_of};
+use crate::refinement::Refinement;
 
 /// Whether two centres are at most `reach` apart, evaluated in `f64`: there differences of `f32` coordinates
 /// cannot overflow, underflow or lose the digits that decide exact contact.
@@ -29,6 +30,8 @@ pub(crate) struct Rule<'a> {
     /// The length of each axis, infinite where it is unbounded; `None` where all are.
     lengths: Option<DVec3>,
     widening: Option<Widening<'a>>,
+    /// What is asked besides.
+    refinement: Option<&'a Refinement<'a>>,
 }
 
 /// What makes candidates of spheres instead of pairs.
@@ -56,7 +59,7 @@ impl<'a> Rule<'a> {
             let reach = (0..table.species()).map(|s| table.reach(s)).collect();
             Species { table, ids, reach }
         });
-        Self { spheres, species, space: Space::UNBOUNDED, lengths: None, widening: None }
+        Self { spheres, species, space: Space::UNBOUNDED, lengths: None, widening: None, refinement: None }
     }
 
     /// The same in a space in which the spheres are already wrapped.
@@ -65,9 +68,25 @@ impl<'a> Rule<'a> {
         Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
     }
 
+    /// The same for pairs of which more is asked.
+    pub(crate) fn refined(self, refinement: Option<&'a Refinement<'a>>) -> Self {
+        Self { refinement, ..self }
+    }
+
     /// The same for candidates.
     pub(crate) fn widened(&self, widening: Widening<'a>) -> Self {
         Self { widening: Some(widening), ..self.clone() }
+    }
+
+    /// The space that is searched.
+    pub(crate) fn space(&self) -> &Space {
+        &self.space
+    }
+
+    /// A distance as it is where pairs are searched.
+    pub(crate) fn searched(&self, distance: f32) -> f32 {
+        let is_sheared = self.refinement.is_some_and(Refinement::is_sheared);
+        if is_sheared { distance * Shear::SCALE } else { distance }
     }
 
     /// The length of each periodic axis.
@@ -82,13 +101,14 @@ impl<'a> Rule<'a> {
     /// The spheres as rows whose radii are the effective ones, where that is what they are.
     #[inline(always)]
     pub(crate) fn plain_rows(&self) -> Option<&'a [Sphere]> {
-        if self.is_plain() && self.widening.is_none() { self.spheres.as_rows() } else { None }
+        let are_effective = self.species.is_none() && self.widening.is_none();
+        if are_effective { self.spheres.as_rows() } else { None }
     }
 
     /// Whether touching alone decides, so that a certain contact needs no further question.
     #[inline(always)]
     pub(crate) fn is_plain(&self) -> bool {
-        self.species.is_none()
+        self.species.is_none() && self.refinement.is_none()
     }
 
     /// Centre and effective radius of sphere `id`.
@@ -128,6 +148,15 @@ impl<'a> Rule<'a> {
 
     /// The exact test.
     pub(crate) fn pairs(&self, i: u32, j: u32) -> bool {
+        match self.refinement {
+            None => self.touch(i, j),
+            Some(refinement) if refinement.is_sheared() => refinement.keeps(i, j),
+            Some(refinement) => self.touch(i, j) && refinement.keeps(i, j),
+        }
+    }
+
+    /// The exact test where space is not sheared.
+    fn touch(&self, i: u32, j: u32) -> bool {
         let (a, b) = (self.spheres.get(i as usize), self.spheres.get(j as usize));
         let interaction = match &self.species {
             None => Interaction::Touch,

@@ -77,7 +77,7 @@ impl Course {
                 self.pause -= 1;
                 None
             }
-            Skin::Fixed(distance) => Some(fixed(distance)),
+            Skin::Fixed(distance) => Some(fixed(input.rule.searched(distance))),
             Skin::Auto => report.time("plan", || self.choose(input, &crowding)),
         };
         if let Some(allowances) = allowances {

@@ -14,16 +14,18 @@ pub(super) struct Cell {
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Cell {
-    /// The periodic space of this box. Only the edges along which it repeats matter: each has to lie along an axis of
-    /// its own.
+    /// The periodic space of this box. Only the edges along which it repeats matter; where each lies along an axis of its
+    /// own, the space is orthogonal, else sheared.
     ///
     /// # Errors
-    /// [`Error::TiltedBox`] for an edge that does not; [`Error::BoxLength`] for a length that no period can have.
+    /// [`Error::BoxLength`] for a length that no period can have; [`Error::BoxEdges`] for edges that span no box.
     pub(super) fn space(&self, place: &Place) -> Result<Space, Error> {
+        let repeats = self.edges.iter().zip(self.periodic);
         let mut lengths = [None; 3];
-        for (edge, _) in self.edges.iter().zip(self.periodic).filter(|(_, periodic)| *periodic) {
-            let axis = Self::axis_of(edge).filter(|&axis| lengths[axis].is_none());
-            let axis = axis.ok_or_else(|| Error::TiltedBox { place: place.clone(), edge: *edge })?;
+        for (edge, _) in repeats.clone().filter(|(_, periodic)| *periodic) {
+            let Some(axis) = Self::axis_of(edge).filter(|&axis| lengths[axis].is_none()) else {
+                return self.sheared(place);
+            };
             let length = edge[axis].abs();
             let narrow = length as f32;
             if !(narrow.is_finite() && narrow > 0.0) {
@@ -33,6 +35,12 @@ impl Cell {
         }
         // The lengths are checked above.
         Ok(Space::periodic(lengths).unwrap_or_default())
+    }
+
+    fn sheared(&self, place: &Place) -> Result<Space, Error> {
+        let repeats = |k: usize| self.periodic[k].then(|| self.edges[k].map(|x| x as f32).into());
+        Space::sheared([0, 1, 2].map(repeats))
+            .map_err(|reason| Error::BoxEdges { place: place.clone(), reason: Box::new(reason) })
     }
 
     /// The axis along which an edge lies. What a program that turned the box left beside it, far less than what
@@ -75,16 +83,26 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_orthogonal_box_is_refused() {
-        let tilted = space([[4.0, 0.0, 0.0], [1.5, 5.0, 0.0], [0.0, 0.0, 6.0]], [true; 3]);
-        assert_eq!(
-            tilted.unwrap_err(),
-            "a.xyz, line 2: the periodic box is tilted, with an edge (1.5, 5, 0), and only boxes with edges along the \
-             axes can be periodic; turn the box in the simulator, give the lengths of one that is not tilted with \
-             --periodic X,Y,Z, or take space as unbounded with --periodic none"
-        );
+    fn edges_that_lean_are_taken_as_they_are() {
+        let place = Place { path: Path::new("a.xyz").into(), at: At::Line(2) };
+        let edges = [[4.0, 0.0, 0.0], [1.5, 5.0, 0.0], [0.0, 1.0, 6.0]];
+        let space = |periodic| Cell { edges, periodic }.space(&place).unwrap();
+        let taken = edges.map(|edge| Some(edge.map(|x| x as f32).into()));
+        assert_eq!(space([true; 3]).edges(), taken);
+        assert_eq!(space([false, true, true]).edges(), [None, taken[1], taken[2]]);
+        // What leans does not repeat.
+        assert!(space([true, false, false]).shear().is_none());
+    }
+
+    #[test]
+    fn what_is_no_box_is_refused() {
         // Two edges along one axis span no box.
-        assert!(space([[4.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 0.0, 6.0]], [true; 3]).is_err());
+        let flat = space([[4.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 0.0, 6.0]], [true; 3]).unwrap_err();
+        assert!(
+            flat.starts_with("a.xyz, line 2: the box cannot be periodic: the edges (4, 0, 0), (5, 0, 0)"),
+            "{flat}"
+        );
+        assert!(flat.contains("--periodic none"), "{flat}");
         for (length, shown) in [(0.0, "0"), (1e39, "1000000000000000000000000000000000000000")] {
             let flat = space([[4.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, length]], [true; 3]);
             assert_eq!(

@@ -14,6 +14,8 @@ pub(super) enum Column {
     Species,
     /// A number that stays with a sphere from frame to frame.
     Id,
+    /// The molecule that a sphere is of.
+    Group,
     /// Anything that is not needed.
     Other,
 }
@@ -29,6 +31,7 @@ impl Column {
             "diameter" => Self::Diameter,
             "species" => Self::Species,
             "id" => Self::Id,
+            "group" | "molecule" | "mol" => Self::Group,
             _ => Self::Other,
         }
     }
@@ -50,6 +53,7 @@ pub(super) struct Row<'a> {
     pub(super) radius: Option<f32>,
     pub(super) species: Option<&'a [u8]>,
     pub(super) id: Option<&'a [u8]>,
+    pub(super) group: Option<&'a [u8]>,
     /// The first column, and its field, of which digits were lost.
     pub(super) rounded: Option<(usize, &'a [u8])>,
 }
@@ -104,6 +108,11 @@ impl Columns {
                 if self.has(Column::Species) { ", or radii by species (--radius SPECIES=R)" } else { "" };
             return Some(format!("a radius column{remedy}"));
         }
+        if session.groups && count(&[Column::Group]) != 1 {
+            return Some(
+                "one column `group`, `molecule` or `mol`, which --exclude-groups asks for".to_owned(),
+            );
+        }
         (session.ids && !self.has(Column::Id)).then(|| "a column `id`, which --ids asks for".to_owned())
     }
 
@@ -139,6 +148,10 @@ impl Columns {
                 }
                 Column::Id => {
                     row.id = Some(field);
+                    continue;
+                }
+                Column::Group => {
+                    row.group = Some(field);
                     continue;
                 }
                 Column::Other => continue,

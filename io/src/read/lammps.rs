@@ -1,7 +1,7 @@
 //! LAMMPS text dumps (`dump custom`): any number of frames, columns by name.
 //!
 //! Positions are `x y z`, unwrapped `xu yu zu`, or fractions of the box `xs ys zs` and `xsu ysu zsu`; sizes are
-//! `radius` or `diameter`; species are `type`, or `element` where there is no `type`. The order is the file's. An axis
+//! `radius` or `diameter`; species are `type`, or `element` where there is no `type`; groups are `mol`. The order is the file's. An axis
 //! is periodic where `BOX BOUNDS` says `pp`; old dumps do not say, and are unbounded.
 
 use lazygrid::Space;
@@ -236,6 +236,7 @@ fn columns(header: Line<'_>, session: &Session) -> Result<Columns, Error> {
             None if Some(name) == size && name == "radius" => Column::Radius,
             None if Some(name) == size => Column::Diameter,
             None if name == "id" => Column::Id,
+            None if name == "mol" => Column::Group,
             None => Column::Other,
         };
         (name.to_owned(), meaning)

@@ -1,6 +1,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use lazygrid::Spheres;
+
 use crate::error::{At, Error, Place, excerpt};
 
 /// The longest line that is read. Bounds memory where a file turns out not to be text.
@@ -87,8 +89,31 @@ impl<'a> Line<'a> {
         })
     }
 
+    /// A field as the number of a molecule; 0 is none.
+    pub(super) fn group(self, field: &[u8]) -> Result<u32, Error> {
+        let refused = || Error::Syntax {
+            place: self.place(),
+            expected: GROUPS.to_owned(),
+            found: format!("'{}'", excerpt(field)),
+        };
+        let number = lexical_core::parse::<u64>(field).map_err(|_| refused())?;
+        group_of(number.into()).ok_or_else(refused)
+    }
+
     pub(super) fn refuse(self, column: &str, field: &[u8], rule: &'static str) -> Error {
         Error::Value { place: self.place(), column: column.to_owned(), value: excerpt(field), rule }
+    }
+}
+
+/// What groups are in a file.
+pub(super) const GROUPS: &str = "groups as whole numbers below 2^32 - 1, 0 for none";
+
+/// The group of this number in a file.
+pub(super) fn group_of(number: i128) -> Option<u32> {
+    match u32::try_from(number).ok()? {
+        0 => Some(Spheres::NO_GROUP),
+        Spheres::NO_GROUP => None,
+        group => Some(group),
     }
 }
 

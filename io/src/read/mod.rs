@@ -20,6 +20,7 @@ mod lammps;
 mod line;
 mod lines;
 mod npy;
+mod pairs;
 mod rows;
 mod session;
 mod smoldyn;
@@ -43,6 +44,7 @@ use self::session::Session;
 use self::source::Source;
 use crate::error::Error;
 
+pub use pairs::pairs;
 pub use species::{Radii, Species};
 
 pub(crate) use species::bare;
@@ -138,11 +140,13 @@ pub struct Options {
     pub format: Option<Format>,
     /// Radii by species, for files that have none; they win over a radius column.
     pub radii: Radii,
-    /// The space of all frames; else what each frame declares: a periodic box along the axes (`Lattice` and `pbc` of
-    /// extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded space where it declares none.
+    /// The space of all frames; else what each frame declares: a periodic box, sheared or not (`Lattice` and `pbc`
+    /// of extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded space where it declares none.
     pub space: Option<Space>,
     /// Whether the ids of spheres are read too, from a column `id` (Smoldyn: serial numbers).
     pub ids: bool,
+    /// Whether groups are read too, from a column `group`, `molecule` or `mol`.
+    pub groups: bool,
 }
 
 /// The spheres of one moment.
@@ -158,6 +162,9 @@ pub struct Frame {
     pub species: Option<Vec<u32>>,
     /// An id per sphere, where ids were asked for.
     pub ids: Option<Vec<i64>>,
+    /// The molecule of each sphere, where groups were asked for: as the file has it, but
+    /// [`Spheres::NO_GROUP`](lazygrid::Spheres::NO_GROUP) where it has 0.
+    pub groups: Option<Vec<u32>>,
 }
 
 impl Frame {
@@ -181,8 +188,8 @@ impl Frame {
             order.par_sort_unstable_by_key(|&row| ids[row as usize]);
             *ids = order.iter().map(|&row| ids[row as usize]).collect();
             self.spheres = order.iter().map(|&row| self.spheres[row as usize]).collect();
-            if let Some(species) = &mut self.species {
-                *species = order.iter().map(|&row| species[row as usize]).collect();
+            for column in [&mut self.species, &mut self.groups].into_iter().flatten() {
+                *column = order.iter().map(|&row| column[row as usize]).collect();
             }
         }
         match ids.windows(2).find(|two| two[0] == two[1]) {

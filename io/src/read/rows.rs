@@ -34,6 +34,7 @@ struct Part {
     kinds: Vec<u32>,
     species: Species,
     ids: Vec<i64>,
+    groups: Vec<u32>,
     serials: Vec<(smoldyn::Serial, u64)>,
     /// The first number that lost digits: line, column and field.
     rounded: Option<(Place, usize, String)>,
@@ -75,7 +76,7 @@ impl Lines {
         session: &mut Session,
         frame: &mut Frame,
     ) -> Result<u64, Error> {
-        let blank = Blank { species: session.species.anew(), ids: session.ids };
+        let blank = Blank { species: session.species.anew(), ids: session.ids, groups: session.groups };
         let parse = |pieces: &[Piece<'_>]| match pieces {
             [piece] => vec![Part::of(*piece, table, &blank)],
             _ => pieces.par_iter().map(|piece| Part::of(*piece, table, &blank)).collect::<Vec<_>>(),
@@ -102,22 +103,23 @@ impl Lines {
     }
 }
 
-/// What every part begins with: the radii that were given, and whether ids are wanted.
+/// What every part begins with: the radii that were given, and whether ids and groups are wanted.
 struct Blank {
     species: Species,
     ids: bool,
+    groups: bool,
 }
 
 impl Part {
     fn of(piece: Piece<'_>, table: &impl Table, blank: &Blank) -> Self {
         let mut part = Self { species: blank.species.anew(), ..Self::default() };
         part.spheres.reserve(piece.rows());
-        part.error = piece.lines().try_for_each(|line| part.push(line?, table, blank.ids)).err();
+        part.error = piece.lines().try_for_each(|line| part.push(line?, table, blank)).err();
         part
     }
 
     /// Adds the sphere of a row, with the radius of its species where one is given, else its own.
-    fn push(&mut self, line: Line<'_>, table: &impl Table, ids: bool) -> Result<(), Error> {
+    fn push(&mut self, line: Line<'_>, table: &impl Table, blank: &Blank) -> Result<(), Error> {
         let Some(row) = table.row(line)? else { return Ok(()) };
         let mut radius = row.radius;
         if let Some(name) = row.species {
@@ -133,9 +135,12 @@ impl Part {
             if table.has_serials() {
                 self.serials.push((smoldyn::serial(line, id)?, line.number));
             }
-            if ids {
+            if blank.ids {
                 self.ids.push(line.id(id)?);
             }
+        }
+        if let Some(group) = row.group.filter(|_| blank.groups) {
+            self.groups.push(line.group(group)?);
         }
         if let Some((column, field)) = row.rounded.filter(|_| self.rounded.is_none()) {
             self.rounded = Some((line.place(), column, String::from_utf8_lossy(field).into_owned()));
@@ -172,6 +177,11 @@ impl Frame {
             let ids = self.ids.get_or_insert_default();
             ids.try_reserve(part.ids.len()).map_err(no_room)?;
             ids.extend_from_slice(&part.ids);
+        }
+        if session.groups {
+            let groups = self.groups.get_or_insert_default();
+            groups.try_reserve(part.groups.len()).map_err(no_room)?;
+            groups.extend_from_slice(&part.groups);
         }
         session.listed(&part.serials, last)?;
         if let Some((place, column, text)) = part.rounded {

@@ -15,6 +15,8 @@ pub(super) struct Session {
     pub(super) space: Option<Space>,
     /// Whether ids are wanted.
     pub(super) ids: bool,
+    /// Whether groups are wanted.
+    pub(super) groups: bool,
     /// Where each thing was listed that must not be twice.
     serials: HashMap<Serial, u64>,
     /// Whether it has been said that digits are lost.
@@ -23,8 +25,8 @@ pub(super) struct Session {
 
 impl Session {
     pub(super) fn new(options: Options) -> Self {
-        let Options { radii, space, ids, .. } = options;
-        Self { species: Species::new(radii), space, ids, serials: HashMap::new(), warned: false }
+        let Options { radii, space, ids, groups, .. } = options;
+        Self { species: Species::new(radii), space, ids, groups, serials: HashMap::new(), warned: false }
     }
 
     /// Says, once per file, that numbers have more digits than 32 bits hold.

@@ -87,6 +87,7 @@ fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)
             ("radius" | "radii", 1) => columns.push((name, Column::Radius)),
             ("diameter", 1) => columns.push((name, Column::Diameter)),
             ("id", 1) => columns.push((name, Column::Id)),
+            ("group" | "molecule" | "mol", 1) => columns.push((name, Column::Group)),
             ("species", 1) => columns.push((name, Column::Species)),
             _ => columns.extend(std::iter::repeat_n((name, Column::Other), width)),
         }

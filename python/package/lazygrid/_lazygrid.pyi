@@ -25,6 +25,8 @@ __all__ = [
 
 VERSION: str
 
+_Edge = float | tuple[float, float, float]
+
 @final
 class Detector:
     """Finds all pairs of overlapping spheres, call after call, reusing its buffers.
@@ -50,7 +52,8 @@ class Detector:
         Threads of the CPU; by default all.
     periodic
         The length of each periodic axis, in the unit of the spheres, as float32; ``None`` for one that is unbounded:
-        ``(10.0, 10.0, None)``. Coordinates need not lie in the box.
+        ``(10.0, 10.0, None)``. Coordinates need not lie in the box. Of a box that leans, the edges:
+        ``((10.0, 0.0, 0.0), (4.0, 10.0, 0.0), None)``, or the cell of ASE as it is where it is periodic along all edges.
     order
         ``"canonical"``: by ``i``, then ``j``. ``"unordered"`` spares the ordering.
     interactions
@@ -384,8 +387,9 @@ class Frame:
         """The simulator's number of the time step, where the file has one."""
 
     @property
-    def periodic(self) -> tuple[float | None, float | None, float | None] | None:
-        """The length of each periodic axis, for :class:`Detector`; ``None`` in unbounded space."""
+    def periodic(self) -> tuple[_Edge | None, _Edge | None, _Edge | None] | None:
+        """The length of each periodic axis, or the edges of a box that leans, for :class:`Detector`; ``None`` in
+        unbounded space."""
 
 def neighbors_within(
     quantities: str,

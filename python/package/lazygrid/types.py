@@ -12,8 +12,8 @@ Columns = tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]
 """``x``, ``y``, ``z`` and ``r``, each of shape ``(n,)``."""
 Spheres = Union[npt.ArrayLike, Columns]
 """Rows ``x, y, z, r`` of shape ``(n, 4)``, or columns."""
-Periodic = Union[Sequence[Union[float, None]], npt.NDArray[np.floating[Any]]]
-"""The length of each of three axes; ``None`` for one that is unbounded."""
+Periodic = Union[Sequence[Union[float, Sequence[float], None]], npt.NDArray[np.floating[Any]]]
+"""The length of each of three axes, or three edges of a box that leans; ``None`` for one that is unbounded."""
 Backend = Literal["auto", "cpu", "gpu"]
 """Where to run."""
 Algorithm = Literal[

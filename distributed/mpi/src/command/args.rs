@@ -135,7 +135,7 @@ impl Detect {
     /// How files are read.
     pub(crate) fn options(&self) -> Options {
         let radii: Radii = self.radii.iter().cloned().collect();
-        Options { format: self.format, radii, space: self.periodic, ids: false }
+        Options { format: self.format, radii, space: self.periodic, ids: false, groups: false }
     }
 }
 

@@ -26,6 +26,7 @@ impl Summary<'_> {
             "spheres": report.owned.total,
             "pairs": report.pairs.total,
             "periodic": self.space.is_periodic().then(|| self.space.lengths()),
+            "edges": self.space.shear().map(|_| self.space.edges().map(|edge| edge.map(|edge| edge.to_array()))),
             "ghosts": report.ghosts.total,
             "imbalance": { "spheres": report.owned.imbalance(), "pairs": report.pairs.imbalance() },
             "reason": report.detector,

@@ -10,6 +10,7 @@ use super::{Header, Session, Source, check, syntax, truncated};
 use crate::error::{At, Error, excerpt};
 use crate::read::Frame;
 use crate::read::columns::{Column, Columns};
+use crate::read::line::{GROUPS, group_of};
 
 /// The fields of a row that are read.
 pub(super) struct Fields {
@@ -47,11 +48,15 @@ impl Fields {
             };
             for (k, (name, meaning)) in meanings(field).into_iter().enumerate() {
                 let start = start + k * kind.width;
+                let is_whole = matches!(kind.class, Class::Signed | Class::Unsigned);
+                // A field of that name may be something else where nobody asks for groups.
+                let meaning = if meaning == Column::Group && !is_whole { Column::Other } else { meaning };
                 match (meaning, kind.class) {
                     (Column::Other, _) => {}
                     (Column::Species, Class::Signed | Class::Unsigned | Class::Bytes | Class::Text) => {}
                     (Column::Species, _) => return refuse("species as whole numbers or text"),
                     (Column::Id, Class::Signed | Class::Unsigned) => {}
+                    (Column::Group, _) => {}
                     (Column::Id, _) => return refuse("ids as whole numbers"),
                     (_, Class::Float) => {}
                     _ => return refuse("coordinates and radii of type f4 or f8"),
@@ -112,6 +117,9 @@ impl Fields {
         if session.ids {
             frame.ids.get_or_insert_default().try_reserve(rows)?;
         }
+        if session.groups {
+            frame.groups.get_or_insert_default().try_reserve(rows)?;
+        }
         Ok(())
     }
 
@@ -152,6 +160,11 @@ impl Fields {
                     let too_large = || syntax(source, "ids below 2^63", &format!("{id} in row {number}"));
                     let id = i64::try_from(id).map_err(|_| too_large())?;
                     frame.ids.get_or_insert_default().push(id);
+                }
+                Column::Group if session.groups => {
+                    let group = kind.whole(bytes);
+                    let refused = || syntax(source, GROUPS, &format!("{group} in row {number}"));
+                    frame.groups.get_or_insert_default().push(group_of(group).ok_or_else(refused)?);
                 }
                 _ => {}
             }

@@ -61,10 +61,26 @@ fn lammps_bounds() {
 }
 
 #[test]
+fn boxes_that_lean() {
+    let leaning = |name: &str, text: String| frames(name, text, Options::default()).unwrap()[0].space.edges();
+    let edges = [[10.0, 0.0, 0.0], [2.0, 20.0, 0.0], [-1.0, 3.0, 30.0]].map(|edge| Some(edge.into()));
+    // LAMMPS writes the bounds of all corners.
+    let bounds = "xy xz yz pp pp pp\n-1 12 2\n-5 18 -1\n0 30 3";
+    let dump_of = |bounds: &str| dump(bounds, "x y z radius", "1 2 3 0.5");
+    assert_eq!(leaning("a.dump", dump_of(bounds)), edges);
+    let slab = dump_of(&bounds.replace("pp pp pp", "pp pp ff"));
+    assert_eq!(leaning("a.dump", slab), [edges[0], edges[1], None]);
+    assert_eq!(leaning("a.dump", dump_of("abc origin pp pp pp\n10 0 0 1\n2 20 0 2\n-1 3 30 3")), edges);
+    assert_eq!(leaning("a.xyz", xyz("Lattice=\"10 0 0 2 20 0 -1 3 30\"")), edges);
+    let turned = [None, Some([1.0, 2.0, 3.0].into()), Some([0.0, 0.0, 5.0].into())];
+    assert_eq!(leaning("a.xyz", xyz("Lattice=\"9 9 9 1 2 3 0 0 5\" pbc=\"F T T\"")), turned);
+}
+
+#[test]
 fn what_was_given_is_taken_unseen() {
-    let tilted = dump("xy xz yz pp pp pp\n0 12 2\n0 10 0\n0 10 0", "x y z radius", "1 2 3 0.5");
+    let flat = dump("pp pp pp\n0 10\n0 10\n4 4", "x y z radius", "1 2 3 0.5");
     let without = xyz("pbc=\"T T T\"");
-    for (name, text) in [("a.dump", tilted), ("a.xyz", without), ("a.xyz", xyz("Lattice=cubic pbc=maybe"))] {
+    for (name, text) in [("a.dump", flat), ("a.xyz", without), ("a.xyz", xyz("Lattice=cubic pbc=maybe"))] {
         assert!(frames(name, text.clone(), Options::default()).is_err());
         for space in [Space::UNBOUNDED, Space::periodic([Some(7.0), None, None]).unwrap()] {
             let options = Options { space: Some(space), ..Options::default() };
@@ -78,9 +94,13 @@ fn what_was_given_is_taken_unseen() {
 
 #[test]
 fn refusals_name_line_and_remedy() {
-    let tilted = dump("xy xz yz pp pp pp\n0 12 2\n0 10 0\n0 10 0", "x y z radius", "1 2 3 0.5");
+    let flat = dump("abc origin pp pp pp\n10 0 0 0\n20 0 0 0\n0 0 9 0", "x y z radius", "1 2 3 0.5");
     for (name, text, message) in [
-        ("a.dump", tilted, "a.dump, line 5: the periodic box is tilted, with an edge (2, 10, 0)"),
+        (
+            "a.dump",
+            flat,
+            "a.dump, line 5: the box cannot be periodic: the edges (10, 0, 0), (20, 0, 0), (0, 0, 9)",
+        ),
         (
             "a.dump",
             dump("pp pp pp\n0 10\n0 10\n4 4", "x y z radius", "1 2 3 0.5"),

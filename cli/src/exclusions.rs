@@ -1,0 +1,53 @@
+//! The pairs that are left out of every frame.
+
+use std::path::PathBuf;
+
+use lazygrid::{Exclusions, InputError, Spheres};
+use lazygrid_io::read::{self, Frame};
+
+use crate::args::Detect;
+use crate::failure::Failure;
+
+/// What a file names, by rows or by ids.
+pub(crate) struct Excluded {
+    path: PathBuf,
+    pairs: Vec<(i64, i64)>,
+    by_id: bool,
+}
+
+impl Excluded {
+    /// Those of `--exclude`, where it is given.
+    pub(crate) fn read(args: &Detect) -> Result<Option<Self>, Failure> {
+        let Some(path) = &args.exclude else { return Ok(None) };
+        Ok(Some(Self { path: path.clone(), pairs: read::pairs(path)?, by_id: args.ids }))
+    }
+
+    /// The same by the rows of a frame, whose ids ascend where it has any. Spheres that the frame has not are in no pair.
+    pub(crate) fn of(&self, frame: &Frame, number: usize) -> Result<Exclusions, Failure> {
+        let refused =
+            |reason: InputError| Failure::Excluded { path: self.path.clone(), frame: number, reason };
+        let spheres = frame.spheres.len();
+        match frame.ids.as_deref().filter(|_| self.by_id) {
+            Some(ids) => {
+                let row = |id| ids.binary_search(&id).ok().map(|row| row as u32);
+                let rows = self.pairs.iter().filter_map(|&(i, j)| row(i).zip(row(j)));
+                Exclusions::new(spheres, rows).map_err(refused)
+            }
+            None => {
+                // What no index is, no sphere has.
+                let row = |row: i64| u32::try_from(row).unwrap_or(u32::MAX);
+                Exclusions::new(spheres, self.pairs.iter().map(|&(i, j)| (row(i), row(j)))).map_err(refused)
+            }
+        }
+    }
+}
+
+/// The spheres of a frame, with what is left out of their pairs.
+pub(crate) fn spheres<'a>(
+    frame: &'a Frame,
+    exclusions: Option<&'a Exclusions>,
+) -> Result<Spheres<'a>, InputError> {
+    let spheres = Spheres::from(&frame.spheres);
+    let spheres = frame.groups.as_ref().map_or(Ok(spheres), |groups| spheres.with_groups(groups))?;
+    exclusions.map_or(Ok(spheres), |exclusions| spheres.with_exclusions(exclusions))
+}

@@ -1,0 +1,155 @@
+use crate::InputError;
+
+/// Pairs that are none, whatever their spheres: bonds, neighbours along a chain, what was settled elsewhere.
+///
+/// Given with the spheres ([`Spheres::with_exclusions`](crate::Spheres::with_exclusions)). A pair may be named in either
+/// order, or in both, and more than once. Looking one up takes a binary search in a row, and only pairs that touch are
+/// looked up; where whole molecules are to be left out, [groups](crate::Spheres::with_groups) cost less.
+///
+/// ```
+/// # use lazygrid_kernels::Exclusions;
+/// let bonds = Exclusions::new(4, [(0, 1), (2, 1)])?;
+/// assert!(bonds.contains(1, 2) && bonds.contains(2, 1) && !bonds.contains(0, 2));
+/// assert_eq!(bonds, Exclusions::from_rows(&[0, 1, 2, 2, 2], &[1, 2])?);
+/// # Ok::<(), lazygrid_kernels::InputError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Exclusions {
+    /// Where the row of each sphere begins and ends.
+    offsets: Vec<usize>,
+    /// Of one set the larger indices of each pair, of two sets those in the second one; ascending within a row.
+    others: Vec<u32>,
+    /// How many spheres the second set has, where there are two.
+    second: Option<usize>,
+}
+
+impl Exclusions {
+    /// These pairs among so many spheres. A sphere and itself are no pair, and may be named.
+    ///
+    /// # Errors
+    /// [`InputError::Excluded`] for the first pair with an index that is none.
+    pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, InputError> {
+        let pairs = checked((spheres, spheres), pairs)?;
+        let ordered = pairs.into_iter().filter(|(i, j)| i != j).map(|(i, j)| (i.min(j), i.max(j)));
+        Ok(Self::of((spheres, None), ordered.collect()))
+    }
+
+    /// These pairs of a sphere of the first set and one of the second, each by its index in its set.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn between(
+        first: usize,
+        second: usize,
+        pairs: impl IntoIterator<Item = (u32, u32)>,
+    ) -> Result<Self, InputError> {
+        Ok(Self::of((first, Some(second)), checked((first, second), pairs)?))
+    }
+
+    /// The pairs of compressed rows, as neighbour lists are stored: sphere `i` and each of
+    /// `indices[offsets[i]..offsets[i + 1]]`, in any order. It is enough that one of the two names the other.
+    ///
+    /// # Errors
+    /// [`InputError::ExcludedRows`] for offsets that do not begin with 0, fall, or do not end with the number of indices;
+    /// otherwise as [`new`](Self::new).
+    pub fn from_rows(offsets: &[usize], indices: &[u32]) -> Result<Self, InputError> {
+        let wrong = |at: usize, offset: usize| InputError::ExcludedRows {
+            at,
+            offset,
+            offsets: offsets.len(),
+            indices: indices.len(),
+        };
+        let (Some(&start), Some(&end)) = (offsets.first(), offsets.last()) else { return Err(wrong(0, 0)) };
+        if start != 0 {
+            return Err(wrong(0, start));
+        }
+        if let Some(at) = (1..offsets.len()).find(|&at| offsets[at] < offsets[at - 1]) {
+            return Err(wrong(at, offsets[at]));
+        }
+        if end != indices.len() {
+            return Err(wrong(offsets.len() - 1, end));
+        }
+        let row = |i: usize| indices[offsets[i]..offsets[i + 1]].iter().map(move |&j| (i as u32, j));
+        Self::new(offsets.len() - 1, (0..offsets.len() - 1).flat_map(row))
+    }
+
+    /// Rows of these pairs.
+    fn of((first, second): (usize, Option<usize>), mut pairs: Vec<(u32, u32)>) -> Self {
+        pairs.sort_unstable();
+        pairs.dedup();
+        let mut offsets = vec![0; first + 1];
+        for (i, _) in &pairs {
+            offsets[*i as usize + 1] += 1;
+        }
+        for at in 0..first {
+            offsets[at + 1] += offsets[at];
+        }
+        Self { offsets, others: pairs.into_iter().map(|(_, j)| j).collect(), second }
+    }
+
+    /// How many spheres they were made for: of one set, or of the first and of the second.
+    pub fn spheres(&self) -> (usize, Option<usize>) {
+        (self.offsets.len() - 1, self.second)
+    }
+
+    /// How many pairs there are.
+    pub fn len(&self) -> usize {
+        self.others.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.others.is_empty()
+    }
+
+    /// Whether this pair is left out: of one set in either order, of two sets with `i` in the first and `j` in the second.
+    ///
+    /// # Panics
+    /// Where the row is of no sphere.
+    #[inline]
+    pub fn contains(&self, i: u32, j: u32) -> bool {
+        let (row, other) = if self.second.is_none() { (i.min(j), i.max(j)) } else { (i, j) };
+        let row = self.offsets[row as usize]..self.offsets[row as usize + 1];
+        self.others[row].binary_search(&other).is_ok()
+    }
+}
+
+/// The pairs, all of whose indices are of spheres.
+fn checked(
+    (first, second): (usize, usize),
+    pairs: impl IntoIterator<Item = (u32, u32)>,
+) -> Result<Vec<(u32, u32)>, InputError> {
+    let check = |(i, j): (u32, u32)| match (i as usize) < first && (j as usize) < second {
+        true => Ok((i, j)),
+        false => Err(InputError::Excluded { i, j, first, second }),
+    };
+    pairs.into_iter().map(check).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pairs_in_any_order_and_more_than_once() {
+        let bonds = Exclusions::new(5, [(4, 0), (0, 1), (1, 0), (3, 3), (2, 4), (0, 4)]).unwrap();
+        let named: Vec<_> =
+            (0..5).flat_map(|i| (0..5).map(move |j| (i, j))).filter(|&(i, j)| bonds.contains(i, j)).collect();
+        assert_eq!(named, [(0, 1), (0, 4), (1, 0), (2, 4), (4, 0), (4, 2)]);
+        assert_eq!((bonds.len(), bonds.spheres()), (3, (5, None)));
+        assert!(Exclusions::new(0, []).unwrap().is_empty());
+        let across = Exclusions::between(2, 9, [(0, 8), (1, 0)]).unwrap();
+        assert!(across.contains(0, 8) && across.contains(1, 0) && !across.contains(0, 1));
+    }
+
+    #[test]
+    fn what_names_no_sphere_is_refused() {
+        let error = Exclusions::new(3, [(0, 1), (2, 3)]).unwrap_err();
+        assert_eq!(error, InputError::Excluded { i: 2, j: 3, first: 3, second: 3 });
+        assert!(Exclusions::between(3, 1, [(2, 1)]).is_err());
+        for (offsets, at) in [(&[][..], 0), (&[1, 2], 0), (&[0, 2, 1, 2], 2), (&[0, 1], 1), (&[0, 3], 1)] {
+            let error = Exclusions::from_rows(offsets, &[0, 0]).unwrap_err();
+            assert!(matches!(error, InputError::ExcludedRows { at: wrong, .. } if wrong == at), "{error}");
+        }
+    }
+}

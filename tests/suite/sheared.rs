@@ -1,0 +1,299 @@
+//! Spaces whose edges lean: every algorithm against a plain loop over images.
+
+use std::ops::ControlFlow;
+
+use glam::Vec3;
+use lazygrid::{
+    Algorithm, Backend, Config, Detector, Error, InputError, Order, Pair, Skin, Space, Sphere, Spheres,
+};
+use lazygrid_check::motion::{skin_of, walk};
+use lazygrid_tests::periodic::judge;
+use lazygrid_tests::sheared::{self, oracle, tilted};
+use lazygrid_tests::{Scenario, Subject, difference, in_pool};
+use proptest::prelude::*;
+use proptest::sample::select;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use crate::properties::{check, settings};
+
+fn agree(cases: u32, scenarios: impl Strategy<Value = Scenario>) {
+    check(cases, (scenarios, settings()), |(scenario, settings)| {
+        judge(&scenario, &oracle(&scenario), &settings)
+    });
+}
+
+/// Spheres of these radii, by turns, uniform in a box.
+fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut part = || (rng.next_u32() >> 8) as f32 / (1 << 24) as f32;
+    let mut place = || edges[0] * part() + edges[1] * part() + edges[2] * part();
+    (0..n).map(|k| Sphere::new(place(), radii[k % radii.len()])).collect()
+}
+
+/// A box that leans by four tenths, and spheres in it; periodic along all edges.
+fn leaning(n: usize, radii: &[f32], edge: f32) -> Scenario {
+    let edges = tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
+    let spheres = uniform(n, radii, edges.map(Option::unwrap_or_default), 5);
+    Scenario { spheres, space: Space::sheared(edges).expect("a box"), mixture: None }
+}
+
+#[test]
+fn lattices_in_contact_across_seams() {
+    agree(96, sheared::lattice());
+}
+
+#[test]
+fn soups_in_boxes_of_any_tilt() {
+    agree(120, sheared::soup());
+}
+
+#[test]
+fn edges_of_any_direction() {
+    agree(96, sheared::directions());
+}
+
+#[test]
+fn coordinates_far_outside() {
+    agree(96, sheared::carried_away());
+}
+
+#[test]
+fn corners_and_seams() {
+    agree(96, sheared::corners());
+}
+
+#[test]
+fn lengths_whose_squares_do_not_fit() {
+    agree(64, sheared::ends_of_the_range());
+}
+
+#[test]
+fn spheres_as_large_as_can_be() {
+    agree(48, sheared::largest_spheres());
+}
+
+#[test]
+fn species_in_sheared_boxes() {
+    agree(96, sheared::mixture());
+}
+
+/// The distance that the library gives is that of the loop, for any order of the two points.
+#[test]
+fn the_distance_of_nearest_images() {
+    let scenarios = prop_oneof![sheared::soup(), sheared::directions(), sheared::lattice()];
+    check(150, scenarios, |mut scenario| {
+        scenario.spheres.truncate(30);
+        let space = scenario.space;
+        for a in &scenario.spheres {
+            for b in &scenario.spheres {
+                let apart = space.distance_squared(a.center, b.center);
+                if apart != space.distance_squared(b.center, a.center) {
+                    return Err(format!("{a:?} and {b:?}: not the same both ways"));
+                }
+                // A pair of spheres of that reach and none of a slightly smaller one.
+                for (factor, expected) in [(1.0 + 1e-5, 1), (1.0 - 1e-5, 0)] {
+                    let radius = (apart.sqrt() * factor) as f32;
+                    let spheres = vec![Sphere::new(a.center, radius), Sphere::new(b.center, 0.0)];
+                    let found = oracle(&Scenario { spheres, space, mixture: None }).len();
+                    if apart > 1e-8 && found != expected {
+                        return Err(format!("{a:?} and {b:?} are not {apart} apart: {found}"));
+                    }
+                }
+                let wrapped = space.wrap(a.center);
+                let again = space.distance_squared(wrapped, a.center);
+                if again > 1e-8 * f64::from(1.0 + a.center.length_squared()) {
+                    return Err(format!("{a:?} is wrapped to {wrapped}, {again} away from its images"));
+                }
+            }
+        }
+        Ok(())
+    });
+}
+
+/// A box that leans by a whole length has the images of one that does not.
+#[test]
+fn whole_tilts_are_none() {
+    let spheres = uniform(800, &[0.4, 0.2], [Vec3::X * 8.0, Vec3::Y * 4.0, Vec3::Z * 6.0], 2);
+    let straight = Space::periodic([Some(8.0), Some(4.0), Some(6.0)]).expect("a box");
+    let edges = tilted([Some(8.0), Some(4.0), Some(6.0)], [16.0, -8.0, 12.0]);
+    let [of_straight, of_leaning] = [straight, Space::sheared(edges).expect("a box")].map(|space| Scenario {
+        spheres: spheres.clone(),
+        space,
+        mixture: None,
+    });
+    let expected = of_straight.oracle();
+    assert!(expected.len() > 500);
+    assert_eq!(oracle(&of_leaning), expected);
+    judge(&of_leaning, &expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
+}
+
+/// Enough spheres for many cells, levels and pieces of work: the same bytes from every algorithm, thread count and device.
+#[test]
+fn large_boxes_give_the_same_bytes() {
+    let cases: [(&[f32], f32); 3] = [
+        (&[0.5], 20.0),
+        (&[0.5, 0.25, 0.125, 0.06, 0.03], 16.0),
+        (&[0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 2.0], 8.0),
+    ];
+    for (radii, edge) in cases {
+        let scenario = leaning(4000, radii, edge);
+        let expected = oracle(&scenario);
+        assert!(expected.len() > 1000, "{}", expected.len());
+        for subject in Subject::all() {
+            let found = subject.pairs(&scenario, Config::default()).expect("pairs");
+            assert!(
+                found == expected,
+                "{subject}: {:?}",
+                difference(&scenario, &found, &expected, subject.tolerance())
+            );
+            let unordered =
+                subject.pairs(&scenario, Config::default().order(Order::Unordered)).expect("pairs");
+            assert_eq!(unordered.len(), expected.len(), "{subject}");
+        }
+    }
+}
+
+/// Lists, neighbours, counts, streams and limits tell of the same pairs.
+#[test]
+fn every_kind_of_result() {
+    let scenario = leaning(2000, &[0.4, 0.1], 8.0);
+    let expected = oracle(&scenario);
+    let most = expected.len() as u64;
+    for subject in Subject::each_algorithm() {
+        let spheres = Spheres::from(&scenario.spheres);
+        let detector =
+            |limit| Detector::new(subject.config().space(scenario.space).max_pairs(limit)).expect("made");
+        assert_eq!(detector(most).pairs(spheres).expect("as many as fit"), expected, "{subject}");
+        let error = detector(most - 1).pairs(spheres).expect_err("one too many");
+        assert_eq!(error, Error::TooManyPairs { found: most, limit: most - 1 }, "{subject}");
+        for limit in [1 << 20, 300] {
+            let mut streamed = Vec::new();
+            let handed = detector(limit).stream(spheres, 100, |pairs| {
+                streamed.extend_from_slice(pairs);
+                ControlFlow::Continue(())
+            });
+            assert!(handed == Ok(most) && streamed == expected, "{subject}: the stream differs");
+        }
+        let mut detector = detector(1 << 20);
+        assert_eq!(detector.count(spheres), Ok(most), "{subject}");
+        let lists = detector.neighbors(spheres).expect("neighbours");
+        let of_lists = (0..spheres.len()).flat_map(|i| {
+            let later = lists.of(i).iter().filter(move |&&j| j as usize > i);
+            later.map(move |&j| Pair { i: i as u32, j })
+        });
+        assert!(of_lists.eq(expected.iter().copied()), "{subject}: the neighbours differ");
+    }
+}
+
+#[test]
+fn pairs_between_two_sets() {
+    let scenarios = prop_oneof![sheared::soup(), sheared::lattice(), sheared::mixture()];
+    let mut subjects = Subject::all();
+    let on_cpu = [Algorithm::CellList, Algorithm::Naive, Algorithm::Auto];
+    subjects.retain(|subject| subject.backend == Backend::Gpu || on_cpu.contains(&subject.algorithm));
+    check(120, (scenarios, 0.0..=1.0_f32, select(subjects)), |(scenario, part, subject)| {
+        let split = (part * scenario.spheres.len() as f32).round() as usize;
+        let [a, b] = [scenario.only(|k| k < split), scenario.only(|k| k >= split)];
+        let across = |pair: &Pair| (pair.i as usize) < split && pair.j as usize >= split;
+        let expected = oracle(&scenario).into_iter().filter(across);
+        let expected: Vec<Pair> = expected.map(|pair| Pair { i: pair.i, j: pair.j - split as u32 }).collect();
+        let config = scenario.config(subject.config()).map_err(|error| error.to_string())?;
+        in_pool(subject.threads, || {
+            let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
+            let found = detector.between(a.view(), b.view()).map_err(|error| error.to_string())?;
+            let same = found == expected;
+            let text = format!("{subject}: {} pairs where {} are expected", found.len(), expected.len());
+            let count = detector.count_between(a.view(), b.view()).map_err(|error| error.to_string())?;
+            if same && count == expected.len() as u64 { Ok(()) } else { Err(text) }
+        })
+    });
+}
+
+/// Candidates that are kept from call to call never show in a result.
+#[test]
+fn candidates_that_are_kept() {
+    let scenarios =
+        prop_oneof![sheared::soup(), sheared::lattice(), sheared::mixture(), sheared::directions()];
+    let mut subjects = Subject::all();
+    subjects.retain(|subject| subject.backend == Backend::Gpu || subject.algorithm == Algorithm::CellList);
+    let parts = select(vec![1e-6, 0.01, 0.3, 2.0]);
+    let moves = select(vec![0.0, 1e-3, 0.03, 0.5]);
+    check(120, (scenarios, parts, moves, select(subjects)), |(mut scenario, part, moves, subject)| {
+        let config = subject.config().skin(skin_of(&scenario.spheres, part));
+        let config = scenario.config(config).map_err(|error| error.to_string())?;
+        in_pool(subject.threads, || {
+            let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
+            for step in 0..5 {
+                let found = detector.pairs(scenario.view()).map_err(|error| error.to_string())?.to_vec();
+                let why = detector.report().reason;
+                difference(&scenario, &found, &oracle(&scenario), subject.tolerance())
+                    .map_err(|text| format!("{subject}, moves of {moves}, step {step}, {why}: {text}"))?;
+                walk(&mut scenario.spheres, if step == 3 { 40.0 * moves } else { moves }, step);
+            }
+            Ok(())
+        })
+    });
+}
+
+/// Where spheres move little candidates do serve, also of a box that leans.
+#[test]
+fn candidates_serve() {
+    for subject in Subject::each_algorithm() {
+        if subject.algorithm != Algorithm::CellList {
+            continue;
+        }
+        let mut scenario = leaning(1500, &[0.2], 8.0);
+        let config = subject.config().space(scenario.space).skin(Skin::Fixed(0.2));
+        let mut detector = Detector::new(config).expect("a detector");
+        let mut served = 0;
+        for step in 0..8 {
+            let found = detector.pairs(scenario.view()).expect("valid spheres").to_vec();
+            assert!(found == oracle(&scenario), "{subject}, step {step}");
+            served += u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+            walk(&mut scenario.spheres, 0.01, step);
+        }
+        assert!(served > 4, "{subject}: {served} of 8 calls were served");
+    }
+}
+
+#[test]
+fn edges_along_axes_are_lengths() {
+    let edges = [Vec3::NEG_Y * 5.0, Vec3::Z * 7.0, Vec3::X * 3.0].map(Some);
+    let space = Space::sheared(edges).expect("a box");
+    assert_eq!(space, Space::periodic([Some(3.0), Some(5.0), Some(7.0)]).expect("a box"));
+    assert_eq!(Space::sheared([None; 3]), Ok(Space::UNBOUNDED));
+    let slab = Space::sheared([Some(Vec3::new(2.0, 1.0, 0.0)), None, Some(Vec3::Z)]).expect("a slab");
+    assert!(slab.is_periodic() && slab.shear().is_some());
+    assert_eq!(slab.edges(), [Some(Vec3::new(2.0, 1.0, 0.0)), None, Some(Vec3::Z)]);
+}
+
+#[test]
+fn edges_that_span_no_box_are_refused() {
+    let along = Vec3::new(1.0, 1.0, 0.0);
+    for edges in [
+        [Some(along), Some(2.0 * along), None],
+        [Some(along), Some(Vec3::X), Some(Vec3::Y)],
+        [Some(along), Some(Vec3::ZERO), None],
+        [Some(Vec3::new(f32::NAN, 1.0, 0.0)), None, None],
+        [Some(Vec3::new(1.0, f32::INFINITY, 0.0)), None, None],
+        [Some(along), Some(Vec3::new(0.0, 1e9, 1.0)), None],
+        [Some(1e-42 * along), Some(1e-42 * Vec3::Z), None],
+    ] {
+        let error = Space::sheared(edges).expect_err("no box");
+        assert!(matches!(error, InputError::Edges { .. }), "{error}");
+    }
+    let error = Space::sheared([Some(along), Some(2.0 * along), None]).expect_err("a line").to_string();
+    assert!(error.contains("(1, 1, 0), (2, 2, 0)"), "{error}");
+}
+
+#[test]
+fn bad_spheres_are_named_as_they_were_given() {
+    let mut scenario = leaning(100, &[0.1], 5.0);
+    scenario.spheres[40].center.y = f32::INFINITY;
+    scenario.spheres[70].radius = -1.0;
+    for subject in Subject::all() {
+        let error = subject.pairs(&scenario, Config::default()).expect_err("bad spheres");
+        assert!(error.contains("sphere 40") && error.contains("2 of 100 spheres"), "{subject}: {error}");
+    }
+}
