@@ -179,8 +179,14 @@ fn annihilation_has_the_statistics_of_the_cpu() {
 fn absorbing_receiver() {
     let Some(own) = device() else { return };
     let n = 50_000_u32;
-    let receiver =
-        |kind| Receiver { name: "r".into(), center: [10.0, 0.0, 0.0], radius: 5.0, kind, sees: vec![true] };
+    let receiver = |kind| Receiver {
+        name: "r".into(),
+        center: [10.0, 0.0, 0.0],
+        radius: 5.0,
+        kind,
+        sees: vec![true],
+        ..Receiver::default()
+    };
     let burst = Transmitter {
         name: "burst".into(),
         center: [0.0; 3],
@@ -262,6 +268,7 @@ fn what_has_no_kernels_is_refused_by_name() {
             radius: 0.25,
             kind: Kind::Absorbing,
             sees: vec![true, false],
+            ..Receiver::default()
         };
         model.receivers = vec![receiver([-1.5, 0.0, 0.0])];
         model.species[0] = species("A", diffusion, [drift, 0.0, 0.0]);

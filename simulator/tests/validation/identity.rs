@@ -39,6 +39,7 @@ fn model() -> Model {
         radius: 0.5,
         kind,
         sees: vec![true, true, false],
+        ..Receiver::default()
     };
     Model {
         time_step: 1e-3,
