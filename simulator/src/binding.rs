@@ -96,7 +96,10 @@ pub(crate) fn refused(events: &[Event], free: &[u32], id: impl Fn(u32) -> u32) -
 
 #[cfg(test)]
 mod tests {
+    use lazygrid::Algorithm;
+
     use super::*;
+    use crate::{Boundary, Receiver, Shape, Simulation, Species, State, Transmitter};
 
     #[test]
     fn the_first_in_rank_find_receptors() {
@@ -107,5 +110,57 @@ mod tests {
         assert_eq!(refused(&[1, 1]), [0, 1, 2]);
         assert_eq!(refused(&[2, 9]), [0; 0]);
         assert_eq!(refused(&[0, 2]), [0, 1, 4]);
+    }
+
+    /// A run goes on from its state, with what is bound and where receivers have got.
+    #[test]
+    fn a_run_goes_on_with_what_is_bound() {
+        let receptors = Receptors { count: 3, binding_rate: 20.0, unbinding_rate: 5.0 };
+        let receiver = |x| Receiver {
+            name: "rx".into(),
+            center: [x, 0.0, 0.0],
+            radius: 0.5,
+            kind: Kind::Receptors(receptors),
+            sees: vec![true],
+            velocity: [0.0, x.into(), 0.0],
+            diffusion: 0.5,
+        };
+        let transmitter = Transmitter {
+            name: "tx".into(),
+            shape: Shape::Box([4.0; 3]),
+            release: vec![(0, 300)],
+            ..Transmitter::default()
+        };
+        let model = Model {
+            time_step: 0.01,
+            species: vec![Species { name: "A".into(), diffusion: 1.0, mass: 1.0, ..Species::default() }],
+            transmitters: vec![transmitter],
+            receivers: vec![receiver(-1.0), receiver(1.0)],
+            boundary: Boundary::reflecting([-2.0; 3], [2.0; 3]),
+            ..Model::default()
+        };
+        let mut through = Simulation::new(model.clone(), 3, Algorithm::Auto).unwrap();
+        let mut most = 0;
+        for _ in 0..60 {
+            through.step().unwrap();
+            let State { particles, bound, totals, .. } = through.state();
+            assert_eq!(particles.len() + bound.len(), 300);
+            assert_eq!(totals.arrived.iter().map(|row| row[0]).sum::<u64>(), bound.len() as u64);
+            assert_eq!(totals.present, [particles.len() as u64]);
+            assert!(totals.arrived.iter().all(|row| row[0] <= 3), "{:?}", totals.arrived);
+            most = most.max(bound.len());
+        }
+        assert_eq!(most, 6);
+        let bytes = postcard::to_allocvec(through.state()).unwrap();
+        let state: State = postcard::from_bytes(&bytes).unwrap();
+        assert!(state.centers != [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]] && !state.bound.is_empty());
+        let mut again = Simulation::resume(model.clone(), 3, Algorithm::Auto, state.clone()).unwrap();
+        for _ in 0..60 {
+            through.step().unwrap();
+            again.step().unwrap();
+        }
+        assert_eq!(through.state(), again.state());
+        let other = Model { receivers: vec![receiver(0.0)], ..model };
+        assert!(Simulation::resume(other, 3, Algorithm::Auto, state).is_err());
     }
 }

@@ -189,3 +189,107 @@ impl Found<'_> {
         (candidates, [x, y, z, clear + self.travelled])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bodies::moved;
+    use crate::model::{Flow, Model, Species};
+    use crate::motion::Motion;
+    use crate::particles::{Particle, Particles};
+    use crate::philox::{Key, open_unit, philox};
+    use crate::receiver::{Kind, Receiver, Sticking};
+    use crate::vessel::Vessel;
+
+    const MANY: u32 = 60;
+
+    fn place(k: u32) -> [f32; 3] {
+        let [x, y, z, _] = philox([k, 1, 0, 0], [8, 8]).map(|word| 6.0 * open_unit(word) - 3.0);
+        [x, y, z]
+    }
+
+    /// Receivers of all kinds, some of which move where `speed` is not 0.
+    fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
+        let sizes = [0.05, 0.2, 0.5];
+        let kinds = [
+            Kind::Absorbing,
+            Kind::Endpoint,
+            Kind::Transparent,
+            Kind::Reflecting,
+            Kind::Partial(Sticking::PerStep(0.3)),
+            Kind::Partial(Sticking::Reactivity(2.0)),
+        ];
+        let receiver = |k: u32| Receiver {
+            name: "rx".into(),
+            center: place(k),
+            radius: sizes[k as usize % 3],
+            kind: kinds[k as usize / 3 % 6],
+            sees: vec![true, k % 4 > 0],
+            velocity: if k % 5 == 0 { [speed, 0.0, -speed] } else { [0.0; 3] },
+            diffusion: if k % 7 == 0 { speed } else { 0.0 },
+        };
+        let species = |name: &str, diffusion, drift, thermal_speed| Species {
+            name: name.into(),
+            radius: 0.01,
+            diffusion,
+            mass: 1.0,
+            drift,
+            thermal_speed,
+            ..Species::default()
+        };
+        Model {
+            time_step: 0.01,
+            species: vec![species("A", 1.0, [0.0; 3], 0.0), species("B", 0.1, [20.0, 5.0, 0.0], 1.0)],
+            receivers: (0..MANY).map(receiver).collect(),
+            boundary,
+            flow,
+            ..Model::default()
+        }
+    }
+
+    /// What befalls particles in some steps, and where they are, with or without a search.
+    fn run(model: &Model, searches: bool) -> (Vec<crate::motion::Event>, Particles) {
+        let mut motion = Motion::new(model);
+        let mut vicinity = Vicinity::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
+        assert_eq!(vicinity.is_some(), searches);
+        let mut particles = Particles::default();
+        for id in 0..1500 {
+            let position = model.rooms()[0].place(place(id + 1000));
+            let particle =
+                Particle { id, position, radius: 0.01, species: id % 2, velocity: [1.0, 0.0, 0.5] };
+            particles.push(particle, true);
+        }
+        let mut centers: Vec<[f32; 3]> = model.receivers.iter().map(|receiver| receiver.center).collect();
+        let mut all = Vec::new();
+        for step in 0..100 {
+            let places = moved(model, &centers, Key::new(3), step);
+            motion.bodies.set(&centers, &places, &[]);
+            let events = motion.advance(&mut particles, vicinity.as_mut(), (Key::new(3), step)).unwrap();
+            let mut gone: Vec<u32> = events.iter().map(crate::motion::Event::at).collect();
+            particles.remove(&mut gone);
+            centers = places.iter().map(|place| place.center).collect();
+            all.extend(events);
+        }
+        (all, particles)
+    }
+
+    #[test]
+    fn a_search_gives_what_a_loop_gives() {
+        let vessel = Vessel { along: 0, center: [0.0; 3], radius: 3.0 };
+        let tube = Boundary { vessel: Some(vessel), ..Boundary::default() };
+        let cases = [
+            (Boundary::default(), None, 0.0),
+            (Boundary::periodic([-3.0; 3], [3.0; 3]), None, 0.0),
+            (Boundary::reflecting([-3.0; 3], [3.0; 3]), Some(Flow::Plug([3.0, 0.0, 0.0])), 0.0),
+            (tube, Some(Flow::Poiseuille { mean: 10.0 }), 0.0),
+            (Boundary::periodic([-3.0; 3], [3.0; 3]), None, 4.0),
+            (Boundary::reflecting([-3.0; 3], [3.0; 3]), None, 4.0),
+        ];
+        for (boundary, flow, speed) in cases {
+            let model = model(boundary, flow, speed);
+            let (found, particles) = run(&model, true);
+            assert!(found.len() > 100 && particles.len() > 100, "{} {}", found.len(), particles.len());
+            assert_eq!((found, particles), run(&model, false), "{boundary:?}");
+        }
+    }
+}

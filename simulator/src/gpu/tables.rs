@@ -107,9 +107,9 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     Ok(())
 }
 
-/// Receivers that one thread looks at in a step: software drivers end an invocation's loops after 65 535 turns without a
-/// word.
-const MOST_RECEIVERS: usize = 60_000;
+/// Receivers and species of theirs that one thread looks at in a step: software drivers end an invocation's loops after
+/// 65 535 turns without a word.
+const MOST_SEEN: usize = 60_000;
 
 fn check_receivers(model: &Model) -> Result<(), Error> {
     let refused = |what: String| Err(Error::NotOnGpu { what });
@@ -125,10 +125,11 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
             return refused(format!("receiver {name}, which moves"));
         }
     }
-    match model.receivers.len() > MOST_RECEIVERS {
+    let seen: usize = model.receivers.iter().map(|r| r.sees.iter().filter(|sees| **sees).count()).sum();
+    match seen > MOST_SEEN {
         true => refused(format!(
-            "{} receivers, each of which every particle looks at, beyond {MOST_RECEIVERS}",
-            model.receivers.len()
+            "so many receivers, at all of which each particle looks: {seen} counts of a receiver and a species, beyond \
+             {MOST_SEEN}"
         )),
         false => Ok(()),
     }

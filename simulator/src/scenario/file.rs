@@ -222,6 +222,7 @@ pub(super) struct Receiver {
     pub(super) radius: Positive,
     pub(super) kind: Spanned<ReceiverKind>,
     pub(super) species: Option<Vec<Spanned<String>>>,
+    pub(super) lattice: Option<Lattice>,
     pub(super) probability: Option<Spanned<Probability>>,
     pub(super) rate: Option<Spanned<Positive>>,
     pub(super) count: Option<Spanned<std::num::NonZeroU32>>,
@@ -231,6 +232,14 @@ pub(super) struct Receiver {
     pub(super) velocity: [Finite; 3],
     #[serde(default)]
     pub(super) diffusion: NotNegative,
+}
+
+/// Places that fill a box.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Lattice {
+    pub(super) size: [Positive; 3],
+    pub(super) places: [std::num::NonZeroU32; 3],
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]

@@ -100,7 +100,7 @@ pub(crate) fn absorbing_in_flow() -> Vec<Row> {
 }
 
 /// The series for a sphere of radius 1.
-fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
+pub(crate) fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
     const TERMS: usize = 60;
     // kₗ rises with l, so that its recurrence holds upwards, and that of iₗ downwards.
     let second = |x: f64| {

@@ -9,6 +9,7 @@ use crate::model::Model;
 use crate::receiver::{Kind, Receiver, Receptors, Sticking};
 use crate::scenario::file::{self, Finite, ReceiverKind};
 use crate::scenario::{Problem, advice};
+use crate::transmitter::Shape;
 
 pub(super) fn receivers(
     many: &[file::Receiver],
@@ -16,7 +17,31 @@ pub(super) fn receivers(
     model: &Model,
     advice: &mut Vec<Problem>,
 ) -> Result<Vec<Receiver>, Problem> {
-    many.iter().map(|one| receiver(one, names, model, advice)).collect()
+    let mut all = Vec::new();
+    for one in many {
+        let receiver = receiver(one, names, model, advice)?;
+        let Some(lattice) = one.lattice else {
+            check_place(&model.boundary, one.center.span(), (receiver.center, receiver.radius), advice)?;
+            all.push(receiver);
+            continue;
+        };
+        let places = lattice.places.map(u32::from);
+        let shape = Shape::Lattice(lattice.size.map(|edge| edge.0 as f32), places);
+        let Some(count) = places.into_iter().try_fold(1, u32::checked_mul) else {
+            let message = format!("{places:?} places are more than can be numbered; make them fewer");
+            return Err(Problem::at(one.center.span(), message));
+        };
+        let said = advice.len();
+        for k in 0..count {
+            let offset = shape.offset([0; 4], k);
+            let center = std::array::from_fn(|axis| receiver.center[axis] + offset[axis]);
+            check_place(&model.boundary, one.center.span(), (center, receiver.radius), advice)?;
+            all.push(Receiver { name: format!("{}-{k}", receiver.name), center, ..receiver.clone() });
+        }
+        // One such place tells enough.
+        advice.truncate(said + 1);
+    }
+    Ok(all)
 }
 
 /// The reflecting spheres that transmitters are.
@@ -44,13 +69,10 @@ fn receiver(
     for name in one.species.iter().flatten() {
         sees[names.get(name)? as usize] = true;
     }
-    let center = place(*one.center.get_ref());
-    let radius = one.radius.0 as f32;
-    check_place(&model.boundary, one.center.span(), (center, radius), advice)?;
     let receiver = Receiver {
         name: one.name.0.clone(),
-        center,
-        radius,
+        center: place(*one.center.get_ref()),
+        radius: one.radius.0 as f32,
         kind: kind(one)?,
         sees,
         velocity: one.velocity.map(|Finite(v)| v),
