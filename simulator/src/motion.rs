@@ -200,13 +200,13 @@ impl Motion {
         if unsure.is_empty() {
             return Ok(Vec::new());
         }
-        let from_beginning = |passage: &Passage| self.reach(passage).from_beginning();
-        let begins = unsure.iter().map(|passage| (passage.path.before, from_beginning(passage)));
+        let around_beginning = |passage: &Passage| self.reach(passage).around_beginning();
+        let begins = unsure.iter().map(|passage| (passage.path.before, around_beginning(passage)));
         let failed = |source| Error::Step { step, source };
         let found = vicinity.find(begins, &self.bodies).map_err(failed)?;
         let settle = |(k, passage): (usize, &mut Passage)| {
             let mut events = Vec::new();
-            let reach = from_beginning(passage);
+            let reach = around_beginning(passage);
             let (near, ball) = found.of(k, reach, (&self.bodies, &self.whole));
             self.settle(passage, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
             (events, ball)

@@ -200,9 +200,9 @@ mod tests {
         }
         for boundary in [Boundary::default(), Boundary::periodic([0.0; 3], [10.0; 3])] {
             let one = |k: u32| {
-                let kind = if k % 5 == 0 { Kind::Absorbing } else { Kind::Transparent };
+                let kind = if k.is_multiple_of(5) { Kind::Absorbing } else { Kind::Transparent };
                 let radius = 0.3 * (1 + k % 4) as f32;
-                Receiver { radius, kind, sees: vec![true, k % 2 == 0, true], ..Receiver::default() }
+                Receiver { radius, kind, sees: vec![true, k.is_multiple_of(2), true], ..Receiver::default() }
             };
             let receivers: Vec<Receiver> = (0..60).map(one).collect();
             let centers: Vec<[f32; 3]> =

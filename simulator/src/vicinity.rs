@@ -43,7 +43,7 @@ impl Reach {
     }
 
     /// How far that is from where the particle begins, in µm.
-    pub(crate) fn from_beginning(&self) -> f32 {
+    pub(crate) fn around_beginning(&self) -> f32 {
         2.0 * self.half + self.more
     }
 }
@@ -198,7 +198,7 @@ mod tests {
     use crate::motion::Motion;
     use crate::particles::{Particle, Particles};
     use crate::philox::{Key, open_unit, philox};
-    use crate::receiver::{Kind, Receiver, Sticking};
+    use crate::receiver::{Kind, Receiver, Receptors, Sticking};
     use crate::vessel::Vessel;
 
     const MANY: u32 = 60;
@@ -218,15 +218,16 @@ mod tests {
             Kind::Reflecting,
             Kind::Partial(Sticking::PerStep(0.3)),
             Kind::Partial(Sticking::Reactivity(2.0)),
+            Kind::Receptors(Receptors { count: 9, binding_rate: 2.0, unbinding_rate: 1.0 }),
         ];
         let receiver = |k: u32| Receiver {
             name: "rx".into(),
             center: place(k),
             radius: sizes[k as usize % 3],
-            kind: kinds[k as usize / 3 % 6],
-            sees: vec![true, k % 4 > 0],
-            velocity: if k % 5 == 0 { [speed, 0.0, -speed] } else { [0.0; 3] },
-            diffusion: if k % 7 == 0 { speed } else { 0.0 },
+            kind: kinds[k as usize / 3 % 7],
+            sees: vec![true, !k.is_multiple_of(4)],
+            velocity: if k.is_multiple_of(5) { [speed, 0.0, -speed] } else { [0.0; 3] },
+            diffusion: if k.is_multiple_of(7) { speed } else { 0.0 },
         };
         let species = |name: &str, diffusion, drift, thermal_speed| Species {
             name: name.into(),
@@ -263,7 +264,7 @@ mod tests {
         let mut all = Vec::new();
         for step in 0..100 {
             let places = moved(model, &centers, Key::new(3), step);
-            motion.bodies.set(&centers, &places, &[]);
+            motion.bodies.set(&centers, &places, &[5; MANY as usize]);
             let events = motion.advance(&mut particles, vicinity.as_mut(), (Key::new(3), step)).unwrap();
             let mut gone: Vec<u32> = events.iter().map(crate::motion::Event::at).collect();
             particles.remove(&mut gone);
