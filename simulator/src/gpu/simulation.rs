@@ -194,14 +194,9 @@ impl GpuSimulation {
                 .push(Particle { position: [x, y, z], radius, species, id, ..Particle::default() }, false);
         }
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), false));
-        Ok(State {
-            particles,
-            step: self.step,
-            next_id: self.next_id,
-            totals: self.totals.clone(),
-            centers: self.model.receivers.iter().map(|receiver| receiver.center).collect(),
-            bound: Vec::new(),
-        })
+        let centers = self.model.receivers.iter().map(|receiver| receiver.center).collect();
+        let (next_id, totals) = (self.next_id, self.totals.clone());
+        Ok(State { particles, step: self.step, next_id, totals, centers, bound: Vec::new() })
     }
 
     fn encoder(&self) -> wgpu::CommandEncoder {
