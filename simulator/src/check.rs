@@ -5,6 +5,7 @@ use crate::boundary::Axis;
 use crate::chances::Chances;
 use crate::message::Symbols;
 use crate::model::{Chance, Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
+use crate::receiver::{Kind, Receiver, Receptors, Sticking};
 use crate::transmitter::{Schedule, Shape, Transmitter};
 
 impl Model {
@@ -82,17 +83,50 @@ impl Model {
         self.decays.iter().try_for_each(|decay| self.check_decay(decay))?;
         self.check_channels()?;
         self.transmitters.iter().try_for_each(|transmitter| self.check_transmitter(transmitter))?;
-        for receiver in &self.receivers {
-            if receiver.sees.len() != self.species.len() {
-                let (name, known) = (&receiver.name, self.species.len());
-                let message = format!(
-                    "{name} says of {} species whether it sees them, of {known}",
-                    receiver.sees.len()
-                );
-                return Err(Error::Model(message));
-            }
+        self.receivers.iter().try_for_each(|receiver| self.check_receiver(receiver))
+    }
+
+    /// What is wrong where a surface of a given reactivity sees particles that do not diffuse.
+    pub(crate) fn resting_before(&self, receiver: &Receiver) -> Option<String> {
+        let by_rate = matches!(receiver.kind, Kind::Partial(Sticking::Reactivity(_)) | Kind::Receptors(_));
+        let rests = |(k, species): &(usize, &Species)| receiver.sees[*k] && species.diffusion == 0.0;
+        let mut all = self.species.iter().enumerate();
+        let (_, species) = all.find(rests).filter(|_| by_rate && receiver.diffusion == 0.0)?;
+        Some(format!(
+            "{} takes particles at a rate, to which they diffuse, and {} does not; let it see others by species, or give it \
+             a probability",
+            receiver.name, species.name
+        ))
+    }
+
+    fn check_receiver(&self, receiver: &Receiver) -> Result<(), Error> {
+        let of = |what: &str| format!("{what} of {}", receiver.name);
+        if receiver.sees.len() != self.species.len() {
+            let (known, says) = (self.species.len(), receiver.sees.len());
+            return Err(Error::Model(format!(
+                "{} says of {says} species whether it sees them, of {known}",
+                receiver.name
+            )));
         }
-        Ok(())
+        not_negative(&of("the diffusion coefficient"), receiver.diffusion)?;
+        if !receiver.velocity.iter().all(|v| v.is_finite()) {
+            return Err(Error::Model(of("the velocity") + " must be finite"));
+        }
+        match receiver.kind {
+            Kind::Partial(Sticking::PerStep(probability)) => {
+                is_probability(&of("the probability"), probability)?
+            }
+            Kind::Partial(Sticking::Reactivity(rate)) => not_negative(&of("the rate"), rate)?,
+            Kind::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => {
+                not_negative(&of("the binding rate"), binding_rate)?;
+                not_negative(&of("the unbinding rate"), unbinding_rate)?;
+            }
+            _ => {}
+        }
+        if receiver.kind.turns_back() {
+            positive(&of("the radius"), receiver.radius.into())?;
+        }
+        self.resting_before(receiver).map_or(Ok(()), |message| Err(Error::Model(message)))
     }
 
     fn check_reaction(&self, reaction: &Reaction) -> Result<(), Error> {
@@ -101,12 +135,7 @@ impl Model {
         not_negative(&of("the unbinding radius"), reaction.unbinding_radius.into())?;
         match reaction.chance {
             Chance::PerTime(rate) => not_negative(&of("the rate inside"), rate)?,
-            Chance::PerStep(probability) => {
-                not_negative(&of("the probability"), probability)?;
-                if probability > 1.0 {
-                    return Err(Error::Model(of("the probability") + " is above 1"));
-                }
-            }
+            Chance::PerStep(probability) => is_probability(&of("the probability"), probability)?,
         }
         let named = reaction.reactants.into_iter().chain(reaction.products.into_iter().flatten());
         self.check_species(&reaction.name, named)?;
@@ -197,6 +226,14 @@ fn positive(what: &str, value: f64) -> Result<(), Error> {
     match value.is_finite() && value > 0.0 {
         true => Ok(()),
         false => Err(Error::Model(format!("{what} is {value}; it must be positive and finite"))),
+    }
+}
+
+fn is_probability(what: &str, value: f64) -> Result<(), Error> {
+    not_negative(what, value)?;
+    match value <= 1.0 {
+        true => Ok(()),
+        false => Err(Error::Model(format!("{what} is above 1"))),
     }
 }
 

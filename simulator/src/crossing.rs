@@ -9,14 +9,18 @@
 //! sphere to the other. The path is then looked at in halves, and those in halves, as the Brownian bridge between their
 //! ends has it, until the drift of a piece is short beside its diffusion or the sphere. Halves far from the sphere are
 //! left alone. All receivers see the same path.
+//!
+//! *Receivers that move* are met in their own frame: their way is taken off that of the particle, and the diffusion of both
+//! bends the path.
 
+use crate::bodies::Body;
 use crate::boundary::{Axis, Boundary};
 use crate::normal::normals;
 use crate::philox::{Key, Purpose, open_unit};
-use crate::receiver::{Kind, Receiver, height};
+use crate::receiver::{Kind, height};
 
 /// A step of a particle.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
     /// Where it was, in µm.
     pub before: [f32; 3],
@@ -47,34 +51,38 @@ const NEVER: f32 = 17.0;
 /// standard deviation of the piece.
 const PIECE: [f32; 2] = [1.0 / 16.0, 1.0 / 8.0];
 /// A path bends further than this many standard deviations from the line between its ends in one of 10⁸ cases.
-const BEND: f32 = 3.1;
+pub(crate) const BEND: f32 = 3.1;
 /// Pieces beyond this are not halved any more; the first has number 1, and those of piece `k` have 2k and 2k + 1.
 const LAST: u32 = 1 << 12;
 
-/// Whether a path met the receiver, the `place`th of its model. `room` is where the particle's centre may be.
+/// Whether a path met the receiver. `room` is where the particle's centre may be.
 #[inline]
-pub fn meets(receiver: &Receiver, place: u32, room: &Boundary, path: &Path, who: Who) -> bool {
-    let b = height(receiver, room, path.after);
+pub fn meets(body: &Body, room: &Boundary, path: &Path, who: Who) -> bool {
+    let b = height(body.receiver.radius, body.center_at(1.0), room, path.after);
     if b <= 0.0 {
         return true;
     }
-    if receiver.kind != Kind::Absorbing {
+    if body.receiver.kind == Kind::Endpoint {
         return false;
     }
-    let a = height(receiver, room, path.before);
-    if path.drift == [0.0; 3] {
-        return who.crosses(place, a * b / path.diffusion);
+    let a = height(body.receiver.radius, body.center, room, path.before);
+    let diffusion = path.diffusion + body.diffusion;
+    let drift: [f32; 3] = std::array::from_fn(|k| path.drift[k] - body.drift[k]);
+    if drift == [0.0; 3] {
+        return who.crosses(body.place, a * b / diffusion);
     }
-    if path.diffusion == 0.0 {
-        return a < 0.0 || straight(receiver, room, path);
+    if diffusion == 0.0 {
+        return a < 0.0 || straight(body, room, path);
     }
     let piece = Piece {
         number: 1,
         ends: [path.before, path.end],
-        spread: (2.0 * path.diffusion).sqrt(),
-        drift: length(path.drift),
+        begin: 0.0,
+        part: 1.0,
+        spread: (2.0 * diffusion).sqrt(),
+        drift: length(drift),
     };
-    Bridge { receiver, place, room, who }.meets(piece)
+    Bridge { body, room, who }.meets(piece)
 }
 
 /// Whether the ends of a piece do not tell whether it met a sphere: with this drift and standard deviation along each
@@ -94,8 +102,7 @@ impl Who {
 }
 
 struct Bridge<'a> {
-    receiver: &'a Receiver,
-    place: u32,
+    body: &'a Body,
     room: &'a Boundary,
     who: Who,
 }
@@ -105,6 +112,10 @@ struct Piece {
     number: u32,
     /// Without walls and images.
     ends: [[f32; 3]; 2],
+    /// Which part of the step is over where it begins.
+    begin: f32,
+    /// Which part of the step it takes.
+    part: f32,
     /// Standard deviation of its diffusion along each axis, in µm.
     spread: f32,
     /// How far drift takes the particle, in µm.
@@ -112,33 +123,38 @@ struct Piece {
 }
 
 impl Bridge<'_> {
-    fn height(&self, point: [f32; 3]) -> f32 {
-        height(self.receiver, self.room, self.room.place(point))
+    /// The height of a point, at a part of the step.
+    fn height(&self, point: [f32; 3], part: f32) -> f32 {
+        height(self.body.receiver.radius, self.body.center_at(part), self.room, self.room.place(point))
     }
 
     fn meets(&self, piece: Piece) -> bool {
-        let Piece { number, ends: [p, q], spread, drift } = piece;
+        let Piece { number, ends: [p, q], begin, part, spread, drift } = piece;
         let middle: [f32; 3] = std::array::from_fn(|k| p[k] + 0.5 * (q[k] - p[k]));
-        let half = 0.5 * length(std::array::from_fn(|k| q[k] - p[k]));
+        let half = 0.5 * length(std::array::from_fn(|k| q[k] - p[k] - part * self.body.way[k]));
+        let half_time = begin + 0.5 * part;
         // Walls and images bring no two points further apart.
-        if self.height(middle) > half + BEND * spread {
+        if self.height(middle, half_time) > half + BEND * spread {
             return false;
         }
-        if number >= LAST || !is_long(drift, spread, self.receiver.radius) {
-            let [a, b] = [p, q].map(|end| self.height(end));
-            let other = self.place | (number - 1) << 16;
+        if number >= LAST || !is_long(drift, spread, self.body.receiver.radius) {
+            let [a, b] = [(p, begin), (q, begin + part)].map(|(end, part)| self.height(end, part));
+            let other = self.body.place | (number - 1) << 16;
             return b <= 0.0 || self.who.crosses(other, a * b / (0.5 * spread * spread));
         }
         let Who { key, id, step } = self.who;
         let z = normals(key.draw(id, number, step, Purpose::Path));
         let middle = std::array::from_fn(|k| middle[k] + 0.5 * spread * z[k]);
-        let part = |number, ends| Piece {
+        let half_of = |number, begin, ends| Piece {
             number,
             ends,
+            begin,
+            part: 0.5 * part,
             spread: spread * std::f32::consts::FRAC_1_SQRT_2,
             drift: 0.5 * drift,
         };
-        self.meets(part(2 * number, [p, middle])) || self.meets(part(2 * number + 1, [middle, q]))
+        self.meets(half_of(2 * number, begin, [p, middle]))
+            || self.meets(half_of(2 * number + 1, half_time, [middle, q]))
     }
 }
 
@@ -152,25 +168,28 @@ const CUTS: usize = 1000;
 
 /// Whether a straight path meets the receiver. It is cut where a wall turns it round, and where another image of the
 /// receiver becomes the nearest one.
-fn straight(receiver: &Receiver, room: &Boundary, path: &Path) -> bool {
+fn straight(body: &Body, room: &Boundary, path: &Path) -> bool {
     let [from, to] = [path.before, path.end].map(|end| end.map(f64::from));
     let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
+    let radius = f64::from(body.receiver.radius);
     let mut cuts = Vec::new();
     for (k, axis) in room.axes.into_iter().enumerate() {
-        let (first, period) = match axis {
+        let (first, period, way) = match axis {
             Axis::Open => continue,
-            Axis::Reflecting { low, high } => (f64::from(low), f64::from(high - low)),
+            Axis::Reflecting { low, high } => (f64::from(low), f64::from(high - low), way[k]),
             Axis::Periodic { low, high } => {
-                (f64::from(receiver.center[k]) + 0.5 * f64::from(high - low), f64::from(high - low))
+                let half = 0.5 * f64::from(high - low);
+                (f64::from(body.center[k]) + half, f64::from(high - low), way[k] - f64::from(body.way[k]))
             }
         };
-        let [low, high] = [from[k].min(to[k]), from[k].max(to[k])].map(|x| (x - first) / period);
+        let to = from[k] + way;
+        let [low, high] = [from[k].min(to), from[k].max(to)].map(|x| (x - first) / period);
         let planes = (low.ceil() as i64..=high.floor() as i64).take(CUTS);
-        cuts.extend(planes.map(|plane| (first + plane as f64 * period - from[k]) / way[k]));
+        cuts.extend(planes.map(|plane| (first + plane as f64 * period - from[k]) / way));
     }
     if cuts.is_empty() {
-        let from = room.offset(receiver.center, path.before).map(f64::from);
-        return passes(from, way, receiver.radius.into());
+        let from = room.offset(body.center, path.before).map(f64::from);
+        return passes(from, std::array::from_fn(|k| way[k] - f64::from(body.way[k])), radius);
     }
     cuts.extend([0.0, 1.0]);
     cuts.retain(|t| (0.0..=1.0).contains(t));
@@ -178,12 +197,12 @@ fn straight(receiver: &Receiver, room: &Boundary, path: &Path) -> bool {
     cuts.windows(2).any(|cut| {
         let (middle, part) = (0.5 * (cut[0] + cut[1]), cut[1] - cut[0]);
         let point: [f32; 3] = std::array::from_fn(|k| (from[k] + middle * way[k]) as f32);
-        let way: [f64; 3] = std::array::from_fn(|k| match room.axes[k].turns(point[k]) {
-            true => -part * way[k],
-            false => part * way[k],
+        let way: [f64; 3] = std::array::from_fn(|k| {
+            let own = if room.axes[k].turns(point[k]) { -part * way[k] } else { part * way[k] };
+            own - part * f64::from(body.way[k])
         });
-        let middle = room.offset(receiver.center, room.place(point)).map(f64::from);
-        passes(std::array::from_fn(|k| middle[k] - 0.5 * way[k]), way, receiver.radius.into())
+        let middle = room.offset(body.center_at(middle as f32), room.place(point)).map(f64::from);
+        passes(std::array::from_fn(|k| middle[k] - 0.5 * way[k]), way, radius)
     })
 }
 
@@ -203,9 +222,12 @@ fn passes(from: [f64; 3], way: [f64; 3], radius: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::receiver::Receiver;
 
-    fn receiver(kind: Kind) -> Receiver {
-        Receiver { name: "r".into(), center: [1.0, 0.0, 0.0], radius: 1.0, kind, sees: vec![true] }
+    fn body(kind: Kind) -> Body {
+        let receiver =
+            Receiver { center: [1.0, 0.0, 0.0], radius: 1.0, kind, sees: vec![true], ..Receiver::default() };
+        Body::new(0, receiver, 1.0)
     }
 
     const DRAWS: Who = Who { key: Key::new(1), id: 7, step: 3 };
@@ -220,22 +242,21 @@ mod tests {
         let open = Boundary::default();
         let step = path([2.5, 0.0, 0.0], [1.0, 1.25, 0.0], &open, 0.25);
         let n = 20_000;
-        let met =
-            |kind| (0..n).filter(|&id| meets(&receiver(kind), 2, &open, &step, Who { id, ..DRAWS })).count();
+        let met = |kind| (0..n).filter(|&id| meets(&body(kind), &open, &step, Who { id, ..DRAWS })).count();
         let p = (-0.5_f64).exp();
         let error = (met(Kind::Absorbing) as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
         assert!(error.abs() < 4.0, "{error} standard errors");
         assert_eq!(met(Kind::Endpoint), 0);
         let at_rest = path([1.0, 1.25, 0.0], [1.0, 1.25, 0.0], &open, 0.0);
-        assert!(!meets(&receiver(Kind::Absorbing), 0, &open, &at_rest, DRAWS));
+        assert!(!meets(&body(Kind::Absorbing), &open, &at_rest, DRAWS));
         let inside = path([9.0, 0.0, 0.0], [1.5, 0.0, 0.0], &open, 0.25);
-        assert!(meets(&receiver(Kind::Endpoint), 0, &open, &inside, DRAWS));
+        assert!(meets(&body(Kind::Endpoint), &open, &inside, DRAWS));
     }
 
     #[test]
     fn a_straight_path_is_followed_through_walls_and_images() {
         let met = |room: &Boundary, before, end| {
-            meets(&receiver(Kind::Absorbing), 0, room, &path(before, end, room, 0.0), DRAWS)
+            meets(&body(Kind::Absorbing), room, &path(before, end, room, 0.0), DRAWS)
         };
         let open = Boundary::default();
         assert!(met(&open, [-3.0, 0.5, 0.0], [9.0, 0.5, 0.0]));
@@ -260,7 +281,7 @@ mod tests {
         let open = Boundary::default();
         for (y, hits) in [(0.5, true), (1.2, false)] {
             let step = Path { diffusion: 1e-6, ..path([-3.0, y, 0.0], [9.0, y, 0.0], &open, 0.0) };
-            assert_eq!(meets(&receiver(Kind::Absorbing), 0, &open, &step, DRAWS), hits, "{y}");
+            assert_eq!(meets(&body(Kind::Absorbing), &open, &step, DRAWS), hits, "{y}");
         }
     }
 }

@@ -31,6 +31,8 @@
 //! # Ok::<(), lazygrid_sim::Error>(())
 //! ```
 
+pub mod binding;
+pub mod bodies;
 pub mod boundary;
 pub mod checkpoint;
 pub mod contact;
@@ -55,21 +57,25 @@ pub mod scenario;
 pub mod transmitter;
 pub mod vessel;
 
+mod adsorption;
 mod chances;
 mod check;
 mod error;
 mod output;
 mod pace;
+mod reception;
 mod simulation;
 mod simulator;
 mod stream;
+mod turning;
+mod vicinity;
 
 pub use boundary::{Axis, Boundary};
 pub use error::Error;
 pub use model::{Chance, Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
 pub use output::series;
 pub use particles::{Particle, Particles};
-pub use receiver::{Kind, Receiver};
+pub use receiver::{Kind, Receiver, Receptors, Sticking};
 pub use simulation::{Simulation, State, Totals};
 pub use simulator::Simulator;
 pub use transmitter::{Numbers, Schedule, Shape, Transmitter};

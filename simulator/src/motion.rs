@@ -5,28 +5,35 @@
 
 use rayon::prelude::*;
 
+use crate::Error;
+use crate::bodies::Bodies;
 use crate::boundary::Boundary;
-use crate::crossing::{Path, Who, meets};
+use crate::crossing::{BEND, Path, Who};
 use crate::decay::Decays;
 use crate::model::{Flow, Model};
 use crate::normal::direction;
 use crate::normal::normals;
 use crate::particles::Particles;
 use crate::philox::{Key, Purpose, yes_up_to};
-use crate::receiver::{Kind, Receiver};
+use crate::reception::Passage;
 use crate::stream::Stream;
+use crate::vicinity::{Reach, Vicinity};
+
+pub use crate::reception::Event;
 
 /// What a model says about the step of single particles, made ready.
 #[derive(Clone, Debug)]
 pub struct Motion {
     /// By species.
     pub(crate) steps: Vec<Step>,
-    time_step: f32,
+    pub(crate) time_step: f32,
     with_velocity: bool,
     bounded: bool,
+    /// Where anything may be, whatever its radius.
+    whole: Boundary,
     stream: Option<Stream>,
-    /// Receivers that remove particles, with their places in the model.
-    receivers: Vec<(u32, Receiver)>,
+    /// Receivers that remove particles or turn them back, where they are in this step.
+    pub(crate) bodies: Bodies,
     pub(crate) decays: Decays,
 }
 
@@ -40,30 +47,11 @@ pub(crate) struct Step {
     /// Drift in one step, in µm.
     pub(crate) drift: [f32; 3],
     /// Where its centre may be.
-    room: Boundary,
+    pub(crate) room: Boundary,
+    /// By how far diffusion bends its way, beside a receiver that diffuses as well, in µm.
+    bend: f32,
     /// The largest word at which a swimmer tumbles, and its speed in µm/s.
     tumbles: Option<(u32, f32)>,
-}
-
-/// What befell a particle at a place.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
-    /// It reached a receiver, and is to be removed.
-    Arrived {
-        /// Where the particle is.
-        at: u32,
-        /// The receiver's place in the model.
-        receiver: u32,
-    },
-    /// It decayed; what came of that may have done so in turn, in the next event.
-    Decayed {
-        /// Where the particle is.
-        at: u32,
-        /// The decay's place in the model.
-        decay: u32,
-        /// What it turns into; it is to be removed where there is nothing.
-        product: Option<u32>,
-    },
 }
 
 /// Particles that one task moves.
@@ -79,7 +67,9 @@ impl Motion {
             Some(Flow::Plug(velocity)) => velocity,
             _ => [0.0; 3],
         };
+        let bodies = Bodies::new(model);
         let step = |species: &crate::model::Species| Step {
+            bend: BEND * (2.0 * ((species.diffusion * time_step) as f32 + bodies.diffusion)).sqrt(),
             length: (2.0 * species.diffusion * time_step).sqrt() as f32,
             diffusion: (species.diffusion * time_step) as f32,
             drift: std::array::from_fn(|k| ((species.drift[k] + plug[k]) * time_step) as f32),
@@ -88,21 +78,34 @@ impl Motion {
                 .map(|up_to| (up_to, species.speed as f32)),
             room: model.boundary.inset(species.radius),
         };
-        let removing = model.receivers.iter().enumerate().filter(|(_, r)| r.kind != Kind::Transparent);
         Self {
             steps: model.species.iter().map(step).collect(),
             time_step: time_step as f32,
             with_velocity: model.has_velocity(),
             bounded: !model.boundary.is_open(),
+            whole: model.boundary,
             stream: Stream::new(model),
-            receivers: removing.map(|(at, receiver)| (at as u32, receiver.clone())).collect(),
+            bodies,
             decays: Decays::new(model),
         }
     }
 
-    /// Moves all particles and returns what befell them, by place.
-    pub fn advance(&self, particles: &mut Particles, key: Key, step: u32) -> Vec<Event> {
-        let Particles { position: [x, y, z], velocity, species, id, .. } = particles;
+    /// Moves all particles and returns what befell them, by place. Where there are many receivers, `vicinity` finds those
+    /// near a particle.
+    ///
+    /// # Errors
+    /// [`Error::Step`] with what the detector said.
+    pub(crate) fn advance(
+        &self,
+        particles: &mut Particles,
+        mut vicinity: Option<&mut Vicinity>,
+        (key, step): (Key, u32),
+    ) -> Result<Vec<Event>, Error> {
+        if let Some(vicinity) = &mut vicinity {
+            vicinity.begin(particles.len(), &self.bodies);
+        }
+        let seen = vicinity.as_deref();
+        let Particles { position: [x, y, z], velocity, species, id, .. } = &mut *particles;
         // Columns of velocities are empty where particles have none.
         let mut columns = velocity.each_mut().map(|column| column.chunks_mut(CHUNK));
         let velocities: Vec<[&mut [f32]; 3]> = (0..id.len().div_ceil(CHUNK))
@@ -116,21 +119,33 @@ impl Motion {
             id.par_chunks(CHUNK),
             species.par_chunks(CHUNK),
         );
-        let events: Vec<Vec<Event>> = chunks
+        let (events, unsure): (Vec<Vec<Event>>, Vec<Vec<Passage>>) = chunks
             .into_par_iter()
             .enumerate()
             .map(|(chunk, (x, y, z, velocity, id, species))| {
                 let chunk = Chunk { base: chunk * CHUNK, position: [x, y, z], velocity, id, species };
-                self.advance_chunk(chunk, key, step)
+                self.advance_chunk(chunk, seen, (key, step))
             })
-            .collect();
-        events.concat()
+            .unzip();
+        let mut events = events.concat();
+        if let Some(vicinity) = vicinity {
+            events.extend(self.search(particles, vicinity, unsure.concat(), step)?);
+            events.sort_by_key(Event::at);
+            vicinity.end(&self.bodies);
+        }
+        Ok(events)
     }
 
-    fn advance_chunk(&self, chunk: Chunk<'_>, key: Key, step: u32) -> Vec<Event> {
+    /// Moves the particles of a chunk. Returns what befell them, and the ways on which there may be one of many receivers.
+    fn advance_chunk(
+        &self,
+        chunk: Chunk<'_>,
+        vicinity: Option<&Vicinity>,
+        (key, step): (Key, u32),
+    ) -> (Vec<Event>, Vec<Passage>) {
         let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
-        let watches = !self.receivers.is_empty() || !self.decays.is_empty();
-        let mut events = Vec::new();
+        let watches = !self.bodies.all.is_empty() || !self.decays.is_empty();
+        let (mut events, mut unsure) = (Vec::new(), Vec::new());
         let mut random = [[0.0; BLOCK]; 3];
         for (block, ids) in id.chunks(BLOCK).enumerate() {
             draw(key, ids, step, &mut random);
@@ -143,18 +158,71 @@ impl Motion {
                     tumble(own, turns, key.draw(id, 0, step, Purpose::Tumble));
                 }
                 let normal = [0, 1, 2].map(|axis: usize| random[axis][k]);
-                let path = self.path(kind, [x[at], y[at], z[at]], normal, own.as_mut());
+                let mut path = self.path(kind, [x[at], y[at], z[at]], normal, own.as_mut());
+                if watches {
+                    let place = base + at;
+                    let who = Who { key, id, step };
+                    let mut passage =
+                        Passage { at: place as u32, species: species[at], who, path, velocity: own };
+                    match vicinity {
+                        None => self.settle(&mut passage, self.bodies.all.iter(), &mut events),
+                        Some(vicinity) if vicinity.is_clear(place, &self.reach(&passage)) => {
+                            self.decay(&passage, &mut events);
+                        }
+                        Some(_) => unsure.push(passage),
+                    }
+                    (path, own) = (passage.path, passage.velocity);
+                }
                 [x[at], y[at], z[at]] = path.after;
                 if let Some(own) = own {
                     (0..3).for_each(|axis| velocity[axis][at] = own[axis]);
                 }
-                if watches {
-                    let watched = Watched { at: (base + at) as u32, species: species[at] };
-                    self.befalls(watched, &path, Who { key, id, step }, &mut events);
-                }
             }
         }
-        events
+        (events, unsure)
+    }
+
+    /// How far a particle may get to receivers on its way.
+    #[inline(always)]
+    fn reach(&self, passage: &Passage) -> Reach {
+        let bend = self.steps[passage.species as usize].bend;
+        Reach::new(&passage.path, bend + self.bodies.longest_way)
+    }
+
+    /// Has receivers found near particles on their ways, and settles these.
+    fn search(
+        &self,
+        particles: &mut Particles,
+        vicinity: &mut Vicinity,
+        mut unsure: Vec<Passage>,
+        step: u32,
+    ) -> Result<Vec<Event>, Error> {
+        if unsure.is_empty() {
+            return Ok(Vec::new());
+        }
+        let around_beginning = |passage: &Passage| self.reach(passage).around_beginning();
+        let begins = unsure.iter().map(|passage| (passage.path.before, around_beginning(passage)));
+        let failed = |source| Error::Step { step, source };
+        let found = vicinity.find(begins, &self.bodies).map_err(failed)?;
+        let settle = |(k, passage): (usize, &mut Passage)| {
+            let mut events = Vec::new();
+            let reach = around_beginning(passage);
+            let (near, ball) = found.of(k, reach, (&self.bodies, &self.whole));
+            self.settle(passage, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
+            (events, ball)
+        };
+        let settled: Vec<_> = unsure.par_iter_mut().enumerate().with_min_len(BLOCK).map(settle).collect();
+        let mut events = Vec::new();
+        for (passage, (befell, ball)) in unsure.iter().zip(settled) {
+            let at = passage.at as usize;
+            events.extend(befell);
+            vicinity.balls[at] = ball;
+            particles.set_position(at, passage.path.after);
+            if let Some(velocity) = passage.velocity {
+                (0..3).for_each(|axis| particles.velocity[axis][at] = velocity[axis]);
+            }
+        }
+        Ok(events)
     }
 
     /// The way of a particle in a step, with what chance adds along each axis. Walls turn its velocity round, where it
@@ -185,20 +253,6 @@ impl Motion {
         }
         Path { before, end, after: room.place(end), drift, diffusion }
     }
-
-    /// What befalls a particle: the first receiver that it meets, in their order, else decays.
-    fn befalls(&self, Watched { at, species }: Watched, path: &Path, who: Who, events: &mut Vec<Event>) {
-        let room = &self.steps[species as usize].room;
-        for (place, receiver) in &self.receivers {
-            if receiver.sees[species as usize] && meets(receiver, *place, room, path, who) {
-                return events.push(Event::Arrived { at, receiver: *place });
-            }
-        }
-        let Who { key, id, step } = who;
-        self.decays.befall(species, (key, id, step), |decay, product| {
-            events.push(Event::Decayed { at, decay, product });
-        });
-    }
 }
 
 /// Gives a swimmer a new direction where chance says so.
@@ -214,11 +268,6 @@ struct Chunk<'a> {
     velocity: [&'a mut [f32]; 3],
     id: &'a [u32],
     species: &'a [u32],
-}
-
-struct Watched {
-    at: u32,
-    species: u32,
 }
 
 /// Draws the normal numbers of a block of particles.
@@ -272,13 +321,13 @@ mod tests {
         let order: Vec<u32> = (0..10_001).map(|k| (k * 4_001) % 10_001).collect();
         let mut shuffled = all.permuted(&order);
         for step in 0..3 {
-            assert!(motion.advance(&mut all, Key::new(1), step).is_empty());
-            motion.advance(&mut shuffled, Key::new(1), step);
+            assert!(motion.advance(&mut all, None, (Key::new(1), step)).unwrap().is_empty());
+            motion.advance(&mut shuffled, None, (Key::new(1), step)).unwrap();
         }
         assert_eq!(all.permuted(&order), shuffled);
         let [x, ..] = normals(Key::new(1).draw(all.id[5], 0, 2, Purpose::Move));
         let mut two = cloud(10_001);
-        (0..2).for_each(|step| drop(motion.advance(&mut two, Key::new(1), step)));
+        (0..2).for_each(|step| drop(motion.advance(&mut two, None, (Key::new(1), step)).unwrap()));
         let length = (2.0_f64 * 2.0 * 0.1).sqrt() as f32;
         assert_eq!(all.position[0][5], two.position[0][5] + (length * x + 0.1));
     }
@@ -299,7 +348,7 @@ mod tests {
         for (id, u) in (0..).zip([0.5, 1.5, -1.5, 3.5, -3.5]) {
             particles.push(Particle { id, velocity: [u; 3], ..Particle::default() }, true);
         }
-        Motion::new(&model).advance(&mut particles, Key::new(1), 0);
+        Motion::new(&model).advance(&mut particles, None, (Key::new(1), 0)).unwrap();
         assert_eq!(particles.velocity[0], [0.5, -1.5, 1.5, 3.5, -3.5]);
         assert_eq!(particles.position[0], [0.5, 0.5, -0.5, -0.5, 0.5]);
         assert_eq!(particles.velocity[1], [0.5, 1.5, -1.5, 3.5, -3.5]);
@@ -316,7 +365,7 @@ mod tests {
             ..Model::default()
         };
         let n = 100_000;
-        let events = Motion::new(&model).advance(&mut cloud(n), Key::new(9), 4);
+        let events = Motion::new(&model).advance(&mut cloud(n), None, (Key::new(9), 4)).unwrap();
         for (which, share) in [(0, 0.25), (1, 0.75)] {
             let p = (1.0 - (-2.0_f64).exp()) * share;
             let count = events

@@ -20,6 +20,12 @@ pub(crate) struct Pace {
 }
 
 impl Pace {
+    /// What is looked at of the totals before a step.
+    pub(crate) fn part_of(Totals { present, released, reacted, .. }: &Totals) -> Totals {
+        let [present, released, reacted] = [present, released, reacted].map(Clone::clone);
+        Totals { present, released, reacted, ..Totals::default() }
+    }
+
     /// Looks at what happened in so many steps.
     pub(crate) fn see(&mut self, model: &Model, [before, after]: [&Totals; 2], steps: u32) {
         self.seen.resize(model.reactions.len(), (0.0, 0.0, 0.0));

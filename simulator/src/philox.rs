@@ -35,6 +35,10 @@ pub enum Purpose {
     Symbol = 10,
     /// Whether and where a swimmer turns.
     Tumble = 11,
+    /// Where a receiver goes; drawn by its place in the model.
+    Body = 12,
+    /// When and where something comes off a receptor.
+    Unbinding = 13,
 }
 
 /// The seed of a run as Philox takes it.
@@ -68,6 +72,11 @@ impl Draws {
     /// The words of `id` at `step` for a purpose for which nobody draws otherwise.
     pub fn new(key: Key, id: u32, step: u32, purpose: Purpose) -> Self {
         Self { key, counter: [id, 0, step, purpose as u32], words: [0; 4], used: 4 }
+    }
+
+    /// A uniform number in (0, 1).
+    pub(crate) fn unit(&mut self) -> f64 {
+        fine_unit(self.word())
     }
 
     fn word(&mut self) -> u32 {
@@ -129,6 +138,12 @@ fn wide(a: u32, b: u32) -> (u32, u32) {
 #[inline(always)]
 pub fn open_unit(word: u32) -> f32 {
     ((word >> 9) as f32 + 0.5) * (1.0 / 8_388_608.0)
+}
+
+/// A uniform number in (0, 1), one of 2³² equally spaced ones.
+#[inline]
+pub(crate) fn fine_unit(word: u32) -> f64 {
+    (f64::from(word) + 0.5) / 4_294_967_296.0
 }
 
 /// The largest word that stands for "yes" at this probability in (0, 1]; rounded to the nearest of 2³².

@@ -83,7 +83,7 @@ impl Run {
             end = End::Stopped;
         }
         while end == End::Finished && simulation.step_count() < self.scenario.steps {
-            let (step, before) = (simulation.step_count(), simulation.totals().clone());
+            let (step, before) = (simulation.step_count(), Pace::part_of(simulation.totals()));
             simulation.advance(self.steps_to_next(step))?;
             pace.see(simulation.model(), [&before, simulation.totals()], simulation.step_count() - step);
             if self.is_disk_full(&simulation)? {

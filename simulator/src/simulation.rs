@@ -4,17 +4,20 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Order};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
+use crate::binding::{self, Bound, Leaving};
+use crate::bodies;
 use crate::contact::Contacts;
 use crate::decay::Decays;
 use crate::dissociation::{self, Dissociation};
 use crate::matching::Matching;
 use crate::model::{Contact, Model};
 use crate::motion::{Event, Motion};
-use crate::particles::Particles;
+use crate::particles::{Particle, Particles};
 use crate::philox::{Key, Purpose};
 use crate::reactions::{Outcome, Reactions, interactions};
-use crate::receiver::Kind;
+use crate::receiver::{Kind, all_inside};
 use crate::release::Released;
+use crate::vicinity::Vicinity;
 
 /// All that changes in a run: with the model and the seed it says how the run goes on, to the last bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -27,6 +30,10 @@ pub struct State {
     pub next_id: u32,
     /// What was counted.
     pub totals: Totals,
+    /// Where the centres of receivers are, in µm.
+    pub centers: Vec<[f32; 3]>,
+    /// What their receptors hold.
+    pub bound: Vec<Bound>,
 }
 
 /// Counts since the beginning of a run.
@@ -36,7 +43,7 @@ pub struct Totals {
     pub present: Vec<u64>,
     /// Particles released, by species.
     pub released: Vec<u64>,
-    /// Particles that receivers removed, by receiver and species.
+    /// Particles that receivers removed, or that their receptors hold now, by receiver and species.
     pub arrived: Vec<Vec<u64>>,
     /// Reactions, in the order of the model.
     pub reacted: Vec<u64>,
@@ -55,9 +62,21 @@ impl State {
     /// [`Error::Model`] where the model makes no sense, [`Error::OutOfIds`] where it releases too many particles.
     pub fn new(model: &Model, seed: u64) -> Result<Self, Error> {
         model.check()?;
-        let mut state = Self { totals: Totals::of(model), ..Self::default() };
+        let centers = model.receivers.iter().map(|receiver| receiver.center).collect();
+        let mut state = Self { totals: Totals::of(model), centers, ..Self::default() };
         state.release(model, &Decays::new(model), Key::new(seed))?;
         Ok(state)
+    }
+
+    /// Whether it may be one of a model: there is a place for each receiver, and a receiver for what is bound.
+    fn belongs_to(&self, model: &Model) -> bool {
+        let receivers = model.receivers.len();
+        let known = |held: &Bound| {
+            (held.receiver as usize) < receivers && (held.species as usize) < model.species.len()
+        };
+        self.centers.len() == receivers
+            && self.totals.arrived.len() == receivers
+            && self.bound.iter().all(known)
     }
 
     /// Releases what is due at the beginning of the next step.
@@ -101,6 +120,7 @@ pub struct Simulation {
     key: Key,
     state: State,
     motion: Motion,
+    vicinity: Option<Vicinity>,
     reactions: Reactions,
     contacts: Contacts,
     dissociation: Dissociation,
@@ -126,6 +146,10 @@ impl Simulation {
     /// As [`new`](Self::new).
     pub fn resume(model: Model, seed: u64, algorithm: Algorithm, state: State) -> Result<Self, Error> {
         model.check()?;
+        if !state.belongs_to(&model) {
+            return Err(Error::Model("the state is one of another model".to_owned()));
+        }
+        let motion = Motion::new(&model);
         let detector = match interactions(&model)? {
             None => None,
             Some(table) => {
@@ -136,7 +160,8 @@ impl Simulation {
         };
         Ok(Self {
             key: Key::new(seed),
-            motion: Motion::new(&model),
+            vicinity: Vicinity::new(&motion.bodies, &model.boundary)?,
+            motion,
             reactions: Reactions::new(&model),
             contacts: Contacts::new(&model),
             dissociation: Dissociation::new(&model),
@@ -187,41 +212,60 @@ impl Simulation {
 
     /// How many particles of each species are now inside a receiver's sphere.
     pub fn inside(&self, receiver: usize) -> Vec<u64> {
-        self.model.receivers[receiver].inside(&self.model.boundary, &self.state.particles)
+        let center = self.state.centers[receiver];
+        self.model.receivers[receiver].inside(center, &self.model.boundary, &self.state.particles)
     }
 
-    /// What each receiver has to say: arrivals so far, or how many are inside a transparent one; by species.
+    /// What each receiver has to say, by species: arrivals so far, what its receptors hold, or how many are inside a
+    /// transparent one.
     pub fn received(&self) -> Vec<Vec<u64>> {
-        let says = |(k, receiver): (usize, &crate::receiver::Receiver)| match receiver.kind {
-            Kind::Transparent => self.inside(k),
-            _ => self.state.totals.arrived[k].clone(),
-        };
-        self.model.receivers.iter().enumerate().map(says).collect()
+        let Self { model, state: State { particles, totals, centers, .. }, .. } = self;
+        let mut received = all_inside(&model.receivers, centers, &model.boundary, particles);
+        let counting = model.receivers.iter().zip(&totals.arrived).zip(&mut received);
+        for ((_, arrived), says) in counting.filter(|((r, _), _)| r.kind != Kind::Transparent) {
+            says.clone_from(arrived);
+        }
+        received
     }
 
-    /// Does one step: every particle moves, meets walls and receivers, and may decay; pairs are found, react, and push
-    /// each other away; transmitters release what is due next.
+    /// Does one step: receivers and particles move, these meet walls and receivers, come off receptors, and may decay; pairs
+    /// are found, react, and push each other away; transmitters release what is due next.
     ///
     /// # Errors
     /// [`Error::OutOfIds`], and [`Error::Step`] with what the detector said, such as that there are too many pairs.
     pub fn step(&mut self) -> Result<(), Error> {
-        let step = self.state.step;
-        let events = self.motion.advance(&mut self.state.particles, self.key, step);
-        self.apply_events(&events);
+        let Self { model, key, state, motion, vicinity, .. } = self;
+        let now = (*key, state.step);
+        let free = binding::free(model, &state.totals.arrived);
+        let leaving = binding::leaving(model, &state.bound, &free, now);
+        let places = bodies::moved(model, &state.centers, *key, state.step);
+        motion.bodies.set(&state.centers, &places, &free);
+        let events = motion.advance(&mut state.particles, vicinity.as_mut(), now)?;
+        state.centers = places.iter().map(|place| place.center).collect();
+        self.apply_events(&events, &free);
+        self.let_off(&leaving);
         self.interact()?;
         self.state.step += 1;
         self.state.release(&self.model, &self.motion.decays, self.key)
     }
 
-    fn apply_events(&mut self, events: &[Event]) {
+    fn apply_events(&mut self, events: &[Event], free: &[u32]) {
         let mut gone = Vec::new();
-        for event in events {
+        let refused = binding::refused(events, free, |at| self.state.particles.id[at as usize]);
+        for (k, event) in events.iter().enumerate() {
             match *event {
                 Event::Arrived { at, receiver } => {
                     let species = self.state.particles.species[at as usize] as usize;
                     self.state.totals.arrived[receiver as usize][species] += 1;
                     self.transform(at, None, &mut gone);
                 }
+                Event::Bound { at, receiver, direction, .. } if refused.binary_search(&k).is_err() => {
+                    let Particle { species, id, .. } = self.state.particles.get(at as usize);
+                    self.state.totals.arrived[receiver as usize][species as usize] += 1;
+                    self.state.bound.push(Bound { id, species, receiver, direction });
+                    self.transform(at, None, &mut gone);
+                }
+                Event::Bound { .. } => {}
                 Event::Decayed { at, decay, product } => {
                     self.state.totals.decayed[decay as usize] += 1;
                     self.transform(at, product, &mut gone);
@@ -229,6 +273,25 @@ impl Simulation {
             }
         }
         self.state.particles.remove(&mut gone);
+    }
+
+    /// Puts what came off receptors back among the particles.
+    fn let_off(&mut self, leaving: &[Leaving]) {
+        let Self { model, key, state, .. } = self;
+        let with_velocity = model.has_velocity();
+        // Those behind move up into the gaps, and are done already.
+        for leaving in leaving.iter().rev() {
+            let held = state.bound[leaving.at()];
+            let center = state.centers[held.receiver as usize];
+            let Some(position) = binding::place_of(model, &held, *leaving, center) else { continue };
+            let Bound { id, species, receiver, .. } = state.bound.swap_remove(leaving.at());
+            let kind = &model.species[species as usize];
+            let velocity = kind.own_velocity(key.draw(id, 2, state.step, Purpose::Velocity));
+            let particle = Particle { position, velocity, radius: kind.radius, species, id };
+            state.particles.push(particle, with_velocity);
+            state.totals.present[species as usize] += 1;
+            state.totals.arrived[receiver as usize][species as usize] -= 1;
+        }
     }
 
     /// Turns a particle into another species, or enters it among those to be removed.

@@ -145,7 +145,7 @@ impl GpuSimulation {
     pub fn received(&self) -> Vec<Vec<u64>> {
         let says = |(k, receiver): (usize, &crate::Receiver)| match receiver.kind {
             Kind::Transparent => {
-                let due = receiver.inside(&self.model.boundary, &self.due);
+                let due = receiver.inside(receiver.center, &self.model.boundary, &self.due);
                 self.inside[k].iter().zip(due).map(|(inside, due)| inside + due).collect()
             }
             _ => self.totals.arrived[k].clone(),
@@ -194,7 +194,9 @@ impl GpuSimulation {
                 .push(Particle { position: [x, y, z], radius, species, id, ..Particle::default() }, false);
         }
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), false));
-        Ok(State { particles, step: self.step, next_id: self.next_id, totals: self.totals.clone() })
+        let centers = self.model.receivers.iter().map(|receiver| receiver.center).collect();
+        let (next_id, totals) = (self.next_id, self.totals.clone());
+        Ok(State { particles, step: self.step, next_id, totals, centers, bound: Vec::new() })
     }
 
     fn encoder(&self) -> wgpu::CommandEncoder {

@@ -92,6 +92,7 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
             return refused(format!("several reactions of the same reactants ({})", names.join("; ")));
         }
     }
+    check_receivers(model)?;
     let steps = Motion::new(model).steps;
     for receiver in model.receivers.iter().filter(|receiver| receiver.kind == Counting::Absorbing) {
         let seen = (0..steps.len()).filter(|&species| receiver.sees[species]);
@@ -104,6 +105,34 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+/// Receivers and species of theirs that one thread looks at in a step: software drivers end an invocation's loops after
+/// 65 535 turns without a word.
+const MOST_SEEN: usize = 60_000;
+
+fn check_receivers(model: &Model) -> Result<(), Error> {
+    let refused = |what: String| Err(Error::NotOnGpu { what });
+    for receiver in &model.receivers {
+        let name = &receiver.name;
+        match receiver.kind {
+            Counting::Reflecting => return refused(format!("the reflecting sphere {name}")),
+            Counting::Partial(_) => return refused(format!("the partially absorbing receiver {name}")),
+            Counting::Receptors(_) => return refused(format!("the receptors of {name}")),
+            Counting::Absorbing | Counting::Endpoint | Counting::Transparent => {}
+        }
+        if receiver.moves() {
+            return refused(format!("receiver {name}, which moves"));
+        }
+    }
+    let seen: usize = model.receivers.iter().map(|r| r.sees.iter().filter(|sees| **sees).count()).sum();
+    match seen > MOST_SEEN {
+        true => refused(format!(
+            "so many receivers, at all of which each particle looks: {seen} counts of a receiver and a species, beyond \
+             {MOST_SEEN}"
+        )),
+        false => Ok(()),
+    }
 }
 
 /// Whether the ends of a step do not tell whether a receiver was met between them: drift may carry past what diffuses,
@@ -178,7 +207,8 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
             let kind = match receiver.kind {
                 Counting::Absorbing => Fate::ABSORBING,
                 Counting::Endpoint => Fate::ENDPOINT,
-                Counting::Transparent => continue,
+                // Others were refused before.
+                _ => continue,
             };
             if receiver.sees[id] {
                 fates.push(Fate {

@@ -24,8 +24,8 @@ pub fn names(model: &Model) -> Vec<String> {
     names.extend(model.reactions.iter().map(|reaction| reaction.name.clone()));
     names.extend(model.decays.iter().map(|decay| decay.name.clone()));
     for receiver in &model.receivers {
-        let seen = model.species.iter().zip(&receiver.sees).filter(|(_, sees)| **sees);
-        names.extend(seen.map(|(species, _)| format!("{}:{}", receiver.name, species.name)));
+        let seen = model.species.iter().enumerate().filter(|&(k, _)| receiver.counts(k));
+        names.extend(seen.map(|(_, species)| format!("{}:{}", receiver.name, species.name)));
     }
     names.extend(["pairs".to_owned(), "contacts".to_owned()]);
     names
@@ -36,8 +36,8 @@ pub fn counts(simulation: &Simulator) -> Vec<u64> {
     let (totals, model) = (simulation.totals(), simulation.model());
     let mut counts = [&totals.present[..], &totals.reacted, &totals.decayed].concat();
     for (received, receiver) in simulation.received().iter().zip(&model.receivers) {
-        let seen = received.iter().zip(&receiver.sees).filter(|(_, sees)| **sees);
-        counts.extend(seen.map(|(count, _)| count));
+        counts
+            .extend(received.iter().enumerate().filter(|&(k, _)| receiver.counts(k)).map(|(_, count)| count));
     }
     counts.extend([totals.pairs, totals.contacts]);
     counts
@@ -50,5 +50,7 @@ pub(super) fn moment(step: u32, model: &Model) -> String {
 
 /// How many columns receivers have.
 pub(super) fn seen(model: &Model) -> usize {
-    model.receivers.iter().flat_map(|receiver| &receiver.sees).filter(|sees| **sees).count()
+    let species = model.species.len();
+    let seen = |receiver: &crate::Receiver| (0..species).filter(|&k| receiver.counts(k)).count();
+    model.receivers.iter().map(seen).sum()
 }

@@ -2,8 +2,9 @@
 
 use crate::boundary::{Axis, Boundary};
 use crate::chances::undoes;
-use crate::model::{Contact, Decay, Model, Reaction, Species, Unbinding};
+use crate::model::{Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
 use crate::rate;
+use crate::receiver::{Kind, Receiver, Receptors, Sticking};
 
 /// Whether walls keep everything away from a sphere.
 pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) -> bool {
@@ -135,6 +136,71 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
             decay.name,
             100.0 * part,
             below(FAST_DECAY / decay.rate)
+        )
+    })
+}
+
+/// The part of the radius of a surface that a step of diffusion may have where not all that reaches it stays.
+const LONG_BESIDE_SURFACE: f64 = 0.5;
+/// The part of a step of diffusion that a drift may have there.
+const DRIFT_BESIDE_DIFFUSION: f64 = 0.2;
+
+/// What is wrong with steps before a surface that turns back some of what reaches it, and the longest time step without
+/// that.
+pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<String> {
+    let by_rate = matches!(receiver.kind, Kind::Partial(Sticking::Reactivity(_)) | Kind::Receptors(_));
+    if !receiver.kind.turns_back() {
+        return None;
+    }
+    let seen =
+        model.species.iter().enumerate().filter(|&(k, _)| receiver.sees[k]).map(|(_, species)| species);
+    let longest = |species: &Species| {
+        let diffusion = species.diffusion + receiver.diffusion;
+        let limit = (LONG_BESIDE_SURFACE * f64::from(receiver.radius)).powi(2) / (2.0 * diffusion);
+        let speed = speed_past(receiver, species, model);
+        let carried = 2.0 * diffusion * (DRIFT_BESIDE_DIFFUSION / speed).powi(2);
+        if by_rate { limit.min(carried) } else { limit }
+    };
+    let (longest, species) =
+        seen.map(|species| (longest(species), species)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (model.time_step > longest).then(|| {
+        format!(
+            "a step takes {} {:.3} µm by diffusion and {:.3} µm by drift to or past {}, of radius {} µm: what it turns back is \
+             in the wrong places, and what stays is off; time-step = {} is short enough",
+            species.name,
+            (2.0 * (species.diffusion + receiver.diffusion) * model.time_step).sqrt(),
+            speed_past(receiver, species, model) * model.time_step,
+            receiver.name,
+            receiver.radius,
+            below(longest)
+        )
+    })
+}
+
+/// How fast what is no diffusion may carry a particle past a receiver, in µm/s.
+fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
+    let mut velocity = species.drift;
+    let mut more = species.thermal_speed + species.speed;
+    match model.flow {
+        Some(Flow::Plug(flow)) => velocity.iter_mut().zip(flow).for_each(|(v, u)| *v += u),
+        Some(Flow::Poiseuille { mean }) => more += 2.0 * mean.abs(),
+        None => {}
+    }
+    let relative: f64 = velocity.iter().zip(receiver.velocity).map(|(v, u)| (v - u).powi(2)).sum();
+    relative.sqrt() + more
+}
+
+/// What is wrong with receptors that let go of particles fast beside the time step.
+pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<String> {
+    let Kind::Receptors(Receptors { unbinding_rate, .. }) = receiver.kind else { return None };
+    (unbinding_rate * model.time_step > FAST_REACTION).then(|| {
+        format!(
+            "receptors of {} hold a particle for {:.3e} s on average, and a step has {:.3e} s: many would come and go within \
+             a step; time-step = {} is short enough",
+            receiver.name,
+            1.0 / unbinding_rate,
+            model.time_step,
+            below(FAST_REACTION / unbinding_rate)
         )
     })
 }

@@ -143,6 +143,7 @@ pub(super) struct Source {
 pub(super) struct Transmitter {
     pub(super) name: Spanned<Name>,
     pub(super) center: Option<Spanned<[Finite; 3]>>,
+    pub(super) body_radius: Option<Positive>,
     pub(super) times: Option<Spanned<Vec<NotNegative>>>,
     #[serde(default)]
     pub(super) shape: Shape,
@@ -219,16 +220,37 @@ pub(super) struct Receiver {
     pub(super) name: Name,
     pub(super) center: Spanned<[Finite; 3]>,
     pub(super) radius: Positive,
-    pub(super) kind: ReceiverKind,
+    pub(super) kind: Spanned<ReceiverKind>,
     pub(super) species: Option<Vec<Spanned<String>>>,
+    pub(super) lattice: Option<Lattice>,
+    pub(super) probability: Option<Spanned<Probability>>,
+    pub(super) rate: Option<Spanned<Positive>>,
+    pub(super) count: Option<Spanned<std::num::NonZeroU32>>,
+    pub(super) binding_rate: Option<Spanned<Positive>>,
+    pub(super) unbinding_rate: Option<Spanned<Positive>>,
+    #[serde(default)]
+    pub(super) velocity: [Finite; 3],
+    #[serde(default)]
+    pub(super) diffusion: NotNegative,
 }
 
+/// Places that fill a box.
 #[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Lattice {
+    pub(super) size: [Positive; 3],
+    pub(super) places: [std::num::NonZeroU32; 3],
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum ReceiverKind {
     Absorbing,
     Endpoint,
     Transparent,
+    Reflecting,
+    Partial,
+    Receptors,
 }
 
 /// What is written, and how often.

@@ -10,7 +10,8 @@ use lazygrid::Algorithm;
 use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Error, Kind, Model, Receiver, Shape, Simulation, Transmitter, Vessel,
+    Axis, Boundary, Contact, Decay, Error, Kind, Model, Receiver, Receptors, Shape, Simulation, Sticking,
+    Transmitter, Vessel,
 };
 use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, reaction, species};
 
@@ -179,8 +180,14 @@ fn annihilation_has_the_statistics_of_the_cpu() {
 fn absorbing_receiver() {
     let Some(own) = device() else { return };
     let n = 50_000_u32;
-    let receiver =
-        |kind| Receiver { name: "r".into(), center: [10.0, 0.0, 0.0], radius: 5.0, kind, sees: vec![true] };
+    let receiver = |kind| Receiver {
+        name: "r".into(),
+        center: [10.0, 0.0, 0.0],
+        radius: 5.0,
+        kind,
+        sees: vec![true],
+        ..Receiver::default()
+    };
     let burst = Transmitter {
         name: "burst".into(),
         center: [0.0; 3],
@@ -206,6 +213,30 @@ fn absorbing_receiver() {
     let [found, endpoints] = [reached(Kind::Absorbing), reached(Kind::Endpoint)];
     assert!((found - expected).abs() < tolerance, "{found}");
     assert!((endpoints - expected).abs() > tolerance, "endpoints alone give {endpoints}");
+}
+
+/// The GPU looks at each receiver, and the CPU searches.
+#[test]
+fn many_receivers() {
+    let Some(own) = device() else { return };
+    let mut model = dyadic();
+    let kinds = [Kind::Absorbing, Kind::Transparent, Kind::Endpoint];
+    let receiver = |k: u32| Receiver {
+        name: format!("{k}"),
+        center: [k % 8, k / 8 % 8, k / 64].map(|c| c as f32 * 1.125 - 4.0),
+        radius: 0.28,
+        kind: kinds[k as usize % 3],
+        sees: vec![true, !k.is_multiple_of(5), true, true],
+        ..Receiver::default()
+    };
+    model.receivers = (0..512).map(receiver).collect();
+    let (mut there, mut here) = (gpu(&own, &model, 9, GpuOptions::default()), cpu(&model, 9));
+    there.run(9).expect("steps");
+    (0..9).for_each(|_| here.step().expect("a step"));
+    let arrived = here.state().totals.arrived.iter().filter(|row| row.iter().sum::<u64>() > 0).count();
+    assert!(arrived > 100, "{arrived}");
+    assert_same(&there.state().expect("a state"), here.state());
+    assert_eq!(there.received(), here.received());
 }
 
 #[test]
@@ -249,6 +280,24 @@ fn what_has_no_kernels_is_refused_by_name() {
     let channels = refused(|m| m.reactions.push(reaction([1, 0], [Some(1), None], 0.2, 0.5)));
     assert!(channels.contains("several reactions of the same reactants"), "{channels}");
     assert!(refused(|m| m.species[0].speed = 1.0).contains("swimmers, such as A"));
+    fn receiver(kind: Kind) -> Receiver {
+        Receiver { name: "rx".into(), radius: 0.25, kind, sees: vec![true; 2], ..Receiver::default() }
+    }
+    let surfaces = [
+        refused(|m| m.receivers = vec![receiver(Kind::Reflecting)]),
+        refused(|m| m.receivers = vec![receiver(Kind::Partial(Sticking::PerStep(0.5)))]),
+        refused(|m| m.receivers = vec![receiver(Kind::Receptors(Receptors::default()))]),
+        refused(|m| m.receivers = vec![Receiver { diffusion: 1.0, ..receiver(Kind::Absorbing) }]),
+        refused(|m| m.receivers = vec![receiver(Kind::Absorbing); 40_000]),
+    ];
+    let said = [
+        "reflecting sphere rx",
+        "partially absorbing receiver rx",
+        "receptors of rx",
+        "which moves",
+        "80000 counts",
+    ];
+    surfaces.iter().zip(said).for_each(|(what, said)| assert!(what.contains(said), "{what}"));
     let vessel = Vessel { along: 0, center: [0.0; 3], radius: 1.0 };
     let mut in_vessel = brownian(false);
     in_vessel.boundary = Boundary { vessel: Some(vessel), ..Boundary::default() };
@@ -262,6 +311,7 @@ fn what_has_no_kernels_is_refused_by_name() {
             radius: 0.25,
             kind: Kind::Absorbing,
             sees: vec![true, false],
+            ..Receiver::default()
         };
         model.receivers = vec![receiver([-1.5, 0.0, 0.0])];
         model.species[0] = species("A", diffusion, [drift, 0.0, 0.0]);

@@ -48,6 +48,7 @@ pub(crate) fn dyadic() -> Model {
         radius: 1.03,
         kind,
         sees: vec![true; 4],
+        ..Receiver::default()
     };
     let decay = |reactant, product, rate| Decay {
         name: format!("decay of {reactant}"),

@@ -49,6 +49,7 @@ pub(crate) fn acid_base() -> Vec<Row> {
         radius: 1.0,
         kind: Kind::Transparent,
         sees: vec![true; 2],
+        ..Receiver::default()
     };
     let model = Model {
         time_step,

@@ -2,8 +2,8 @@
 
 use lazygrid::Algorithm;
 use lazygrid_sim::{
-    Axis, Boundary, Chance, Contact, Decay, Kind, Model, Numbers, Particles, Reaction, Receiver, Schedule,
-    Shape, Simulation, State, Transmitter, Unbinding,
+    Axis, Boundary, Chance, Contact, Decay, Kind, Model, Numbers, Particles, Reaction, Receiver, Receptors,
+    Schedule, Shape, Simulation, State, Sticking, Transmitter, Unbinding,
 };
 
 use crate::Row;
@@ -39,7 +39,9 @@ fn model() -> Model {
         radius: 0.5,
         kind,
         sees: vec![true, true, false],
+        ..Receiver::default()
     };
+    let receptors = Receptors { count: 5, binding_rate: 9.0, unbinding_rate: 9.0 };
     Model {
         time_step: 1e-3,
         species: vec![species("A", 0.1, 1.0), species("B", 0.15, 0.5), species("C", 0.2, 0.3)],
@@ -54,7 +56,13 @@ fn model() -> Model {
             decay("A -> C", 0, [Some(2), None]),
         ],
         transmitters: vec![burst(Shape::Point, &[(0, 100), (1, 100)]), late, steady],
-        receivers: vec![receiver(Kind::Absorbing, 2.5), receiver(Kind::Endpoint, -2.5)],
+        receivers: vec![
+            receiver(Kind::Absorbing, 2.5),
+            receiver(Kind::Endpoint, -2.5),
+            Receiver { velocity: [0.0, 3.0, 0.0], ..receiver(Kind::Reflecting, 1.5) },
+            Receiver { diffusion: 1.0, ..receiver(Kind::Partial(Sticking::Reactivity(3.0)), 0.0) },
+            receiver(Kind::Receptors(receptors), -1.5),
+        ],
         boundary: Boundary {
             axes: [
                 Axis::Reflecting { low: -3.0, high: 3.0 },

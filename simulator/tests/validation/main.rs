@@ -5,6 +5,7 @@
 #![expect(clippy::print_stdout, reason = "the table is what this is for")]
 
 mod bacteria;
+mod bodies;
 mod burst;
 mod channel;
 mod crowd;
@@ -50,7 +51,7 @@ impl Row {
 /// An item of the list, and what measures it.
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 22] = [
+const ITEMS: [Item; 26] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -73,6 +74,10 @@ const ITEMS: [Item; 22] = [
     ("20-vessel", vessel::flow_profiles),
     ("21-run-and-tumble", bacteria::run_and_tumble),
     ("22-conjugation", bacteria::conjugation),
+    ("23-partial", bodies::partial),
+    ("24-receptors", bodies::receptors),
+    ("25-reflecting", bodies::reflecting),
+    ("26-moving", bodies::moving),
 ];
 
 fn main() -> ExitCode {

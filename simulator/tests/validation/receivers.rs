@@ -17,6 +17,7 @@ fn model(time_step: f64, kind: Kind) -> Model {
         radius: R as f32,
         kind,
         sees: vec![true],
+        ..Receiver::default()
     };
     Model {
         time_step,
@@ -78,6 +79,7 @@ pub(crate) fn absorbing_in_flow() -> Vec<Row> {
             radius: 1.0,
             kind: Kind::Absorbing,
             sees: vec![true],
+            ..Receiver::default()
         };
         let model = Model {
             time_step: 1.6 / f64::from(count),
@@ -98,7 +100,7 @@ pub(crate) fn absorbing_in_flow() -> Vec<Row> {
 }
 
 /// The series for a sphere of radius 1.
-fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
+pub(crate) fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
     const TERMS: usize = 60;
     // kₗ rises with l, so that its recurrence holds upwards, and that of iₗ downwards.
     let second = |x: f64| {

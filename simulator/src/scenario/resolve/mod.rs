@@ -1,9 +1,10 @@
 //! From names in a file to places in a model.
 
 mod reactions;
+mod receivers;
 mod schedule;
 mod space;
-mod transceivers;
+mod transmitters;
 
 use std::ops::Range;
 
@@ -50,10 +51,11 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
     let names = Names(&model.species);
     let (reactions, decays) =
         reactions::resolve((&file.reactions, &file.decays), &names, model.time_step, &mut advice)?;
+    let mut receivers = receivers::receivers(&file.receivers, &names, &model, &mut advice)?;
+    receivers.extend(receivers::bodies(&file.transmitters, names.0.len()));
     let mut transmitters =
-        transceivers::transmitters(file.transmitters, &names, &model.boundary, &mut advice)?;
-    transmitters.extend(transceivers::sources(&file.sources, &names, &model.boundary, &mut advice)?);
-    let receivers = transceivers::receivers(file.receivers, &names, &model.boundary, &mut advice)?;
+        transmitters::transmitters(file.transmitters, &names, &model.boundary, &mut advice)?;
+    transmitters.extend(transmitters::sources(&file.sources, &names, &model.boundary, &mut advice)?);
     model = Model { reactions, decays, transmitters, receivers, ..model };
     let every = file.output.every.map_or(1, Into::into);
     let output = Output {

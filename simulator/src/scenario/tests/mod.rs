@@ -1,4 +1,5 @@
 mod network;
+mod surfaces;
 
 use super::*;
 use crate::{Boundary, Chance, Contact, Kind, Reaction, Schedule, Shape};

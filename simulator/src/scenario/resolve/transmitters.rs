@@ -1,10 +1,9 @@
-//! Transmitters and receivers.
+//! Transmitters.
 
 use super::Names;
 use super::schedule::{place, schedule};
 use super::space::number;
 use crate::boundary::{Axis, Boundary};
-use crate::receiver::{Kind, Receiver};
 use crate::scenario::file;
 use crate::scenario::{Problem, advice};
 use crate::transmitter::{Numbers, Schedule, Shape, Transmitter};
@@ -152,43 +151,8 @@ fn disk(radius: f32) -> f64 {
     std::f64::consts::PI * f64::from(radius).powi(2)
 }
 
-pub(super) fn receivers(
-    many: Vec<file::Receiver>,
-    names: &Names<'_>,
-    boundary: &Boundary,
-    advice: &mut Vec<Problem>,
-) -> Result<Vec<Receiver>, Problem> {
-    many.into_iter().map(|one| receiver(one, names, boundary, advice)).collect()
-}
-
-fn receiver(
-    receiver: file::Receiver,
-    names: &Names<'_>,
-    boundary: &Boundary,
-    advice: &mut Vec<Problem>,
-) -> Result<Receiver, Problem> {
-    let mut sees = vec![receiver.species.is_none(); names.0.len()];
-    for name in receiver.species.iter().flatten() {
-        sees[names.get(name)? as usize] = true;
-    }
-    let center = place(*receiver.center.get_ref());
-    let radius = receiver.radius.0 as f32;
-    check_place(boundary, receiver.center.span(), (center, radius), advice)?;
-    Ok(Receiver {
-        name: receiver.name.0,
-        center,
-        radius,
-        kind: match receiver.kind {
-            file::ReceiverKind::Absorbing => Kind::Absorbing,
-            file::ReceiverKind::Endpoint => Kind::Endpoint,
-            file::ReceiverKind::Transparent => Kind::Transparent,
-        },
-        sees,
-    })
-}
-
 /// Refuses a sphere behind walls, and advises about one outside a periodic box.
-fn check_place(
+pub(super) fn check_place(
     boundary: &Boundary,
     span: std::ops::Range<usize>,
     (center, radius): ([f32; 3], f32),

@@ -1,0 +1,159 @@
+//! Receivers as bodies in a step: where they are, where they go, and what their surfaces do.
+
+use crate::adsorption;
+use crate::boundary::{Axis, Boundary};
+use crate::model::Model;
+use crate::normal::normals;
+use crate::philox::{Key, Purpose};
+use crate::receiver::{Kind, Receiver, Sticking};
+
+/// A receiver in a step.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Its place in the model.
+    pub place: u32,
+    /// What it is.
+    pub receiver: Receiver,
+    /// Where it is at the beginning of the step, in µm.
+    pub center: [f32; 3],
+    /// Where it goes in the step, in µm.
+    pub way: [f32; 3],
+    /// The part of the way that is no diffusion, in µm.
+    pub drift: [f32; 3],
+    /// DΔt, in µm².
+    pub diffusion: f32,
+    /// What stays of what reaches a surface that turns the rest back.
+    pub sticking: Sticking,
+}
+
+impl Body {
+    /// A receiver where the model puts it.
+    pub fn new(place: u32, receiver: Receiver, time_step: f64) -> Self {
+        Self {
+            place,
+            center: receiver.center,
+            way: [0.0; 3],
+            drift: receiver.velocity.map(|v| (v * time_step) as f32),
+            diffusion: (receiver.diffusion * time_step) as f32,
+            sticking: match receiver.kind {
+                Kind::Partial(sticking) => sticking,
+                _ => Sticking::Reactivity(0.0),
+            },
+            receiver,
+        }
+    }
+
+    /// Where its centre is after a part of the step, from 0 to 1.
+    #[inline(always)]
+    pub fn center_at(&self, part: f32) -> [f32; 3] {
+        std::array::from_fn(|k| self.center[k] + part * self.way[k])
+    }
+
+    /// Sets the reactivity of a surface with so many free receptors.
+    fn set_free(&mut self, free: u32) {
+        if let Kind::Receptors(receptors) = self.receiver.kind {
+            let radius = self.receiver.radius.into();
+            self.sticking =
+                Sticking::Reactivity(adsorption::reactivity(receptors.binding_rate, free, radius));
+        }
+    }
+}
+
+/// The receivers of a model that do something to particles, in its order.
+#[derive(Clone, Debug)]
+pub(crate) struct Bodies {
+    pub(crate) all: Vec<Body>,
+    /// Where those are among them that go from place to place or have receptors.
+    changing: Vec<usize>,
+    moving: bool,
+    turning: bool,
+    /// The largest diffusion of one, DΔt in µm².
+    pub(crate) diffusion: f32,
+    /// The longest way of one in this step, in µm.
+    pub(crate) longest_way: f32,
+    /// The largest radius, in µm.
+    pub(crate) largest: f32,
+}
+
+impl Bodies {
+    /// Those of a model that was checked.
+    pub(crate) fn new(model: &Model) -> Self {
+        let acts = model.receivers.iter().enumerate().filter(|(_, r)| r.kind != Kind::Transparent);
+        let all: Vec<Body> =
+            acts.map(|(at, receiver)| Body::new(at as u32, receiver.clone(), model.time_step)).collect();
+        let changes = |body: &Body| body.receiver.moves() || matches!(body.receiver.kind, Kind::Receptors(_));
+        Self {
+            changing: (0..all.len()).filter(|&k| changes(&all[k])).collect(),
+            moving: all.iter().any(|body| body.receiver.moves()),
+            turning: all.iter().any(|body| body.receiver.kind.turns_back()),
+            diffusion: all.iter().map(|body| body.diffusion).fold(0.0, f32::max),
+            largest: all.iter().map(|body| body.receiver.radius).fold(0.0, f32::max),
+            longest_way: 0.0,
+            all,
+        }
+    }
+
+    /// Whether some go from place to place.
+    pub(crate) fn move_about(&self) -> bool {
+        self.moving
+    }
+
+    /// Whether some turn particles back.
+    pub(crate) fn turn_back(&self) -> bool {
+        self.turning
+    }
+
+    /// Takes up where receivers are at the beginning of a step and which way they go, and how many receptors are free.
+    pub(crate) fn set(&mut self, centers: &[[f32; 3]], places: &[Place], free: &[u32]) {
+        self.longest_way = 0.0;
+        for &k in &self.changing {
+            let body = &mut self.all[k];
+            let at = body.place as usize;
+            body.center = centers[at];
+            body.way = places[at].way;
+            let way = body.way.iter().map(|w| w * w).sum::<f32>().sqrt();
+            self.longest_way = self.longest_way.max(way);
+            body.set_free(free[at]);
+        }
+    }
+}
+
+/// Where a receiver is, and how it came there in the last step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    /// In µm.
+    pub(crate) center: [f32; 3],
+    /// Across seams, where space repeats, in µm.
+    pub(crate) way: [f32; 3],
+}
+
+/// Where receivers come in a step from these centres. Walls act on their surfaces; they go through each other.
+pub(crate) fn moved(model: &Model, centers: &[[f32; 3]], key: Key, step: u32) -> Vec<Place> {
+    let one = |(at, (receiver, &center)): (usize, (&Receiver, &[f32; 3]))| {
+        if !receiver.moves() {
+            return Place { center, way: [0.0; 3] };
+        }
+        let spread = (2.0 * receiver.diffusion * model.time_step).sqrt() as f32;
+        let z = normals(key.draw(at as u32, 0, step, Purpose::Body));
+        let end: [f32; 3] = std::array::from_fn(|k| {
+            center[k] + (spread * z[k] + (receiver.velocity[k] * model.time_step) as f32)
+        });
+        let room = room_of(model, receiver);
+        let after = room.place(end);
+        let way = std::array::from_fn(|k| match room.axes[k] {
+            Axis::Periodic { .. } => end[k] - center[k],
+            _ => after[k] - center[k],
+        });
+        Place { center: after, way }
+    };
+    model.receivers.iter().zip(centers).enumerate().map(one).collect()
+}
+
+/// Where the centre of a receiver may go: as far as its surface comes to walls, or anywhere where it has no such room.
+fn room_of(model: &Model, receiver: &Receiver) -> Boundary {
+    let room = model.boundary;
+    match room.too_narrow(receiver.radius) {
+        None => room.inset(receiver.radius),
+        Some(_) => room,
+    }
+}

@@ -1,0 +1,138 @@
+//! Receivers, and the bodies of transmitters.
+
+use toml::Spanned;
+
+use super::Names;
+use super::schedule::place;
+use super::transmitters::check_place;
+use crate::model::Model;
+use crate::receiver::{Kind, Receiver, Receptors, Sticking};
+use crate::scenario::file::{self, Finite, ReceiverKind};
+use crate::scenario::{Problem, advice};
+use crate::transmitter::Shape;
+
+pub(super) fn receivers(
+    many: &[file::Receiver],
+    names: &Names<'_>,
+    model: &Model,
+    advice: &mut Vec<Problem>,
+) -> Result<Vec<Receiver>, Problem> {
+    let mut all = Vec::new();
+    for one in many {
+        let receiver = receiver(one, names, model, advice)?;
+        let Some(lattice) = one.lattice else {
+            check_place(&model.boundary, one.center.span(), (receiver.center, receiver.radius), advice)?;
+            all.push(receiver);
+            continue;
+        };
+        let places = lattice.places.map(u32::from);
+        let shape = Shape::Lattice(lattice.size.map(|edge| edge.0 as f32), places);
+        let Some(count) = places.into_iter().try_fold(1, u32::checked_mul) else {
+            let message = format!("{places:?} places are more than can be numbered; make them fewer");
+            return Err(Problem::at(one.center.span(), message));
+        };
+        let said = advice.len();
+        for k in 0..count {
+            let offset = shape.offset([0; 4], k);
+            let center = std::array::from_fn(|axis| receiver.center[axis] + offset[axis]);
+            check_place(&model.boundary, one.center.span(), (center, receiver.radius), advice)?;
+            all.push(Receiver { name: format!("{}-{k}", receiver.name), center, ..receiver.clone() });
+        }
+        // One such place tells enough.
+        advice.truncate(said + 1);
+    }
+    Ok(all)
+}
+
+/// The reflecting spheres that transmitters are.
+pub(super) fn bodies(many: &[file::Transmitter], species: usize) -> Vec<Receiver> {
+    let body = |transmitter: &file::Transmitter| {
+        Some(Receiver {
+            name: transmitter.name.get_ref().0.clone(),
+            center: transmitter.center.as_ref().map_or([0.0; 3], |center| place(*center.get_ref())),
+            radius: transmitter.body_radius?.0 as f32,
+            kind: Kind::Reflecting,
+            sees: vec![true; species],
+            ..Receiver::default()
+        })
+    };
+    many.iter().filter_map(body).collect()
+}
+
+fn receiver(
+    one: &file::Receiver,
+    names: &Names<'_>,
+    model: &Model,
+    advice: &mut Vec<Problem>,
+) -> Result<Receiver, Problem> {
+    let mut sees = vec![one.species.is_none(); names.0.len()];
+    for name in one.species.iter().flatten() {
+        sees[names.get(name)? as usize] = true;
+    }
+    let receiver = Receiver {
+        name: one.name.0.clone(),
+        center: place(*one.center.get_ref()),
+        radius: one.radius.0 as f32,
+        kind: kind(one)?,
+        sees,
+        velocity: one.velocity.map(|Finite(v)| v),
+        diffusion: one.diffusion.0,
+    };
+    if let Some(message) = model.resting_before(&receiver) {
+        return Err(Problem::at(one.kind.span(), message));
+    }
+    let at_kind = |message| Problem::at(one.kind.span(), message);
+    advice.extend(advice::long_step_before(&receiver, model).map(at_kind));
+    if let Some(rate) = &one.unbinding_rate {
+        let message = advice::fast_unbinding(&receiver, model);
+        advice.extend(message.map(|message| Problem::at(rate.span(), message)));
+    }
+    Ok(receiver)
+}
+
+fn kind(one: &file::Receiver) -> Result<Kind, Problem> {
+    let kind = *one.kind.get_ref();
+    let misplaced = [
+        (one.probability.as_ref().map(Spanned::span), "probability", ReceiverKind::Partial),
+        (one.rate.as_ref().map(Spanned::span), "rate", ReceiverKind::Partial),
+        (one.count.as_ref().map(Spanned::span), "count", ReceiverKind::Receptors),
+        (one.binding_rate.as_ref().map(Spanned::span), "binding-rate", ReceiverKind::Receptors),
+        (one.unbinding_rate.as_ref().map(Spanned::span), "unbinding-rate", ReceiverKind::Receptors),
+    ];
+    for (span, key, of) in misplaced {
+        if let Some(span) = span.filter(|_| kind != of) {
+            let of = if of == ReceiverKind::Partial { "partial" } else { "receptors" };
+            return Err(Problem::at(span, format!("{key} goes with kind = \"{of}\"; take one away")));
+        }
+    }
+    let lacking = |message: &str| Err(Problem::at(one.kind.span(), message.to_owned()));
+    Ok(match kind {
+        ReceiverKind::Absorbing => Kind::Absorbing,
+        ReceiverKind::Endpoint => Kind::Endpoint,
+        ReceiverKind::Transparent => Kind::Transparent,
+        ReceiverKind::Reflecting => Kind::Reflecting,
+        ReceiverKind::Partial => Kind::Partial(match (&one.probability, &one.rate) {
+            (Some(probability), None) => Sticking::PerStep(probability.get_ref().0),
+            (None, Some(rate)) => Sticking::Reactivity(rate.get_ref().0),
+            _ => {
+                return lacking(
+                    "a partial receiver has either a rate, in µm/s, or a probability for each step",
+                );
+            }
+        }),
+        ReceiverKind::Receptors => {
+            let (Some(count), Some(binding), Some(unbinding)) =
+                (&one.count, &one.binding_rate, &one.unbinding_rate)
+            else {
+                return lacking(
+                    "receptors have a count, a binding-rate in µm³/s and an unbinding-rate in 1/s",
+                );
+            };
+            Kind::Receptors(Receptors {
+                count: (*count.get_ref()).into(),
+                binding_rate: binding.get_ref().0,
+                unbinding_rate: unbinding.get_ref().0,
+            })
+        }
+    })
+}

@@ -1,0 +1,93 @@
+use super::*;
+use crate::{Receptors, Sticking};
+
+/// The good file with another receiver.
+fn with(receiver: &str) -> String {
+    let begin = GOOD.find("radius = 0.5\nkind").unwrap();
+    let end = GOOD.find("[output]").unwrap();
+    let text = format!("{}{receiver}\n{}", &GOOD[..begin], &GOOD[end..]);
+    text.replace("[1, 0, 0]\nradius", "[-1, 0, 0]\nradius").replace("contact = \"separate\"", "")
+}
+
+#[test]
+fn every_surface_arrives() {
+    let receptors = Receptors { count: 7, binding_rate: 2.5, unbinding_rate: 0.5 };
+    let surfaces = [
+        ("kind = \"reflecting\"", Kind::Reflecting),
+        ("kind = \"partial\"\nrate = 3", Kind::Partial(Sticking::Reactivity(3.0))),
+        ("kind = \"partial\"\nprobability = 0.25", Kind::Partial(Sticking::PerStep(0.25))),
+        (
+            "kind = \"receptors\"\ncount = 7\nbinding-rate = 2.5\nunbinding-rate = 0.5",
+            Kind::Receptors(receptors),
+        ),
+    ];
+    for (text, kind) in surfaces {
+        let model = parse(&with(&format!("radius = 2\n{text}"))).unwrap().model;
+        assert_eq!(model.receivers[0].kind, kind);
+        assert!(!model.receivers[0].moves());
+    }
+    let moving = with("radius = 2\nkind = \"absorbing\"\nvelocity = [0, -1, 2]\ndiffusion = 3");
+    let receiver = &parse(&moving).unwrap().model.receivers[0];
+    assert_eq!((receiver.velocity, receiver.diffusion), ([0.0, -1.0, 2.0], 3.0));
+}
+
+#[test]
+fn a_lattice_makes_many_and_a_transmitter_is_a_body() {
+    let many = "radius = 0.1\nkind = \"absorbing\"\nlattice = { size = [1, 1, 2], places = [2, 1, 4] }";
+    let text = with(many).replace("name = \"tx\"", "name = \"tx\"\ncenter = [0, 0.5, 0]\nbody-radius = 0.25");
+    let receivers = parse(&text).unwrap().model.receivers;
+    assert_eq!(receivers.len(), 9);
+    assert_eq!((receivers[3].name.as_str(), receivers[3].center), ("rx-3", [-0.75, 0.0, -0.25]));
+    let body = &receivers[8];
+    assert_eq!((body.name.as_str(), body.kind, body.radius), ("tx", Kind::Reflecting, 0.25));
+    assert_eq!((body.center, &body.sees), ([0.0, 0.5, 0.0], &vec![true; 2]));
+    let outside =
+        text.replace("\"periodic\"", "\"reflecting\"").replace("size = [1, 1, 2]", "size = [1, 1, 9]");
+    let error = parse(&outside).expect_err("a place outside").to_string();
+    assert!(error.contains("is outside the walls"), "{error}");
+}
+
+#[test]
+fn what_does_not_go_together_is_refused() {
+    let mistakes = [
+        ("kind = \"partial\"", "kind", "either a rate"),
+        ("kind = \"partial\"\nrate = 1\nprobability = 0.5", "kind", "either a rate"),
+        ("kind = \"absorbing\"\nrate = 1", "rate", "goes with kind = \"partial\""),
+        ("kind = \"receptors\"\ncount = 1\nbinding-rate = 1", "kind", "an unbinding-rate in 1/s"),
+        ("kind = \"partial\"\nrate = 1\ncount = 3", "count", "goes with kind = \"receptors\""),
+        ("kind = \"partial\"\nprobability = 1.5", "probability", "1.5 is not a probability"),
+    ];
+    for (text, key, message) in mistakes {
+        let error = parse(&with(&format!("radius = 2\n{text}"))).expect_err(text).to_string();
+        assert!(error.contains(&format!("`{key}`")) && error.contains(message), "{text}: {error}");
+    }
+    let text = with("radius = 2\nkind = \"partial\"\nrate = 1").replace("diffusion = 50\n", "");
+    let error = parse(&text).expect_err("at rest").to_string();
+    assert!(error.contains("`kind`") && error.contains("base does not"), "{error}");
+}
+
+#[test]
+fn advice_about_surfaces_is_right_when_followed() {
+    let surfaces = [
+        ("radius = 0.2\nkind = \"reflecting\"", "is in the wrong places"),
+        ("radius = 0.2\nkind = \"partial\"\nrate = 1", "is in the wrong places"),
+        // What drifts there goes too far beside what diffuses.
+        ("radius = 9\nkind = \"partial\"\nrate = 1\nvelocity = [200, 0, 0]", "by drift"),
+        (
+            "radius = 9\nkind = \"receptors\"\ncount = 1\nbinding-rate = 1\nunbinding-rate = 900",
+            "come and go within",
+        ),
+    ];
+    for (text, message) in surfaces {
+        let text = with(text).replace("high = [1, 1, 1.5]", "high = [90, 90, 90]");
+        let own = |text: &str| {
+            let said = parse(text).unwrap().advice;
+            said.into_iter().find(|said| said.contains(message))
+        };
+        let said = own(&text).unwrap_or_else(|| panic!("{text}: {:?}", parse(&text).unwrap().advice));
+        let step = said.split("time-step = ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap();
+        assert_eq!(own(&text.replace("time-step = 0.001", &format!("time-step = {step}"))), None, "{said}");
+        let longer = 1.05 * step.parse::<f64>().unwrap();
+        assert!(own(&text.replace("0.001", &longer.to_string())).is_some(), "{said}");
+    }
+}

@@ -1,0 +1,267 @@
+//! Receivers as bodies: surfaces that take a part, hold, or turn back, and receivers that move.
+
+use lazygrid_sim::{
+    Boundary, Flow, Kind, Model, Particle, Particles, Receiver, Receptors, Shape, Simulation, Sticking,
+    Transmitter,
+};
+use rayon::prelude::*;
+
+use crate::Row;
+use crate::receivers::reached;
+use crate::setup::{begin, burst, mean, share_error, species, steps};
+
+const D: f64 = 100.0;
+const R: f64 = 5.0;
+const DISTANCE: f64 = 10.0;
+
+/// Share that a sphere of reactivity κ takes within T of what begins at a distance (Collins and Kimball, 1949).
+fn taken(kappa: f64, time: f64) -> f64 {
+    let h = kappa / D + 1.0 / R;
+    let y = (DISTANCE - R) / (4.0 * D * time).sqrt();
+    let x = h * (D * time).sqrt();
+    // exp(h(d − R) + h²DT)·erfc(y + x), of which both factors overflow.
+    let tail = (-y * y).exp() * erfcx(y + x);
+    R / DISTANCE * kappa / (D * h) * (libm::erfc(y) - tail)
+}
+
+/// exp(x²)·erfc(x), by its continued fraction where the factors leave the range of numbers.
+fn erfcx(x: f64) -> f64 {
+    if x < 20.0 {
+        return (x * x).exp() * libm::erfc(x);
+    }
+    1.0 / (std::f64::consts::PI.sqrt() * (x + 0.5 / (x + 1.0 / (x + 1.5 / x))))
+}
+
+/// Partial absorption at a rate, in steps of which a few to hundreds go by, and at a probability in each step, which is
+/// another rate for each time step.
+pub(crate) fn partial() -> Vec<Row> {
+    let (n, time) = (40_000_u32, 0.5);
+    let share = |sticking, count: u32| {
+        let receiver = Receiver {
+            name: "rx".to_owned(),
+            center: [DISTANCE as f32, 0.0, 0.0],
+            radius: R as f32,
+            kind: Kind::Partial(sticking),
+            sees: vec![true],
+            ..Receiver::default()
+        };
+        let model = Model {
+            time_step: time / f64::from(count),
+            species: vec![species("A", 0.0, D)],
+            transmitters: vec![burst(Shape::Point, &[(0, n)])],
+            receivers: vec![receiver],
+            ..Model::default()
+        };
+        let mut simulation = begin(&model, 6);
+        steps(&mut simulation, count);
+        simulation.state().totals.arrived[0][0] as f64 / f64::from(n)
+    };
+    let mut rows = Vec::new();
+    for kappa in [5.0, 20.0, 200.0] {
+        let expected = taken(kappa, time);
+        let tolerance = 4.0 * share_error(expected, n.into());
+        for count in [20, 200] {
+            let found = share(Sticking::Reactivity(kappa), count);
+            rows.push(Row::new(format!("rate {kappa} µm/s, {count} steps"), expected, found, tolerance));
+        }
+    }
+    let [few, many] = [20, 200].map(|count| share(Sticking::PerStep(0.1), count));
+    let tolerance = 4.0 * share_error(few, n.into());
+    rows.push(Row {
+        must_differ: true,
+        ..Row::new("probability 0.1, 20 and 200 steps", few, many, tolerance)
+    });
+    rows
+}
+
+/// The mean number that are bound of `n` in a volume to `receptors`, of the constant of equilibrium K.
+fn bound(n: u32, receptors: u32, constant_per_volume: f64) -> f64 {
+    let (mut weight, mut sum, mut total) = (1.0, 0.0, 1.0);
+    for b in 0..n.min(receptors) {
+        // One more: any free particle to any free receptor, and any of those bound may leave.
+        let b = f64::from(b);
+        weight *= (f64::from(n) - b) * (f64::from(receptors) - b) * constant_per_volume / (b + 1.0);
+        sum += (b + 1.0) * weight;
+        total += weight;
+    }
+    sum / total
+}
+
+/// The law of mass action for receptors, from well resolved steps to such as are long beside binding and unbinding.
+pub(crate) fn receptors() -> Vec<Row> {
+    const N: u32 = 200;
+    const EDGE: f64 = 4.0;
+    let radius = 0.5;
+    let free_volume = EDGE.powi(3) - 4.0 / 3.0 * std::f64::consts::PI * f64::powi(radius, 3);
+    let row = |(time_step, binding_rate): (f64, f64)| {
+        let unbinding_rate = 5.0;
+        let receptors = Receptors { count: 100, binding_rate, unbinding_rate };
+        let receiver = Receiver {
+            name: "rx".to_owned(),
+            radius: radius as f32,
+            kind: Kind::Receptors(receptors),
+            sees: vec![true],
+            ..Receiver::default()
+        };
+        let model = Model {
+            time_step,
+            species: vec![species("A", 0.0, 1.0)],
+            transmitters: vec![burst(Shape::Box([EDGE as f32; 3]), &[(0, N)])],
+            receivers: vec![receiver],
+            boundary: Boundary::periodic([-2.0; 3], [2.0; 3]),
+            ..Model::default()
+        };
+        let run = |seed: u64| {
+            let mut simulation = begin(&model, seed);
+            let settling = (2.0 / time_step) as u32;
+            steps(&mut simulation, settling);
+            let (samples, between) = (300, (0.04 / time_step) as u32);
+            let held = (0..samples).map(|_| {
+                steps(&mut simulation, between);
+                let state = simulation.state();
+                assert_eq!(state.particles.len() + state.bound.len(), N as usize);
+                state.bound.len() as f64
+            });
+            held.sum::<f64>() / f64::from(samples)
+        };
+        let means: Vec<f64> = (0..16).into_par_iter().map(run).collect();
+        let (measured, error) = mean(&means);
+        let expected = bound(N, receptors.count, binding_rate / unbinding_rate / free_volume);
+        let what = format!("held, binding {binding_rate} µm³/s, step {time_step} s");
+        Row::new(what, expected, measured, 4.0 * error)
+    };
+    [(0.005, 2.0), (0.02, 2.0), (0.02, 0.2)].map(row).into()
+}
+
+/// Particles uniform in a periodic box but for a sphere, and the shells around that.
+pub(crate) fn reflecting() -> Vec<Row> {
+    const N: u32 = 20_000;
+    const RADIUS: f32 = 1.0;
+    let mut rows = Vec::new();
+    // What goes as fast as everything around it is at rest beside that.
+    for (what, diffusion, velocity) in
+        [("at rest", 0.0, [0.0; 3]), ("diffusing", 0.5, [0.0; 3]), ("in a flow", 0.0, [20.0, 0.0, 0.0])]
+    {
+        let boundary = Boundary::periodic([-2.0; 3], [2.0; 3]);
+        let obstacle = Receiver {
+            name: "body".to_owned(),
+            radius: RADIUS,
+            kind: Kind::Reflecting,
+            sees: vec![true],
+            velocity,
+            diffusion,
+            ..Receiver::default()
+        };
+        let model = Model {
+            time_step: 0.02,
+            species: vec![species("A", 0.0, 1.0)],
+            receivers: vec![obstacle],
+            flow: Some(Flow::Plug(velocity)),
+            boundary,
+            ..Model::default()
+        };
+        let inside = |particles: &Particles, center: [f32; 3], radius: f32| {
+            let ball = Receiver { radius, sees: vec![true], ..Receiver::default() };
+            ball.inside(center, &boundary, particles)[0] as f64
+        };
+        let run = |seed: u64| {
+            let all = Transmitter { ..burst(Shape::Box([4.0; 3]), &[(0, N)]) };
+            let from =
+                begin(&Model { transmitters: vec![all], receivers: Vec::new(), ..model.clone() }, seed);
+            let mut particles = Particles::default();
+            let all = &from.state().particles;
+            let out = |p: &Particle| p.position.iter().map(|c| c * c).sum::<f32>() > RADIUS * RADIUS;
+            (0..all.len()).map(|at| all.get(at)).filter(out).for_each(|p| particles.push(p, false));
+            let mut simulation: Simulation = begin(&model, seed);
+            simulation.insert(&particles).expect("known species");
+            let mut shares = [0.0; 3];
+            for _ in 0..4 {
+                steps(&mut simulation, 4);
+                let state = simulation.state();
+                let within = |radius| inside(&state.particles, state.centers[0], radius);
+                let counts = [RADIUS, RADIUS + 0.05, RADIUS + 0.2].map(within);
+                shares[0] += 0.25 * counts[0];
+                (1..3).for_each(|k| shares[k] += 0.25 * (counts[k] - counts[k - 1]) / particles.len() as f64);
+            }
+            shares
+        };
+        let runs: Vec<[f64; 3]> = (0..16).into_par_iter().map(run).collect();
+        rows.push(Row::new(format!("inside a sphere {what}"), 0.0, runs.iter().map(|r| r[0]).sum(), 0.0));
+        let ball = |radius: f64| 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
+        for (k, [from, to]) in [(1, [1.0, 1.05]), (2, [1.05, 1.2])] {
+            let expected = (ball(to) - ball(from)) / (64.0 - ball(1.0));
+            let (measured, error) = mean(&runs.iter().map(|run| run[k]).collect::<Vec<_>>());
+            let what = format!("from {from} to {to} µm around one {what}");
+            rows.push(Row::new(what, expected, measured, 4.0 * error));
+        }
+    }
+    rows
+}
+
+/// A receiver that goes through what rests takes what a resting one takes of a flow; and many that diffuse take what
+/// resting ones take of what diffuses as fast as both together.
+pub(crate) fn moving() -> Vec<Row> {
+    let (speed, start, n) = (10.0, [-4.0_f32, 1.0, 0.0], 40_000_u32);
+    let distance = f64::from(start[0].hypot(start[1]));
+    let expected = reached(speed / 2.0, distance, f64::from(start[0]) / distance);
+    let row = |count: u32| {
+        let receiver = Receiver {
+            name: "rx".to_owned(),
+            radius: 1.0,
+            kind: Kind::Absorbing,
+            sees: vec![true],
+            velocity: [-speed, 0.0, 0.0],
+            ..Receiver::default()
+        };
+        let model = Model {
+            time_step: 1.6 / f64::from(count),
+            species: vec![species("A", 0.0, 1.0)],
+            transmitters: vec![Transmitter { center: start, ..burst(Shape::Point, &[(0, n)]) }],
+            receivers: vec![receiver],
+            ..Model::default()
+        };
+        let mut simulation = begin(&model, 5);
+        steps(&mut simulation, count);
+        let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(n);
+        let what = format!("on the way of a receiver, {count} steps");
+        Row::new(what, expected, share, 4.0 * share_error(expected, n.into()))
+    };
+    let mut rows: Vec<Row> = [8, 32, 400].map(row).into();
+    rows.push(diffusing());
+    rows
+}
+
+fn diffusing() -> Row {
+    const SIDE: u32 = 10;
+    const BURST: u32 = 40;
+    const OWN: f64 = 50.0;
+    let (time, count) = (0.5, 100);
+    let places =
+        (0..SIDE.pow(3)).map(|k| [k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE].map(|c| 150.0 * c as f32));
+    let receiver = |center| Receiver {
+        name: "rx".to_owned(),
+        center,
+        radius: R as f32,
+        sees: vec![true],
+        diffusion: OWN,
+        ..Receiver::default()
+    };
+    let beside = |[x, y, z]: [f32; 3]| Transmitter {
+        center: [x + DISTANCE as f32, y, z],
+        ..burst(Shape::Point, &[(0, BURST)])
+    };
+    let model = Model {
+        time_step: time / f64::from(count),
+        species: vec![species("A", 0.0, D)],
+        transmitters: places.clone().map(beside).collect(),
+        receivers: places.map(receiver).collect(),
+        ..Model::default()
+    };
+    let mut simulation = begin(&model, 7);
+    steps(&mut simulation, count);
+    let arrived = &simulation.state().totals.arrived;
+    let shares: Vec<f64> = arrived.iter().map(|row| row[0] as f64 / f64::from(BURST)).collect();
+    let (measured, error) = mean(&shares);
+    let expected = R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * (D + OWN) * time).sqrt());
+    Row::new("by many that diffuse", expected, measured, 4.0 * error)
+}
