@@ -1,7 +1,10 @@
+mod replicas;
+
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use lazygrid_sim::Simulator;
+use lazygrid_sim::replicas::Replicas;
 use lazygrid_sim::run::{End, Run};
 use lazygrid_sim::scenario::Scenario;
 
@@ -23,8 +26,6 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         let name = args.scenario.file_stem().unwrap_or(args.scenario.as_os_str());
         PathBuf::from(name)
     });
-    let asked = signals::ask_to_stop()?;
-    let bar = progress::running(scenario.steps);
     let run = Run {
         scenario,
         path: args.scenario.clone(),
@@ -36,6 +37,16 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         overwrite: args.overwrite,
         space_check: !args.no_space_check,
     };
+    match args.replicas {
+        None => once(run),
+        Some(count) => replicas::run(Replicas { run, count }),
+    }
+}
+
+/// Does one run.
+fn once(run: Run) -> Result<(), Failure> {
+    let asked = signals::ask_to_stop()?;
+    let bar = progress::running(run.scenario.steps.into());
     let mut started = false;
     let (end, simulation) = run.run(|simulation| {
         if !started {

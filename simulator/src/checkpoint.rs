@@ -1,11 +1,10 @@
 //! A run on disk, to go on from.
 
-use std::io::Write;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, State};
+use crate::{Error, State, output};
 
 /// Everything that is needed to continue a run bit for bit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,7 +24,7 @@ pub struct Checkpoint {
 }
 
 /// The file's first bytes: what it is, and the version of its layout.
-const MAGIC: &[u8] = b"lazygrid checkpoint 2\n";
+const MAGIC: &[u8] = b"lazygrid checkpoint 3\n";
 
 impl Checkpoint {
     /// Writes a checkpoint in place of the one before, which is untouched until this one is complete.
@@ -34,18 +33,8 @@ impl Checkpoint {
     /// [`Error::Write`].
     pub fn write(&self, path: &Path) -> Result<(), Error> {
         let write = || -> std::io::Result<()> {
-            let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
-            let mut builder = tempfile::Builder::new();
-            builder.prefix(".checkpoint-");
-            // A temporary file is private by default, but the file that it becomes is an ordinary one.
-            #[cfg(unix)]
-            builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-            let mut file = builder.tempfile_in(directory)?;
             let bytes = postcard::to_extend(self, MAGIC.to_vec()).map_err(std::io::Error::other)?;
-            file.write_all(&bytes)?;
-            file.as_file().sync_data()?;
-            file.persist(path)?;
-            Ok(())
+            output::replace(path, &bytes)
         };
         write().map_err(|source| Error::Write { path: path.to_owned(), source })
     }

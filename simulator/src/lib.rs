@@ -31,6 +31,7 @@
 //! # Ok::<(), lazygrid_sim::Error>(())
 //! ```
 
+pub mod arrivals;
 pub mod boundary;
 pub mod checkpoint;
 pub mod contact;
@@ -50,6 +51,8 @@ pub mod rate;
 pub mod reactions;
 pub mod receiver;
 pub mod release;
+pub mod replicas;
+pub mod results;
 pub mod run;
 pub mod scenario;
 pub mod transmitter;
@@ -64,6 +67,7 @@ mod simulation;
 mod simulator;
 mod stream;
 
+pub use arrivals::{Arrival, Origin};
 pub use boundary::{Axis, Boundary};
 pub use error::Error;
 pub use model::{Chance, Contact, Decay, Flow, Model, Reaction, Species, Unbinding};

@@ -35,6 +35,8 @@ pub enum Purpose {
     Symbol = 10,
     /// Whether and where a swimmer turns.
     Tumble = 11,
+    /// The seed of a replica; drawn by its number.
+    Replica = 100,
 }
 
 /// The seed of a run as Philox takes it.

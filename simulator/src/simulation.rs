@@ -4,6 +4,7 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Order};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
+use crate::arrivals::{Arrival, Origin, Origins};
 use crate::contact::Contacts;
 use crate::decay::Decays;
 use crate::dissociation::{self, Dissociation};
@@ -27,6 +28,8 @@ pub struct State {
     pub next_id: u32,
     /// What was counted.
     pub totals: Totals,
+    /// Where the particles are from, in a model that logs arrivals.
+    pub origins: Origins,
 }
 
 /// Counts since the beginning of a run.
@@ -63,6 +66,13 @@ impl State {
     /// Releases what is due at the beginning of the next step.
     fn release(&mut self, model: &Model, decays: &Decays, key: Key) -> Result<(), Error> {
         let released = model.release(decays, key, self.step, self.next_id)?;
+        if model.logs_arrivals {
+            let mut first = self.next_id;
+            for (transmitter, _, count) in model.releases(self.step, key) {
+                self.origins.enter(first, Some(Origin { transmitter, step: self.step }));
+                first += count;
+            }
+        }
         self.next_id = released.next_id;
         self.totals.enter(&released);
         self.particles.append(released.particles);
@@ -106,6 +116,7 @@ pub struct Simulation {
     dissociation: Dissociation,
     detector: Option<Detector>,
     matching: Matching,
+    arrivals: Vec<Arrival>,
 }
 
 impl Simulation {
@@ -142,6 +153,7 @@ impl Simulation {
             dissociation: Dissociation::new(&model),
             detector,
             matching: Matching::default(),
+            arrivals: Vec::new(),
             model,
             state,
         })
@@ -175,6 +187,9 @@ impl Simulation {
             )));
         }
         self.state.particles.reserve(particles.len() as u64, with_velocity)?;
+        if self.model.logs_arrivals {
+            self.state.origins.enter(self.state.next_id, None);
+        }
         for at in 0..particles.len() {
             let particle = particles.get(at);
             self.state.next_id = self.state.next_id.max(particle.id.saturating_add(1));
@@ -199,6 +214,11 @@ impl Simulation {
         self.model.receivers.iter().enumerate().map(says).collect()
     }
 
+    /// Who arrived in the last step, in the order of ids, in a model that logs arrivals.
+    pub fn arrivals(&self) -> &[Arrival] {
+        &self.arrivals
+    }
+
     /// Does one step: every particle moves, meets walls and receivers, and may decay; pairs are found, react, and push
     /// each other away; transmitters release what is due next.
     ///
@@ -215,11 +235,17 @@ impl Simulation {
 
     fn apply_events(&mut self, events: &[Event]) {
         let mut gone = Vec::new();
+        self.arrivals.clear();
         for event in events {
             match *event {
                 Event::Arrived { at, receiver } => {
-                    let species = self.state.particles.species[at as usize] as usize;
-                    self.state.totals.arrived[receiver as usize][species] += 1;
+                    let species = self.state.particles.species[at as usize];
+                    self.state.totals.arrived[receiver as usize][species as usize] += 1;
+                    if self.model.logs_arrivals {
+                        let id = self.state.particles.id[at as usize];
+                        let origin = self.state.origins.of(id);
+                        self.arrivals.push(Arrival { receiver, species, id, origin });
+                    }
                     self.transform(at, None, &mut gone);
                 }
                 Event::Decayed { at, decay, product } => {
@@ -228,6 +254,7 @@ impl Simulation {
                 }
             }
         }
+        self.arrivals.sort_unstable_by_key(|arrival| arrival.id);
         self.state.particles.remove(&mut gone);
     }
 
@@ -310,6 +337,9 @@ impl Simulation {
         for split in &splits {
             self.state.totals.decayed[split.decay as usize] += 1;
             let velocity = self.state.particles.get(split.at as usize).velocity;
+            if self.model.logs_arrivals && split.products[1].is_some() {
+                self.state.origins.enter(self.state.next_id, self.state.origins.of(split.id));
+            }
             born.extend(dissociation::second(split, velocity, self.state.next_id));
             self.state.next_id = self.state.next_id.saturating_add(u32::from(split.products[1].is_some()));
             self.transform(split.at, split.products[0].map(|(species, ..)| species), &mut gone);

@@ -1,6 +1,7 @@
 //! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on,
-//! `symbols.csv` where messages are sent, and `checkpoint`.
+//! `symbols.csv` where messages are sent, `arrivals.csv` and `releases.csv` where they are asked for, and `checkpoint`.
 
+mod arrivals;
 mod forecast;
 mod frames;
 mod lock;
@@ -24,7 +25,16 @@ pub(crate) struct Files {
     output: Output,
     series: Growing,
     xyz: Option<Growing>,
+    logs: Option<Logs>,
     _lock: Lock,
+}
+
+/// Who was released and who arrived.
+#[derive(Debug)]
+struct Logs {
+    arrivals: Growing,
+    releases: Growing,
+    seed: u64,
 }
 
 impl Files {
@@ -37,7 +47,15 @@ impl Files {
     ) -> Result<Self, Error> {
         let series = Growing::create(directory.join("series.csv"))?;
         let xyz = output.xyz.then(|| Growing::create(directory.join("frames.xyz"))).transpose()?;
-        let mut files = Self { directory: directory.to_owned(), output, series, xyz, _lock: lock };
+        let mut logs = None;
+        if model.logs_arrivals {
+            let [mut arrivals, mut releases] =
+                [Growing::create(directory.join("arrivals.csv"))?, Growing::create(directory.join("releases.csv"))?];
+            arrivals.put(arrivals::header)?;
+            releases.put(arrivals::header_of_releases)?;
+            logs = Some(Logs { arrivals, releases, seed });
+        }
+        let mut files = Self { directory: directory.to_owned(), output, series, xyz, logs, _lock: lock };
         files.series.put(|out| series::header(out, model))?;
         if symbols::any(model) {
             let mut sent = Growing::create(directory.join("symbols.csv"))?;
@@ -51,13 +69,21 @@ impl Files {
     pub(crate) fn reopen(
         directory: &Path,
         output: Output,
+        (model, seed): (&Model, u64),
         lengths: &[u64],
         lock: Lock,
     ) -> Result<Self, Error> {
-        let length = |k: usize| lengths.get(k).copied().unwrap_or(0);
-        let series = Growing::reopen(directory.join("series.csv"), length(0))?;
-        let xyz = output.xyz.then(|| Growing::reopen(directory.join("frames.xyz"), length(1))).transpose()?;
-        Ok(Self { directory: directory.to_owned(), output, series, xyz, _lock: lock })
+        let mut lengths = lengths.iter().copied();
+        let mut reopen =
+            |name: &str| Growing::reopen(directory.join(name), lengths.next().unwrap_or_default());
+        let series = reopen("series.csv")?;
+        let xyz = output.xyz.then(|| reopen("frames.xyz")).transpose()?;
+        let mut logs = None;
+        if model.logs_arrivals {
+            let [arrivals, releases] = [reopen("arrivals.csv")?, reopen("releases.csv")?];
+            logs = Some(Logs { arrivals, releases, seed });
+        }
+        Ok(Self { directory: directory.to_owned(), output, series, xyz, logs, _lock: lock })
     }
 
     /// Writes what is due after the steps done so far.
@@ -65,6 +91,10 @@ impl Files {
         let step = simulation.step_count();
         if step.is_multiple_of(self.output.every) {
             self.series.put(|out| series::row(out, simulation))?;
+        }
+        if let Some(Logs { arrivals, releases, seed }) = &mut self.logs {
+            arrivals.put(|out| arrivals::rows(out, simulation))?;
+            releases.put(|out| arrivals::rows_of_releases(out, simulation, *seed))?;
         }
         if self.output.has_frame(step) {
             let state = simulation.state()?;
@@ -85,6 +115,9 @@ impl Files {
     pub(crate) fn sync(&mut self) -> Result<Vec<u64>, Error> {
         let mut lengths = vec![self.series.sync()?];
         lengths.extend(self.xyz.as_mut().map(Growing::sync).transpose()?);
+        if let Some(Logs { arrivals, releases, .. }) = &mut self.logs {
+            lengths.extend([arrivals.sync()?, releases.sync()?]);
+        }
         Ok(lengths)
     }
 }
@@ -138,10 +171,46 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     let refused = |source| Error::Write { path: directory.to_owned(), source };
     fs::create_dir_all(directory).map_err(refused)?;
     let lock = Lock::take(directory)?;
-    if !overwrite && directory.join("checkpoint").exists() {
+    let holds = |name: &str| directory.join(name).exists();
+    if !overwrite && (holds("checkpoint") || holds("replicas.csv")) {
         let message = "it holds a run already; continue that with --resume, replace it with --overwrite, or choose \
                        another directory";
         return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
     }
     Ok(lock)
+}
+
+/// Takes away files of an earlier run that would be taken for those of this one.
+///
+/// # Errors
+/// [`Error::Write`].
+pub(crate) fn forget(directory: &Path, names: &[&str]) -> Result<(), Error> {
+    for name in names {
+        let path = directory.join(name);
+        match fs::remove_file(&path) {
+            Err(source) if source.kind() != io::ErrorKind::NotFound => {
+                return Err(Error::Write { path, source });
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Writes a file in place of the one before, which is untouched until this one is complete.
+///
+/// # Errors
+/// What the system says.
+pub(crate) fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".draft-");
+    // A temporary file is private by default, but the file that it becomes is an ordinary one.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(directory)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_data()?;
+    file.persist(path)?;
+    Ok(())
 }

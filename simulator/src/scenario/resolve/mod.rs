@@ -34,6 +34,7 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
             Some(file::Contact::Separate) => Contact::Separate,
             Some(file::Contact::Elastic) => Contact::Elastic,
         },
+        logs_arrivals: file.output.arrivals,
         ..Model::default()
     };
     model.flow = space::flow(file.flow.as_ref(), &model.boundary)?;

@@ -1,0 +1,4 @@
+//! What comes of runs, from the files that they write.
+
+pub mod mean;
+pub mod series;
