@@ -192,6 +192,7 @@ pub(crate) struct Generate {
   checkpoint          what --resume goes on from; also after Ctrl-C and SIGTERM, which end the run
   arrivals.csv        the time, receiver, species, id, transmitter and release of each arrival, and
   releases.csv        what transmitters released, where the scenario asks for arrivals
+  animation.html      plays the run, where --animate asks for it; animation.frames is what it is made of
   .lock               locked while a run writes to the directory
 With --replicas:
   replicas.csv        the seed of each replica
@@ -223,6 +224,15 @@ pub(crate) struct Simulate {
     /// Write a frame after every N steps [default: the scenario's]
     #[arg(long, value_name = "N")]
     pub(crate) frames_every: Option<NonZeroU32>,
+    /// Write animation.html, one file that plays the run in three dimensions in any browser
+    #[arg(long)]
+    pub(crate) animate: bool,
+    /// Give the animation a frame after every N steps [default: a two-hundredth of the scenario's steps]
+    #[arg(long, value_name = "N", requires = "animate")]
+    pub(crate) animate_every: Option<NonZeroU32>,
+    /// Draw no more than N particles in the animation, chosen by their ids; each takes 8 bytes of every frame
+    #[arg(long, value_name = "N", requires = "animate", default_value_t = 20_000)]
+    pub(crate) animate_particles: u32,
     /// Write a checkpoint after every N steps besides that at the end [default: the scenario's]
     #[arg(long, value_name = "N")]
     pub(crate) checkpoint_every: Option<NonZeroU32>,

@@ -67,7 +67,9 @@ impl Failure {
     /// shells say, after Ctrl-C (130) or SIGTERM (143); else 1.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
-            Self::Stopped { signal, .. } | Self::StoppedReplicas { signal, .. } => 128 + (*signal & 0x7F) as u8,
+            Self::Stopped { signal, .. } | Self::StoppedReplicas { signal, .. } => {
+                128 + (*signal & 0x7F) as u8
+            }
             Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::AdapterOnCpu { .. })
             | Self::OutputIsInput { .. }
             | Self::OutputFormat { .. }

@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use lazygrid_sim::Simulator;
+use lazygrid_sim::animation::Animation;
 use lazygrid_sim::replicas::Replicas;
 use lazygrid_sim::run::{End, Run};
 use lazygrid_sim::scenario::Scenario;
@@ -13,9 +14,18 @@ use crate::failure::Failure;
 use crate::signals::Asked;
 use crate::{print, progress, signals};
 
+/// About how many frames an animation has.
+const FRAMES: u32 = 200;
+
 /// Runs a scenario and says what came of it.
 pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
     let mut scenario = Scenario::read(&args.scenario)?;
+    let animation = Animation {
+        // By the scenario, so that it is the same for a run that goes on for longer.
+        every: args.animate_every.map_or((scenario.steps / FRAMES).max(1), Into::into),
+        particles: args.animate_particles,
+    };
+    scenario.output.animation = args.animate.then_some(animation);
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     scenario.steps = args.steps.unwrap_or(scenario.steps);
     let output = &mut scenario.output;

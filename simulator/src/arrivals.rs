@@ -70,8 +70,7 @@ mod tests {
         origins.enter(40, from(1, 8));
         origins.enter(50, None);
         let ids = [0, 9, 10, 29, 30, 45, 50, u32::MAX];
-        let expected =
-            [from(0, 0), from(0, 0), from(1, 0), from(1, 0), from(1, 8), from(1, 8), None, None];
+        let expected = [from(0, 0), from(0, 0), from(1, 0), from(1, 0), from(1, 8), from(1, 8), None, None];
         assert_eq!(ids.map(|id| origins.of(id)), expected);
         assert_eq!(origins.ranges.len(), 4);
     }

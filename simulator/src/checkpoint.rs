@@ -1,5 +1,6 @@
 //! A run on disk, to go on from.
 
+use std::io::Write;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -15,8 +16,8 @@ pub struct Checkpoint {
     pub seed: u64,
     /// The name of the back end that computed it.
     pub backend: String,
-    /// Steps between rows, and between frames.
-    pub every: [u32; 2],
+    /// Steps between rows, between frames, and between those of the animation, 0 where there is none.
+    pub every: [u32; 3],
     /// The length of each file that the run appends to.
     pub lengths: Vec<u64>,
     /// Where the run stands.
@@ -32,11 +33,10 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Write`].
     pub fn write(&self, path: &Path) -> Result<(), Error> {
-        let write = || -> std::io::Result<()> {
+        output::replace(path, |out| {
             let bytes = postcard::to_extend(self, MAGIC.to_vec()).map_err(std::io::Error::other)?;
-            output::replace(path, &bytes)
-        };
-        write().map_err(|source| Error::Write { path: path.to_owned(), source })
+            out.write_all(&bytes)
+        })
     }
 
     /// Reads a checkpoint.

@@ -31,6 +31,7 @@
 //! # Ok::<(), lazygrid_sim::Error>(())
 //! ```
 
+pub mod animation;
 pub mod arrivals;
 pub mod boundary;
 pub mod checkpoint;

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::Write;
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -97,6 +97,8 @@ impl Replicas {
         let mut run = self.run.clone();
         run.scenario.seed = seed_of(run.scenario.seed, replica);
         run.directory = self.directory_of(replica);
+        // One shows what they are like.
+        run.scenario.output.animation = run.scenario.output.animation.filter(|_| replica == 0);
         // One that was not begun has nothing to go on from.
         run.resume &= run.directory.join("checkpoint").exists();
         run
@@ -132,7 +134,7 @@ impl Replicas {
                 Lock::take(directory)?
             }
         };
-        write(&path, |out| out.write_all(table.as_bytes()))?;
+        output::replace(&path, |out| out.write_all(table.as_bytes()))?;
         Ok(lock)
     }
 
@@ -152,7 +154,7 @@ impl Replicas {
                 _ => {}
             }
         }
-        write(&self.run.directory.join("mean.csv"), |out| mean.write(out))?;
+        output::replace(&self.run.directory.join("mean.csv"), |out| mean.write(out))?;
         let end = if ended.len() == self.count.get() as usize { End::Finished } else { End::Stopped };
         Ok(Replicated { end, done, mean })
     }
@@ -199,12 +201,6 @@ impl<'a> Course<'a> {
             all.insert(place, ended.map(|(end, _)| end));
         }
     }
-}
-
-/// Writes a file in place of the one before, when it is complete.
-fn write(path: &Path, content: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> Result<(), Error> {
-    let mut bytes = Vec::new();
-    content(&mut bytes).and_then(|()| output::replace(path, &bytes)).map_err(|source| Error::Write { path: path.to_owned(), source })
 }
 
 #[cfg(test)]

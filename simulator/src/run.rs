@@ -8,7 +8,7 @@ use lazygrid::{Algorithm, Backend};
 use crate::checkpoint::Checkpoint;
 use crate::output::{self, Files, Forecast, Lock};
 use crate::pace::Pace;
-use crate::scenario::Scenario;
+use crate::scenario::{Output, Scenario};
 use crate::{Error, Simulator};
 
 /// What is to be run, and where it is written.
@@ -121,17 +121,25 @@ impl Run {
         if simulation.step_count() > first {
             self.save(&simulation, &mut files)?;
         }
+        files.animate(simulation.model(), &self.title())?;
         if beside.place == 0 {
             pace.advice(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
         }
         Ok((end, simulation))
     }
 
+    /// What the run is called where it is shown.
+    fn title(&self) -> String {
+        let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
+        format!("{name}, seed {}", self.scenario.seed)
+    }
+
     /// How many steps there are until something is written.
     fn steps_to_next(&self, step: u32) -> u32 {
         let output = self.scenario.output;
         let frames = (output.xyz || output.npy).then_some(output.frames_every);
-        let every = [Some(output.every), frames, output.checkpoint_every];
+        let animated = output.animation.map(|animation| animation.every);
+        let every = [Some(output.every), frames, animated, output.checkpoint_every];
         let left = every.into_iter().flatten().map(|every| every - step % every);
         left.fold(self.scenario.steps - step, u32::min)
     }
@@ -194,7 +202,9 @@ impl Run {
     fn is_disk_full(&self, simulation: &Simulator, beside: Beside) -> Result<bool, Error> {
         let (step, output) = (simulation.step_count(), self.scenario.output);
         let rows = output.every.saturating_mul(ROWS);
-        if !self.space_check || !(output.has_frame(step) || step.is_multiple_of(rows)) {
+        if !self.space_check
+            || !(output.has_frame(step) || output.animated(step).is_some() || step.is_multiple_of(rows))
+        {
             return Ok(false);
         }
         Ok(self.free()? < 2 * u64::from(beside.at_once) * output::next(simulation, output))
@@ -220,10 +230,14 @@ impl Run {
         if seed != own.seed {
             return refused(format!("it is of seed {seed} and not {}; give --seed {seed}", own.seed));
         }
-        if every != [own.output.every, own.output.frames_every] {
-            let [rows, frames] = every;
+        if every != intervals(own.output) {
+            let [rows, frames, animation] = every;
+            let animation = match animation {
+                0 => "it has no animation".to_owned(),
+                every => format!("its animation by --animate --animate-every {every}"),
+            };
             return refused(format!(
-                "its series goes by --every {rows} and its frames by --frames-every {frames}"
+                "its series goes by --every {rows} and its frames by --frames-every {frames}; {animation}"
             ));
         }
         if own.steps < state.step {
@@ -252,12 +266,17 @@ impl Run {
             scenario: text.clone(),
             seed: *seed,
             backend: simulation.backend().name().to_owned(),
-            every: [output.every, output.frames_every],
+            every: intervals(*output),
             lengths: files.sync()?,
             state: simulation.state()?.into_owned(),
         };
         checkpoint.write(&self.directory.join("checkpoint"))
     }
+}
+
+/// Steps between rows, frames, and frames of the animation.
+fn intervals(output: Output) -> [u32; 3] {
+    [output.every, output.frames_every, output.animation.map_or(0, |animation| animation.every)]
 }
 
 /// A pool of so many threads.

@@ -194,7 +194,13 @@ impl GpuSimulation {
                 .push(Particle { position: [x, y, z], radius, species, id, ..Particle::default() }, false);
         }
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), false));
-        Ok(State { particles, step: self.step, next_id: self.next_id, totals: self.totals.clone(), ..State::default() })
+        Ok(State {
+            particles,
+            step: self.step,
+            next_id: self.next_id,
+            totals: self.totals.clone(),
+            ..State::default()
+        })
     }
 
     fn encoder(&self) -> wgpu::CommandEncoder {

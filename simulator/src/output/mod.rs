@@ -1,5 +1,6 @@
 //! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on,
-//! `symbols.csv` where messages are sent, `arrivals.csv` and `releases.csv` where they are asked for, and `checkpoint`.
+//! `symbols.csv` where messages are sent, `arrivals.csv` and `releases.csv`, `animation.html` where they are asked
+//! for, and `checkpoint`.
 
 mod arrivals;
 mod forecast;
@@ -15,8 +16,13 @@ use std::path::{Path, PathBuf};
 pub(crate) use forecast::{Forecast, next};
 pub(crate) use lock::Lock;
 
+use crate::animation;
+use crate::results::series::Series;
 use crate::scenario::Output;
 use crate::{Error, Model, Simulator};
+
+/// The frames from which the animation is made.
+const ANIMATED: &str = "animation.frames";
 
 /// The open files of a run.
 #[derive(Debug)]
@@ -26,6 +32,7 @@ pub(crate) struct Files {
     series: Growing,
     xyz: Option<Growing>,
     logs: Option<Logs>,
+    animation: Option<Growing>,
     _lock: Lock,
 }
 
@@ -49,16 +56,21 @@ impl Files {
         let xyz = output.xyz.then(|| Growing::create(directory.join("frames.xyz"))).transpose()?;
         let mut logs = None;
         if model.logs_arrivals {
-            let [mut arrivals, mut releases] =
-                [Growing::create(directory.join("arrivals.csv"))?, Growing::create(directory.join("releases.csv"))?];
+            let [mut arrivals, mut releases] = [
+                Growing::create(directory.join("arrivals.csv"))?,
+                Growing::create(directory.join("releases.csv"))?,
+            ];
             arrivals.put(arrivals::header)?;
             releases.put(arrivals::header_of_releases)?;
             logs = Some(Logs { arrivals, releases, seed });
         }
-        let mut files = Self { directory: directory.to_owned(), output, series, xyz, logs, _lock: lock };
+        let animated = output.animation.is_some();
+        let animation = animated.then(|| Growing::create(directory.join(ANIMATED))).transpose()?;
+        let directory = directory.to_owned();
+        let mut files = Self { directory, output, series, xyz, logs, animation, _lock: lock };
         files.series.put(|out| series::header(out, model))?;
         if symbols::any(model) {
-            let mut sent = Growing::create(directory.join("symbols.csv"))?;
+            let mut sent = Growing::create(files.directory.join("symbols.csv"))?;
             sent.put(|out| symbols::write(out, model, seed))?;
             sent.sync()?;
         }
@@ -83,7 +95,8 @@ impl Files {
             let [arrivals, releases] = [reopen("arrivals.csv")?, reopen("releases.csv")?];
             logs = Some(Logs { arrivals, releases, seed });
         }
-        Ok(Self { directory: directory.to_owned(), output, series, xyz, logs, _lock: lock })
+        let animation = output.animation.is_some().then(|| reopen(ANIMATED)).transpose()?;
+        Ok(Self { directory: directory.to_owned(), output, series, xyz, logs, animation, _lock: lock })
     }
 
     /// Writes what is due after the steps done so far.
@@ -95,6 +108,10 @@ impl Files {
         if let Some(Logs { arrivals, releases, seed }) = &mut self.logs {
             arrivals.put(|out| arrivals::rows(out, simulation))?;
             releases.put(|out| arrivals::rows_of_releases(out, simulation, *seed))?;
+        }
+        if let (Some(animation), Some(frames)) = (self.output.animated(step), &mut self.animation) {
+            let state = simulation.state()?;
+            frames.put(|out| animation::append(out, &state, animation.particles))?;
         }
         if self.output.has_frame(step) {
             let state = simulation.state()?;
@@ -118,7 +135,16 @@ impl Files {
         if let Some(Logs { arrivals, releases, .. }) = &mut self.logs {
             lengths.extend([arrivals.sync()?, releases.sync()?]);
         }
+        lengths.extend(self.animation.as_mut().map(Growing::sync).transpose()?);
         Ok(lengths)
+    }
+
+    /// Makes the page that plays the run so far, where it is animated.
+    pub(crate) fn animate(&self, model: &Model, title: &str) -> Result<(), Error> {
+        let Some(frames) = &self.animation else { return Ok(()) };
+        let path = self.directory.join("animation.html");
+        let series = Series::read(&self.series.path)?;
+        replace(&path, |out| animation::page(out, (model, title), &frames.path, &series))
     }
 }
 
@@ -200,17 +226,26 @@ pub(crate) fn forget(directory: &Path, names: &[&str]) -> Result<(), Error> {
 /// Writes a file in place of the one before, which is untouched until this one is complete.
 ///
 /// # Errors
-/// What the system says.
-pub(crate) fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".draft-");
-    // A temporary file is private by default, but the file that it becomes is an ordinary one.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(directory)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_data()?;
-    file.persist(path)?;
-    Ok(())
+/// [`Error::Write`].
+pub(crate) fn replace(
+    path: &Path,
+    content: impl FnOnce(&mut BufWriter<&mut tempfile::NamedTempFile>) -> io::Result<()>,
+) -> Result<(), Error> {
+    let write = || -> io::Result<()> {
+        let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".draft-");
+        // A temporary file is private by default, but the file that it becomes is an ordinary one.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut file = builder.tempfile_in(directory)?;
+        let mut out = BufWriter::new(&mut file);
+        content(&mut out)?;
+        out.flush()?;
+        drop(out);
+        file.as_file().sync_data()?;
+        file.persist(path)?;
+        Ok(())
+    };
+    write().map_err(|source| Error::Write { path: path.to_owned(), source })
 }

@@ -25,8 +25,7 @@ impl Series {
     /// [`Error::Read`], also for a file that is none, with the line.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let mut lines = Lines::open(path, "step,time,")?;
-        let mut series =
-            Self { names: lines.header.iter().skip(2).cloned().collect(), ..Self::default() };
+        let mut series = Self { names: lines.header.iter().skip(2).cloned().collect(), ..Self::default() };
         while let Some(line) = lines.next()? {
             series.steps.push(line.number(0)?);
             series.times.push(line.number(1)?);
@@ -123,7 +122,10 @@ mod tests {
     #[test]
     fn a_series_is_read_back() {
         let series = read("step,time,A,A + B -> C\n0,0,5,0\n10,0.25,4,1\n").unwrap();
-        assert_eq!((series.names.len(), &series.steps[..], &series.times[..]), (2, &[0, 10][..], &[0.0, 0.25][..]));
+        assert_eq!(
+            (series.names.len(), &series.steps[..], &series.times[..]),
+            (2, &[0, 10][..], &[0.0, 0.25][..])
+        );
         assert_eq!((series.row(1), series.column(1).collect::<Vec<_>>()), (&[4, 1][..], vec![0, 1]));
     }
 
