@@ -193,6 +193,8 @@ pub(crate) struct Generate {
   arrivals.csv        the time, receiver, species, id, transmitter and release of each arrival, and
   releases.csv        what transmitters released, where the scenario asks for arrivals
   animation.html      plays the run, where --animate asks for it; animation.frames is what it is made of
+  report.html         plots (also in plots) and tables, where --report asks for it; with a log of arrivals also
+                      impulse-response.csv, and where bits are sent interference.csv and bit-errors.csv
   .lock               locked while a run writes to the directory
 With --replicas:
   replicas.csv        the seed of each replica
@@ -231,14 +233,17 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "N", requires = "animate")]
     pub(crate) animate_every: Option<NonZeroU32>,
     /// Draw no more than N particles in the animation, chosen by their ids; each takes 8 bytes of every frame
-    #[arg(long, value_name = "N", requires = "animate", default_value_t = 20_000)]
-    pub(crate) animate_particles: u32,
+    #[arg(long, value_name = "N", requires = "animate", default_value = "20000")]
+    pub(crate) animate_particles: NonZeroU32,
     /// Write a checkpoint after every N steps besides that at the end [default: the scenario's]
     #[arg(long, value_name = "N")]
     pub(crate) checkpoint_every: Option<NonZeroU32>,
     /// Do the scenario N times with seeds that are drawn by --seed, each in a directory of its own, and average the series
     #[arg(long, value_name = "N")]
     pub(crate) replicas: Option<NonZeroU32>,
+    /// Write report.html with plots and tables of the series, and of channels where the scenario logs arrivals
+    #[arg(long)]
+    pub(crate) report: bool,
     /// Go on from the checkpoint in the output directory, or from those of all replicas
     #[arg(long, conflicts_with = "overwrite")]
     pub(crate) resume: bool,

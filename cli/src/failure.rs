@@ -58,6 +58,8 @@ pub(crate) enum Failure {
         scenario.display(), directory.display()
     )]
     StoppedReplicas { done: u32, count: u32, scenario: PathBuf, directory: PathBuf, signal: i32 },
+    #[error("{}: cannot be drawn: {reason}", path.display())]
+    Report { path: PathBuf, reason: String },
     #[error("cannot write to standard output: {0}")]
     Stdout(io::Error),
 }

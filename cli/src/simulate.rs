@@ -1,4 +1,5 @@
 mod replicas;
+mod report;
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -9,6 +10,7 @@ use lazygrid_sim::replicas::Replicas;
 use lazygrid_sim::run::{End, Run};
 use lazygrid_sim::scenario::Scenario;
 
+use self::report::Done;
 use crate::args::Simulate;
 use crate::failure::Failure;
 use crate::signals::Asked;
@@ -48,13 +50,13 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         space_check: !args.no_space_check,
     };
     match args.replicas {
-        None => once(run),
-        Some(count) => replicas::run(Replicas { run, count }),
+        None => once(run, args.report),
+        Some(count) => replicas::run(Replicas { run, count }, args.report),
     }
 }
 
 /// Does one run.
-fn once(run: Run) -> Result<(), Failure> {
+fn once(run: Run, reports: bool) -> Result<(), Failure> {
     let asked = signals::ask_to_stop()?;
     let bar = progress::running(run.scenario.steps.into());
     let mut started = false;
@@ -71,6 +73,11 @@ fn once(run: Run) -> Result<(), Failure> {
         if asked.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     bar.finish_and_clear();
+    if reports && end == End::Finished {
+        let mean = report::of_one(&run)?;
+        let runs = vec![(run.scenario.seed, run.directory.clone())];
+        report::write(&Done { run: &run, mean: &mean, runs, command: report::command(&run) })?;
+    }
     print(summary(&simulation, &run))?;
     match end {
         End::Finished => Ok(()),

@@ -32,8 +32,8 @@ pub struct Replicas {
 pub struct Replicated {
     /// Whether all are done.
     pub end: End,
-    /// How many are done.
-    pub done: u32,
+    /// Which are done.
+    pub done: Vec<u32>,
     /// The mean of the series of those.
     pub mean: MeanSeries,
 }
@@ -140,14 +140,14 @@ impl Replicas {
 
     /// The mean of the replicas that are done, now or before.
     fn conclude(&self, ended: &[u32]) -> Result<Replicated, Error> {
-        let (mut mean, mut done) = (MeanSeries::default(), 0);
+        let (mut mean, mut done) = (MeanSeries::default(), Vec::new());
         let last = self.run.scenario.steps - self.run.scenario.steps % self.run.scenario.output.every;
         for replica in 0..self.count.get() {
             let path = self.directory_of(replica).join("series.csv");
             match Series::read(&path) {
                 Ok(series) if series.steps.last() == Some(&last) => {
                     mean.add(&series, &path)?;
-                    done += 1;
+                    done.push(replica);
                 }
                 Err(error) if ended.contains(&replica) => return Err(error),
                 // It was not begun, or not ended in order.

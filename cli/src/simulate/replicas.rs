@@ -4,15 +4,16 @@ use std::sync::Mutex;
 
 use indicatif::ProgressBar;
 use lazygrid_sim::Simulator;
-use lazygrid_sim::replicas::{Replicas, Replicated};
+use lazygrid_sim::replicas::{Replicas, Replicated, seed_of};
 use lazygrid_sim::run::End;
 
+use super::report::{self, Done};
 use crate::failure::Failure;
 use crate::signals::Asked;
 use crate::{print, progress, signals};
 
 /// Does all replicas and says what came of them on average.
-pub(crate) fn run(replicas: Replicas) -> Result<(), Failure> {
+pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), Failure> {
     let asked = signals::ask_to_stop()?;
     let count = replicas.count.get();
     let advance = Advance::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
@@ -21,13 +22,26 @@ pub(crate) fn run(replicas: Replicas) -> Result<(), Failure> {
         if asked.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();
+    let run = &replicas.run;
+    if reports && !replicated.done.is_empty() {
+        let of = |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
+        let runs = replicated.done.iter().map(of).collect();
+        let command = format!("{} --replicas {count}", report::command(run));
+        report::write(&Done { run, mean: &replicated.mean, runs, command })?;
+    }
     print(summary(&replicas, &replicated))?;
     match replicated.end {
         End::Finished => Ok(()),
         End::Stopped => {
             let (scenario, directory) = (replicas.run.path, replicas.run.directory);
             let signal = asked.signal().unwrap_or(Asked::CTRL_C);
-            Err(Failure::StoppedReplicas { done: replicated.done, count, scenario, directory, signal })
+            Err(Failure::StoppedReplicas {
+                done: replicated.done.len() as u32,
+                count,
+                scenario,
+                directory,
+                signal,
+            })
         }
     }
 }
@@ -63,7 +77,7 @@ impl Advance {
 fn summary(replicas: &Replicas, replicated: &Replicated) -> String {
     let (run, mean) = (&replicas.run, &replicated.mean);
     let mut lines = vec![
-        format!("replicas   {} of {} done", replicated.done, replicas.count),
+        format!("replicas   {} of {} done", replicated.done.len(), replicas.count),
         format!("seed       {}", run.scenario.seed),
     ];
     if let (Some(row), Some(step), Some(time)) =

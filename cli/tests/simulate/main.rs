@@ -2,6 +2,7 @@
 
 mod arrivals;
 mod replicas;
+mod report;
 
 use lazygrid_tests::command::{Program, Run, Scratch};
 use std::ffi::OsStr;

@@ -9,6 +9,7 @@ mod scene;
 
 use std::fs::File;
 use std::io::{self, BufReader, Write};
+use std::num::NonZeroU32;
 use std::path::Path;
 
 use record::{Frame, Frames};
@@ -25,7 +26,7 @@ pub struct Animation {
     pub every: u32,
     /// How many particles are drawn at most. Of more, those are drawn in all frames whose ids a hash chooses, half of
     /// them, a quarter, and so on.
-    pub particles: u32,
+    pub particles: NonZeroU32,
 }
 
 const PAGE: &str = include_str!("player.html");

@@ -31,7 +31,7 @@ void main() {
   vec3 normal = vec3(c.x, -c.y, sqrt(1.0 - square));
   float light = 0.4 + 0.6 * max(dot(normal, normalize(vec3(0.3, 0.6, 0.75))), 0.0);
   float far = clamp((away - haze.x) / (haze.y - haze.x), 0.0, 1.0);
-  shade = vec4(mix(colour * light, background, 0.75 * far), 1.0);
+  shade = vec4(mix(colour * light, background, 0.65 * far), 1.0);
 }`];
 
 const SOLID = [`#version 300 es
@@ -171,7 +171,7 @@ function walls(scene) {
 // Turns, zooms and projects.
 class Camera {
   constructor({ center, radius }) {
-    Object.assign(this, { center: [...center], reach: radius, distance: 2.6 * radius, turn: 0.7, tilt: 0.45 });
+    Object.assign(this, { center: [...center], reach: radius, distance: 2.3 * radius, turn: 0.7, tilt: 0.45 });
   }
   axes() {
     const [ct, st, ce, se] = [Math.cos(this.turn), Math.sin(this.turn), Math.cos(this.tilt), Math.sin(this.tilt)];
@@ -249,7 +249,7 @@ class Stage {
     this.frame.counts.forEach((count, k) => {
       if (!this.hidden.has(k)) {
         this.use(this.particle, { low: this.frame.low, size: this.frame.size, radius: scene.species[k].radius, height,
-          least: 2.2 * ratio, colour: channels(colourOf(k)), background: BACKGROUND, haze });
+          least: 3 * ratio, colour: channels(colourOf(k)), background: BACKGROUND, haze });
         gl.drawArrays(gl.POINTS, first, count);
       }
       first += count;

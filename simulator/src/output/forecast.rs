@@ -44,9 +44,9 @@ impl Forecast {
         let frame: f64 = crowd.mean.iter().enumerate().map(|(species, count)| count * each(species)).sum();
         let totals = 5 * (3 + model.receivers.len()) * model.species.len();
         let animation = output.animation.map_or(0.0, |animation| {
-            let drawn = crowd.mean.iter().sum::<f64>().min(animation.particles.into());
+            let drawn = crowd.mean.iter().sum::<f64>().min(u32::from(animation.particles).into());
             // The frames, and eight letters of the page for each particle.
-            f64::from(due(animation.every) as u32) * (animation::bytes_of(drawn as u64) as f64 + 8.0 * drawn)
+            due(animation.every) as f64 * (animation::bytes_of(drawn as u64) as f64 + 8.0 * drawn)
         });
         let fixed = (scenario.len() + totals) as u64 + rows as u64 + frames * header as u64;
         let kept = if model.has_velocity() { 32.0 } else { 20.0 };
@@ -66,8 +66,9 @@ pub(crate) fn next(run: &Simulator, output: Output) -> u64 {
         xyz + if output.npy { frames::NPY_ROW } else { 0 } + 32
     };
     let all: u64 = run.totals().present.iter().sum();
-    let animation =
-        output.animation.map_or(0, |animation| animation::bytes_of(all.min(animation.particles.into())));
+    let animation = output
+        .animation
+        .map_or(0, |animation| animation::bytes_of(all.min(u64::from(u32::from(animation.particles)))));
     present.map(|(species, &count)| count * each(species)).sum::<u64>() + animation + (1 << 16)
 }
 

@@ -50,6 +50,41 @@ impl FromIterator<u64> for Sample {
     }
 }
 
+/// Numbers that were seen, by Welford's sums.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moments {
+    count: u64,
+    mean: f64,
+    /// Σ(x − x̄)².
+    spread: f64,
+}
+
+impl Moments {
+    /// Enters one more.
+    pub fn add(&mut self, value: f64) {
+        self.count += 1;
+        let off = value - self.mean;
+        self.mean += off / self.count as f64;
+        self.spread += off * (value - self.mean);
+    }
+
+    /// How many were entered.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Their mean; NaN of none.
+    pub fn mean(&self) -> f64 {
+        if self.count == 0 { f64::NAN } else { self.mean }
+    }
+
+    /// The standard error of the mean; one number has none.
+    pub fn standard_error(&self) -> Option<f64> {
+        let n = self.count as f64;
+        (self.count > 1).then(|| (self.spread / (n - 1.0) / n).sqrt())
+    }
+}
+
 /// The series of several replicas, added up row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeanSeries {
@@ -135,6 +170,18 @@ mod tests {
         assert_eq!((same.mean(), same.standard_error()), (7.0, Some(0.0)));
         assert_eq!(Sample::from_iter([3]).standard_error(), None);
         assert!(Sample::default().mean().is_nan() && Sample::default().standard_error().is_none());
+    }
+
+    #[test]
+    fn fractions_have_the_same_mean_and_error() {
+        let values = [3_u64, 8, 8, 1, 40];
+        let exact: Sample = values.into_iter().collect();
+        let mut moments = Moments::default();
+        values.into_iter().for_each(|value| moments.add(value as f64 / 64.0));
+        assert!((moments.mean() * 64.0 - exact.mean()).abs() < 1e-12 && moments.count() == 5);
+        let errors = [moments.standard_error().unwrap() * 64.0, exact.standard_error().unwrap()];
+        assert!((errors[0] / errors[1] - 1.0).abs() < 1e-12, "{errors:?}");
+        assert!(Moments::default().mean().is_nan() && Moments::default().standard_error().is_none());
     }
 
     #[test]
