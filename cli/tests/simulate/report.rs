@@ -10,7 +10,7 @@ use lazygrid_tests::command::Scratch;
 /// Random bits to an absorbing receiver of 5 µm, 10 µm away.
 const BITS: &str = r#"
 time-step = 0.004
-steps = 600
+steps = 620
 seed = 11
 [[species]]
 name = "A"
@@ -83,30 +83,38 @@ fn channels_are_as_formulas_and_logs_say() {
         let error = (part / released).sqrt() * 2.0_f64.sqrt();
         assert!((number(row, "part mean") - part).abs() < 4.0 * error, "{row:?}, not {part}");
     }
-    // Bit errors, counted once more from what each replica wrote.
-    let mut slots = Vec::new();
-    for k in 0..REPLICAS {
-        let (sent, arrivals) =
-            (rows(&(directory(k) + "/symbols.csv")), rows(&(directory(k) + "/arrivals.csv")));
-        assert_eq!(sent.len(), 10);
-        for symbol in sent {
-            let begin = number(&symbol, "time");
-            let within = |time: f64| time > begin + 1e-9 && time < begin + 0.2 + 1e-9;
-            let count = arrivals.iter().filter(|arrival| within(number(arrival, "time"))).count();
-            slots.push((symbol["symbol"] == "1", count));
+    // Bit errors, counted once more from what each replica wrote, of slots that begin at once or later.
+    let errors = table("bit-errors.csv");
+    let mut best = usize::MAX;
+    for delay in [0.0, 0.1, 0.4] {
+        let mut slots = Vec::new();
+        for k in 0..REPLICAS {
+            let (sent, arrivals) =
+                (rows(&(directory(k) + "/symbols.csv")), rows(&(directory(k) + "/arrivals.csv")));
+            assert_eq!(sent.len(), 10);
+            for symbol in sent {
+                let begin = number(&symbol, "time") + delay;
+                let within = |time: f64| time > begin + 1e-9 && time < begin + 0.2 + 1e-9;
+                let count = arrivals.iter().filter(|arrival| within(number(arrival, "time"))).count();
+                slots.push((symbol["symbol"] == "1", count));
+            }
+        }
+        let own: Vec<_> = errors.iter().filter(|row| number(row, "delay") == delay).collect();
+        assert!(own.len() > 10);
+        for (threshold, row) in own.iter().enumerate() {
+            let wrong = slots.iter().filter(|&&(bit, count)| (count >= threshold) != bit).count();
+            assert_eq!(row["threshold"], threshold.to_string());
+            assert_eq!(
+                (&row["errors"], &row["bits"][..]),
+                (&wrong.to_string(), "160"),
+                "{delay} s, {threshold}"
+            );
+            assert!((number(row, "rate mean") - wrong as f64 / 160.0).abs() < 1e-12);
+            best = if delay == 0.0 { best.min(wrong) } else { best };
         }
     }
-    let errors = table("bit-errors.csv");
-    assert!(errors.len() > 10);
-    for (threshold, row) in errors.iter().enumerate() {
-        let wrong = slots.iter().filter(|&&(bit, count)| (count >= threshold) != bit).count();
-        assert_eq!(row["threshold"], threshold.to_string());
-        assert_eq!((&row["errors"], &row["bits"][..]), (&wrong.to_string(), "160"), "at {threshold}");
-        assert!((number(row, "rate mean") - wrong as f64 / 160.0).abs() < 1e-12);
-    }
-    let best = errors.iter().map(|row| number(row, "errors") as usize).min().unwrap();
-    // There is something to be told apart, and interference makes some errors.
-    assert!(best < 60 && errors[0]["errors"] != "0", "{best}");
+    // There is something to be told apart.
+    assert!(best < 60, "{best}");
     let report = fs::read_to_string(out.clone() + "/report.html").unwrap();
     assert!(report.contains(&format!(", {best} of 160 bits")) && report.contains("--replicas 16"));
     for name in ["particles", "receivers", "impulse-response", "arrived", "interference", "bit-errors"] {

@@ -7,6 +7,7 @@ use super::log::Log;
 use super::mean::Moments;
 use super::response::{Response, Way};
 use super::symbols::{BitErrors, Interference, Slots, is_on_off, messages};
+use crate::message::Message;
 use crate::{Error, Kind, Model};
 
 /// What came of one run or of several replicas that logged arrivals.
@@ -16,7 +17,7 @@ pub struct Channels {
     pub responses: Vec<Response>,
     /// Of those among them on which messages are sent.
     pub interference: Vec<Interference>,
-    /// Of all messages of bits, at all receivers that take particles in.
+    /// Of all messages of bits, at all receivers that take particles in, by several delays of the slots.
     pub bit_errors: Vec<BitErrors>,
 }
 
@@ -38,7 +39,7 @@ impl Channels {
         runs: impl IntoIterator<Item = (u64, &'a Path)>,
     ) -> Result<Self, Error> {
         let sent: Vec<_> = messages(model)
-            .map(|(place, message)| (place, message, Slots::new(message, model.time_step, steps)))
+            .map(|(place, message)| (place, message, Slots::new(message, model.time_step, 0, steps)))
             .collect();
         let ways = Way::all(model);
         let mut channels = Self::default();
@@ -55,11 +56,12 @@ impl Channels {
                 channels.interference.push(Interference::new(way, SYMBOLS));
             }
         }
-        for (place, message, slots) in &sent {
-            let counts = |receiver: &usize| model.receivers[*receiver].kind != Kind::Transparent;
-            let own = (0..model.receivers.len()).filter(counts);
-            if is_on_off(message) && !slots.is_empty() {
-                channels.bit_errors.extend(own.map(|receiver| BitErrors::new(*place, receiver)));
+        for &(place, message, _) in &sent {
+            let counts = |&receiver: &usize| model.receivers[receiver].kind != Kind::Transparent;
+            for receiver in (0..model.receivers.len()).filter(counts).filter(|_| is_on_off(message)) {
+                let all =
+                    delays(message, model.time_step).map(|delay| BitErrors::new(place, receiver, delay));
+                channels.bit_errors.extend(all);
             }
         }
         let slots = |transmitter: usize| sent.iter().find(|sent| sent.0 == transmitter).map(|sent| &sent.2);
@@ -72,13 +74,15 @@ impl Channels {
                 }
             }
             for errors in &mut channels.bit_errors {
-                if let Some(slots) = slots(errors.transmitter) {
-                    errors.add(&log, model, seed, slots);
+                if let Some((_, message, _)) = sent.iter().find(|sent| sent.0 == errors.transmitter) {
+                    let slots = Slots::new(message, model.time_step, errors.delay, steps);
+                    errors.add(&log, model, seed, &slots);
                 }
             }
         }
         channels.responses.retain(Response::is_any);
         let arrives = |way: Way| channels.responses.iter().any(|response| response.way == way);
+        channels.bit_errors.retain(|errors| errors.bits > 0);
         channels.interference.retain(|interference| arrives(interference.way));
         Ok(channels)
     }
@@ -120,27 +124,36 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes the bit errors: for each threshold how many there are, of how many bits, and the rate.
+    /// Writes the bit errors: for each delay of the slots and threshold how many there are, of how many bits, and the rate.
     ///
     /// # Errors
     /// What the writer says.
     pub fn write_bit_errors(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
-        writeln!(out, "transmitter,receiver,threshold,errors,bits,replicas,rate mean,rate error")?;
+        writeln!(out, "transmitter,receiver,delay,threshold,errors,bits,replicas,rate mean,rate error")?;
         for errors in &self.bit_errors {
             let transmitter = &model.transmitters[errors.transmitter].name;
             let receiver = &model.receivers[errors.receiver].name;
+            let delay = f64::from(errors.delay) * model.time_step;
             for threshold in 0..=errors.most() + 1 {
                 let (rate, wrong) = errors.at(threshold);
                 let [bits, replicas] = [errors.bits, rate.count()];
                 writeln!(
                     out,
-                    "{transmitter},{receiver},{threshold},{wrong},{bits},{replicas},{}",
+                    "{transmitter},{receiver},{delay},{threshold},{wrong},{bits},{replicas},{}",
                     value(&rate)
                 )?;
             }
         }
         Ok(())
     }
+}
+
+/// How many steps later than a symbol its slot may begin: parts of a symbol's time, up to two of these.
+fn delays(message: &Message, time_step: f64) -> impl Iterator<Item = u32> {
+    let quarter = message.symbol_time / time_step / 4.0;
+    let mut delays: Vec<u32> = (0..=8).map(|k| (f64::from(k) * quarter).round() as u32).collect();
+    delays.dedup();
+    delays.into_iter()
 }
 
 fn names(way: Way, model: &Model) -> String {

@@ -9,7 +9,8 @@ use crate::message::{Message, Modulation};
 use crate::philox::Key;
 use crate::{Model, Schedule};
 
-/// The slots of a message that a run reaches the end of: from the step at which each begins to that of the next.
+/// The slots of a message that a run reaches the end of: from the step at which each symbol is sent to that of the next,
+/// or by a delay later.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Slots {
     /// The steps at which slots begin, and that at which the last one ends.
@@ -17,9 +18,9 @@ pub struct Slots {
 }
 
 impl Slots {
-    /// The slots of a message, in a run of so many steps.
-    pub fn new(message: &Message, time_step: f64, steps: u32) -> Self {
-        let begin = |k: u32| step_of(message.time_of(k), time_step).unwrap_or(u32::MAX);
+    /// The slots of a message that begin so many steps after its symbols, in a run of `steps`.
+    pub fn new(message: &Message, time_step: f64, delay: u32, steps: u32) -> Self {
+        let begin = |k: u32| step_of(message.time_of(k), time_step).unwrap_or(u32::MAX).saturating_add(delay);
         let bounds = (0..=message.symbols.len()).map(begin).take_while(|&step| step <= steps).collect();
         Self { bounds }
     }
@@ -118,6 +119,8 @@ pub struct BitErrors {
     pub transmitter: usize,
     /// The receiver, by its place in the model.
     pub receiver: usize,
+    /// How many steps after a symbol its slot begins.
+    pub delay: u32,
     /// How many bits there were in all.
     pub bits: u64,
     /// How many of them were 1.
@@ -128,11 +131,11 @@ pub struct BitErrors {
 
 impl BitErrors {
     /// None yet. Only what is sent by on–off keying has bits, and only receivers that take particles in count arrivals.
-    pub fn new(transmitter: usize, receiver: usize) -> Self {
-        Self { transmitter, receiver, ..Self::default() }
+    pub fn new(transmitter: usize, receiver: usize, delay: u32) -> Self {
+        Self { transmitter, receiver, delay, ..Self::default() }
     }
 
-    /// Enters a replica that had this seed.
+    /// Enters a replica that had this seed, with the slots of this delay.
     pub fn add(&mut self, log: &Log, model: &Model, seed: u64, slots: &Slots) {
         let transmitter = &model.transmitters[self.transmitter];
         let Schedule::Message(message) = &transmitter.schedule else { return };
@@ -168,6 +171,11 @@ impl BitErrors {
     /// The lowest threshold with the fewest errors.
     pub fn best(&self) -> u64 {
         (0..=self.most() + 1).min_by_key(|&threshold| self.at(threshold).1).unwrap_or(0)
+    }
+
+    /// The part of all bits that is wrong at that threshold; NaN of none.
+    pub fn least(&self) -> f64 {
+        self.at(self.best()).1 as f64 / self.bits as f64
     }
 }
 
@@ -229,7 +237,7 @@ mod tests {
     fn slots(steps: u32) -> Slots {
         let model = model();
         let (_, message) = messages(&model).next().unwrap();
-        Slots::new(message, model.time_step, steps)
+        Slots::new(message, model.time_step, 0, steps)
     }
 
     #[test]
@@ -265,7 +273,7 @@ mod tests {
     fn bit_errors_of_a_known_sequence() {
         // 1 0 1 1 arrives as 6, 3, 4, 2.
         let log = log(&[(0, 0, 6), (0, 1, 3), (2, 2, 4), (3, 3, 2)]);
-        let mut errors = BitErrors::new(0, 0);
+        let mut errors = BitErrors::new(0, 0, 0);
         errors.add(&log, &model(), 1, &slots(100));
         let counts: Vec<u64> = (0..=7).map(|threshold| errors.at(threshold).1).collect();
         // 0 is taken for 1 up to a threshold of 3; then the last 1 for 0, the middle one from 5 on, the first from 7 on.
@@ -276,5 +284,18 @@ mod tests {
         let (rates, all) = errors.at(4);
         assert_eq!((rates.mean(), rates.standard_error(), all), (0.125, Some(0.125), 1));
         assert_eq!(errors.best(), 1);
+    }
+
+    #[test]
+    fn a_delay_moves_the_slots_of_bits() {
+        let model = model();
+        let (_, message) = messages(&model).next().unwrap();
+        let late = Slots::new(message, model.time_step, 10, 100);
+        assert_eq!(late.bounds, [15, 25, 35, 45, 55]);
+        // All arrive one slot after their own.
+        let mut errors = BitErrors::new(0, 0, 10);
+        errors.add(&log(&[(0, 1, 6), (2, 3, 4)]), &model, 1, &late);
+        // The last 1 arrives behind everything.
+        assert_eq!((errors.at(1).1, errors.at(5).1, errors.at(0).1, errors.least()), (1, 2, 1, 0.25));
     }
 }
