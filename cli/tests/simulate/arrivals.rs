@@ -1,5 +1,4 @@
 //! Who arrives, and whose they are.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use super::{files, lazygrid, rows};
 use lazygrid_tests::command::Scratch;

@@ -1,5 +1,4 @@
 //! Several runs of one scenario.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
 
