@@ -205,7 +205,16 @@ pub(crate) struct Generate {
   frames.xyz          frames in extended XYZ, where the scenario asks for them
   frame-000000000.npy frames as structured arrays: id, species, x, y, z, r
   checkpoint          what --resume goes on from; also after Ctrl-C and SIGTERM, which end the run
+  arrivals.csv        the time, receiver, species, id, transmitter and release of each arrival, and
+  releases.csv        what transmitters released, where the scenario asks for arrivals
+  animation.html      plays the run, where --animate asks for it; animation.frames is what it is made of
+  report.html         plots (also in plots) and tables, where --report asks for it; with a log of arrivals also
+                      impulse-response.csv, and where bits are sent interference.csv and bit-errors.csv
   .lock               locked while a run writes to the directory
+With --replicas:
+  replicas.csv        the seed of each replica
+  replica-0000        the files of a replica, as of a run by itself with that seed, and so on
+  mean.csv            the mean of each series and its standard error, of the replicas that are done
 
 Exit code: 0 all steps are done; 1 bad input or failure; 2 wrong usage; 128 and the signal's number, with a checkpoint
 to go on from, after Ctrl-C (130), SIGTERM (143) or SIGHUP (129).
@@ -232,10 +241,25 @@ pub(crate) struct Simulate {
     /// Write a frame after every N steps [default: the scenario's]
     #[arg(long, value_name = "N")]
     pub(crate) frames_every: Option<NonZeroU32>,
+    /// Write animation.html, one file that plays the run in three dimensions in any browser
+    #[arg(long)]
+    pub(crate) animate: bool,
+    /// Give the animation a frame after every N steps [default: a two-hundredth of the scenario's steps]
+    #[arg(long, value_name = "N", requires = "animate")]
+    pub(crate) animate_every: Option<NonZeroU32>,
+    /// Draw no more than N particles in the animation, chosen by their ids; each takes 8 bytes of every frame
+    #[arg(long, value_name = "N", requires = "animate", default_value = "20000")]
+    pub(crate) animate_particles: NonZeroU32,
     /// Write a checkpoint after every N steps besides that at the end [default: the scenario's]
     #[arg(long, value_name = "N")]
     pub(crate) checkpoint_every: Option<NonZeroU32>,
-    /// Go on from the checkpoint in the output directory
+    /// Do the scenario N times with seeds that are drawn by --seed, each in a directory of its own, and average the series
+    #[arg(long, value_name = "N")]
+    pub(crate) replicas: Option<NonZeroU32>,
+    /// Write report.html with plots and tables of the series, and of channels where the scenario logs arrivals
+    #[arg(long)]
+    pub(crate) report: bool,
+    /// Go on from the checkpoint in the output directory, or from those of all replicas
     #[arg(long, conflicts_with = "overwrite")]
     pub(crate) resume: bool,
     /// Replace the run that is in the output directory

@@ -55,6 +55,13 @@ pub(crate) enum Failure {
     Signal(SignalError),
     #[error("stopped after {steps} steps; go on with: lazygrid simulate {} --output {} --resume", scenario.display(), directory.display())]
     Stopped { steps: u32, scenario: PathBuf, directory: PathBuf, signal: i32 },
+    #[error(
+        "stopped with {done} of {count} replicas done; go on with: lazygrid simulate {} --output {} --replicas {count} --resume",
+        scenario.display(), directory.display()
+    )]
+    StoppedReplicas { done: u32, count: u32, scenario: PathBuf, directory: PathBuf, signal: i32 },
+    #[error("{}: cannot be drawn: {reason}", path.display())]
+    Report { path: PathBuf, reason: String },
     #[error("cannot write to standard output: {0}")]
     Stdout(io::Error),
 }
@@ -64,7 +71,9 @@ impl Failure {
     /// shells say, after Ctrl-C (130) or SIGTERM (143); else 1.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
-            Self::Stopped { signal, .. } => 128 + (*signal & 0x7F) as u8,
+            Self::Stopped { signal, .. } | Self::StoppedReplicas { signal, .. } => {
+                128 + (*signal & 0x7F) as u8
+            }
             Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::AdapterOnCpu { .. })
             | Self::OutputIsInput { .. }
             | Self::OutputFormat { .. }

@@ -67,9 +67,9 @@ fn show(bar: &ProgressBar, target: ProgressDrawTarget) {
     }
 }
 
-/// A bar for a run of so many steps.
-pub(crate) fn running(steps: u32) -> ProgressBar {
-    let bar = ProgressBar::new(steps.into());
+/// A bar for runs of so many steps in all.
+pub(crate) fn running(steps: u64) -> ProgressBar {
+    let bar = ProgressBar::new(steps);
     bar.with_style(style("{wide_bar} step {pos}/{len} {per_sec}, {eta} left, {msg}"))
 }
 

@@ -1,18 +1,33 @@
+mod replicas;
+mod report;
+
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use lazygrid_sim::Simulator;
+use lazygrid_sim::animation::Animation;
+use lazygrid_sim::replicas::Replicas;
 use lazygrid_sim::run::{End, Run};
 use lazygrid_sim::scenario::Scenario;
 
+use self::report::Done;
 use crate::args::Simulate;
 use crate::failure::Failure;
 use crate::signals::Asked;
 use crate::{print, progress, signals};
 
+/// About how many frames an animation has.
+const FRAMES: u32 = 200;
+
 /// Runs a scenario and says what came of it.
 pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
     let mut scenario = Scenario::read(&args.scenario)?;
+    let animation = Animation {
+        // By the scenario, so that it is the same for a run that goes on for longer.
+        every: args.animate_every.map_or((scenario.steps / FRAMES).max(1), Into::into),
+        particles: args.animate_particles,
+    };
+    scenario.output.animation = args.animate.then_some(animation);
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     scenario.steps = args.steps.unwrap_or(scenario.steps);
     let output = &mut scenario.output;
@@ -23,8 +38,6 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         let name = args.scenario.file_stem().unwrap_or(args.scenario.as_os_str());
         PathBuf::from(name)
     });
-    let asked = signals::ask_to_stop()?;
-    let bar = progress::running(scenario.steps);
     let run = Run {
         scenario,
         path: args.scenario.clone(),
@@ -36,6 +49,16 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         overwrite: args.overwrite,
         space_check: !args.no_space_check,
     };
+    match args.replicas {
+        None => once(run, args.report),
+        Some(count) => replicas::run(Replicas { run, count }, args.report),
+    }
+}
+
+/// Does one run.
+fn once(run: Run, reports: bool) -> Result<(), Failure> {
+    let asked = signals::ask_to_stop()?;
+    let bar = progress::running(run.scenario.steps.into());
     let mut started = false;
     let (end, simulation) = run.run(|simulation| {
         if !started {
@@ -50,6 +73,11 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
         if asked.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     bar.finish_and_clear();
+    if reports && end == End::Finished {
+        let mean = report::of_one(&run)?;
+        let runs = vec![(run.scenario.seed, run.directory.clone())];
+        report::write(&Done { run: &run, mean: &mean, runs, command: report::command(&run) })?;
+    }
     print(summary(&simulation, &run))?;
     match end {
         End::Finished => Ok(()),

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, State};
+use crate::{Error, State, output};
 
 /// Everything that is needed to continue a run bit for bit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,8 +16,8 @@ pub struct Checkpoint {
     pub seed: u64,
     /// The name of the back end that computed it.
     pub backend: String,
-    /// Steps between rows, and between frames.
-    pub every: [u32; 2],
+    /// Steps between rows, between frames, and between those of the animation, 0 where there is none.
+    pub every: [u32; 3],
     /// The length of each file that the run appends to.
     pub lengths: Vec<u64>,
     /// Where the run stands.
@@ -33,21 +33,10 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Write`].
     pub fn write(&self, path: &Path) -> Result<(), Error> {
-        let write = || -> std::io::Result<()> {
-            let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
-            let mut builder = tempfile::Builder::new();
-            builder.prefix(".checkpoint-");
-            // A temporary file is private by default, but the file that it becomes is an ordinary one.
-            #[cfg(unix)]
-            builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-            let mut file = builder.tempfile_in(directory)?;
+        output::replace(path, |out| {
             let bytes = postcard::to_extend(self, MAGIC.to_vec()).map_err(std::io::Error::other)?;
-            file.write_all(&bytes)?;
-            file.as_file().sync_data()?;
-            file.persist(path)?;
-            Ok(())
-        };
-        write().map_err(|source| Error::Write { path: path.to_owned(), source })
+            out.write_all(&bytes)
+        })
     }
 
     /// Reads a checkpoint.

@@ -90,6 +90,14 @@ pub enum Error {
         /// What the system said.
         source: io::Error,
     },
+    /// One of several replicas could not be done.
+    #[error("replica {replica}: {source}")]
+    Replica {
+        /// Which, counted from 0.
+        replica: u32,
+        /// Why.
+        source: Box<Error>,
+    },
     /// A file that is no checkpoint, or one of another scenario or version.
     #[error("{}: {message}", path.display())]
     Checkpoint {

@@ -31,6 +31,8 @@
 //! # Ok::<(), lazygrid_sim::Error>(())
 //! ```
 
+pub mod animation;
+pub mod arrivals;
 pub mod binding;
 pub mod bodies;
 pub mod boundary;
@@ -52,6 +54,8 @@ pub mod rate;
 pub mod reactions;
 pub mod receiver;
 pub mod release;
+pub mod replicas;
+pub mod results;
 pub mod run;
 pub mod scenario;
 pub mod transmitter;
@@ -70,6 +74,7 @@ mod stream;
 mod turning;
 mod vicinity;
 
+pub use arrivals::{Arrival, Origin};
 pub use boundary::{Axis, Boundary};
 pub use error::Error;
 pub use model::{Chance, Contact, Decay, Flow, Model, Reaction, Species, Unbinding};

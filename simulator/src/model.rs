@@ -26,6 +26,8 @@ pub struct Model {
     pub flow: Option<Flow>,
     /// What happens to overlapping particles that do not react.
     pub contact: Contact,
+    /// Whether each arrival at a receiver is kept, with the transmitter that the particle is from.
+    pub logs_arrivals: bool,
 }
 
 /// A kind of particle.

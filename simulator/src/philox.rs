@@ -39,6 +39,8 @@ pub enum Purpose {
     Body = 12,
     /// When and where something comes off a receptor.
     Unbinding = 13,
+    /// The seed of a replica; drawn by its number.
+    Replica = 100,
 }
 
 /// The seed of a run as Philox takes it.

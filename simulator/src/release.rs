@@ -62,10 +62,7 @@ impl Model {
     /// # Errors
     /// [`Error::OutOfIds`] where there are too few ids left.
     pub fn release(&self, decays: &Decays, key: Key, step: u32, next_id: u32) -> Result<Released, Error> {
-        let batches: Vec<_> = (0..)
-            .zip(&self.transmitters)
-            .flat_map(|(place, transmitter)| self.batches(transmitter, place, step, key))
-            .collect();
+        let batches: Vec<_> = self.all_batches(step, key).map(|(_, batch)| batch).collect();
         let released = u64::from(next_id) + batches.iter().map(|batch| u64::from(batch.count)).sum::<u64>();
         if released > lazygrid::MAX_SPHERES {
             return Err(Error::OutOfIds { released });
@@ -87,6 +84,20 @@ impl Model {
             }
         }
         Ok(out)
+    }
+
+    /// What all transmitters release at the beginning of a step, in the order of ids: the transmitter, the species, and
+    /// how many.
+    pub fn releases(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, u32, u32)> + '_ {
+        self.all_batches(step, key).map(|(place, batch)| (place, batch.species, batch.count))
+    }
+
+    /// The batches of a step, each with the place of its transmitter.
+    fn all_batches(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, Batch<'_>)> {
+        let of = move |(place, transmitter)| {
+            self.batches(transmitter, place, step, key).into_iter().map(move |batch| (place, batch))
+        };
+        (0..).zip(&self.transmitters).flat_map(of)
     }
 
     fn batches<'a>(&self, from: &'a Transmitter, place: u32, step: u32, key: Key) -> Vec<Batch<'a>> {

@@ -8,7 +8,7 @@ use lazygrid::{Algorithm, Backend};
 use crate::checkpoint::Checkpoint;
 use crate::output::{self, Files, Forecast, Lock};
 use crate::pace::Pace;
-use crate::scenario::Scenario;
+use crate::scenario::{Output, Scenario};
 use crate::{Error, Simulator};
 
 /// What is to be run, and where it is written.
@@ -43,6 +43,22 @@ pub enum End {
     Stopped,
 }
 
+/// Which of several runs beside each other one is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Beside {
+    /// Its place among them.
+    pub(crate) place: u32,
+    /// How many they are.
+    pub(crate) count: u32,
+    /// How many go on at the same time.
+    pub(crate) at_once: u32,
+}
+
+impl Beside {
+    /// A run by itself.
+    const NONE: Self = Self { place: 0, count: 1, at_once: 1 };
+}
+
 /// Rows of the series after which the disk is looked at.
 const ROWS: u32 = 4096;
 
@@ -59,24 +75,22 @@ impl Run {
         watch: impl FnMut(&Simulator) -> ControlFlow<()> + Send,
     ) -> Result<(End, Simulator), Error> {
         match self.threads {
-            None => self.run_here(watch),
-            Some(threads) => {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-                let refused = |error: rayon::ThreadPoolBuildError| Error::Threads {
-                    threads,
-                    reason: error.to_string(),
-                };
-                pool.map_err(refused)?.install(|| self.run_here(watch))
-            }
+            None => self.run_here(Beside::NONE, watch),
+            Some(threads) => pool(threads)?.install(|| self.run_here(Beside::NONE, watch)),
         }
     }
 
-    fn run_here(
+    /// As [`run`](Self::run), in the present pool. What concerns all runs beside each other is said by the first.
+    pub(crate) fn run_here(
         &self,
+        beside: Beside,
         mut watch: impl FnMut(&Simulator) -> ControlFlow<()>,
     ) -> Result<(End, Simulator), Error> {
-        self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
-        let (mut simulation, mut files) = if self.resume { self.go_on()? } else { self.begin()? };
+        if beside.place == 0 {
+            self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
+        }
+        let (mut simulation, mut files) = if self.resume { self.go_on(beside)? } else { self.begin(beside)? };
+        let first = simulation.step_count();
         let mut pace = Pace::default();
         let mut end = End::Finished;
         if watch(&simulation).is_break() {
@@ -86,7 +100,7 @@ impl Run {
             let (step, before) = (simulation.step_count(), Pace::part_of(simulation.totals()));
             simulation.advance(self.steps_to_next(step))?;
             pace.see(simulation.model(), [&before, simulation.totals()], simulation.step_count() - step);
-            if self.is_disk_full(&simulation)? {
+            if self.is_disk_full(&simulation, beside)? {
                 self.save(&simulation, &mut files)?;
                 return Err(self.no_room(format!(
                     "it stopped after {} steps with a checkpoint, before the disk is full; make room and go on with \
@@ -103,26 +117,40 @@ impl Run {
                 end = End::Stopped;
             }
         }
-        self.save(&simulation, &mut files)?;
-        pace.advice(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
+        // What was whole before is still there.
+        if simulation.step_count() > first {
+            self.save(&simulation, &mut files)?;
+        }
+        files.animate(simulation.model(), &self.title())?;
+        if beside.place == 0 {
+            pace.advice(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
+        }
         Ok((end, simulation))
+    }
+
+    /// What the run is called where it is shown.
+    fn title(&self) -> String {
+        let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
+        format!("{name}, seed {}", self.scenario.seed)
     }
 
     /// How many steps there are until something is written.
     fn steps_to_next(&self, step: u32) -> u32 {
         let output = self.scenario.output;
         let frames = (output.xyz || output.npy).then_some(output.frames_every);
-        let every = [Some(output.every), frames, output.checkpoint_every];
+        let animated = output.animation.map(|animation| animation.every);
+        let every = [Some(output.every), frames, animated, output.checkpoint_every];
         let left = every.into_iter().flatten().map(|every| every - step % every);
         left.fold(self.scenario.steps - step, u32::min)
     }
 
-    fn begin(&self) -> Result<(Simulator, Files), Error> {
+    fn begin(&self, beside: Beside) -> Result<(Simulator, Files), Error> {
         let Scenario { model, seed, output, .. } = &self.scenario;
         let simulation = Simulator::begin(model, *seed, self.backend, self.algorithm, None)?;
         let lock = output::prepare(&self.directory, self.overwrite)?;
         // Before anything that is there is replaced.
-        self.foretell(&simulation)?;
+        self.foretell(&simulation, beside)?;
+        output::forget(&self.directory, &["replicas.csv", "mean.csv"])?;
         let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
         files.record(&simulation)?;
         // What cannot be written shows now.
@@ -130,13 +158,15 @@ impl Run {
         Ok((simulation, files))
     }
 
-    /// Refuses a run whose files will surely not fit, and warns where they may not.
-    fn foretell(&self, simulation: &Simulator) -> Result<(), Error> {
+    /// Refuses a run whose files, with those of the runs after it, will surely not fit, and warns where they may not.
+    fn foretell(&self, simulation: &Simulator, beside: Beside) -> Result<(), Error> {
         if !self.space_check {
             return Ok(());
         }
         let Scenario { steps, output, text, .. } = &self.scenario;
         let Forecast { least, most, checkpoint } = Forecast::of(simulation, *output, *steps, text);
+        let runs = u64::from(beside.count - beside.place);
+        let [least, most, checkpoint] = [least, most, checkpoint].map(|bytes| bytes.saturating_mul(runs));
         let free = self.free()?;
         if least + checkpoint <= free && most + checkpoint > free {
             log::warn!(
@@ -169,16 +199,18 @@ impl Run {
 
     /// Whether what is due now, and a checkpoint behind it, may not fit any more. Rows alone are looked after now and
     /// then.
-    fn is_disk_full(&self, simulation: &Simulator) -> Result<bool, Error> {
+    fn is_disk_full(&self, simulation: &Simulator, beside: Beside) -> Result<bool, Error> {
         let (step, output) = (simulation.step_count(), self.scenario.output);
         let rows = output.every.saturating_mul(ROWS);
-        if !self.space_check || !(output.has_frame(step) || step.is_multiple_of(rows)) {
+        if !self.space_check
+            || !(output.has_frame(step) || output.animated(step).is_some() || step.is_multiple_of(rows))
+        {
             return Ok(false);
         }
-        Ok(self.free()? < 2 * output::next(simulation, output))
+        Ok(self.free()? < 2 * u64::from(beside.at_once) * output::next(simulation, output))
     }
 
-    fn go_on(&self) -> Result<(Simulator, Files), Error> {
+    fn go_on(&self, beside: Beside) -> Result<(Simulator, Files), Error> {
         let path = self.directory.join("checkpoint");
         let lock = match Lock::take(&self.directory) {
             Err(Error::Write { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
@@ -198,10 +230,14 @@ impl Run {
         if seed != own.seed {
             return refused(format!("it is of seed {seed} and not {}; give --seed {seed}", own.seed));
         }
-        if every != [own.output.every, own.output.frames_every] {
-            let [rows, frames] = every;
+        if every != intervals(own.output) {
+            let [rows, frames, animation] = every;
+            let animation = match animation {
+                0 => "it has no animation".to_owned(),
+                every => format!("its animation by --animate --animate-every {every}"),
+            };
             return refused(format!(
-                "its series goes by --every {rows} and its frames by --frames-every {frames}"
+                "its series goes by --every {rows} and its frames by --frames-every {frames}; {animation}"
             ));
         }
         if own.steps < state.step {
@@ -219,8 +255,9 @@ impl Run {
                 simulation.backend()
             );
         }
-        self.foretell(&simulation)?;
-        Ok((simulation, Files::reopen(&self.directory, own.output, &lengths, lock)?))
+        self.foretell(&simulation, beside)?;
+        let files = Files::reopen(&self.directory, own.output, (&own.model, seed), &lengths, lock)?;
+        Ok((simulation, files))
     }
 
     fn save(&self, simulation: &Simulator, files: &mut Files) -> Result<(), Error> {
@@ -229,10 +266,24 @@ impl Run {
             scenario: text.clone(),
             seed: *seed,
             backend: simulation.backend().name().to_owned(),
-            every: [output.every, output.frames_every],
+            every: intervals(*output),
             lengths: files.sync()?,
             state: simulation.state()?.into_owned(),
         };
         checkpoint.write(&self.directory.join("checkpoint"))
     }
+}
+
+/// Steps between rows, frames, and frames of the animation.
+fn intervals(output: Output) -> [u32; 3] {
+    [output.every, output.frames_every, output.animation.map_or(0, |animation| animation.every)]
+}
+
+/// A pool of so many threads.
+///
+/// # Errors
+/// [`Error::Threads`].
+pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, Error> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map_err(|error| Error::Threads { threads, reason: error.to_string() })
 }

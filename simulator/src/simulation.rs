@@ -4,6 +4,7 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Order};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
+use crate::arrivals::{Arrival, Origin, Origins};
 use crate::binding::{self, Bound, Leaving};
 use crate::bodies;
 use crate::contact::Contacts;
@@ -34,6 +35,8 @@ pub struct State {
     pub centers: Vec<[f32; 3]>,
     /// What their receptors hold.
     pub bound: Vec<Bound>,
+    /// Where the particles are from, in a model that logs arrivals.
+    pub origins: Origins,
 }
 
 /// Counts since the beginning of a run.
@@ -82,6 +85,13 @@ impl State {
     /// Releases what is due at the beginning of the next step.
     fn release(&mut self, model: &Model, decays: &Decays, key: Key) -> Result<(), Error> {
         let released = model.release(decays, key, self.step, self.next_id)?;
+        if model.logs_arrivals {
+            let mut first = self.next_id;
+            for (transmitter, _, count) in model.releases(self.step, key) {
+                self.origins.enter(first, Some(Origin { transmitter, step: self.step }));
+                first += count;
+            }
+        }
         self.next_id = released.next_id;
         self.totals.enter(&released);
         self.particles.append(released.particles);
@@ -126,6 +136,7 @@ pub struct Simulation {
     dissociation: Dissociation,
     detector: Option<Detector>,
     matching: Matching,
+    arrivals: Vec<Arrival>,
 }
 
 impl Simulation {
@@ -167,6 +178,7 @@ impl Simulation {
             dissociation: Dissociation::new(&model),
             detector,
             matching: Matching::default(),
+            arrivals: Vec::new(),
             model,
             state,
         })
@@ -200,6 +212,9 @@ impl Simulation {
             )));
         }
         self.state.particles.reserve(particles.len() as u64, with_velocity)?;
+        if self.model.logs_arrivals {
+            self.state.origins.enter(self.state.next_id, None);
+        }
         for at in 0..particles.len() {
             let particle = particles.get(at);
             self.state.next_id = self.state.next_id.max(particle.id.saturating_add(1));
@@ -228,6 +243,11 @@ impl Simulation {
         received
     }
 
+    /// Who arrived in the last step, in the order of ids, in a model that logs arrivals.
+    pub fn arrivals(&self) -> &[Arrival] {
+        &self.arrivals
+    }
+
     /// Does one step: receivers and particles move, these meet walls and receivers, come off receptors, and may decay; pairs
     /// are found, react, and push each other away; transmitters release what is due next.
     ///
@@ -251,12 +271,18 @@ impl Simulation {
 
     fn apply_events(&mut self, events: &[Event], free: &[u32]) {
         let mut gone = Vec::new();
+        self.arrivals.clear();
         let refused = binding::refused(events, free, |at| self.state.particles.id[at as usize]);
         for (k, event) in events.iter().enumerate() {
             match *event {
                 Event::Arrived { at, receiver } => {
-                    let species = self.state.particles.species[at as usize] as usize;
-                    self.state.totals.arrived[receiver as usize][species] += 1;
+                    let species = self.state.particles.species[at as usize];
+                    self.state.totals.arrived[receiver as usize][species as usize] += 1;
+                    if self.model.logs_arrivals {
+                        let id = self.state.particles.id[at as usize];
+                        let origin = self.state.origins.of(id);
+                        self.arrivals.push(Arrival { receiver, species, id, origin });
+                    }
                     self.transform(at, None, &mut gone);
                 }
                 Event::Bound { at, receiver, direction, .. } if refused.binary_search(&k).is_err() => {
@@ -272,6 +298,7 @@ impl Simulation {
                 }
             }
         }
+        self.arrivals.sort_unstable_by_key(|arrival| arrival.id);
         self.state.particles.remove(&mut gone);
     }
 
@@ -373,6 +400,9 @@ impl Simulation {
         for split in &splits {
             self.state.totals.decayed[split.decay as usize] += 1;
             let velocity = self.state.particles.get(split.at as usize).velocity;
+            if self.model.logs_arrivals && split.products[1].is_some() {
+                self.state.origins.enter(self.state.next_id, self.state.origins.of(split.id));
+            }
             born.extend(dissociation::second(split, velocity, self.state.next_id));
             self.state.next_id = self.state.next_id.saturating_add(u32::from(split.products[1].is_some()));
             self.transform(split.at, split.products[0].map(|(species, ..)| species), &mut gone);

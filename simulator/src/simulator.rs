@@ -6,7 +6,7 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid::{Algorithm, Backend};
 
 use crate::gpu::{GpuOptions, GpuSimulation};
-use crate::{Error, Model, Simulation, State, Totals};
+use crate::{Arrival, Error, Model, Simulation, State, Totals};
 
 /// A run on the CPU or on a GPU.
 #[derive(Debug)]
@@ -98,6 +98,14 @@ impl Simulator {
         match self {
             Self::Cpu(run) => run.received(),
             Self::Gpu(run) => run.received(),
+        }
+    }
+
+    /// Who arrived in the last step; see [`Simulation::arrivals`]. A GPU refuses a model that logs arrivals.
+    pub fn arrivals(&self) -> &[Arrival] {
+        match self {
+            Self::Cpu(run) => run.arrivals(),
+            Self::Gpu(_) => &[],
         }
     }
 

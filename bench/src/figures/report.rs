@@ -1,13 +1,9 @@
 //! What a run leaves for people: `results.json`, `results.csv`, plots, `report.html` and `RESULTS.md`.
 
-mod axis;
 mod csv;
-mod document;
 mod growth;
-mod html;
 mod markdown;
 mod peers;
-mod plot;
 mod ratios;
 mod sections;
 mod sweeps;
@@ -16,6 +12,8 @@ mod table;
 use std::error::Error;
 use std::fs;
 use std::path::Path;
+
+use lazygrid_report::html;
 
 use super::row::Results;
 

@@ -196,7 +196,7 @@ impl GpuSimulation {
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), false));
         let centers = self.model.receivers.iter().map(|receiver| receiver.center).collect();
         let (next_id, totals) = (self.next_id, self.totals.clone());
-        Ok(State { particles, step: self.step, next_id, totals, centers, bound: Vec::new() })
+        Ok(State { particles, step: self.step, next_id, totals, centers, ..State::default() })
     }
 
     fn encoder(&self) -> wgpu::CommandEncoder {

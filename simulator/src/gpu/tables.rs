@@ -66,6 +66,9 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     if let Some(species) = model.species.iter().find(|species| species.speed > 0.0) {
         return refused(format!("swimmers, such as {}", species.name));
     }
+    if model.logs_arrivals {
+        return refused("a log of arrivals, of which it has the counts only".to_owned());
+    }
     if model.boundary.vessel.is_some() {
         return refused("a cylinder".to_owned());
     }

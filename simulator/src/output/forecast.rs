@@ -1,6 +1,7 @@
 //! How much a run will write.
 
 use super::{frames, series};
+use crate::animation;
 use crate::scenario::Output;
 use crate::{Kind, Model, Simulator, State};
 
@@ -42,10 +43,15 @@ impl Forecast {
         };
         let frame: f64 = crowd.mean.iter().enumerate().map(|(species, count)| count * each(species)).sum();
         let totals = 5 * (3 + model.receivers.len()) * model.species.len();
+        let animation = output.animation.map_or(0.0, |animation| {
+            let drawn = crowd.mean.iter().sum::<f64>().min(u32::from(animation.particles).into());
+            // The frames, and eight letters of the page for each particle.
+            due(animation.every) as f64 * (animation::bytes_of(drawn as u64) as f64 + 8.0 * drawn)
+        });
         let fixed = (scenario.len() + totals) as u64 + rows as u64 + frames * header as u64;
         let kept = if model.has_velocity() { 32.0 } else { 20.0 };
         let particles = |count: f64| (count * kept) as u64;
-        let most = fixed + (frames as f64 * frame) as u64 + particles(crowd.last);
+        let most = fixed + (frames as f64 * frame + animation) as u64 + particles(crowd.last);
         let least = if loses(model) { fixed } else { most };
         Self { least, most, checkpoint: scenario.len() as u64 + particles(crowd.last) }
     }
@@ -59,7 +65,11 @@ pub(crate) fn next(run: &Simulator, output: Output) -> u64 {
         let xyz = if output.xyz { text(model, species, 1e6) as u64 } else { 0 };
         xyz + if output.npy { frames::NPY_ROW } else { 0 } + 32
     };
-    present.map(|(species, &count)| count * each(species)).sum::<u64>() + (1 << 16)
+    let all: u64 = run.totals().present.iter().sum();
+    let animation = output
+        .animation
+        .map_or(0, |animation| animation::bytes_of(all.min(u64::from(u32::from(animation.particles)))));
+    present.map(|(species, &count)| count * each(species)).sum::<u64>() + animation + (1 << 16)
 }
 
 /// Whether particles may disappear otherwise than by decay.

@@ -262,6 +262,8 @@ pub(super) struct Output {
     #[serde(default)]
     pub(super) frames: Vec<FrameFormat>,
     pub(super) checkpoint_every: Option<std::num::NonZeroU32>,
+    #[serde(default)]
+    pub(super) arrivals: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]

@@ -8,6 +8,7 @@ mod resolve;
 use std::ops::Range;
 use std::path::Path;
 
+use crate::animation::Animation;
 use crate::{Error, Model, Transmitter};
 
 /// A scenario as it was read.
@@ -40,12 +41,19 @@ pub struct Output {
     pub npy: bool,
     /// Steps between checkpoints; besides there is one at the end.
     pub checkpoint_every: Option<u32>,
+    /// A page that plays the run.
+    pub animation: Option<Animation>,
 }
 
 impl Output {
     /// Whether there is a frame after so many steps.
     pub fn has_frame(&self, step: u32) -> bool {
         (self.xyz || self.npy) && step.is_multiple_of(self.frames_every)
+    }
+
+    /// How the run is animated, if it has such a frame after so many steps.
+    pub fn animated(&self, step: u32) -> Option<Animation> {
+        self.animation.filter(|animation| step.is_multiple_of(animation.every))
     }
 }
 

@@ -70,7 +70,7 @@ pub(crate) fn acid_base() -> Vec<Row> {
             let kept = [totals.present[0] + reacted, totals.present[1] + reacted];
             // A particle that reacted twice would be missing from the count of those that are left.
             let left = u64::from(acid + base) - 2 * reacted;
-            wrong += u64::from(kept != [acid.into(), base.into()] || ids != left);
+            wrong += u64::from(kept != [u64::from(acid), u64::from(base)] || ids != left);
         }
         let inside = simulation.inside(0);
         (inside[0] as f64 - inside[1] as f64, wrong, simulation.state().totals.reacted[0])

@@ -7,12 +7,10 @@ use lazygrid::gpu;
 use super::super::fit::exponent;
 use super::super::plan::Figure;
 use super::super::row::{Row, Status};
-use super::axis::Quantity;
-use super::document::{Cell, Plot, Section, Table};
-use super::plot::{Axes, Mark, Series, lines};
-use super::table::{
-    Column, best_of_columns, by_engine, by_size, count, engines, find, gpu_times, mean, time,
-};
+use super::table::{Column, best_of_columns, by_engine, by_size, engines, find, gpu_times, mean};
+use lazygrid_report::number::{count, time};
+use lazygrid_report::plot::{Axes, Mark, Series, lines};
+use lazygrid_report::{Cell, Plot, Quantity, Scale, Section, Table};
 
 /// Below this many spheres fixed costs hide how time grows.
 const FIT_FROM: usize = 1000;
@@ -63,7 +61,12 @@ fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box
     let plot = |name: String, what: &str, caption: &str, of: fn(&Row) -> f64| {
         let mut series = series(rows, false, of);
         series.extend(self::series(equal, true, of));
-        let axes = Axes { title, x: ("spheres", Quantity::Count), y: (what, Quantity::Time) };
+        let axes = Axes {
+            scale: Scale::Logarithmic,
+            title,
+            x: ("spheres", Quantity::Count),
+            y: (what, Quantity::Time),
+        };
         let caption =
             format!("{caption} Bars from the lower to the upper quartile, both axes logarithmic.{dashed}");
         Ok::<_, Box<dyn Error>>(lines(&axes, &series)?.map(|svg| Plot { name, caption, svg }))

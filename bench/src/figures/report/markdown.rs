@@ -1,7 +1,7 @@
 use std::fmt::Write;
 
-use super::document::{Cell, Document, Kind, Table};
 use crate::measure::markdown;
+use lazygrid_report::{Cell, Document, Kind, Table};
 
 /// The document as Markdown. Plots are files beside it.
 pub(super) fn text(document: &Document) -> String {

@@ -4,14 +4,14 @@ use std::error::Error;
 
 use super::super::plan::Figure;
 use super::super::row::{Row, Status};
-use super::axis::Quantity;
-use super::document::{Cell, Plot, Section, Table};
-use super::plot::{Axes, Mark, Series, lines};
 use super::ratios::{self, OURS, Times, peers, verdicts};
 use super::table::{
-    Column, best_of_columns, by_engine, by_setting, by_size, count, engines, find, gpu_times, mean, median,
-    scenes, sizes,
+    Column, best_of_columns, by_engine, by_setting, by_size, engines, find, gpu_times, mean, median, scenes,
+    sizes,
 };
+use lazygrid_report::number::count;
+use lazygrid_report::plot::{Axes, Mark, Series, lines};
+use lazygrid_report::{Cell, Plot, Quantity, Scale, Section, Table};
 
 /// What a line of a plot shows of a row: its place, its value, and the middle half of the runs.
 type Shown = fn(&Row) -> Mark;
@@ -43,10 +43,20 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
         let by_size = |row: &Row| Mark::new(row.n as f64, row.mean().0, row.quartiles());
         let one = |row: &Row| Mark::new(row.n as f64, row.mean().0, row.quartiles()).over(row.n as f64);
         let spheres = ("spheres", Quantity::Count);
-        let axes = Axes { title: &title, x: spheres, y: ("mean time of a step, one thread", Quantity::Time) };
+        let axes = Axes {
+            scale: Scale::Logarithmic,
+            title: &title,
+            x: spheres,
+            y: ("mean time of a step, one thread", Quantity::Time),
+        };
         section.plots.extend(plot(&axes, &rows, format!("figure-4-{scene}"), by_size)?);
         let title = format!("Figure 4: {scene}, per sphere");
-        let axes = Axes { title: &title, x: spheres, y: ("mean time of a step per sphere", Quantity::Time) };
+        let axes = Axes {
+            scale: Scale::Logarithmic,
+            title: &title,
+            x: spheres,
+            y: ("mean time of a step per sphere", Quantity::Time),
+        };
         section.plots.extend(plot(&axes, &rows, format!("figure-4-{scene}-per-sphere"), one)?);
         section.tables.push(per_sphere(scene, &rows, &columns));
         section.tables.extend(ratios::ours(&rows).map(|ours| ratios::table(scene, &rows, &columns, ours)));
@@ -79,7 +89,8 @@ pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Er
         let title = format!("{} carriers", count(n));
         if figure == Figure::F5a {
             let y = ("median time of a search", Quantity::Time);
-            let axes = Axes { title: &title, x: ("simulated time", Quantity::Time), y };
+            let axes =
+                Axes { scale: Scale::Logarithmic, title: &title, x: ("simulated time", Quantity::Time), y };
             let shown = |row: &Row| Mark::new(row.at.unwrap_or_default(), row.median(), row.quartiles());
             section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{n}"), shown)?);
         }
@@ -131,7 +142,7 @@ fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
     }
     let title = format!("{ours}: how many times as fast, by carriers and simulated time");
     let y = ("peer's time / lazygrid's", Quantity::Number);
-    let axes = Axes { title: &title, x: ("carriers", Quantity::Count), y };
+    let axes = Axes { scale: Scale::Logarithmic, title: &title, x: ("carriers", Quantity::Count), y };
     let name: String = ours.chars().filter(|c| c.is_ascii_alphanumeric() || matches!(c, ' ' | '-')).collect();
     Ok(lines(&axes, &series)?.map(|svg| Plot {
         name: format!("figure-5b-{}", name.to_lowercase().replace(' ', "-")),

@@ -3,9 +3,9 @@
 use std::fmt;
 
 use super::super::row::{Row, Status, quartiles};
-use super::document::{Note, Table};
 use super::table::{Column, by_engine, engines, find};
 use crate::measure::Spread;
+use lazygrid_report::{Note, Table};
 
 /// What an engine on a software adapter is called at its end.
 pub(super) const ON_SOFTWARE: &str = "(software GPU)";

@@ -4,10 +4,11 @@ use std::error::Error;
 
 use super::super::plan::Figure;
 use super::super::row::{Results, Row, Status};
-use super::document::{Cell, Document, Note, Section, Table};
 use super::ratios::ON_SOFTWARE;
-use super::table::{count, engines};
+use super::table::engines;
 use super::{growth, peers, sweeps};
+use lazygrid_report::number::count;
+use lazygrid_report::{Cell, Document, Note, Section, Table};
 
 /// How the reason begins of an engine that takes no part because of its time.
 const TOO_LONG: &str = "left out: a run would take";

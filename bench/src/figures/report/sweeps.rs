@@ -4,12 +4,10 @@ use std::error::Error;
 
 use super::super::plan::Figure;
 use super::super::row::Row;
-use super::axis::Quantity;
-use super::document::{Cell, Note, Plot, Section, Table};
-use super::plot::{Axes, Mark, Series, lines};
-use super::table::{
-    Column, by_engine, by_setting, cell, count, engines, find, mark_best, median, scenes, sizes,
-};
+use super::table::{Column, by_engine, by_setting, cell, engines, find, mark_best, median, scenes, sizes};
+use lazygrid_report::number::count;
+use lazygrid_report::plot::{Axes, Mark, Series, lines};
+use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
 
 /// A step that makes it less than this many times as fast does not count as scaling.
 const GAIN: f64 = 1.05;
@@ -27,7 +25,7 @@ pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn 
             }
             let what = format!("{scene}, {} spheres", count(n));
             let y = ("median time of a step", Quantity::Time);
-            let axes = Axes { title: &what, x: (varied, Quantity::Number), y };
+            let axes = Axes { scale: Scale::Logarithmic, title: &what, x: (varied, Quantity::Number), y };
             section.plots.extend(plot(&axes, &rows, format!("{figure}-{scene}-{n}"))?);
             section.tables.push(table(figure, &what, &rows));
             if figure == Figure::Threads {

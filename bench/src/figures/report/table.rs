@@ -1,8 +1,9 @@
 //! Tables of rows: which engines and columns there are, and what a cell says.
 
 use super::super::row::{Row, Status, quartiles};
-use super::document::{Cell, Kind, Table};
 use crate::measure::Spread;
+use lazygrid_report::number::{count, three_figures, time, unit};
+use lazygrid_report::{Cell, Kind, Table};
 
 /// A column of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,37 +79,6 @@ fn distinct<'a>(rows: &[&'a Row], of: fn(&Row) -> &str) -> Vec<&'a str> {
 /// The row of an engine in a column.
 pub(super) fn find<'a>(rows: &[&'a Row], engine: &str, column: Column) -> Option<&'a Row> {
     rows.iter().copied().find(|row| row.engine == engine && column.holds(row))
-}
-
-/// A number of spheres as it is written in tables.
-pub(super) fn count(n: usize) -> String {
-    match n {
-        1_000_000.. if n.is_multiple_of(100_000) => format!("{} M", n as f64 / 1e6),
-        1000.. if n.is_multiple_of(100) => format!("{} k", n as f64 / 1e3),
-        _ => n.to_string(),
-    }
-}
-
-/// A unit for about so many seconds, and how many of it a second has.
-fn unit(seconds: f64) -> (f64, &'static str) {
-    match seconds {
-        s if s < 1e-9 => (1e12, "ps"),
-        s if s < 1e-6 => (1e9, "ns"),
-        s if s < 1e-3 => (1e6, "µs"),
-        s if s < 1.0 => (1e3, "ms"),
-        _ => (1.0, "s"),
-    }
-}
-
-fn three_figures(value: f64) -> String {
-    let digits = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
-    format!("{value:.digits$}")
-}
-
-/// Seconds with a unit and three figures.
-pub(super) fn time(seconds: f64) -> String {
-    let (factor, unit) = unit(seconds);
-    format!("{} {unit}", three_figures(seconds * factor))
 }
 
 /// Median seconds, quartiles and number of these times.

@@ -35,6 +35,7 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
             Some(file::Contact::Separate) => Contact::Separate,
             Some(file::Contact::Elastic) => Contact::Elastic,
         },
+        logs_arrivals: file.output.arrivals,
         ..Model::default()
     };
     model.flow = space::flow(file.flow.as_ref(), &model.boundary)?;
@@ -64,6 +65,7 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         xyz: file.output.frames.contains(&file::FrameFormat::Xyz),
         npy: file.output.frames.contains(&file::FrameFormat::Npy),
         checkpoint_every: file.output.checkpoint_every.map(Into::into),
+        animation: None,
     };
     Ok(Resolved { model, steps: file.steps, seed: file.seed, output, advice })
 }

@@ -1,47 +1,54 @@
-//! Plots: both axes logarithmic, one line per engine.
+//! Plots of lines, as SVG.
 
 use std::error::Error;
 use std::ops::Range;
 
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::prelude::*;
 
-use super::axis::{Quantity, Room, ticks, ticks_at};
+use crate::axis::{Quantity, Room, Scale, ticks, ticks_at};
 
 /// A point of a line, with a bar for how far it scatters.
-#[derive(Clone, Copy)]
-pub(super) struct Mark {
+#[derive(Clone, Copy, Debug)]
+pub struct Mark {
     at: (f64, f64),
     bar: (f64, f64),
 }
 
 impl Mark {
-    pub(super) fn new(x: f64, y: f64, bar: (f64, f64)) -> Self {
+    /// A value at a place, and the ends of its bar.
+    pub fn new(x: f64, y: f64, bar: (f64, f64)) -> Self {
         Self { at: (x, y), bar }
     }
 
     /// With its value in parts of `by`.
-    pub(super) fn over(self, by: f64) -> Self {
+    #[must_use]
+    pub fn over(self, by: f64) -> Self {
         Self { at: (self.at.0, self.at.1 / by), bar: (self.bar.0 / by, self.bar.1 / by) }
     }
 
-    /// Whether it has a place on logarithmic axes.
-    fn is_shown(&self) -> bool {
-        [self.at.0, self.at.1, self.bar.0, self.bar.1].into_iter().all(|v| v.is_finite() && v > 0.0)
+    /// Whether it has a place.
+    fn is_shown(&self, scale: Scale) -> bool {
+        [self.at.0, self.at.1, self.bar.0, self.bar.1].into_iter().all(|value| scale.holds(value))
     }
 }
 
 /// A line of a plot.
-pub(super) struct Series {
-    pub(super) name: String,
-    pub(super) points: Vec<Mark>,
-    pub(super) dashed: bool,
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// What the legend calls it.
+    pub name: String,
+    /// Its points, from left to right.
+    pub points: Vec<Mark>,
+    /// Whether it is dashed.
+    pub dashed: bool,
     /// Which colour; lines that belong together share one.
-    pub(super) colour: usize,
+    pub colour: usize,
 }
 
 impl Series {
-    fn marks(&self) -> impl Iterator<Item = Mark> + Clone {
-        self.points.iter().copied().filter(Mark::is_shown)
+    fn marks(&self, scale: Scale) -> impl Iterator<Item = Mark> + Clone {
+        self.points.iter().copied().filter(move |mark| mark.is_shown(scale))
     }
 
     fn colour(&self) -> RGBColor {
@@ -50,10 +57,16 @@ impl Series {
 }
 
 /// What a plot shows: its title, and what each axis is called and measures.
-pub(super) struct Axes<'a> {
-    pub(super) title: &'a str,
-    pub(super) x: (&'a str, Quantity),
-    pub(super) y: (&'a str, Quantity),
+#[derive(Clone, Copy, Debug)]
+pub struct Axes<'a> {
+    /// The title of the plot.
+    pub title: &'a str,
+    /// The name of the axis below, and what it measures.
+    pub x: (&'a str, Quantity),
+    /// The same of the axis beside.
+    pub y: (&'a str, Quantity),
+    /// How values are laid out along both.
+    pub scale: Scale,
 }
 
 const SIZE: (u32, u32) = (1120, 600);
@@ -84,12 +97,16 @@ const COLOURS: [RGBColor; 10] = [
 ];
 const GRID: RGBColor = RGBColor(225, 225, 225);
 
+/// Lines of more points than this have none drawn.
+const POINTS: usize = 50;
+
 /// The plot as SVG; none where no series has a point.
 ///
 /// # Errors
 /// Where the drawing fails.
-pub(super) fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<dyn Error>> {
-    let marks = || series.iter().flat_map(Series::marks);
+pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<dyn Error>> {
+    let scale = axes.scale;
+    let marks = || series.iter().flat_map(|line| line.marks(scale));
     if marks().next().is_none() {
         return Ok(None);
     }
@@ -100,34 +117,40 @@ pub(super) fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>
         let root = root.titled(axes.title, (FONT, TITLE))?;
         let (area, beside) = root.split_horizontally(SIZE.0 - LEGEND);
         let measured: Vec<f64> = marks().map(|mark| mark.at.0).collect();
-        let x = range(measured.iter().copied());
-        let y = range(marks().flat_map(|mark| [mark.at.1, mark.bar.0, mark.bar.1]));
+        let x = range(scale, measured.iter().copied());
+        let y = range(scale, marks().flat_map(|mark| [mark.at.1, mark.bar.0, mark.bar.1]));
         let (width, height) = area.dim_in_pixel();
-        let (across, up) = (across(width), up(height));
+        let (across, up) = (across(width, scale), up(height, scale));
         let (at_x, at_y) = (ticks_at(&measured, &x, axes.x.1, across), ticks(&y, axes.y.1, up));
         let mut chart = ChartBuilder::on(&area)
             .margin(MARGIN)
             .x_label_area_size(BELOW)
             .y_label_area_size(LEFT)
-            .build_cartesian_2d(x.log_scale().with_key_points(at_x), y.log_scale().with_key_points(at_y))?;
+            .build_cartesian_2d(
+                Along { scale, range: x, ticks: at_x },
+                Along { scale, range: y, ticks: at_y },
+            )?;
         let (x_label, y_label) = (|value: &f64| axes.x.1.label(*value), |value: &f64| axes.y.1.label(*value));
         let mut mesh = chart.configure_mesh();
         mesh.x_desc(axes.x.0).y_desc(axes.y.0).x_label_formatter(&x_label).y_label_formatter(&y_label);
         mesh.label_style((FONT, TEXT)).axis_desc_style((FONT, TEXT)).bold_line_style(GRID).draw()?;
-        let drawn = series.iter().filter(|line| line.marks().next().is_some());
+        let drawn = series.iter().filter(|line| line.marks(scale).next().is_some());
         for (row, line) in (0..).zip(drawn) {
             let colour = line.colour();
-            let points = || line.marks().map(|mark| mark.at);
+            let marks = || line.marks(scale);
+            let points = || marks().map(|mark| mark.at);
             let bar = |Mark { at: (x, _), bar: (low, high) }| {
                 PathElement::new([(x, low), (x, high)], colour.mix(0.35).stroke_width(5))
             };
-            chart.draw_series(line.marks().map(bar))?;
+            chart.draw_series(marks().filter(|mark| mark.bar.0 < mark.bar.1).map(bar))?;
             if line.dashed {
                 chart.draw_series(DashedLineSeries::new(points(), 6, 4, colour.stroke_width(2)))?;
             } else {
                 chart.draw_series(LineSeries::new(points(), colour.stroke_width(2)))?;
             }
-            chart.draw_series(points().map(|p| Circle::new(p, 3, colour.filled())))?;
+            if points().count() <= POINTS {
+                chart.draw_series(points().map(|p| Circle::new(p, 3, colour.filled())))?;
+            }
             name(&beside, row, line)?;
         }
         root.present()?;
@@ -149,18 +172,52 @@ fn name<B: DrawingBackend>(
 }
 
 /// Room for labels below an area of this width. Characters are about half as wide as a line is high.
-fn across(width: u32) -> Room {
+fn across(width: u32, scale: Scale) -> Room {
     let text = f64::from(TEXT);
-    Room { axis: f64::from(width - 2 * MARGIN - LEFT), gap: 0.8 * text, character: 0.48 * text }
+    Room { axis: f64::from(width - 2 * MARGIN - LEFT), gap: 0.8 * text, character: 0.48 * text, scale }
 }
 
 /// Room for labels beside an area of this height.
-fn up(height: u32) -> Room {
-    Room { axis: f64::from(height - 2 * MARGIN - BELOW), gap: 1.5 * f64::from(TEXT), character: 0.0 }
+fn up(height: u32, scale: Scale) -> Room {
+    Room { axis: f64::from(height - 2 * MARGIN - BELOW), gap: 1.5 * f64::from(TEXT), character: 0.0, scale }
 }
 
-/// The values' range with a little room, more than a point.
-fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
-    let (low, high) = values.fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(v), high.max(v)));
-    low / 1.3..high * 1.3
+/// An axis, with the values that get labels.
+struct Along {
+    scale: Scale,
+    range: Range<f64>,
+    ticks: Vec<f64>,
+}
+
+impl Ranged for Along {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        let [low, at, high] = [self.range.start, *value, self.range.end].map(|value| self.scale.place(value));
+        let part = (at - low) / (high - low);
+        limit.0 + (part * f64::from(limit.1 - limit.0)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        if hint.weight().allow_light_points() { Vec::new() } else { self.ticks.clone() }
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.range.clone()
+    }
+}
+
+/// The values' range with a little room, more than a point. A linear axis of what is not negative begins at 0.
+fn range(scale: Scale, values: impl Iterator<Item = f64>) -> Range<f64> {
+    let ends = (f64::INFINITY, f64::NEG_INFINITY);
+    let (low, high) = values.fold(ends, |(low, high), v| (low.min(v), high.max(v)));
+    match scale {
+        Scale::Logarithmic => low / 1.3..high * 1.3,
+        Scale::Linear => {
+            let low = low.min(0.0);
+            let room = if high > low { 0.03 * (high - low) } else { 1.0 };
+            (if low < 0.0 { low - room } else { 0.0 })..high + room
+        }
+    }
 }

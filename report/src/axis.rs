@@ -1,8 +1,8 @@
-//! Logarithmic axes: which values get a label, and what it says. Pure functions; `plot.rs` draws.
+//! Axes: which values get a label, and what it says. Pure functions; `plot.rs` draws.
 
 use std::ops::Range;
 
-use super::table::{count, time};
+use crate::number::{count, time};
 
 /// More labels than this make an axis no clearer.
 const MOST: usize = 8;
@@ -13,9 +13,33 @@ const STEPS: [f64; 3] = [1.0, 2.0, 5.0];
 /// Largest over smallest value of an axis on which decades have too few labels.
 const NARROW: f64 = 6.0;
 
+/// How values are laid out along an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// Equal ratios are equally long.
+    Logarithmic,
+    /// Equal differences are.
+    Linear,
+}
+
+impl Scale {
+    /// How far along a value lies.
+    pub(crate) fn place(self, value: f64) -> f64 {
+        match self {
+            Self::Logarithmic => value.ln(),
+            Self::Linear => value,
+        }
+    }
+
+    /// Whether a value has a place.
+    pub(crate) fn holds(self, value: f64) -> bool {
+        value.is_finite() && (self == Self::Linear || value > 0.0)
+    }
+}
+
 /// What an axis measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Quantity {
+pub enum Quantity {
     /// Spheres: `100 k`.
     Count,
     /// Seconds: `1 ms`.
@@ -26,7 +50,7 @@ pub(super) enum Quantity {
 
 impl Quantity {
     /// A value as it is written on an axis.
-    pub(super) fn label(self, value: f64) -> String {
+    pub(crate) fn label(self, value: f64) -> String {
         match self {
             Self::Count if value.fract() == 0.0 && (1.0..1e15).contains(&value) => count(value as usize),
             Self::Time => match time(value).split_once(' ') {
@@ -60,19 +84,22 @@ fn without_zeros(number: &str) -> &str {
 
 /// How much room labels have along an axis, in pixels.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Room {
+pub(crate) struct Room {
     /// Length of the axis.
-    pub(super) axis: f64,
+    pub(crate) axis: f64,
     /// What a label takes besides its characters.
-    pub(super) gap: f64,
+    pub(crate) gap: f64,
     /// What each character of it takes: its width along a horizontal axis, nothing along a vertical one.
-    pub(super) character: f64,
+    pub(crate) character: f64,
+    /// How values are laid out.
+    pub(crate) scale: Scale,
 }
 
 impl Room {
     /// Whether labels at these values, which ascend, keep apart.
     fn holds(&self, ticks: &[f64], range: &Range<f64>, quantity: Quantity) -> bool {
-        let place = |value: f64| (value / range.start).ln() / (range.end / range.start).ln() * self.axis;
+        let [low, high] = [range.start, range.end].map(|value| self.scale.place(value));
+        let place = |value: f64| (self.scale.place(value) - low) / (high - low) * self.axis;
         let width = |value: f64| quantity.label(value).chars().count() as f64 * self.character;
         ticks.windows(2).all(|pair| {
             let [a, b] = [pair[0], pair[1]];
@@ -82,7 +109,10 @@ impl Room {
 }
 
 /// The values of `range` that get a label: as many as are clear and keep apart.
-pub(super) fn ticks(range: &Range<f64>, quantity: Quantity, room: Room) -> Vec<f64> {
+pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, room: Room) -> Vec<f64> {
+    if room.scale == Scale::Linear {
+        return even(range, quantity, room);
+    }
     let decades = DECADES.iter().map(|values| of_decades(range, values));
     let fits = |ticks: &Vec<f64>| ticks.len() <= MOST && room.holds(ticks, range, quantity);
     let candidates = decades.chain(sparse(range)).chain(steps(range)).filter(fits);
@@ -91,7 +121,7 @@ pub(super) fn ticks(range: &Range<f64>, quantity: Quantity, room: Room) -> Vec<f
 }
 
 /// The values that were measured where each can have its label, else as many round ones as can.
-pub(super) fn ticks_at(measured: &[f64], range: &Range<f64>, quantity: Quantity, room: Room) -> Vec<f64> {
+pub(crate) fn ticks_at(measured: &[f64], range: &Range<f64>, quantity: Quantity, room: Room) -> Vec<f64> {
     let mut values = measured.to_vec();
     values.sort_by(f64::total_cmp);
     values.dedup();
@@ -123,6 +153,20 @@ fn steps(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
     })
 }
 
+/// Values at the same distance from each other on a linear axis: as many as keep apart.
+fn even(range: &Range<f64>, quantity: Quantity, room: Room) -> Vec<f64> {
+    let exponent = (range.end - range.start).log10().floor() as i32;
+    let sizes = (exponent - 2..=exponent).flat_map(|k| STEPS.map(|step| scaled(step, k)));
+    let multiples = |step: f64| {
+        let (first, last) = ((range.start / step).ceil() as i64, (range.end / step).floor() as i64);
+        // Rounded, since a multiple of 0.1 is not; without the sign of −0.
+        let value = |k: i64| format!("{:.9e}", k as f64 * step).parse().unwrap_or(k as f64 * step) + 0.0;
+        (first..=last).take(MOST + 1).map(value).collect::<Vec<f64>>()
+    };
+    let fits = |ticks: &Vec<f64>| ticks.len() <= MOST && room.holds(ticks, range, quantity);
+    sizes.map(multiples).find(fits).unwrap_or_default()
+}
+
 /// Exact where a product with a power of ten would not be.
 fn scaled(value: f64, exponent: i32) -> f64 {
     format!("{value}e{exponent}").parse().unwrap_or(f64::NAN)
@@ -132,8 +176,8 @@ fn scaled(value: f64, exponent: i32) -> f64 {
 mod tests {
     use super::*;
 
-    const ACROSS: Room = Room { axis: 640.0, gap: 18.0, character: 10.0 };
-    const UP: Room = Room { axis: 460.0, gap: 32.0, character: 0.0 };
+    const ACROSS: Room = Room { axis: 640.0, gap: 18.0, character: 10.0, scale: Scale::Logarithmic };
+    const UP: Room = Room { axis: 460.0, gap: 32.0, character: 0.0, scale: Scale::Logarithmic };
 
     fn labels(range: Range<f64>, quantity: Quantity, room: Room) -> Vec<String> {
         ticks(&range, quantity, room).into_iter().map(|value| quantity.label(value)).collect()
@@ -210,5 +254,28 @@ mod tests {
         let near: Vec<f64> = (0..40).map(|k| 1.0 + 0.1 * f64::from(k)).collect();
         assert_ne!(ticks_at(&near, &(0.77..6.4), Quantity::Number, ACROSS), near);
         assert_eq!(ticks_at(&[2.0, 1.0, 2.0], &(0.77..2.6), Quantity::Number, ACROSS), [1.0, 2.0]);
+    }
+
+    #[test]
+    fn a_linear_axis_has_even_labels_and_zero() {
+        let linear = |room: Room| Room { scale: Scale::Linear, ..room };
+        let labels = |range| labels(range, Quantity::Number, linear(ACROSS));
+        assert_eq!(labels(0.0..2.05), ["0", "0.5", "1", "1.5", "2"]);
+        assert_eq!(labels(-1.2..1.2), ["-1", "-0.5", "0", "0.5", "1"]);
+        assert_eq!(labels(0.0..5300.0), ["0", "1000", "2000", "3000", "4000", "5000"]);
+        for room in [ACROSS, UP].map(linear) {
+            for k in -60..60 {
+                for part in [0.0, 0.3, 0.9] {
+                    let high = 1.37_f64.powi(k);
+                    let range = part * high..high;
+                    let ticks = ticks(&range, Quantity::Number, room);
+                    assert!(
+                        ticks.len() >= 2 && room.holds(&ticks, &range, Quantity::Number),
+                        "{range:?}: {ticks:?}"
+                    );
+                    assert!(ticks.iter().all(|tick| *tick >= range.start && *tick <= range.end), "{range:?}");
+                }
+            }
+        }
     }
 }

@@ -1,5 +1,9 @@
 //! `lazygrid simulate` from outside.
 
+mod arrivals;
+mod replicas;
+mod report;
+
 use lazygrid_tests::command::{Program, Run, Scratch};
 use std::ffi::OsStr;
 use std::fs;
@@ -57,16 +61,30 @@ frames-every = 10
 frames = ["xyz", "npy"]
 "#;
 
-/// The content of every file in a directory, by name.
+/// The content of every file in a directory and those below it, by name.
 fn files(directory: &str) -> Vec<(String, Vec<u8>)> {
-    let file = |entry: std::io::Result<fs::DirEntry>| {
+    let of = |entry: std::io::Result<fs::DirEntry>| {
         let entry = entry.expect("an entry");
         let name = entry.file_name().into_string().expect("a plain name");
-        (name, fs::read(entry.path()).expect("a file"))
+        match entry.path().to_str() {
+            Some(path) if entry.path().is_dir() => {
+                files(path).into_iter().map(|(below, content)| (format!("{name}/{below}"), content)).collect()
+            }
+            _ => vec![(name, fs::read(entry.path()).expect("a file"))],
+        }
     };
-    let mut files: Vec<_> = fs::read_dir(directory).expect("a directory").map(file).collect();
+    let mut files: Vec<_> = fs::read_dir(directory).expect("a directory").flat_map(of).collect();
     files.sort();
     files
+}
+
+/// The rows of a table, by the names of its columns.
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn rows(path: &str) -> Vec<std::collections::HashMap<String, String>> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    lines.map(|line| header.iter().cloned().zip(line).collect()).collect()
 }
 
 #[test]
@@ -320,20 +338,26 @@ impl Drop for Endless {
 
 /// A run after its first checkpoint.
 #[cfg(unix)]
-#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 fn endless(scenario: &str, out: &str) -> Endless {
+    let rare = ["--steps", "100000000", "--every", "1000000", "--frames-every", "100000000"];
+    begun(&[&["simulate", scenario, "--output", out][..], &rare].concat(), &(out.to_owned() + "/checkpoint"))
+}
+
+/// A run that goes on and has written a file.
+#[cfg(unix)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn begun(args: &[&str], file: &str) -> Endless {
     use std::process::{Command, Stdio};
 
     let started = Command::new(env!("CARGO_BIN_EXE_lazygrid"))
-        .args(["simulate", scenario, "--output", out])
-        .args(["--steps", "100000000", "--every", "1000000", "--frames-every", "100000000"])
+        .args(args)
         .env("RUST_LOG", "error")
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn();
     let child = started.unwrap();
-    while !std::path::Path::new(out).join("checkpoint").exists() {
+    while !std::path::Path::new(file).exists() {
         std::thread::sleep(std::time::Duration::from_millis(10));
     }
     Endless(Some(child))

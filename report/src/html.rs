@@ -1,6 +1,8 @@
+//! A report as HTML.
+
 use std::fmt::Write;
 
-use super::document::{Cell, Document, Kind, Section, Table};
+use crate::document::{Cell, Document, Kind, Section, Table};
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222;\
 background:#fff}table{border-collapse:collapse;margin:.5rem 0 1.5rem;font-size:.9rem;font-variant-numeric:tabular-nums}\
@@ -10,7 +12,7 @@ th{background:#f3f3f3}caption{text-align:left;padding:.3rem 0;color:#555}.best{f
 svg{max-width:100%;height:auto}.wide{overflow-x:auto}";
 
 /// The document as one page that needs no other file.
-pub(super) fn page(document: &Document) -> String {
+pub fn page(document: &Document) -> String {
     let title = escaped(&document.title);
     let mut out = format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n\

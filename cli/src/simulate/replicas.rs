@@ -1,0 +1,94 @@
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+
+use indicatif::ProgressBar;
+use lazygrid_sim::Simulator;
+use lazygrid_sim::replicas::{Replicas, Replicated, seed_of};
+use lazygrid_sim::run::End;
+
+use super::report::{self, Done};
+use crate::failure::Failure;
+use crate::signals::Asked;
+use crate::{print, progress, signals};
+
+/// Does all replicas and says what came of them on average.
+pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), Failure> {
+    let asked = signals::ask_to_stop()?;
+    let count = replicas.count.get();
+    let advance = Advance::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
+    let replicated = replicas.run(|replica, simulation| {
+        advance.see(replica, simulation);
+        if asked.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+    advance.bar.finish_and_clear();
+    let run = &replicas.run;
+    if reports && !replicated.done.is_empty() {
+        let of = |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
+        let runs = replicated.done.iter().map(of).collect();
+        let command = format!("{} --replicas {count}", report::command(run));
+        report::write(&Done { run, mean: &replicated.mean, runs, command })?;
+    }
+    print(summary(&replicas, &replicated))?;
+    match replicated.end {
+        End::Finished => Ok(()),
+        End::Stopped => {
+            let (scenario, directory) = (replicas.run.path, replicas.run.directory);
+            let signal = asked.signal().unwrap_or(Asked::CTRL_C);
+            Err(Failure::StoppedReplicas {
+                done: replicated.done.len() as u32,
+                count,
+                scenario,
+                directory,
+                signal,
+            })
+        }
+    }
+}
+
+/// How far all replicas are together.
+struct Advance {
+    bar: ProgressBar,
+    /// How many steps are done, by replica.
+    steps: Mutex<BTreeMap<u32, u32>>,
+}
+
+impl Advance {
+    fn new(bar: ProgressBar) -> Self {
+        Self { bar, steps: Mutex::default() }
+    }
+
+    fn see(&self, replica: u32, simulation: &Simulator) {
+        let step = simulation.step_count();
+        let Ok(mut steps) = self.steps.lock() else { return };
+        match steps.insert(replica, step) {
+            Some(before) => self.bar.inc(u64::from(step - before)),
+            // What an earlier run did is no part of this one's speed.
+            None if step > 0 => {
+                self.bar.inc(step.into());
+                self.bar.reset_eta();
+            }
+            None => self.bar.set_message(format!("replica {replica}")),
+        }
+    }
+}
+
+/// What came of replicas: the last row of each series on average, with its standard error.
+fn summary(replicas: &Replicas, replicated: &Replicated) -> String {
+    let (run, mean) = (&replicas.run, &replicated.mean);
+    let mut lines = vec![
+        format!("replicas   {} of {} done", replicated.done.len(), replicas.count),
+        format!("seed       {}", run.scenario.seed),
+    ];
+    if let (Some(row), Some(step), Some(time)) =
+        (mean.steps.len().checked_sub(1), mean.steps.last(), mean.times.last())
+    {
+        lines.push(format!("steps      {step} ({time} s)"));
+        for (name, sample) in mean.names.iter().zip(mean.row(row)) {
+            let error = sample.standard_error().map_or(String::new(), |error| format!(" ± {error:.3}"));
+            lines.push(format!("mean       {name}: {:.3}{error}", sample.mean()));
+        }
+    }
+    lines.push(format!("output     {}", run.directory.display()));
+    lines.join("\n") + "\n"
+}

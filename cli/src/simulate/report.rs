@@ -1,0 +1,92 @@
+//! `--report`: tables and plots of what came of a run or of replicas.
+
+mod sections;
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use lazygrid_report::{Document, html};
+use lazygrid_sim::Model;
+use lazygrid_sim::results::channel::Channels;
+use lazygrid_sim::results::mean::MeanSeries;
+use lazygrid_sim::results::series::Series;
+use lazygrid_sim::run::Run;
+
+use crate::failure::Failure;
+
+/// Runs that are done, of one scenario.
+pub(crate) struct Done<'a> {
+    /// The scenario, and where the report goes.
+    pub(crate) run: &'a Run,
+    /// The mean of their series.
+    pub(crate) mean: &'a MeanSeries,
+    /// The seed and the directory of each.
+    pub(crate) runs: Vec<(u64, PathBuf)>,
+    /// How they were asked for.
+    pub(crate) command: String,
+}
+
+/// How a run was asked for, in so far as it matters to the report.
+pub(crate) fn command(run: &Run) -> String {
+    let Run { scenario, path, directory, .. } = run;
+    format!(
+        "lazygrid simulate {} --seed {} --steps {} --output {} --report",
+        path.display(),
+        scenario.seed,
+        scenario.steps,
+        directory.display()
+    )
+}
+
+/// The series of one run, as those of replicas.
+pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, Failure> {
+    let path = run.directory.join("series.csv");
+    let mut mean = MeanSeries::default();
+    mean.add(&Series::read(&path)?, &path)?;
+    Ok(mean)
+}
+
+/// Writes `report.html` and its plots, and the tables of channels where arrivals were logged.
+pub(crate) fn write(done: &Done<'_>) -> Result<(), Failure> {
+    let (model, steps) = (&done.run.scenario.model, done.run.scenario.steps);
+    let mut channels = None;
+    if model.logs_arrivals {
+        let runs = done.runs.iter().map(|(seed, directory)| (*seed, directory.as_path()));
+        let found = Channels::of(model, steps, runs)?;
+        tables(&found, model, &done.run.directory)?;
+        channels = Some(found);
+    }
+    let name = done.run.path.file_stem().unwrap_or_default().to_string_lossy();
+    let sections = sections::all(done, channels.as_ref()).map_err(|error| Failure::Report {
+        path: done.run.directory.join("report.html"),
+        reason: error.to_string(),
+    })?;
+    let document = Document { title: format!("lazygrid simulate: {name}"), sections };
+    let plots = done.run.directory.join("plots");
+    fs::create_dir_all(&plots).map_err(|source| refused(&plots, source))?;
+    for plot in document.sections.iter().flat_map(|section| &section.plots) {
+        file(&plots.join(format!("{}.svg", plot.name)), |out| out.write_all(plot.svg.as_bytes()))?;
+    }
+    file(&done.run.directory.join("report.html"), |out| out.write_all(html::page(&document).as_bytes()))
+}
+
+fn tables(channels: &Channels, model: &Model, directory: &Path) -> Result<(), Failure> {
+    file(&directory.join("impulse-response.csv"), |out| channels.write_responses(out, model))?;
+    if !channels.interference.is_empty() {
+        file(&directory.join("interference.csv"), |out| channels.write_interference(out, model))?;
+    }
+    if !channels.bit_errors.is_empty() {
+        file(&directory.join("bit-errors.csv"), |out| channels.write_bit_errors(out, model))?;
+    }
+    Ok(())
+}
+
+fn file(path: &Path, content: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> Result<(), Failure> {
+    let mut bytes = Vec::new();
+    content(&mut bytes).and_then(|()| fs::write(path, bytes)).map_err(|source| refused(path, source))
+}
+
+fn refused(path: &Path, source: std::io::Error) -> Failure {
+    lazygrid_sim::Error::Write { path: path.to_owned(), source }.into()
+}

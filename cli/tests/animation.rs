@@ -1,0 +1,267 @@
+//! `lazygrid simulate --animate`: the page by itself, and in a browser.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::fs;
+use std::io::Read;
+use std::process::{Command, Stdio};
+
+use lazygrid_tests::command::{Program, Scratch};
+use serde_json::Value;
+
+const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+
+/// Two clouds on either side of a receiver, one of which goes away, in a box.
+const SCENARIO: &str = r#"
+time-step = 0.001
+steps = 40
+seed = 5
+[boundary]
+kind = "periodic"
+low = [-2, -2, -2]
+high = [2, 2, 2]
+[[species]]
+name = "acid"
+radius = 0.1
+diffusion = 5
+[[species]]
+name = "base"
+radius = 0.15
+diffusion = 3
+[[decay]]
+equation = "base ->"
+rate = 200
+[[transmitter]]
+name = "tx"
+center = [-1, 0, 0]
+shape = { kind = "ball", radius = 0.5 }
+release = [{ species = "acid", count = 400 }, { species = "base", count = 300 }]
+[[receiver]]
+name = "rx-one"
+center = [1, 0, 0]
+radius = 0.6
+kind = "transparent"
+[output]
+every = 2
+frames-every = 20
+frames = ["npy"]
+"#;
+
+/// Runs a scenario with these arguments and returns its directory.
+fn animated(scratch: &Scratch, name: &str, more: &[&str]) -> String {
+    let (scenario, out) = (scratch.write("clouds.toml", SCENARIO), scratch.path(name));
+    LAZYGRID.run(["simulate", &scenario, "--output", &out, "--animate"].iter().chain(more)).succeeds();
+    out
+}
+
+/// What stands between two texts.
+fn between<'a>(text: &'a str, begin: &str, end: &str) -> &'a str {
+    text.split_once(begin).unwrap().1.split_once(end).unwrap().0
+}
+
+fn scene(page: &str) -> Value {
+    serde_json::from_str(between(page, "id=\"scene\">", "</script>")).unwrap()
+}
+
+fn from_base64(text: &str) -> Vec<u8> {
+    let value = |c: u8| match c {
+        b'A'..=b'Z' => u32::from(c - b'A'),
+        b'a'..=b'z' => u32::from(c - b'a') + 26,
+        b'0'..=b'9' => u32::from(c - b'0') + 52,
+        b'+' => 62,
+        b'/' => 63,
+        _ => panic!("'{c}' is no letter of base64"),
+    };
+    let four = |letters: &[u8]| {
+        let known = letters.iter().filter(|&&c| c != b'=').count();
+        let word = letters[..known].iter().fold(0, |word, &c| word << 6 | value(c)) << (6 * (4 - known));
+        word.to_be_bytes()[1..known].to_vec()
+    };
+    text.as_bytes().chunks(4).flat_map(four).collect()
+}
+
+#[test]
+fn the_page_has_every_particle_of_every_frame() {
+    let scratch = Scratch::new();
+    let out = animated(&scratch, "out", &["--animate-every", "4"]);
+    let page = fs::read_to_string(out.clone() + "/animation.html").unwrap();
+    // It opens without a network.
+    assert!(!page.contains("://") && page.contains("default-src 'none'"));
+    let scene = scene(&page);
+    assert_eq!((&scene["title"], &scene["note"]), (&"clouds, seed 5".into(), &"".into()));
+    let frames = scene["frames"].as_array().unwrap();
+    let steps: Vec<u64> = frames.iter().map(|frame| frame["step"].as_u64().unwrap()).collect();
+    assert_eq!(steps, (0..=10).map(|k| 4 * k).collect::<Vec<_>>());
+    for step in [0, 20, 40] {
+        let frame = &frames[step / 4];
+        let npy = fs::read(format!("{out}/frame-{step:09}.npy")).unwrap();
+        let end = 10 + usize::from(u16::from_le_bytes([npy[8], npy[9]]));
+        let word = |bytes: &[u8]| <[u8; 4]>::try_from(bytes).unwrap();
+        // The page goes by species, and within each by id.
+        let mut expected: Vec<(u32, [f32; 3])> = npy[end..]
+            .chunks_exact(24)
+            .map(|row| {
+                let place = [8, 12, 16].map(|at| f32::from_le_bytes(word(&row[at..at + 4])));
+                (u32::from_le_bytes(word(&row[4..8])), place)
+            })
+            .collect();
+        expected.sort_by_key(|&(species, _)| species);
+        let count = |species| expected.iter().filter(|row| row.0 == species).count();
+        assert_eq!(frame["counts"], serde_json::json!([count(0), count(1)]), "step {step}");
+        assert_eq!(frame["present"], expected.len());
+        let bytes = from_base64(between(&page, &format!("id=\"frame-{}\">", step / 4), "</script>"));
+        assert_eq!(bytes.len(), 6 * expected.len(), "step {step}");
+        for ((_, place), words) in expected.iter().zip(bytes.chunks_exact(6)) {
+            for k in 0..3 {
+                let [low, size] = ["low", "size"].map(|name| frame[name][k].as_f64().unwrap());
+                let part = f64::from(u16::from_le_bytes([words[2 * k], words[2 * k + 1]])) / 65_535.0;
+                let off = (low + part * size - f64::from(place[k])).abs();
+                assert!(off < 1e-4, "axis {k} of step {step} is off by {off}");
+            }
+        }
+    }
+    // Base goes away, and acid stays.
+    let lines = scene["charts"][0]["lines"].as_array().unwrap();
+    assert_eq!((&lines[0]["name"], &lines[0]["counts"][20]), (&"acid".into(), &400.into()));
+    assert!(lines[1]["counts"][0] == 300 && lines[1]["counts"][20].as_u64().unwrap() < 10, "{}", lines[1]);
+}
+
+#[test]
+fn a_resumed_animation_is_the_same_and_a_thinned_one_says_so() {
+    let scratch = Scratch::new();
+    let whole = animated(&scratch, "whole", &[]);
+    let parts = animated(&scratch, "parts", &["--steps", "17"]);
+    let page = |out: &str| fs::read_to_string(format!("{out}/animation.html")).unwrap();
+    assert_eq!(scene(&page(&parts))["frames"].as_array().unwrap().len(), 18);
+    let frames = parts.clone() + "/animation.frames";
+    fs::write(&frames, [fs::read(&frames).unwrap(), vec![1, 2, 3]].concat()).unwrap();
+    animated(&scratch, "parts", &["--resume"]);
+    assert!(page(&parts) == page(&whole), "the page is another one");
+    let scenario = scratch.path("clouds.toml");
+    let run = LAZYGRID.run(["simulate", &scenario, "--output", &parts, "--resume"]).fails();
+    assert!(run.err.contains("its animation by --animate --animate-every 1"), "{}", run.err);
+
+    let few = scene(&page(&animated(&scratch, "few", &["--animate-particles", "200"])));
+    assert_eq!(few["note"], "1 of 4 particles is drawn, chosen by its id");
+    let drawn =
+        |frame: &Value| frame["counts"].as_array().unwrap().iter().map(|c| c.as_u64().unwrap()).sum::<u64>();
+    assert!(few["frames"].as_array().unwrap().iter().all(|frame| (50..=200).contains(&drawn(frame))));
+    assert_eq!(few["frames"][0]["present"], 700);
+}
+
+/// A browser, or why there is none.
+fn browser() -> Option<&'static str> {
+    let known = ["chromium", "chromium-headless-shell", "google-chrome"];
+    let runs = |name: &&str| {
+        let version =
+            Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        version.is_ok_and(|status| status.success())
+    };
+    let found = known.into_iter().find(runs);
+    let required = std::env::var_os("LAZYGRID_REQUIRE_BROWSER").is_some();
+    assert!(found.is_some() || !required, "LAZYGRID_REQUIRE_BROWSER is set, and there is none of {known:?}");
+    if found.is_none() {
+        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+        {
+            eprintln!("skipped: there is none of {known:?}; install one (Debian: apt-get install chromium)");
+        }
+    }
+    found
+}
+
+const SIZE: [usize; 2] = [1000, 640];
+
+/// What a browser shows of a page, row by row as red, green and blue.
+fn screenshot(browser: &str, scratch: &Scratch, page: &str, hash: &str, more: &[&str]) -> Vec<[u8; 3]> {
+    let shot = scratch.path("shot.png");
+    let done = Command::new(browser)
+        .args(["--headless", "--no-sandbox", "--hide-scrollbars", "--force-device-scale-factor=1"])
+        // Without a GPU, in software.
+        .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--virtual-time-budget=2000"])
+        .arg(format!("--window-size={},{}", SIZE[0], SIZE[1]))
+        .arg(format!("--user-data-dir={}", scratch.path("profile")))
+        .args(more)
+        .arg(format!("--screenshot={shot}"))
+        .arg(format!("file://{page}#{hash}"))
+        .env("XDG_RUNTIME_DIR", std::env::temp_dir())
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    decoded(&fs::read(shot).unwrap())
+}
+
+/// The pixels of a PNG file of eight bits a channel, as browsers write it.
+fn decoded(png: &[u8]) -> Vec<[u8; 3]> {
+    assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
+    let (mut rest, mut packed) = (&png[8..], Vec::new());
+    let mut head = [0; 13];
+    while rest.len() >= 12 {
+        let length = u32::from_be_bytes(rest[..4].try_into().unwrap()) as usize;
+        match &rest[4..8] {
+            b"IHDR" => head.copy_from_slice(&rest[8..21]),
+            b"IDAT" => packed.extend(&rest[8..8 + length]),
+            _ => {}
+        }
+        rest = &rest[12 + length..];
+    }
+    let [width, height] = [0, 4].map(|at| u32::from_be_bytes(head[at..at + 4].try_into().unwrap()) as usize);
+    assert_eq!((head[8], head[12], [width, height]), (8, 0, SIZE));
+    let channels = if head[9] == 6 { 4 } else { 3 };
+    let mut bytes = Vec::new();
+    flate2::read::ZlibDecoder::new(&packed[..]).read_to_end(&mut bytes).unwrap();
+    let mut rows = vec![vec![0_u8; width * channels]];
+    for line in bytes.chunks_exact(1 + width * channels) {
+        let (above, mut row) = (rows.last().unwrap(), line[1..].to_vec());
+        for k in 0..row.len() {
+            let [left, corner] =
+                if k < channels { [0; 2] } else { [row[k - channels], above[k - channels]].map(i32::from) };
+            let up = i32::from(above[k]);
+            let nearest =
+                [left, up, corner].into_iter().min_by_key(|v| (left + up - corner - v).abs()).unwrap();
+            let add = [0, left, up, (left + up) / 2, nearest][usize::from(line[0])];
+            row[k] = row[k].wrapping_add(add as u8);
+        }
+        rows.push(row);
+    }
+    rows[1..].iter().flat_map(|row| row.chunks_exact(channels).map(|p| [p[0], p[1], p[2]])).collect()
+}
+
+/// How many pixels of the scene have a hue like that of a colour: the picture without what is beside and below it.
+fn hued(pixels: &[[u8; 3]], like: [u8; 3]) -> usize {
+    let chroma = |[r, g, b]: [u8; 3]| {
+        let mean = (f64::from(r) + f64::from(g) + f64::from(b)) / 3.0;
+        let parts = [r, g, b].map(|c| f64::from(c) - mean);
+        (parts, parts.iter().map(|c| c * c).sum::<f64>().sqrt())
+    };
+    let (wanted, size) = chroma(like);
+    let rows = pixels.chunks_exact(SIZE[0]).take(SIZE[1] - 60);
+    let is_like = |pixel: &&[u8; 3]| {
+        let (own, own_size) = chroma(**pixel);
+        let product: f64 = own.iter().zip(&wanted).map(|(a, b)| a * b).sum();
+        own_size > 40.0 && product / (own_size * size) > 0.97
+    };
+    rows.flat_map(|row| &row[..SIZE[0] - 360]).filter(is_like).count()
+}
+
+/// The first two colours of the page.
+const ACID: [u8; 3] = [0x4C, 0x9B, 0xE8];
+const BASE: [u8; 3] = [0xF2, 0x69, 0x5C];
+
+#[test]
+fn a_browser_shows_the_particles_and_time() {
+    let Some(browser) = browser() else { return };
+    let scratch = Scratch::new();
+    let page = animated(&scratch, "out", &[]) + "/animation.html";
+    let shot = |hash: &str, more: &[&str]| screenshot(browser, &scratch, &page, hash, more);
+    let [first, last] = ["frame=0", "frame=40"].map(|hash| shot(hash, &[]));
+    let counts = [&first, &last].map(|pixels| [ACID, BASE].map(|colour| hued(pixels, colour)));
+    // Both are there at first, in a ball. In the end acid is all over the box, and base is gone.
+    let [[acid, base], [acid_later, base_later]] = counts;
+    assert!(acid > 500 && base > 2000, "{counts:?}");
+    assert!(acid_later > 3 * acid && base_later < base / 5, "{counts:?}");
+    // From somewhere else the same looks different, and a browser without WebGL says what is missing.
+    assert_ne!(shot("frame=0&turn=2.5", &[]), first);
+    let without = shot("frame=0", &["--disable-3d-apis"]);
+    assert_eq!([ACID, BASE].map(|colour| hued(&without, colour)), [0, hued(&without, BASE)]);
+    assert!(hued(&without, [0xFF, 0x8A, 0x80]) > 100, "there is no message");
+}

@@ -1,0 +1,141 @@
+//! `--report`: what is said about series and channels.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::collections::HashMap;
+use std::fs;
+
+use super::{SCENARIO, lazygrid, rows};
+use lazygrid_tests::command::Scratch;
+
+/// Random bits to an absorbing receiver of 5 µm, 10 µm away.
+const BITS: &str = r#"
+time-step = 0.004
+steps = 620
+seed = 11
+[[species]]
+name = "A"
+diffusion = 100
+[[transmitter]]
+name = "tx"
+random-bits = 10
+symbol-time = 0.2
+start = 0.02
+numbers = "poisson"
+release = [{ species = "A", count = 60 }]
+[[receiver]]
+name = "rx"
+center = [10, 0, 0]
+radius = 5
+kind = "absorbing"
+[output]
+every = 50
+arrivals = true
+"#;
+
+const REPLICAS: usize = 16;
+
+/// The part of a burst that has arrived at a time after it: (r/d)·erfc((d − r)/√(4Dt)).
+fn arrived(time: f64) -> f64 {
+    if time <= 0.0 { 0.0 } else { 0.5 * libm::erfc(5.0 / (400.0 * time).sqrt()) }
+}
+
+fn number(row: &HashMap<String, String>, name: &str) -> f64 {
+    row[name].parse().unwrap()
+}
+
+#[test]
+fn channels_are_as_formulas_and_logs_say() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("bits.toml", BITS), scratch.path("out"));
+    let replicas = REPLICAS.to_string();
+    lazygrid(["simulate", &scenario, "--output", &out, "--replicas", &replicas, "--report"]).succeeds();
+    let directory = |k: usize| format!("{out}/replica-{k:04}");
+    let table = |name: &str| rows(&format!("{out}/{name}"));
+    let released: f64 = (0..REPLICAS)
+        .flat_map(|k| rows(&(directory(k) + "/releases.csv")))
+        .map(|row| number(&row, "count"))
+        .sum();
+    assert!((released / (30.0 * 10.0 * REPLICAS as f64) - 1.0).abs() < 0.3, "{released}");
+
+    // The response, by the particles of all bursts that were followed for so long.
+    let responses = table("impulse-response.csv");
+    assert!(responses.len() > 50, "{} rows", responses.len());
+    for row in responses.iter().filter(|row| number(row, "until") < 0.45) {
+        let [from, until] = ["from", "until"].map(|name| number(row, name));
+        for (what, part) in [("part", arrived(until) - arrived(from)), ("so far", arrived(until))] {
+            let measured = number(row, &format!("{what} mean"));
+            let error = (part * (1.0 - part) / released).sqrt();
+            assert!(
+                (measured - part).abs() < 4.5 * error + 1e-3 * part,
+                "{what} until {until}: {measured}, not {part}"
+            );
+            let said = number(row, &format!("{what} error"));
+            assert!(
+                part < 0.01 || (0.3..3.0).contains(&(said / error)),
+                "{what} until {until}: {said}, not {error}"
+            );
+        }
+    }
+    // Interference: the parts within slots of 0.2 s.
+    for row in table("interference.csv").iter().take(4) {
+        let slot = number(row, "slot");
+        let part = arrived(0.2 * (slot + 1.0)) - arrived(0.2 * slot);
+        let error = (part / released).sqrt() * 2.0_f64.sqrt();
+        assert!((number(row, "part mean") - part).abs() < 4.0 * error, "{row:?}, not {part}");
+    }
+    // Bit errors, counted once more from what each replica wrote, of slots that begin at once or later.
+    let errors = table("bit-errors.csv");
+    let mut best = usize::MAX;
+    for delay in [0.0, 0.1, 0.4] {
+        let mut slots = Vec::new();
+        for k in 0..REPLICAS {
+            let (sent, arrivals) =
+                (rows(&(directory(k) + "/symbols.csv")), rows(&(directory(k) + "/arrivals.csv")));
+            assert_eq!(sent.len(), 10);
+            for symbol in sent {
+                let begin = number(&symbol, "time") + delay;
+                let within = |time: f64| time > begin + 1e-9 && time < begin + 0.2 + 1e-9;
+                let count = arrivals.iter().filter(|arrival| within(number(arrival, "time"))).count();
+                slots.push((symbol["symbol"] == "1", count));
+            }
+        }
+        let own: Vec<_> = errors.iter().filter(|row| number(row, "delay") == delay).collect();
+        assert!(own.len() > 10);
+        for (threshold, row) in own.iter().enumerate() {
+            let wrong = slots.iter().filter(|&&(bit, count)| (count >= threshold) != bit).count();
+            assert_eq!(row["threshold"], threshold.to_string());
+            assert_eq!(
+                (&row["errors"], &row["bits"][..]),
+                (&wrong.to_string(), "160"),
+                "{delay} s, {threshold}"
+            );
+            assert!((number(row, "rate mean") - wrong as f64 / 160.0).abs() < 1e-12);
+            best = if delay == 0.0 { best.min(wrong) } else { best };
+        }
+    }
+    // There is something to be told apart.
+    assert!(best < 60, "{best}");
+    let report = fs::read_to_string(out.clone() + "/report.html").unwrap();
+    assert!(report.contains(&format!(", {best} of 160 bits")) && report.contains("--replicas 16"));
+    for name in ["particles", "receivers", "impulse-response", "arrived", "interference", "bit-errors"] {
+        let svg = fs::read_to_string(format!("{out}/plots/{name}.svg")).unwrap();
+        assert!(svg.starts_with("<svg") && report.contains(&svg), "{name}");
+    }
+}
+
+#[test]
+fn a_report_of_one_run_has_its_series() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
+    lazygrid(["simulate", &scenario, "--output", &out, "--report"]).succeeds();
+    let report = fs::read_to_string(out.clone() + "/report.html").unwrap();
+    assert!(
+        report.contains("arrivals = true") && report.contains("<td>acid + base -&gt; salt</td>"),
+        "{report}"
+    );
+    assert!(!std::path::Path::new(&(out.clone() + "/impulse-response.csv")).exists());
+    // It can be had of a run that is done.
+    fs::remove_file(out.clone() + "/report.html").unwrap();
+    lazygrid(["simulate", &scenario, "--output", &out, "--report", "--resume"]).succeeds();
+    assert_eq!(fs::read_to_string(out + "/report.html").unwrap(), report);
+}

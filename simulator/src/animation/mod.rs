@@ -1,0 +1,134 @@
+//! A run as one page that plays it in three dimensions, in any browser with WebGL 2 and without a network.
+//!
+//! While the run goes on, the particles that are drawn are appended to a file (`record`). At its end the page is made of
+//! that, of the model and of the series: what stands in the scene (`scene`), and the places of each frame, as 16 bits of
+//! the frame's extent for each coordinate, in base64.
+
+mod record;
+mod scene;
+
+use std::fs::File;
+use std::io::{self, BufReader, Write};
+use std::num::NonZeroU32;
+use std::path::Path;
+
+use record::{Frame, Frames};
+pub(crate) use record::{append, bytes_of};
+use scene::Scene;
+
+use crate::Model;
+use crate::results::series::Series;
+
+/// How a run is animated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Animation {
+    /// Steps between frames.
+    pub every: u32,
+    /// How many particles are drawn at most. Of more, those are drawn in all frames whose ids a hash chooses, half of
+    /// them, a quarter, and so on.
+    pub particles: NonZeroU32,
+}
+
+const PAGE: &str = include_str!("player.html");
+const SCRIPTS: [&str; 2] = [include_str!("stage.js"), include_str!("player.js")];
+
+/// Writes the page of a run that recorded its frames.
+///
+/// # Errors
+/// What reader or writer say.
+pub(crate) fn page(
+    out: &mut impl Write,
+    (model, title): (&Model, &str),
+    frames: &Path,
+    series: &Series,
+) -> io::Result<()> {
+    let open = || File::open(frames).map(BufReader::new).map(Frames::new);
+    let mut scene = Scene::new(model, title, series);
+    let mut shift = 0;
+    for frame in open()? {
+        shift = shift.max(frame?.shift);
+    }
+    for frame in open()? {
+        scene.see(&thinned(frame?, shift));
+    }
+    let json = serde_json::to_string(&scene.finished(shift)).map_err(io::Error::other)?;
+    // The title is a file's name.
+    let title = title.replace('&', "&amp;").replace('<', "&lt;");
+    let mut rest = PAGE;
+    for (mark, text) in [("{{title}}", title), ("{{scene}}", json.replace('<', "\\u003c"))] {
+        rest = put(out, rest, mark, &text)?;
+    }
+    rest = put(out, rest, "{{frames}}", "")?;
+    for (at, frame) in open()?.enumerate() {
+        let frame = thinned(frame?, shift);
+        write!(out, "<script type=\"text/plain\" id=\"frame-{at}\">")?;
+        base64(out, &scene::places(&frame))?;
+        writeln!(out, "</script>")?;
+    }
+    rest = put(out, rest, "{{script}}", &SCRIPTS.concat())?;
+    out.write_all(rest.as_bytes())
+}
+
+/// Writes a page up to a mark, and the text in place of it; returns what is left.
+fn put<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::Result<&'a str> {
+    let (before, after) = page.split_once(mark).unwrap_or((page, ""));
+    out.write_all(before.as_bytes())?;
+    out.write_all(text.as_bytes())?;
+    Ok(after)
+}
+
+/// Without those that are too many in some other frame, species by species.
+fn thinned(mut frame: Frame, shift: u32) -> Frame {
+    frame.rows.retain(|row| record::is_drawn(row.id, shift));
+    frame.rows.sort_unstable_by_key(|row| (row.species, row.id));
+    frame
+}
+
+/// Bytes as letters, four for each three (RFC 4648).
+fn base64(out: &mut impl Write, bytes: &[u8]) -> io::Result<()> {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
+    for three in bytes.chunks(3) {
+        let word = (0..3).fold(0_u32, |word, k| word << 8 | u32::from(three.get(k).copied().unwrap_or(0)));
+        let letter = |k: usize| LETTERS[(word >> (18 - 6 * k) & 63) as usize];
+        text.extend((0..4).map(|k| if k <= three.len() { letter(k) } else { b'=' }));
+    }
+    out.write_all(&text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_become_the_letters_of_the_standard() {
+        // The test vectors of RFC 4648.
+        let known = [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+            ("foobar", "Zm9vYmFy"),
+        ];
+        for (bytes, letters) in known {
+            let mut out = Vec::new();
+            base64(&mut out, bytes.as_bytes()).unwrap();
+            assert_eq!(String::from_utf8(out).unwrap(), letters);
+        }
+        let mut out = Vec::new();
+        base64(&mut out, &[0xFB, 0xFF, 0xBF]).unwrap();
+        assert_eq!(out, b"+/+/");
+    }
+
+    #[test]
+    fn the_page_has_a_place_for_everything() {
+        let mut rest = PAGE;
+        for mark in ["{{title}}", "{{scene}}", "{{frames}}", "{{script}}"] {
+            rest = rest.split_once(mark).unwrap().1;
+        }
+        assert!(!rest.contains("{{") && SCRIPTS.iter().all(|script| !script.contains("</script")));
+        // Nothing is asked of a network.
+        assert!([PAGE, SCRIPTS[0], SCRIPTS[1]].iter().all(|text| !text.contains("://")));
+    }
+}

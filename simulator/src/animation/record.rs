@@ -1,0 +1,156 @@
+//! The particles that are drawn, frame by frame, as a file of 32-bit words in little-endian order: the step, a shift, the
+//! number of particles in two words, the number of those that follow, and for each the id, the species and the place.
+
+use std::io::{self, Read, Write};
+use std::num::NonZeroU32;
+
+use crate::State;
+
+/// Words in front of each frame.
+const HEAD: usize = 5;
+/// Words of a particle.
+const ROW: usize = 5;
+
+/// The particles of a moment that are drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Frame {
+    pub(super) step: u32,
+    /// Of 2ˢʰⁱᶠᵗ particles one is drawn, by its id.
+    pub(super) shift: u32,
+    /// How many there are.
+    pub(super) present: u64,
+    pub(super) rows: Vec<Row>,
+}
+
+/// One of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Row {
+    pub(super) id: u32,
+    pub(super) species: u32,
+    pub(super) place: [f32; 3],
+}
+
+/// Whether a particle is one of those that are drawn where one of 2ˢʰⁱᶠᵗ is.
+pub(super) fn is_drawn(id: u32, shift: u32) -> bool {
+    mixed(id).leading_zeros() >= shift
+}
+
+/// The finalizer of MurmurHash3: ids are given in the order of releases, and every species is to be thinned alike.
+fn mixed(id: u32) -> u32 {
+    let a = (id ^ id >> 16).wrapping_mul(0x85EB_CA6B);
+    let b = (a ^ a >> 13).wrapping_mul(0xC2B2_AE35);
+    b ^ b >> 16
+}
+
+/// How many bytes a frame of so many particles takes.
+pub(crate) fn bytes_of(particles: u64) -> u64 {
+    4 * (HEAD as u64 + ROW as u64 * particles)
+}
+
+/// Appends a frame with `most` particles at most.
+pub(crate) fn append(out: &mut impl Write, state: &State, most: NonZeroU32) -> io::Result<()> {
+    let particles = &state.particles;
+    let mut ranks = [0_u64; 33];
+    particles.id.iter().for_each(|&id| ranks[mixed(id).leading_zeros() as usize] += 1);
+    let drawn = |shift: u32| ranks[shift as usize..].iter().sum::<u64>();
+    let shift = (0..32).find(|&shift| drawn(shift) <= u64::from(most.get())).unwrap_or(32);
+    let present = particles.len() as u64;
+    let head = [state.step, shift, present as u32, (present >> 32) as u32, drawn(shift) as u32];
+    let mut bytes: Vec<u8> = head.iter().flat_map(|word| word.to_le_bytes()).collect();
+    for at in (0..particles.len()).filter(|&at| is_drawn(particles.id[at], shift)) {
+        let [x, y, z] = particles.position_of(at).map(f32::to_bits);
+        for word in [particles.id[at], particles.species[at], x, y, z] {
+            bytes.extend(word.to_le_bytes());
+        }
+    }
+    out.write_all(&bytes)
+}
+
+/// The frames of a file.
+pub(super) struct Frames<R>(R);
+
+impl<R: Read> Frames<R> {
+    pub(super) fn new(input: R) -> Self {
+        Self(input)
+    }
+
+    fn words<const N: usize>(&mut self) -> io::Result<[u32; N]> {
+        let mut words = [0; N];
+        for word in &mut words {
+            let mut bytes = [0; 4];
+            self.0.read_exact(&mut bytes)?;
+            *word = u32::from_le_bytes(bytes);
+        }
+        Ok(words)
+    }
+
+    fn frame(&mut self, first: u32) -> io::Result<Frame> {
+        let [shift, low, high, count] = self.words()?;
+        let row =
+            |[id, species, x, y, z]: [u32; ROW]| Row { id, species, place: [x, y, z].map(f32::from_bits) };
+        let rows = (0..count).map(|_| self.words().map(row)).collect::<io::Result<_>>()?;
+        Ok(Frame { step: first, shift, present: u64::from(low) | u64::from(high) << 32, rows })
+    }
+}
+
+impl<R: Read> Iterator for Frames<R> {
+    type Item = io::Result<Frame>;
+
+    fn next(&mut self) -> Option<io::Result<Frame>> {
+        let first = match self.words() {
+            Ok([step]) => step,
+            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return None,
+            Err(error) => return Some(Err(error)),
+        };
+        Some(self.frame(first))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Particle, Particles};
+
+    fn state(count: u32) -> State {
+        let mut particles = Particles::default();
+        for id in 0..count {
+            let x = id as f32;
+            particles
+                .push(Particle { position: [x, -x, 0.5], species: id % 3, id, ..Particle::default() }, false);
+        }
+        State { particles, step: 7, ..State::default() }
+    }
+
+    #[test]
+    fn a_frame_is_read_back() {
+        let mut file = Vec::new();
+        for count in [0, 10, 3] {
+            append(&mut file, &state(count), NonZeroU32::MAX).unwrap();
+        }
+        assert_eq!(file.len() as u64, bytes_of(0) + bytes_of(10) + bytes_of(3));
+        let frames: Vec<Frame> = Frames::new(&file[..]).map(Result::unwrap).collect();
+        assert_eq!(frames.iter().map(|frame| frame.rows.len()).collect::<Vec<_>>(), [0, 10, 3]);
+        assert_eq!((frames[1].step, frames[1].shift, frames[1].present), (7, 0, 10));
+        assert_eq!(frames[1].rows[4], Row { id: 4, species: 1, place: [4.0, -4.0, 0.5] });
+        // One that is cut.
+        assert!(Frames::new(&file[..file.len() - 3]).last().unwrap().is_err());
+    }
+
+    #[test]
+    fn too_many_are_thinned_evenly_and_by_id() {
+        let thinned = |most| {
+            let mut file = Vec::new();
+            append(&mut file, &state(30_000), NonZeroU32::new(most).unwrap()).unwrap();
+            Frames::new(&file[..]).next().unwrap().unwrap()
+        };
+        let [half, less] = [thinned(20_000), thinned(5_000)];
+        assert_eq!((half.shift, less.shift, less.present), (1, 3, 30_000));
+        assert!(less.rows.iter().all(|row| half.rows.contains(row)), "others are drawn");
+        for species in 0..3 {
+            let count = less.rows.iter().filter(|row| row.species == species).count() as f64;
+            // An eighth of 10 000.
+            assert!((count - 1250.0).abs() < 4.0 * 1250.0_f64.sqrt(), "{count} of species {species}");
+        }
+        assert!(thinned(1).rows.len() <= 1);
+    }
+}

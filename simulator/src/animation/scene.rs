@@ -1,0 +1,256 @@
+//! What stands in a page beside the places of particles.
+
+use serde::Serialize;
+
+use super::record::Frame;
+use crate::results::series::Series;
+use crate::{Axis, Model, Receiver, Shape, Species, Transmitter};
+
+/// Everything but the places of particles.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Scene {
+    title: String,
+    note: String,
+    species: Vec<Kind>,
+    /// The ends of each axis that has some.
+    walls: [Option<[f32; 2]>; 3],
+    vessel: Option<Tube>,
+    transceivers: Vec<Transceiver>,
+    /// What the camera looks at.
+    view: View,
+    frames: Vec<Shown>,
+    /// The times of the series, in s.
+    times: Vec<f64>,
+    charts: Vec<Chart>,
+    #[serde(skip)]
+    time_step: f64,
+    /// Distances of some particles from the middle of the view, where that is not bounded.
+    #[serde(skip)]
+    distances: Vec<f32>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Kind {
+    name: String,
+    radius: f32,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Tube {
+    along: usize,
+    center: [f32; 3],
+    radius: f32,
+}
+
+#[derive(Clone, Copy, Debug, Serialize)]
+struct View {
+    center: [f32; 3],
+    radius: f32,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Transceiver {
+    name: String,
+    role: &'static str,
+    center: [f32; 3],
+    shape: Body,
+}
+
+/// A solid, and half its extent along each axis.
+#[derive(Clone, Debug, Serialize)]
+struct Body {
+    kind: &'static str,
+    along: usize,
+    size: [f32; 3],
+}
+
+/// A frame: species by species, its particles lie so far from the lowest coordinates of any.
+#[derive(Clone, Debug, Serialize)]
+struct Shown {
+    step: u32,
+    time: f64,
+    present: u64,
+    counts: Vec<u32>,
+    low: [f32; 3],
+    size: [f32; 3],
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Chart {
+    title: &'static str,
+    lines: Vec<Line>,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Line {
+    name: String,
+    colour: usize,
+    counts: Vec<u64>,
+}
+
+/// Rows of the series that a page has at most.
+const ROWS: usize = 1000;
+/// Particles of a frame that have a say in what the camera looks at.
+const SEEN: usize = 500;
+/// The part of those that are to be in sight.
+const IN_SIGHT: f64 = 0.8;
+
+impl Scene {
+    /// A scene without frames.
+    pub(super) fn new(model: &Model, title: &str, series: &Series) -> Self {
+        let walls = model.boundary.axes.map(|axis| match axis {
+            Axis::Open => None,
+            Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some([low, high]),
+        });
+        let vessel = model.boundary.vessel;
+        let sources = model.transmitters.iter().map(transmitter);
+        let transceivers: Vec<_> = sources.chain(model.receivers.iter().map(receiver)).collect();
+        let step = series.steps.len().div_ceil(ROWS).max(1);
+        let kind = |species: &Species| Kind { name: species.name.clone(), radius: species.radius };
+        let mut scene = Self {
+            title: title.to_owned(),
+            note: String::new(),
+            species: model.species.iter().map(kind).collect(),
+            walls,
+            vessel: vessel.map(|v| Tube { along: v.along, center: v.center, radius: v.radius }),
+            transceivers,
+            view: View { center: [0.0; 3], radius: 0.0 },
+            frames: Vec::new(),
+            times: series.times.iter().step_by(step).copied().collect(),
+            charts: charts(model, series, step),
+            time_step: model.time_step,
+            distances: Vec::new(),
+        };
+        scene.view = scene.bounds();
+        scene
+    }
+
+    /// What walls and transceivers take.
+    fn bounds(&self) -> View {
+        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        let mut see = |k: usize, ends: [f32; 2]| {
+            low[k] = low[k].min(ends[0]);
+            high[k] = high[k].max(ends[1]);
+        };
+        for k in 0..3 {
+            for Transceiver { center, shape, .. } in &self.transceivers {
+                see(k, [center[k] - shape.size[k], center[k] + shape.size[k]]);
+            }
+            if let Some(ends) = self.walls[k] {
+                see(k, ends);
+            }
+            if let Some(Tube { along, center, radius }) = self.vessel
+                && k != along
+            {
+                see(k, [center[k] - radius, center[k] + radius]);
+            }
+        }
+        let ends = |k: usize| if low[k] <= high[k] { [low[k], high[k]] } else { [0.0; 2] };
+        let center = std::array::from_fn(|k| (ends(k)[0] + ends(k)[1]) / 2.0);
+        let half: [f32; 3] = std::array::from_fn(|k| (ends(k)[1] - ends(k)[0]) / 2.0);
+        View { center, radius: length(half) }
+    }
+
+    /// Enters a frame.
+    pub(super) fn see(&mut self, frame: &Frame) {
+        let mut counts = vec![0; self.species.len()];
+        frame.rows.iter().for_each(|row| counts[row.species as usize] += 1);
+        let (low, size) = extent(frame);
+        let time = f64::from(frame.step) * self.time_step;
+        self.frames.push(Shown { step: frame.step, time, present: frame.present, counts, low, size });
+        for row in frame.rows.iter().step_by(frame.rows.len().div_ceil(SEEN).max(1)) {
+            let offset = std::array::from_fn(|k| row.place[k] - self.view.center[k]);
+            self.distances.push(length(offset));
+        }
+    }
+
+    /// With what follows from all frames, of which one of 2ˢʰⁱᶠᵗ particles is drawn.
+    pub(super) fn finished(mut self, shift: u32) -> Self {
+        if shift > 0 {
+            self.note = format!("1 of {} particles is drawn, chosen by its id", 1_u64 << shift);
+        }
+        if self.walls.iter().any(Option::is_none) {
+            self.distances.retain(|distance| distance.is_finite());
+            self.distances.sort_unstable_by(f32::total_cmp);
+            let last = self.distances.len().saturating_sub(1);
+            let most = self.distances.get((last as f64 * IN_SIGHT) as usize).copied().unwrap_or(0.0);
+            self.view.radius = self.view.radius.max(most);
+        }
+        if self.view.radius <= 0.0 || !self.view.radius.is_finite() {
+            self.view.radius = 1.0;
+        }
+        // What has no extent is seen all the same.
+        let least = self.view.radius / 80.0;
+        for transceiver in &mut self.transceivers {
+            transceiver.shape.size = transceiver.shape.size.map(|half| half.max(least));
+        }
+        self
+    }
+}
+
+/// The places of all particles of a frame, 16 bits for each coordinate.
+pub(super) fn places(frame: &Frame) -> Vec<u8> {
+    let (low, size) = extent(frame);
+    let part = |k: usize, x: f32| if size[k] > 0.0 { (x - low[k]) / size[k] } else { 0.0 };
+    let words = frame
+        .rows
+        .iter()
+        .flat_map(|row| [0, 1, 2].map(|k: usize| (part(k, row.place[k]) * 65_535.0).round() as u16));
+    words.flat_map(u16::to_le_bytes).collect()
+}
+
+/// The lowest coordinates of a frame, and how far the others go beyond them.
+fn extent(frame: &Frame) -> ([f32; 3], [f32; 3]) {
+    let column = |k: usize| frame.rows.iter().map(move |row| row.place[k]).filter(|x| x.is_finite());
+    let low = std::array::from_fn(|k| column(k).reduce(f32::min).unwrap_or(0.0));
+    let size = std::array::from_fn(|k| column(k).reduce(f32::max).unwrap_or(0.0) - low[k]);
+    (low, size)
+}
+
+fn length([x, y, z]: [f32; 3]) -> f32 {
+    (x * x + y * y + z * z).sqrt()
+}
+
+fn transmitter(transmitter: &Transmitter) -> Transceiver {
+    let body = |kind, along, size| Body { kind, along, size };
+    let shape = match transmitter.shape {
+        Shape::Point => body("ball", 0, [0.0; 3]),
+        Shape::Gaussian(width) => body("ball", 0, [width; 3]),
+        Shape::Shell(_, radius) => body("ball", 0, [radius; 3]),
+        Shape::Box(edges) | Shape::Lattice(edges, _) => body("box", 0, edges.map(|edge| edge / 2.0)),
+        Shape::Cylinder(along, radius, length) => {
+            let half = |k: usize| if k == along { length / 2.0 } else { radius };
+            body("cylinder", along, std::array::from_fn(half))
+        }
+    };
+    Transceiver { name: transmitter.name.clone(), role: "transmitter", center: transmitter.center, shape }
+}
+
+fn receiver(receiver: &Receiver) -> Transceiver {
+    let shape = Body { kind: "ball", along: 0, size: [receiver.radius; 3] };
+    Transceiver { name: receiver.name.clone(), role: "receiver", center: receiver.center, shape }
+}
+
+/// The series by what they count, without those in which nothing happens.
+fn charts(model: &Model, series: &Series, step: usize) -> Vec<Chart> {
+    let species = model.species.len();
+    let reactions = species + model.reactions.len() + model.decays.len();
+    let received = series.names.len().saturating_sub(2).max(reactions);
+    let parts = [
+        ("particles", 0..species),
+        ("reactions so far", species..reactions),
+        ("receivers", reactions..received),
+        ("pairs and contacts", received..series.names.len()),
+    ];
+    let chart = |(title, columns): (&'static str, std::ops::Range<usize>)| {
+        let line = |(colour, column): (usize, usize)| {
+            let counts: Vec<u64> = series.column(column).step_by(step).collect();
+            let name = series.names[column].clone();
+            counts.iter().any(|&count| count > 0).then_some(Line { name, colour, counts })
+        };
+        let lines: Vec<_> =
+            columns.filter(|&k| k < series.names.len()).enumerate().filter_map(line).collect();
+        (!lines.is_empty()).then_some(Chart { title, lines })
+    };
+    parts.into_iter().filter_map(chart).collect()
+}

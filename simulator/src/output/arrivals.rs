@@ -1,0 +1,52 @@
+//! The log of arrivals, and of releases beside it: a row for each particle that a receiver removes, and for each batch
+//! that is released.
+
+use std::io::{self, Write};
+
+use super::series::moment;
+use crate::philox::Key;
+use crate::{Model, Simulator};
+
+/// The first line of `arrivals.csv`.
+pub(super) fn header(out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "step,time,receiver,species,id,transmitter,released")
+}
+
+/// Who arrived in the last step: when that ended, where, as which species, under which id, from which transmitter, and
+/// when it was released there; the last two are empty for particles that were placed by hand.
+pub(super) fn rows(out: &mut impl Write, simulation: &Simulator) -> io::Result<()> {
+    let model = simulation.model();
+    for arrival in simulation.arrivals() {
+        let receiver = &model.receivers[arrival.receiver as usize].name;
+        let species = &model.species[arrival.species as usize].name;
+        let moment = moment(simulation.step_count(), model);
+        write!(out, "{moment},{receiver},{species},{},", arrival.id)?;
+        match arrival.origin {
+            None => writeln!(out, ",")?,
+            Some(origin) => {
+                let released = f64::from(origin.step) * model.time_step;
+                writeln!(out, "{},{released}", transmitter(model, origin.transmitter))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The first line of `releases.csv`.
+pub(super) fn header_of_releases(out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "step,time,transmitter,species,count")
+}
+
+/// What is released at the beginning of the step that comes next.
+pub(super) fn rows_of_releases(out: &mut impl Write, simulation: &Simulator, seed: u64) -> io::Result<()> {
+    let (model, step) = (simulation.model(), simulation.step_count());
+    for (from, species, count) in model.releases(step, Key::new(seed)).filter(|&(_, _, count)| count > 0) {
+        let species = &model.species[species as usize].name;
+        writeln!(out, "{},{},{species},{count}", moment(step, model), transmitter(model, from))?;
+    }
+    Ok(())
+}
+
+fn transmitter(model: &Model, place: u32) -> &str {
+    &model.transmitters[place as usize].name
+}

@@ -1,0 +1,99 @@
+//! The log of arrivals and releases that a run wrote.
+
+use std::path::Path;
+
+use super::series::{Line, Lines};
+use crate::{Error, Model};
+
+/// Who was released and who arrived in a run, in the order of steps.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Log {
+    /// Arrivals.
+    pub arrivals: Vec<Arrived>,
+    /// Releases.
+    pub releases: Vec<Released>,
+}
+
+/// A particle that arrived.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Arrived {
+    /// How many steps were done then.
+    pub step: u32,
+    /// The receiver, by its place in the model.
+    pub receiver: usize,
+    /// The species as which it arrived.
+    pub species: usize,
+    /// The transmitter, and how many steps were done when it was released; none where it was placed by hand.
+    pub origin: Option<(usize, u32)>,
+}
+
+/// Particles that were released together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Released {
+    /// How many steps were done then.
+    pub step: u32,
+    /// The transmitter, by its place in the model.
+    pub transmitter: usize,
+    /// The species.
+    pub species: usize,
+    /// How many.
+    pub count: u64,
+}
+
+impl Log {
+    /// Reads the log in the directory of a run of this model.
+    ///
+    /// # Errors
+    /// [`Error::Read`], also where a file is not as that run wrote it.
+    pub fn read(directory: &Path, model: &Model) -> Result<Self, Error> {
+        let names = Names {
+            receivers: model.receivers.iter().map(|receiver| &receiver.name[..]).collect(),
+            species: model.species.iter().map(|species| &species.name[..]).collect(),
+            transmitters: model.transmitters.iter().map(|transmitter| &transmitter.name[..]).collect(),
+        };
+        let mut log = Self::default();
+        let path = directory.join("arrivals.csv");
+        let mut lines = Lines::open(&path, "step,time,receiver,species,id,transmitter,released")?;
+        while let Some(line) = lines.next()? {
+            let origin = match line.field(5) {
+                "" => None,
+                _ => {
+                    let step = (line.number::<f64>(6)? / model.time_step).round() as u32;
+                    Some((place(&names.transmitters, &line, 5)?, step))
+                }
+            };
+            let receiver = place(&names.receivers, &line, 2)?;
+            let species = place(&names.species, &line, 3)?;
+            log.arrivals.push(Arrived { step: line.number(0)?, receiver, species, origin });
+        }
+        let path = directory.join("releases.csv");
+        let mut lines = Lines::open(&path, "step,time,transmitter,species,count")?;
+        while let Some(line) = lines.next()? {
+            let transmitter = place(&names.transmitters, &line, 2)?;
+            let species = place(&names.species, &line, 3)?;
+            log.releases.push(Released {
+                step: line.number(0)?,
+                transmitter,
+                species,
+                count: line.number(4)?,
+            });
+        }
+        Ok(log)
+    }
+}
+
+/// What things are called in files.
+struct Names<'a> {
+    receivers: Vec<&'a str>,
+    species: Vec<&'a str>,
+    transmitters: Vec<&'a str>,
+}
+
+/// The place in the model of what a field names.
+fn place(names: &[&str], line: &Line<'_>, column: usize) -> Result<usize, Error> {
+    let name = line.field(column);
+    names
+        .iter()
+        .position(|known| *known == name)
+        .ok_or_else(|| line.damaged(&format!("the scenario has no '{name}'")))
+}

@@ -1,0 +1,206 @@
+//! Means over replicas and their standard errors.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use super::series::Series;
+use crate::Error;
+
+/// Whole numbers that were seen, as exact sums, so that no order of adding them matters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sample {
+    count: u64,
+    sum: u128,
+    squares: u128,
+}
+
+impl Sample {
+    /// Enters one more.
+    pub fn add(&mut self, value: u64) {
+        self.count += 1;
+        self.sum += u128::from(value);
+        // 2³² numbers of 2⁴⁸ fit.
+        self.squares = self.squares.saturating_add(u128::from(value) * u128::from(value));
+    }
+
+    /// How many were entered.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Their mean; NaN of none.
+    pub fn mean(&self) -> f64 {
+        self.sum as f64 / self.count as f64
+    }
+
+    /// The standard error of the mean, √(s²/n) with s² = Σ(x − x̄)²/(n − 1). One number has none.
+    pub fn standard_error(&self) -> Option<f64> {
+        let n = u128::from(self.count);
+        // n·Σ(x − x̄)², without a difference of rounded numbers.
+        let spread = n.saturating_mul(self.squares).saturating_sub(self.sum.saturating_mul(self.sum));
+        (n > 1).then(|| (spread as f64 / (n as f64 * n as f64 * (n - 1) as f64)).sqrt())
+    }
+}
+
+impl FromIterator<u64> for Sample {
+    fn from_iter<T: IntoIterator<Item = u64>>(values: T) -> Self {
+        let mut sample = Self::default();
+        values.into_iter().for_each(|value| sample.add(value));
+        sample
+    }
+}
+
+/// Numbers that were seen, by Welford's sums.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moments {
+    count: u64,
+    mean: f64,
+    /// Σ(x − x̄)².
+    spread: f64,
+}
+
+impl Moments {
+    /// Enters one more.
+    pub fn add(&mut self, value: f64) {
+        self.count += 1;
+        let off = value - self.mean;
+        self.mean += off / self.count as f64;
+        self.spread += off * (value - self.mean);
+    }
+
+    /// How many were entered.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Their mean; NaN of none.
+    pub fn mean(&self) -> f64 {
+        if self.count == 0 { f64::NAN } else { self.mean }
+    }
+
+    /// The standard error of the mean; one number has none.
+    pub fn standard_error(&self) -> Option<f64> {
+        let n = self.count as f64;
+        (self.count > 1).then(|| (self.spread / (n - 1.0) / n).sqrt())
+    }
+}
+
+/// The series of several replicas, added up row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeanSeries {
+    /// What is counted.
+    pub names: Vec<String>,
+    /// Of each row: how many steps are done.
+    pub steps: Vec<u32>,
+    /// Of each row: the time that has passed, in s.
+    pub times: Vec<f64>,
+    /// Row after row, a sample for each of the names.
+    pub samples: Vec<Sample>,
+    /// How many replicas there are.
+    pub replicas: u64,
+}
+
+impl MeanSeries {
+    /// Enters the series of one more replica.
+    ///
+    /// # Errors
+    /// [`Error::Read`] with `path` where it has other columns or steps than those before.
+    pub fn add(&mut self, series: &Series, path: &Path) -> Result<(), Error> {
+        if self.replicas == 0 {
+            self.names.clone_from(&series.names);
+            self.steps.clone_from(&series.steps);
+            self.times.clone_from(&series.times);
+            self.samples = vec![Sample::default(); series.counts.len()];
+        }
+        if self.names != series.names || self.steps != series.steps {
+            let message = "it has other columns or rows than the replicas before; run it again";
+            let source = io::Error::new(io::ErrorKind::InvalidData, message);
+            return Err(Error::Read { path: path.to_owned(), source });
+        }
+        self.samples.iter_mut().zip(&series.counts).for_each(|(sample, &count)| sample.add(count));
+        self.replicas += 1;
+        Ok(())
+    }
+
+    /// The samples of a row.
+    pub fn row(&self, row: usize) -> &[Sample] {
+        let width = self.names.len();
+        &self.samples[row * width..][..width]
+    }
+
+    /// Writes a row for each of the series: step, time, how many replicas, and of each count its mean and the standard
+    /// error of that, which is empty for one replica.
+    ///
+    /// # Errors
+    /// What the writer says.
+    pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        write!(out, "step,time,replicas")?;
+        self.names.iter().try_for_each(|name| write!(out, ",{name} mean,{name} error"))?;
+        writeln!(out)?;
+        for (row, (step, time)) in self.steps.iter().zip(&self.times).enumerate() {
+            write!(out, "{step},{time},{}", self.replicas)?;
+            for sample in self.row(row) {
+                write!(out, ",{},", sample.mean())?;
+                sample.standard_error().map_or(Ok(()), |error| write!(out, "{error}"))?;
+            }
+            writeln!(out)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_and_errors_are_those_of_the_formulas() {
+        // 1 to n: mean (n + 1)/2, s² = n(n + 1)/12.
+        for n in [2_u64, 10, 1000] {
+            let sample: Sample = (1..=n).collect();
+            let exact = n as f64;
+            assert_eq!(sample.mean(), (exact + 1.0) / 2.0);
+            let error = ((exact + 1.0) / 12.0).sqrt();
+            assert!((sample.standard_error().unwrap() / error - 1.0).abs() < 1e-15, "{n}");
+        }
+        // Far from zero, where differences of rounded squares would be lost.
+        let far: Sample = [1 << 40, (1 << 40) + 2].into_iter().collect();
+        assert_eq!((far.mean(), far.standard_error()), ((1_u64 << 40) as f64 + 1.0, Some(1.0)));
+        let same: Sample = [7; 5].into_iter().collect();
+        assert_eq!((same.mean(), same.standard_error()), (7.0, Some(0.0)));
+        assert_eq!(Sample::from_iter([3]).standard_error(), None);
+        assert!(Sample::default().mean().is_nan() && Sample::default().standard_error().is_none());
+    }
+
+    #[test]
+    fn fractions_have_the_same_mean_and_error() {
+        let values = [3_u64, 8, 8, 1, 40];
+        let exact: Sample = values.into_iter().collect();
+        let mut moments = Moments::default();
+        values.into_iter().for_each(|value| moments.add(value as f64 / 64.0));
+        assert!((moments.mean() * 64.0 - exact.mean()).abs() < 1e-12 && moments.count() == 5);
+        let errors = [moments.standard_error().unwrap() * 64.0, exact.standard_error().unwrap()];
+        assert!((errors[0] / errors[1] - 1.0).abs() < 1e-12, "{errors:?}");
+        assert!(Moments::default().mean().is_nan() && Moments::default().standard_error().is_none());
+    }
+
+    #[test]
+    fn series_are_added_row_by_row() {
+        let series = |counts: [u64; 4]| Series {
+            names: vec!["A".into(), "B".into()],
+            steps: vec![0, 5],
+            times: vec![0.0, 0.5],
+            counts: counts.to_vec(),
+        };
+        let mut mean = MeanSeries::default();
+        mean.add(&series([1, 2, 3, 4]), Path::new("a")).unwrap();
+        mean.add(&series([3, 2, 3, 8]), Path::new("b")).unwrap();
+        let mut out = Vec::new();
+        mean.write(&mut out).unwrap();
+        let expected = "step,time,replicas,A mean,A error,B mean,B error\n0,0,2,2,1,2,0\n5,0.5,2,3,0,6,2\n";
+        assert_eq!(String::from_utf8(out).unwrap(), expected);
+        let shorter = Series { steps: vec![0], times: vec![0.0], ..series([1, 2, 3, 4]) };
+        assert!(mean.add(&shorter, Path::new("c")).unwrap_err().to_string().starts_with("c: "));
+        assert_eq!(mean.replicas, 2);
+    }
+}

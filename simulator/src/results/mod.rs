@@ -1,0 +1,8 @@
+//! What comes of runs, from the files that they write.
+
+pub mod channel;
+pub mod log;
+pub mod mean;
+pub mod response;
+pub mod series;
+pub mod symbols;
