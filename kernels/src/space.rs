@@ -21,10 +21,10 @@ use crate::shear::Shear;
 /// # use lazygrid_kernels::Space;
 /// let slab = Space::periodic([Some(10.0), Some(10.0), None])?;
 /// assert_eq!(slab.distance_squared([0.5, 0.0, 0.0].into(), [9.5, 0.0, 3.0].into()), 1.0 + 9.0);
-/// # Ok::<(), lazygrid_kernels::InputError>(())
 ///
 /// // A box of 10 × 10 × 10 that leans by 4 along x for every 10 along y.
-/// let leaning = Space::sheared([[10.0, 0.0, 0.0], [4.0, 10.0, 0.0], [0.0, 0.0, 10.0]].map(Some))?;
+/// let edges = [[10.0, 0.0, 0.0], [4.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
+/// let leaning = Space::sheared(edges.map(|edge| Some(edge.into())))?;
 /// assert_eq!(leaning.distance_squared([1.0, 0.5, 0.0].into(), [5.0, 9.5, 0.0].into()), 1.0);
 /// # Ok::<(), lazygrid_kernels::InputError>(())
 /// ```
