@@ -10,7 +10,7 @@ use serde_json::Value;
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
 
-/// Two clouds on either side of a receiver, one of which goes away, in a box.
+/// Two clouds beside a receiver, the upper one of which goes away, in a box.
 const SCENARIO: &str = r#"
 time-step = 0.001
 steps = 40
@@ -34,7 +34,12 @@ rate = 200
 name = "tx"
 center = [-1, 0, 0]
 shape = { kind = "ball", radius = 0.5 }
-release = [{ species = "acid", count = 400 }, { species = "base", count = 300 }]
+release = [{ species = "acid", count = 400 }]
+[[transmitter]]
+name = "tx-two"
+center = [-1, 1.2, 0]
+shape = { kind = "ball", radius = 0.5 }
+release = [{ species = "base", count = 300 }]
 [[receiver]]
 name = "rx-one"
 center = [1, 0, 0]
@@ -228,6 +233,11 @@ fn decoded(png: &[u8]) -> Vec<[u8; 3]> {
 
 /// How many pixels of the scene have a hue like that of a colour: the picture without what is beside and below it.
 fn hued(pixels: &[[u8; 3]], like: [u8; 3]) -> usize {
+    rows_of(pixels, like).len()
+}
+
+/// The rows of these pixels.
+fn rows_of(pixels: &[[u8; 3]], like: [u8; 3]) -> Vec<usize> {
     let chroma = |[r, g, b]: [u8; 3]| {
         let mean = (f64::from(r) + f64::from(g) + f64::from(b)) / 3.0;
         let parts = [r, g, b].map(|c| f64::from(c) - mean);
@@ -240,7 +250,9 @@ fn hued(pixels: &[[u8; 3]], like: [u8; 3]) -> usize {
         let product: f64 = own.iter().zip(&wanted).map(|(a, b)| a * b).sum();
         own_size > 40.0 && product / (own_size * size) > 0.97
     };
-    rows.flat_map(|row| &row[..SIZE[0] - 360]).filter(is_like).count()
+    let found =
+        |(at, row): (usize, &'_ [[u8; 3]])| vec![at; row[..SIZE[0] - 360].iter().filter(is_like).count()];
+    rows.enumerate().flat_map(found).collect()
 }
 
 /// The first two colours of the page.
@@ -259,6 +271,12 @@ fn a_browser_shows_the_particles_and_time() {
     let [[acid, base], [acid_later, base_later]] = counts;
     assert!(acid > 500 && base > 2000, "{counts:?}");
     assert!(acid_later > 3 * acid && base_later < base / 5, "{counts:?}");
+    // Acid is below base, as it was released.
+    let [below, above] = [ACID, BASE].map(|colour| {
+        let rows = rows_of(&first, colour);
+        rows.iter().sum::<usize>() / rows.len()
+    });
+    assert!(below > above + 50, "row {below} and row {above}");
     // From somewhere else the same looks different, and a browser without WebGL says what is missing.
     assert_ne!(shot("frame=0&turn=2.5", &[]), first);
     let without = shot("frame=0", &["--disable-3d-apis"]);
