@@ -213,6 +213,8 @@ mod tests {
                 radius: 1.0,
                 kind: Kind::Absorbing,
                 sees: vec![true],
+                velocity: [0.0; 3],
+                diffusion: 0.0,
             }],
             ..Model::default()
         }
