@@ -69,6 +69,11 @@ impl Kind {
     pub fn turns_back(self) -> bool {
         matches!(self, Self::Reflecting | Self::Partial(_) | Self::Receptors(_))
     }
+
+    /// Whether it removes particles for good, each of which is an arrival.
+    pub fn takes_in(self) -> bool {
+        matches!(self, Self::Absorbing | Self::Endpoint | Self::Partial(_))
+    }
 }
 
 impl Receiver {

@@ -8,7 +8,7 @@ use super::mean::Moments;
 use super::response::{Response, Way};
 use super::symbols::{BitErrors, Interference, Slots, is_on_off, messages};
 use crate::message::Message;
-use crate::{Error, Kind, Model};
+use crate::{Error, Model};
 
 /// What came of one run or of several replicas that logged arrivals.
 #[derive(Clone, Debug, Default)]
@@ -57,7 +57,7 @@ impl Channels {
             }
         }
         for &(place, message, _) in &sent {
-            let counts = |&receiver: &usize| model.receivers[receiver].kind != Kind::Transparent;
+            let counts = |&receiver: &usize| model.receivers[receiver].kind.takes_in();
             for receiver in (0..model.receivers.len()).filter(counts).filter(|_| is_on_off(message)) {
                 let all =
                     delays(message, model.time_step).map(|delay| BitErrors::new(place, receiver, delay));
