@@ -98,7 +98,7 @@ fn a_second_call_allocates_nothing_of_the_size_of_the_input() {
         for subject in Subject::each_algorithm().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
             // What the host allocates for the GPU depends on numbers only, and software takes long.
             let spheres = match (subject.backend, scene) {
-                (Backend::Gpu, Scene::Equal) => &spheres[..N / 8],
+                (Backend::Gpu, Scene::Equal) => &spheres[..N / 4],
                 (Backend::Gpu, _) => continue,
                 _ => &spheres[..],
             };
