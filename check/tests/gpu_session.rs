@@ -59,7 +59,9 @@ fn lists_counts_neighbours_and_streams_agree_with_the_cpu() {
             assert!(streamed == wanted, "the stream is canonical as a whole");
             let report = detector.report();
             assert_eq!((report.backend, report.pairs), (Backend::Gpu, wanted.len() as u64));
-            assert!(report.adapter.is_some() && report.phases.iter().any(|phase| phase.name == "search"));
+            let is_timed = report.phases.iter().any(|phase| phase.name == "search");
+            // A call that candidates answer searches nothing.
+            assert!(report.adapter.is_some() && (is_timed || report.candidates.is_some()));
         }
     }
 }

@@ -21,7 +21,7 @@ fn names_are_read_back() {
 }
 
 /// Crate by crate, the crates of this workspace that it may depend on outside its own tests.
-const LAYERS: [(&str, &[&str]); 11] = [
+const LAYERS: [(&str, &[&str]); 12] = [
     ("lazygrid-kernels", &[]),
     ("lazygrid-host", &["lazygrid-kernels"]),
     ("lazygrid", &["lazygrid-kernels", "lazygrid-host"]),
@@ -30,8 +30,12 @@ const LAYERS: [(&str, &[&str]); 11] = [
     ("lazygrid-io", &["lazygrid"]),
     ("lazygrid-sim", &["lazygrid", "lazygrid-io"]),
     ("lazygrid-check", &["lazygrid-kernels", "lazygrid", "lazygrid-io"]),
-    ("lazygrid-cli", &["lazygrid", "lazygrid-io", "lazygrid-sim", "lazygrid-check"]),
-    ("lazygrid-bench", &["lazygrid-kernels", "lazygrid", "lazygrid-io", "lazygrid-sim", "lazygrid-check"]),
+    ("lazygrid-report", &[]),
+    ("lazygrid-cli", &["lazygrid", "lazygrid-io", "lazygrid-sim", "lazygrid-check", "lazygrid-report"]),
+    (
+        "lazygrid-bench",
+        &["lazygrid-kernels", "lazygrid", "lazygrid-io", "lazygrid-sim", "lazygrid-check", "lazygrid-report"],
+    ),
     ("lazygrid-tests", &["lazygrid", "lazygrid-io", "lazygrid-check"]),
 ];
 

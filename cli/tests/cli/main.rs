@@ -76,7 +76,7 @@ fn json_has_the_documented_fields() {
     let object = lazygrid(["detect", &data("lammps-pour.dump"), "--json"]).succeeds().json();
     let Value::Object(map) = &object else { panic!("not an object: {object}") };
     let names: Vec<_> = map.keys().map(String::as_str).collect();
-    let documented = "frame step periodic periodic_from spheres pairs backend adapter algorithm reason gpu candidates phases";
+    let documented = "frame step periodic edges periodic_from spheres pairs backend adapter algorithm reason gpu candidates phases";
     assert_eq!(names.join(" "), documented);
     assert_eq!((&object["periodic"], &object["periodic_from"]), (&Value::Null, &Value::Null));
     assert_eq!(object["step"], 3000);
