@@ -36,7 +36,8 @@ use crate::{error, report};
 ///     Threads of the CPU; by default all.
 /// periodic
 ///     The length of each periodic axis, in the unit of the spheres, as float32; ``None`` for one that is unbounded:
-///     ``(10.0, 10.0, None)``. Coordinates need not lie in the box.
+///     ``(10.0, 10.0, None)``. Coordinates need not lie in the box. Of a box that leans, the edges:
+///     ``((10.0, 0.0, 0.0), (4.0, 10.0, 0.0), None)``, or the cell of ASE as it is where it is periodic along all edges.
 /// order
 ///     ``"canonical"``: by ``i``, then ``j``. ``"unordered"`` spares the ordering.
 /// interactions

@@ -40,7 +40,8 @@ pub(crate) struct Frame {
     names: Vec<String>,
     /// The simulator's number of the time step, where the file has one.
     step: Option<i64>,
-    /// The length of each periodic axis, or the edges of a box that leans, for :class:`Detector`; ``None`` in unbounded space.
+    /// The length of each periodic axis, or the edges of a box that leans, for :class:`Detector`; ``None`` in
+    /// unbounded space.
     periodic: Option<(Option<Edge>, Option<Edge>, Option<Edge>)>,
 }
 
