@@ -6,7 +6,7 @@ use std::io::Write;
 use std::process::{Command, Stdio};
 
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::command::{Program, Run, Scratch, data, npy, table};
+use lazygrid_tests::command::{Program, Run, Scratch, data, has_gpu, npy, table};
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
 
@@ -263,7 +263,7 @@ fn messages_speak_the_language_of_the_command() {
 
 #[test]
 fn a_time_out_is_told_with_its_option() {
-    if lazygrid::gpu::adapters().is_empty() {
+    if !has_gpu() {
         return;
     }
     let scratch = Scratch::new();

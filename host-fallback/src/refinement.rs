@@ -92,8 +92,10 @@ impl<'a> Refinement<'a> {
     }
 
     fn are_listed(&self, exclusions: &Exclusions, i: u32, j: u32) -> bool {
-        let (i, j) = (i.min(j), i.max(j));
-        exclusions.contains(i, if self.second.is_some() { j - self.first.len() as u32 } else { j })
+        match self.second {
+            None => exclusions.contains(i, j),
+            Some(_) => exclusions.contains(i.min(j), i.max(j) - self.first.len() as u32),
+        }
     }
 
     /// Whether nearest images are in reach of each other.

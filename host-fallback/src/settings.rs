@@ -27,9 +27,9 @@ pub enum Skin {
     /// Every call searches anew.
     Off,
     /// As the motion makes it worth while: every size of sphere has a skin in proportion to how far spheres of that size
-    /// move, on a GPU all the same one, and there is none where searching anew is expected to be cheaper. What is expected follows from the spheres
-    /// given, never from a clock, so that a detector does the same from run to run. A detector that is called once keeps
-    /// nothing.
+    /// move, on a GPU all the same one, and there is none where searching anew is expected to be cheaper. What is
+    /// expected follows from the spheres given, never from a clock, so that a detector does the same from run to run. A
+    /// detector that is called once keeps nothing.
     #[default]
     Auto,
     /// Candidates are the pairs whose spheres are up to this much too far apart to touch. They are kept until some
@@ -109,7 +109,7 @@ impl Settings {
     }
 
     /// Whether a detector may keep candidates from call to call.
-    pub(crate) fn keeps_candidates(&self) -> bool {
+    pub fn keeps_candidates(&self) -> bool {
         self.skin != Skin::Off && matches!(self.algorithm, Algorithm::Auto | Algorithm::CellList)
     }
 }

@@ -70,6 +70,7 @@ mod pace;
 mod reception;
 mod simulation;
 mod simulator;
+mod state;
 mod stream;
 mod turning;
 mod vicinity;
@@ -81,7 +82,8 @@ pub use model::{Chance, Contact, Decay, Flow, Model, Reaction, Species, Unbindin
 pub use output::series;
 pub use particles::{Particle, Particles};
 pub use receiver::{Kind, Receiver, Receptors, Sticking};
-pub use simulation::{Simulation, State, Totals};
+pub use simulation::Simulation;
 pub use simulator::Simulator;
+pub use state::{State, Totals};
 pub use transmitter::{Numbers, Schedule, Shape, Transmitter};
 pub use vessel::Vessel;

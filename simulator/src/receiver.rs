@@ -90,13 +90,24 @@ impl Receiver {
     /// How many particles of each species are inside the sphere around a point, of those that it sees.
     pub fn inside(&self, center: [f32; 3], boundary: &Boundary, particles: &Particles) -> Vec<u64> {
         let mut counts = vec![0; self.sees.len()];
-        for (at, &species) in particles.species.iter().enumerate() {
-            let species = species as usize;
-            if self.sees[species] && height(self.radius, center, boundary, particles.position_of(at)) <= 0.0 {
-                counts[species] += 1;
-            }
+        for at in 0..particles.len() {
+            self.count(center, boundary, (particles, at), &mut counts);
         }
         counts
+    }
+
+    /// Counts a particle if it is inside the sphere around a point, and of a species that it sees.
+    fn count(
+        &self,
+        center: [f32; 3],
+        boundary: &Boundary,
+        (particles, at): (&Particles, usize),
+        counts: &mut [u64],
+    ) {
+        let species = particles.species[at] as usize;
+        if self.sees[species] && height(self.radius, center, boundary, particles.position_of(at)) <= 0.0 {
+            counts[species] += 1;
+        }
     }
 }
 
@@ -148,12 +159,8 @@ fn found_inside(
     let points = Spheres::columns(x, y, z, &points).map_err(lazygrid::Error::from)?;
     finder(boundary)?.stream_between(&spheres, points, CHUNK, |pairs| {
         for pair in pairs {
-            let (k, at) = (looking[pair.i as usize], pair.j as usize);
-            let species = particles.species[at] as usize;
-            let point = particles.position_of(at);
-            if receivers[k].sees[species] && height(receivers[k].radius, centers[k], boundary, point) <= 0.0 {
-                counts[k][species] += 1;
-            }
+            let k = looking[pair.i as usize];
+            receivers[k].count(centers[k], boundary, (particles, pair.j as usize), &mut counts[k]);
         }
         std::ops::ControlFlow::Continue(())
     })?;

@@ -1,14 +1,12 @@
 //! A run, step by step.
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Order};
-use serde::{Deserialize, Serialize};
 
 use crate::Error;
-use crate::arrivals::{Arrival, Origin, Origins};
+use crate::arrivals::Arrival;
 use crate::binding::{self, Bound, Leaving};
 use crate::bodies;
 use crate::contact::Contacts;
-use crate::decay::Decays;
 use crate::dissociation::{self, Dissociation};
 use crate::matching::Matching;
 use crate::model::{Contact, Model};
@@ -17,111 +15,8 @@ use crate::particles::{Particle, Particles};
 use crate::philox::{Key, Purpose};
 use crate::reactions::{Outcome, Reactions, interactions};
 use crate::receiver::{Kind, all_inside};
-use crate::release::Released;
+use crate::state::State;
 use crate::vicinity::Vicinity;
-
-/// All that changes in a run: with the model and the seed it says how the run goes on, to the last bit.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct State {
-    /// The particles.
-    pub particles: Particles,
-    /// How many steps are done.
-    pub step: u32,
-    /// The id that the next particle gets.
-    pub next_id: u32,
-    /// What was counted.
-    pub totals: Totals,
-    /// Where the centres of receivers are, in µm.
-    pub centers: Vec<[f32; 3]>,
-    /// What their receptors hold.
-    pub bound: Vec<Bound>,
-    /// Where the particles are from, in a model that logs arrivals.
-    pub origins: Origins,
-}
-
-/// Counts since the beginning of a run.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Totals {
-    /// Particles now, by species.
-    pub present: Vec<u64>,
-    /// Particles released, by species.
-    pub released: Vec<u64>,
-    /// Particles that receivers removed, or that their receptors hold now, by receiver and species.
-    pub arrived: Vec<Vec<u64>>,
-    /// Reactions, in the order of the model.
-    pub reacted: Vec<u64>,
-    /// Decays, in the order of the model.
-    pub decayed: Vec<u64>,
-    /// Pairs that the detector found in the last step.
-    pub pairs: u64,
-    /// Overlaps that were settled in the last step.
-    pub contacts: u64,
-}
-
-impl State {
-    /// The beginning of a run, at which transmitters have released what is due at once.
-    ///
-    /// # Errors
-    /// [`Error::Model`] where the model makes no sense, [`Error::OutOfIds`] where it releases too many particles.
-    pub fn new(model: &Model, seed: u64) -> Result<Self, Error> {
-        model.check()?;
-        let centers = model.receivers.iter().map(|receiver| receiver.center).collect();
-        let mut state = Self { totals: Totals::of(model), centers, ..Self::default() };
-        state.release(model, &Decays::new(model), Key::new(seed))?;
-        Ok(state)
-    }
-
-    /// Whether it may be one of a model: there is a place for each receiver, and a receiver for what is bound.
-    fn belongs_to(&self, model: &Model) -> bool {
-        let receivers = model.receivers.len();
-        let known = |held: &Bound| {
-            (held.receiver as usize) < receivers && (held.species as usize) < model.species.len()
-        };
-        self.centers.len() == receivers
-            && self.totals.arrived.len() == receivers
-            && self.bound.iter().all(known)
-    }
-
-    /// Releases what is due at the beginning of the next step.
-    fn release(&mut self, model: &Model, decays: &Decays, key: Key) -> Result<(), Error> {
-        let released = model.release(decays, key, self.step, self.next_id)?;
-        if model.logs_arrivals {
-            let mut first = self.next_id;
-            for (transmitter, _, count) in model.releases(self.step, key) {
-                self.origins.enter(first, Some(Origin { transmitter, step: self.step }));
-                first += count;
-            }
-        }
-        self.next_id = released.next_id;
-        self.totals.enter(&released);
-        self.particles.append(released.particles);
-        Ok(())
-    }
-}
-
-impl Totals {
-    /// Enters what was released.
-    pub(crate) fn enter(&mut self, released: &Released) {
-        let add =
-            |totals: &mut Vec<u64>, more: &[u64]| totals.iter_mut().zip(more).for_each(|(t, m)| *t += m);
-        add(&mut self.released, &released.released);
-        add(&mut self.decayed, &released.decayed);
-        released.particles.species.iter().for_each(|&species| self.present[species as usize] += 1);
-    }
-
-    /// Nothing yet.
-    fn of(model: &Model) -> Self {
-        let species = model.species.len();
-        Self {
-            present: vec![0; species],
-            released: vec![0; species],
-            arrived: vec![vec![0; species]; model.receivers.len()],
-            reacted: vec![0; model.reactions.len()],
-            decayed: vec![0; model.decays.len()],
-            ..Self::default()
-        }
-    }
-}
 
 /// A run: a model, a seed, and what has become of it.
 #[derive(Debug)]

@@ -18,6 +18,18 @@ pub struct Run {
     pub err: String,
 }
 
+/// Whether there is a GPU, or must be one; where there is none, a word on standard error why something is skipped.
+pub fn has_gpu() -> bool {
+    let has_one = !lazygrid::gpu::adapters().is_empty() || std::env::var_os("LAZYGRID_REQUIRE_GPU").is_some();
+    if !has_one {
+        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
+        {
+            eprintln!("skipped: what needs a GPU, as there is no Vulkan, Metal or DirectX 12 here");
+        }
+    }
+    has_one
+}
+
 /// A built command, by the path of its binary.
 #[derive(Clone, Copy, Debug)]
 pub struct Program(pub &'static str);

@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn the_gpu_finds_the_pairs_of_both_files() {
-    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
+    if !has_gpu() {
         let run = lazygrid(["detect", &data("lammps-pour.dump"), "--backend", "gpu"]);
         assert!(run.code != Some(0) && run.err.contains("no GPU adapter"), "{}", run.err);
         return;
@@ -43,7 +43,7 @@ fn times(out: &str) -> Vec<(&str, f64)> {
 /// What the GPU does is a part of what the host waits for, and not a further part of the whole.
 #[test]
 fn the_total_time_counts_nothing_twice() {
-    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
+    if !has_gpu() {
         return;
     }
     for backend in ["cpu", "gpu"] {
@@ -99,7 +99,7 @@ fn an_adapter_is_chosen_by_index_or_by_name() {
 #[test]
 #[cfg(target_os = "linux")]
 fn what_was_calibrated_is_kept_and_used() {
-    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
+    if !has_gpu() {
         assert!(lazygrid(["calibrate"]).fails().err.contains("no GPU adapter"));
         return;
     }

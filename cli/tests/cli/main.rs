@@ -9,7 +9,7 @@ use std::path::Path;
 use lazygrid::{Pair, Sphere};
 use lazygrid_io::read::{Frames, Options};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::command::{Program, Run, Scratch, data, npy, table};
+use lazygrid_tests::command::{Program, Run, Scratch, data, has_gpu, npy, table};
 use serde_json::Value;
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));

@@ -1,7 +1,7 @@
 //! Who arrives, and whose they are.
 
 use super::{files, lazygrid, rows};
-use lazygrid_tests::command::Scratch;
+use lazygrid_tests::command::{Scratch, has_gpu};
 
 /// Two transmitters whose particles change on their way, one of them into two, and two receivers.
 const SCENARIO: &str = r#"
@@ -123,11 +123,7 @@ fn a_resumed_log_is_the_same_to_the_last_byte() {
 
 #[test]
 fn a_gpu_refuses_the_log_by_name() {
-    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
-        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-        {
-            eprintln!("skipped: no Vulkan, Metal or DirectX 12 here");
-        }
+    if !has_gpu() {
         return;
     }
     let scratch = Scratch::new();

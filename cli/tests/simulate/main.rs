@@ -4,7 +4,7 @@ mod arrivals;
 mod replicas;
 mod report;
 
-use lazygrid_tests::command::{Program, Run, Scratch};
+use lazygrid_tests::command::{Program, Run, Scratch, has_gpu};
 use std::ffi::OsStr;
 use std::fs;
 
@@ -274,11 +274,7 @@ fn a_run_that_will_not_fit_the_disk_is_refused() {
 
 #[test]
 fn a_run_goes_on_on_another_back_end_and_says_so() {
-    if lazygrid::gpu::adapters().is_empty() && std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() {
-        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-        {
-            eprintln!("skipped: no Vulkan, Metal or DirectX 12 here");
-        }
+    if !has_gpu() {
         return;
     }
     let scratch = Scratch::new();

@@ -101,16 +101,17 @@ impl Course {
     pub(super) fn note(&mut self, spheres: usize, pairs: u64, kept: Option<Kept>) {
         let Some(used) = &mut self.used else { return };
         let Some(kept) = kept else { return self.give_up() };
+        let mut before = *used;
         let each = 1.0 / spheres.max(1) as f32;
+        (used.candidates, used.pairs) = (kept.count as f32 * each, pairs as f32 * each);
         if kept.rebuilt.is_none() {
             used.calls = used.calls.saturating_add(1);
-            (used.candidates, used.pairs) = (kept.count as f32 * each, pairs as f32 * each);
             if used.calls < LONG || used.is_settled {
                 return;
             }
+            before = *used;
         }
-        let before = *used;
-        (used.calls, used.candidates, used.pairs) = (1, kept.count as f32 * each, pairs as f32 * each);
+        used.calls = 1;
         if before.calls > 0 {
             self.judge(&before);
         } else if MEASURE + TEST * used.candidates > BETTER * searched(used.pairs) {

@@ -2,10 +2,9 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use lazygrid_host::{Canonical, Kept, Lists, Neighbors, Order, Phase, Refinement, Settings, Skin, Survey};
-use lazygrid_kernels::{
-    Algorithm, InputError, Interactions, MAX_SPHERES, Pair, Shear, Space, Sphere, Spheres,
-};
+use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Pair, Shear, Space, Sphere, Spheres};
 
+use super::asked::Asked;
 use super::course::Course;
 use super::device_search::{Given, Search};
 use super::error::make_room;
@@ -36,56 +35,6 @@ pub(crate) struct DeviceDetector {
     found: Vec<Pair>,
     pairs: Vec<Pair>,
     report: Report,
-}
-
-/// What a call is given.
-#[derive(Clone, Copy)]
-enum Asked<'a> {
-    /// All pairs of these.
-    One(Spheres<'a>),
-    /// Pairs of one of each.
-    Two(Spheres<'a>, Spheres<'a>),
-}
-
-impl<'a> Asked<'a> {
-    /// The first set, and the second where there are two.
-    fn parts(self) -> (Spheres<'a>, Option<Spheres<'a>>) {
-        match self {
-            Self::One(all) => (all, None),
-            Self::Two(a, b) => (a, Some(b)),
-        }
-    }
-
-    /// What the device is given: `straight` spheres in place of these where space is sheared, and none of the exclusions,
-    /// which are looked at when pairs have come back.
-    fn searched(self, straight: Option<&'a Vec<Sphere>>) -> Result<Self, InputError> {
-        let like = |set: Spheres<'a>, from: usize| match straight {
-            None => Ok(set.without_exclusions()),
-            Some(straight) => {
-                let spheres = Spheres::from(&straight[from..from + set.len()]);
-                set.species().map_or(Ok(spheres), |species| spheres.with_species(species))
-            }
-        };
-        Ok(match self {
-            Self::One(all) => Self::One(like(all, 0)?),
-            Self::Two(a, b) => Self::Two(like(a, 0)?, like(b, a.len())?),
-        })
-    }
-
-    fn len(self) -> usize {
-        match self {
-            Self::One(all) => all.len(),
-            Self::Two(a, b) => a.len() + b.len(),
-        }
-    }
-
-    /// How many spheres are of the first of two sets; 0 where there is one.
-    fn first(self) -> usize {
-        match self {
-            Self::One(_) => 0,
-            Self::Two(a, _) => a.len(),
-        }
-    }
 }
 
 impl DeviceDetector {
@@ -122,8 +71,8 @@ impl DeviceDetector {
             let scale = settings.space.shear().map_or(1.0, |_| Shear::SCALE);
             session.set_skin(Some(distance * scale))?;
         }
-        let chooses = matches!(settings.algorithm, Algorithm::Auto | Algorithm::CellList);
-        let course = (settings.skin == Skin::Auto && chooses).then(Course::default);
+        let chooses = settings.skin == Skin::Auto && settings.keeps_candidates();
+        let course = chooses.then(Course::default);
         if let Some(timeout) = config.timeout {
             session.set_timeout(timeout);
         }

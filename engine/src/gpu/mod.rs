@@ -5,6 +5,7 @@
 //! blocks. [`GpuSession`] carries spheres and pairs between host and device. [`Cost`] says before a call what it takes.
 
 pub(crate) mod adapter;
+mod asked;
 mod calibration;
 mod course;
 mod detector;

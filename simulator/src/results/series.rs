@@ -61,6 +61,8 @@ pub(super) struct Line<'a> {
     path: &'a Path,
     number: usize,
     text: String,
+    /// Where each of its fields ends.
+    ends: Vec<usize>,
 }
 
 impl<'a> Lines<'a> {
@@ -79,8 +81,9 @@ impl<'a> Lines<'a> {
         let read = |source| Error::Read { path: self.path.to_owned(), source };
         let Some(text) = self.lines.next().transpose().map_err(read)? else { return Ok(None) };
         self.line += 1;
-        let line = Line { path: self.path, number: self.line, text };
-        match line.text.split(',').count() == self.header.len() {
+        let ends: Vec<usize> = text.match_indices(',').map(|(at, _)| at).chain([text.len()]).collect();
+        let line = Line { path: self.path, number: self.line, text, ends };
+        match line.ends.len() == self.header.len() {
             true => Ok(Some(line)),
             false => Err(line.damaged(&format!("it has not {} fields", self.header.len()))),
         }
@@ -90,7 +93,8 @@ impl<'a> Lines<'a> {
 impl Line<'_> {
     /// A field of it.
     pub(super) fn field(&self, column: usize) -> &str {
-        self.text.split(',').nth(column).unwrap_or_default()
+        let start = column.checked_sub(1).map_or(0, |before| self.ends[before] + 1);
+        &self.text[start..self.ends[column]]
     }
 
     /// A field of it, as a number.

@@ -7,7 +7,7 @@ use lazygrid_sim::{
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::receivers::reached;
+use crate::receivers::{FLOW, passing};
 use crate::setup::{begin, burst, mean, share_error, species, steps};
 
 const D: f64 = 100.0;
@@ -201,31 +201,7 @@ pub(crate) fn reflecting() -> Vec<Row> {
 /// A receiver that goes through what rests takes what a resting one takes of a flow; and many that diffuse take what
 /// resting ones take of what diffuses as fast as both together.
 pub(crate) fn moving() -> Vec<Row> {
-    let (speed, start, n) = (10.0, [-4.0_f32, 1.0, 0.0], 40_000_u32);
-    let distance = f64::from(start[0].hypot(start[1]));
-    let expected = reached(speed / 2.0, distance, f64::from(start[0]) / distance);
-    let row = |count: u32| {
-        let receiver = Receiver {
-            name: "rx".to_owned(),
-            radius: 1.0,
-            kind: Kind::Absorbing,
-            sees: vec![true],
-            velocity: [-speed, 0.0, 0.0],
-            ..Receiver::default()
-        };
-        let model = Model {
-            time_step: 1.6 / f64::from(count),
-            species: vec![species("A", 0.0, 1.0)],
-            transmitters: vec![Transmitter { center: start, ..burst(Shape::Point, &[(0, n)]) }],
-            receivers: vec![receiver],
-            ..Model::default()
-        };
-        let mut simulation = begin(&model, 5);
-        steps(&mut simulation, count);
-        let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(n);
-        let what = format!("on the way of a receiver, {count} steps");
-        Row::new(what, expected, share, 4.0 * share_error(expected, n.into()))
-    };
+    let row = |count| passing("on the way of a receiver", [0.0, -FLOW], count);
     let mut rows: Vec<Row> = [8, 32, 400].map(row).into();
     rows.push(diffusing());
     rows

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use lazygrid_kernels::layout::Outcome;
 
-use super::{Call, GpuSession, SLOTS};
+use super::{GpuSession, SLOTS};
 use crate::Error;
 use crate::gpu::input::GpuSpheres;
 use crate::gpu::mapping::{Mapping, Wait};
@@ -64,8 +64,9 @@ impl GpuSession {
 
     fn submit(&mut self, number: u64, work: Work) -> Result<(), Error> {
         let at = number as usize % SLOTS;
+        let keeps = self.keeps(number);
         let Self { own, detector, skin, slots, calls, expected, .. } = self;
-        let Call { way, keeps, .. } = calls[at];
+        let way = calls[at].way;
         let slot = &mut slots[at];
         let capacity = detector.pair_capacity();
         let staged = (*expected).min(capacity.into());
@@ -73,7 +74,7 @@ impl GpuSession {
         let Some(spheres) = slot.spheres.clone() else { return Ok(()) };
         let mut encoder =
             scoped(&own.device, "an encoder", 0, || own.device.create_command_encoder(&Default::default()))?;
-        let skin = skin.as_mut().filter(|skin| keeps && skin.serves(number)).map(|skin| &mut skin.detector);
+        let skin = skin.as_mut().filter(|_| keeps).map(|skin| &mut skin.detector);
         let timed: &[Phase] = match work {
             _ if detector.ticks().is_none() || skin.is_some() => &[],
             Work::Call(_) => &Phase::ALL,

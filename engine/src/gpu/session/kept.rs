@@ -22,13 +22,6 @@ pub(super) struct Keeping {
     age: u32,
 }
 
-impl Keeping {
-    /// Whether this call is answered from candidates.
-    pub(super) fn serves(&self, number: u64) -> bool {
-        number >= self.from
-    }
-}
-
 impl GpuSession {
     /// Has later calls keep candidates, pairs that are up to so much too far apart to touch, until some sphere has moved by
     /// half of that; without a distance they search anew. An answer never depends on it. Where the candidates do not fit the
@@ -70,7 +63,7 @@ impl GpuSession {
     /// Whether this call is answered from candidates, if there is room for them.
     pub(super) fn keeps(&self, number: u64) -> bool {
         let asked = self.calls[number as usize % SLOTS].keeps;
-        self.skin.as_ref().is_some_and(|skin| asked && skin.serves(number))
+        self.skin.as_ref().is_some_and(|skin| asked && number >= skin.from)
     }
 
     /// Has this call and some after it search anew.

@@ -1,0 +1,73 @@
+//! What the arguments of `detect` come to.
+
+use std::num::NonZeroUsize;
+
+use lazygrid::{Backend, Config, Order, Space};
+use lazygrid_io::read::{Options, Radii};
+use lazygrid_io::write::{Output, TableFormat};
+
+use super::Detect;
+use crate::cache;
+use crate::failure::Failure;
+use crate::input::STANDARD;
+
+impl Detect {
+    pub(crate) fn options(&self) -> Result<Options, Failure> {
+        let mut radii = Radii::new();
+        for (species, radius) in &self.radii {
+            if let Some(first) = radii.insert(species.clone(), *radius) {
+                return Err(Failure::RadiusTwice { species: species.clone(), values: [first, *radius] });
+            }
+        }
+        Ok(Options {
+            format: self.format,
+            radii,
+            space: self.space()?,
+            ids: self.ids,
+            groups: self.exclude_groups,
+        })
+    }
+
+    /// The space that was given.
+    fn space(&self) -> Result<Option<Space>, Failure> {
+        let (Some(space), Some([xy, xz, yz])) = (self.periodic, self.tilt) else { return Ok(self.periodic) };
+        let [x, y, z] = space.lengths();
+        let edges = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
+        let sheared = Space::sheared(edges.map(|edge| edge.map(Into::into)));
+        sheared.map(Some).map_err(|error| Failure::Setting(error.into()))
+    }
+
+    /// Where the pairs go.
+    pub(crate) fn output(&self) -> Result<Option<Output>, Failure> {
+        let Some(path) = &self.output else { return Ok(None) };
+        let to_stdout = path.as_os_str() == STANDARD;
+        let by_name = if to_stdout { Some(TableFormat::Csv) } else { TableFormat::from_extension(path) };
+        let format = self.output_format.or(by_name);
+        let format = format.ok_or_else(|| Failure::OutputFormat { path: path.clone() })?;
+        if to_stdout && self.neighbors && format == TableFormat::Npy {
+            return Err(Failure::NeighborsToStdout);
+        }
+        Ok(Some(Output { path: (!to_stdout).then(|| path.clone()), format }))
+    }
+
+    /// The settings of a detector; the space comes with each frame.
+    pub(crate) fn config(&self) -> Config {
+        let order = if self.unordered { Order::Unordered } else { Order::Canonical };
+        let config = Config::default().backend(self.backend).algorithm(self.algorithm).order(order);
+        let config = with(config, self.adapter.clone(), Config::adapter);
+        let config = if self.backend == Backend::Cpu { config } else { config.calibration(cache::load()) };
+        let config = with(config, self.tau, Config::tau);
+        let config = with(config, self.raster_ratio, Config::raster_ratio);
+        let config = with(config, self.skin, Config::skin);
+        let config = with(config, self.threads.map(NonZeroUsize::get), Config::threads);
+        let config = with(config, self.timeout, Config::timeout);
+        with(config, self.max_pairs, Config::max_pairs)
+    }
+}
+
+fn with<T>(config: Config, value: Option<T>, set: impl FnOnce(Config, T) -> Config) -> Config {
+    match value {
+        Some(value) => set(config, value),
+        None => config,
+    }
+}
