@@ -38,9 +38,17 @@ pub fn oracle(scenario: &Scenario) -> Vec<Pair> {
     })
 }
 
-/// The least squared length of the vector and these turns of each edge.
+/// The least squared length of the vector and these turns of each edge. Along the last edge that is where the parabola has
+/// its least, or beside it.
 fn nearest(vector: DVec3, edges: &[DVec3], turns: &[[i32; 2]]) -> f64 {
     match (edges, turns) {
+        ([edge], [_]) => {
+            let least = (-vector.dot(*edge) / edge.length_squared()).round();
+            [-1.0, 0.0, 1.0]
+                .map(|beside| (vector + *edge * (least + beside)).length_squared())
+                .into_iter()
+                .fold(f64::INFINITY, f64::min)
+        }
         ([edge, edges @ ..], [[from, to], turns @ ..]) => (*from..=*to)
             .map(|turn| nearest(vector + *edge * f64::from(turn), edges, turns))
             .fold(f64::INFINITY, f64::min),

@@ -50,7 +50,7 @@ fn soups_in_boxes_of_any_tilt() {
 
 #[test]
 fn edges_of_any_direction() {
-    agree(40, sheared::directions());
+    agree(96, sheared::directions());
 }
 
 #[test]
