@@ -23,7 +23,8 @@ pub struct Subject {
 
 impl Subject {
     /// Every subject. A backend joins the suite here. `LAZYGRID_SUBJECTS=gpu` leaves out those of the CPU, which a
-    /// GPU's driver or its settings change nothing for; `LAZYGRID_SUBJECTS=gpu/cell-list` leaves one algorithm.
+    /// GPU's driver or its settings change nothing for; `LAZYGRID_SUBJECTS=gpu/cell-list` leaves one algorithm, and
+    /// `LAZYGRID_SUBJECTS=cpu` those of the CPU.
     ///
     /// # Panics
     /// Where `LAZYGRID_SUBJECTS` has another value, or a GPU that is required is missing.
@@ -32,12 +33,13 @@ impl Subject {
         let on_cpu = Algorithm::CPU.into_iter().chain([Algorithm::Auto]).flat_map(cpu);
         match env::var("LAZYGRID_SUBJECTS").as_deref() {
             Err(_) => on_cpu.chain(crate::gpu::subjects()).collect(),
+            Ok("cpu") => on_cpu.collect(),
             Ok("gpu") => crate::gpu::subjects(),
             Ok(other) => {
                 let named = |algorithm: &Algorithm| other.strip_prefix("gpu/") == Some(algorithm.name());
                 assert!(
                     Algorithm::GPU.iter().any(named),
-                    "LAZYGRID_SUBJECTS is {other}; choose gpu, or gpu/ and an algorithm"
+                    "LAZYGRID_SUBJECTS is {other}; choose cpu, gpu, or gpu/ and an algorithm"
                 );
                 crate::gpu::subjects().into_iter().filter(|subject| named(&subject.algorithm)).collect()
             }

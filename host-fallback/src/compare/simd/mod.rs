@@ -4,6 +4,7 @@
 //! here; what lies inside it is left to the exact test of [`Rule`](super::rule::Rule). So vector width, fused
 //! multiply-adds and the order of operations cannot change a result.
 
+use std::env;
 use std::fmt;
 use std::sync::OnceLock;
 
@@ -45,7 +46,7 @@ pub enum Simd {
     Avx512,
     /// 8 lanes, x86-64 with AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT.
     Avx2,
-    /// 8 lanes as plain loops, which the compiler vectorises as the target allows.
+    /// 8 lanes of the vectors that every processor of the target has, such as two of four with SSE2 or NEON.
     Portable,
 }
 
@@ -61,7 +62,8 @@ impl fmt::Display for Simd {
 }
 
 impl Simd {
-    /// Looks at the processor.
+    /// Looks at the processor, once, and at the environment variable `LAZYGRID_SIMD`, by which `avx2` or `portable` is used
+    /// on one that has more.
     pub fn detect() -> Self {
         static WIDEST: OnceLock<Simd> = OnceLock::new();
         #[cfg(target_arch = "x86_64")]
@@ -75,7 +77,25 @@ impl Simd {
         };
         #[cfg(not(target_arch = "x86_64"))]
         let widest = || Self::Portable;
-        *WIDEST.get_or_init(widest)
+        *WIDEST.get_or_init(|| widest().narrower(Self::allowed(env::var("LAZYGRID_SIMD").ok().as_deref())))
+    }
+
+    /// The widest code that somebody who says this allows.
+    fn allowed(said: Option<&str>) -> Self {
+        match said {
+            None | Some("avx512") => Self::Avx512,
+            Some("avx2") => Self::Avx2,
+            Some("portable") => Self::Portable,
+            Some(other) => {
+                log::warn!("LAZYGRID_SIMD is {other} and has no effect; choose avx512, avx2 or portable");
+                Self::Avx512
+            }
+        }
+    }
+
+    /// The one of fewer, or less special, instructions.
+    fn narrower(self, other: Self) -> Self {
+        if self as u8 > other as u8 { self } else { other }
     }
 
     /// The widest code of a processor that `has` some instruction sets: all that the code is compiled with must be
@@ -94,22 +114,14 @@ impl Simd {
     /// Runs `task` with this width, or the portable one where the processor lacks it; comparisons are between nearest
     /// images where there are any.
     pub(crate) fn run<T: Task>(self, task: T, images: Option<Images>) -> T::Result {
-        match self.min_supported() {
-            // SAFETY: `min_supported` returns a width only where this processor has all of its features.
+        match self.narrower(Self::detect()) {
+            // SAFETY: nothing wider is returned than `detect` does, for which this processor has all features.
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => unsafe { x86::with_avx512(task, images) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => unsafe { x86::with_avx2(task, images) },
             _ => over(task, Portable, images),
-        }
-    }
-
-    fn min_supported(self) -> Self {
-        match (self, Self::detect()) {
-            (Self::Portable, _) | (_, Self::Portable) => Self::Portable,
-            (Self::Avx512, Self::Avx512) => Self::Avx512,
-            _ => Self::Avx2,
         }
     }
 }
@@ -271,6 +283,17 @@ mod tests {
         for simd in [Simd::Avx2, Simd::Avx512] {
             assert_eq!(simd.run(Everything, None), expected, "{simd:?}, on {:?}", Simd::detect());
         }
+    }
+
+    #[test]
+    fn wider_code_can_be_switched_off() {
+        let runs = |has, said| Simd::narrower(has, Simd::allowed(said));
+        for has in [Simd::Avx512, Simd::Avx2, Simd::Portable] {
+            assert_eq!([None, Some("avx512"), Some("sse9")].map(|said| runs(has, said)), [has; 3]);
+            assert_eq!(runs(has, Some("portable")), Simd::Portable);
+        }
+        assert_eq!([Simd::Avx512, Simd::Avx2].map(|has| runs(has, Some("avx2"))), [Simd::Avx2; 2]);
+        assert_eq!(runs(Simd::Portable, Some("avx2")), Simd::Portable);
     }
 
     /// Which code runs where a virtual machine hides one instruction set.

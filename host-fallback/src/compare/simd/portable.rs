@@ -1,42 +1,38 @@
 use lazygrid_kernels::Pair;
+use wide::f32x8;
 
 use super::super::columns::Columns;
 use super::{Around, Axes, BAND, FLOOR, Images, Jobs, MAX_LANES, Row, Vector, Width, rows};
 
-/// Plain loops over eight lanes.
+/// Eight lanes in vectors that every processor has, two of four on most.
 #[derive(Clone, Copy)]
 pub(crate) struct Portable;
 
 impl Vector for Portable {
     const LANES: usize = 8;
-    type Query = [f32; 4];
-    type Gaps = ([f32; 8], [f32; 8]);
+    type Query = [f32x8; 4];
+    type Gaps = (f32x8, f32x8);
 
     #[inline(always)]
-    fn query(self, sphere: [f32; 4]) -> [f32; 4] {
-        sphere
+    fn query(self, sphere: [f32; 4]) -> [f32x8; 4] {
+        sphere.map(f32x8::splat)
     }
 
     #[inline(always)]
-    fn gaps(self, columns: &Columns, base: usize, q: [f32; 4]) -> Self::Gaps {
-        let [x, y, z, r] = columns.lanes::<8>(base);
-        let (mut d2, mut s2) = ([0.0; 8], [0.0; 8]);
-        for k in 0..8 {
-            let (dx, dy, dz, s) = (x[k] - q[0], y[k] - q[1], z[k] - q[2], r[k] + q[3]);
-            d2[k] = dx * dx + dy * dy + dz * dz;
-            s2[k] = s * s;
-        }
-        (d2, s2)
+    fn gaps(self, columns: &Columns, base: usize, q: [f32x8; 4]) -> Self::Gaps {
+        let [x, y, z, r] = columns.lanes::<8>(base).map(|lanes| f32x8::new(*lanes));
+        let (dx, dy, dz, s) = (x - q[0], y - q[1], z - q[2], r + q[3]);
+        (dx * dx + dy * dy + dz * dz, s * s)
     }
 
     #[inline(always)]
     fn possible(self, (d2, s2): Self::Gaps) -> u32 {
-        (0..8).fold(0, |mask, k| mask | u32::from(d2[k] <= s2[k] * (1.0 + BAND) + FLOOR) << k)
+        d2.simd_le(s2 * f32x8::splat(1.0 + BAND) + f32x8::splat(FLOOR)).to_bitmask()
     }
 
     #[inline(always)]
     fn certain(self, (d2, s2): Self::Gaps) -> u32 {
-        (0..8).fold(0, |mask, k| mask | u32::from(d2[k] < s2[k] * (1.0 - BAND) - FLOOR) << k)
+        d2.simd_lt(s2 * f32x8::splat(1.0 - BAND) - f32x8::splat(FLOOR)).to_bitmask()
     }
 
     #[inline(always)]
@@ -67,22 +63,19 @@ impl Vector for Portable {
 
 impl Width for Portable {
     #[inline(always)]
-    fn nearest_gaps(self, columns: &Columns, base: usize, q: [f32; 4], images: &Images) -> [Self::Gaps; 2] {
-        let [x, y, z, r] = columns.lanes::<8>(base);
-        let (mut d2, mut wide, mut narrow) = ([0.0; 8], [0.0; 8], [0.0; 8]);
-        for k in 0..8 {
-            let nearest = |column: &[f32; 8], axis: usize| {
-                let apart = (column[k] - q[axis]).abs();
-                let other = images.lengths[axis] - apart;
-                // Not `min`: where both are infinite the other is NaN, and not it.
-                if other < apart { other } else { apart }
-            };
-            let (dx, dy, dz, s) = (nearest(x, 0), nearest(y, 1), nearest(z, 2), r[k] + q[3]);
-            d2[k] = dx * dx + dy * dy + dz * dz;
-            let (more, less) = (s + images.slack, (s - images.slack).max(0.0));
-            (wide[k], narrow[k]) = (more * more, less * less);
-        }
-        [(d2, wide), (d2, narrow)]
+    fn nearest_gaps(self, columns: &Columns, base: usize, q: [f32x8; 4], images: &Images) -> [Self::Gaps; 2] {
+        let [x, y, z, r] = columns.lanes::<8>(base).map(|lanes| f32x8::new(*lanes));
+        let nearest = |column: f32x8, axis: usize| {
+            let apart = (column - q[axis]).abs();
+            let other = f32x8::splat(images.lengths[axis]) - apart;
+            // Not the minimum: where both are infinite the other is NaN, and not it.
+            other.simd_lt(apart).select(other, apart)
+        };
+        let (dx, dy, dz, s) = (nearest(x, 0), nearest(y, 1), nearest(z, 2), r + q[3]);
+        let slack = f32x8::splat(images.slack);
+        let (more, less) = (s + slack, (s - slack).max(f32x8::ZERO));
+        let d2 = dx * dx + dy * dy + dz * dz;
+        [(d2, more * more), (d2, less * less)]
     }
 }
 
