@@ -228,17 +228,23 @@ impl HostDetector {
         self.state.pairs
     }
 
-    /// Checks and surveys the input, chooses, builds, and leaves the rest to `work`, all in the detector's pool.
+    /// Checks and surveys the input, chooses, builds, and leaves the rest to `work`, all in the detector's pool; with few
+    /// spheres only what takes long.
     fn run(
         &mut self,
         given: Given<'_>,
         work: impl FnOnce(&mut State, &Input<'_>) -> Result<(), Error> + Send,
     ) -> Result<(), Error> {
-        let Self { settings, pool, state, .. } = self;
+        let Self { settings, structure, pool, state } = self;
+        let pool = pool.as_ref();
+        // Of the paper's grids nothing tells how long they take.
+        let is_large =
+            given.len() >= threads::MANY || !matches!(structure, Structure::Naive | Structure::CellList);
         let task = || {
             state.report = Report { spheres: given.len() as u64, ..Report::default() };
             let threads = match settings.threads {
                 Some(1) => Threads::Calling,
+                _ if !is_large => Threads::Calling,
                 _ => Threads::here()?,
             };
             let interactions = settings.interactions.as_ref();
@@ -272,15 +278,52 @@ impl HostDetector {
                     survey.or_else(|error| given.check(threads).and(Err(error)))?
                 }
             };
-            let input = Input { rule, survey, settings, simd: settings.simd, threads, split: given.split() };
+            let mut input =
+                Input { rule, survey, settings, simd: settings.simd, threads, split: given.split() };
             state.build(&input, lapsed)?;
-            work(state, &input)?;
+            if is_large || settings.threads == Some(1) || state.is_short(&input) {
+                work(state, &input)?;
+            } else {
+                threads::within(pool, || {
+                    input.threads = Threads::here()?;
+                    work(state, &input)
+                })?;
+            }
             state.near = near;
             Ok(())
         };
-        match pool {
-            Some(pool) => pool.install(task),
-            None => task(),
-        }
+        if is_large { threads::within(pool, task) } else { task() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+    use std::thread;
+
+    use lazygrid_kernels::{Algorithm, Sphere};
+
+    use super::*;
+
+    /// Whether a search of so many spheres, one at a place, is done by the thread that asks for it.
+    fn is_done_here(n: usize, spacing: f32, algorithm: Algorithm) -> bool {
+        let spheres: Vec<_> = (0..n).map(|k| Sphere::new([spacing * k as f32, 0.0, 0.0], 1.0)).collect();
+        let settings =
+            Settings { threads: Some(2), algorithm, order: Order::Unordered, ..Settings::default() };
+        let mut detector = HostDetector::new(settings).expect("the settings are in range");
+        let (caller, mut are_here) = (thread::current().id(), Vec::new());
+        let found = detector.stream((&spheres).into(), 1 << 20, |_| {
+            are_here.push(thread::current().id() == caller);
+            ControlFlow::Continue(())
+        });
+        assert!(found.expect("the spheres are valid") > 0);
+        are_here.into_iter().all(|is_here| is_here)
+    }
+
+    #[test]
+    fn nobody_is_woken_for_what_ends_sooner() {
+        assert!(is_done_here(500, 1.5, Algorithm::Auto) && is_done_here(3000, 1.5, Algorithm::Auto));
+        assert!(!is_done_here(100_000, 1.5, Algorithm::Auto), "many spheres");
+        assert!(!is_done_here(6000, 0.0, Algorithm::CellList), "few spheres that all touch");
     }
 }

@@ -30,6 +30,12 @@ impl<S: Sink> Task for Tile<'_, S> {
     }
 }
 
+/// How long one thread is expected to take for so many spheres, in nanoseconds.
+pub(crate) fn time(spheres: usize) -> f32 {
+    const COMPARE: f32 = 0.2;
+    spheres as f32 * spheres as f32 * COMPARE / 2.0
+}
+
 /// Finds all pairs among the spheres of `columns`, in tiles spread over the threads.
 ///
 /// # Errors

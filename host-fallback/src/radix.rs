@@ -11,8 +11,8 @@ use crate::memory::resize;
 use crate::scatter::Disjoint;
 use crate::threads::Threads;
 
-/// Entries per piece at least, 512 KiB of narrow ones: far more than there are digits to count.
-const PIECE: usize = 1 << 16;
+/// Entries per piece at least, 128 KiB of narrow ones: far more than there are digits to count.
+const PIECE: usize = 1 << 14;
 /// Pieces at most: their counts are summed by one thread.
 const MAX_PIECES: usize = 64;
 /// Bits per digit: few enough that the lines which a pass writes to stay in the first-level cache.

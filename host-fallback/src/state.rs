@@ -85,6 +85,16 @@ impl State {
         Ok(())
     }
 
+    /// Whether a search is expected to end before other threads would be awake.
+    pub(crate) fn is_short(&self, input: &Input<'_>) -> bool {
+        match self.report.algorithm {
+            _ if self.from_candidates => false,
+            Algorithm::Naive => Threads::is_short(naive::time(input.survey.spheres)),
+            Algorithm::CellList => Threads::is_short(self.cell_list.time()),
+            _ => false,
+        }
+    }
+
     /// Builds what the algorithm searches.
     fn structure(&mut self, input: &Input<'_>) -> Result<(), Error> {
         let Self {

@@ -9,8 +9,8 @@ use crate::classes::{CLASSES, class_of};
 use crate::compare::Rule;
 use crate::threads::Threads;
 
-/// Spheres per piece of the pass.
-const PIECE: usize = 1 << 15;
+/// Spheres per piece of the pass: so few that threads end together, so many that merging what they found takes no time.
+const PIECE: usize = 1 << 13;
 /// Tables that take turns in counting.
 const TABLES: usize = 4;
 
@@ -82,7 +82,7 @@ impl Survey {
         };
         let merge = |(a, p): (Self, bool), (b, q): (Self, bool)| Ok((a.merge(b), p | q));
         let pieces = (n.div_ceil(PIECE), usize::MAX);
-        let (survey, suspect) = threads.fold(pieces, || (Self::empty(), false), piece, merge)?;
+        let (survey, suspect) = threads.passing(n).fold(pieces, || (Self::empty(), false), piece, merge)?;
         if suspect {
             check(spheres, threads)?;
         }

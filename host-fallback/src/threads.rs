@@ -18,6 +18,11 @@ const PER_CORE: usize = 4;
 /// Threads of a pool that are started wherever they are asked for.
 const FEW: usize = 16;
 
+/// Spheres from which on several threads pass over them: waking the others takes as long as passing over fewer.
+pub(crate) const MANY: usize = 1 << 14;
+/// Work that ends sooner, in nanoseconds, is not worth waking the others.
+const SHORT: f32 = 300_000.0;
+
 /// Which threads work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Threads {
@@ -37,6 +42,16 @@ impl Threads {
             start_global()?;
         }
         Ok(if rayon::current_num_threads() == 1 { Self::Calling } else { Self::Pool })
+    }
+
+    /// Those that pass over so many spheres, or pairs, with little work for each.
+    pub(crate) fn passing(self, count: usize) -> Self {
+        if count < MANY { Self::Calling } else { self }
+    }
+
+    /// Whether work that takes one thread so many nanoseconds is best left to it.
+    pub(crate) fn is_short(time: f32) -> bool {
+        time < SHORT
     }
 
     /// Does `work` with every item and its number.
@@ -83,6 +98,14 @@ impl Threads {
             }
             _ => (0..pieces).try_fold(open(), step),
         }
+    }
+}
+
+/// Runs `task` in this pool, or in that of whoever calls where there is none.
+pub(crate) fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> R + Send) -> R {
+    match pool {
+        Some(pool) => pool.install(task),
+        None => task(),
     }
 }
 

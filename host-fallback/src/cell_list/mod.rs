@@ -42,6 +42,8 @@ pub(crate) struct CellList {
     /// Where each cell's spheres start in `columns`; one more than there are cells.
     starts: Vec<u32>,
     sorter: Sorter,
+    /// Estimated time of a search by one thread, in nanoseconds.
+    time: f32,
 }
 
 /// One level of the plan, placed in the table.
@@ -132,6 +134,7 @@ impl CellList {
         let lengths = input.rule.lengths();
         let plan = report.time("plan", || Levels::plan(&input.survey, crowding));
         let (mut base, mut from) = (0, 0);
+        self.time = plan.cost;
         self.levels.clear();
         let sets = if input.split.is_some() { 2 } else { 1 };
         let members = Members::count(input, &plan);
@@ -147,6 +150,11 @@ impl CellList {
         }
         let places = Places { levels: &self.levels, of_class: &plan.of_class, split: input.split };
         report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts))
+    }
+
+    /// How long one thread is expected to search, in nanoseconds.
+    pub(crate) fn time(&self) -> f32 {
+        self.time
     }
 
     /// Finds all pairs.

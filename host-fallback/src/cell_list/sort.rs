@@ -14,8 +14,11 @@ use crate::input::Input;
 use crate::memory::{collect, resize};
 use crate::scatter::{Disjoint, split_at};
 
-/// Spheres per piece of the first pass.
-const PIECE: usize = 1 << 16;
+/// Spheres per piece of the first pass at least and at most.
+const PIECE: std::ops::RangeInclusive<usize> = 1 << 12..=1 << 16;
+/// Pieces of the first pass, within these bounds: enough that threads end together, few enough for a counter per piece and
+/// bucket.
+const PIECES: usize = 32;
 /// Spheres per bucket aimed at: 48 KiB of entries.
 const BUCKET: usize = 1 << 11;
 /// The most buckets: one cache line each stays in the second-level cache.
@@ -71,6 +74,7 @@ impl Sorter {
         starts: &mut Vec<u32>,
     ) -> Result<(), Error> {
         let (n, cells) = (input.survey.spheres, places.cells());
+        let threads = input.threads.passing(n);
         let wanted = (n / BUCKET).next_power_of_two().min(MAX_BUCKETS);
         let shift = cells.div_ceil(wanted).next_power_of_two().trailing_zeros();
         let buckets = cells.div_ceil(1 << shift).max(1);
@@ -87,7 +91,7 @@ impl Sorter {
         let cells = split_at(&mut starts[1..=cells], (0..buckets).map(|k| cells.min((k + 1) << shift)))?;
         let entries = split_at(&mut self.entries, cut())?;
         let mut pieces = collect(entries.into_iter().zip(cells).zip(columns), "buckets of spheres")?;
-        input.threads.each(&mut pieces, |bucket, ((entries, cells), ((((x, y), z), r), id))| {
+        threads.each(&mut pieces, |bucket, ((entries, cells), ((((x, y), z), r), id))| {
             let first = bucket << shift;
             count(entries, first, cells);
             for entry in entries.iter() {
@@ -114,12 +118,14 @@ impl Sorter {
         (shift, buckets): (u32, usize),
     ) -> Result<(), Error> {
         let Self { keys, entries, offsets, ends } = self;
-        resize(offsets, keys.len().div_ceil(PIECE) * buckets, "buckets of spheres")?;
-        let pieces = keys.chunks_mut(PIECE).zip(offsets.chunks_mut(buckets));
+        let threads = input.threads.passing(keys.len());
+        let size = keys.len().div_ceil(PIECES).clamp(*PIECE.start(), *PIECE.end());
+        resize(offsets, keys.len().div_ceil(size) * buckets, "buckets of spheres")?;
+        let pieces = keys.chunks_mut(size).zip(offsets.chunks_mut(buckets));
         let mut pieces = collect(pieces, "buckets of spheres")?;
-        input.threads.each(&mut pieces, |piece, (keys, counts)| {
+        threads.each(&mut pieces, |piece, (keys, counts)| {
             let keys = &mut **keys;
-            input.simd.run(Keys { rule: &input.rule, places, first: piece * PIECE, keys }, None);
+            input.simd.run(Keys { rule: &input.rule, places, first: piece * size, keys }, None);
             counts.fill(0);
             for key in keys {
                 counts[(*key >> shift) as usize] += 1;
@@ -135,7 +141,7 @@ impl Sorter {
         }
 
         let entries = Disjoint::new(entries);
-        input.threads.each(&mut pieces, |piece, (keys, next)| {
+        threads.each(&mut pieces, |piece, (keys, next)| {
             let mut place = |key: u32, id: usize, (center, radius): (Vec3, f32)| {
                 let slot = &mut next[(key >> shift) as usize];
                 // SAFETY: the exclusive prefix sums over (bucket, piece) give every sphere a slot of its own below
@@ -143,7 +149,7 @@ impl Sorter {
                 unsafe { entries.write(*slot as usize, Entry { center, radius, id: id as u32, key }) };
                 *slot += 1;
             };
-            let ids = piece * PIECE..;
+            let ids = piece * size..;
             match input.rule.plain_rows() {
                 Some(rows) => {
                     let rows = &rows[ids.start..];

@@ -102,7 +102,8 @@ impl Entries {
         report: &mut Report,
     ) -> Result<(), Error> {
         let survey = &input.survey;
-        let (n, threads, ratio) = (survey.spheres, input.threads, input.settings.raster_ratio);
+        let (n, ratio) = (survey.spheres, input.settings.raster_ratio);
+        let threads = input.threads.passing(n);
         let sphere = |k: usize| input.rule.effective(k as u32);
         let (mut grid, mut most) = (Grid::new(survey, ratio, input.rule.lengths()), most_entries(n, ratio));
         let Self { packing, offsets, narrow, wide, .. } = self;
