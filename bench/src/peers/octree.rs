@@ -51,6 +51,11 @@ impl Bounds {
         self.low.cmple(other.low).all() && other.high.cmple(self.high).all()
     }
 
+    /// Whether it contains the other box and touches none of its sides, beyond which is another cell.
+    fn encloses(&self, other: &Self) -> bool {
+        self.low.cmplt(other.low).all() && other.high.cmplt(self.high).all()
+    }
+
     /// Whether the point belongs to this cell; cells share no point.
     fn owns(&self, point: Vec3) -> bool {
         self.low.cmple(point).all() && point.cmplt(self.high).all()
@@ -112,7 +117,7 @@ struct Octree {
     boxes: Vec<Bounds>,
     /// The boxes of the last step.
     before: Vec<Bounds>,
-    /// The leaf whose cell contains a sphere's box as a whole, if one does.
+    /// The leaf whose cell encloses a sphere's box, which then is in no other, if one does.
     home: Vec<Option<u32>>,
     pairs: Vec<Pair>,
 }
@@ -166,7 +171,7 @@ impl Octree {
         let Self { nodes, boxes, before, home, .. } = self;
         nodes.par_iter_mut().filter(|node| node.children.is_none()).for_each(|leaf| leaf.release(boxes));
         let nodes_now = &*nodes;
-        let stays = |k: usize| home[k].is_some_and(|h| nodes_now[h as usize].cell.contains(&boxes[k]));
+        let stays = |k: usize| home[k].is_some_and(|h| nodes_now[h as usize].cell.encloses(&boxes[k]));
         let entered: Vec<(u32, u32)> = (0..boxes.len())
             .into_par_iter()
             .filter(|&k| !stays(k))
@@ -187,7 +192,7 @@ impl Octree {
         }
         let nodes = &*nodes;
         home.par_iter_mut().zip(&*boxes).for_each(|(home, b)| {
-            if !home.is_some_and(|h| nodes[h as usize].cell.contains(b)) {
+            if !home.is_some_and(|h| nodes[h as usize].cell.encloses(b)) {
                 *home = home_of(nodes, b);
             }
         });
@@ -208,7 +213,7 @@ impl Octree {
         members.sort_unstable();
         members.dedup();
         for &k in &members {
-            if self.nodes[node].cell.contains(&self.boxes[k as usize]) {
+            if self.nodes[node].cell.encloses(&self.boxes[k as usize]) {
                 self.home[k as usize] = Some(node as u32);
             }
         }
@@ -232,7 +237,7 @@ impl Octree {
                 for child in first..first + 8 {
                     if self.nodes[child].cell.overlaps(this) {
                         self.nodes[child].members.push(k);
-                        home = self.nodes[child].cell.contains(this).then_some(child as u32).or(home);
+                        home = self.nodes[child].cell.encloses(this).then_some(child as u32).or(home);
                     }
                 }
                 self.home[k as usize] = home;
@@ -282,11 +287,11 @@ fn descend(nodes: &[Node], node: usize, this: &Bounds, found: &mut impl FnMut(us
     }
 }
 
-/// The leaf whose cell contains the box as a whole.
+/// The leaf whose cell encloses the box.
 fn home_of(nodes: &[Node], this: &Bounds) -> Option<u32> {
     let mut node = 0;
     while let Some(first) = nodes[node].children {
-        node = (first..first + 8).find(|&child| nodes[child].cell.contains(this))?;
+        node = (first..first + 8).find(|&child| nodes[child].cell.encloses(this))?;
     }
-    nodes[node].cell.contains(this).then_some(node as u32)
+    nodes[node].cell.encloses(this).then_some(node as u32)
 }

@@ -57,3 +57,20 @@ fn a_cloud_that_spreads_and_gathers() {
         assert!(digests.iter().all(|d| d == &digests[0]), "factor {factor}: {digests:?}");
     }
 }
+
+/// So far from the origin that boxes often end exactly where cells do: whoever crosses is not lost on the way.
+#[test]
+fn boxes_that_touch_the_borders_of_cells() {
+    let mut spheres = Scene::Equal.spheres(4000, 6);
+    spheres.iter_mut().for_each(|sphere| sphere.center += 30_000.0);
+    let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
+    let searches =
+        [Contender::list("naive", judge), octree::running(), cell_list::running(), sweep::running()];
+    let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
+    for step in 0..40 {
+        let digests: Vec<_> =
+            searches.iter_mut().map(|s| crate::measure::Digest::of(&s.run(&spheres).unwrap())).collect();
+        assert!(digests.iter().all(|d| d == &digests[0]), "step {step}: {digests:?}");
+        Scene::advance(&mut spheres, 6, step);
+    }
+}
