@@ -173,8 +173,9 @@ pub(crate) struct Detect {
 
 /// Writes a scene, the same on every machine for the same seed.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  lazygrid generate five-sizes -n 1000000 --seed 7 --output five-sizes.npy")]
+#[command(after_help = "Examples:
+  lazygrid generate five-sizes -n 1000000 --seed 7 --output five-sizes.npy
+  lazygrid generate transceivers -n 100000 --transceivers 10 --ratio 1000 --output transceivers.npy")]
 pub(crate) struct Generate {
     /// The scene
     #[arg(value_parser = one_of(Scene::ALL.map(Scene::name)).try_map(|name| name.parse::<Scene>()))]
@@ -182,6 +183,12 @@ pub(crate) struct Generate {
     /// How many spheres
     #[arg(short = 'n', long = "spheres", value_name = "N", value_parser = clap::value_parser!(u64).range(..=MAX_SPHERES))]
     pub(crate) spheres: u64,
+    /// How many of them are transceivers, in the scene of that name; the others are carriers [default: 30, or all of fewer]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) transceivers: Option<u32>,
+    /// How many times as large as a carrier a transceiver is [default: 100]
+    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub(crate) ratio: Option<u32>,
     /// The seed of the random numbers
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub(crate) seed: u64,

@@ -1,6 +1,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use lazygrid_io::scenes::Scene;
 use thiserror::Error;
 
 use crate::signals::SignalError;
@@ -43,6 +44,14 @@ pub(crate) enum Failure {
     Excluded { path: PathBuf, frame: usize, reason: lazygrid::InputError },
     #[error("no memory for {spheres} spheres; generate fewer")]
     NoMemory { spheres: u64 },
+    #[error(
+        "the scene {scene} has no transceivers; leave --transceivers and --ratio out, or generate transceivers"
+    )]
+    NoTransceivers { scene: Scene },
+    #[error(
+        "--transceivers {transceivers} of {spheres} spheres are more than there are; ask for fewer, or raise -n"
+    )]
+    TooManyTransceivers { transceivers: u32, spheres: u64 },
     #[error("calibration failed: {0}")]
     Calibration(lazygrid::Error),
     #[error("there is no place for the calibration; set HOME, or XDG_CACHE_HOME to a directory")]
@@ -78,6 +87,8 @@ impl Failure {
             | Self::OutputIsInput { .. }
             | Self::OutputFormat { .. }
             | Self::NeighborsToStdout
+            | Self::NoTransceivers { .. }
+            | Self::TooManyTransceivers { .. }
             | Self::RadiusTwice { .. } => 2,
             _ => 1,
         }

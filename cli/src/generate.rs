@@ -1,5 +1,5 @@
 use lazygrid::Sphere;
-use lazygrid_io::scenes::Scene;
+use lazygrid_io::scenes::{Scene, Transceivers};
 use lazygrid_io::write;
 
 use crate::args::Generate;
@@ -8,16 +8,34 @@ use crate::progress::Progress;
 
 /// Writes a scene after some moves.
 pub(crate) fn run(args: &Generate) -> Result<(), Failure> {
+    let scene = scene(args)?;
     let n = args.spheres as usize;
     // The scene would end the program where memory is refused.
     Vec::<Sphere>::new().try_reserve_exact(n).map_err(|_| Failure::NoMemory { spheres: args.spheres })?;
     let progress = Progress::new(None);
     progress.say(format!("generating {n} spheres"));
-    let mut spheres = args.scene.spheres(n, args.seed);
+    let mut spheres = scene.spheres(n, args.seed);
     for step in 0..args.step {
         Scene::advance(&mut spheres, args.seed, step);
     }
     let (path, format) = &args.output;
     progress.say(format!("writing {n} spheres"));
     Ok(write::spheres(path, *format, &spheres)?)
+}
+
+/// The scene with the parameters that were given.
+fn scene(args: &Generate) -> Result<Scene, Failure> {
+    match (args.scene, args.transceivers, args.ratio) {
+        (Scene::Transceivers(_), Some(transceivers), _) if u64::from(transceivers) > args.spheres => {
+            Err(Failure::TooManyTransceivers { transceivers, spheres: args.spheres })
+        }
+        (Scene::Transceivers(Transceivers { count, ratio }), asked, larger) => {
+            Ok(Scene::Transceivers(Transceivers {
+                count: asked.unwrap_or(count),
+                ratio: larger.unwrap_or(ratio),
+            }))
+        }
+        (scene, None, None) => Ok(scene),
+        (scene, ..) => Err(Failure::NoTransceivers { scene }),
+    }
 }

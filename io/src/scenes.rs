@@ -27,6 +27,36 @@ const TEN_POWERS: [f32; 10] =
     [1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125, 0.00390625, 0.001953125];
 const TEN_TENTHS: [f32; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
 
+/// A mixture of two sizes: transceivers of radius 1, and carriers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Transceivers {
+    /// How many of the spheres are transceivers; all of them where there are no more.
+    pub count: u32,
+    /// How many times as large as a carrier a transceiver is; 0 is taken as 1.
+    pub ratio: u32,
+}
+
+impl Transceivers {
+    /// Thirty, a hundred times as large.
+    pub const DEFAULT: Self = Self { count: 30, ratio: 100 };
+
+    /// How many of `n` spheres are transceivers.
+    fn among(self, n: usize) -> usize {
+        n.min(self.count as usize)
+    }
+
+    /// The radius of a carrier.
+    pub fn carrier(self) -> f32 {
+        1.0 / self.ratio.max(1) as f32
+    }
+}
+
+impl Default for Transceivers {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
 /// A distribution of spheres. Lengths are in units of the largest radius.
 ///
 /// ```
@@ -49,11 +79,22 @@ pub enum Scene {
     BurstLinear,
     /// The radii of [`Burst`](Self::Burst); all centres at the origin.
     Point,
+    /// Few large spheres among many small ones, in random order; centres uniform in a ball, 5 % filled. Where the large
+    /// ones fill most of that, the ball grows with them, so that a small one lies in one of them with a chance of 5 %,
+    /// however large they are.
+    Transceivers(Transceivers),
 }
 
 impl Scene {
-    /// Every value, in the order of the command line's help.
-    pub const ALL: [Self; 5] = [Self::Equal, Self::FiveSizes, Self::Burst, Self::BurstLinear, Self::Point];
+    /// Every scene, in the order of the command line's help; those with parameters have their defaults.
+    pub const ALL: [Self; 6] = [
+        Self::Equal,
+        Self::FiveSizes,
+        Self::Burst,
+        Self::BurstLinear,
+        Self::Point,
+        Self::Transceivers(Transceivers::DEFAULT),
+    ];
 
     /// The name in lower case with hyphens.
     pub const fn name(self) -> &'static str {
@@ -63,23 +104,14 @@ impl Scene {
             Self::Burst => "burst",
             Self::BurstLinear => "burst-linear",
             Self::Point => "point",
-        }
-    }
-
-    /// The radii that occur, equally often.
-    pub const fn radii(self) -> &'static [f32] {
-        match self {
-            Self::Equal => &[1.0],
-            Self::FiveSizes => &FIVE_SIZES,
-            Self::Burst | Self::Point => &TEN_POWERS,
-            Self::BurstLinear => &TEN_TENTHS,
+            Self::Transceivers(_) => "transceivers",
         }
     }
 
     /// `n` spheres of this scene; the same for the same seed on every platform.
     pub fn spheres(self, n: usize, seed: u64) -> Vec<Sphere> {
         let mut rng = stream(seed, 0);
-        let mut radii: Vec<f32> = self.radii().iter().copied().cycle().take(n).collect();
+        let mut radii = self.sizes().radii(n);
         radii.shuffle(&mut rng);
         let cloud = self.cloud(n);
         radii.into_iter().map(|radius| Sphere::new(cloud.sample(&mut rng), radius)).collect()
@@ -106,14 +138,14 @@ impl Scene {
     /// The number of overlapping pairs of `n` spheres of this scene before the first step: its exact mean and
     /// variance over all seeds.
     pub fn expected_pairs(self, n: usize) -> PairCount {
-        expected::pairs(&self.classes(n), self.cloud(n))
+        expected::pairs(&self.sizes().classes(n), self.cloud(n))
     }
 
     /// How the centres of `n` spheres are distributed.
     fn cloud(self, n: usize) -> Cloud {
-        let classes = self.classes(n);
+        let classes = self.sizes().classes(n);
         match self {
-            Self::Equal | Self::FiveSizes => {
+            Self::Equal | Self::FiveSizes | Self::Transceivers(_) => {
                 let cubes: f64 = classes.iter().map(|c| c.count * c.radius.powi(3)).sum();
                 Cloud::Ball { radius: libm::cbrt(cubes / DENSITY) }
             }
@@ -124,11 +156,15 @@ impl Scene {
         }
     }
 
-    fn classes(self, n: usize) -> Vec<Class> {
-        let sizes = self.radii().len();
-        let share = |k| (n + sizes - 1 - k) / sizes;
-        let radii = self.radii().iter().enumerate();
-        radii.map(|(k, &r)| Class { count: share(k) as f64, radius: r.into() }).collect()
+    /// Which radii there are, and how often.
+    const fn sizes(self) -> Sizes {
+        match self {
+            Self::Equal => Sizes::EquallyOften(&[1.0]),
+            Self::FiveSizes => Sizes::EquallyOften(&FIVE_SIZES),
+            Self::Burst | Self::Point => Sizes::EquallyOften(&TEN_POWERS),
+            Self::BurstLinear => Sizes::EquallyOften(&TEN_TENTHS),
+            Self::Transceivers(mixture) => Sizes::Two(mixture),
+        }
     }
 }
 
@@ -144,6 +180,42 @@ impl FromStr for Scene {
     fn from_str(text: &str) -> Result<Self, UnknownName> {
         let found = Self::ALL.into_iter().find(|scene| scene.name() == text);
         found.ok_or_else(|| UnknownName::new("scene", text, &Self::ALL.map(Self::name)))
+    }
+}
+
+/// Which radii a scene has.
+#[derive(Clone, Copy, Debug)]
+enum Sizes {
+    EquallyOften(&'static [f32]),
+    Two(Transceivers),
+}
+
+impl Sizes {
+    /// The radii of `n` spheres, not yet in random order.
+    fn radii(self, n: usize) -> Vec<f32> {
+        match self {
+            Self::EquallyOften(sizes) => sizes.iter().copied().cycle().take(n).collect(),
+            Self::Two(mixture) => {
+                let mut radii = vec![mixture.carrier(); n];
+                radii[..mixture.among(n)].fill(1.0);
+                radii
+            }
+        }
+    }
+
+    /// How many of `n` spheres have which of them.
+    fn classes(self, n: usize) -> Vec<Class> {
+        let class = |count: usize, radius: f32| Class { count: count as f64, radius: radius.into() };
+        match self {
+            Self::EquallyOften(sizes) => {
+                let share = |k| (n + sizes.len() - 1 - k) / sizes.len();
+                sizes.iter().enumerate().map(|(k, &radius)| class(share(k), radius)).collect()
+            }
+            Self::Two(mixture) => {
+                let count = mixture.among(n);
+                vec![class(count, 1.0), class(n - count, mixture.carrier())]
+            }
+        }
     }
 }
 

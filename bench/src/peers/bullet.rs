@@ -33,6 +33,8 @@ impl Tuning {
         let margin = match scene {
             Scene::Equal => 1.0,
             Scene::FiveSizes => 0.5,
+            // The radius of nearly all spheres, as of equal ones.
+            Scene::Transceivers(mixture) => mixture.carrier(),
             // Over 12 steps of 10 000: 29 µs with 0.05, 14 with 0.1, 5.6 with 0.25; wider ones were not measured.
             _ => 0.25,
         };
@@ -45,7 +47,7 @@ pub fn tunings(scene: Scene) -> Vec<Contender> {
     let margins: &[f32] = match scene {
         Scene::Equal | Scene::FiveSizes => &[0.05, 0.1, 0.25, 0.5, 1.0, 2.0],
         // Wide margins would make pairs of nearly all boxes here.
-        Scene::Burst | Scene::BurstLinear | Scene::Point => &[0.05, 0.1, 0.25, 0.5],
+        Scene::Burst | Scene::BurstLinear | Scene::Point | Scene::Transceivers(_) => &[0.05, 0.1, 0.25, 0.5],
     };
     let mut tunings = vec![];
     for &margin in margins {

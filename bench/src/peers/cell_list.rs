@@ -35,7 +35,8 @@ impl Tuning {
             // A cell of the largest spheres holds no more than a vector compares, so one class does.
             Scene::FiveSizes => Self { edge: 1.25, class: 32.0 },
             Scene::Burst => Self { edge: 1.01, class: 2.0 },
-            Scene::BurstLinear | Scene::Point => Self::DEFAULT,
+            // By default transceivers and carriers have a grid each.
+            Scene::BurstLinear | Scene::Point | Scene::Transceivers(_) => Self::DEFAULT,
         }
     }
 }
@@ -45,7 +46,7 @@ pub fn tunings(scene: Scene) -> Vec<Contender> {
     let classes: &[f32] = match scene {
         Scene::Equal => &[4.0],
         Scene::FiveSizes => &[2.0, 4.0, 32.0],
-        Scene::Burst | Scene::BurstLinear | Scene::Point => &[2.0, 4.0, 8.0],
+        Scene::Burst | Scene::BurstLinear | Scene::Point | Scene::Transceivers(_) => &[2.0, 4.0, 8.0],
     };
     let mut tunings = vec![];
     for &class in classes {

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use lazygrid::{Pair, Sphere};
 use lazygrid_io::read::{Frames, Options};
-use lazygrid_io::scenes::Scene;
+use lazygrid_io::scenes::{Scene, Transceivers};
 use lazygrid_tests::command::{Program, Run, Scratch, data, has_gpu, npy, table};
 use serde_json::Value;
 
@@ -118,6 +118,35 @@ fn generate_moves_as_the_benchmarks_do() {
     Scene::advance(&mut spheres, 3, 0);
     Scene::advance(&mut spheres, 3, 1);
     assert_eq!(read(Path::new(&file)), spheres);
+}
+
+#[test]
+fn generate_makes_as_many_transceivers_as_large_as_asked_for() {
+    let scratch = Scratch::new();
+    let file = scratch.path("transceivers.npy");
+    let generate = |scene: &str, options: &[&str]| {
+        let args = ["generate", scene, "-n", "300", "--seed", "5", "-o", &file];
+        lazygrid(args.iter().chain(options))
+    };
+    let made = |options: &[&str]| {
+        generate("transceivers", options).succeeds();
+        read(Path::new(&file))
+    };
+    let scene = |count, ratio| Scene::Transceivers(Transceivers { count, ratio }).spheres(300, 5);
+    assert_eq!(made(&["--transceivers", "4", "--ratio", "1000"]), scene(4, 1000));
+    assert_eq!(made(&["--transceivers", "300"]), scene(300, 100));
+    assert_eq!(made(&["--ratio", "7"]), scene(30, 7));
+
+    for (scene, options, reason) in [
+        ("equal", ["--ratio", "7"], "the scene equal has no transceivers"),
+        ("burst", ["--transceivers", "7"], "the scene burst has no transceivers"),
+        ("transceivers", ["--transceivers", "301"], "--transceivers 301 of 300 spheres"),
+        ("transceivers", ["--transceivers", "0"], "0 is not in 1.."),
+        ("transceivers", ["--ratio", "0"], "0 is not in 1..=1000000"),
+    ] {
+        let run = generate(scene, &options);
+        assert!(run.code == Some(2) && run.err.contains(reason), "{scene} {options:?}: {}", run.err);
+    }
 }
 
 #[test]

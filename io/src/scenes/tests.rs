@@ -22,7 +22,9 @@ fn names_are_read_back() {
 
 #[test]
 fn uniform_scenes_fill_five_percent() {
-    for scene in [Scene::Equal, Scene::FiveSizes] {
+    let few_giants = Scene::Transceivers(Transceivers { count: 1, ratio: 10 });
+    let many_giants = Scene::Transceivers(Transceivers { count: 2000, ratio: 1000 });
+    for scene in [Scene::Equal, Scene::FiveSizes, few_giants, Scene::ALL[5], many_giants] {
         let spheres = scene.spheres(20_000, 1);
         let outermost = spheres.iter().map(|s| s.center.length()).fold(0.0, f32::max);
         let density = spheres.iter().map(|s| volume(s.radius)).sum::<f64>() / volume(outermost);
@@ -34,19 +36,64 @@ fn uniform_scenes_fill_five_percent() {
 }
 
 #[test]
-fn sizes_are_equally_frequent_and_shuffled() {
+fn sizes_are_as_frequent_as_they_should_be_and_shuffled() {
     for scene in Scene::ALL {
         let n = 1003;
         let spheres = scene.spheres(n, 5);
         assert_eq!(spheres.len(), n);
-        let sizes = scene.radii();
-        for &radius in sizes {
-            let count = spheres.iter().filter(|s| s.radius == radius).count();
-            assert!(count == n / sizes.len() || count == n / sizes.len() + 1, "{scene}: {count} of {radius}");
+        let classes = scene.sizes().classes(n);
+        for class in &classes {
+            let count = spheres.iter().filter(|s| f64::from(s.radius) == class.radius).count();
+            assert_eq!(count as f64, class.count, "{scene}: {class:?}");
+            let share = n / classes.len();
+            let equally_often = matches!(scene.sizes(), Sizes::EquallyOften(_));
+            assert!(!equally_often || count == share || count == share + 1, "{scene}: {class:?}");
         }
-        let unchanged = (0..n).filter(|&i| spheres[i].radius == sizes[i % sizes.len()]).count();
-        assert!(sizes.len() == 1 || unchanged < n / 2, "{scene}: {unchanged} in order");
+        let in_order = scene.sizes().radii(n);
+        let moved = spheres.iter().zip(&in_order).filter(|(s, radius)| s.radius != **radius).count();
+        // Of two sizes, the rarer one 30 times, hardly any stands where it stood.
+        let enough = match scene.sizes() {
+            Sizes::EquallyOften([_]) => 0,
+            Sizes::EquallyOften(_) => n / 2,
+            Sizes::Two(_) => 50,
+        };
+        assert!(moved >= enough, "{scene}: {moved} not in order");
     }
+}
+
+#[test]
+fn transceivers_are_as_many_and_as_large_as_asked_for() {
+    let of = |count, ratio, n| {
+        let spheres = Scene::Transceivers(Transceivers { count, ratio }).spheres(n, 4);
+        let large = spheres.iter().filter(|s| s.radius == 1.0).count();
+        let small = spheres.iter().filter(|s| s.radius == 1.0 / ratio.max(1) as f32).count();
+        assert!(spheres.iter().all(Sphere::is_valid));
+        (large, small)
+    };
+    assert_eq!(of(7, 20, 1000), (7, 993));
+    assert_eq!(of(1, 1000, 1000), (1, 999));
+    assert_eq!(of(0, 10, 1000), (0, 1000));
+    assert_eq!(of(5000, 10, 1000), (1000, 0));
+    // Of one size all are both.
+    assert_eq!(of(7, 1, 1000), (1000, 1000));
+    assert_eq!(of(7, 0, 1000), (1000, 1000));
+    assert_eq!(Scene::ALL[5], Scene::Transceivers(Transceivers::default()));
+}
+
+/// What the scene promises of any mixture: a carrier lies in a transceiver with a chance of 5 %, where those fill the ball.
+#[test]
+fn pairs_of_transceivers_are_bounded_however_large_they_are() {
+    for count in [1, 100, 10_000] {
+        for ratio in [100, 1000] {
+            let mixture = Transceivers { count, ratio };
+            let per_sphere = Scene::Transceivers(mixture).expected_pairs(100_000).mean / 1e5;
+            assert!((0.02..0.1).contains(&per_sphere), "{mixture:?}: {per_sphere}");
+        }
+    }
+    let equal = Scene::Equal.expected_pairs(5000);
+    let one_size = Scene::Transceivers(Transceivers { count: 40, ratio: 1 }).expected_pairs(5000);
+    assert!((one_size.mean / equal.mean - 1.0).abs() < 1e-12);
+    assert!((one_size.variance / equal.variance - 1.0).abs() < 1e-9);
 }
 
 #[test]
@@ -82,12 +129,13 @@ fn a_seed_gives_the_same_spheres_everywhere() {
     assert_ne!(digest(Scene::Equal, 2), DIGESTS[0]);
 }
 
-const DIGESTS: [u64; 5] = [
+const DIGESTS: [u64; 6] = [
     0xa3d2_3934_7c7b_27d0,
     0xbbb2_8f31_086a_0b54,
     0x0d0d_bdba_7f14_f638,
     0x864f_03a7_423b_71b9,
     0x6bd1_3e15_c5b4_ad7b,
+    0x85b9_00a8_a465_04ff,
 ];
 
 #[test]
@@ -110,7 +158,9 @@ fn a_step_is_a_tenth_of_the_radius() {
 
 #[test]
 fn closed_forms_agree_with_brute_force() {
-    for scene in Scene::ALL {
+    let mixture = |count, ratio| Scene::Transceivers(Transceivers { count, ratio });
+    let mixtures = [mixture(1, 5), mixture(3, 1000), mixture(200, 3)];
+    for scene in Scene::ALL.into_iter().chain(mixtures) {
         let n = 600;
         let expected = scene.expected_pairs(n);
         let seeds = 40;
