@@ -35,7 +35,20 @@ fn the_smallest_size_of_everything() {
 
     let results = results(folder.path());
     let rows = results["rows"].as_array().unwrap();
-    for figure in ["3a", "3b", "4", "5a", "5b", "tau", "ratio", "threads", "memory", "point"] {
+    for figure in [
+        "3a",
+        "3b",
+        "4",
+        "5a",
+        "5b",
+        "transceivers",
+        "size-ratio",
+        "tau",
+        "ratio",
+        "threads",
+        "memory",
+        "point",
+    ] {
         let of_figure = || rows.iter().filter(|row| row["figure"] == figure);
         assert!(of_figure().any(|row| row["status"] == "ok"), "nothing was measured for {figure}");
         assert!(of_figure().all(|row| row["status"] != "error"), "{figure}");
@@ -65,7 +78,13 @@ fn the_smallest_size_of_everything() {
     // The command that was really run, to its last word.
     assert!(text.contains(&format!("figures --smallest --out {}\n```", path(folder.path()))), "{text}");
     assert!(!page.contains('`'), "Markdown in HTML");
-    for plot in ["figure-3a", "figure-3a-per-sphere", "figure-4-equal-per-sphere", "figure-point-per-pair"] {
+    for plot in [
+        "figure-3a",
+        "figure-3a-per-sphere",
+        "figure-4-equal-per-sphere",
+        "figure-size-ratio-2-transceivers-200",
+        "figure-point-per-pair",
+    ] {
         assert!(read(&folder.path().join("plots"), &format!("{plot}.svg")).starts_with("<svg"), "{plot}");
     }
 }

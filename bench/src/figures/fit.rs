@@ -1,13 +1,10 @@
-//! How time grows with the number of spheres.
+//! How time grows with the number of spheres, or with whatever else.
 
-/// The exponent `k` of `time ≈ c·nᵏ`, fitted by least squares in logarithms over the points from `from` spheres on;
+/// The exponent `k` of `time ≈ c·xᵏ`, fitted by least squares in logarithms over points of x and seconds, both above 0;
 /// none where there are fewer than three.
-pub(super) fn exponent(points: &[(usize, f64)], from: usize) -> Option<f64> {
-    let logs: Vec<(f64, f64)> = points
-        .iter()
-        .filter(|&&(n, seconds)| n >= from && seconds > 0.0)
-        .map(|&(n, seconds)| ((n as f64).ln(), seconds.ln()))
-        .collect();
+pub(super) fn exponent(points: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
+    let above_zero = points.filter(|&(x, seconds)| x > 0.0 && seconds > 0.0);
+    let logs: Vec<(f64, f64)> = above_zero.map(|(x, seconds)| (x.ln(), seconds.ln())).collect();
     if logs.len() < 3 {
         return None;
     }
@@ -28,9 +25,9 @@ mod tests {
 
     #[test]
     fn powers_are_found() {
-        let points: Vec<(usize, f64)> =
-            [10, 100, 1000, 10_000, 100_000].map(|n| (n, 3e-9 * (n as f64).powf(1.25))).into();
-        assert!((exponent(&points, 100).unwrap() - 1.25).abs() < 1e-9);
-        assert_eq!(exponent(&points, 10_000), None);
+        let points = || [10.0_f64, 100.0, 1000.0, 1e4, 1e5].into_iter().map(|n| (n, 3e-9 * n.powf(1.25)));
+        assert!((exponent(points().skip(1)).unwrap() - 1.25).abs() < 1e-9);
+        assert!((exponent(points().chain([(0.0, 1.0), (1.0, 0.0)])).unwrap() - 1.25).abs() < 1e-9);
+        assert_eq!(exponent(points().skip(3)), None);
     }
 }

@@ -5,7 +5,7 @@ use lazygrid::{Algorithm, UnknownName};
 use serde::{Deserialize, Serialize};
 
 use super::Engine;
-use lazygrid_io::scenes::Scene;
+use lazygrid_io::scenes::{Scene, Transceivers};
 
 /// A figure, or a table beside the paper's figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -21,6 +21,10 @@ pub enum Figure {
     F5a,
     /// Bursts of several sizes at several moments: how many times as fast as the octree.
     F5b,
+    /// Transceivers among carriers, by their number and by how many times as large they are.
+    Transceivers,
+    /// As many transceivers, one size of them after the other: growth with the ratio of sizes.
+    SizeRatio,
     /// τ of the recursive grid.
     Tau,
     /// Cell edge over largest diameter of the paper's grids.
@@ -35,12 +39,14 @@ pub enum Figure {
 
 impl Figure {
     /// Every figure in the order of the report.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 12] = [
         Self::F3a,
         Self::F3b,
         Self::F4,
         Self::F5a,
         Self::F5b,
+        Self::Transceivers,
+        Self::SizeRatio,
         Self::Tau,
         Self::Ratio,
         Self::Threads,
@@ -56,6 +62,8 @@ impl Figure {
             Self::F4 => "4",
             Self::F5a => "5a",
             Self::F5b => "5b",
+            Self::Transceivers => "transceivers",
+            Self::SizeRatio => "size-ratio",
             Self::Tau => "tau",
             Self::Ratio => "ratio",
             Self::Threads => "threads",
@@ -68,11 +76,18 @@ impl Figure {
     pub(super) const fn varied(self) -> Option<&'static str> {
         match self {
             Self::F5a | Self::F5b => Some("simulated time"),
+            Self::Transceivers => Some("transceivers"),
+            Self::SizeRatio => Some("size ratio"),
             Self::Tau => Some("τ"),
             Self::Ratio => Some("raster ratio"),
             Self::Threads => Some("threads"),
             _ => None,
         }
+    }
+
+    /// Whether all engines have one thread, since trees have no more.
+    pub(super) const fn is_single_threaded(self) -> bool {
+        matches!(self, Self::F4 | Self::Transceivers | Self::SizeRatio)
     }
 }
 
@@ -162,7 +177,33 @@ pub(super) struct Point {
 impl Point {
     /// A name for files, one per point.
     pub(super) fn key(&self) -> String {
-        format!("{}-{}-{}", self.figure, self.scene, self.n)
+        format!("{}-{}-{}", self.figure, self.name(), self.n)
+    }
+
+    /// The scene with its parameters.
+    pub(super) fn name(&self) -> String {
+        match self.scene {
+            Scene::Transceivers(Transceivers { count, ratio }) => format!("{count}-transceivers-x{ratio}"),
+            scene => scene.name().to_owned(),
+        }
+    }
+
+    /// The scene with those of its parameters that its figure does not vary.
+    pub(super) fn kind(&self) -> String {
+        match (self.figure, self.scene) {
+            (Figure::Transceivers, Scene::Transceivers(of)) => format!("transceivers-x{}", of.ratio),
+            (Figure::SizeRatio, Scene::Transceivers(of)) => format!("{}-transceivers", of.count),
+            (_, scene) => scene.name().to_owned(),
+        }
+    }
+
+    /// The value of what its figure varies, which is a parameter of the scene or of the engine.
+    pub(super) fn setting(&self, engine: Engine) -> Option<f64> {
+        match (self.figure, self.scene) {
+            (Figure::Transceivers, Scene::Transceivers(of)) => Some(of.count.into()),
+            (Figure::SizeRatio, Scene::Transceivers(of)) => Some(of.ratio.into()),
+            (figure, _) => figure.varied().and_then(|_| engine.setting()),
+        }
     }
 
     /// What share of the time it gets, in arbitrary units.
@@ -172,6 +213,8 @@ impl Point {
             Figure::F5a | Figure::F5b => 4.0,
             // Trees that are slow now and then need many steps.
             Figure::F4 => 3.0,
+            // Of one number of spheres, and many of them.
+            Figure::Transceivers | Figure::SizeRatio => 0.3,
             _ => 1.0,
         };
         share * self.engines.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
@@ -198,7 +241,7 @@ impl Settings {
                 runs: self.runs.unwrap_or(self.runs_of(figure)),
             })
         };
-        scenes(figure).iter().flat_map(|&scene| of(scene)).collect()
+        self.scenes(figure).into_iter().flat_map(of).collect()
     }
 
     /// By default as many as the paper has.
@@ -215,6 +258,29 @@ impl Settings {
         }
     }
 
+    fn scenes(&self, figure: Figure) -> Vec<Scene> {
+        match figure {
+            Figure::F3a => vec![Scene::Equal],
+            Figure::F3b => vec![Scene::FiveSizes],
+            Figure::F4 | Figure::Threads => vec![Scene::Equal, Scene::FiveSizes],
+            Figure::F5a | Figure::F5b => vec![Scene::Burst],
+            Figure::Tau | Figure::Ratio | Figure::Memory => {
+                vec![Scene::Equal, Scene::FiveSizes, Scene::Burst]
+            }
+            Figure::Point => vec![Scene::Point],
+            Figure::Transceivers => match self.scale {
+                Scale::Smallest => mixtures(&[1, 20], &[10]),
+                Scale::Quick => mixtures(&[1, 100], &[10, 1000]),
+                Scale::Full => mixtures(&[1, 10, 30, 100, 1000, 10_000], &[10, 100, 1000]),
+            },
+            Figure::SizeRatio => match self.scale {
+                Scale::Smallest => mixtures(&[2], &[1, 4, 64]),
+                Scale::Quick => mixtures(&[10], &[1, 4, 16, 64, 256]),
+                Scale::Full => mixtures(&[10], &[1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024]),
+            },
+        }
+    }
+
     fn sizes(&self, figure: Figure) -> &'static [usize] {
         use Figure::*;
         match (self.scale, figure) {
@@ -224,14 +290,14 @@ impl Settings {
             (Scale::Quick, F3a | F3b | F4) => &[1000, 10_000, 100_000],
             (Scale::Quick, F5a) => &[20_000],
             (Scale::Quick, F5b) => &[1000, 10_000],
-            (Scale::Quick, Tau | Ratio) => &[20_000],
+            (Scale::Quick, Tau | Ratio | Transceivers | SizeRatio) => &[20_000],
             (Scale::Quick, Threads | Memory) => &[100_000],
             (Scale::Quick, Point) => &[100, 1000],
             (Scale::Full, F3a | F3b) => &[100, 300, 1000, 3000, 10_000, 100_000, 1_000_000, 10_000_000],
             (Scale::Full, F4) => &[1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000],
             (Scale::Full, F5a) => &[500_000],
             (Scale::Full, F5b) => &[1000, 10_000, 100_000, 1_000_000],
-            (Scale::Full, Tau | Ratio) => &[100_000],
+            (Scale::Full, Tau | Ratio | Transceivers | SizeRatio) => &[100_000],
             (Scale::Full, Threads) => &[100_000, 1_000_000],
             // Trees take minutes to be built of a million, each in a process of its own.
             (Scale::Full, Memory) => &[100_000],
@@ -240,23 +306,20 @@ impl Settings {
     }
 }
 
+/// So many transceivers, so many times as large as the carriers: all combinations.
+fn mixtures(counts: &[u32], ratios: &[u32]) -> Vec<Scene> {
+    let of =
+        |&ratio: &u32| counts.iter().map(move |&count| Scene::Transceivers(Transceivers { count, ratio }));
+    ratios.iter().flat_map(of).collect()
+}
+
 const fn motion(figure: Figure) -> Motion {
     match figure {
         Figure::F3a | Figure::F3b | Figure::Point => Motion::Fresh,
         Figure::F5a | Figure::F5b => Motion::Simulated,
         Figure::Memory => Motion::Processes,
-        Figure::F4 | Figure::Tau | Figure::Ratio | Figure::Threads => Motion::Steps,
-    }
-}
-
-const fn scenes(figure: Figure) -> &'static [Scene] {
-    match figure {
-        Figure::F3a => &[Scene::Equal],
-        Figure::F3b => &[Scene::FiveSizes],
-        Figure::F4 | Figure::Threads => &[Scene::Equal, Scene::FiveSizes],
-        Figure::F5a | Figure::F5b => &[Scene::Burst],
-        Figure::Tau | Figure::Ratio | Figure::Memory => &[Scene::Equal, Scene::FiveSizes, Scene::Burst],
-        Figure::Point => &[Scene::Point],
+        Figure::F4 | Figure::Transceivers | Figure::SizeRatio => Motion::Steps,
+        Figure::Tau | Figure::Ratio | Figure::Threads => Motion::Steps,
     }
 }
 
@@ -306,5 +369,11 @@ fn engines(figure: Figure) -> Vec<Engine> {
             grids.into_iter().chain([Algorithm::CellList]).flat_map(of).collect()
         }
         Figure::Memory => Engine::for_memory(),
+        Figure::Transceivers | Figure::SizeRatio => {
+            let ours = grids.into_iter().chain([Algorithm::CellList, Algorithm::Auto]);
+            let peers = [Engine::BulletTuned, Engine::Parry, Engine::PlainCellList];
+            let earlier = [Engine::SortAndSweep, Engine::Octree];
+            ours.map(|a| Engine::cpu(a, None)).chain(peers).chain(earlier).collect()
+        }
     }
 }

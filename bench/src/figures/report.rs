@@ -8,6 +8,7 @@ mod ratios;
 mod sections;
 mod sweeps;
 mod table;
+mod transceivers;
 
 use std::error::Error;
 use std::fs;

@@ -36,11 +36,11 @@ impl Status {
 pub struct Row {
     /// The figure, such as `3a`.
     pub figure: String,
-    /// The scene, or how the spheres came about.
+    /// The scene, with those of its parameters that the figure does not vary, or how the spheres came about.
     pub scene: String,
     /// How many spheres.
     pub n: usize,
-    /// What is varied besides: τ, raster ratio, threads, or simulated seconds.
+    /// What is varied besides: τ, raster ratio, threads, simulated seconds, transceivers, or the ratio of sizes.
     pub at: Option<f64>,
     /// The engine.
     pub engine: String,
@@ -69,9 +69,9 @@ impl Row {
     pub(super) fn new(point: &Point, engine: Engine) -> Self {
         Self {
             figure: point.figure.name().to_owned(),
-            scene: point.scene.name().to_owned(),
+            scene: point.kind(),
             n: point.n,
-            at: point.figure.varied().and_then(|_| engine.setting()),
+            at: point.setting(engine),
             engine: engine.to_string(),
             status: Status::Ok,
             reason: String::new(),

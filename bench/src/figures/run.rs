@@ -70,7 +70,7 @@ pub fn run(
     let mut clock = Clock::new(settings, &points, &kept);
     let (mut rows, mut seconds, mut missing) = (vec![], 0.0, vec![]);
     for (done, (point, kept)) in points.iter().zip(kept).enumerate() {
-        let next = format!("{}: {} {}", point.figure, point.n, point.scene);
+        let next = format!("{}: {} {}", point.figure, point.n, point.name());
         report(&Progress { done, points: points.len(), next: next.clone(), left: clock.left() });
         let new = match kept {
             Some(kept) => kept,
@@ -170,10 +170,10 @@ fn rows_of(
             };
             // A tree with a margin gives it to its boxes in the second frame.
             let single = || race(Race::new(point, limits, left_out), 2, sample).map_err(|e| e.to_string());
-            match point.figure {
+            match point.figure.is_single_threaded() {
                 // A pool per detector would add the way to its thread and back to every call.
-                Figure::F4 => Ok(ThreadPoolBuilder::new().num_threads(1).build()?.install(single)?),
-                _ => Ok(single()?),
+                true => Ok(ThreadPoolBuilder::new().num_threads(1).build()?.install(single)?),
+                false => Ok(single()?),
             }
         }
     }
@@ -200,7 +200,7 @@ fn race(
 fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
     let name = engine.to_string();
     let same = earlier.iter().filter(|row| {
-        let same = row.figure == point.figure.name() && row.scene == point.scene.name();
+        let same = row.figure == point.figure.name() && row.scene == point.kind();
         same && row.engine == name && !row.wall.is_empty()
     });
     let last = same.max_by(|a, b| a.n.cmp(&b.n).then(a.median().total_cmp(&b.median())))?;

@@ -101,8 +101,8 @@ fn series(rows: &[&Row], dashed: bool, of: fn(&Row) -> f64) -> Vec<Series> {
 fn means(rows: &[&Row], columns: &[Column]) -> Table {
     let fitted = |engine: &str| {
         let points = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
-        let points: Vec<(usize, f64)> = points.map(|row| (row.n, row.median())).collect();
-        exponent(&points, FIT_FROM).map_or_else(|| "–".to_owned(), |k| format!("{k:.2}"))
+        let points = points.filter(|row| row.n >= FIT_FROM).map(|row| (row.n as f64, row.median()));
+        exponent(points).map_or_else(|| "–".to_owned(), |k| format!("{k:.2}"))
     };
     let caption = format!(
         "Mean wall time of a run ± standard deviation (runs); k is fitted to the medians, from {FIT_FROM} spheres on"

@@ -3,15 +3,15 @@
 use std::error::Error;
 
 use super::super::plan::Figure;
-use super::super::row::{Row, Status};
+use super::super::row::Row;
 use super::ratios::{self, OURS, Times, peers, verdicts};
 use super::table::{
-    Column, best_of_columns, by_engine, by_setting, by_size, engines, find, gpu_times, mean, median, scenes,
-    sizes,
+    Column, best_of_columns, by_engine, by_setting, by_size, engines, find, gpu_times, mean, median, pairs,
+    scenes, sizes,
 };
 use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, Mark, Series, lines};
-use lazygrid_report::{Cell, Plot, Quantity, Scale, Section, Table};
+use lazygrid_report::{Plot, Quantity, Scale, Section, Table};
 
 /// What a line of a plot shows of a row: its place, its value, and the middle half of the runs.
 type Shown = fn(&Row) -> Mark;
@@ -178,10 +178,6 @@ fn over_time(title: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let caption = format!("{title}: median wall time of a search (quartiles; steps), by simulated time");
     let mut table = by_engine(caption, rows, columns, |row| median(&row.wall));
     best_of_columns(&mut table, rows, columns, Row::median);
-    let pairs = |column: &Column| {
-        let found = rows.iter().find(|row| column.holds(row) && row.status == Status::Ok);
-        Cell::plain(found.map_or("–".to_owned(), |row| row.pairs.to_string()))
-    };
-    table.rows.push(std::iter::once(Cell::plain("(pairs)")).chain(columns.iter().map(pairs)).collect());
+    table.rows.push(pairs(rows, columns));
     table
 }

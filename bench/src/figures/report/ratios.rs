@@ -15,7 +15,7 @@ pub(super) const OURS: [&str; 5] =
     ["recursive-grid", "cell-list", "CPU path's own choice", "lazy-grid (GPU)", "lazy-grid (software GPU)"];
 
 /// Total times that are as near as this say nothing where single steps fall either way.
-const NEAR: std::ops::RangeInclusive<f64> = 0.9..=1.1;
+pub(super) const NEAR: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
 /// How many times as long a peer took as one of ours.
 pub(super) struct Times {
@@ -32,6 +32,11 @@ impl Times {
         let by_step: Vec<f64> = both().map(|(p, o)| p / o).collect();
         let (theirs, mine) = both().fold((0.0, 0.0), |(theirs, mine), (p, o)| (theirs + p, mine + o));
         (!by_step.is_empty()).then(|| Self { total: theirs / mine, by_step })
+    }
+
+    /// In the middle one of the steps.
+    pub(super) fn median(&self) -> f64 {
+        Spread::of(&self.by_step).median
     }
 
     pub(super) fn quartiles(&self) -> (f64, f64) {

@@ -6,7 +6,7 @@ use super::super::plan::Figure;
 use super::super::row::{Results, Row, Status};
 use super::ratios::ON_SOFTWARE;
 use super::table::engines;
-use super::{growth, peers, sweeps};
+use super::{growth, peers, sweeps, transceivers};
 use lazygrid_report::number::count;
 use lazygrid_report::{Cell, Document, Note, Section, Table};
 
@@ -26,6 +26,7 @@ pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
             Figure::F3a | Figure::F3b | Figure::Point => growth::section(figure, &rows, &results.rows)?,
             Figure::F4 => peers::trees(&rows)?,
             Figure::F5a | Figure::F5b => peers::burst(figure, &rows)?,
+            Figure::Transceivers | Figure::SizeRatio => transceivers::section(figure, &rows)?,
             Figure::Tau | Figure::Ratio | Figure::Threads => sweeps::section(figure, &rows)?,
             Figure::Memory => sweeps::memory(&rows),
         };

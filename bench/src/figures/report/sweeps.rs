@@ -54,7 +54,8 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     }
 }
 
-fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Option<Plot>, Box<dyn Error>> {
+/// A line per engine over what is varied.
+pub(super) fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Option<Plot>, Box<dyn Error>> {
     let of = |engine: &str| {
         let measured = rows.iter().filter(|row| row.engine == engine && !row.wall.is_empty());
         measured.map(|row| Mark::new(row.at.unwrap_or_default(), row.median(), row.quartiles())).collect()

@@ -163,6 +163,15 @@ pub(super) fn best_of_columns(table: &mut Table, rows: &[&Row], columns: &[Colum
     }
 }
 
+/// How many pairs there are in each column, as the last line of such a table.
+pub(super) fn pairs(rows: &[&Row], columns: &[Column]) -> Vec<Cell> {
+    let of = |column: &Column| {
+        let found = rows.iter().find(|row| column.holds(row) && row.status == Status::Ok);
+        Cell::plain(found.map_or("–".to_owned(), |row| row.pairs.to_string()))
+    };
+    std::iter::once(Cell::plain("(pairs)")).chain(columns.iter().map(of)).collect()
+}
+
 /// By the GPU's own clock, where it has one.
 pub(super) fn gpu_times(what: &str, rows: &[&Row], columns: &[Column]) -> Option<Table> {
     let timed: Vec<&Row> = rows.iter().copied().filter(|row| !row.gpu.is_empty()).collect();

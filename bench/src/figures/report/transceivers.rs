@@ -1,0 +1,201 @@
+//! Transceivers among carriers: the recursive grid beside everybody else, by how many and by how large they are.
+
+use std::error::Error;
+
+use super::super::fit::exponent;
+use super::super::plan::Figure;
+use super::super::row::{Row, Status};
+use super::ratios::{NEAR, Times, verdicts};
+use super::sweeps::plot;
+use super::table::{
+    Column, best_of_columns, by_engine, by_setting, engines, find, median, pairs, scenes, sizes,
+};
+use lazygrid::Algorithm;
+use lazygrid_report::number::count;
+use lazygrid_report::plot::Axes;
+use lazygrid_report::{Cell, Note, Quantity, Scale, Section, Table};
+
+/// Whose recursion is to show what it is for.
+const OURS: &str = Algorithm::RecursiveGrid.name();
+/// What it would be without.
+const WITHOUT: &str = Algorithm::ArrayGrid.name();
+
+/// One of these figures.
+pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
+    let varied = figure.varied().unwrap_or_default();
+    let (title, text) = heading(figure);
+    let text = [text, MOTION].map(str::to_owned).into();
+    let mut section = Section { title: title.to_owned(), text, ..Section::default() };
+    for n in sizes(rows) {
+        for scene in scenes(rows) {
+            let rows: Vec<&Row> = rows.iter().copied().filter(|r| r.scene == scene && r.n == n).collect();
+            if rows.is_empty() {
+                continue;
+            }
+            let what = format!("{scene}, {} spheres", count(n));
+            let columns = by_setting(&rows, "");
+            let y = ("median time of a step, one thread", Quantity::Time);
+            let axes = Axes { scale: Scale::Logarithmic, title: &what, x: (varied, Quantity::Number), y };
+            section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{scene}-{n}"))?);
+            section.tables.push(medians(figure, &what, &rows, &columns));
+            section.tables.push(beside(&what, &rows, &columns));
+            section.notes.extend(verdict(figure, &what, &rows, &columns));
+            section.notes.extend((figure == Figure::SizeRatio).then(|| growth(&what, &rows)).flatten());
+            section.notes.extend(verdicts(&what, &rows, &columns));
+        }
+    }
+    Ok(section)
+}
+
+const fn heading(figure: Figure) -> (&'static str, &'static str) {
+    match figure {
+        Figure::SizeRatio => (
+            "Growth with the ratio of sizes",
+            "Ten transceivers among carriers, centres uniform in a ball of which all fill 5 %: from as large as carriers \
+             to many times as large, of one number of spheres. The paper's bound is a time in proportion to \
+             n·(log₂ ratio + 1), which is k = 1 where time grows as (log₂ ratio + 1)ᵏ; k is fitted to the medians. Where \
+             transceivers fill most of the 5 %, the ball grows with them, cells hold no more carriers than before, and \
+             time is level.",
+        ),
+        _ => (
+            "Transceivers among carriers",
+            "So many transceivers among carriers, 10, 100 or 1000 times as large, centres uniform in a ball of which all \
+             fill 5 %, so that a carrier lies in one with a chance of 5 % at the most. The fewer they are, the more \
+             carriers are in one of the cells that they ask for, and those the recursive grid splits. Where no cell \
+             holds more than τ, it does what the array grid does; where they hold hardly more, splitting them costs more \
+             than it saves.",
+        ),
+    }
+}
+
+const MOTION: &str = "Every sphere moves by a tenth of its radius in a random direction at each step, two warm-up steps are \
+    dropped, and all engines have one thread, as trees have no more. Ratios are of the same steps, side by side in one run.";
+
+/// Times by engine, how they grow where the ratio of sizes does, and how many pairs there are.
+fn medians(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Table {
+    let caption = format!("{what}: median time of a step (quartiles; steps)");
+    let mut table = by_engine(caption, rows, columns, |row| median(&row.wall));
+    table.header[0] = format!("engine, by {}", figure.varied().unwrap_or_default());
+    best_of_columns(&mut table, rows, columns, Row::median);
+    table.rows.push(pairs(rows, columns));
+    if figure == Figure::SizeRatio {
+        table.header.push("growth (log₂ ratio + 1)ᵏ".to_owned());
+        let fitted = engines(rows).into_iter().map(|engine| fitted(rows, engine));
+        for (line, k) in table.rows.iter_mut().zip(fitted.chain([None])) {
+            line.push(Cell::plain(k.map_or_else(|| "–".to_owned(), |k| format!("{k:.2}"))));
+        }
+    }
+    table
+}
+
+/// The exponent of an engine's time over log₂ ratio + 1.
+fn fitted(rows: &[&Row], engine: &str) -> Option<f64> {
+    let measured = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
+    exponent(measured.filter_map(|row| Some((row.at?.log2() + 1.0, row.median()))))
+}
+
+/// How many times as long everybody else takes.
+fn beside(what: &str, rows: &[&Row], columns: &[Column]) -> Table {
+    let others: Vec<&Row> = rows.iter().copied().filter(|row| row.engine != OURS).collect();
+    let ratio = |row: &Row| {
+        let column = columns.iter().find(|column| column.holds(row))?;
+        let times = Times::of(row, find(rows, OURS, *column)?)?;
+        let (low, high) = times.quartiles();
+        Some(format!("{:.2} ({low:.2}–{high:.2})", times.median()))
+    };
+    let caption =
+        format!("{what}: {OURS} is this many times as fast, in the median of the steps (quartiles)");
+    by_engine(caption, &others, columns, ratio)
+}
+
+/// Where the recursion gains, where it makes no difference, and where it loses.
+fn verdict(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Option<Note> {
+    let (mut faster, mut even, mut slower) = (vec![], vec![], vec![]);
+    for &column in columns {
+        let of = |engine| find(rows, engine, column).filter(|row| row.status == Status::Ok);
+        let Some(times) = of(WITHOUT).zip(of(OURS)).and_then(|(peer, ours)| Times::of(peer, ours)) else {
+            continue;
+        };
+        let ratio = times.median();
+        let group = match ratio {
+            _ if NEAR.contains(&ratio) => &mut even,
+            _ if ratio > 1.0 => &mut faster,
+            _ => &mut slower,
+        };
+        group.push(format!("{ratio:.2} at {}", column.name()));
+    }
+    let groups = [("faster", faster), ("about as fast", even), ("slower", slower)];
+    let said = groups.into_iter().filter(|(_, at)| !at.is_empty());
+    let said: Vec<String> = said.map(|(how, at)| format!("{how} ({})", at.join(", "))).collect();
+    let varied = figure.varied().unwrap_or_default();
+    (!said.is_empty()).then(|| Note {
+        text: format!(
+            "{what}: beside {WITHOUT}, {OURS} is, by {varied}, {}; how many times as fast.",
+            said.join(", ")
+        ),
+        is_error: false,
+    })
+}
+
+/// The exponents with and without recursion, beside the paper's bound.
+fn growth(what: &str, rows: &[&Row]) -> Option<Note> {
+    let (ours, without) = (fitted(rows, OURS)?, fitted(rows, WITHOUT)?);
+    let verdict = if ours <= 1.0 { "within" } else { "beyond" };
+    Some(Note {
+        text: format!(
+            "{what}: the time of {OURS} grows as (log₂ ratio + 1)^{ours:.2}, {verdict} the paper's bound of 1; that of \
+             {WITHOUT} as (log₂ ratio + 1)^{without:.2}."
+        ),
+        is_error: false,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::row::tests::row;
+    use super::*;
+
+    fn at(engine: &str, at: f64, wall: &[f64]) -> Row {
+        Row { engine: engine.to_owned(), at: Some(at), ..row(wall) }
+    }
+
+    #[test]
+    fn what_the_recursion_is_for_is_said_with_medians_of_steps() {
+        let rows = [
+            at(OURS, 1.0, &[1.0, 2.0, 1.0]),
+            at(WITHOUT, 1.0, &[3.0, 2.0, 4.0]),
+            at(OURS, 10.0, &[1.0]),
+            at(WITHOUT, 10.0, &[0.95]),
+            at(OURS, 100.0, &[1.0]),
+            at(WITHOUT, 100.0, &[0.5]),
+            // Nobody to be held against.
+            at(OURS, 1000.0, &[1.0]),
+        ];
+        let rows: Vec<&Row> = rows.iter().collect();
+        let note = verdict(Figure::Transceivers, "s", &rows, &by_setting(&rows, "")).expect("a note");
+        assert_eq!(
+            note.text,
+            "s: beside array-grid, recursive-grid is, by transceivers, faster (3.00 at 1), about as fast (0.95 at 10), \
+             slower (0.50 at 100); how many times as fast."
+        );
+        let table = beside("s", &rows, &by_setting(&rows, ""));
+        assert_eq!((table.rows.len(), table.rows[0][1].text.as_str()), (1, "3.00 (2.00–3.50)"));
+    }
+
+    #[test]
+    fn growth_is_that_over_the_logarithm_of_the_ratio() {
+        let of = |engine: &str, k: f64| {
+            let time = |ratio: f64| (ratio.log2() + 1.0).powf(k);
+            [1.0, 4.0, 32.0, 1024.0].map(|ratio| at(engine, ratio, &[time(ratio)]))
+        };
+        let rows = [of(OURS, 0.8), of(WITHOUT, 2.0)].concat();
+        let rows: Vec<&Row> = rows.iter().collect();
+        let note = growth("s", &rows).expect("a fit");
+        assert!(note.text.contains("+ 1)^0.80, within the paper's bound of 1"), "{}", note.text);
+        assert!(note.text.ends_with("(log₂ ratio + 1)^2.00."), "{}", note.text);
+        let table = medians(Figure::SizeRatio, "s", &rows, &by_setting(&rows, ""));
+        let last: Vec<&str> = table.rows.iter().map(|line| line[5].text.as_str()).collect();
+        assert_eq!(last, ["0.80", "2.00", "–"]);
+        assert!(growth("s", &rows[..2]).is_none());
+    }
+}
