@@ -7,6 +7,7 @@ mod burst;
 pub mod compare;
 mod engine;
 mod environment;
+mod figure;
 mod fit;
 mod judge;
 mod memory;
@@ -18,8 +19,9 @@ mod run;
 
 pub use engine::Engine;
 pub use environment::{Adapter, Environment};
+pub use figure::Figure;
 pub use memory::{Sample, measure as measure_memory};
-pub use plan::{Figure, Scale, Settings};
+pub use plan::{Scale, Settings};
 pub use report::write as write_report;
 pub use row::{Results, Row, Status};
 pub use run::{Progress, run};

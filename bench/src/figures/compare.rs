@@ -114,7 +114,8 @@ fn changed(old: &Row, new: &Row) -> Option<(f64, Change)> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::plan::{Figure, Scale, Settings};
+    use super::super::figure::Figure;
+    use super::super::plan::{Scale, Settings};
     use super::super::row::tests::row;
     use super::*;
     use crate::figures::Environment;

@@ -1,124 +1,10 @@
-use std::fmt;
-use std::str::FromStr;
+//! What each figure is made of: scenes, numbers of spheres, engines and runs.
 
-use lazygrid::{Algorithm, UnknownName};
+use lazygrid::Algorithm;
 use serde::{Deserialize, Serialize};
 
-use super::Engine;
+use super::{Engine, Figure};
 use lazygrid_io::scenes::{Scene, Transceivers};
-
-/// A figure, or a table beside the paper's figures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(into = "String", try_from = "String")]
-pub enum Figure {
-    /// Equal sizes: time against the number of spheres.
-    F3a,
-    /// Five sizes beside equal ones.
-    F3b,
-    /// One thread beside the trees, over small moves.
-    F4,
-    /// One burst of carriers of ten sizes: time against simulated time.
-    F5a,
-    /// Bursts of several sizes at several moments: how many times as fast as the octree.
-    F5b,
-    /// Transceivers among carriers, by their number and by how many times as large they are.
-    Transceivers,
-    /// As many transceivers, one size of them after the other: growth with the ratio of sizes.
-    SizeRatio,
-    /// τ of the recursive grid.
-    Tau,
-    /// Cell edge over largest diameter of the paper's grids.
-    Ratio,
-    /// Strong scaling.
-    Threads,
-    /// Bytes per sphere.
-    Memory,
-    /// All spheres at one point.
-    Point,
-}
-
-impl Figure {
-    /// Every figure in the order of the report.
-    pub const ALL: [Self; 12] = [
-        Self::F3a,
-        Self::F3b,
-        Self::F4,
-        Self::F5a,
-        Self::F5b,
-        Self::Transceivers,
-        Self::SizeRatio,
-        Self::Tau,
-        Self::Ratio,
-        Self::Threads,
-        Self::Memory,
-        Self::Point,
-    ];
-
-    /// The name on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::F3a => "3a",
-            Self::F3b => "3b",
-            Self::F4 => "4",
-            Self::F5a => "5a",
-            Self::F5b => "5b",
-            Self::Transceivers => "transceivers",
-            Self::SizeRatio => "size-ratio",
-            Self::Tau => "tau",
-            Self::Ratio => "ratio",
-            Self::Threads => "threads",
-            Self::Memory => "memory",
-            Self::Point => "point",
-        }
-    }
-
-    /// What is varied besides the number of spheres, if anything is.
-    pub(super) const fn varied(self) -> Option<&'static str> {
-        match self {
-            Self::F5a | Self::F5b => Some("simulated time"),
-            Self::Transceivers => Some("transceivers"),
-            Self::SizeRatio => Some("size ratio"),
-            Self::Tau => Some("τ"),
-            Self::Ratio => Some("raster ratio"),
-            Self::Threads => Some("threads"),
-            _ => None,
-        }
-    }
-
-    /// Whether all engines have one thread, since trees have no more.
-    pub(super) const fn is_single_threaded(self) -> bool {
-        matches!(self, Self::F4 | Self::Transceivers | Self::SizeRatio)
-    }
-}
-
-impl fmt::Display for Figure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for Figure {
-    type Err = UnknownName;
-
-    fn from_str(text: &str) -> Result<Self, UnknownName> {
-        let found = Self::ALL.into_iter().find(|figure| figure.name() == text);
-        found.ok_or_else(|| UnknownName::new("figure", text, &Self::ALL.map(Self::name)))
-    }
-}
-
-impl From<Figure> for String {
-    fn from(figure: Figure) -> Self {
-        figure.name().to_owned()
-    }
-}
-
-impl TryFrom<String> for Figure {
-    type Error = UnknownName;
-
-    fn try_from(text: String) -> Result<Self, UnknownName> {
-        text.parse()
-    }
-}
 
 /// How large the figures are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -264,9 +150,6 @@ impl Settings {
             Figure::F3b => vec![Scene::FiveSizes],
             Figure::F4 | Figure::Threads => vec![Scene::Equal, Scene::FiveSizes],
             Figure::F5a | Figure::F5b => vec![Scene::Burst],
-            Figure::Tau | Figure::Ratio | Figure::Memory => {
-                vec![Scene::Equal, Scene::FiveSizes, Scene::Burst]
-            }
             Figure::Point => vec![Scene::Point],
             Figure::Transceivers => match self.scale {
                 Scale::Smallest => mixtures(&[1, 20], &[10]),
@@ -278,6 +161,9 @@ impl Settings {
                 Scale::Quick => mixtures(&[10], &[1, 4, 16, 64, 256]),
                 Scale::Full => mixtures(&[10], &[1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024]),
             },
+            Figure::Tau | Figure::Ratio | Figure::Memory => {
+                vec![Scene::Equal, Scene::FiveSizes, Scene::Burst]
+            }
         }
     }
 
@@ -374,6 +260,30 @@ fn engines(figure: Figure) -> Vec<Engine> {
             let peers = [Engine::BulletTuned, Engine::Parry, Engine::PlainCellList];
             let earlier = [Engine::SortAndSweep, Engine::Octree];
             ours.map(|a| Engine::cpu(a, None)).chain(peers).chain(earlier).collect()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    /// Or one would take what another left in the folder, or stand in another's place in a table.
+    #[test]
+    fn every_point_has_a_file_and_every_row_a_place_of_its_own() {
+        for scale in [Scale::Smallest, Scale::Quick, Scale::Full] {
+            let (only, command) = (Figure::ALL.to_vec(), String::new());
+            let points = Settings { scale, only, runs: None, minutes: 1.0, seed: 1, command }.points();
+            let files: BTreeSet<String> = points.iter().map(Point::key).collect();
+            assert_eq!(files.len(), points.len(), "{scale:?}");
+            let place = |point: &Point, engine: Engine| {
+                let setting = point.setting(engine).map(f64::to_bits);
+                (point.figure, point.kind(), point.n, setting, engine.to_string())
+            };
+            let rows = || points.iter().flat_map(|p| p.engines.iter().map(move |&e| place(p, e)));
+            assert_eq!(rows().count(), rows().collect::<BTreeSet<_>>().len(), "{scale:?}");
         }
     }
 }

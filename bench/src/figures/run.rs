@@ -8,10 +8,10 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 use rayon::ThreadPoolBuilder;
 use serde::{Deserialize, Serialize};
 
-use super::plan::{Figure, Motion, Point, Scale, Settings};
+use super::plan::{Motion, Point, Scale, Settings};
 use super::race::{Limits, Race};
 use super::row::{Results, Row};
-use super::{Engine, Environment, burst, memory};
+use super::{Engine, Environment, Figure, burst, memory};
 use lazygrid_io::scenes::Scene;
 
 /// What of a point's time is for the runs that count; the rest is for spheres, references and warm-ups.

@@ -4,8 +4,8 @@ use std::error::Error;
 
 use lazygrid::gpu;
 
+use super::super::figure::Figure;
 use super::super::fit::exponent;
-use super::super::plan::Figure;
 use super::super::row::{Row, Status};
 use super::table::{Column, best_of_columns, by_engine, by_size, engines, find, gpu_times, mean};
 use lazygrid_report::number::{count, time};

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use super::super::plan::Figure;
+use super::super::figure::Figure;
 use super::super::row::Row;
 use super::ratios::{self, OURS, Times, peers, verdicts};
 use super::table::{

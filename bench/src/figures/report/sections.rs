@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use super::super::plan::Figure;
+use super::super::figure::Figure;
 use super::super::row::{Results, Row, Status};
 use super::ratios::ON_SOFTWARE;
 use super::table::engines;

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use super::super::plan::Figure;
+use super::super::figure::Figure;
 use super::super::row::Row;
 use super::table::{Column, by_engine, by_setting, cell, engines, find, mark_best, median, scenes, sizes};
 use lazygrid_report::number::count;

@@ -2,8 +2,8 @@
 
 use std::error::Error;
 
+use super::super::figure::Figure;
 use super::super::fit::exponent;
-use super::super::plan::Figure;
 use super::super::row::{Row, Status};
 use super::ratios::{NEAR, Times, verdicts};
 use super::sweeps::plot;
