@@ -240,13 +240,13 @@ impl HostDetector {
         // Of the paper's grids nothing tells how long they take.
         let is_large =
             given.len() >= threads::MANY || !matches!(structure, Structure::Naive | Structure::CellList);
+        let here = || match settings.threads {
+            Some(1) => Ok(Threads::Calling),
+            _ => Threads::here(),
+        };
         let task = || {
             state.report = Report { spheres: given.len() as u64, ..Report::default() };
-            let threads = match settings.threads {
-                Some(1) => Threads::Calling,
-                _ if !is_large => Threads::Calling,
-                _ => Threads::here()?,
-            };
+            let threads = if is_large { here()? } else { Threads::Calling };
             let interactions = settings.interactions.as_ref();
             given.check_species(interactions, threads)?;
             let refinement = given.refinement(interactions, &settings.space)?;
@@ -281,11 +281,11 @@ impl HostDetector {
             let mut input =
                 Input { rule, survey, settings, simd: settings.simd, threads, split: given.split() };
             state.build(&input, lapsed)?;
-            if is_large || settings.threads == Some(1) || state.is_short(&input) {
+            if is_large || state.is_short(&input) {
                 work(state, &input)?;
             } else {
                 threads::within(pool, || {
-                    input.threads = Threads::here()?;
+                    input.threads = here()?;
                     work(state, &input)
                 })?;
             }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::Error;
-use crate::compare::{Columns, Output, Rule, Sink, Task, Vector, scan};
+use crate::compare::{COMPARE, Columns, Output, Rule, Sink, Task, Vector, scan};
 use crate::input::{Input, search_pieces};
 
 /// Spheres per tile: the columns of two tiles, 40 KiB, stay in the first-level cache's reach.
@@ -32,7 +32,6 @@ impl<S: Sink> Task for Tile<'_, S> {
 
 /// How long one thread is expected to take for so many spheres, in nanoseconds.
 pub(crate) fn time(spheres: usize) -> f32 {
-    const COMPARE: f32 = 0.2;
     spheres as f32 * spheres as f32 * COMPARE / 2.0
 }
 

@@ -10,12 +10,11 @@
 use super::crowding::Crowding;
 use crate::Survey;
 use crate::classes::CLASSES;
+use crate::compare::COMPARE;
 use crate::survey::Class;
 
 /// Estimated time to look up one row of cells and start comparing, in nanoseconds.
 const ROW: f32 = 14.0;
-/// Estimated time to compare with one sphere of a long run, in nanoseconds.
-const COMPARE: f32 = 0.2;
 /// Estimated time per table entry, which must be cleared and summed, in nanoseconds.
 const CELL: f32 = 0.7;
 /// Table entries per sphere at most.

@@ -74,7 +74,6 @@ impl Sorter {
         starts: &mut Vec<u32>,
     ) -> Result<(), Error> {
         let (n, cells) = (input.survey.spheres, places.cells());
-        let threads = input.threads.passing(n);
         let wanted = (n / BUCKET).next_power_of_two().min(MAX_BUCKETS);
         let shift = cells.div_ceil(wanted).next_power_of_two().trailing_zeros();
         let buckets = cells.div_ceil(1 << shift).max(1);
@@ -91,7 +90,7 @@ impl Sorter {
         let cells = split_at(&mut starts[1..=cells], (0..buckets).map(|k| cells.min((k + 1) << shift)))?;
         let entries = split_at(&mut self.entries, cut())?;
         let mut pieces = collect(entries.into_iter().zip(cells).zip(columns), "buckets of spheres")?;
-        threads.each(&mut pieces, |bucket, ((entries, cells), ((((x, y), z), r), id))| {
+        input.threads.each(&mut pieces, |bucket, ((entries, cells), ((((x, y), z), r), id))| {
             let first = bucket << shift;
             count(entries, first, cells);
             for entry in entries.iter() {
@@ -118,12 +117,11 @@ impl Sorter {
         (shift, buckets): (u32, usize),
     ) -> Result<(), Error> {
         let Self { keys, entries, offsets, ends } = self;
-        let threads = input.threads.passing(keys.len());
         let size = keys.len().div_ceil(PIECES).clamp(*PIECE.start(), *PIECE.end());
         resize(offsets, keys.len().div_ceil(size) * buckets, "buckets of spheres")?;
         let pieces = keys.chunks_mut(size).zip(offsets.chunks_mut(buckets));
         let mut pieces = collect(pieces, "buckets of spheres")?;
-        threads.each(&mut pieces, |piece, (keys, counts)| {
+        input.threads.each(&mut pieces, |piece, (keys, counts)| {
             let keys = &mut **keys;
             input.simd.run(Keys { rule: &input.rule, places, first: piece * size, keys }, None);
             counts.fill(0);
@@ -141,7 +139,7 @@ impl Sorter {
         }
 
         let entries = Disjoint::new(entries);
-        threads.each(&mut pieces, |piece, (keys, next)| {
+        input.threads.each(&mut pieces, |piece, (keys, next)| {
             let mut place = |key: u32, id: usize, (center, radius): (Vec3, f32)| {
                 let slot = &mut next[(key >> shift) as usize];
                 // SAFETY: the exclusive prefix sums over (bucket, piece) give every sphere a slot of its own below

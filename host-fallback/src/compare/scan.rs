@@ -7,6 +7,9 @@ use super::rule::Rule;
 use super::simd::Vector;
 use super::sink::Sink;
 
+/// Estimated time to compare with one sphere of a long run, in nanoseconds.
+pub(crate) const COMPARE: f32 = 0.2;
+
 #[derive(Clone, Copy)]
 struct Lanes {
     certain: u32,

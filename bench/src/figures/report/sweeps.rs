@@ -4,7 +4,9 @@ use std::error::Error;
 
 use super::super::figure::Figure;
 use super::super::row::Row;
-use super::table::{Column, by_engine, by_setting, cell, engines, find, mark_best, median, scenes, sizes};
+use super::table::{
+    Column, by_engine, by_setting, cell, engines, find, groups, mark_best, median, scenes, sizes,
+};
 use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, Mark, Series, lines};
 use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
@@ -17,20 +19,13 @@ pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn 
     let varied = figure.varied().unwrap_or_default();
     let (title, text) = heading(figure);
     let mut section = Section { title: title.to_owned(), text: vec![text.to_owned()], ..Section::default() };
-    for n in sizes(rows) {
-        for scene in scenes(rows) {
-            let rows: Vec<&Row> = rows.iter().copied().filter(|r| r.scene == scene && r.n == n).collect();
-            if rows.is_empty() {
-                continue;
-            }
-            let what = format!("{scene}, {} spheres", count(n));
-            let y = ("median time of a step", Quantity::Time);
-            let axes = Axes { scale: Scale::Logarithmic, title: &what, x: (varied, Quantity::Number), y };
-            section.plots.extend(plot(&axes, &rows, format!("{figure}-{scene}-{n}"))?);
-            section.tables.push(table(figure, &what, &rows));
-            if figure == Figure::Threads {
-                section.notes.extend(scaling(&what, &rows));
-            }
+    for (scene, n, what, rows) in groups(rows) {
+        let y = ("median time of a step", Quantity::Time);
+        let axes = Axes { scale: Scale::Logarithmic, title: &what, x: (varied, Quantity::Number), y };
+        section.plots.extend(plot(&axes, &rows, format!("{figure}-{scene}-{n}"))?);
+        section.tables.push(table(figure, &what, &rows));
+        if figure == Figure::Threads {
+            section.notes.extend(scaling(&what, &rows));
         }
     }
     Ok(section)

@@ -66,6 +66,20 @@ pub(super) fn scenes<'a>(rows: &[&'a Row]) -> Vec<&'a str> {
     distinct(rows, |row| &row.scene)
 }
 
+/// The rows of each scene at each number of spheres, fewer spheres first, under what they are called.
+pub(super) fn groups<'a>(rows: &[&'a Row]) -> Vec<(&'a str, usize, String, Vec<&'a Row>)> {
+    let mut groups = vec![];
+    for n in sizes(rows) {
+        for scene in scenes(rows) {
+            let rows: Vec<&Row> = rows.iter().copied().filter(|r| r.scene == scene && r.n == n).collect();
+            if !rows.is_empty() {
+                groups.push((scene, n, format!("{scene}, {} spheres", count(n)), rows));
+            }
+        }
+    }
+    groups
+}
+
 fn distinct<'a>(rows: &[&'a Row], of: fn(&Row) -> &str) -> Vec<&'a str> {
     let mut names = vec![];
     for row in rows {

@@ -7,11 +7,8 @@ use super::super::fit::exponent;
 use super::super::row::{Row, Status};
 use super::ratios::{NEAR, Times, verdicts};
 use super::sweeps::plot;
-use super::table::{
-    Column, best_of_columns, by_engine, by_setting, engines, find, median, pairs, scenes, sizes,
-};
+use super::table::{Column, best_of_columns, by_engine, by_setting, engines, find, groups, median, pairs};
 use lazygrid::Algorithm;
-use lazygrid_report::number::count;
 use lazygrid_report::plot::Axes;
 use lazygrid_report::{Cell, Note, Quantity, Scale, Section, Table};
 
@@ -26,23 +23,16 @@ pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn 
     let (title, text) = heading(figure);
     let text = [text, MOTION].map(str::to_owned).into();
     let mut section = Section { title: title.to_owned(), text, ..Section::default() };
-    for n in sizes(rows) {
-        for scene in scenes(rows) {
-            let rows: Vec<&Row> = rows.iter().copied().filter(|r| r.scene == scene && r.n == n).collect();
-            if rows.is_empty() {
-                continue;
-            }
-            let what = format!("{scene}, {} spheres", count(n));
-            let columns = by_setting(&rows, "");
-            let y = ("median time of a step, one thread", Quantity::Time);
-            let axes = Axes { scale: Scale::Logarithmic, title: &what, x: (varied, Quantity::Number), y };
-            section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{scene}-{n}"))?);
-            section.tables.push(medians(figure, &what, &rows, &columns));
-            section.tables.push(beside(&what, &rows, &columns));
-            section.notes.extend(verdict(figure, &what, &rows, &columns));
-            section.notes.extend((figure == Figure::SizeRatio).then(|| growth(&what, &rows)).flatten());
-            section.notes.extend(verdicts(&what, &rows, &columns));
-        }
+    for (scene, n, what, rows) in groups(rows) {
+        let columns = by_setting(&rows, "");
+        let y = ("median time of a step, one thread", Quantity::Time);
+        let axes = Axes { scale: Scale::Logarithmic, title: &what, x: (varied, Quantity::Number), y };
+        section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{scene}-{n}"))?);
+        section.tables.push(medians(figure, &what, &rows, &columns));
+        section.tables.push(beside(&what, &rows, &columns));
+        section.notes.extend(verdict(figure, &what, &rows, &columns));
+        section.notes.extend((figure == Figure::SizeRatio).then(|| growth(&what, &rows)).flatten());
+        section.notes.extend(verdicts(&what, &rows, &columns));
     }
     Ok(section)
 }
