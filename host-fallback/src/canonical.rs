@@ -1,8 +1,10 @@
 //! Puts pairs in canonical order: by `i`, then `j`.
 //!
-//! One pass spreads the pairs over buckets of neighbouring `i`, small enough for the cache; each bucket is then
-//! ordered on its own by a radix sort of `j` and `i`.
+//! One pass spreads the pairs over buckets of neighbouring `i`, small enough for the cache, as keys: the digits of `i`
+//! that a bucket leaves open, and `j`. Up to millions of spheres a key has half the size of a pair. Each bucket is then
+//! ordered on its own by a radix sort, whose last pass makes pairs of keys.
 
+use bytemuck::{Pod, cast_slice_mut};
 use lazygrid_kernels::Pair;
 
 use crate::Error;
@@ -21,14 +23,89 @@ const BUCKET: usize = 1 << 13;
 const MAX_WIDTH: usize = 1 << 15;
 /// Bits per pass at most: counters of 8 KiB beside a bucket of 64 KiB.
 const DIGIT: u32 = 11;
+/// Passes at most: keys have 15 + 32 bits, or 21 + 32 where there are more than 2²⁶ spheres.
+const PASSES: usize = 5;
 
 /// Puts pairs in canonical order, by `i`, then `j`, in buffers that survive between calls.
 #[derive(Debug, Default)]
 pub struct Canonical {
-    scratch: Vec<Pair>,
+    /// Keys of one word or of two.
+    scratch: Vec<u32>,
     starts: Vec<usize>,
     /// By piece and bucket: first how many pairs there are, then where the next one goes.
     offsets: Vec<usize>,
+}
+
+/// A pair whose bucket is known.
+trait Key: Pod + Send {
+    fn new(bits: u64) -> Self;
+    fn bits(self) -> u64;
+}
+
+impl Key for u32 {
+    #[inline(always)]
+    fn new(bits: u64) -> Self {
+        bits as Self
+    }
+
+    #[inline(always)]
+    fn bits(self) -> u64 {
+        self.into()
+    }
+}
+
+/// Two words, which need no more alignment than a pair has.
+impl Key for [u32; 2] {
+    #[inline(always)]
+    fn new(bits: u64) -> Self {
+        [bits as u32, (bits >> 32) as u32]
+    }
+
+    #[inline(always)]
+    fn bits(self) -> u64 {
+        u64::from(self[0]) | (u64::from(self[1]) << 32)
+    }
+}
+
+/// How pairs are taken apart.
+#[derive(Clone, Copy)]
+struct Cut {
+    buckets: usize,
+    /// How many bits of `i` a bucket leaves open.
+    i_bits: u32,
+    /// How many bits a `j` has.
+    j_bits: u32,
+}
+
+impl Cut {
+    fn new(total: usize, spheres: usize) -> Self {
+        let buckets = (total / BUCKET).max(spheres / MAX_WIDTH).next_power_of_two().min(MAX_BUCKETS);
+        let width = spheres.div_ceil(buckets).max(1).next_power_of_two();
+        let j_bits = usize::BITS - spheres.saturating_sub(1).leading_zeros();
+        Self { buckets: spheres.div_ceil(width).max(1), i_bits: width.trailing_zeros(), j_bits }
+    }
+
+    fn bits(self) -> u32 {
+        self.i_bits + self.j_bits
+    }
+
+    #[inline(always)]
+    fn bucket(self, pair: Pair) -> usize {
+        (pair.i >> self.i_bits) as usize
+    }
+
+    #[inline(always)]
+    fn key<K: Key>(self, pair: Pair) -> K {
+        let open = u64::from(pair.i) & ((1 << self.i_bits) - 1);
+        K::new((open << self.j_bits) | u64::from(pair.j))
+    }
+
+    #[inline(always)]
+    fn pair<K: Key>(self, bucket: usize, key: K) -> Pair {
+        let open = (key.bits() >> self.j_bits) as u32;
+        let j = key.bits() & ((1 << self.j_bits) - 1);
+        Pair { i: ((bucket << self.i_bits) as u32) | open, j: j as u32 }
+    }
 }
 
 impl Canonical {
@@ -53,33 +130,46 @@ impl Canonical {
         out: &mut Vec<Pair>,
     ) -> Result<(), Error> {
         let total: usize = chunks.iter().map(|chunk| chunk.len()).sum();
-        resize(&mut self.scratch, total, "ordering pairs")?;
         resize(out, total, "pairs")?;
-        let buckets = (total / BUCKET).max(spheres / MAX_WIDTH).next_power_of_two().min(MAX_BUCKETS);
-        let width = spheres.div_ceil(buckets).max(1).next_power_of_two();
-        let shift = width.trailing_zeros();
-        let buckets = spheres.div_ceil(width).max(1);
-        self.spread(threads, chunks, (shift, buckets))?;
-
-        let ends = self.starts[1..].iter().copied();
-        let targets = split_at(out, ends.clone())?;
-        let sources = split_at(&mut self.scratch, ends)?;
-        let bits = (shift, usize::BITS - spheres.saturating_sub(1).leading_zeros());
-        let mut pieces = collect(targets.into_iter().zip(sources), "buckets of pairs")?;
-        threads.each(&mut pieces, |bucket, (target, source)| {
-            order_bucket(source, target, (bucket << shift) as u32, bits);
-        });
-        Ok(())
+        let cut = Cut::new(total, spheres);
+        match cut.bits() <= u32::BITS {
+            true => self.order_as::<u32>(threads, cut, chunks, out),
+            false => self.order_as::<[u32; 2]>(threads, cut, chunks, out),
+        }
     }
 
-    /// Moves the pairs to `scratch`, bucket by bucket, and notes where each bucket starts.
-    fn spread(
+    fn order_as<K: Key>(
         &mut self,
         threads: Threads,
+        cut: Cut,
         chunks: &[&[Pair]],
-        (shift, buckets): (u32, usize),
+        out: &mut [Pair],
     ) -> Result<(), Error> {
-        let Self { scratch, starts, offsets } = self;
+        let total = out.len();
+        resize(&mut self.scratch, total * size_of::<K>() / size_of::<u32>(), "ordering pairs")?;
+        let mut scratch = std::mem::take(&mut self.scratch);
+        let keys = cast_slice_mut::<_, K>(&mut scratch);
+        let ordered = self.spread(threads, cut, chunks, keys).and_then(|()| {
+            let ends = self.starts[1..].iter().copied();
+            let (targets, sources) = (split_at(out, ends.clone())?, split_at(keys, ends)?);
+            let mut pieces = collect(targets.into_iter().zip(sources), "buckets of pairs")?;
+            threads.each(&mut pieces, |bucket, (target, source)| order_bucket(source, target, bucket, cut));
+            Ok(())
+        });
+        self.scratch = scratch;
+        ordered
+    }
+
+    /// Moves the pairs to `keys`, bucket by bucket, and notes where each bucket starts.
+    fn spread<K: Key>(
+        &mut self,
+        threads: Threads,
+        cut: Cut,
+        chunks: &[&[Pair]],
+        keys: &mut [K],
+    ) -> Result<(), Error> {
+        let Self { starts, offsets, .. } = self;
+        let buckets = cut.buckets;
         let share = chunks.len().div_ceil(PIECES).max(1);
         let pieces = chunks.len().div_ceil(share);
         let piece = |k: usize| chunks[k * share..chunks.len().min((k + 1) * share)].iter().copied().flatten();
@@ -87,8 +177,8 @@ impl Canonical {
         let mut rows = collect(offsets.chunks_mut(buckets), "buckets of pairs")?;
         threads.each(&mut rows, |k, counts| {
             counts.fill(0);
-            for pair in piece(k) {
-                counts[(pair.i >> shift) as usize] += 1;
+            for &pair in piece(k) {
+                counts[cut.bucket(pair)] += 1;
             }
         });
         resize(starts, buckets + 1, "buckets of pairs")?;
@@ -101,13 +191,13 @@ impl Canonical {
         }
         starts[buckets] = at;
 
-        let scratch = Disjoint::new(scratch);
+        let keys = Disjoint::new(keys);
         threads.each(&mut rows, |k, next| {
             for &pair in piece(k) {
-                let slot = &mut next[(pair.i >> shift) as usize];
+                let slot = &mut next[cut.bucket(pair)];
                 // SAFETY: the exclusive prefix sums over (bucket, piece) give every pair a slot of its own below
-                // `total`, the length of `scratch`.
-                unsafe { scratch.write(*slot, pair) };
+                // the number of all pairs, the length of `keys`.
+                unsafe { keys.write(*slot, cut.key(pair)) };
                 *slot += 1;
             }
         });
@@ -115,34 +205,42 @@ impl Canonical {
     }
 }
 
-/// Orders one bucket, whose `i` start at `first`, into `target`: a radix sort of `i - first` and `j`, digit by digit
-/// from the lowest.
-fn order_bucket(source: &mut [Pair], target: &mut [Pair], first: u32, (i_bits, j_bits): (u32, u32)) {
-    let passes = (i_bits + j_bits).div_ceil(DIGIT).max(1);
-    let digit = (i_bits + j_bits).div_ceil(passes);
-    let mut counts = [0_u32; 1 << DIGIT];
-    let counts = &mut counts[..1 << digit];
-    let (mut from, mut to) = (&mut *source, &mut *target);
-    for pass in 0..passes {
-        let key = |pair: &Pair| {
-            let key = (u64::from(pair.i - first) << j_bits) | u64::from(pair.j);
-            (key >> (pass * digit)) as usize & ((1 << digit) - 1)
-        };
-        from.iter().for_each(|pair| counts[key(pair)] += 1);
+/// Orders one bucket into `target`: a radix sort, digit by digit from the lowest.
+fn order_bucket<K: Key>(source: &mut [K], target: &mut [Pair], bucket: usize, cut: Cut) {
+    let passes = cut.bits().div_ceil(DIGIT).max(1);
+    let digit = cut.bits().div_ceil(passes);
+    let of = |key: K, pass: u32| (key.bits() >> (pass * digit)) as usize & ((1 << digit) - 1);
+    let mut places = [[0_u32; 1 << DIGIT]; PASSES];
+    for &key in source.iter() {
+        (0..passes).for_each(|pass| places[pass as usize][of(key, pass)] += 1);
+    }
+    for places in &mut places[..passes as usize] {
         let mut at = 0;
-        for count in &mut *counts {
-            at += std::mem::replace(count, at);
+        for place in &mut places[..1 << digit] {
+            at += std::mem::replace(place, at);
         }
-        for pair in from.iter() {
-            let slot = &mut counts[key(pair)];
-            to[*slot as usize] = *pair;
-            *slot += 1;
+    }
+
+    // The room for pairs holds keys until the last pass.
+    let spare = &mut cast_slice_mut::<_, K>(target)[..source.len()];
+    let (mut from, mut to) = (&mut *source, spare);
+    for pass in 0..passes - 1 {
+        let next = &mut places[pass as usize];
+        for &key in from.iter() {
+            let place = &mut next[of(key, pass)];
+            to[*place as usize] = key;
+            *place += 1;
         }
-        counts.fill(0);
         (from, to) = (to, from);
     }
     if passes % 2 == 0 {
-        target.copy_from_slice(source);
+        to.copy_from_slice(from);
+    }
+    let next = &mut places[passes as usize - 1];
+    for &key in source.iter() {
+        let place = &mut next[of(key, passes - 1)];
+        target[*place as usize] = cut.pair(bucket, key);
+        *place += 1;
     }
 }
 
@@ -163,11 +261,12 @@ mod tests {
 
     #[test]
     fn any_number_of_pairs_in_any_order() {
-        for spheres in [2, 3, 255, 256, 257, 100_000] {
+        // Keys of one word, and of two.
+        for spheres in [2, 3, 255, 256, 257, 100_000, 5_000_000, u32::MAX] {
             for count in [0, 1, 2, 255, 256, 257, 70_000] {
                 let mix = |k: u32| k.wrapping_mul(2_654_435_761) >> 7;
                 let pairs = (0..count).filter_map(|k| {
-                    let (a, b) = (mix(k) % spheres, mix(k + 77) % spheres);
+                    let (a, b) = (mix(k) % spheres, !mix(k + 77) % spheres);
                     (a != b).then(|| Pair::new(a, b))
                 });
                 check(spheres, pairs.collect(), 1000);

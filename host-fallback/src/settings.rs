@@ -52,7 +52,7 @@ pub struct Settings {
     pub tau: u32,
     /// Cell edge of the paper's grids as a multiple of the largest diameter. Between 0.5 and 16.
     pub raster_ratio: f32,
-    /// The most pairs a list may hold (8 bytes each, and as much again while they are ordered).
+    /// The most pairs a list may hold (8 bytes each, and 12 to 16 more while they are ordered).
     pub max_pairs: u64,
     /// Which species pair, and at which distance; `None`: all that touch.
     pub interactions: Option<Interactions>,
