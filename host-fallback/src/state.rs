@@ -179,7 +179,6 @@ impl State {
                 Ok(())
             }
         })?;
-        chunks.iter_mut().for_each(Vec::clear);
         extend(&mut self.spare, chunks.drain(..), "chunks of pairs")
     }
 

@@ -16,7 +16,7 @@ const CLASSES: usize = 24;
 /// How the cells are made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// Edge of a class's cells over its largest diameter; less than 1.01 is taken as that.
+    /// Edge of a class's cells over its largest diameter, 0.25 or more. Below 1.01 a sphere looks farther than one cell.
     pub edge: f32,
     /// Sizes of a class are within this factor of each other, which is above 1.
     pub class: f32,
@@ -50,7 +50,7 @@ pub fn tunings(scene: Scene) -> Vec<Contender> {
     };
     let mut tunings = vec![];
     for &class in classes {
-        for edge in [1.01, 1.25, 1.5, 2.0, 2.5] {
+        for edge in [0.51, 0.75, 1.01, 1.25, 1.5, 2.0, 2.5] {
             let name = format!("plain cell list, edge {edge}, class {class}");
             tunings.push(with(name, Tuning { edge, class }));
         }

@@ -5,10 +5,14 @@ use lazygrid::{Pair, Sphere};
 
 use super::touch;
 
-/// Cell edge over the largest diameter at the least, so that no rounding makes two in contact skip a cell.
-const SMALLEST_EDGE: f32 = 1.01;
+/// How much farther than its largest diameter a class looks, so that no rounding makes two in contact skip a cell.
+const MARGIN: f32 = 1.01;
+/// Cell edge over the largest diameter at the least.
+const SMALLEST_EDGE: f32 = 0.25;
 /// No more cells than this per sphere, so that a spread-out cloud does not drown in empty ones.
 const CELLS_PER_SPHERE: f32 = 4.0;
+/// Rows of cells ahead of a sphere's own at the most, where cells are as small as may be: five away along an axis.
+const ROWS: usize = 5 + 5 * 11;
 /// Candidates that are compared at once: a vector of AVX2.
 const LANES: usize = 8;
 
@@ -21,15 +25,17 @@ pub(super) struct Class {
     y: Vec<f32>,
     z: Vec<f32>,
     r: Vec<f32>,
-    /// Where each cell begins; a ring of empty cells is all around, so that every cell has all its neighbours.
+    /// Where each cell begins; rings of empty cells are all around, so that every cell has all its neighbours.
     starts: Vec<u32>,
+    /// How many cells away two that touch may be, and how many rings there are.
+    reach: u32,
     /// The spheres in the order of the last step, and their cells.
     members: Vec<Sphere>,
     keys: Vec<u32>,
     sorted: Vec<u32>,
     origin: Vec3,
     per_edge: f32,
-    /// Cells along each axis, the ring included.
+    /// Cells along each axis, the rings included.
     cells: UVec3,
     largest: f32,
 }
@@ -72,14 +78,17 @@ impl Class {
         let extent = (high - low).max(Vec3::splat(f32::MIN_POSITIVE));
         let far = low.abs().max(high.abs()).max_element();
         let most = (self.members.len() as f32 * CELLS_PER_SPHERE).max(27.0);
-        let edge = 2.0 * edge.max(SMALLEST_EDGE) * largest + far * 1e-6;
+        let rounding = far * 1e-6;
+        let diameter = 2.0 * MARGIN * largest + rounding;
+        let edge = 2.0 * edge.max(SMALLEST_EDGE) * largest + rounding;
         let mut edge = edge.max(extent.max_element() / 1024.0);
-        let count = |edge: f32| (extent / edge).floor() + Vec3::splat(3.0);
+        let reach = |edge: f32| (diameter / edge).ceil().max(1.0);
+        let count = |edge: f32| (extent / edge).floor() + Vec3::splat(1.0 + 2.0 * reach(edge));
         while count(edge).element_product() > most {
             edge *= 1.1;
         }
         (self.origin, self.per_edge, self.largest) = (low, 1.0 / edge, largest);
-        self.cells = count(edge).as_uvec3();
+        (self.cells, self.reach) = (count(edge).as_uvec3(), reach(edge) as u32);
     }
 
     /// The cell of a point; what lies outside belongs to the border, which keeps neighbours neighbours.
@@ -87,7 +96,7 @@ impl Class {
     fn cell(&self, point: Vec3) -> UVec3 {
         // Below zero this saturates.
         let cell = ((point - self.origin) * self.per_edge).as_uvec3();
-        cell.min(self.cells - UVec3::splat(3)) + UVec3::ONE
+        cell.min(self.cells - UVec3::splat(1 + 2 * self.reach)) + UVec3::splat(self.reach)
     }
 
     #[inline(always)]
@@ -113,27 +122,36 @@ impl Class {
         std::mem::swap(&mut self.order, &mut self.sorted);
     }
 
-    /// All pairs within the class: each sphere with those behind it in its row of cells, and with the four rows
-    /// next to it that come after its own.
+    /// All pairs within the class: each sphere with those behind it in its row of cells, and with the rows next to it
+    /// that come after its own, of which there are four where cells are no smaller than spheres.
     #[inline(always)]
     pub(super) fn pairs_within(&self, pairs: &mut Vec<Pair>) {
+        let reach = self.reach as usize;
         let row = self.cells.x as usize;
         let layer = row * self.cells.y as usize;
-        for cell in layer..self.starts.len() - 1 - layer {
+        let mut ahead = [0; ROWS];
+        let mut count = 0;
+        for z in 0..=reach {
+            for y in if z == 0 { reach + 1 } else { 0 }..=2 * reach {
+                ahead[count] = z * layer + y * row - reach * row;
+                count += 1;
+            }
+        }
+        for cell in reach * layer..self.starts.len() - 1 - reach * layer {
             let own = self.starts[cell] as usize..self.starts[cell + 1] as usize;
             if own.is_empty() {
                 continue;
             }
-            let end = self.starts[cell + 2] as usize;
-            let mut runs = [(0, 0); 4];
-            for (run, ahead) in runs.iter_mut().zip([row, layer - row, layer, layer + row]) {
+            let end = self.starts[cell + reach + 1] as usize;
+            let mut runs = [(0, 0); ROWS];
+            for (run, ahead) in runs.iter_mut().zip(&ahead[..count]) {
                 let middle = cell + ahead;
-                *run = (self.starts[middle - 1] as usize, self.starts[middle + 2] as usize);
+                *run = (self.starts[middle - reach] as usize, self.starts[middle + reach + 1] as usize);
             }
             for at in own {
                 let (sphere, index) = (self.at(at), self.order[at]);
                 self.compare(&sphere, index, at + 1..end, pairs);
-                for (start, end) in runs {
+                for &(start, end) in &runs[..count] {
                     self.compare(&sphere, index, start..end, pairs);
                 }
             }

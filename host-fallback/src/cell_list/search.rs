@@ -5,11 +5,13 @@ use std::ops::Range;
 use super::grid::Block;
 use super::{CellList, Placed};
 use crate::Error;
-use crate::compare::{Around, Jobs, MAX_LANES, Output, Rule, Sink, Task, Vector, scan};
+use crate::compare::{Around, Jobs, MAX_LANES, Output, Rule, Sink, Task, Touches, Vector, scan};
 use crate::input::{Input, search_pieces};
 
 /// Spheres per piece of work: some tens of microseconds where space is not crowded.
 const PIECE: usize = 1 << 10;
+/// Spheres are crowded where one of so many runs holds some that touch.
+const CROWDED: usize = 2;
 
 /// Finds all pairs of the list, piece by piece over the threads.
 pub(super) fn search<'o, O: Output>(
@@ -41,7 +43,15 @@ impl<S: Sink> Task for Piece<'_, S> {
     #[inline(always)]
     fn run<V: Vector>(self, vector: V) {
         let Self { list, rule, range, is_split, sink } = self;
-        let mut finder = Finder { vector, list, rule, sink, jobs: Jobs::new() };
+        let mut finder = Finder {
+            vector,
+            list,
+            rule,
+            sink,
+            jobs: Jobs::new(),
+            touches: Touches::new(),
+            is_crowded: false,
+        };
         if is_split {
             return finder.across(range);
         }
@@ -92,6 +102,9 @@ struct Finder<'p, V, S> {
     rule: &'p Rule<'p>,
     sink: &'p mut S,
     jobs: Jobs,
+    touches: Touches,
+    /// Whether many touched in the last comparisons.
+    is_crowded: bool,
 }
 
 impl<V: Vector, S: Sink> Finder<'_, V, S> {
@@ -207,10 +220,21 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
     /// Compares what was found.
     #[inline(always)]
     fn work(&mut self) {
-        for k in 0..self.jobs.len() {
-            let (at, run) = self.jobs.get(k);
-            scan(self.vector, (&self.list.columns, self.rule), at, run, self.sink);
+        let Self { vector, list, rule, ref mut sink, ref jobs, ref mut touches, is_crowded } = *self;
+        let among = (&list.columns, rule);
+        let mut held = 0;
+        if is_crowded {
+            for k in 0..jobs.len() {
+                touches.scan(vector, among, jobs.get(k), *sink);
+            }
+            held = touches.settle(vector, among, *sink);
+        } else {
+            for k in 0..jobs.len() {
+                let (at, run) = jobs.get(k);
+                held += scan(vector, among, at, run, *sink);
+            }
         }
+        self.is_crowded = held > jobs.len() / CROWDED;
         self.jobs.clear();
     }
 }

@@ -10,7 +10,7 @@ mod sink;
 
 pub(crate) use columns::{Columns, ColumnsMut, MAX_LANES};
 pub(crate) use rule::{Rule, Widening};
-pub(crate) use scan::{COMPARE, scan};
+pub(crate) use scan::{COMPARE, Touches, scan};
 pub use simd::Simd;
 pub(crate) use simd::{Around, Axes, Images, Jobs, Portable, Row, Task, Vector, prefetch};
 pub(crate) use sink::{Consume, Count, Output, Sink, To, Written};

@@ -87,7 +87,7 @@ pub(crate) struct Written<'c> {
     pub(crate) to: To<'c>,
     /// Only pairs whose smaller index lies in here are taken; all where there is none.
     pub(crate) window: Option<Range<u32>>,
-    /// Empty chunks to be used again.
+    /// Chunks to be used again, whatever stands in them.
     pub(crate) spare: Mutex<Vec<Vec<Pair>>>,
     pub(crate) stop: AtomicBool,
 }
@@ -159,10 +159,9 @@ impl<'c> Written<'c> {
         Ok(None)
     }
 
-    /// Keeps a chunk's memory to be used again.
-    fn put_back(&self, mut chunk: Vec<Pair>) -> Result<(), Error> {
+    /// Keeps a chunk to be used again. It stays as long as it is, since what it is given room for is cleared.
+    fn put_back(&self, chunk: Vec<Pair>) -> Result<(), Error> {
         if chunk.capacity() > 0 {
-            chunk.clear();
             memory::push(&mut lock(&self.spare), chunk, "chunks of pairs")?;
         }
         Ok(())
