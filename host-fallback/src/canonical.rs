@@ -233,7 +233,7 @@ fn order_bucket<K: Key>(source: &mut [K], target: &mut [Pair], bucket: usize, cu
         }
         (from, to) = (to, from);
     }
-    if passes % 2 == 0 {
+    if passes.is_multiple_of(2) {
         to.copy_from_slice(from);
     }
     let next = &mut places[passes as usize - 1];

@@ -28,13 +28,13 @@ impl Tuning {
 
     /// The fastest of [`tunings`] for a scene, by the ratio to parry3d's refitted tree within rounds, of
     /// `cargo bench -p lazygrid-bench --bench peers -- --mode yardstick --algorithm cell-list --output unordered
-    /// --n 100000 --rounds 7 --steps 3`; bursts at 20 000, as cells as small as may be win there whatever the classes.
+    /// --n 100000 --rounds 7 --steps 3`.
     pub fn best(scene: Scene) -> Self {
         match scene {
             Scene::Equal => Self { edge: 2.5, ..Self::DEFAULT },
             // A cell of the largest spheres holds no more than a vector compares, so one class does.
             Scene::FiveSizes => Self { edge: 1.25, class: 32.0 },
-            Scene::Burst => Self { edge: 1.01, class: 2.0 },
+            Scene::Burst => Self { edge: 0.51, class: 4.0 },
             // By default transceivers and carriers have a grid each.
             Scene::BurstLinear | Scene::Point | Scene::Transceivers(_) => Self::DEFAULT,
         }
