@@ -72,6 +72,7 @@ if have pkg-config pkg-config; then
     passes "C" build_and_run contract c99 capi/tests/contract.c
     passes "C, newest standard" build_and_run contract-c17 c17 capi/tests/contract.c
     passes "C, two sets and skins" build_and_run sets c99 capi/tests/sets.c
+    passes "C, boxes that lean and what is left out" build_and_run exclusions c99 capi/tests/exclusions.c
     passes "C++17" build_and_run wrapper c++17 capi/tests/wrapper.cpp
     passes "C++20, with std::span" build_and_run wrapper-20 c++20 capi/tests/wrapper.cpp
     if [ ${#features[@]} = 0 ]; then
@@ -93,6 +94,8 @@ if have pkg-config pkg-config; then
         export ASAN_OPTIONS=detect_leaks=1
         passes "C, AddressSanitizer" build_and_run contract-asan c99 capi/tests/contract.c "${sanitizers[@]}"
         passes "C, two sets, AddressSanitizer" build_and_run sets-asan c99 capi/tests/sets.c "${sanitizers[@]}"
+        passes "C, what is left out, AddressSanitizer" \
+            build_and_run exclusions-asan c99 capi/tests/exclusions.c "${sanitizers[@]}"
         passes "C++, AddressSanitizer" build_and_run wrapper-asan c++17 capi/tests/wrapper.cpp "${sanitizers[@]}"
     else
         skip "cc has no AddressSanitizer"

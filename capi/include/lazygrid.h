@@ -13,8 +13,9 @@
  *     lazygrid_destroy(detector);
  *
  * WHAT A PAIR IS. (i, j) with i < j and (xi-xj)^2 + (yi-yj)^2 + (zi-zj)^2 <= (ri+rj)^2. Touching counts, coincident
- * centres count, each pair once. Space is unbounded unless axes are periodic. Lengths are in one unit, the caller's.
- * Radius 0 is a point. Zero and one sphere are ordinary inputs.
+ * centres count, each pair once. Space is unbounded unless it is said to be periodic. Lengths are in one unit, the
+ * caller's. Radius 0 is a point. Zero and one sphere are ordinary inputs. Spheres of one group, and pairs that are listed
+ * as excluded, are no pairs.
  *
  * ERRORS. Functions that can fail return a lazygrid_status, LAZYGRID_OK being 0. lazygrid_last_error tells in words
  * what was wrong, with the value, the limit and the remedy. Nothing is truncated, nothing unwinds into the caller,
@@ -34,7 +35,8 @@
  * forks must not use the library in the child if the parent has used it.
  *
  * GROWTH. lazygrid_settings begins with its own size; later versions append fields, and 0 always means the default, so
- * that programs compiled with an older header go on working. The other structures do not change within a major version.
+ * that programs compiled with an older header go on working. The other structures do not change within versions that
+ * share a SONAME.
  */
 #ifndef LAZYGRID_H
 #define LAZYGRID_H
@@ -65,7 +67,8 @@ enum {
     /* A pointer is NULL or not aligned, a size is wrong, or a number is none of those listed here. */
     LAZYGRID_ERROR_ARGUMENT = 1,
     /* An input is refused: NaN, infinity, a negative radius, a species that the table does not have, too many spheres,
-       a periodic length or a distance that is none. The message names the first sphere and its value. */
+       a periodic length, an edge or a distance that is none, excluded pairs of other spheres. The message names the first
+       sphere and its value. */
     LAZYGRID_ERROR_INPUT = 2,
     /* A setting is out of range, or two do not go together. */
     LAZYGRID_ERROR_SETTING = 3,
@@ -128,6 +131,12 @@ typedef struct lazygrid_detector lazygrid_detector;
 /* A table: for any two species, what makes them a pair. */
 typedef struct lazygrid_interactions lazygrid_interactions;
 
+/* Pairs that are never reported, whatever their spheres: bonds, say. */
+typedef struct lazygrid_exclusions lazygrid_exclusions;
+
+/* The group of spheres that are in none. */
+#define LAZYGRID_NO_GROUP 4294967295u
+
 /*
  * Two overlapping spheres by their indices in the input, from 0 on; i < j. Between two sets `i` is an index in the
  * first and `j` one in the second, and either may be the larger.
@@ -151,12 +160,20 @@ typedef struct lazygrid_settings {
     const lazygrid_interactions *interactions; /* copied when the detector is made; NULL: all that touch are pairs */
     int32_t skin;             /* LAZYGRID_SKIN_... */
     float skin_distance;      /* for LAZYGRID_SKIN_FIXED, 1e-14 to 1e17, in the unit of the spheres; else 0 */
+    const float *edges;       /* 9 floats: three edges x, y, z of any direction along which space repeats, as those of a
+                                 triclinic cell; 0, 0, 0: one along which it does not. Read when the detector is made.
+                                 NULL: see `periodic`, which must else be 0 */
 } lazygrid_settings;
 
 /*
  * Spheres, as rows or as columns, of 32-bit floats. Either `rows` is set, to 4 * count floats x, y, z, r, x, y, ..., or
  * x, y, z and r are, each to `count` floats; what is not set is NULL. With count 0 all may be NULL. `species` has
  * `count` ids below the number of species of the table, where the detector has one; else it may be NULL.
+ *
+ * `groups` has `count` numbers, or is NULL: two spheres of one group, a molecule or a rigid body, are never a pair, but
+ * for those of LAZYGRID_NO_GROUP. Between two sets groups of both are the same where their numbers are. `exclusions` are
+ * pairs that are never reported, or NULL; between two sets they come with the first one. What is left out is neither
+ * counted nor given room, and may change from call to call.
  */
 typedef struct lazygrid_spheres {
     size_t count;
@@ -166,18 +183,20 @@ typedef struct lazygrid_spheres {
     const float *z;
     const float *r;
     const uint32_t *species;
+    const uint32_t *groups;
+    const lazygrid_exclusions *exclusions;
 } lazygrid_spheres;
 
-/* `count` spheres as rows x, y, z, r, without species. */
+/* `count` spheres as rows x, y, z, r, without anything else. */
 static inline lazygrid_spheres lazygrid_spheres_of_rows(size_t count, const float *rows) {
-    lazygrid_spheres spheres = {count, rows, NULL, NULL, NULL, NULL, NULL};
+    lazygrid_spheres spheres = {count, rows, NULL, NULL, NULL, NULL, NULL, NULL, NULL};
     return spheres;
 }
 
-/* `count` spheres as four columns, without species. */
+/* `count` spheres as four columns, without anything else. */
 static inline lazygrid_spheres lazygrid_spheres_of_columns(size_t count, const float *x, const float *y, const float *z,
                                                            const float *r) {
-    lazygrid_spheres spheres = {count, NULL, x, y, z, r, NULL};
+    lazygrid_spheres spheres = {count, NULL, x, y, z, r, NULL, NULL, NULL};
     return spheres;
 }
 
@@ -198,8 +217,8 @@ LAZYGRID_API const char *lazygrid_status_name(lazygrid_status status);
 
 /*
  * In words why the last call with `detector` failed; "" if it did not. With NULL: the same of the last call in this
- * thread that had no detector (lazygrid_create, lazygrid_settings_init, lazygrid_interactions_create and _set, and any
- * call that was given NULL for one). UTF-8. It lives until the next call with that detector, or the next such call in
+ * thread that had no detector (lazygrid_create, lazygrid_settings_init, what makes or sets interactions and exclusions,
+ * and any call that was given NULL for one). UTF-8. It lives until the next call with that detector, or the next such call in
  * this thread, other than of this function.
  */
 LAZYGRID_API const char *lazygrid_last_error(const lazygrid_detector *detector);
@@ -220,6 +239,29 @@ LAZYGRID_API lazygrid_status lazygrid_interactions_set(lazygrid_interactions *in
 
 /* Frees a table. Detectors made with it keep their copies. NULL is left alone. */
 LAZYGRID_API void lazygrid_interactions_destroy(lazygrid_interactions *interactions);
+
+/*
+ * A list of `count` pairs among so many spheres, in either order, or both, and more than once. It never changes, so that
+ * any threads may use it at once, and it must live as long as spheres name it. It serves all calls with as many spheres;
+ * when spheres come or go, make another. A sphere with itself is no pair, and may be named.
+ */
+LAZYGRID_API lazygrid_status lazygrid_exclusions_create(size_t spheres, const lazygrid_pair *pairs, size_t count,
+                                                        lazygrid_exclusions **exclusions);
+
+/* The same for searches between two sets, of so many spheres each: `i` is an index in the first, `j` one in the second. */
+LAZYGRID_API lazygrid_status lazygrid_exclusions_between(size_t first, size_t second, const lazygrid_pair *pairs,
+                                                         size_t count, lazygrid_exclusions **exclusions);
+
+/*
+ * The pairs of compressed sparse rows, laid out as by lazygrid_neighbors, whose results it takes as they are: `offsets`
+ * has one more than there are spheres, and its last is the length of `indices`. It is enough that one of two spheres
+ * names the other; rows need no order.
+ */
+LAZYGRID_API lazygrid_status lazygrid_exclusions_of_rows(size_t spheres, const uint64_t *offsets, const uint32_t *indices,
+                                                         lazygrid_exclusions **exclusions);
+
+/* Frees a list. NULL is left alone. */
+LAZYGRID_API void lazygrid_exclusions_destroy(lazygrid_exclusions *exclusions);
 
 /* Makes a detector; `settings` may be NULL for the defaults. The backend is decided here. */
 LAZYGRID_API lazygrid_status lazygrid_create(const lazygrid_settings *settings, lazygrid_detector **detector);

@@ -121,8 +121,46 @@ using Row = std::remove_cv_t<std::remove_pointer_t<decltype(std::declval<const R
 
 } // namespace detail
 
-// Spheres that belong to somebody else, as rows or columns, with or without species. Nothing is copied; what it is made
-// of must outlive it.
+// Pairs that are never reported, whatever their spheres: bonds, say. Never changed once it is made; copies share it.
+class Exclusions {
+public:
+    // Pairs among so many spheres, in any order, in anything contiguous that has data() and size(), as std::vector<Pair>.
+    template <class Pairs> Exclusions(std::size_t spheres, const Pairs &pairs) {
+        take([&](auto **made) { return lazygrid_exclusions_create(spheres, pairs.data(), pairs.size(), made); });
+    }
+    // Pairs of one sphere of each of two sets, of so many spheres.
+    template <class Pairs> static Exclusions between(std::size_t first, std::size_t second, const Pairs &pairs) {
+        return Exclusions([&](auto **made) {
+            return lazygrid_exclusions_between(first, second, pairs.data(), pairs.size(), made);
+        });
+    }
+    // The pairs of neighbour lists, such as those that Detector::neighbors finds.
+    static Exclusions rows(const Neighbors &lists) {
+        if (lists.offsets.empty()) detail::fail(LAZYGRID_ERROR_INPUT, "the lists have no offsets; give one and the last");
+        return Exclusions([&](auto **made) {
+            return lazygrid_exclusions_of_rows(lists.offsets.size() - 1, lists.offsets.data(), lists.indices.data(), made);
+        });
+    }
+    const lazygrid_exclusions *get() const noexcept { return list_.get(); }
+
+private:
+    template <class Make, class = std::enable_if_t<std::is_invocable_v<const Make &, lazygrid_exclusions **>>>
+    explicit Exclusions(const Make &make) {
+        take(make);
+    }
+    template <class Make> void take(const Make &make) {
+        lazygrid_exclusions *made = nullptr;
+        detail::check(make(&made), nullptr);
+        list_.reset(made, lazygrid_exclusions_destroy);
+    }
+    std::shared_ptr<const lazygrid_exclusions> list_;
+};
+
+// The group of spheres that are in none.
+inline constexpr std::uint32_t no_group = LAZYGRID_NO_GROUP;
+
+// Spheres that belong to somebody else, as rows or columns, with or without species, groups and exclusions. Nothing is
+// copied; what it is made of must outlive it.
 class Spheres {
 public:
     // Rows in anything contiguous that has data() and size(), as std::vector<Sphere>.
@@ -145,12 +183,21 @@ public:
     }
     // The same spheres with an id each. Throws InputError where there is not one per sphere.
     template <class Ids> Spheres with_species(const Ids &ids) const {
-        if (ids.size() != given_.count) {
-            detail::fail(LAZYGRID_ERROR_INPUT, std::to_string(ids.size()) + " species ids for "
-                                                   + std::to_string(given_.count) + " spheres; give one each");
-        }
         Spheres with = *this;
-        with.given_.species = ids.data();
+        with.given_.species = one_each(ids, "species ids");
+        return with;
+    }
+    // The same spheres with a group each: two of one group are never a pair, but for those of no_group. Throws InputError
+    // where there is not one per sphere.
+    template <class Groups> Spheres with_groups(const Groups &groups) const {
+        Spheres with = *this;
+        with.given_.groups = one_each(groups, "groups");
+        return with;
+    }
+    // The same spheres, of which these pairs are never reported. Between two sets they come with the first one.
+    Spheres with_exclusions(const Exclusions &exclusions) const {
+        Spheres with = *this;
+        with.given_.exclusions = exclusions.get();
         return with;
     }
     // What the C functions take.
@@ -159,6 +206,13 @@ public:
 
 private:
     explicit Spheres(const lazygrid_spheres &given) : given_(given) {}
+    template <class Values> const std::uint32_t *one_each(const Values &values, const char *what) const {
+        if (values.size() != given_.count) {
+            detail::fail(LAZYGRID_ERROR_INPUT, std::to_string(values.size()) + " " + what + " for "
+                                                   + std::to_string(given_.count) + " spheres; give one each");
+        }
+        return values.data();
+    }
     lazygrid_spheres given_;
 };
 
@@ -245,6 +299,8 @@ struct Settings {
     std::uint64_t max_pairs = 0;
     // The length of each periodic axis; 0: unbounded.
     std::array<float, 3> periodic = {0, 0, 0};
+    // In place of `periodic`: up to three edges of any direction along which space repeats; those left 0 do not count.
+    std::array<std::array<float, 3>, 3> edges = {};
     std::chrono::duration<std::uint32_t> timeout = {};
     // A GPU by its number or a part of its name; empty: the best one.
     std::string adapter = {};
@@ -270,6 +326,9 @@ public:
         given.interactions = settings.interactions == nullptr ? nullptr : settings.interactions->get();
         given.skin = settings.skin.kind;
         given.skin_distance = settings.skin.distance;
+        static_assert(sizeof settings.edges == 9 * sizeof(float), "edges are nine floats");
+        const std::array<std::array<float, 3>, 3> none = {};
+        given.edges = settings.edges == none ? nullptr : settings.edges[0].data();
         lazygrid_detector *made = nullptr;
         detail::check(lazygrid_create(&given, &made), nullptr);
         detector_.reset(made);
@@ -283,7 +342,7 @@ public:
         return view(status, found, count);
     }
 
-    // The pairs of one sphere of `a` and one of `b`: i is an index in a, j one in b. On the CPU so far.
+    // The pairs of one sphere of `a` and one of `b`: i is an index in a, j one in b.
     View<Pair> between(const Spheres &a, const Spheres &b) {
         const Pair *found = nullptr;
         std::uint64_t count = 0;

@@ -3,9 +3,10 @@ use std::slice;
 use engine::{InputError, MAX_SPHERES, Sphere, Spheres};
 
 use crate::Failure;
+use crate::exclusions::{self, List};
 use crate::out::check;
 
-/// `lazygrid_spheres`: spheres as rows or as columns.
+/// `lazygrid_spheres`: spheres as rows or as columns, and what is said of each.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct SpheresOfC {
@@ -16,6 +17,8 @@ pub struct SpheresOfC {
     pub z: *const f32,
     pub r: *const f32,
     pub species: *const u32,
+    pub groups: *const u32,
+    pub exclusions: *const List,
 }
 
 impl SpheresOfC {
@@ -32,7 +35,7 @@ impl SpheresOfC {
         check(spheres, "spheres")?;
         // SAFETY: not NULL and aligned, as was checked, and the rest is this function's own condition. Any bits are
         // values of its fields.
-        let Self { count, rows, x, y, z, r, species } = unsafe { *spheres };
+        let Self { count, rows, x, y, z, r, species, groups, exclusions } = unsafe { *spheres };
         // So that no slice is longer than slices can be, also where addresses have 32 bits.
         if count as u64 > MAX_SPHERES || count > isize::MAX as usize / size_of::<Sphere>() {
             return Err(InputError::TooManySpheres { count: count as u64 }.into());
@@ -43,7 +46,7 @@ impl SpheresOfC {
             let message = format!("`rows` and `{name}` are both given; leave one of them NULL");
             return Err(Failure::argument(message));
         }
-        let spheres = if by_rows {
+        let mut spheres = if by_rows {
             // SAFETY: 4 floats for each sphere by this function's condition; `Sphere` is laid out as 4 floats, is
             // aligned as they are, and any bits are one.
             Spheres::from(unsafe { array(rows.cast::<Sphere>(), count, "rows") }?)
@@ -52,11 +55,19 @@ impl SpheresOfC {
             let [x, y, z, r] = columns.map(|(name, column)| unsafe { array(column, count, name) });
             Spheres::columns(x?, y?, z?, r?)?
         };
-        if species.is_null() {
-            return Ok(spheres);
+        if !species.is_null() {
+            // SAFETY: `count` ids, by this function's condition.
+            spheres = spheres.with_species(unsafe { array(species, count, "species") }?)?;
         }
-        // SAFETY: `count` ids, by this function's condition.
-        Ok(spheres.with_species(unsafe { array(species, count, "species") }?)?)
+        if !groups.is_null() {
+            // SAFETY: `count` groups, by this function's condition.
+            spheres = spheres.with_groups(unsafe { array(groups, count, "groups") }?)?;
+        }
+        // SAFETY: a list or NULL, by this function's condition.
+        match unsafe { exclusions::borrow(exclusions) }? {
+            None => Ok(spheres),
+            Some(list) => Ok(spheres.with_exclusions(list)?),
+        }
     }
 
     /// Two sets of spheres, not copied.
@@ -86,10 +97,13 @@ impl SpheresOfC {
 
 /// `count` values at `at`; none where `count` is 0, wherever `at` points.
 ///
+/// # Errors
+/// Where `at` is NULL or not aligned, unless `count` is 0.
+///
 /// # Safety
 /// If `count` is not 0 and `at` neither NULL nor misaligned, so many values are there, any bits are a value, nobody
 /// changes them for as long as the result lives, and they are no larger than an `isize`.
-unsafe fn array<'a, T: Copy>(at: *const T, count: usize, name: &str) -> Result<&'a [T], Failure> {
+pub unsafe fn array<'a, T: Copy>(at: *const T, count: usize, name: &str) -> Result<&'a [T], Failure> {
     if count == 0 {
         return Ok(&[]);
     }

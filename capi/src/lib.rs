@@ -13,6 +13,7 @@
 #![allow(unreachable_pub)]
 
 mod detector;
+mod exclusions;
 mod input;
 mod interactions;
 mod out;

@@ -1,9 +1,11 @@
 use std::ffi::{CStr, c_char};
 use std::{ptr, slice};
 
+use engine::glam::Vec3;
 use engine::{Algorithm, Backend, Config, Order, Skin, Space};
 
 use crate::Failure;
+use crate::input::array;
 use crate::interactions::Table;
 use crate::out::check;
 use crate::status::{Status, without_detector};
@@ -24,6 +26,7 @@ pub struct SettingsOfC {
     pub interactions: *const Table,
     pub skin: i32,
     pub skin_distance: f32,
+    pub edges: *const f32,
 }
 
 /// The size of the first version, below which none can be.
@@ -63,6 +66,7 @@ impl SettingsOfC {
             interactions: ptr::null(),
             skin: 0,
             skin_distance: 0.0,
+            edges: ptr::null(),
         }
     }
 
@@ -108,7 +112,7 @@ impl SettingsOfC {
     ///
     /// # Safety
     /// As [`read`](Self::read); and the adapter is NULL or a text that ends with a zero byte, the table is NULL or one
-    /// that no other thread changes meanwhile.
+    /// that no other thread changes meanwhile, and the edges are NULL or nine floats.
     pub unsafe fn config(settings: *const Self) -> Result<Config, Failure> {
         if settings.is_null() {
             return Ok(Config::default());
@@ -120,7 +124,8 @@ impl SettingsOfC {
             .algorithm(meant(&ALGORITHMS, settings.algorithm, "algorithm")?)
             .order(meant(&ORDERS, settings.order, "order")?)
             .skin(settings.skin()?)
-            .space(Space::periodic(settings.periodic.map(|length| (length != 0.0).then_some(length)))?);
+            // SAFETY: this function's own condition.
+            .space(unsafe { settings.space() }?);
         if settings.threads != 0 {
             config = config.threads(settings.threads as usize);
         }
@@ -134,6 +139,26 @@ impl SettingsOfC {
         }
         // SAFETY: this function's own condition.
         unsafe { settings.on_gpu(config) }
+    }
+
+    /// The space: periodic along axes, or along edges of any direction.
+    ///
+    /// # Safety
+    /// The edges are NULL or nine floats.
+    unsafe fn space(&self) -> Result<Space, Failure> {
+        if self.edges.is_null() {
+            return Ok(Space::periodic(self.periodic.map(|length| (length != 0.0).then_some(length)))?);
+        }
+        if self.periodic != [0.0; 3] {
+            return Err(Failure::argument(
+                "settings.periodic and settings.edges are both set; leave one of them 0, and give the length of a periodic \
+                 axis as an edge along it",
+            ));
+        }
+        // SAFETY: nine floats by this function's condition.
+        let numbers = unsafe { array(self.edges, 9, "settings.edges") }?;
+        let edge = |axis: usize| Vec3::from_slice(&numbers[3 * axis..]);
+        Ok(Space::sheared([0, 1, 2].map(|axis| (edge(axis) != Vec3::ZERO).then(|| edge(axis))))?)
     }
 
     /// The skin; a distance that would go unheard is refused.

@@ -6,9 +6,13 @@ use std::ffi::{CStr, c_char, c_void};
 use std::mem::offset_of;
 use std::process::Command;
 
-use engine::Pair;
+use engine::{Pair, Spheres};
 
 use crate::detector::{Handle, lazygrid_create, lazygrid_destroy, lazygrid_last_error, with_detector};
+use crate::exclusions::{
+    List, lazygrid_exclusions_between, lazygrid_exclusions_create, lazygrid_exclusions_destroy,
+    lazygrid_exclusions_of_rows,
+};
 use crate::input::SpheresOfC;
 use crate::interactions::{
     Table, lazygrid_interactions_create, lazygrid_interactions_destroy, lazygrid_interactions_set,
@@ -36,7 +40,7 @@ in_c! {
     () => "void", c_void => "void", c_char => "char", i32 => "int32_t", u32 => "uint32_t", u64 => "uint64_t",
     usize => "size_t", f32 => "float", Pair => "lazygrid_pair", Handle => "lazygrid_detector",
     Table => "lazygrid_interactions", SettingsOfC => "lazygrid_settings", SpheresOfC => "lazygrid_spheres",
-    Option<Consume> => "lazygrid_consume",
+    List => "lazygrid_exclusions", Option<Consume> => "lazygrid_consume",
 }
 
 impl<T: InC> InC for *const T {
@@ -86,6 +90,10 @@ fn declarations() -> Vec<(&'static str, String)> {
         lazygrid_interactions_create: unsafe extern "C" fn(_, _, _, _) -> _,
         lazygrid_interactions_set: unsafe extern "C" fn(_, _, _, _, _) -> _,
         lazygrid_interactions_destroy: unsafe extern "C" fn(_) -> _,
+        lazygrid_exclusions_create: unsafe extern "C" fn(_, _, _, _) -> _,
+        lazygrid_exclusions_between: unsafe extern "C" fn(_, _, _, _, _) -> _,
+        lazygrid_exclusions_of_rows: unsafe extern "C" fn(_, _, _, _) -> _,
+        lazygrid_exclusions_destroy: unsafe extern "C" fn(_) -> _,
         lazygrid_create: unsafe extern "C" fn(_, _) -> _,
         lazygrid_destroy: unsafe extern "C" fn(_) -> _,
         lazygrid_pairs: unsafe extern "C" fn(_, _, _, _) -> _,
@@ -119,11 +127,11 @@ fn equal(what: &str, number: usize) -> String {
 
 fn layouts() -> String {
     layout!(Pair as "lazygrid_pair", i, j)
-        + &layout!(SpheresOfC as "lazygrid_spheres", count, rows, x, y, z, r, species)
+        + &layout!(SpheresOfC as "lazygrid_spheres", count, rows, x, y, z, r, species, groups, exclusions)
         + &layout!(
             SettingsOfC as "lazygrid_settings",
             size, backend, algorithm, order, threads, max_pairs, periodic, timeout_seconds, adapter, interactions,
-            skin, skin_distance
+            skin, skin_distance, edges
         )
 }
 
@@ -145,6 +153,7 @@ fn numbers() -> Vec<(String, usize)> {
         of("SKIN_", &skins.each_ref().map(String::as_str)),
         of("", &["never", "touch", "within"]),
         vec![
+            ("LAZYGRID_NO_GROUP".to_owned(), Spheres::NO_GROUP as usize),
             ("LAZYGRID_VERSION_MAJOR".to_owned(), env!("CARGO_PKG_VERSION_MAJOR").parse().expect("a number")),
             ("LAZYGRID_VERSION_MINOR".to_owned(), env!("CARGO_PKG_VERSION_MINOR").parse().expect("a number")),
             ("LAZYGRID_VERSION_PATCH".to_owned(), env!("CARGO_PKG_VERSION_PATCH").parse().expect("a number")),
@@ -178,7 +187,7 @@ fn the_header_declares_what_the_library_has() {
 #[test]
 fn nothing_in_the_header_is_left_out() {
     let functions: BTreeSet<&str> = declarations().iter().map(|(name, _)| *name).collect();
-    let types = ["status", "detector", "interactions", "pair", "settings", "spheres", "consume"];
+    let types = ["status", "detector", "interactions", "exclusions", "pair", "settings", "spheres", "consume"];
     let inline = ["spheres_of_rows", "spheres_of_columns"];
     let others: BTreeSet<String> =
         types.iter().chain(&inline).map(|name| format!("lazygrid_{name}")).collect();

@@ -177,6 +177,30 @@ void skins() {
     CHECK(throws<lazygrid::Error>([&] { lazygrid::Detector refused(settings); }, "skin = -1"));
 }
 
+void boxes_that_lean_and_what_is_left_out() {
+    auto settings = on_cpu();
+    settings.edges = {{{10, 0, 0}, {4, 10, 0}, {0, 0, 0}}};
+    lazygrid::Detector detector(settings);
+    const std::vector<lazygrid::Sphere> spheres = {{1, 0.2f, 0, 0.5f}, {5, 9.6f, 0, 0.5f}, {1, 0.9f, 0, 0.5f}};
+    const lazygrid::Spheres all(spheres);
+    CHECK(detector.count(all) == 2);
+    const lazygrid::Exclusions bonds(3, std::vector<lazygrid::Pair>{{2, 0}, {0, 2}});
+    const auto left = detector.pairs(all.with_exclusions(bonds));
+    CHECK(left.size() == 1 && left[0].i == 0 && left[0].j == 1);
+    const std::vector<std::uint32_t> molecules = {7, 7, lazygrid::no_group};
+    CHECK(detector.count(all.with_groups(molecules)) == 1);
+    CHECK(detector.count(all.with_groups(molecules).with_exclusions(bonds)) == 0);
+    CHECK(detector.count(all.with_exclusions(lazygrid::Exclusions::rows(detector.neighbors(all)))) == 0);
+    const auto across = lazygrid::Exclusions::between(3, 3, std::vector<lazygrid::Pair>{{0, 0}, {1, 1}, {0, 1}});
+    CHECK(detector.count_between(all.with_exclusions(across), all) == 4);
+    CHECK(throws<lazygrid::InputError>([&] { detector.count(all.with_exclusions(across)); }, "3"));
+    CHECK(throws<lazygrid::InputError>([&] { detector.between(all, all.with_exclusions(across)); }, "first set"));
+    CHECK(throws<lazygrid::InputError>([&] { lazygrid::Exclusions(2, std::vector<lazygrid::Pair>{{0, 2}}); }, "(0, 2)"));
+    CHECK(throws<lazygrid::InputError>([&] { all.with_groups(std::vector<std::uint32_t>{1}); }, "1 groups for 3"));
+    settings.periodic = {1, 0, 0};
+    CHECK(throws<lazygrid::Error>([&] { lazygrid::Detector refused(settings); }, "settings.edges"));
+}
+
 // A thread of its own for each detector, and a detector that wanders from thread to thread.
 void threads() {
     std::array<std::uint64_t, 4> found{};
@@ -224,6 +248,7 @@ int main() {
     species_and_boxes();
     two_sets();
     skins();
+    boxes_that_lean_and_what_is_left_out();
     threads();
     one_at_a_time();
     std::cout << passed << " passed, " << failed << " failed" << std::endl;

@@ -1,0 +1,145 @@
+use engine::{Exclusions, InputError, MAX_SPHERES, Pair};
+
+use crate::input::array;
+use crate::out::check;
+use crate::status::{Status, guarded, without_detector};
+use crate::{Failure, Out};
+
+/// `lazygrid_exclusions`: pairs that are never reported.
+#[derive(Debug)]
+pub struct List(pub Exclusions);
+
+/// Hands a list to C, in the place where it wants it.
+///
+/// # Safety
+/// By the header: `exclusions` is NULL or can be written to.
+unsafe fn create(
+    exclusions: *mut *mut List,
+    list: impl FnOnce() -> Result<Exclusions, Failure>,
+) -> Status {
+    without_detector(|| {
+        // SAFETY: this function's own condition.
+        let out = unsafe { Out::new(exclusions, "exclusions", std::ptr::null_mut()) }?;
+        out.put(Box::into_raw(Box::new(List(list()?))));
+        Ok(())
+    })
+}
+
+/// Whether so many spheres can be, so that no list of theirs is longer than lists can be.
+fn spheres(count: usize) -> Result<usize, Failure> {
+    match count as u64 > MAX_SPHERES || count > isize::MAX as usize / size_of::<u64>() - 1 {
+        true => Err(InputError::TooManySpheres { count: count as u64 }.into()),
+        false => Ok(count),
+    }
+}
+
+/// The pairs at `at`.
+///
+/// # Safety
+/// By the header: `at` is NULL or points to `count` pairs, which nobody changes for as long as the result is used.
+unsafe fn pairs<'a>(at: *const Pair, count: usize) -> Result<impl Iterator<Item = (u32, u32)> + 'a, Failure> {
+    if count > isize::MAX as usize / size_of::<Pair>() {
+        return Err(Failure::argument(format!("{count} pairs are more than memory can hold")));
+    }
+    // SAFETY: so many pairs by this function's condition, no larger than an `isize`, and any bits are one.
+    Ok(unsafe { array(at, count, "pairs") }?.iter().map(|pair| (pair.i, pair.j)))
+}
+
+/// A list of pairs of one set.
+///
+/// # Safety
+/// By the header: `pairs` is NULL or points to `count` pairs, `exclusions` is NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_exclusions_create(
+    count_of_spheres: usize,
+    pairs_at: *const Pair,
+    count: usize,
+    exclusions: *mut *mut List,
+) -> Status {
+    // SAFETY: this function's own condition, for both.
+    let list = || Ok(Exclusions::new(spheres(count_of_spheres)?, unsafe { pairs(pairs_at, count) }?)?);
+    // SAFETY: as above.
+    unsafe { create(exclusions, list) }
+}
+
+/// A list of pairs of one sphere of each of two sets.
+///
+/// # Safety
+/// As [`lazygrid_exclusions_create`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_exclusions_between(
+    first: usize,
+    second: usize,
+    pairs_at: *const Pair,
+    count: usize,
+    exclusions: *mut *mut List,
+) -> Status {
+    let list = || {
+        let (first, second) = (spheres(first)?, spheres(second)?);
+        // SAFETY: this function's own condition.
+        Ok(Exclusions::between(first, second, unsafe { pairs(pairs_at, count) }?)?)
+    };
+    // SAFETY: this function's own condition.
+    unsafe { create(exclusions, list) }
+}
+
+/// A list of the pairs of compressed rows.
+///
+/// # Safety
+/// By the header: `offsets` is NULL or points to one more value than there are spheres, `indices` is NULL or points to as
+/// many as the last of them says, `exclusions` is NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_exclusions_of_rows(
+    count_of_spheres: usize,
+    offsets: *const u64,
+    indices: *const u32,
+    exclusions: *mut *mut List,
+) -> Status {
+    let list = || {
+        // SAFETY: so many values by this function's condition, and no larger than an `isize`.
+        let offsets = unsafe { array(offsets, spheres(count_of_spheres)? + 1, "offsets") }?;
+        let starts: Vec<usize> =
+            offsets.iter().map(|&offset| usize::try_from(offset).unwrap_or(usize::MAX)).collect();
+        let count = starts.last().copied().unwrap_or(0);
+        if count > isize::MAX as usize / size_of::<u32>() {
+            return Err(Failure::argument(format!(
+                "the last of the offsets is {count}, more than memory can hold; it must be the number of indices"
+            )));
+        }
+        // SAFETY: so many values by this function's condition, and no larger than an `isize`.
+        Ok(Exclusions::from_rows(&starts, unsafe { array(indices, count, "indices") }?)?)
+    };
+    // SAFETY: this function's own condition.
+    unsafe { create(exclusions, list) }
+}
+
+/// Frees a list.
+///
+/// # Safety
+/// By the header: `exclusions` is NULL or a list that nobody uses from now on.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_exclusions_destroy(exclusions: *mut List) {
+    guarded(|| {
+        if !exclusions.is_null() {
+            // SAFETY: `create` made it by `Box::into_raw`, and it is given back once.
+            drop(unsafe { Box::from_raw(exclusions) });
+        }
+        0
+    });
+}
+
+/// The list at `exclusions`, if there is one.
+///
+/// # Errors
+/// Where it is not aligned.
+///
+/// # Safety
+/// By the header: `exclusions` is NULL or a list that is not destroyed for as long as the result lives.
+pub unsafe fn borrow<'a>(exclusions: *const List) -> Result<Option<&'a Exclusions>, Failure> {
+    if exclusions.is_null() {
+        return Ok(None);
+    }
+    check(exclusions, "exclusions")?;
+    // SAFETY: `create` made it, nobody changes it, and it lives by this function's condition.
+    Ok(Some(unsafe { &(*exclusions).0 }))
+}
