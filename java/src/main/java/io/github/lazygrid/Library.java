@@ -49,6 +49,15 @@ final class Library {
 
         static native void lazygrid_interactions_destroy(long interactions);
 
+        static native int lazygrid_exclusions_create(long spheres, long pairs, long count, long exclusions);
+
+        static native int lazygrid_exclusions_between(
+            long first, long second, long pairs, long count, long exclusions);
+
+        static native int lazygrid_exclusions_of_rows(long spheres, long offsets, long indices, long exclusions);
+
+        static native void lazygrid_exclusions_destroy(long exclusions);
+
         static native int lazygrid_create(long settings, long detector);
 
         static native int lazygrid_destroy(long detector);
@@ -129,6 +138,22 @@ final class Library {
 
     static void interactionsDestroy(long interactions) {
         Functions.lazygrid_interactions_destroy(interactions);
+    }
+
+    static int exclusionsCreate(long spheres, long pairs, long count, long exclusions) {
+        return Functions.lazygrid_exclusions_create(spheres, pairs, count, exclusions);
+    }
+
+    static int exclusionsBetween(long first, long second, long pairs, long count, long exclusions) {
+        return Functions.lazygrid_exclusions_between(first, second, pairs, count, exclusions);
+    }
+
+    static int exclusionsOfRows(long spheres, long offsets, long indices, long exclusions) {
+        return Functions.lazygrid_exclusions_of_rows(spheres, offsets, indices, exclusions);
+    }
+
+    static void exclusionsDestroy(long exclusions) {
+        Functions.lazygrid_exclusions_destroy(exclusions);
     }
 
     static int create(long settings, long detector) {

@@ -7,7 +7,7 @@ import java.nio.charset.StandardCharsets;
 
 /** Settings as {@code lazygrid_settings} on 64-bit machines. */
 final class NativeSettings implements AutoCloseable {
-    private static final int SIZE = 72;
+    private static final int SIZE = 80;
     private static final int BACKEND = 8;
     private static final int ALGORITHM = 12;
     private static final int ORDER = 16;
@@ -19,9 +19,11 @@ final class NativeSettings implements AutoCloseable {
     private static final int INTERACTIONS = 56;
     private static final int SKIN = 64;
     private static final int SKIN_DISTANCE = 68;
+    private static final int EDGES = 72;
 
     private final ByteBuffer structure = direct(SIZE);
     private final ByteBuffer adapter;
+    private final ByteBuffer edges;
     private final long interactions;
 
     /** Throws {@link LazygridException} for a table that is refused. */
@@ -38,6 +40,11 @@ final class NativeSettings implements AutoCloseable {
         structure.putInt(TIMEOUT, settings.timeoutSeconds);
         structure.putInt(SKIN, settings.skin.kind().ordinal());
         structure.putFloat(SKIN_DISTANCE, settings.skin.distance());
+        edges = settings.edges == null ? null : direct(9 * Float.BYTES);
+        if (edges != null) {
+            for (int k = 0; k < 9; k++) edges.putFloat(Float.BYTES * k, settings.edges[k / 3][k % 3]);
+            structure.putLong(EDGES, Library.address(edges, 1));
+        }
         adapter = settings.adapter == null ? null : text(settings.adapter);
         if (adapter != null) structure.putLong(ADAPTER, Library.address(adapter, 1));
         interactions = settings.interactions == null ? 0 : table(settings.interactions);
@@ -53,6 +60,7 @@ final class NativeSettings implements AutoCloseable {
     public void close() {
         if (interactions != 0) Library.interactionsDestroy(interactions);
         Reference.reachabilityFence(adapter);
+        Reference.reachabilityFence(edges);
         Reference.reachabilityFence(structure);
     }
 

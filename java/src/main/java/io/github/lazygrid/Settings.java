@@ -10,6 +10,7 @@ public final class Settings {
     int threads;
     long maxPairs;
     float[] periodic = new float[3];
+    float[][] edges;
     int timeoutSeconds;
     String adapter;
     Interactions interactions;
@@ -85,6 +86,28 @@ public final class Settings {
      */
     public Settings periodic(float x, float y, float z) {
         this.periodic = new float[] {x, y, z};
+        return this;
+    }
+
+    /**
+     * Up to three edges of any direction along which space repeats, as those of a triclinic cell, in place of
+     * {@link #periodic}. Each has x, y and z, in the length unit of the spheres.
+     *
+     * @param a one edge; null: none
+     * @param b another; null: none
+     * @param c another; null: none
+     * @return these settings
+     * @throws IllegalArgumentException for an edge that has not three components
+     */
+    public Settings edges(float[] a, float[] b, float[] c) {
+        float[][] given = {a, b, c};
+        for (int k = 0; k < 3; k++) {
+            given[k] = given[k] == null ? new float[3] : given[k].clone();
+            if (given[k].length != 3) {
+                throw new IllegalArgumentException("an edge has " + given[k].length + " components; give x, y and z");
+            }
+        }
+        this.edges = given;
         return this;
     }
 

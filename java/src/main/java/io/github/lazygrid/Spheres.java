@@ -17,24 +17,35 @@ import java.util.List;
  * <p>Lengths are in one unit, the caller's. A radius of 0 is a point.
  */
 public final class Spheres {
+    /** The group of spheres that are in none. */
+    public static final int NO_GROUP = -1;
+
     /** Size of {@code lazygrid_spheres} on 64-bit machines. */
-    private static final int SIZE = 56;
+    private static final int SIZE = 72;
     private static final int SPECIES = 48;
+    private static final int GROUPS = 56;
+    private static final int EXCLUSIONS = 64;
 
     private final int count;
-    /** The buffers, so that they live as long as their addresses are known. */
-    private final List<Buffer> buffers;
+    /** Buffers and lists, so that they live as long as their addresses are known. */
+    private final List<Object> kept;
     private final ByteBuffer structure = ByteBuffer.allocateDirect(SIZE).order(ByteOrder.nativeOrder());
 
-    private Spheres(int count, int first, List<FloatBuffer> values, IntBuffer species) {
+    private Spheres(int count, int first, List<FloatBuffer> values) {
         this.count = count;
         structure.putLong(0, count);
         for (int k = 0; k < values.size(); k++) {
             structure.putLong(8 * (first + k), Library.address(values.get(k), Float.BYTES));
         }
-        if (species != null) structure.putLong(SPECIES, Library.address(species, Integer.BYTES));
-        buffers = new ArrayList<>(values);
-        if (species != null) buffers.add(species);
+        kept = List.copyOf(values);
+    }
+
+    /** The same spheres with something else in one place of the structure. */
+    private Spheres(Spheres same, int place, long address, Object owner) {
+        count = same.count;
+        structure.put(0, same.structure, 0, SIZE).putLong(place, address);
+        kept = new ArrayList<>(same.kept);
+        kept.add(owner);
     }
 
     /**
@@ -49,7 +60,7 @@ public final class Spheres {
         if (rows.remaining() % 4 != 0) {
             throw new IllegalArgumentException("rows have " + rows.remaining() + " values; give 4 for each sphere");
         }
-        return new Spheres(rows.remaining() / 4, 1, List.of(rows.duplicate()), null);
+        return new Spheres(rows.remaining() / 4, 1, List.of(rows.duplicate()));
     }
 
     /**
@@ -69,7 +80,7 @@ public final class Spheres {
             check(columns.get(k), name);
             sameLength(name, columns.get(k).remaining(), x.remaining());
         }
-        return new Spheres(x.remaining(), 2, columns, null);
+        return new Spheres(x.remaining(), 2, columns);
     }
 
     /**
@@ -80,11 +91,37 @@ public final class Spheres {
      * @throws IllegalArgumentException for another kind of buffer, or another number of ids
      */
     public Spheres withSpecies(IntBuffer species) {
-        check(species, "species");
-        sameLength("species", species.remaining(), count);
-        List<FloatBuffer> values =
-            buffers.stream().filter(FloatBuffer.class::isInstance).map(FloatBuffer.class::cast).toList();
-        return new Spheres(count, values.size() == 1 ? 1 : 2, values, species.duplicate());
+        return withOneEach(species, SPECIES, "species");
+    }
+
+    /**
+     * The same spheres with a group each, as a molecule or a rigid body: two spheres of one group are never a pair, but
+     * for those of {@link #NO_GROUP}. Between two sets groups of both are the same where their numbers are.
+     *
+     * @param groups a number for each sphere, of which all 32 bits count; direct, in native order
+     * @return the spheres, in the same buffers
+     * @throws IllegalArgumentException for another kind of buffer, or another number of groups
+     */
+    public Spheres withGroups(IntBuffer groups) {
+        return withOneEach(groups, GROUPS, "groups");
+    }
+
+    /**
+     * The same spheres, of which some pairs are never reported. Between two sets they come with the first one, and are
+     * made by {@link Exclusions#between}.
+     *
+     * @param exclusions these pairs; a list for another number of spheres is refused by the search
+     * @return the spheres, in the same buffers
+     */
+    public Spheres withExclusions(Exclusions exclusions) {
+        return new Spheres(this, EXCLUSIONS, exclusions.address(), exclusions);
+    }
+
+    private Spheres withOneEach(IntBuffer values, int place, String name) {
+        check(values, name);
+        sameLength(name, values.remaining(), count);
+        IntBuffer own = values.duplicate();
+        return new Spheres(this, place, Library.address(own, Integer.BYTES), own);
     }
 
     /**
@@ -98,7 +135,7 @@ public final class Spheres {
     }
 
     /**
-     * A direct buffer as {@link #withSpecies} takes them.
+     * A direct buffer as {@link #withSpecies} and {@link #withGroups} take them.
      *
      * @param length how many values it has
      * @return the buffer, all zeros
@@ -121,10 +158,10 @@ public final class Spheres {
         return Library.address(structure, 1);
     }
 
-    /** Called behind each use of the address, so that no buffer is freed before. */
+    /** Called behind each use of the address, so that nothing is freed before that it names. */
     void keep() {
         Reference.reachabilityFence(structure);
-        Reference.reachabilityFence(buffers);
+        Reference.reachabilityFence(kept);
     }
 
     private static ByteBuffer direct(int length) {
@@ -135,7 +172,7 @@ public final class Spheres {
         return ByteBuffer.allocateDirect((int) bytes).order(ByteOrder.nativeOrder());
     }
 
-    private static void check(Buffer buffer, String name) {
+    static void check(Buffer buffer, String name) {
         ByteOrder order = buffer instanceof FloatBuffer floats ? floats.order() : ((IntBuffer) buffer).order();
         if (!buffer.isDirect() || order != ByteOrder.nativeOrder()) {
             throw new IllegalArgumentException(

@@ -38,6 +38,13 @@ final class Library {
     private static final MethodHandle INTERACTIONS_SET =
         function("interactions_set", JAVA_INT, JAVA_LONG, JAVA_INT, JAVA_INT, JAVA_INT, JAVA_FLOAT);
     private static final MethodHandle INTERACTIONS_DESTROY = function("interactions_destroy", null, JAVA_LONG);
+    private static final MethodHandle EXCLUSIONS_CREATE =
+        function("exclusions_create", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle EXCLUSIONS_BETWEEN =
+        function("exclusions_between", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle EXCLUSIONS_OF_ROWS =
+        function("exclusions_of_rows", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle EXCLUSIONS_DESTROY = function("exclusions_destroy", null, JAVA_LONG);
     private static final MethodHandle CREATE = function("create", JAVA_INT, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle DESTROY = function("destroy", JAVA_INT, JAVA_LONG);
     private static final MethodHandle PAIRS =
@@ -155,6 +162,38 @@ final class Library {
     static void interactionsDestroy(long interactions) {
         try {
             INTERACTIONS_DESTROY.invokeExact(interactions);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int exclusionsCreate(long spheres, long pairs, long count, long exclusions) {
+        try {
+            return (int) EXCLUSIONS_CREATE.invokeExact(spheres, pairs, count, exclusions);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int exclusionsBetween(long first, long second, long pairs, long count, long exclusions) {
+        try {
+            return (int) EXCLUSIONS_BETWEEN.invokeExact(first, second, pairs, count, exclusions);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int exclusionsOfRows(long spheres, long offsets, long indices, long exclusions) {
+        try {
+            return (int) EXCLUSIONS_OF_ROWS.invokeExact(spheres, offsets, indices, exclusions);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static void exclusionsDestroy(long exclusions) {
+        try {
+            EXCLUSIONS_DESTROY.invokeExact(exclusions);
         } catch (Throwable thrown) {
             throw fault(thrown);
         }

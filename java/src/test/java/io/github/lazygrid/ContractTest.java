@@ -254,6 +254,7 @@ public final class ContractTest {
         errors();
         speciesAndBoxes();
         SetsAndSkins.run();
+        BoxesAndExclusions.run();
         threads();
         System.out.println(passed + " passed, " + failed + " failed");
         System.exit(failed == 0 ? 0 : 1);

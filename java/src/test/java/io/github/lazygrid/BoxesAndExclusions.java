@@ -1,0 +1,197 @@
+package io.github.lazygrid;
+
+import static io.github.lazygrid.ContractTest.check;
+import static io.github.lazygrid.ContractTest.failing;
+import static io.github.lazygrid.ContractTest.onCpu;
+import static io.github.lazygrid.ContractTest.throwing;
+
+import java.nio.ByteBuffer;
+import java.nio.ByteOrder;
+import java.nio.FloatBuffer;
+import java.nio.IntBuffer;
+import java.nio.LongBuffer;
+import java.util.ArrayList;
+import java.util.Arrays;
+import java.util.List;
+import java.util.Random;
+
+/** Boxes that lean, groups and excluded pairs, against the plain loop. */
+final class BoxesAndExclusions {
+    private static final float[][] LEANING = {{4, 0, 0}, {3, 4, 0}, {-1, 2.5f, 5}};
+    private static final int COUNT = 120;
+    private static final int SPLIT = 50;
+
+    private BoxesAndExclusions() {}
+
+    static void run() {
+        leaning();
+        omitted();
+        twoSets();
+        collected();
+        refused();
+    }
+
+    /** Whole thirty-seconds, so that the plain loop is exact. */
+    private static FloatBuffer scene(int seed) {
+        Random random = new Random(seed);
+        FloatBuffer rows = Spheres.floats(4 * COUNT);
+        for (int k = 0; k < 4 * COUNT; k++) rows.put(k, random.nextInt(k % 4 == 3 ? 24 : 128) / 32f);
+        return rows;
+    }
+
+    /** Whether any images touch that are up to four edges away. */
+    private static boolean touch(FloatBuffer rows, int i, int j, float[][] edges) {
+        double reach = (double) rows.get(4 * i + 3) + rows.get(4 * j + 3);
+        int far = edges == null ? 0 : 4;
+        for (int x = -far; x <= far; x++) {
+            for (int y = -far; y <= far; y++) {
+                for (int z = -far; z <= far; z++) {
+                    double squared = 0;
+                    for (int axis = 0; axis < 3; axis++) {
+                        double d = (double) rows.get(4 * i + axis) - rows.get(4 * j + axis);
+                        if (edges != null) d += x * edges[0][axis] + y * edges[1][axis] + z * edges[2][axis];
+                        squared += d * d;
+                    }
+                    if (squared <= reach * reach) return true;
+                }
+            }
+        }
+        return false;
+    }
+
+    private static List<int[]> plainLoop(FloatBuffer rows, float[][] edges) {
+        List<int[]> pairs = new ArrayList<>();
+        for (int i = 0; i < COUNT; i++) {
+            for (int j = i + 1; j < COUNT; j++) if (touch(rows, i, j, edges)) pairs.add(new int[] {i, j});
+        }
+        return pairs;
+    }
+
+    private static int[] flat(List<int[]> pairs) {
+        return pairs.stream().flatMapToInt(Arrays::stream).toArray();
+    }
+
+    /** All kinds of results. */
+    private static void same(Detector detector, Spheres spheres, List<int[]> expected, String what) {
+        check(Arrays.equals(detector.pairsCopied(spheres), flat(expected)), what + ": pairs");
+        check(detector.count(spheres) == expected.size(), what + ": count");
+        check(detector.neighbors(spheres).indices().remaining() == 2 * expected.size(), what + ": lists");
+        check(detector.stream(spheres, 8, pairs -> true) == expected.size(), what + ": stream");
+    }
+
+    private static void leaning() {
+        FloatBuffer rows = scene(1);
+        for (int repeating = 1; repeating <= 3; repeating++) {
+            float[][] edges = new float[3][3];
+            for (int k = 0; k < repeating; k++) edges[k] = LEANING[k];
+            List<int[]> expected = plainLoop(rows, edges);
+            for (Algorithm algorithm : new Algorithm[] {Algorithm.AUTO, Algorithm.NAIVE, Algorithm.ARRAY_GRID}) {
+                Settings settings = onCpu().algorithm(algorithm);
+                settings.edges(edges[0], repeating > 1 ? edges[1] : null, repeating > 2 ? edges[2] : null);
+                try (Detector detector = new Detector(settings)) {
+                    same(detector, Spheres.rows(rows), expected, repeating + " edges, " + algorithm);
+                }
+            }
+        }
+    }
+
+    private static void omitted() {
+        for (float[][] edges : new float[][][] {null, LEANING}) {
+            FloatBuffer rows = scene(2);
+            List<int[]> all = plainLoop(rows, edges), apart = new ArrayList<>(), rest = new ArrayList<>();
+            IntBuffer groups = Spheres.ints(COUNT);
+            for (int k = 0; k < COUNT; k++) groups.put(k, k % 5 == 4 ? Spheres.NO_GROUP : k % 5);
+            List<int[]> listed = new ArrayList<>();
+            for (int[] pair : all) {
+                boolean together = groups.get(pair[0]) == groups.get(pair[1]) && groups.get(pair[0]) >= 0;
+                if (!together) apart.add(pair);
+                if (listed.size() * 3 < all.size()) {
+                    listed.add(listed.size() % 2 == 0 ? pair : new int[] {pair[1], pair[0]});
+                } else if (!together) {
+                    rest.add(pair);
+                }
+            }
+            check(!rest.isEmpty() && rest.size() < apart.size() && apart.size() < all.size(), "some of each");
+            Settings settings = edges == null ? onCpu() : onCpu().edges(edges[0], edges[1], edges[2]);
+            try (Detector detector = new Detector(settings)) {
+                Spheres spheres = Spheres.rows(rows), grouped = spheres.withGroups(groups);
+                same(detector, grouped, apart, "groups");
+                Exclusions exclusions = Exclusions.of(COUNT, flat(listed));
+                same(detector, grouped.withExclusions(exclusions), rest, "groups and pairs");
+                same(detector, spheres.withExclusions(exclusions).withGroups(groups), rest, "pairs and groups");
+                Neighbors lists = detector.neighbors(spheres);
+                Exclusions every = Exclusions.rows(lists.offsets(), lists.indices());
+                same(detector, spheres.withExclusions(every), List.of(), "all that touch");
+                same(detector, spheres, all, "as before");
+            }
+        }
+    }
+
+    private static void twoSets() {
+        FloatBuffer rows = scene(3);
+        IntBuffer groups = Spheres.ints(COUNT);
+        for (int k = 0; k < COUNT; k++) groups.put(k, k % 4 == 3 ? Spheres.NO_GROUP : k % 4);
+        List<int[]> expected = new ArrayList<>(), listed = new ArrayList<>();
+        for (int i = 0; i < SPLIT; i++) {
+            for (int j = SPLIT; j < COUNT; j++) {
+                if (!touch(rows, i, j, LEANING)) continue;
+                boolean together = groups.get(i) == groups.get(j) && groups.get(i) >= 0;
+                if ((i + j) % 4 == 0) {
+                    listed.add(new int[] {i, j - SPLIT});
+                } else if (!together) {
+                    expected.add(new int[] {i, j - SPLIT});
+                }
+            }
+        }
+        check(!expected.isEmpty() && !listed.isEmpty(), "some of each");
+        Spheres a = Spheres.rows(rows.duplicate().limit(4 * SPLIT)).withGroups(groups.duplicate().limit(SPLIT));
+        Spheres b = Spheres.rows(rows.duplicate().position(4 * SPLIT)).withGroups(groups.duplicate().position(SPLIT));
+        Exclusions exclusions = Exclusions.between(SPLIT, COUNT - SPLIT, flat(listed));
+        try (Detector detector = new Detector(onCpu().edges(LEANING[0], LEANING[1], LEANING[2]))) {
+            IntBuffer found = detector.between(a.withExclusions(exclusions), b);
+            int[] copy = new int[found.remaining()];
+            found.get(copy);
+            check(Arrays.equals(copy, flat(expected)), "between");
+            Exclusions ofOne = Exclusions.of(COUNT - SPLIT);
+            failing(Status.INPUT, "with the first set", () -> detector.countBetween(a, b.withExclusions(ofOne)));
+            failing(Status.INPUT, "", () -> detector.count(a.withExclusions(exclusions)));
+        }
+    }
+
+    /** A list lives as long as spheres name it. */
+    private static void collected() {
+        FloatBuffer rows = scene(4);
+        List<int[]> all = plainLoop(rows, null);
+        Spheres spheres = Spheres.rows(rows).withExclusions(Exclusions.of(COUNT, flat(all)));
+        try (Detector detector = new Detector(onCpu())) {
+            for (int turn = 0; turn < 5; turn++) {
+                for (int k = 0; k < 100; k++) Exclusions.of(COUNT, flat(all));
+                System.gc();
+                check(detector.count(spheres) == 0, "kept, turn " + turn);
+            }
+        }
+    }
+
+    private static void refused() {
+        failing(Status.INPUT, "(1, 7)", () -> Exclusions.of(7, 0, 1, 1, 7));
+        failing(Status.INPUT, "", () -> Exclusions.between(2, 1, 1, 1));
+        failing(Status.INPUT, "(4, 0, 0)", () -> new Detector(
+            onCpu().edges(new float[] {4, 0, 0}, new float[] {8, 0, 0}, null)).close());
+        failing(Status.ARGUMENT, "settings.edges", () -> new Detector(
+            onCpu().periodic(1, 0, 0).edges(new float[] {4, 0, 0}, null, null)).close());
+        throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.of(7, 0), "odd");
+        throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.of(-1), "negative");
+        throwing(IllegalArgumentException.class, e -> true, () -> onCpu().edges(new float[2], null, null), "edge");
+        Spheres spheres = Spheres.rows(scene(5));
+        throwing(IllegalArgumentException.class, e -> e.getMessage().contains("groups has 2"),
+            () -> spheres.withGroups(Spheres.ints(2)), "groups");
+        throwing(IllegalArgumentException.class, e -> true,
+            () -> Exclusions.rows(LongBuffer.allocate(1), Spheres.ints(0)), "heap");
+        IntBuffer two = Spheres.ints(2);
+        LongBuffer offsets =
+            ByteBuffer.allocateDirect(24).order(ByteOrder.nativeOrder()).asLongBuffer();
+        throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.rows(offsets, two), "last offset");
+        offsets.put(1, 5).put(2, 2);
+        failing(Status.INPUT, "", () -> Exclusions.rows(offsets, two));
+    }
+}
