@@ -13,10 +13,7 @@ pub struct List(pub Exclusions);
 ///
 /// # Safety
 /// By the header: `exclusions` is NULL or can be written to.
-unsafe fn create(
-    exclusions: *mut *mut List,
-    list: impl FnOnce() -> Result<Exclusions, Failure>,
-) -> Status {
+unsafe fn create(exclusions: *mut *mut List, list: impl FnOnce() -> Result<Exclusions, Failure>) -> Status {
     without_detector(|| {
         // SAFETY: this function's own condition.
         let out = unsafe { Out::new(exclusions, "exclusions", std::ptr::null_mut()) }?;

@@ -187,7 +187,8 @@ fn the_header_declares_what_the_library_has() {
 #[test]
 fn nothing_in_the_header_is_left_out() {
     let functions: BTreeSet<&str> = declarations().iter().map(|(name, _)| *name).collect();
-    let types = ["status", "detector", "interactions", "exclusions", "pair", "settings", "spheres", "consume"];
+    let types =
+        ["status", "detector", "interactions", "exclusions", "pair", "settings", "spheres", "consume"];
     let inline = ["spheres_of_rows", "spheres_of_columns"];
     let others: BTreeSet<String> =
         types.iter().chain(&inline).map(|name| format!("lazygrid_{name}")).collect();

@@ -1,5 +1,7 @@
 //! NumPy arrays: those that are given, read where they lie, and those that are returned.
 
+use std::sync::Arc;
+
 use bytemuck::NoUninit;
 use lazygrid::{InputError, Pair, Spheres};
 use numpy::ndarray::{Dimension, Ix1, Ix2};
@@ -13,11 +15,22 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyModule, PyTuple};
 
 use crate::error;
+use crate::exclusions::Exclusions;
+
+/// What is said of spheres besides where they are.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Said<'a, 'py> {
+    pub(crate) species: Option<&'a Bound<'py, PyAny>>,
+    pub(crate) groups: Option<&'a Bound<'py, PyAny>>,
+    pub(crate) exclusions: Option<&'a Bound<'py, Exclusions>>,
+}
 
 /// The spheres of a call, borrowed from the arrays that were given.
 pub(crate) struct Given<'py> {
     spheres: Layout<'py>,
     species: Option<PyReadonlyArray1<'py, u32>>,
+    groups: Option<PyReadonlyArray1<'py, u32>>,
+    exclusions: Option<Arc<lazygrid::Exclusions>>,
 }
 
 enum Layout<'py> {
@@ -26,17 +39,13 @@ enum Layout<'py> {
 }
 
 impl<'py> Given<'py> {
-    /// Rows of shape `(n, 4)`, or a tuple of four columns; and a species id for each, or none.
+    /// Rows of shape `(n, 4)`, or a tuple of four columns; and what is said of each.
     ///
     /// # Errors
     /// `TypeError` for values that would have to be rounded where `cast` does not say so; `InputError` for another
     /// shape.
-    pub(crate) fn new(
-        spheres: &Bound<'py, PyAny>,
-        species: Option<&Bound<'py, PyAny>>,
-        cast: bool,
-    ) -> PyResult<Self> {
-        Self::named(spheres, species, cast, ["spheres", "x", "y", "z", "r", "species"])
+    pub(crate) fn new(spheres: &Bound<'py, PyAny>, said: Said<'_, 'py>, cast: bool) -> PyResult<Self> {
+        Self::named(spheres, said, cast, ["spheres", "x", "y", "z", "r", "species", "groups"])
     }
 
     /// The first of two sets, and the second, as [`new`](Self::new); messages name the set.
@@ -44,20 +53,20 @@ impl<'py> Given<'py> {
     /// # Errors
     /// As [`new`](Self::new).
     pub(crate) fn two(
-        [a, b]: [&Bound<'py, PyAny>; 2],
-        [species_a, species_b]: [Option<&Bound<'py, PyAny>>; 2],
+        [given_a, given_b]: [&Bound<'py, PyAny>; 2],
+        [of_a, of_b]: [Said<'_, 'py>; 2],
         cast: bool,
     ) -> PyResult<[Self; 2]> {
-        let a = Self::named(a, species_a, cast, ["a", "a[0]", "a[1]", "a[2]", "a[3]", "species_a"])?;
-        let b = Self::named(b, species_b, cast, ["b", "b[0]", "b[1]", "b[2]", "b[3]", "species_b"])?;
-        Ok([a, b])
+        let a = ["a", "a[0]", "a[1]", "a[2]", "a[3]", "species_a", "groups_a"];
+        let b = ["b", "b[0]", "b[1]", "b[2]", "b[3]", "species_b", "groups_b"];
+        Ok([Self::named(given_a, of_a, cast, a)?, Self::named(given_b, of_b, cast, b)?])
     }
 
     fn named(
         spheres: &Bound<'py, PyAny>,
-        species: Option<&Bound<'py, PyAny>>,
+        said: Said<'_, 'py>,
         cast: bool,
-        [all, x, y, z, r, ids]: [&str; 6],
+        [all, x, y, z, r, ids, groups]: [&str; 7],
     ) -> PyResult<Self> {
         let layout = match spheres.cast::<PyTuple>() {
             Ok(columns) if columns.len() == 4 => {
@@ -77,8 +86,15 @@ impl<'py> Given<'py> {
                 Layout::Rows(rows)
             }
         };
-        let species = species.map(|given| whole(given, ids)).transpose()?;
-        Ok(Self { spheres: layout, species })
+        let species = said.species.map(|given| whole(given, ids)).transpose()?;
+        let groups = said.groups.map(|given| whole(given, groups)).transpose()?;
+        let exclusions = said.exclusions.map(|given| given.get().list());
+        Ok(Self { spheres: layout, species, groups, exclusions })
+    }
+
+    /// The pairs that are left out, for as long as they are needed.
+    pub(crate) fn exclusions(&self) -> Option<Arc<lazygrid::Exclusions>> {
+        self.exclusions.clone()
     }
 
     /// The spheres where they lie.
@@ -104,13 +120,15 @@ impl<'py> Given<'py> {
                 Spheres::columns(x.as_slice()?, y.as_slice()?, z.as_slice()?, r.as_slice()?)
             }
         };
-        Ok(match &self.species {
-            None => spheres,
-            Some(ids) => {
-                let ids = ids.as_slice()?;
-                spheres.and_then(|spheres| spheres.with_species(ids))
-            }
-        })
+        let species = self.species.as_ref().map(|ids| ids.as_slice()).transpose()?;
+        let groups = self.groups.as_ref().map(|ids| ids.as_slice()).transpose()?;
+        let labelled = || {
+            let spheres = spheres?;
+            let spheres = species.map_or(Ok(spheres), |ids| spheres.with_species(ids))?;
+            let spheres = groups.map_or(Ok(spheres), |ids| spheres.with_groups(ids))?;
+            self.exclusions.as_deref().map_or(Ok(spheres), |pairs| spheres.with_exclusions(pairs))
+        };
+        Ok(labelled())
     }
 }
 
@@ -132,14 +150,47 @@ fn floats<'py, D: Dimension>(
 }
 
 /// An array of `u32` in one piece: the one that is given if it is such, else a copy.
-fn whole<'py>(given: &Bound<'py, PyAny>, what: &str) -> PyResult<PyReadonlyArray1<'py, u32>> {
-    if let Ok(array) = given.cast::<PyArray1<u32>>()
+///
+/// # Errors
+/// `TypeError` for what are no whole numbers; `InputError` for those that do not fit, and for another shape.
+pub(crate) fn whole<'py>(given: &Bound<'py, PyAny>, what: &str) -> PyResult<PyReadonlyArray1<'py, u32>> {
+    of_type(given, what, "whole")
+}
+
+/// The same of shape `(m, 2)`.
+///
+/// # Errors
+/// As [`whole`].
+pub(crate) fn whole_pairs<'py>(
+    given: &Bound<'py, PyAny>,
+    what: &str,
+) -> PyResult<PyReadonlyArray2<'py, u32>> {
+    // The package looks at the shape.
+    let checked = of_package(given.py())?.call_method1(intern!(given.py(), "pairs"), (given, what))?;
+    readable(checked.cast::<PyArray2<u32>>()?, what)
+}
+
+/// An array of `u64` in one piece: the one that is given if it is such, else a copy.
+///
+/// # Errors
+/// As [`whole`].
+pub(crate) fn offsets<'py>(given: &Bound<'py, PyAny>, what: &str) -> PyResult<PyReadonlyArray1<'py, u64>> {
+    of_type(given, what, "offsets")
+}
+
+/// An array of one type, in one piece; `copy` is the function of the package that makes one.
+fn of_type<'py, T: Element>(
+    given: &Bound<'py, PyAny>,
+    what: &str,
+    copy: &str,
+) -> PyResult<PyReadonlyArray1<'py, T>> {
+    if let Ok(array) = given.cast::<PyArray1<T>>()
         && in_one_piece(array)
     {
         return readable(array, what);
     }
-    let copied = of_package(given.py())?.call_method1(intern!(given.py(), "whole"), (given, what))?;
-    readable(copied.cast::<PyArray1<u32>>()?, what)
+    let copied = of_package(given.py())?.call_method1(copy, (given, what))?;
+    readable(copied.cast::<PyArray1<T>>()?, what)
 }
 
 /// Whether an array can be read as a slice.

@@ -5,12 +5,13 @@
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
-use lazygrid::{Error, Pair, Sphere, Spheres};
+use lazygrid::{Error, Exclusions, Pair, Sphere, Spheres};
 use pyo3::prelude::*;
 
+use crate::arrays::Given;
 use crate::call::GLANCE;
 use crate::engines::{Lease, Stopper};
 use crate::{arrays, error};
@@ -34,12 +35,13 @@ impl Chunks {
     /// Begins the search, of one set or between two.
     pub(crate) fn start(
         lease: Lease,
-        spheres: Spheres<'_>,
-        second: Option<Spheres<'_>>,
+        given: &Given<'_>,
+        second: Option<&Given<'_>>,
         chunk: usize,
     ) -> PyResult<Self> {
-        let copied = Copied::new(spheres).map_err(error::engine)?;
-        let second = second.map(Copied::new).transpose().map_err(error::engine)?;
+        let copied = Copied::new(given.spheres()?, given.exclusions()).map_err(error::engine)?;
+        let copy = |given: &Given<'_>| Copied::new(given.second()?, None).map_err(error::engine);
+        let second = second.map(copy).transpose()?;
         lease.keep_report();
         let stopper = lease.stopper();
         let (to, chunks) = sync_channel(AHEAD);
@@ -116,26 +118,32 @@ impl Drop for Chunks {
 struct Copied {
     rows: Vec<Sphere>,
     species: Option<Vec<u32>>,
+    groups: Option<Vec<u32>>,
+    exclusions: Option<Arc<Exclusions>>,
 }
 
 impl Copied {
-    fn new(spheres: Spheres<'_>) -> Result<Self, Error> {
+    fn new(spheres: Spheres<'_>, exclusions: Option<Arc<Exclusions>>) -> Result<Self, Error> {
         let mut rows = room(spheres.len(), "copied spheres")?;
         match spheres.as_rows() {
             Some(given) => rows.extend_from_slice(given),
             None => rows.extend(spheres.iter()),
         }
-        let species = spheres.species().map(|ids| {
-            let mut copied = room(ids.len(), "copied species")?;
+        let copy = |ids: &[u32]| {
+            let mut copied = room(ids.len(), "copied species and groups")?;
             copied.extend_from_slice(ids);
             Ok::<_, Error>(copied)
-        });
-        Ok(Self { rows, species: species.transpose()? })
+        };
+        let species = spheres.species().map(copy).transpose()?;
+        let groups = spheres.groups().map(copy).transpose()?;
+        Ok(Self { rows, species, groups, exclusions })
     }
 
     fn spheres(&self) -> Result<Spheres<'_>, Error> {
-        let rows = Spheres::from(&self.rows);
-        Ok(self.species.as_ref().map_or(Ok(rows), |ids| rows.with_species(ids))?)
+        let spheres = Spheres::from(&self.rows);
+        let spheres = self.species.as_ref().map_or(Ok(spheres), |ids| spheres.with_species(ids))?;
+        let spheres = self.groups.as_ref().map_or(Ok(spheres), |ids| spheres.with_groups(ids))?;
+        Ok(self.exclusions.as_ref().map_or(Ok(spheres), |pairs| spheres.with_exclusions(pairs))?)
     }
 }
 

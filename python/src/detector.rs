@@ -5,10 +5,11 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{self, Given};
+use crate::arrays::{self, Given, Said};
 use crate::call::call;
 use crate::chunks::Chunks;
 use crate::engines::Engines;
+use crate::exclusions::Exclusions;
 use crate::interactions::Interactions;
 use crate::settings::Settings;
 use crate::{error, report};
@@ -107,6 +108,11 @@ impl Detector {
     ///     Where the detector has interactions: a species id per sphere, uint32 of shape ``(n,)``.
     /// out
     ///     Where to write the pairs: uint32 in one piece, of shape ``(k, 2)``, with room for all of them.
+    /// groups
+    ///     A number per sphere, uint32 of shape ``(n,)``, such as that of its molecule: two spheres of one group are
+    ///     never a pair, but for those of ``lazygrid.NO_GROUP``.
+    /// exclusions
+    ///     Pairs that are never reported, such as bonds.
     /// cast
     ///     Whether values of another type may be rounded to float32.
     ///
@@ -128,16 +134,19 @@ impl Detector {
     ///     Where memory is refused.
     /// KeyboardInterrupt
     ///     After Ctrl-C.
-    #[pyo3(signature = (spheres, species=None, out=None, *, cast=false))]
+    #[pyo3(signature = (spheres, species=None, out=None, *, groups=None, exclusions=None, cast=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn pairs<'py>(
         &self,
         spheres: &Bound<'py, PyAny>,
         species: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
+        groups: Option<&Bound<'py, PyAny>>,
+        exclusions: Option<&Bound<'py, Exclusions>>,
         cast: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = spheres.py();
-        let given = Given::new(spheres, species, cast)?;
+        let given = Given::new(spheres, Said { species, groups, exclusions }, cast)?;
         let spheres = given.spheres()?;
         let mut lease = self.engines.lease()?;
         let (detector, stop) = lease.parts();
@@ -158,15 +167,17 @@ impl Detector {
     /// ------
     /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
     ///     As :meth:`pairs`.
-    #[pyo3(signature = (spheres, species=None, *, cast=false))]
+    #[pyo3(signature = (spheres, species=None, *, groups=None, exclusions=None, cast=false))]
     fn neighbors<'py>(
         &self,
         spheres: &Bound<'py, PyAny>,
         species: Option<&Bound<'py, PyAny>>,
+        groups: Option<&Bound<'py, PyAny>>,
+        exclusions: Option<&Bound<'py, Exclusions>>,
         cast: bool,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let py = spheres.py();
-        let given = Given::new(spheres, species, cast)?;
+        let given = Given::new(spheres, Said { species, groups, exclusions }, cast)?;
         let spheres = given.spheres()?;
         let mut lease = self.engines.lease()?;
         let (detector, stop) = lease.parts();
@@ -181,15 +192,17 @@ impl Detector {
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
     ///     As :meth:`pairs`.
-    #[pyo3(signature = (spheres, species=None, *, cast=false))]
+    #[pyo3(signature = (spheres, species=None, *, groups=None, exclusions=None, cast=false))]
     fn count(
         &self,
         spheres: &Bound<'_, PyAny>,
         species: Option<&Bound<'_, PyAny>>,
+        groups: Option<&Bound<'_, PyAny>>,
+        exclusions: Option<&Bound<'_, Exclusions>>,
         cast: bool,
     ) -> PyResult<u64> {
         let py = spheres.py();
-        let given = Given::new(spheres, species, cast)?;
+        let given = Given::new(spheres, Said { species, groups, exclusions }, cast)?;
         let spheres = given.spheres()?;
         let mut lease = self.engines.lease()?;
         let (detector, stop) = lease.parts();
@@ -210,18 +223,20 @@ impl Detector {
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
     ///     As :meth:`pairs`; what is wrong with values is raised by the first ``next``.
-    #[pyo3(signature = (spheres, chunk=65536, species=None, *, cast=false))]
+    #[pyo3(signature = (spheres, chunk=65536, species=None, *, groups=None, exclusions=None, cast=false))]
     fn stream(
         &self,
         spheres: &Bound<'_, PyAny>,
         chunk: usize,
         species: Option<&Bound<'_, PyAny>>,
+        groups: Option<&Bound<'_, PyAny>>,
+        exclusions: Option<&Bound<'_, Exclusions>>,
         cast: bool,
     ) -> PyResult<Chunks> {
         check_chunk(chunk)?;
-        let given = Given::new(spheres, species, cast)?;
+        let given = Given::new(spheres, Said { species, groups, exclusions }, cast)?;
         let lease = self.engines.lease()?;
-        Chunks::start(lease, given.spheres()?, None, chunk)
+        Chunks::start(lease, &given, None, chunk)
     }
 
     /// Return the pairs of one sphere of ``a`` and one of ``b``, in the order that was asked for.
@@ -235,6 +250,10 @@ impl Detector {
     ///     The two sets, each as the spheres of :meth:`pairs`.
     /// species_a, species_b
     ///     Where the detector has interactions: a species id per sphere of each set.
+    /// groups_a, groups_b
+    ///     A group per sphere of each set; the groups of both are the same where their numbers are.
+    /// exclusions
+    ///     Pairs that are never reported, made by :meth:`Exclusions.between`.
     /// out, cast
     ///     As in :meth:`pairs`.
     ///
@@ -249,7 +268,9 @@ impl Detector {
     ///     As :meth:`pairs`; an ``InputError`` about values of ``b`` has ``second`` set.
     /// SettingError
     ///     On a GPU, and for another algorithm.
-    #[pyo3(signature = (a, b, species_a=None, species_b=None, out=None, *, cast=false))]
+    #[pyo3(signature = (a, b, species_a=None, species_b=None, out=None, *, groups_a=None, groups_b=None,
+                        exclusions=None, cast=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn between<'py>(
         &self,
         a: &Bound<'py, PyAny>,
@@ -257,10 +278,15 @@ impl Detector {
         species_a: Option<&Bound<'py, PyAny>>,
         species_b: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
+        groups_a: Option<&Bound<'py, PyAny>>,
+        groups_b: Option<&Bound<'py, PyAny>>,
+        exclusions: Option<&Bound<'py, Exclusions>>,
         cast: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = a.py();
-        let [first, second] = Given::two([a, b], [species_a, species_b], cast)?;
+        let of_a = Said { species: species_a, groups: groups_a, exclusions };
+        let of_b = Said { species: species_b, groups: groups_b, exclusions: None };
+        let [first, second] = Given::two([a, b], [of_a, of_b], cast)?;
         let (a, b) = (first.spheres()?, second.second()?);
         let mut lease = self.engines.lease()?;
         let (detector, stop) = lease.parts();
@@ -282,17 +308,24 @@ impl Detector {
     /// ------
     /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt, SettingError
     ///     As :meth:`between`.
-    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, cast=false))]
+    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, groups_a=None, groups_b=None, exclusions=None,
+                        cast=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn neighbors_between<'py>(
         &self,
         a: &Bound<'py, PyAny>,
         b: &Bound<'py, PyAny>,
         species_a: Option<&Bound<'py, PyAny>>,
         species_b: Option<&Bound<'py, PyAny>>,
+        groups_a: Option<&Bound<'py, PyAny>>,
+        groups_b: Option<&Bound<'py, PyAny>>,
+        exclusions: Option<&Bound<'py, Exclusions>>,
         cast: bool,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let py = a.py();
-        let [first, second] = Given::two([a, b], [species_a, species_b], cast)?;
+        let of_a = Said { species: species_a, groups: groups_a, exclusions };
+        let of_b = Said { species: species_b, groups: groups_b, exclusions: None };
+        let [first, second] = Given::two([a, b], [of_a, of_b], cast)?;
         let (a, b) = (first.spheres()?, second.second()?);
         let mut lease = self.engines.lease()?;
         let (detector, stop) = lease.parts();
@@ -308,17 +341,24 @@ impl Detector {
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
     ///     As :meth:`between`.
-    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, cast=false))]
+    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, groups_a=None, groups_b=None, exclusions=None,
+                        cast=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn count_between<'py>(
         &self,
         a: &Bound<'py, PyAny>,
         b: &Bound<'py, PyAny>,
         species_a: Option<&Bound<'py, PyAny>>,
         species_b: Option<&Bound<'py, PyAny>>,
+        groups_a: Option<&Bound<'py, PyAny>>,
+        groups_b: Option<&Bound<'py, PyAny>>,
+        exclusions: Option<&Bound<'py, Exclusions>>,
         cast: bool,
     ) -> PyResult<u64> {
         let py = a.py();
-        let [first, second] = Given::two([a, b], [species_a, species_b], cast)?;
+        let of_a = Said { species: species_a, groups: groups_a, exclusions };
+        let of_b = Said { species: species_b, groups: groups_b, exclusions: None };
+        let [first, second] = Given::two([a, b], [of_a, of_b], cast)?;
         let (a, b) = (first.spheres()?, second.second()?);
         let mut lease = self.engines.lease()?;
         let (detector, stop) = lease.parts();
@@ -332,7 +372,9 @@ impl Detector {
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
     ///     As :meth:`between`; what is wrong with values or the algorithm is raised by the first ``next``.
-    #[pyo3(signature = (a, b, chunk=65536, species_a=None, species_b=None, *, cast=false))]
+    #[pyo3(signature = (a, b, chunk=65536, species_a=None, species_b=None, *, groups_a=None, groups_b=None,
+                        exclusions=None, cast=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn stream_between<'py>(
         &self,
         a: &Bound<'py, PyAny>,
@@ -340,12 +382,17 @@ impl Detector {
         chunk: usize,
         species_a: Option<&Bound<'py, PyAny>>,
         species_b: Option<&Bound<'py, PyAny>>,
+        groups_a: Option<&Bound<'py, PyAny>>,
+        groups_b: Option<&Bound<'py, PyAny>>,
+        exclusions: Option<&Bound<'py, Exclusions>>,
         cast: bool,
     ) -> PyResult<Chunks> {
         check_chunk(chunk)?;
-        let [first, second] = Given::two([a, b], [species_a, species_b], cast)?;
+        let of_a = Said { species: species_a, groups: groups_a, exclusions };
+        let of_b = Said { species: species_b, groups: groups_b, exclusions: None };
+        let [first, second] = Given::two([a, b], [of_a, of_b], cast)?;
         let lease = self.engines.lease()?;
-        Chunks::start(lease, first.spheres()?, Some(second.second()?), chunk)
+        Chunks::start(lease, &first, Some(&second), chunk)
     }
 
     /// Return an estimate of the bytes that the detector holds for so many spheres, besides the result.

@@ -10,6 +10,7 @@ mod command;
 mod detector;
 mod engines;
 mod error;
+mod exclusions;
 mod fork;
 mod interactions;
 mod neighbors;
@@ -29,6 +30,8 @@ mod module {
     #[pymodule_export]
     use crate::detector::Detector;
     #[pymodule_export]
+    use crate::exclusions::Exclusions;
+    #[pymodule_export]
     use crate::interactions::Interactions;
     #[pymodule_export]
     use crate::neighbors::neighbors_within;
@@ -42,6 +45,8 @@ mod module {
         crate::fork::watch(module)
     }
 
+    #[pymodule_export]
+    const NO_GROUP: u32 = lazygrid::Spheres::NO_GROUP;
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");
 }

@@ -6,6 +6,7 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use lazygrid::glam::Vec3;
 use lazygrid::{
     Backend, Config, Detector, Error, Interaction, Interactions, Neighbors, Space, Sphere, Spheres,
 };
@@ -25,17 +26,24 @@ use crate::{error, fork};
 /// Atoms per piece of work.
 const PIECE: usize = 1 << 10;
 
-/// How far `f32` may be off, per length of the largest coordinate: each of two coordinates is rounded by 2⁻²⁵ of
-/// twice that length or less, so is the box, on three axes; this is more than twice their sum.
+/// How far `f32` may be off, per length of the largest coordinate or of all edges: on each of three axes two coordinates
+/// are rounded by 2⁻²⁴ of theirs or less, and so is each edge, of which no more than one lies between atoms that were
+/// brought near the origin; this is more than twice their sum.
 const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
+
+/// The same of `f64`, for bringing atoms there, per length of the largest coordinate they had.
+const ROUNDING_OF_FAR: f64 = 1.0 / (1_u64 << 48) as f64;
 
 /// Atoms, the box they are in, and who is whose neighbour.
 struct Atoms<'a> {
     positions: &'a [[f64; 3]],
-    /// Vectors of the box, each along its axis where that is periodic.
+    /// Vectors of the box; where it is not periodic they do not matter.
     cell: [[f64; 3]; 3],
-    periodic: [bool; 3],
+    /// The edges along which images lie, which are nearly orthogonal.
+    edges: Vec<Edge>,
     cutoffs: Cutoffs<'a>,
+    /// The largest cutoff, of any atom with itself included.
+    largest: f64,
     /// Whether every atom is its own neighbour.
     with_itself: bool,
 }
@@ -69,6 +77,29 @@ impl Cutoffs<'_> {
     }
 }
 
+/// An edge of the reduced box.
+pub(crate) struct Edge {
+    /// How many of each vector of the cell it is.
+    of_cell: [i64; 3],
+    edge: [f64; 3],
+    /// How many of this edge lie between two points, by their difference: the scalar product with this.
+    dual: [f64; 3],
+}
+
+/// As Python says it.
+impl<'py> FromPyObject<'_, 'py> for Edge {
+    type Error = PyErr;
+
+    fn extract(given: pyo3::Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let (of_cell, edge, dual) = given.extract()?;
+        Ok(Self { of_cell, edge, dual })
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
 /// What is known of an atom and one that may be its neighbour.
 struct Bond {
     shift: [i64; 3],
@@ -77,19 +108,55 @@ struct Bond {
 }
 
 impl Atoms<'_> {
-    /// From an atom to the nearest image of another. At a tie, half a box away, no cutoff that is allowed reaches either.
-    fn bond(&self, i: usize, j: usize) -> Bond {
+    /// From an atom to the nearest image of another; none where no image can be near enough. No edge, nor a sum of edges, is
+    /// shorter than two cutoffs, so that a second image is never near enough.
+    fn bond(&self, i: usize, j: usize) -> Option<Bond> {
         let (from, to) = (self.positions[i], self.positions[j]);
+        let difference: [f64; 3] = std::array::from_fn(|axis| to[axis] - from[axis]);
+        // Along an edge the image is at most the cutoff times the dual's length away, and a little for rounding.
+        let mut turns = [(0, 0); 3];
+        for (turns, Edge { dual, .. }) in turns.iter_mut().zip(&self.edges) {
+            let between = dot(*dual, difference);
+            let off = self.largest * dot(*dual, *dual).sqrt() + (1e-6 + 1e-14 * between.abs()).min(1.0);
+            *turns = ((-between - off).ceil() as i64, (off - between).floor() as i64);
+        }
+        let mut nearest: Option<Bond> = None;
+        for a in turns[0].0..=turns[0].1 {
+            for b in turns[1].0..=turns[1].1 {
+                for c in turns[2].0..=turns[2].1 {
+                    let bond = self.image(difference, [a, b, c]);
+                    if nearest.as_ref().is_none_or(|nearest| bond.distance < nearest.distance) {
+                        nearest = Some(bond);
+                    }
+                }
+            }
+        }
+        nearest
+    }
+
+    /// To the image that is so many edges away, with the operations of ASE.
+    fn image(&self, difference: [f64; 3], turns: [i64; 3]) -> Bond {
         let mut shift = [0; 3];
-        for axis in 0..3 {
-            if self.periodic[axis] {
-                shift[axis] = -((to[axis] - from[axis]) / self.cell[axis][axis]).round_ties_even() as i64;
+        for (turns, Edge { of_cell, .. }) in turns.into_iter().zip(&self.edges) {
+            for axis in 0..3 {
+                shift[axis] += turns * of_cell[axis];
             }
         }
         let moved = |axis: usize| (0..3).map(|k| shift[k] as f64 * self.cell[k][axis]).sum::<f64>();
-        let vector: [f64; 3] = std::array::from_fn(|axis| to[axis] - from[axis] + moved(axis));
-        let [x, y, z] = vector.map(|v| v * v);
-        Bond { shift, vector, distance: (x + y + z).sqrt() }
+        let vector: [f64; 3] = std::array::from_fn(|axis| difference[axis] + moved(axis));
+        Bond { shift, vector, distance: dot(vector, vector).sqrt() }
+    }
+
+    /// The image of a point that is near the origin, as far as there are edges.
+    fn wrapped(&self, mut position: [f64; 3]) -> [f64; 3] {
+        for Edge { edge, dual, .. } in &self.edges {
+            // To other edges this dual is orthogonal, so that none disturbs what the ones before did.
+            let turns = dot(*dual, position).round();
+            for axis in 0..3 {
+                position[axis] -= turns * edge[axis];
+            }
+        }
+        position
     }
 
     /// Calls `take` with the neighbours of an atom, ascending.
@@ -99,8 +166,8 @@ impl Atoms<'_> {
         for at in 0..=others.len() {
             let itself = (at == own).then_some(i);
             for j in itself.into_iter().chain(others.get(at).map(|&j| j as usize)) {
-                let bond = self.bond(i, j);
-                if bond.distance < self.cutoffs.between(i, j) {
+                let bond = self.bond(i, j).filter(|bond| bond.distance < self.cutoffs.between(i, j));
+                if let Some(bond) = bond {
                     take(j, bond);
                 }
             }
@@ -109,21 +176,20 @@ impl Atoms<'_> {
 
     /// The atoms as spheres around the origin that overlap wherever atoms are neighbours, and the space they are in.
     fn spheres(&self) -> Result<(Vec<Sphere>, Space, f64), Error> {
-        let [mut low, mut high] = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        for position in self.positions {
+        let ([mut low, mut high], mut far) = ([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], 0.0_f64);
+        for &position in self.positions {
+            let wrapped = self.wrapped(position);
             for axis in 0..3 {
-                low[axis] = low[axis].min(position[axis]);
-                high[axis] = high[axis].max(position[axis]);
+                low[axis] = low[axis].min(wrapped[axis]);
+                high[axis] = high[axis].max(wrapped[axis]);
+                far = far.max(position[axis].abs());
             }
         }
-        let length = |axis: usize| self.cell[axis][axis].abs();
-        let near = |position: &[f64; 3], axis: usize| match self.periodic[axis] {
-            true => position[axis] - length(axis) * (position[axis] / length(axis)).round(),
-            false => position[axis] - 0.5 * (low[axis] + high[axis]),
-        };
-        let half =
-            |axis| if self.periodic[axis] { 0.5 * length(axis) } else { 0.5 * (high[axis] - low[axis]) };
-        let slack = ROUNDING * (0..3).map(half).fold(self.cutoffs.largest(), f64::max);
+        let middle: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
+        let half = (0..3).map(|axis| 0.5 * (high[axis] - low[axis]));
+        let edges: f64 = self.edges.iter().map(|edge| dot(edge.edge, edge.edge).sqrt()).sum();
+        let size = half.fold(self.largest.max(edges), f64::max);
+        let slack = ROUNDING * size + ROUNDING_OF_FAR * far;
         let bytes = size_of_val(self.positions) as u64;
         let mut spheres = Vec::new();
         spheres
@@ -135,10 +201,12 @@ impl Atoms<'_> {
                 Cutoffs::Radii(radii) => radii[i] + 0.5 * slack,
                 Cutoffs::Kinds { .. } => 0.0,
             };
-            Sphere::new([0, 1, 2].map(|axis| near(position, axis) as f32), (radius as f32).next_up())
+            let wrapped = self.wrapped(*position);
+            let near = [0, 1, 2].map(|axis| (wrapped[axis] - middle[axis]) as f32);
+            Sphere::new(near, (radius as f32).next_up())
         }));
-        let lengths = [0, 1, 2].map(|axis| self.periodic[axis].then(|| length(axis) as f32));
-        Ok((spheres, Space::periodic(lengths)?, slack))
+        let edge = |k: usize| self.edges.get(k).map(|edge| Vec3::from(edge.edge.map(|x| x as f32)));
+        Ok((spheres, Space::sheared([0, 1, 2].map(edge))?, slack))
     }
 
     /// A detector that finds all neighbours, and some that are none.
@@ -322,7 +390,7 @@ impl Said<'_> {
 
 /// Return the neighbours of atoms by quantity. See :func:`lazygrid.neighbor_list`.
 #[pyfunction]
-#[pyo3(signature = (quantities, positions, cutoffs, *, cell, periodic, with_itself))]
+#[pyo3(signature = (quantities, positions, cutoffs, *, cell, edges, with_itself))]
 #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
 pub(crate) fn neighbors_within<'py>(
     py: Python<'py>,
@@ -330,13 +398,13 @@ pub(crate) fn neighbors_within<'py>(
     positions: PyReadonlyArray2<'py, f64>,
     cutoffs: Said<'py>,
     cell: [[f64; 3]; 3],
-    periodic: [bool; 3],
+    edges: Vec<Edge>,
     with_itself: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     fork::use_threads()?;
     let positions = positions.as_slice()?.as_chunks::<3>().0;
     let cutoffs = cutoffs.cutoffs(positions.len())?;
-    let atoms = Atoms { positions, cell, periodic, cutoffs, with_itself };
+    let atoms = Atoms { positions, cell, edges, largest: cutoffs.largest(), cutoffs, with_itself };
     let stop = Arc::new(AtomicBool::new(false));
     let count = positions.len();
     let (spheres, space, slack) = atoms.spheres().map_err(error::engine)?;

@@ -24,6 +24,17 @@ def brute_force(
     return found[found[:, 0] < found[:, 1]].astype(np.uint32)
 
 
+def brute_force_of_edges(rows: Rows, edges: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
+    """All pairs of spheres any of whose images, up to three edges away, are in reach; in canonical order."""
+    wide = rows.astype(np.float64)
+    turns = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
+    difference = wide[:, None, :3] - wide[None, :, :3]
+    nearest = np.min([((difference + turn @ edges) ** 2).sum(axis=2) for turn in turns], axis=0)
+    reach = wide[:, None, 3] + wide[None, :, 3]
+    found = np.argwhere(nearest <= reach**2)
+    return found[found[:, 0] < found[:, 1]].astype(np.uint32)
+
+
 def scene(seed: int, count: int, box: float = 10.0, largest: float = 0.6) -> Rows:
     """Spheres in a box, of radii over two orders of magnitude."""
     random = np.random.default_rng(seed)

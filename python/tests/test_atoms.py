@@ -130,10 +130,12 @@ def test_quantities_come_as_they_are_asked_for() -> None:
 
 
 def test_what_nearest_images_cannot_do_is_refused() -> None:
-    with pytest.raises(lazygrid.InputError, match=r"3.61 long along x .* 1.805"):
+    with pytest.raises(lazygrid.InputError, match=r"repeat after 3.61, along \[.*up to 1.805"):
         lazygrid.neighbor_list("ij", bulk("Cu", cubic=True), 3.0)
-    with pytest.raises(lazygrid.InputError, match="tilted"):
-        lazygrid.neighbor_list("ij", bulk("Cu") * 6, 3.0)
+    with pytest.raises(lazygrid.InputError, match="repeat after 2.55265548"):
+        lazygrid.neighbor_list("ij", bulk("Cu"), 3.0)
+    with pytest.raises(lazygrid.InputError, match="in one line or plane"):
+        lazygrid.neighbor_list("ij", Atoms("H", cell=[[9, 0, 0], [3, 9, 0], [6, 9, 0]], pbc=True), 3.0)
     with pytest.raises(lazygrid.InputError, match="periodic along x"):
         lazygrid.neighbor_list("ij", Atoms("H", pbc=True), 3.0)
     atoms = copper(3, 0.1)
@@ -158,3 +160,67 @@ def test_anything_with_positions_will_do() -> None:
     np.testing.assert_array_equal(
         lazygrid.neighbor_list("d", plain, 2.0), lazygrid.neighbor_list("d", atoms, 2.0)
     )
+
+
+def leaning(atoms: Any, cutoff: Any, self_interaction: bool = False) -> int:
+    """As `same`, but for the rounding of distances in cells that lean."""
+    expected = ordered(neighbor_list("ijdDS", atoms, cutoff, self_interaction=self_interaction))
+    found = lazygrid.neighbor_list("ijdDS", atoms, cutoff, self_interaction=self_interaction)
+    for k, (mine, theirs) in enumerate(zip(found, expected)):
+        assert mine.dtype == theirs.dtype and mine.shape == theirs.shape
+        if k in (0, 1, 4):
+            np.testing.assert_array_equal(mine, theirs)
+        else:
+            np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-12 * (1 + np.abs(atoms.positions).max()))
+    i, j, _, vectors, shift = found
+    expected_vectors = atoms.positions[j] - atoms.positions[i] + shift @ atoms.cell[:]
+    np.testing.assert_allclose(vectors, expected_vectors, rtol=0, atol=1e-9)
+    return len(found[0])
+
+
+def test_cells_that_lean() -> None:
+    atoms = bulk("Cu") * 5
+    atoms.rattle(0.3, rng=np.random.default_rng(2))
+    for pbc in (True, (True, True, False), (False, True, False), False):
+        atoms.pbc = pbc
+        assert leaning(atoms, 4.0, self_interaction=pbc is not True) > 1000
+    # The same crystal, with a cell whose vectors are far from the shortest.
+    atoms.pbc = True
+    atoms.set_cell(np.array([[1, 0, 0], [3, 1, 0], [-2, 2, 1]]) @ atoms.cell[:])
+    atoms.positions += np.random.default_rng(3).integers(-3, 4, (len(atoms), 3)) @ atoms.cell[:]
+    assert leaning(atoms, {("Cu", "Cu"): 3.0}) > 500
+    assert leaning(atoms, np.linspace(0.5, 2.0, len(atoms))) > 500
+
+
+@given(
+    count=some.integers(1, 30),
+    tilts=some.tuples(*[some.floats(-1.5, 1.5)] * 3),
+    lengths=some.tuples(*[some.floats(3, 9)] * 3),
+    pbc=some.tuples(some.booleans(), some.booleans(), some.booleans()),
+    seed=some.integers(0, 1 << 30),
+)
+@settings(deadline=None, max_examples=30)
+def test_any_cell(
+    count: int,
+    tilts: tuple[float, ...],
+    lengths: tuple[float, ...],
+    pbc: tuple[bool, ...],
+    seed: int,
+) -> None:
+    random = np.random.default_rng(seed)
+    (a, b, c), (xy, xz, yz) = lengths, tilts
+    cell = np.array([[a, 0, 0], [xy * a, b, 0], [xz * a, yz * b, c]])
+    # In any direction, not with the first vector along x only.
+    cell = cell @ np.linalg.qr(random.normal(size=(3, 3)))[0]
+    positions = random.uniform(-1, 2, (count, 3)) @ cell
+    atoms = Atoms(random.choice(["H", "O"], count), positions=positions, cell=cell, pbc=pbc)
+    # The shortest way to an image, among more of them than can be it.
+    turns = np.stack(np.meshgrid(*[np.arange(-9, 10) if axis else [0] for axis in pbc]), axis=-1).reshape(-1, 3)
+    ways = np.linalg.norm(turns @ cell, axis=1)
+    shortest = ways[ways > 0].min(initial=8.0)
+    leaning(atoms, 0.499 * shortest)
+    leaning(atoms, {("H", "O"): 0.4 * shortest, ("H", "H"): 0.2 * shortest})
+    leaning(atoms, random.uniform(0, 0.24 * shortest, count))
+    if shortest < 8.0:
+        with pytest.raises(lazygrid.InputError, match="atoms repeat after"):
+            lazygrid.neighbor_list("ij", atoms, 0.501 * shortest)

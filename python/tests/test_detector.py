@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import Rows, brute_force, scene
+from conftest import Rows, brute_force, brute_force_of_edges, scene
 from hypothesis import given, settings
 from hypothesis import strategies as some
 from hypothesis.extra.numpy import arrays
@@ -53,17 +53,6 @@ def test_any_spheres(rows: Rows) -> None:
 def test_any_periodic_box(rows: Rows, lengths: tuple[float | None, float | None, float | None]) -> None:
     found = Detector(backend="cpu", periodic=lengths).pairs(rows)
     np.testing.assert_array_equal(found, brute_force(rows, lengths))
-
-
-def brute_force_of_edges(rows: Rows, edges: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
-    """All pairs of spheres any of whose images, up to three edges away, are in reach; in canonical order."""
-    wide = rows.astype(np.float64)
-    turns = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
-    difference = wide[:, None, :3] - wide[None, :, :3]
-    nearest = np.min([((difference + turn @ edges) ** 2).sum(axis=2) for turn in turns], axis=0)
-    reach = wide[:, None, 3] + wide[None, :, 3]
-    found = np.argwhere(nearest <= reach**2)
-    return found[found[:, 0] < found[:, 1]].astype(np.uint32)
 
 
 def test_boxes_that_lean() -> None:

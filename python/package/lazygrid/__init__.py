@@ -11,15 +11,17 @@ A simulation keeps one :class:`Detector`, whose buffers survive from step to ste
 from ._atoms import neighbor_list
 from ._errors import Error, FileError, InputError, OutOfMemory, SettingError, TooManyPairs
 from ._files import read
+from ._lazygrid import NO_GROUP, Chunks, Detector, Exclusions, Frame, Frames, Interactions
 from ._lazygrid import VERSION as __version__
-from ._lazygrid import Chunks, Detector, Frame, Frames, Interactions
 from ._points import pairs
 from ._simulation import Particles, Simulation, simulate
 
 __all__ = [
+    "NO_GROUP",
     "Chunks",
     "Detector",
     "Error",
+    "Exclusions",
     "FileError",
     "Frame",
     "Frames",

@@ -34,12 +34,39 @@ def whole(given: Any, what: str) -> npt.NDArray[np.uint32]:
     array = np.asarray(given)
     if array.ndim != 1:
         raise InputError(f"`{what}` has shape {array.shape} where (n,) is needed")
+    return np.require(_within(array, what, np.uint32), np.uint32, ["C", "A"])
+
+
+def pairs(given: Any, what: str) -> npt.NDArray[np.uint32]:
+    """``given`` as uint32 of shape ``(m, 2)``, in one piece; values that do not fit are refused by index."""
+    array = np.asarray(given)
+    if array.size == 0:
+        array = array.reshape(0, 2)
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise InputError(f"`{what}` has shape {array.shape} where (m, 2) is needed")
+    return np.require(_within(array, what, np.uint32), np.uint32, ["C", "A"])
+
+
+def offsets(given: Any, what: str) -> npt.NDArray[np.uint64]:
+    """``given`` as uint64 in one piece; values that do not fit are refused by index."""
+    array = np.asarray(given)
+    if array.ndim != 1:
+        raise InputError(f"`{what}` has shape {array.shape} where (n + 1,) is needed")
+    return np.require(_within(array, what, np.uint64), np.uint64, ["C", "A"])
+
+
+def _within(array: npt.NDArray[Any], what: str, into: type[np.unsignedinteger[Any]]) -> npt.NDArray[Any]:
+    """``array``, if it has whole numbers that ``into`` can hold."""
     if array.dtype.kind not in "iu" and array.size > 0:
         raise TypeError(f"`{what}` has values of type {array.dtype} where whole numbers are needed")
-    outside = (array < 0) | (array > np.iinfo(np.uint32).max)
+    most = np.iinfo(into).max
+    outside = (array < 0) | (array > most)
     if outside.any():
-        index = int(np.argmax(outside))
-        refused = InputError(f"`{what}` has {array[index]} at index {index}; ids are from 0 to 2**32 - 1")
-        refused.index, refused.value = index, int(array[index])
+        first = tuple(int(at) for at in np.argwhere(outside)[0])
+        index = first[0]
+        refused = InputError(
+            f"`{what}` has {array[first]} at index {index}; whole numbers from 0 to {most} are needed"
+        )
+        refused.index, refused.value = index, int(array[first])
         raise refused
-    return np.require(array, np.uint32, ["C", "A"])
+    return array

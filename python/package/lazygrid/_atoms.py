@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,6 +15,9 @@ from ._lazygrid import neighbors_within
 QUANTITIES = "ijdDS"
 AXES = "xyz"
 
+Vectors = npt.NDArray[np.float64]
+Edge = tuple[tuple[int, ...], tuple[float, ...], tuple[float, ...]]
+"""How many of each vector of the cell it is, itself, and its dual: edges between two points by their difference."""
 Cutoff = float | Mapping[tuple[int | str, int | str], float] | npt.ArrayLike
 
 
@@ -34,7 +38,8 @@ def neighbor_list(quantities: str, a: Atoms, cutoff: Cutoff, self_interaction: b
     """Return the neighbours of atoms, as ``ase.neighborlist.neighbor_list`` does, to the last bit.
 
     Every pair stands twice, as ``(i, j)`` and as ``(j, i)``. Atoms are neighbours where they are nearer than the
-    cutoff. The list is sorted by ``i``, then ``j``.
+    cutoff. The list is sorted by ``i``, then ``j``. Cells may lean; there distances may differ from those of ASE by the
+    rounding of a sum in float64.
 
     Parameters
     ----------
@@ -60,8 +65,8 @@ def neighbor_list(quantities: str, a: Atoms, cutoff: Cutoff, self_interaction: b
     Raises
     ------
     InputError
-        Where nearest images do not do: a periodic axis shorter than twice the largest cutoff, a cell vector that is
-        not along its axis; positions or cutoffs that are not finite; unknown quantities.
+        Where nearest images do not do: a vector of the cell, or a sum of such, along which atoms repeat is shorter than
+        twice the largest cutoff; positions or cutoffs that are not finite; unknown quantities.
     """
     unknown = [quantity for quantity in quantities if quantity not in QUANTITIES]
     if unknown or not quantities:
@@ -71,19 +76,20 @@ def neighbor_list(quantities: str, a: Atoms, cutoff: Cutoff, self_interaction: b
         raise InputError(f"positions have shape {positions.shape} where (n, 3) is needed")
     said, largest = _cutoffs(cutoff, a, len(positions))
     periodic = [bool(axis) for axis in np.broadcast_to(np.asarray(a.pbc), 3)]
-    cell = _cell(a.cell, periodic, largest)
+    cell = _cell(a.cell, periodic)
+    edges = _edges(cell, periodic, largest)
     if largest <= 0:
         # Nothing is nearer than that, not even an atom to itself.
         positions, said = positions[:0], 0.0
     found = neighbors_within(
-        quantities, positions, said, cell=cell.tolist(), periodic=periodic, with_itself=self_interaction
+        quantities, positions, said, cell=cell.tolist(), edges=edges, with_itself=self_interaction
     )
     arrays = tuple(found[quantity] for quantity in quantities)
     return arrays[0] if len(arrays) == 1 else arrays
 
 
-def _cell(given: Any, periodic: list[bool], largest: float) -> npt.NDArray[np.float64]:
-    """The cell as a matrix of its vectors, if nearest images do for all that is nearer than ``largest``."""
+def _cell(given: Any, periodic: list[bool]) -> Vectors:
+    """The cell as a matrix of its vectors."""
     cell = np.array(given, dtype=np.float64)
     if cell.shape == (3,):
         cell = np.diag(cell)
@@ -93,23 +99,55 @@ def _cell(given: Any, periodic: list[bool], largest: float) -> npt.NDArray[np.fl
         if not periodic[axis]:
             # No bond crosses the cell here, so that its vector does not matter.
             cell[axis] = 0.0
-            continue
-        vector, name = cell[axis], AXES[axis]
-        length = abs(vector[axis])
-        if not np.isfinite(vector).all() or not vector.any():
-            raise InputError(f"the cell is periodic along {name} and its vector there is {vector.tolist()}")
-        if np.abs(np.delete(vector, axis)).max() > 1e-9 * length:
-            raise InputError(
-                f"the cell is tilted: its vector {axis} is {vector.tolist()}, and only one along {name} can be "
-                "periodic here; use ase.neighborlist.neighbor_list, which takes any cell"
-            )
-        if length < 2.0 * largest:
-            raise InputError(
-                f"the cell is {length} long along {name} and the largest cutoff is {largest}; only nearest images are "
-                f"looked at, which do up to {length / 2.0}: repeat the atoms (atoms.repeat), or use "
-                "ase.neighborlist.neighbor_list, which looks at all"
-            )
+        elif not np.isfinite(cell[axis]).all() or not cell[axis].any():
+            raise InputError(f"the cell is periodic along {AXES[axis]} and its vector there is {cell[axis].tolist()}")
     return cell
+
+
+def _edges(cell: Vectors, periodic: list[bool], largest: float) -> list[Edge]:
+    """The edges of the reduced cell, if nearest images do for all that is nearer than ``largest``."""
+    of_cell = _reduced(cell, periodic)
+    edges = of_cell @ cell
+    lengths = np.linalg.norm(edges, axis=1)
+    if len(edges) > 0 and np.linalg.matrix_rank(edges / lengths.max()) < len(edges):
+        raise InputError(f"the periodic vectors of the cell lie in one line or plane: {cell[periodic].tolist()}")
+    if len(edges) > 0 and lengths.min() < 2.0 * largest:
+        shortest = int(lengths.argmin())
+        raise InputError(
+            f"atoms repeat after {lengths[shortest]:.9g}, along {edges[shortest].tolist()}, and the largest cutoff is "
+            f"{largest}; only nearest images are looked at, which do up to {lengths[shortest] / 2.0:.9g}: repeat the atoms "
+            "(atoms.repeat), or use ase.neighborlist.neighbor_list, which looks at all"
+        )
+    duals = np.linalg.pinv(edges).T
+    return [
+        (tuple(whole), tuple(edge), tuple(dual))
+        for whole, edge, dual in zip(of_cell.tolist(), edges.tolist(), duals.tolist())
+    ]
+
+
+def _reduced(cell: Vectors, periodic: list[bool]) -> npt.NDArray[np.int64]:
+    """How many of each vector of the cell the edges of its reduced one are: the shortest that lead to the same images.
+
+    The greedy reduction of Nguyen and Stehlé, after which the first edge is a shortest way to an image.
+    """
+    of_cell = np.eye(3, dtype=np.int64)[periodic]
+    while True:
+        lengths = np.linalg.norm(of_cell @ cell, axis=1)
+        of_cell = of_cell[np.argsort(lengths, kind="stable")]
+        for last in range(1, len(of_cell)):
+            shorter = _nearer(cell, of_cell[:last], of_cell[last])
+            if np.linalg.norm(shorter @ cell) < (1.0 - 1e-12) * np.linalg.norm(of_cell[last] @ cell):
+                of_cell[last] = shorter
+                break
+        else:
+            return of_cell
+
+
+def _nearer(cell: Vectors, others: npt.NDArray[np.int64], edge: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """The shortest of what ``edge`` and whole numbers of ``others`` add up to."""
+    turns = np.round(np.linalg.lstsq((others @ cell).T, edge @ cell, rcond=None)[0]).astype(np.int64)
+    around = [edge - (turns + off) @ others for off in product((-1, 0, 1), repeat=len(others))]
+    return min(around, key=lambda one: float(np.linalg.norm(one @ cell)))
 
 
 def _cutoffs(cutoff: Cutoff, a: Atoms, atoms: int) -> tuple[Any, float]:

@@ -15,14 +15,17 @@ __all__ = [
     "Chunks",
     "command",
     "Detector",
+    "Exclusions",
     "Interactions",
     "neighbors_within",
     "Frame",
     "Frames",
+    "NO_GROUP",
     "simulate",
     "VERSION",
 ]
 
+NO_GROUP: int
 VERSION: str
 
 _Edge = float | tuple[float, float, float]
@@ -95,6 +98,8 @@ class Detector:
         species: npt.ArrayLike | None = None,
         out: npt.NDArray[np.uint32] | None = None,
         *,
+        groups: npt.ArrayLike | None = None,
+        exclusions: Exclusions | None = None,
         cast: bool = False,
     ) -> npt.NDArray[np.uint32]:
         """Return the overlapping pairs, each once, ``i < j``, in the order that was asked for.
@@ -107,6 +112,11 @@ class Detector:
             Where the detector has interactions: a species id per sphere, uint32 of shape ``(n,)``.
         out
             Where to write the pairs: uint32 in one piece, of shape ``(k, 2)``, with room for all of them.
+        groups
+            A number per sphere, uint32 of shape ``(n,)``, such as that of its molecule: two spheres of one group are
+            never a pair, but for those of ``lazygrid.NO_GROUP``.
+        exclusions
+            Pairs that are never reported, such as bonds.
         cast
             Whether values of another type may be rounded to float32.
 
@@ -131,7 +141,13 @@ class Detector:
         """
 
     def neighbors(
-        self, spheres: Spheres, species: npt.ArrayLike | None = None, *, cast: bool = False
+        self,
+        spheres: Spheres,
+        species: npt.ArrayLike | None = None,
+        *,
+        groups: npt.ArrayLike | None = None,
+        exclusions: Exclusions | None = None,
+        cast: bool = False,
     ) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32]]:
         """Return neighbour lists: for every sphere all that it overlaps, ascending; each pair stands in both lists.
 
@@ -148,7 +164,15 @@ class Detector:
             As :meth:`pairs`.
         """
 
-    def count(self, spheres: Spheres, species: npt.ArrayLike | None = None, *, cast: bool = False) -> int:
+    def count(
+        self,
+        spheres: Spheres,
+        species: npt.ArrayLike | None = None,
+        *,
+        groups: npt.ArrayLike | None = None,
+        exclusions: Exclusions | None = None,
+        cast: bool = False,
+    ) -> int:
         """Return how many pairs there are, in memory that does not depend on their number.
 
         Raises
@@ -158,7 +182,14 @@ class Detector:
         """
 
     def stream(
-        self, spheres: Spheres, chunk: int = 65536, species: npt.ArrayLike | None = None, *, cast: bool = False
+        self,
+        spheres: Spheres,
+        chunk: int = 65536,
+        species: npt.ArrayLike | None = None,
+        *,
+        groups: npt.ArrayLike | None = None,
+        exclusions: Exclusions | None = None,
+        cast: bool = False,
     ) -> Chunks:
         """Iterate over the pairs in arrays of at most ``chunk`` pairs, however many there are.
 
@@ -184,6 +215,9 @@ class Detector:
         species_b: npt.ArrayLike | None = None,
         out: npt.NDArray[np.uint32] | None = None,
         *,
+        groups_a: npt.ArrayLike | None = None,
+        groups_b: npt.ArrayLike | None = None,
+        exclusions: Exclusions | None = None,
         cast: bool = False,
     ) -> npt.NDArray[np.uint32]:
         """Return the pairs of one sphere of ``a`` and one of ``b``, in the order that was asked for.
@@ -197,6 +231,10 @@ class Detector:
             The two sets, each as the spheres of :meth:`pairs`.
         species_a, species_b
             Where the detector has interactions: a species id per sphere of each set.
+        groups_a, groups_b
+            A group per sphere of each set; the groups of both are the same where their numbers are.
+        exclusions
+            Pairs that are never reported, made by :meth:`Exclusions.between`.
         out, cast
             As in :meth:`pairs`.
 
@@ -220,6 +258,9 @@ class Detector:
         species_a: npt.ArrayLike | None = None,
         species_b: npt.ArrayLike | None = None,
         *,
+        groups_a: npt.ArrayLike | None = None,
+        groups_b: npt.ArrayLike | None = None,
+        exclusions: Exclusions | None = None,
         cast: bool = False,
     ) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32]]:
         """Return for every sphere of ``a`` those of ``b`` that it overlaps, ascending.
@@ -244,6 +285,9 @@ class Detector:
         species_a: npt.ArrayLike | None = None,
         species_b: npt.ArrayLike | None = None,
         *,
+        groups_a: npt.ArrayLike | None = None,
+        groups_b: npt.ArrayLike | None = None,
+        exclusions: Exclusions | None = None,
         cast: bool = False,
     ) -> int:
         """Return how many pairs of one sphere of ``a`` and one of ``b`` there are.
@@ -262,6 +306,9 @@ class Detector:
         species_a: npt.ArrayLike | None = None,
         species_b: npt.ArrayLike | None = None,
         *,
+        groups_a: npt.ArrayLike | None = None,
+        groups_b: npt.ArrayLike | None = None,
+        exclusions: Exclusions | None = None,
         cast: bool = False,
     ) -> Chunks:
         """Iterate over the pairs of one sphere of ``a`` and one of ``b``, as :meth:`stream` does. Both are copied.
@@ -296,6 +343,66 @@ class Chunks:
         self,
         *_raised: type[BaseException] | BaseException | TracebackType | None,
     ) -> None: ...
+
+@final
+class Exclusions:
+    """Pairs that are never reported, whatever their spheres: bonds, say.
+
+    They are given with the spheres, ``detector.pairs(spheres, exclusions=bonds)``, and serve all calls with as many of
+    them; when spheres come or go, make them anew. Where whole molecules are left out, ``groups`` cost less.
+
+    >>> bonds = lazygrid.Exclusions(len(spheres), [(0, 1), (1, 2)])
+
+    Parameters
+    ----------
+    spheres
+        How many spheres there are.
+    pairs
+        Indices of spheres, whole numbers of shape ``(m, 2)``; in either order, or both, and more than once.
+
+    Raises
+    ------
+    InputError
+        For an index that is of no sphere, and another shape.
+    """
+
+    def __new__(cls, spheres: int, pairs: npt.ArrayLike) -> Self: ...
+    @staticmethod
+    def between(first: int, second: int, pairs: npt.ArrayLike) -> Exclusions:
+        """Return pairs of one sphere of each of two sets, for :meth:`Detector.between` and its like.
+
+        Parameters
+        ----------
+        first, second
+            How many spheres the two sets have.
+        pairs
+            An index in the first and one in the second, whole numbers of shape ``(m, 2)``.
+
+        Raises
+        ------
+        InputError
+            As the class.
+        """
+
+    @staticmethod
+    def rows(offsets: npt.ArrayLike, indices: npt.ArrayLike) -> Exclusions:
+        """Return the pairs of compressed rows, as :meth:`Detector.neighbors` returns them.
+
+        Parameters
+        ----------
+        offsets
+            Whole numbers of shape ``(n + 1,)`` for ``n`` spheres.
+        indices
+            Whole numbers of shape ``(k,)``. Sphere ``i`` is never a pair with ``indices[offsets[i]:offsets[i + 1]]``; it
+            is enough that one of two spheres names the other.
+
+        Raises
+        ------
+        InputError
+            As the class, and for offsets that do not begin with 0, fall, or do not end with the number of indices.
+        """
+
+    def __len__(self) -> int: ...
 
 @final
 class Interactions:
@@ -397,7 +504,7 @@ def neighbors_within(
     cutoffs: float | npt.NDArray[np.float64] | tuple[npt.NDArray[np.uint32], npt.NDArray[np.float64]],
     *,
     cell: list[list[float]],
-    periodic: list[bool],
+    edges: list[tuple[tuple[int, ...], tuple[float, ...], tuple[float, ...]]],
     with_itself: bool,
 ) -> dict[str, npt.NDArray[Any]]:
     """Return the neighbours of atoms by quantity. See :func:`lazygrid.neighbor_list`."""

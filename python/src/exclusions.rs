@@ -1,0 +1,113 @@
+//! The class `Exclusions`.
+
+use std::sync::Arc;
+
+use lazygrid::InputError;
+use numpy::PyUntypedArrayMethods;
+use pyo3::prelude::*;
+
+use crate::{arrays, error};
+
+/// Pairs that are never reported, whatever their spheres: bonds, say.
+///
+/// They are given with the spheres, ``detector.pairs(spheres, exclusions=bonds)``, and serve all calls with as many of
+/// them; when spheres come or go, make them anew. Where whole molecules are left out, ``groups`` cost less.
+///
+/// >>> bonds = lazygrid.Exclusions(len(spheres), [(0, 1), (1, 2)])
+///
+/// Parameters
+/// ----------
+/// spheres
+///     How many spheres there are.
+/// pairs
+///     Indices of spheres, whole numbers of shape ``(m, 2)``; in either order, or both, and more than once.
+///
+/// Raises
+/// ------
+/// InputError
+///     For an index that is of no sphere, and another shape.
+#[pyclass(frozen, module = "lazygrid")]
+pub(crate) struct Exclusions {
+    list: Arc<lazygrid::Exclusions>,
+}
+
+impl Exclusions {
+    /// The pairs, for as long as a call needs them.
+    pub(crate) fn list(&self) -> Arc<lazygrid::Exclusions> {
+        self.list.clone()
+    }
+
+    /// The list that `make` makes without the interpreter's lock.
+    fn made(
+        py: Python<'_>,
+        make: impl FnOnce() -> Result<lazygrid::Exclusions, InputError> + Send,
+    ) -> PyResult<Self> {
+        Ok(Self { list: Arc::new(py.detach(make).map_err(error::input)?) })
+    }
+}
+
+#[pymethods]
+impl Exclusions {
+    #[new]
+    fn new(py: Python<'_>, spheres: u32, pairs: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let given = arrays::whole_pairs(pairs, "pairs")?;
+        let pairs = given.as_slice()?.as_chunks::<2>().0;
+        Self::made(py, || lazygrid::Exclusions::new(spheres as usize, pairs.iter().map(|&[i, j]| (i, j))))
+    }
+
+    /// Return pairs of one sphere of each of two sets, for :meth:`Detector.between` and its like.
+    ///
+    /// Parameters
+    /// ----------
+    /// first, second
+    ///     How many spheres the two sets have.
+    /// pairs
+    ///     An index in the first and one in the second, whole numbers of shape ``(m, 2)``.
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     As the class.
+    #[staticmethod]
+    fn between(py: Python<'_>, first: u32, second: u32, pairs: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let given = arrays::whole_pairs(pairs, "pairs")?;
+        let pairs = given.as_slice()?.as_chunks::<2>().0.iter().map(|&[i, j]| (i, j));
+        Self::made(py, || lazygrid::Exclusions::between(first as usize, second as usize, pairs))
+    }
+
+    /// Return the pairs of compressed rows, as :meth:`Detector.neighbors` returns them.
+    ///
+    /// Parameters
+    /// ----------
+    /// offsets
+    ///     Whole numbers of shape ``(n + 1,)`` for ``n`` spheres.
+    /// indices
+    ///     Whole numbers of shape ``(k,)``. Sphere ``i`` is never a pair with ``indices[offsets[i]:offsets[i + 1]]``; it
+    ///     is enough that one of two spheres names the other.
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     As the class, and for offsets that do not begin with 0, fall, or do not end with the number of indices.
+    #[staticmethod]
+    fn rows(py: Python<'_>, offsets: &Bound<'_, PyAny>, indices: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let offsets = arrays::offsets(offsets, "offsets")?;
+        let indices = arrays::whole(indices, "indices")?;
+        let mut starts = Vec::with_capacity(offsets.len());
+        starts.extend(offsets.as_slice()?.iter().map(|&at| usize::try_from(at).unwrap_or(usize::MAX)));
+        let indices = indices.as_slice()?;
+        Self::made(py, || lazygrid::Exclusions::from_rows(&starts, indices))
+    }
+
+    fn __len__(&self) -> usize {
+        self.list.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let spheres = match self.list.spheres() {
+            (one, None) => format!("{one} spheres"),
+            (first, Some(second)) => format!("sets of {first} and {second} spheres"),
+        };
+        format!("<lazygrid.Exclusions: {} pairs of {spheres}>", self.list.len())
+    }
+}
