@@ -5,8 +5,9 @@
 #     capi/test.sh                  all of it
 #     capi/test.sh --without-gpu    of a library without the GPU path, which builds faster
 #
-# Needs Rust. On Debian it installs what else is missing, and says so first: gcc, g++, pkg-config, cmake, valgrind. What
-# cannot be had elsewhere is skipped, and that is said.
+# Needs Rust. On Debian it installs what else is missing, and says so first: gcc, g++, pkg-config, cmake, valgrind, ns-3.
+# What cannot be had elsewhere is skipped, and that is said. The program for ns-3 is held against LAZYGRID, the path of the
+# Rust command, by default that in the target folder.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -54,8 +55,8 @@ build() {
     shift 3
     case $language in c++*) compiler=c++ ;; esac
     # shellcheck disable=SC2046 # words of pkg-config are options
-    $compiler -std="$language" "${strict[@]}" "$@" $(pkg-config --cflags lazygrid) "$source" -o "$work/$name" \
-        $(pkg-config --libs lazygrid) -lm -pthread
+    $compiler -std="$language" "${strict[@]}" $(pkg-config --cflags lazygrid) "$source" -o "$work/$name" \
+        $(pkg-config --libs lazygrid) -lm -pthread "$@"
 }
 # The same with the static library in place of the shared one.
 build_static() {
@@ -87,6 +88,18 @@ if have pkg-config pkg-config; then
     passes "the README's program" build_and_run readme c99 "$work/readme.c"
     passes "C, static" build_static contract-static c99 capi/tests/contract.c
     passes "C, static, runs" "$work/contract-static"
+
+    lazygrid=${LAZYGRID:-$target/debug/lazygrid}
+    if ! have /usr/include/ns3/core-module.h libns3-dev; then
+        skip "ns-3 is not installed"
+    elif ! [ -x "$lazygrid" ]; then
+        skip "ns-3, for there is no $lazygrid to compare with: cargo build -p lazygrid-cli"
+    else
+        passes "the simulator's response" "$lazygrid" simulate capi/examples/ns3/channel.toml --replicas 64 \
+            --output "$work/channel"
+        passes "ns-3 is built" build ns3 c++17 capi/examples/ns3/channel.cc -O1 -lns3-core
+        passes "ns-3's response is the same" "$work/ns3" "$work/channel/mean.csv" 64
+    fi
 
     sanitizers=(-fsanitize=address,undefined -fno-sanitize-recover=all)
     echo 'int main(void) { return 0; }' >"$work/empty.c"

@@ -1,11 +1,12 @@
-"""Time lazygrid beside what Python programmers take today, as a Markdown table.
+"""Time lazygrid beside what Python programmers take today, as Markdown tables.
 
     python bench/compare.py [--spheres 10000 100000 1000000] [--rounds 7] [--install]
 
-Every tool finds all pairs of the same spheres from scratch: equal ones that fill 5 % of a box, so that a tool with one
-cutoff serves. Tools take turns, one call each per round; the table has the median of all rounds, and how many times
-lazygrid's that is. A tool whose pairs are not the same ends the program. Everything runs on one thread, as far as the
-tools let themselves be told.
+Every tool finds all pairs of the same spheres from scratch; of lazygrid therefore the skin is off. They fill 5 % of a box,
+which ends, or repeats: equal ones, so that a tool with one cutoff serves, and five sizes of equal number, each half as
+large as the one before, where such a tool takes the largest cutoff and what is too far apart is left out behind it. Tools
+take turns, one call each per round; a table has the median of all rounds, and how many times lazygrid's that is. A tool
+whose pairs are not the same ends the program. Everything runs on one thread, as far as the tools let themselves be told.
 """
 
 from __future__ import annotations
@@ -29,91 +30,114 @@ import numpy as np
 
 import lazygrid
 
-RADIUS = 0.5
 DENSITY = 0.05
+SIZES = {"equal": [0.5], "five sizes": [1.0, 1 / 2, 1 / 4, 1 / 8, 1 / 16]}
 Call = Callable[[], Any]
 Pairs = np.ndarray[Any, np.dtype[np.int64]]
+Tool = tuple[Call, Callable[[Any], Pairs]]
 
 
 class Scene:
-    """Points in a box, as float32 for lazygrid and the same values as float64 for the others."""
+    """Spheres in a box, as float32 for lazygrid and the same values as float64 for the others."""
 
-    def __init__(self, count: int) -> None:
-        self.box = float(np.float32((count * 4 / 3 * np.pi * RADIUS**3 / DENSITY) ** (1 / 3)))
-        points = np.random.default_rng(count).uniform(0, self.box, (count, 3)).astype(np.float32)
+    def __init__(self, count: int, sizes: list[float], periodic: bool) -> None:
+        random = np.random.default_rng(count)
+        self.sizes, self.periodic = sizes, periodic
+        self.radii = random.permutation(np.resize(sizes, count)).astype(np.float32)
+        volume = (4 / 3 * np.pi * self.radii.astype(np.float64) ** 3).sum()
+        self.box = float(np.float32((volume / DENSITY) ** (1 / 3)))
+        points = random.uniform(0, self.box, (count, 3)).astype(np.float32)
         # No coordinate on the far face, where a box begins again.
         self.points = np.minimum(points, np.nextafter(np.float32(self.box), np.float32(0)))
-        self.spheres = np.column_stack([self.points, np.full(count, RADIUS, dtype=np.float32)])
-        self.wide = self.points.astype(np.float64)
+        self.spheres = np.column_stack([self.points, self.radii])
+        self.wide, self.wide_radii = self.points.astype(np.float64), self.radii.astype(np.float64)
+        self.cell = np.eye(3) * self.box
+        self.largest = 2 * max(sizes)
+        # What touches at exactly the cutoff is a pair for lazygrid, and not for tools that ask for less.
+        self.above = float(np.nextafter(self.largest, 2 * self.largest))
+
+    def in_reach(self, i: Any, j: Any) -> Any:
+        """Which pairs touch, for tools with one cutoff."""
+        difference = self.wide[i] - self.wide[j]
+        if self.periodic:
+            difference -= self.box * np.round(difference / self.box)
+        return np.einsum("nk,nk->n", difference, difference) <= (self.wide_radii[i] + self.wide_radii[j]) ** 2
 
 
-def of_lazygrid(scene: Scene, periodic: bool) -> tuple[Call, Callable[[Any], Pairs]]:
-    box = (scene.box,) * 3 if periodic else None
-    detector = lazygrid.Detector(backend="cpu", threads=1, periodic=box)
+def of_lazygrid(scene: Scene) -> Tool:
+    box = (scene.box,) * 3 if scene.periodic else None
+    detector = lazygrid.Detector(backend="cpu", threads=1, periodic=box, skin="off")
     return lambda: detector.pairs(scene.spheres), lambda found: found.astype(np.int64)
 
 
-def of_scipy(scene: Scene, periodic: bool) -> tuple[Call, Callable[[Any], Pairs]]:
+def of_neighbor_list(scene: Scene) -> Tool:
+    """lazygrid's list as ASE has it, in float64, both ways."""
+    from types import SimpleNamespace
+
+    ones = np.ones(len(scene.wide))
+    atoms = SimpleNamespace(positions=scene.wide, cell=scene.cell, pbc=scene.periodic, numbers=ones)
+    cutoff = scene.above if len(scene.sizes) == 1 else np.nextafter(scene.wide_radii, 2)
+    return lambda: lazygrid.neighbor_list("ij", atoms, cutoff), one_way
+
+
+def of_scipy(scene: Scene) -> Tool:
     from scipy.spatial import cKDTree
 
-    box = scene.box if periodic else None
+    box = scene.box if scene.periodic else None
 
     def call() -> Any:
-        return cKDTree(scene.wide, boxsize=box).query_pairs(2 * RADIUS, output_type="ndarray")
+        found = cKDTree(scene.wide, boxsize=box).query_pairs(scene.largest, output_type="ndarray")
+        return found if len(scene.sizes) == 1 else found[scene.in_reach(found[:, 0], found[:, 1])]
 
     return call, lambda found: np.sort(found, axis=1)
 
 
-def of_matscipy(scene: Scene, periodic: bool) -> tuple[Call, Callable[[Any], Pairs]]:
+def of_matscipy(scene: Scene) -> Tool:
     from matscipy.neighbours import neighbour_list
 
-    cell = np.eye(3) * scene.box
-    # What touches at exactly the cutoff is a pair for lazygrid only.
-    cutoff = np.nextafter(2 * RADIUS, 2.0)
+    cutoff = scene.above if len(scene.sizes) == 1 else np.nextafter(scene.wide_radii, 2)
 
     def call() -> Any:
-        return neighbour_list("ij", positions=scene.wide, cell=cell, pbc=[periodic] * 3, cutoff=cutoff)
+        pbc = [scene.periodic] * 3
+        return neighbour_list("ij", positions=scene.wide, cell=scene.cell, pbc=pbc, cutoff=cutoff)
 
     return call, one_way
 
 
-def of_vesin(scene: Scene, periodic: bool) -> tuple[Call, Callable[[Any], Pairs]]:
+def of_vesin(scene: Scene) -> Tool:
     from vesin import NeighborList
 
-    neighbors = NeighborList(cutoff=float(np.nextafter(2 * RADIUS, 2.0)), full_list=False, n_threads=1)
-    box = np.eye(3) * scene.box
+    neighbors = NeighborList(cutoff=scene.above, full_list=False, n_threads=1)
 
     def call() -> Any:
-        return neighbors.compute(scene.wide, box, periodic, "ij")
+        if len(scene.sizes) == 1:
+            return neighbors.compute(scene.wide, scene.cell, scene.periodic, "ij")
+        i, j, distance = neighbors.compute(scene.wide, scene.cell, scene.periodic, "ijd")
+        touch = distance <= scene.wide_radii[i] + scene.wide_radii[j]
+        return i[touch], j[touch]
 
     return call, lambda found: np.sort(np.column_stack(found).astype(np.int64), axis=1)
 
 
-def of_freud(scene: Scene, periodic: bool) -> tuple[Call, Callable[[Any], Pairs]]:
+def of_freud(scene: Scene) -> Tool:
     import freud
 
-    if not periodic:
+    if not scene.periodic:
         raise NotImplementedError("freud has periodic boxes only")
     freud.parallel.set_num_threads(1)
     box = freud.box.Box.cube(scene.box)
     points = scene.points - np.float32(scene.box / 2)
 
     def call() -> Any:
-        query = freud.locality.AABBQuery(box, points).query(points, {"r_max": 2 * RADIUS, "exclude_ii": True})
-        return query.toNeighborList()
+        query = freud.locality.AABBQuery(box, points).query(points, {"r_max": scene.largest, "exclude_ii": True})
+        found = query.toNeighborList()
+        i, j = found.query_point_indices, found.point_indices
+        if len(scene.sizes) > 1:
+            touch = found.distances <= scene.radii[i] + scene.radii[j]
+            i, j = i[touch], j[touch]
+        return i, j
 
-    return call, lambda found: one_way((found.query_point_indices, found.point_indices))
-
-
-def of_neighbor_list(scene: Scene, periodic: bool) -> tuple[Call, Callable[[Any], Pairs]]:
-    """lazygrid's list as ASE has it, in float64, both ways."""
-    from types import SimpleNamespace
-
-    atoms = SimpleNamespace(
-        positions=scene.wide, cell=np.eye(3) * scene.box, pbc=periodic, numbers=np.ones(len(scene.wide))
-    )
-    cutoff = float(np.nextafter(2 * RADIUS, 2.0))
-    return lambda: lazygrid.neighbor_list("ij", atoms, cutoff), one_way
+    return call, one_way
 
 
 def one_way(found: Any) -> Pairs:
@@ -129,7 +153,7 @@ TOOLS = {
     "vesin": (of_vesin, "vesin"),
     "freud AABBQuery": (of_freud, "freud-analysis"),
 }
-# freud shifts the points to the middle of its box, in float32: of pairs at the cutoff it may see some differently.
+# freud shifts the points to the middle of its box, and decides in float32: of pairs at the cutoff it may see some otherwise.
 TOLERANT = {"freud AABBQuery"}
 
 
@@ -144,13 +168,13 @@ def same(name: str, found: Pairs, expected: Pairs) -> None:
         sys.exit(f"{name} finds {len(found)} pairs and lazygrid {len(expected)}, or others")
 
 
-def compare(count: int, periodic: bool, rounds: int) -> dict[str, float]:
+def compare(scene: Scene, rounds: int) -> dict[str, float]:
     """Milliseconds of each tool: medians of interleaved rounds, after one that is checked and not counted."""
-    scene, calls = Scene(count), {}
+    calls = {}
     expected = None
-    for name, (make, package) in TOOLS.items():
+    for name, (make, _) in TOOLS.items():
         try:
-            call, pairs = make(scene, periodic)
+            call, pairs = make(scene)
         except (ImportError, NotImplementedError) as error:
             print(f"{name} is left out: {error}", file=sys.stderr)
             continue
@@ -167,19 +191,6 @@ def compare(count: int, periodic: bool, rounds: int) -> dict[str, float]:
     return {name: 1e3 * statistics.median(taken) for name, taken in times.items()}
 
 
-def overhead() -> float:
-    """Microseconds of a call on two spheres: the median of batches."""
-    detector = lazygrid.Detector(backend="cpu")
-    spheres = np.zeros((2, 4), dtype=np.float32)
-    batches = []
-    for _ in range(200):
-        began = time.perf_counter()
-        for _ in range(200):
-            detector.pairs(spheres)
-        batches.append((time.perf_counter() - began) / 200)
-    return 1e6 * statistics.median(batches)
-
-
 def table(title: str, columns: dict[int, dict[str, float]]) -> str:
     """A Markdown table: a row for each tool, a column for each number of spheres."""
     counts = list(columns)
@@ -188,7 +199,7 @@ def table(title: str, columns: dict[int, dict[str, float]]) -> str:
     for name, (_, package) in TOOLS.items():
         if not any(name in columns[count] for count in counts):
             continue
-        version = importlib.metadata.version(package) if package else lazygrid.__version__
+        version = importlib.metadata.version(package or "lazygrid")
         cells = []
         for count in counts:
             mine, own = columns[count]["lazygrid"], columns[count][name]
@@ -207,10 +218,12 @@ def main() -> None:
         packages = [package for _, package in TOOLS.values() if package]
         subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", *packages], check=True)
         importlib.invalidate_caches()
-    print(f"Python {platform.python_version()}, NumPy {np.__version__}, {platform.machine()}, one thread;", end=" ")
-    print(f"a call on two spheres takes {overhead():.2f} µs.\n")
-    for title, periodic in (("unbounded", False), ("periodic", True)):
-        print(table(title, {count: compare(count, periodic, options.rounds) for count in options.spheres}), "\n")
+    print(f"Python {platform.python_version()}, NumPy {np.__version__}, {platform.machine()}, one thread.\n")
+    for size, sizes in SIZES.items():
+        for space, periodic in (("unbounded", False), ("periodic", True)):
+            counts = options.spheres
+            columns = {count: compare(Scene(count, sizes, periodic), options.rounds) for count in counts}
+            print(table(f"{size}, {space}", columns), "\n", flush=True)
 
 
 if __name__ == "__main__":
