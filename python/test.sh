@@ -43,5 +43,14 @@ for example in examples/*.py; do
     say "$example"
     "$in_room/python" "$example"
 done
+# PyTorch's own wheel is half a gigabyte, and brings two of CUDA along: it is made use of where the system has it.
+if /usr/bin/python3 -c "import torch, venv, ensurepip" 2>/dev/null; then
+    say "examples/torch_relax.py, with the system's PyTorch"
+    /usr/bin/python3 -m venv --system-site-packages "$room/torch"
+    "$room/torch/bin/pip" install --quiet --disable-pip-version-check --no-deps "$room"/wheel/lazygrid-*.whl
+    "$room/torch/bin/python" examples/torch_relax.py
+else
+    say "skipped: examples/torch_relax.py; on Debian \`apt-get install python3-torch\`"
+fi
 # On few spheres, for its answers and not for its times.
 "$in_room/python" bench/compare.py --spheres 500 --rounds 1 >/dev/null

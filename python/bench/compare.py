@@ -191,20 +191,23 @@ def compare(scene: Scene, rounds: int) -> dict[str, float]:
     return {name: 1e3 * statistics.median(taken) for name, taken in times.items()}
 
 
+def three_digits(number: float) -> str:
+    """A number with three significant digits, and no exponent."""
+    return f"{number:.3g}" if number < 1000 else f"{round(number, 2 - int(np.log10(number))):.0f}"
+
+
 def table(title: str, columns: dict[int, dict[str, float]]) -> str:
     """A Markdown table: a row for each tool, a column for each number of spheres."""
-    counts = list(columns)
-    lines = [f"| {title} | " + " | ".join(f"{count:,} ms".replace(",", " ") for count in counts) + " |"]
-    lines.append("| --- " * (len(counts) + 1) + "|")
+    lines = [f"| {title} | " + " | ".join(f"{count:,} ms".replace(",", " ") for count in columns) + " |"]
+    lines.append("| --- " * (len(columns) + 1) + "|")
     for name, (_, package) in TOOLS.items():
-        if not any(name in columns[count] for count in counts):
-            continue
-        version = importlib.metadata.version(package or "lazygrid")
         cells = []
-        for count in counts:
-            mine, own = columns[count]["lazygrid"], columns[count][name]
-            cells.append(f"{own:.3g}" + ("" if name == "lazygrid" else f" ({own / mine:.2g} ×)"))
-        lines.append(f"| {name} {version} | " + " | ".join(cells) + " |")
+        for times in columns.values():
+            if name in times:
+                ratio = "" if name == "lazygrid" else f" ({times[name] / times['lazygrid']:.0f} ×)"
+                cells.append(three_digits(times[name]) + ratio)
+        if cells:
+            lines.append(f"| {name} {importlib.metadata.version(package or 'lazygrid')} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 

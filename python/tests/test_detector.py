@@ -69,6 +69,28 @@ def test_boxes_that_lean() -> None:
         Detector(periodic=((1.0, 1.0, 0.0), (2.0, 2.0, 0.0), None))
 
 
+class ByDlpack:
+    """An array of some other library, which has DLPack and nothing of NumPy's."""
+
+    def __init__(self, array: npt.NDArray[np.float32]) -> None:
+        self.array = array
+
+    def __dlpack__(self, **how: object) -> object:
+        return self.array.__dlpack__()
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        return self.array.__dlpack_device__()
+
+
+def test_arrays_by_dlpack_are_read_where_they_lie(spheres: Rows) -> None:
+    from lazygrid import _arrays
+
+    given = ByDlpack(spheres)
+    assert np.shares_memory(_arrays.floats(given, "spheres", 2, False), spheres)
+    found = Detector(backend="cpu").pairs(given)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(found, brute_force(spheres))
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_the_tree_of_scipy_finds_the_same(seed: int) -> None:
     points = scene(seed, 5000)[:, :3]

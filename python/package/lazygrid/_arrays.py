@@ -12,9 +12,16 @@ from ._errors import InputError
 SHAPES = {1: "(n,)", 2: "(n, 4)"}
 
 
+def _array(given: Any) -> npt.NDArray[Any]:
+    """``given`` as an array, without a copy where its memory can be shared: by NumPy's protocols, else by DLPack."""
+    if not hasattr(given, "__array__") and hasattr(given, "__dlpack__"):
+        return np.from_dlpack(given)
+    return np.asarray(given)
+
+
 def floats(given: Any, what: str, dimensions: int, cast: bool) -> npt.NDArray[np.float32]:
     """``given`` as float32 in one piece. Values are rounded only if ``cast`` says so."""
-    array = np.asarray(given)
+    array = _array(given)
     if array.ndim != dimensions:
         raise InputError(f"`{what}` has shape {array.shape} where {SHAPES[dimensions]} is needed")
     if array.dtype.kind not in "iuf":
@@ -31,7 +38,7 @@ def floats(given: Any, what: str, dimensions: int, cast: bool) -> npt.NDArray[np
 
 def whole(given: Any, what: str) -> npt.NDArray[np.uint32]:
     """``given`` as uint32 in one piece; values that do not fit are refused by index."""
-    array = np.asarray(given)
+    array = _array(given)
     if array.ndim != 1:
         raise InputError(f"`{what}` has shape {array.shape} where (n,) is needed")
     return np.require(_within(array, what, np.uint32), np.uint32, ["C", "A"])
@@ -39,7 +46,7 @@ def whole(given: Any, what: str) -> npt.NDArray[np.uint32]:
 
 def pairs(given: Any, what: str) -> npt.NDArray[np.uint32]:
     """``given`` as uint32 of shape ``(m, 2)``, in one piece; values that do not fit are refused by index."""
-    array = np.asarray(given)
+    array = _array(given)
     if array.size == 0:
         array = array.reshape(0, 2)
     if array.ndim != 2 or array.shape[1] != 2:
@@ -49,7 +56,7 @@ def pairs(given: Any, what: str) -> npt.NDArray[np.uint32]:
 
 def offsets(given: Any, what: str) -> npt.NDArray[np.uint64]:
     """``given`` as uint64 in one piece; values that do not fit are refused by index."""
-    array = np.asarray(given)
+    array = _array(given)
     if array.ndim != 1:
         raise InputError(f"`{what}` has shape {array.shape} where (n + 1,) is needed")
     return np.require(_within(array, what, np.uint64), np.uint64, ["C", "A"])
