@@ -39,14 +39,65 @@ const LAYERS: [(&str, &[&str]); 12] = [
     ("lazygrid-tests", &["lazygrid", "lazygrid-io", "lazygrid-check"]),
 ];
 
-#[test]
-fn dependencies_point_one_way() {
+/// What cargo knows of the packages of this workspace.
+fn metadata() -> serde_json::Value {
     let metadata = Command::new(env!("CARGO"))
         .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .expect("cargo runs");
-    let metadata: serde_json::Value = serde_json::from_slice(&metadata.stdout).expect("metadata is JSON");
+    serde_json::from_slice(&metadata.stdout).expect("metadata is JSON")
+}
+
+/// Where the version stands outside this workspace's crates: a file, and what is there in front of it and behind it. The
+/// header of C is compared by the tests of `capi`.
+const VERSIONED: [(&str, &str, &str); 12] = [
+    ("python/Cargo.toml", "\nversion = \"", "\""),
+    ("distributed/mpi/Cargo.toml", "\nversion = \"", "\""),
+    ("fuzz/Cargo.toml", "\nversion = \"", "\""),
+    ("Cargo.toml", "path = \"engine\", version = \"", "\""),
+    ("capi/Cargo.toml", "path = \"../engine\", version = \"", "\""),
+    ("io/Cargo.toml", "path = \"../engine\", version = \"", "\""),
+    ("distributed/ranks/Cargo.toml", "path = \"../../engine\", version = \"", "\""),
+    ("java/pom.xml", "<artifactId>lazygrid</artifactId>\n    <version>", "</version>"),
+    ("java/pom.xml", "target/java/lazygrid-", ".jar"),
+    ("java/README.md", "io.github.lazygrid:lazygrid:", "`"),
+    ("java/README.md", "target/java/lazygrid-", ".jar"),
+    ("CITATION.cff", "\nversion: ", "\n"),
+];
+
+#[test]
+fn all_packages_have_one_version() {
+    let version = env!("CARGO_PKG_VERSION");
+    for package in metadata()["packages"].as_array().expect("packages") {
+        assert_eq!(package["version"], version, "{}", package["name"]);
+    }
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    for (file, before, behind) in VERSIONED {
+        let text = std::fs::read_to_string(format!("{root}/{file}")).expect("a file of the tree");
+        let said: Vec<_> = text
+            .split(before)
+            .skip(1)
+            .filter_map(|rest| rest.split_once(behind).map(|(said, _)| said))
+            .collect();
+        assert!(
+            !said.is_empty() && said.iter().all(|said| *said == version),
+            "{file}: {said:?}, not {version}"
+        );
+    }
+    let minor = version.rsplit_once('.').expect("three numbers").0;
+    for file in ["capi/README.md", "capi/examples/CMakeLists.txt"] {
+        let text = std::fs::read_to_string(format!("{root}/{file}")).expect("a file of the tree");
+        assert!(
+            text.contains(&format!("find_package(lazygrid {minor} REQUIRED)")),
+            "{file} asks for another version"
+        );
+    }
+}
+
+#[test]
+fn dependencies_point_one_way() {
+    let metadata = metadata();
     let layers = BTreeMap::from(LAYERS);
     let packages = metadata["packages"].as_array().expect("packages");
     assert!(packages.len() >= layers.len());
