@@ -49,9 +49,9 @@ use crate::{error, report};
 ///     On which GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
 /// skin
 ///     Whether candidates, pairs that may soon overlap, are kept from call to call; an answer never depends
-///     on it. ``"auto"`` keeps them where spheres move so little that it is expected to take less time, but not on a GPU;
-///     ``"off"`` never. A number keeps the pairs that are up to this distance too far apart, until some sphere has moved
-///     by half of it.
+///     on it. ``"auto"`` keeps them where spheres move so little that it is expected to take less time, on a GPU from
+///     ten thousand spheres on; ``"off"`` never. A number keeps the pairs that are up to this distance too far apart,
+///     until some sphere has moved by half of it.
 ///
 /// Raises
 /// ------
@@ -267,7 +267,7 @@ impl Detector {
     /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
     ///     As :meth:`pairs`; an ``InputError`` about values of ``b`` has ``second`` set.
     /// SettingError
-    ///     On a GPU, and for another algorithm.
+    ///     On the CPU for another algorithm.
     #[pyo3(signature = (a, b, species_a=None, species_b=None, out=None, *, groups_a=None, groups_b=None,
                         exclusions=None, cast=false))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]

@@ -12,6 +12,7 @@ mod engines;
 mod error;
 mod exclusions;
 mod fork;
+mod images;
 mod interactions;
 mod neighbors;
 mod read;

@@ -21,6 +21,7 @@ use rayon::prelude::*;
 
 use crate::arrays::{empty, same_length};
 use crate::call::call;
+use crate::images::{Bond, Edge, Images, length};
 use crate::{error, fork};
 
 /// Atoms per piece of work.
@@ -37,10 +38,7 @@ const ROUNDING_OF_FAR: f64 = 1.0 / (1_u64 << 48) as f64;
 /// Atoms, the box they are in, and who is whose neighbour.
 struct Atoms<'a> {
     positions: &'a [[f64; 3]],
-    /// Vectors of the box; where it is not periodic they do not matter.
-    cell: [[f64; 3]; 3],
-    /// The edges along which images lie, which are nearly orthogonal.
-    edges: Vec<Edge>,
+    images: Images,
     cutoffs: Cutoffs<'a>,
     /// The largest cutoff, of any atom with itself included.
     largest: f64,
@@ -77,88 +75,7 @@ impl Cutoffs<'_> {
     }
 }
 
-/// An edge of the reduced box.
-pub(crate) struct Edge {
-    /// How many of each vector of the cell it is.
-    of_cell: [i64; 3],
-    edge: [f64; 3],
-    /// How many of this edge lie between two points, by their difference: the scalar product with this.
-    dual: [f64; 3],
-}
-
-/// As Python says it.
-impl<'py> FromPyObject<'_, 'py> for Edge {
-    type Error = PyErr;
-
-    fn extract(given: pyo3::Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let (of_cell, edge, dual) = given.extract()?;
-        Ok(Self { of_cell, edge, dual })
-    }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// What is known of an atom and one that may be its neighbour.
-struct Bond {
-    shift: [i64; 3],
-    vector: [f64; 3],
-    distance: f64,
-}
-
 impl Atoms<'_> {
-    /// From an atom to the nearest image of another; none where no image can be near enough. No edge, nor a sum of edges, is
-    /// shorter than two cutoffs, so that a second image is never near enough.
-    fn bond(&self, i: usize, j: usize) -> Option<Bond> {
-        let (from, to) = (self.positions[i], self.positions[j]);
-        let difference: [f64; 3] = std::array::from_fn(|axis| to[axis] - from[axis]);
-        // Along an edge the image is at most the cutoff times the dual's length away, and a little for rounding.
-        let mut turns = [(0, 0); 3];
-        for (turns, Edge { dual, .. }) in turns.iter_mut().zip(&self.edges) {
-            let between = dot(*dual, difference);
-            let off = self.largest * dot(*dual, *dual).sqrt() + (1e-6 + 1e-14 * between.abs()).min(1.0);
-            *turns = ((-between - off).ceil() as i64, (off - between).floor() as i64);
-        }
-        let mut nearest: Option<Bond> = None;
-        for a in turns[0].0..=turns[0].1 {
-            for b in turns[1].0..=turns[1].1 {
-                for c in turns[2].0..=turns[2].1 {
-                    let bond = self.image(difference, [a, b, c]);
-                    if nearest.as_ref().is_none_or(|nearest| bond.distance < nearest.distance) {
-                        nearest = Some(bond);
-                    }
-                }
-            }
-        }
-        nearest
-    }
-
-    /// To the image that is so many edges away, with the operations of ASE.
-    fn image(&self, difference: [f64; 3], turns: [i64; 3]) -> Bond {
-        let mut shift = [0; 3];
-        for (turns, Edge { of_cell, .. }) in turns.into_iter().zip(&self.edges) {
-            for axis in 0..3 {
-                shift[axis] += turns * of_cell[axis];
-            }
-        }
-        let moved = |axis: usize| (0..3).map(|k| shift[k] as f64 * self.cell[k][axis]).sum::<f64>();
-        let vector: [f64; 3] = std::array::from_fn(|axis| difference[axis] + moved(axis));
-        Bond { shift, vector, distance: dot(vector, vector).sqrt() }
-    }
-
-    /// The image of a point that is near the origin, as far as there are edges.
-    fn wrapped(&self, mut position: [f64; 3]) -> [f64; 3] {
-        for Edge { edge, dual, .. } in &self.edges {
-            // To other edges this dual is orthogonal, so that none disturbs what the ones before did.
-            let turns = dot(*dual, position).round();
-            for axis in 0..3 {
-                position[axis] -= turns * edge[axis];
-            }
-        }
-        position
-    }
-
     /// Calls `take` with the neighbours of an atom, ascending.
     fn neighbors(&self, candidates: &Neighbors<'_>, i: usize, mut take: impl FnMut(usize, Bond)) {
         let others = candidates.of(i);
@@ -166,8 +83,9 @@ impl Atoms<'_> {
         for at in 0..=others.len() {
             let itself = (at == own).then_some(i);
             for j in itself.into_iter().chain(others.get(at).map(|&j| j as usize)) {
-                let bond = self.bond(i, j).filter(|bond| bond.distance < self.cutoffs.between(i, j));
-                if let Some(bond) = bond {
+                let (from, to) = (self.positions[i], self.positions[j]);
+                let bond = self.images.nearest(std::array::from_fn(|axis| to[axis] - from[axis]));
+                if let Some(bond) = bond.filter(|bond| bond.distance < self.cutoffs.between(i, j)) {
                     take(j, bond);
                 }
             }
@@ -178,8 +96,9 @@ impl Atoms<'_> {
     fn spheres(&self) -> Result<(Vec<Sphere>, Space, f64), Error> {
         let ([mut low, mut high], mut far) = ([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], 0.0_f64);
         for &position in self.positions {
-            let wrapped = self.wrapped(position);
-            for axis in 0..3 {
+            let wrapped = self.images.wrap(position);
+            // What is not finite is refused by the search, and must not make others look so.
+            for axis in (0..3).filter(|&axis| wrapped[axis].is_finite()) {
                 low[axis] = low[axis].min(wrapped[axis]);
                 high[axis] = high[axis].max(wrapped[axis]);
                 far = far.max(position[axis].abs());
@@ -187,7 +106,7 @@ impl Atoms<'_> {
         }
         let middle: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
         let half = (0..3).map(|axis| 0.5 * (high[axis] - low[axis]));
-        let edges: f64 = self.edges.iter().map(|edge| dot(edge.edge, edge.edge).sqrt()).sum();
+        let edges: f64 = self.images.edges().map(length).sum();
         let size = half.fold(self.largest.max(edges), f64::max);
         let slack = ROUNDING * size + ROUNDING_OF_FAR * far;
         let bytes = size_of_val(self.positions) as u64;
@@ -201,12 +120,15 @@ impl Atoms<'_> {
                 Cutoffs::Radii(radii) => radii[i] + 0.5 * slack,
                 Cutoffs::Kinds { .. } => 0.0,
             };
-            let wrapped = self.wrapped(*position);
+            let wrapped = self.images.wrap(*position);
             let near = [0, 1, 2].map(|axis| (wrapped[axis] - middle[axis]) as f32);
             Sphere::new(near, (radius as f32).next_up())
         }));
-        let edge = |k: usize| self.edges.get(k).map(|edge| Vec3::from(edge.edge.map(|x| x as f32)));
-        Ok((spheres, Space::sheared([0, 1, 2].map(edge))?, slack))
+        let mut edges = [None; 3];
+        for (slot, edge) in edges.iter_mut().zip(self.images.edges()) {
+            *slot = Some(Vec3::from(edge.map(|x| x as f32)));
+        }
+        Ok((spheres, Space::sheared(edges)?, slack))
     }
 
     /// A detector that finds all neighbours, and some that are none.
@@ -404,7 +326,9 @@ pub(crate) fn neighbors_within<'py>(
     fork::use_threads()?;
     let positions = positions.as_slice()?.as_chunks::<3>().0;
     let cutoffs = cutoffs.cutoffs(positions.len())?;
-    let atoms = Atoms { positions, cell, edges, largest: cutoffs.largest(), cutoffs, with_itself };
+    let largest = cutoffs.largest();
+    let images = Images::new(cell, edges, largest);
+    let atoms = Atoms { positions, images, cutoffs, largest, with_itself };
     let stop = Arc::new(AtomicBool::new(false));
     let count = positions.len();
     let (spheres, space, slack) = atoms.spheres().map_err(error::engine)?;

@@ -148,9 +148,10 @@ def test_what_nearest_images_cannot_do_is_refused() -> None:
         lazygrid.neighbor_list("ij", atoms, [1.0, 1.0])
     with pytest.raises(lazygrid.InputError, match="no element"):
         lazygrid.neighbor_list("ij", atoms, {("Cu", "Xx1"): 1.0})
-    with pytest.raises(lazygrid.InputError, match="sphere 5"):
-        atoms.positions[5] = np.nan
-        lazygrid.neighbor_list("ij", atoms, 3.0)
+    for wrong in (np.nan, np.inf):
+        with pytest.raises(lazygrid.InputError, match="sphere 5 "):
+            atoms.positions[5] = wrong
+            lazygrid.neighbor_list("ij", atoms, 3.0)
 
 
 def test_anything_with_positions_will_do() -> None:

@@ -67,9 +67,9 @@ class Detector:
         On which GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
     skin
         Whether candidates, pairs that may soon overlap, are kept from call to call; an answer never depends
-        on it. ``"auto"`` keeps them where spheres move so little that it is expected to take less time, but not on a GPU;
-        ``"off"`` never. A number keeps the pairs that are up to this distance too far apart, until some sphere has moved
-        by half of it.
+        on it. ``"auto"`` keeps them where spheres move so little that it is expected to take less time, on a GPU from
+        ten thousand spheres on; ``"off"`` never. A number keeps the pairs that are up to this distance too far apart,
+        until some sphere has moved by half of it.
 
     Raises
     ------
@@ -248,7 +248,7 @@ class Detector:
         InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
             As :meth:`pairs`; an ``InputError`` about values of ``b`` has ``second`` set.
         SettingError
-            On a GPU, and for another algorithm.
+            On the CPU for another algorithm.
         """
 
     def neighbors_between(

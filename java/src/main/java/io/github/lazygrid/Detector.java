@@ -75,8 +75,8 @@ public final class Detector implements AutoCloseable {
      * @param spheres where they are now
      * @return the pairs, read-only, in the detector's memory
      * @throws TooManyPairsException for more than {@link Settings#maxPairs(long)}, with their exact number
-     * @throws LazygridException {@link Status#INPUT} for spheres that are not finite, negative radii and unknown
-     *     species; {@link Status#LIMIT} for more than 2<sup>28</sup> - 1 pairs, which a buffer of 2 GiB cannot hold
+     * @throws LazygridException {@link Status#INPUT} for spheres that are not finite, negative radii, unknown
+     *     species and exclusions of other spheres; {@link Status#LIMIT} for more than 2<sup>28</sup> - 1 pairs, which a buffer of 2 GiB cannot hold
      */
     public IntBuffer pairs(Spheres spheres) {
         enter();
@@ -98,7 +98,7 @@ public final class Detector implements AutoCloseable {
      * @param b the second set
      * @return the pairs, read-only, in the detector's memory
      * @throws LazygridException as {@link #pairs}, where what is wrong with {@code b} is said to be of the second set;
-     *     {@link Status#SETTING} on a GPU and for another algorithm
+     *     {@link Status#SETTING} on the CPU for another algorithm
      */
     public IntBuffer between(Spheres a, Spheres b) {
         enter();

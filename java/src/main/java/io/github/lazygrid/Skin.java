@@ -1,8 +1,7 @@
 package io.github.lazygrid;
 
 /**
- * Whether a detector on the CPU keeps candidates, pairs that may soon overlap, from call to call. An answer never depends
- * on it.
+ * Whether a detector keeps candidates, pairs that may soon overlap, from call to call. An answer never depends on it.
  *
  * @param kind which rule
  * @param distance how far too far apart to touch candidates are for {@link Kind#FIXED}, in the length unit of the
