@@ -168,6 +168,7 @@ impl Detector {
     /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
     ///     As :meth:`pairs`.
     #[pyo3(signature = (spheres, species=None, *, groups=None, exclusions=None, cast=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn neighbors<'py>(
         &self,
         spheres: &Bound<'py, PyAny>,
@@ -193,6 +194,7 @@ impl Detector {
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
     ///     As :meth:`pairs`.
     #[pyo3(signature = (spheres, species=None, *, groups=None, exclusions=None, cast=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn count(
         &self,
         spheres: &Bound<'_, PyAny>,
@@ -224,6 +226,7 @@ impl Detector {
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
     ///     As :meth:`pairs`; what is wrong with values is raised by the first ``next``.
     #[pyo3(signature = (spheres, chunk=65536, species=None, *, groups=None, exclusions=None, cast=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn stream(
         &self,
         spheres: &Bound<'_, PyAny>,
