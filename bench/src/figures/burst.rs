@@ -3,14 +3,14 @@
 use std::error::Error;
 use std::path::Path;
 
-use lazygrid::{Algorithm, Sphere};
+use lazygrid::{Algorithm, Backend, Config, Detector, Sphere};
 use lazygrid_sim::scenario::Scenario;
-use lazygrid_sim::{Contact, Model, Simulation};
+use lazygrid_sim::{Contact, Model, Shape, Simulation, State};
 
-use super::Engine;
 use super::plan::Point;
 use super::race::{Limits, Race};
 use super::row::Row;
+use super::{Engine, Figure};
 
 /// The scenario that `lazygrid simulate` runs too.
 const SCENARIO: &str = include_str!("../../../simulator/scenarios/burst.toml");
@@ -19,60 +19,101 @@ const NAME: &str = "simulator/scenarios/burst.toml";
 /// What is simulated, for the report.
 pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.toml without its receiver: one transmitter \
     releases carriers of ten radii, 1 to 10 nm in equal numbers, from one point into unbounded water of 25 °C, where \
-    they diffuse as Stokes and Einstein say. The simulator takes them from moment to moment as free carriers, whose \
-    diffusion is exact in steps of any length. From each moment on they push each other apart, in steps of 2 ns, in \
-    which the smallest move about their radius along each axis, so that what keeps a structure from step to step can \
-    profit from it; every engine finds the pairs of the same consecutive steps. The first of them brings its structure \
-    up to date and does not count. Times are of the search alone, on all threads, but for N3Sim's sweep, which has one.";
+    they diffuse as Stokes and Einstein say. Hard spheres cannot all be at one point. So they begin as a ball of which \
+    they fill half, each anywhere in it, and push each other apart before they move until none overlap; that widens the \
+    ball by a few percent. From then on they diffuse and push each other apart (`separate`) all the time, in steps of \
+    2 ns, in which the smallest move no more than their radius along each axis. Engines are timed after 1, 10, 100 … \
+    steps in figure 5a, after 1, 100, 10 000 … in 5b, and at the end. The cost of a step grows with the number of \
+    carriers, and so does the time in which a burst comes apart: large bursts are followed for a shorter time, in which \
+    little of them does. Every engine finds the pairs of the same consecutive steps from each moment on, as contacts \
+    leave them. The first of them brings its structure up to date and does not count. Times are of the search alone, on \
+    all threads, but for N3Sim's sweep, which has one.";
 
-/// Simulated seconds at which engines are timed: from dozens of pairs per carrier to none, where carriers are most.
-const MOMENTS: [f64; 5] = [200e-6, 500e-6, 2e-3, 10e-3, 50e-3];
-/// Steps from one moment to the next.
-const STEPS: u32 = 10;
-/// Simulated seconds of a step while engines are timed: √(2·D·t) of a carrier of 1 nm and 245 µm²/s is 0.99 nm.
-const FINE_STEP: f64 = 2e-9;
+/// Steps of a simulated second, of 2 ns each: √(2·D·t) of a carrier of 1 nm and 245 µm²/s is 0.99 nm.
+const STEPS_PER_SECOND: f64 = 5e8;
+/// The part of the ball that carriers fill where they begin: about as densely as hard spheres are still a fluid.
+const FILLED: f64 = 0.5;
+/// Simulated seconds in which nobody moves further than rounding.
+const STILL: f64 = 1e-30;
+/// The part of a radius by which carriers are larger while they are pushed apart at the beginning. Overlaps smaller than the
+/// last digit of a coordinate are never parted; without these margins none of them is an overlap.
+const MARGIN: f32 = 1e-3;
+/// Carriers push each other apart at the beginning at most this often. A million take about 50 times.
+const PUSHES: u32 = 200;
 
-/// The rows of every moment at which the engines are timed.
+/// After how many steps engines are timed: each time so many times as many, and at the end.
+fn moments(times: u32, last: u32) -> Vec<u32> {
+    let mut moments: Vec<u32> =
+        std::iter::successors(Some(1), |k: &u32| k.checked_mul(times)).take_while(|&k| k < last).collect();
+    moments.push(last);
+    moments
+}
+
+/// The rows of every moment at which the engines are timed, up to that after so many steps.
 pub(super) fn rows(
-    point: &Point,
+    (point, steps): (&Point, u32),
     limits: Limits,
     seed: u64,
     left_out: impl Fn(Engine) -> Option<String>,
 ) -> Result<Vec<Row>, Box<dyn Error>> {
-    let model = model(point.n)?;
+    // A burst of a million takes minutes at each moment.
+    let moments = moments(if point.figure == Figure::F5a { 10 } else { 100 }, steps);
     let mut race = Race::new(
         point,
         Limits {
-            time: limits.time / MOMENTS.len() as u32,
-            in_all: limits.in_all / MOMENTS.len() as u32,
+            time: limits.time / moments.len() as u32,
+            in_all: limits.in_all / moments.len() as u32,
             ..limits
         },
         left_out,
     );
-    let (mut state, mut time, mut rows) = (None, 0.0, vec![]);
-    for moment in MOMENTS {
-        let step = (moment - time) / f64::from(STEPS);
-        let free = Model { time_step: step, contact: Contact::Ignore, ..model.clone() };
-        let mut simulation = match state {
-            None => Simulation::new(free, seed, Algorithm::Auto)?,
-            Some(state) => Simulation::resume(free, seed, Algorithm::Auto, state)?,
-        };
-        (0..STEPS).try_for_each(|_| simulation.step())?;
-        let fine = Model { time_step: FINE_STEP, contact: Contact::Separate, ..model.clone() };
-        let mut timed = Simulation::resume(fine, seed, Algorithm::Auto, simulation.state().clone())?;
-        (state, time) = (Some(simulation.state().clone()), moment);
+    let mut burst = begin(model(point.n)?, seed)?;
+    let first = burst.state().step;
+    let mut rows = vec![];
+    for moment in moments {
+        while burst.state().step - first < moment {
+            burst.step()?;
+        }
+        let state = burst.state().clone();
+        let mut timed = Simulation::resume(burst.model().clone(), seed, Algorithm::Auto, state)?;
         let mut warm_up = true;
         while !race.is_over() {
             race.frame(&spheres(&timed), warm_up)?;
             timed.step()?;
             warm_up = false;
         }
-        rows.extend(race.take_rows(Some(moment)));
+        rows.extend(race.take_rows(Some(f64::from(moment) / STEPS_PER_SECOND)));
     }
     Ok(rows)
 }
 
-/// The scenario with `n` carriers, rounded down to a multiple of ten.
+/// The burst when it begins to move: a ball of carriers none of which overlap.
+fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
+    let mut still = Model { time_step: STILL, ..model.clone() };
+    still.species.iter_mut().for_each(|species| species.radius *= 1.0 + MARGIN);
+    let mut pushed = Simulation::new(still, seed, Algorithm::Auto)?;
+    let mut detector = Detector::new(Config::default().backend(Backend::Cpu))?;
+    for _ in 0..PUSHES {
+        pushed.step()?;
+        let totals = &pushed.state().totals;
+        // Where many do with their margins, some do without.
+        if totals.pairs > totals.present.iter().sum::<u64>() / 10 {
+            continue;
+        }
+        let mut state = pushed.state().clone();
+        let State { particles, .. } = &mut state;
+        for (radius, &species) in particles.radius.iter_mut().zip(&particles.species) {
+            *radius = model.species[species as usize].radius;
+        }
+        let burst = Simulation::resume(model.clone(), seed, Algorithm::Auto, state)?;
+        if detector.count(&spheres(&burst))? == 0 {
+            return Ok(burst);
+        }
+    }
+    Err(format!("carriers still overlap after {PUSHES} pushes at the beginning").into())
+}
+
+/// The scenario with `n` carriers, rounded down to a multiple of ten, in a ball and in steps that resolve contact.
 fn model(n: usize) -> Result<Model, Box<dyn Error>> {
     let mut model = Scenario::parse(Path::new(NAME), SCENARIO.to_owned())?.model;
     // It would take carriers away, whose places in the list others would get.
@@ -80,7 +121,13 @@ fn model(n: usize) -> Result<Model, Box<dyn Error>> {
     for transmitter in &mut model.transmitters {
         let sizes = transmitter.release.len().max(1);
         transmitter.release.iter_mut().for_each(|(_, count)| *count = (n / sizes) as u32);
+        let cubed = |&(species, count): &(u32, u32)| {
+            f64::from(count) * f64::from(model.species[species as usize].radius).powi(3)
+        };
+        let radius = (transmitter.release.iter().map(cubed).sum::<f64>() / FILLED).cbrt();
+        transmitter.shape = Shape::Shell(0.0, radius as f32);
     }
+    (model.time_step, model.contact) = (1.0 / STEPS_PER_SECOND, Contact::Separate);
     Ok(model)
 }
 
@@ -88,4 +135,103 @@ fn model(n: usize) -> Result<Model, Box<dyn Error>> {
 fn spheres(simulation: &Simulation) -> Vec<Sphere> {
     let particles = &simulation.state().particles;
     (0..particles.len()).map(|k| Sphere::new(particles.position_of(k), particles.radius[k])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const N: usize = 400;
+    const STEPS: u32 = 300;
+
+    /// The mean square of the distance from the centre, in µm².
+    fn spread(of: impl Iterator<Item = Sphere>) -> f64 {
+        let squares: Vec<f64> = of.map(|sphere| f64::from(sphere.center.length_squared())).collect();
+        squares.iter().sum::<f64>() / squares.len() as f64
+    }
+
+    #[test]
+    fn a_burst_is_looked_at_ever_more_rarely_and_at_its_end() {
+        assert_eq!(moments(10, 1000), [1, 10, 100, 1000]);
+        assert_eq!(moments(100, 400), [1, 100, 400]);
+        assert_eq!(moments(10, 1), [1]);
+    }
+
+    #[test]
+    fn no_step_takes_a_carrier_further_than_its_radius() {
+        let model = model(N).expect("the scenario");
+        for (species, kind) in (0..).zip(&model.species) {
+            let step = model.step_length(species);
+            assert!(step <= f64::from(kind.radius), "{}: {step}", kind.name);
+        }
+    }
+
+    /// Nobody overlaps, all sizes are everywhere, and the ball is about as wide as it has to be.
+    #[test]
+    fn the_burst_begins_as_a_ball_at_contact() {
+        let model = model(4000).expect("the scenario");
+        let Shape::Shell(_, radius) = model.transmitters[0].shape else { panic!("no ball") };
+        let begun = spheres(&begin(model, 1).expect("carriers find their places"));
+        assert!(lazygrid::detect(&begun).expect("spheres").is_empty());
+        let filled: f64 = begun.iter().map(|s| f64::from(s.radius).powi(3)).sum::<f64>();
+        assert!((filled / f64::from(radius).powi(3) - FILLED).abs() < 1e-4);
+        // In a ball ⟨r²⟩ is 3/5 of the square of its radius, with a deviation of √(12/175) for each.
+        let uniform = 0.6 * f64::from(radius).powi(2);
+        let all = spread(begun.iter().copied()) / uniform;
+        assert!((1.0..1.12).contains(&all), "{all}");
+        for size in 1..=10 {
+            let own = |s: &Sphere| (s.radius * 1000.0).round() as i32 == size;
+            let part = spread(begun.iter().copied().filter(own)) / uniform;
+            assert!(
+                (part - all).abs() < 4.0 * (12.0_f64 / 175.0).sqrt() / 0.6 / 400.0_f64.sqrt(),
+                "{size}: {part}"
+            );
+        }
+    }
+
+    /// Contacts push carriers that begin at one point into about the ball in which the others begin.
+    #[test]
+    fn a_burst_from_one_point_becomes_the_ball() {
+        const STEPS: u32 = 1000;
+        let mut model = model(N).expect("the scenario");
+        let mut from_ball = begin(model.clone(), 1).expect("carriers find their places");
+        model.transmitters[0].shape = Shape::Point;
+        let mut from_point = Simulation::new(model, 1, Algorithm::Auto).expect("a model");
+        let ratio = |point: &Simulation, ball: &Simulation| {
+            (spread(spheres(point).into_iter()) / spread(spheres(ball).into_iter())).sqrt()
+        };
+        assert_eq!(ratio(&from_point, &from_ball), 0.0);
+        for _ in 0..STEPS {
+            from_point.step().expect("a step");
+            from_ball.step().expect("a step");
+        }
+        let ratio = ratio(&from_point, &from_ball);
+        assert!((0.85..1.15).contains(&ratio), "{ratio} times as wide");
+    }
+
+    /// Carriers in contact drive each other apart faster than they would diffuse alone, and as fast in shorter steps.
+    #[test]
+    fn steps_are_short_enough_for_contact() {
+        let model = model(N).expect("the scenario");
+        let begun = begin(model.clone(), 1).expect("carriers find their places");
+        let from = spread(spheres(&begun).into_iter());
+        let grown = |contact, shorter: u32| {
+            let of = |seed| {
+                let time_step = model.time_step / f64::from(shorter);
+                let model = Model { contact, time_step, ..model.clone() };
+                let mut burst =
+                    Simulation::resume(model, seed, Algorithm::Auto, begun.state().clone()).expect("a state");
+                (0..STEPS * shorter).for_each(|_| burst.step().expect("a step"));
+                spread(spheres(&burst).into_iter()) - from
+            };
+            (1..=4).map(of).sum::<f64>() / 4.0
+        };
+        let alone = grown(Contact::Ignore, 1);
+        let [together, finer] = [1, 3].map(|shorter| grown(Contact::Separate, shorter));
+        let mean = model.species.iter().map(|kind| kind.diffusion).sum::<f64>() / model.species.len() as f64;
+        let exact = 6.0 * mean * model.time_step * f64::from(STEPS);
+        assert!((alone / exact - 1.0).abs() < 0.2, "{alone} {exact}");
+        assert!(together > 1.5 * alone, "{together} {alone}");
+        assert!((together / finer - 1.0).abs() < 0.2, "{together} {finer}");
+    }
 }

@@ -43,8 +43,11 @@ pub(super) enum Motion {
     Fresh,
     /// Each sphere moves by a tenth of its radius.
     Steps,
-    /// By a simulation, from a burst on.
-    Simulated,
+    /// By a simulation, from a burst on, for so many steps.
+    Simulated {
+        /// How many.
+        steps: u32,
+    },
     /// Each engine runs in a process of its own.
     Processes,
 }
@@ -95,7 +98,7 @@ impl Point {
     /// What share of the time it gets, in arbitrary units.
     pub(super) fn weight(&self) -> f64 {
         let share = match self.figure {
-            // Five moments.
+            // Several moments.
             Figure::F5a | Figure::F5b => 4.0,
             // Trees that are slow now and then need many steps.
             Figure::F4 => 3.0,
@@ -122,12 +125,33 @@ impl Settings {
                 figure,
                 scene,
                 n,
-                motion: motion(figure),
+                motion: self.motion(figure, n),
                 engines: engines(figure),
                 runs: self.runs.unwrap_or(self.runs_of(figure)),
             })
         };
         self.scenes(figure).into_iter().flat_map(of).collect()
+    }
+
+    fn motion(&self, figure: Figure, n: usize) -> Motion {
+        match figure {
+            Figure::F3a | Figure::F3b | Figure::Point => Motion::Fresh,
+            Figure::F5a | Figure::F5b => Motion::Simulated { steps: self.steps_of_a_burst(figure, n) },
+            Figure::Memory => Motion::Processes,
+            Figure::F4 | Figure::Transceivers | Figure::SizeRatio => Motion::Steps,
+            Figure::Tau | Figure::Ratio | Figure::Threads => Motion::Steps,
+        }
+    }
+
+    /// How far a burst of so many carriers is followed. A step takes about 0.2 µs for each of them on two cores.
+    fn steps_of_a_burst(&self, figure: Figure, n: usize) -> u32 {
+        let moves: usize = match (self.scale, figure) {
+            (Scale::Smallest, _) => 20_000,
+            (Scale::Quick, _) => 10_000_000,
+            (Scale::Full, Figure::F5a) => 200_000_000,
+            (Scale::Full, _) => 100_000_000,
+        };
+        (moves / n.max(1)).clamp(1, 1_000_000) as u32
     }
 
     /// By default as many as the paper has.
@@ -199,16 +223,6 @@ fn mixtures(counts: &[u32], ratios: &[u32]) -> Vec<Scene> {
     ratios.iter().flat_map(of).collect()
 }
 
-const fn motion(figure: Figure) -> Motion {
-    match figure {
-        Figure::F3a | Figure::F3b | Figure::Point => Motion::Fresh,
-        Figure::F5a | Figure::F5b => Motion::Simulated,
-        Figure::Memory => Motion::Processes,
-        Figure::F4 | Figure::Transceivers | Figure::SizeRatio => Motion::Steps,
-        Figure::Tau | Figure::Ratio | Figure::Threads => Motion::Steps,
-    }
-}
-
 fn engines(figure: Figure) -> Vec<Engine> {
     let on_gpu = |algorithms: &[Algorithm]| algorithms.iter().map(|&a| Engine::Gpu(a)).collect::<Vec<_>>();
     let gpu = on_gpu(&Algorithm::GPU);
@@ -227,9 +241,10 @@ fn engines(figure: Figure) -> Vec<Engine> {
             ours.into_iter().chain(trees).chain(more).collect()
         }
         Figure::F5a | Figure::F5b => {
-            let mut engines = vec![Engine::Gpu(Algorithm::LazyGrid), Engine::cpu(Algorithm::Auto, None)];
-            engines.extend([Engine::Octree, Engine::SortAndSweep]);
-            engines
+            // The paper's grid, and what the GPU path takes for so many spheres: few are compared all with all.
+            let gpu = on_gpu(&[Algorithm::LazyGrid, Algorithm::Auto]);
+            let cpu = [Engine::cpu(Algorithm::Auto, None), Engine::Octree, Engine::SortAndSweep];
+            gpu.into_iter().chain(cpu).collect()
         }
         Figure::Tau => [4, 8, 16, 32, 64, 128, 256, 512, 1024]
             .map(|tau| Engine::Cpu {

@@ -17,10 +17,8 @@ use lazygrid_io::scenes::Scene;
 /// What of a point's time is for the runs that count; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;
 /// An engine is left out where one run would take this many times what it has at the point, and more than
-/// [`ALWAYS`].
+/// there is [`always`].
 const PATIENCE: f64 = 4.0;
-/// Seconds that there always are for a run, even where points before it took longer than they should.
-const ALWAYS: f64 = 2.0;
 
 /// Points not begun after this many times the time there is are left out, which are the largest.
 const OVERRUN: f64 = 1.5;
@@ -145,18 +143,18 @@ fn rows_of(
     let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time, in_all: share };
     let too_long = |engine: Engine| {
         let seconds = predicted(engine, point, earlier)?;
-        let most = (PATIENCE * time.as_secs_f64()).max(ALWAYS);
+        let most = (PATIENCE * time.as_secs_f64()).max(always(engine, point.scene));
         (seconds > most && settings.scale != Scale::Smallest)
             .then(|| format!("left out: a run would take about {seconds:.1} s"))
     };
-    // The figure whose point is the comparison leaves nobody out.
+    // Figures whose point is the comparison leave nobody out.
     let left_out = |engine: Engine| match point.motion {
-        Motion::Steps => None,
+        Motion::Steps | Motion::Simulated { .. } => None,
         _ => too_long(engine),
     };
     match point.motion {
         Motion::Processes => memory::rows(point, program),
-        Motion::Simulated => burst::rows(point, limits, settings.seed, left_out),
+        Motion::Simulated { steps } => burst::rows((point, steps), limits, settings.seed, left_out),
         Motion::Fresh => {
             let sample = |k: usize, spheres: &mut Vec<_>| {
                 *spheres = point.scene.spheres(point.n, settings.seed + k as u64);
@@ -195,6 +193,18 @@ fn race(
     Ok(race.take_rows(None))
 }
 
+/// Seconds that there always are for a run, even where points before it took longer than they should: at the largest
+/// size everybody is to be seen whose time grows with the number of spheres.
+fn always(engine: Engine, scene: Scene) -> f64 {
+    if is_quadratic(engine, scene) { 2.0 } else { 120.0 }
+}
+
+/// Whether the time of a run grows with the square of the number of spheres. At one point everything is a pair of
+/// everything.
+fn is_quadratic(engine: Engine, scene: Scene) -> bool {
+    engine.is_quadratic() || scene == Scene::Point
+}
+
 /// About how many seconds a run takes, from the largest smaller point of the same figure and scene and
 /// the slowest moment there.
 fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
@@ -204,9 +214,7 @@ fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
         same && row.engine == name && !row.wall.is_empty()
     });
     let last = same.max_by(|a, b| a.n.cmp(&b.n).then(a.median().total_cmp(&b.median())))?;
-    // Of what starts at one point nearly everything is a pair of nearly everything, for a while.
-    let squared = engine.is_quadratic() || matches!(point.scene, Scene::Point | Scene::Burst);
-    let exponent = if squared { 2.0 } else { 1.1 };
+    let exponent = if is_quadratic(engine, point.scene) { 2.0 } else { 1.1 };
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 

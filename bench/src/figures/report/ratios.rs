@@ -11,8 +11,15 @@ use lazygrid_report::{Note, Table};
 pub(super) const ON_SOFTWARE: &str = "(software GPU)";
 
 /// Engines that are judged beside all others, by their names.
-pub(super) const OURS: [&str; 5] =
-    ["recursive-grid", "cell-list", "CPU path's own choice", "lazy-grid (GPU)", "lazy-grid (software GPU)"];
+pub(super) const OURS: [&str; 7] = [
+    "recursive-grid",
+    "cell-list",
+    "CPU path's own choice",
+    "lazy-grid (GPU)",
+    "lazy-grid (software GPU)",
+    "auto (GPU)",
+    "auto (software GPU)",
+];
 
 /// Total times that are as near as this say nothing where single steps fall either way.
 pub(super) const NEAR: std::ops::RangeInclusive<f64> = 0.9..=1.1;
