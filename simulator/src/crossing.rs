@@ -69,7 +69,7 @@ pub fn meets(body: &Body, room: &Boundary, path: &Path, who: Who) -> bool {
     let diffusion = path.diffusion + body.diffusion;
     let drift: [f32; 3] = std::array::from_fn(|k| path.drift[k] - body.drift[k]);
     if drift == [0.0; 3] {
-        return who.crosses(body.place, a * b / diffusion);
+        return who.crosses(body.place, 0, a * b / diffusion);
     }
     if diffusion == 0.0 {
         return a < 0.0 || straight(body, room, path);
@@ -92,12 +92,14 @@ pub(crate) fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
 }
 
 impl Who {
-    /// Draws where chance decides, with probability exp(−`exponent`).
+    /// Draws where chance decides whether a part of the path met the receiver at a `place` of the model, with
+    /// probability exp(−`exponent`).
     #[inline]
-    fn crosses(self, other: u32, exponent: f32) -> bool {
+    fn crosses(self, place: u32, part: u32, exponent: f32) -> bool {
         let Self { key, id, step } = self;
+        let word = || key.draw_part([id, place], part, step, Purpose::Receiver)[0];
         // At rest on the surface that is 0/0; there the particle was met before.
-        exponent < NEVER && open_unit(key.draw(id, other, step, Purpose::Receiver)[0]) < libm::expf(-exponent)
+        exponent < NEVER && open_unit(word()) < libm::expf(-exponent)
     }
 }
 
@@ -139,8 +141,8 @@ impl Bridge<'_> {
         }
         if number >= LAST || !is_long(drift, spread, self.body.receiver.radius) {
             let [a, b] = [(p, begin), (q, begin + part)].map(|(end, part)| self.height(end, part));
-            let other = self.body.place | (number - 1) << 16;
-            return b <= 0.0 || self.who.crosses(other, a * b / (0.5 * spread * spread));
+            let exponent = a * b / (0.5 * spread * spread);
+            return b <= 0.0 || self.who.crosses(self.body.place, number - 1, exponent);
         }
         let Who { key, id, step } = self.who;
         let z = normals(key.draw(id, number, step, Purpose::Path));
@@ -251,6 +253,18 @@ mod tests {
         assert!(!meets(&body(Kind::Absorbing), &open, &at_rest, DRAWS));
         let inside = path([9.0, 0.0, 0.0], [1.5, 0.0, 0.0], &open, 0.25);
         assert!(meets(&body(Kind::Endpoint), &open, &inside, DRAWS));
+    }
+
+    /// Any number of receivers, and every piece of a path, have draws of their own.
+    #[test]
+    fn neither_receivers_nor_pieces_share_draws() {
+        let one = |place, part, id| Who { id, ..DRAWS }.crosses(place, part, 0.7);
+        let draws = |place, part| (0..256).map(|id| one(place, part, id)).collect::<Vec<bool>>();
+        let places = [0, 1, 1 << 15, 1 << 16, (1 << 16) + 1, 1 << 24, u32::MAX];
+        let parts = [0, 1, 2, 255, 256, 2 * LAST - 2];
+        let all: std::collections::BTreeSet<_> =
+            places.iter().flat_map(|&place| parts.map(|part| draws(place, part))).collect();
+        assert_eq!(all.len(), places.len() * parts.len());
     }
 
     #[test]

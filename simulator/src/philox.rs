@@ -58,6 +58,13 @@ impl Key {
     pub fn draw(self, id: u32, other: u32, step: u32, purpose: Purpose) -> [u32; 4] {
         philox([id, other, step, purpose as u32], self.0)
     }
+
+    /// Four random words of a part of what is drawn for, numbered from 0; part 0 has those of [`draw`](Self::draw).
+    /// Parts up to 2²⁴ have words that no other purpose has.
+    #[inline(always)]
+    pub(crate) fn draw_part(self, [id, other]: [u32; 2], part: u32, step: u32, purpose: Purpose) -> [u32; 4] {
+        philox([id, other, step, purpose as u32 | part << 8], self.0)
+    }
 }
 
 /// A stream of random words, for distributions that take as many as they need.
