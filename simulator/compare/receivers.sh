@@ -1,64 +1,63 @@
 #!/usr/bin/env bash
 # Whole steps with 1 to 10 000 absorbing receivers in a periodic box, in turn, and beside another build where one is named.
-# Prints milliseconds per step, medians of rounds, and their ratio to those with one receiver.
+# RECEIVERS, EDGE (of the box), DIFFUSION and KIND (of receivers) in the environment make it another scene: near receivers a
+# small box and a large diffusion coefficient.
+# Prints milliseconds of processor time per step, medians of rounds, and their ratio to those with the first number of receivers.
 # Usage: simulator/compare/receivers.sh [PARTICLES [ROUNDS [STEPS [OTHER-LAZYGRID]]]]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
+edge=${EDGE:-100} diffusion=${DIFFUSION:-100} kind=${KIND:-absorbing}
+read -ra counts <<<"${RECEIVERS:-1 4 8 10 16 32 100 1000 10000}"
 particles=${1:-20000} rounds=${2:-5} steps=${3:-100} other=${4:-} warm=10
 lazygrid=${CARGO_TARGET_DIR:-target}/release/lazygrid
 [ -n "${SKIP_BUILD:-}" ] || cargo build --quiet --release -p lazygrid-cli
 
 scratch=$(mktemp -d)
 trap 'rm -r "$scratch"' EXIT
-for receivers in 1 10 100 1000 10000; do
-    python3 - "$particles" "$receivers" >"$scratch/$receivers.toml" <<'PYTHON'
+for receivers in "${counts[@]}"; do
+    python3 - "$particles" "$receivers" "$edge" "$diffusion" "$kind" >"$scratch/$receivers.toml" <<'PYTHON'
 import sys
-particles, receivers = map(int, sys.argv[1:])
+particles, receivers = map(int, sys.argv[1:3])
+edge, diffusion = map(float, sys.argv[3:5])
+half = edge / 2
 side = next(k for k in range(1, 100) if k ** 3 >= receivers)
 print(f"""
 time-step = 1e-4
 steps = 1
 [boundary]
 kind = "periodic"
-low = [-50, -50, -50]
-high = [50, 50, 50]
+low = [{-half}, {-half}, {-half}]
+high = [{half}, {half}, {half}]
 [[species]]
 name = "A"
-diffusion = 100
+diffusion = {diffusion}
 [[transmitter]]
 name = "tx"
-shape = {{ kind = "box", size = [100, 100, 100] }}
+shape = {{ kind = "box", size = [{edge}, {edge}, {edge}] }}
 release = [{{ species = "A", count = {particles} }}]
 [output]
 every = 1000000""")
 for k in range(receivers):
-    x, y, z = [(c + 0.5) * 100 / side - 50 for c in (k % side, k // side % side, k // side // side)]
-    print(f'[[receiver]]\nname = "r{k}"\ncenter = [{x}, {y}, {z}]\nradius = 0.5\nkind = "absorbing"')
+    x, y, z = [(c + 0.5) * edge / side - half for c in (k % side, k // side % side, k // side // side)]
+    print(f'[[receiver]]\nname = "r{k}"\ncenter = [{x}, {y}, {z}]\nradius = 0.5\nkind = "{sys.argv[5]}"')
 PYTHON
 done
 
-# Nanoseconds of a run of this many steps.
+# Seconds of processor time of a run of this many steps, which what else the machine does hardly changes.
 run() {
-    local start end
-    start=$(date +%s%N)
-    "$1" simulate "$scratch/$2.toml" --output "$scratch/run" --overwrite --threads 1 --steps "$3" >/dev/null
-    end=$(date +%s%N)
-    echo $((end - start))
+    local TIMEFORMAT=%3U
+    { time "$1" simulate "$scratch/$2.toml" --output "$scratch/run" --overwrite --threads 1 --steps "$3" >/dev/null 2>"$scratch/said"; } 2>&1
 }
 
 echo "$particles particles, $steps steps after $warm, one thread; ms per step" >&2
 for ((round = 0; round < rounds; round++)); do
-    for receivers in 1 10 100 1000 10000; do
+    for receivers in "${counts[@]}"; do
         for build in "$lazygrid" $other; do
-            # The loop over thousands of receivers that came before takes minutes.
-            [ "$build" = "$lazygrid" ] || [ "$receivers" -le 1000 ] || continue
-            count=$steps before=$warm
-            [ "$build" = "$lazygrid" ] || [ "$receivers" -lt 100 ] || { count=$((300 / receivers + 1)) before=1; }
-            first=$(run "$build" "$receivers" "$before")
-            last=$(run "$build" "$receivers" $((before + count)))
+            first=$(run "$build" "$receivers" "$warm")
+            last=$(run "$build" "$receivers" $((warm + steps)))
             name=$([ "$build" = "$lazygrid" ] && echo this || echo other)
-            echo "$name $receivers $(awk "BEGIN { print ($last - $first) / $count / 1e6 }")"
+            echo "$name $receivers $(awk "BEGIN { print ($last - $first) / $steps * 1e3 }")"
         done
     done
 done | awk '
@@ -73,7 +72,7 @@ done | awk '
         for (k = 1; k <= keys; k++) {
             split(order[k], parts, " ")
             m = median(order[k])
-            if (parts[2] == 1) one[parts[1]] = m
+            if (!(parts[1] in one)) one[parts[1]] = m
             printf "%-6s %6d receivers %10.3f ms  %8.2f x\n", parts[1], parts[2], m, m / one[parts[1]]
         }
     }'

@@ -90,8 +90,8 @@ impl Motion {
         }
     }
 
-    /// Moves all particles and returns what befell them, by place. Where there are many receivers, `vicinity` finds those
-    /// near a particle.
+    /// Moves all particles and returns what befell them, by place. `vicinity` finds the receivers near a particle where that
+    /// is faster than looking at all.
     ///
     /// # Errors
     /// [`Error::Step`] with what the detector said.
@@ -101,10 +101,9 @@ impl Motion {
         mut vicinity: Option<&mut Vicinity>,
         (key, step): (Key, u32),
     ) -> Result<Vec<Event>, Error> {
-        if let Some(vicinity) = &mut vicinity {
-            vicinity.begin(particles.len(), &self.bodies);
-        }
-        let seen = vicinity.as_deref();
+        let begin = |vicinity: &mut &mut Vicinity| vicinity.begin(particles.len(), &self.bodies);
+        let searches = vicinity.as_mut().is_some_and(begin);
+        let seen = vicinity.as_deref().filter(|_| searches);
         let Particles { position: [x, y, z], velocity, species, id, .. } = &mut *particles;
         // Columns of velocities are empty where particles have none.
         let mut columns = velocity.each_mut().map(|column| column.chunks_mut(CHUNK));
@@ -129,14 +128,16 @@ impl Motion {
             .unzip();
         let mut events = events.concat();
         if let Some(vicinity) = vicinity {
-            events.extend(self.search(particles, vicinity, unsure.concat(), step)?);
-            events.sort_by_key(Event::at);
+            if searches {
+                events.extend(self.search(particles, vicinity, unsure.concat(), step)?);
+                events.sort_by_key(Event::at);
+            }
             vicinity.end(&self.bodies);
         }
         Ok(events)
     }
 
-    /// Moves the particles of a chunk. Returns what befell them, and the ways on which there may be one of many receivers.
+    /// Moves the particles of a chunk. Returns what befell them, and the ways on which there may be a receiver.
     fn advance_chunk(
         &self,
         chunk: Chunk<'_>,

@@ -111,8 +111,9 @@ impl Receiver {
     }
 }
 
-/// Transparent receivers up to this many look at every particle; more have those near them found.
-const FEW: usize = 8;
+/// Transparent receivers up to this many look at every particle; more have those near them found. On the machine of the
+/// tables in docs/simulator.md two take 2.5 times as long to look as a search does, and one 0.7 times.
+const FEW: usize = 1;
 /// Pairs that are looked at together.
 const CHUNK: usize = 1 << 16;
 

@@ -1,4 +1,4 @@
-//! Which particles may meet a receiver in a step, where there are many receivers.
+//! Which particles may meet a receiver in a step.
 //!
 //! Of each particle a ball is known in which there is no receiver, from when the detector last looked. As long as the way
 //! of a particle stays in its ball there is nothing to decide. Those that leave theirs are given to the detector, as
@@ -8,6 +8,9 @@
 //! A ball is a fact about space and not about the particle: it stays true whoever takes the place of a particle, and
 //! however that is moved. What is left alone would have met no receiver, to the last bit, so results are those of a loop
 //! over all receivers.
+//!
+//! Where most particles are so near receivers that they are given to the detector step after step, the loop is faster, and is
+//! taken for some time.
 
 use lazygrid::{Detector, Neighbors, Sphere};
 
@@ -16,14 +19,6 @@ use crate::bodies::Bodies;
 use crate::boundary::Boundary;
 use crate::crossing::Path;
 use crate::receiver::{finder, rounding};
-
-/// Up to so many receivers, looking at each of them is faster.
-const FEW: usize = 4;
-
-/// Whether so many receivers are worth a search.
-pub(crate) fn is_worth_it(receivers: usize) -> bool {
-    receivers > FEW
-}
 
 /// How far a particle may get in this step: in a ball of radius `half` around the middle of its straight way, and beyond
 /// that as far as diffusion bends it and receivers come towards it, `more`. All in µm.
@@ -61,7 +56,28 @@ pub(crate) struct Vicinity {
     factor: f32,
     queries: Vec<Sphere>,
     receivers: Vec<Sphere>,
+    worth: Worth,
 }
+
+/// Whether searches cost less than looking at every receiver. Nothing of it changes a result.
+#[derive(Debug, Default)]
+struct Worth {
+    /// Steps with searches in this window.
+    steps: u32,
+    /// What they cost, as so many looks at a receiver.
+    cost: u64,
+    /// Steps to come without.
+    rest: u32,
+}
+
+/// Steps over which searches are held against looks at every receiver. At first no ball is known, and the first searches
+/// say little.
+const WINDOW: u32 = 16;
+/// Steps without a search where these were dearer.
+const REST: u32 = 240;
+/// What a search costs for each particle, and for each receiver that is found near one, in looks at a receiver: about 100 ns,
+/// and 20 ns and often a look, beside 35 ns on the machine of the tables in docs/simulator.md.
+const COSTS: [usize; 2] = [3, 1];
 
 /// Nothing is known.
 const UNKNOWN: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
@@ -73,12 +89,12 @@ const FACTORS: [f32; 3] = [4.0, 1.5, 64.0];
 const FOUND: [usize; 2] = [1, 4];
 
 impl Vicinity {
-    /// A search in the space of a model, where its receivers are worth it.
+    /// A search in the space of a model, where it has receivers.
     ///
     /// # Errors
     /// [`Error::Detection`] for a box without extent.
     pub(crate) fn new(bodies: &Bodies, boundary: &Boundary) -> Result<Option<Self>, Error> {
-        if !is_worth_it(bodies.all.len()) {
+        if bodies.all.is_empty() {
             return Ok(None);
         }
         Ok(Some(Self {
@@ -89,11 +105,12 @@ impl Vicinity {
             factor: FACTORS[0],
             queries: Vec::new(),
             receivers: Vec::new(),
+            worth: Worth::default(),
         }))
     }
 
-    /// Before a step of so many particles.
-    pub(crate) fn begin(&mut self, particles: usize, bodies: &Bodies) {
+    /// Before a step of so many particles. Says whether it is to search, or to look at every receiver.
+    pub(crate) fn begin(&mut self, particles: usize, bodies: &Bodies) -> bool {
         if bodies.move_about() {
             if self.steps.is_multiple_of(FORGET) {
                 self.balls.clear();
@@ -107,6 +124,7 @@ impl Vicinity {
             self.receivers.clear();
             self.receivers.extend(bodies.all.iter().map(sphere));
         }
+        self.worth.begin()
     }
 
     /// Behind a step.
@@ -133,7 +151,7 @@ impl Vicinity {
         particles: impl Iterator<Item = ([f32; 3], f32)>,
         bodies: &Bodies,
     ) -> Result<Found<'a>, lazygrid::Error> {
-        let Self { detector, travelled, factor, queries, receivers, .. } = self;
+        let Self { detector, travelled, factor, queries, receivers, balls, worth, .. } = self;
         queries.clear();
         queries.extend(particles.map(|(before, reach)| {
             let radius = *factor * reach + 1e-3 * bodies.largest;
@@ -141,6 +159,7 @@ impl Vicinity {
         }));
         let near = detector.neighbors_between(&*queries, &*receivers)?;
         let found: usize = (0..near.len()).map(|k| near.of(k).len()).sum();
+        worth.see([queries.len(), found], balls.len() * receivers.len());
         let [_, least, most] = FACTORS;
         // A few say little about the next step.
         if found > FOUND[1] * queries.len().max(16) {
@@ -149,6 +168,29 @@ impl Vicinity {
             *factor = (*factor * 1.5).min(most);
         }
         Ok(Found { near, queries, travelled: *travelled })
+    }
+}
+
+impl Worth {
+    /// Whether a step is to search.
+    fn begin(&mut self) -> bool {
+        if self.rest > 0 {
+            self.rest -= 1;
+            return false;
+        }
+        if self.steps == WINDOW {
+            *self = Self::default();
+        }
+        self.steps += 1;
+        true
+    }
+
+    /// Enters a search for so many particles that found so many receivers, where otherwise so many looks are due in a step.
+    fn see(&mut self, [queries, found]: [usize; 2], looks: usize) {
+        self.cost += (COSTS[0] * queries + COSTS[1] * found) as u64;
+        if self.cost > u64::from(WINDOW) * looks as u64 {
+            *self = Self { rest: REST, ..Self::default() };
+        }
     }
 }
 
@@ -248,11 +290,12 @@ mod tests {
         }
     }
 
-    /// What befalls particles in some steps, and where they are, with or without a search.
-    fn run(model: &Model, searches: bool) -> (Vec<crate::motion::Event>, Particles) {
+    /// What befalls particles in some steps, and where they are, with or without a search; and how many steps searched.
+    fn run(model: &Model, steps: u32, searches: bool) -> ((Vec<crate::motion::Event>, Particles), usize) {
         let mut motion = Motion::new(model);
         let mut vicinity = Vicinity::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
         assert_eq!(vicinity.is_some(), searches);
+        let mut searched = 0;
         let mut particles = Particles::default();
         for id in 0..1500 {
             let position = model.rooms()[0].place(place(id + 1000));
@@ -262,16 +305,35 @@ mod tests {
         }
         let mut centers: Vec<[f32; 3]> = model.receivers.iter().map(|receiver| receiver.center).collect();
         let mut all = Vec::new();
-        for step in 0..100 {
+        for step in 0..steps {
+            searched += usize::from(vicinity.as_ref().is_some_and(|vicinity| vicinity.worth.rest == 0));
             let places = moved(model, &centers, Key::new(3), step);
-            motion.bodies.set(&centers, &places, &[5; MANY as usize]);
+            motion.bodies.set(&centers, &places, &vec![5; centers.len()]);
             let events = motion.advance(&mut particles, vicinity.as_mut(), (Key::new(3), step)).unwrap();
             let mut gone: Vec<u32> = events.iter().map(crate::motion::Event::at).collect();
             particles.remove(&mut gone);
             centers = places.iter().map(|place| place.center).collect();
             all.extend(events);
         }
-        (all, particles)
+        ((all, particles), searched)
+    }
+
+    #[test]
+    fn the_loop_takes_over_where_all_are_near() {
+        // One sphere in a box not much wider, and the same one in a wide box.
+        let of = |half: f32| {
+            let mut model = model(Boundary::reflecting([-half; 3], [half; 3]), None, 0.0);
+            let receiver = Receiver { center: [0.0; 3], radius: 0.2, ..model.receivers[9].clone() };
+            model.receivers = vec![Receiver { kind: Kind::Reflecting, ..receiver }];
+            model.species[1].drift = [0.0; 3];
+            model
+        };
+        for (half, few, most) in [(0.35, 2, 40), (3.0, 400, 600)] {
+            let model = of(half);
+            let (found, searched) = run(&model, 600, true);
+            assert!((few..=most).contains(&searched), "{searched} of 600 steps searched in {half}");
+            assert_eq!(found, run(&model, 600, false).0, "{half}");
+        }
     }
 
     #[test]
@@ -288,9 +350,10 @@ mod tests {
         ];
         for (boundary, flow, speed) in cases {
             let model = model(boundary, flow, speed);
-            let (found, particles) = run(&model, true);
+            let ((found, particles), searched) = run(&model, 100, true);
+            assert!(searched > 50, "{searched}");
             assert!(found.len() > 100 && particles.len() > 100, "{} {}", found.len(), particles.len());
-            assert_eq!((found, particles), run(&model, false), "{boundary:?}");
+            assert_eq!((found, particles), run(&model, 100, false).0, "{boundary:?}");
         }
     }
 }
