@@ -130,6 +130,43 @@ fn the_page_has_every_particle_of_every_frame() {
     assert!(lines[1]["counts"][0] == 300 && lines[1]["counts"][20].as_u64().unwrap() < 10, "{}", lines[1]);
 }
 
+/// The scenario with another receiver, which goes up, and hardly any acid, whose colour is like theirs.
+fn with_a_rising_receiver() -> String {
+    let rising = "kind = \"transparent\"\n[[receiver]]\nname = \"rx-two\"\ncenter = [0, -1.2, 0]\nradius = 0.5\n\
+                  kind = \"transparent\"\nvelocity = [0, 60, 0]";
+    SCENARIO.replace("kind = \"transparent\"", rising).replace("count = 400", "count = 1")
+}
+
+#[test]
+fn what_moves_is_drawn_where_it_is() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("rising.toml", &with_a_rising_receiver()), scratch.path("out"));
+    LAZYGRID.run(["simulate", &scenario, "--output", &out, "--animate"]).succeeds();
+    let page = out.clone() + "/animation.html";
+    let scene = scene(&fs::read_to_string(&page).unwrap());
+    let moves: Vec<&Value> = scene["transceivers"].as_array().unwrap().iter().map(|t| &t["moves"]).collect();
+    assert_eq!(moves, [&Value::Null, &Value::Null, &Value::Null, &0.into()]);
+    let frames = scene["frames"].as_array().unwrap();
+    let mut highest = f64::NEG_INFINITY;
+    for frame in frames {
+        let number = |value: &Value| value.as_f64().unwrap();
+        let (center, expected) = (&frame["centers"][0], -1.2 + 60.0 * number(&frame["time"]));
+        assert!((number(&center[1]) - expected).abs() < 1e-4, "{center} and not {expected}");
+        assert_eq!((number(&center[0]), number(&center[2])), (0.0, 0.0));
+        highest = highest.max(expected);
+    }
+    assert!((1.0..1.5).contains(&highest), "it goes to {highest}, and is to stay clear of the walls");
+    let Some(browser) = browser() else { return };
+    let shot = |hash: &str| screenshot(browser, &scratch, &page, hash, &[]);
+    let row = |pixels: Vec<[u8; 3]>| {
+        let rows = rows_of(&pixels, ACID);
+        assert!(rows.len() > 500, "receivers have {} pixels", rows.len());
+        rows.iter().sum::<usize>() / rows.len()
+    };
+    let [first, last] = ["frame=0", "frame=40"].map(|hash| row(shot(hash)));
+    assert!(first > last + 30, "from row {first} to row {last}");
+}
+
 #[test]
 fn a_resumed_animation_is_the_same_and_a_thinned_one_says_so() {
     let scratch = Scratch::new();

@@ -150,7 +150,7 @@ class Player {
       this.stale = false;
       this.stage.draw();
       this.labels.forEach((label, k) => {
-        const { center } = this.scene.transceivers[k], place = this.stage.place(center);
+        const place = this.stage.place(this.stage.centerOf(k));
         label.hidden = !place;
         if (place) [label.style.left, label.style.top] = place.map((p) => `${p}px`);
       });

@@ -1,15 +1,18 @@
 //! The particles that are drawn, frame by frame, as a file of 32-bit words in little-endian order: the step, a shift, the
-//! number of particles in two words, the number of those that follow, and for each the id, the species and the place.
+//! number of particles in two words, the number of those that follow, and the number of receivers that move; for each of
+//! the particles the id, the species and the place, and for each of the receivers its centre.
 
 use std::io::{self, Read, Write};
 use std::num::NonZeroU32;
 
-use crate::State;
+use crate::{Model, State};
 
 /// Words in front of each frame.
-const HEAD: usize = 5;
+const HEAD: usize = 6;
 /// Words of a particle.
 const ROW: usize = 5;
+/// Words of a receiver.
+const CENTER: usize = 3;
 
 /// The particles of a moment that are drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +23,8 @@ pub(super) struct Frame {
     /// How many there are.
     pub(super) present: u64,
     pub(super) rows: Vec<Row>,
+    /// Where the receivers are that move, in the order of the model.
+    pub(super) centers: Vec<[f32; 3]>,
 }
 
 /// One of them.
@@ -42,20 +47,30 @@ fn mixed(id: u32) -> u32 {
     b ^ b >> 16
 }
 
+/// The places of the receivers of a model that move.
+pub(super) fn moving(model: &Model) -> impl Iterator<Item = usize> + '_ {
+    (0..model.receivers.len()).filter(|&k| model.receivers[k].moves())
+}
+
 /// How many bytes a frame of so many particles takes.
-pub(crate) fn bytes_of(particles: u64) -> u64 {
-    4 * (HEAD as u64 + ROW as u64 * particles)
+pub(crate) fn bytes_of(model: &Model, particles: u64) -> u64 {
+    4 * (HEAD as u64 + ROW as u64 * particles + (CENTER * moving(model).count()) as u64)
 }
 
 /// Appends a frame with `most` particles at most.
-pub(crate) fn append(out: &mut impl Write, state: &State, most: NonZeroU32) -> io::Result<()> {
+pub(crate) fn append(
+    out: &mut impl Write,
+    (model, state): (&Model, &State),
+    most: NonZeroU32,
+) -> io::Result<()> {
     let particles = &state.particles;
     let mut ranks = [0_u64; 33];
     particles.id.iter().for_each(|&id| ranks[mixed(id).leading_zeros() as usize] += 1);
     let drawn = |shift: u32| ranks[shift as usize..].iter().sum::<u64>();
     let shift = (0..32).find(|&shift| drawn(shift) <= u64::from(most.get())).unwrap_or(32);
     let present = particles.len() as u64;
-    let head = [state.step, shift, present as u32, (present >> 32) as u32, drawn(shift) as u32];
+    let receivers = moving(model).count() as u32;
+    let head = [state.step, shift, present as u32, (present >> 32) as u32, drawn(shift) as u32, receivers];
     let mut bytes: Vec<u8> = head.iter().flat_map(|word| word.to_le_bytes()).collect();
     for at in (0..particles.len()).filter(|&at| is_drawn(particles.id[at], shift)) {
         let [x, y, z] = particles.position_of(at).map(f32::to_bits);
@@ -63,6 +78,7 @@ pub(crate) fn append(out: &mut impl Write, state: &State, most: NonZeroU32) -> i
             bytes.extend(word.to_le_bytes());
         }
     }
+    bytes.extend(moving(model).flat_map(|k| state.centers[k]).flat_map(f32::to_le_bytes));
     out.write_all(&bytes)
 }
 
@@ -85,11 +101,13 @@ impl<R: Read> Frames<R> {
     }
 
     fn frame(&mut self, first: u32) -> io::Result<Frame> {
-        let [shift, low, high, count] = self.words()?;
+        let [shift, low, high, count, receivers] = self.words()?;
         let row =
             |[id, species, x, y, z]: [u32; ROW]| Row { id, species, place: [x, y, z].map(f32::from_bits) };
         let rows = (0..count).map(|_| self.words().map(row)).collect::<io::Result<_>>()?;
-        Ok(Frame { step: first, shift, present: u64::from(low) | u64::from(high) << 32, rows })
+        let center = |words: [u32; CENTER]| words.map(f32::from_bits);
+        let centers = (0..receivers).map(|_| self.words().map(center)).collect::<io::Result<_>>()?;
+        Ok(Frame { step: first, shift, present: u64::from(low) | u64::from(high) << 32, rows, centers })
     }
 }
 
@@ -109,7 +127,13 @@ impl<R: Read> Iterator for Frames<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Particle, Particles};
+    use crate::{Particle, Particles, Receiver};
+
+    /// Two of three receivers move.
+    fn model() -> Model {
+        let receiver = |diffusion| Receiver { diffusion, ..Receiver::default() };
+        Model { receivers: [1.0, 0.0, 2.0].map(receiver).into(), ..Model::default() }
+    }
 
     fn state(count: u32) -> State {
         let mut particles = Particles::default();
@@ -118,20 +142,23 @@ mod tests {
             particles
                 .push(Particle { position: [x, -x, 0.5], species: id % 3, id, ..Particle::default() }, false);
         }
-        State { particles, step: 7, ..State::default() }
+        let centers = vec![[1.0; 3], [2.0; 3], [3.0, 4.0, count as f32]];
+        State { particles, step: 7, centers, ..State::default() }
     }
 
     #[test]
     fn a_frame_is_read_back() {
         let mut file = Vec::new();
         for count in [0, 10, 3] {
-            append(&mut file, &state(count), NonZeroU32::MAX).unwrap();
+            append(&mut file, (&model(), &state(count)), NonZeroU32::MAX).unwrap();
         }
-        assert_eq!(file.len() as u64, bytes_of(0) + bytes_of(10) + bytes_of(3));
+        let bytes = |particles| bytes_of(&model(), particles);
+        assert_eq!(file.len() as u64, bytes(0) + bytes(10) + bytes(3));
         let frames: Vec<Frame> = Frames::new(&file[..]).map(Result::unwrap).collect();
         assert_eq!(frames.iter().map(|frame| frame.rows.len()).collect::<Vec<_>>(), [0, 10, 3]);
         assert_eq!((frames[1].step, frames[1].shift, frames[1].present), (7, 0, 10));
         assert_eq!(frames[1].rows[4], Row { id: 4, species: 1, place: [4.0, -4.0, 0.5] });
+        assert_eq!(frames[2].centers, [[1.0; 3], [3.0, 4.0, 3.0]]);
         // One that is cut.
         assert!(Frames::new(&file[..file.len() - 3]).last().unwrap().is_err());
     }
@@ -140,7 +167,7 @@ mod tests {
     fn too_many_are_thinned_evenly_and_by_id() {
         let thinned = |most| {
             let mut file = Vec::new();
-            append(&mut file, &state(30_000), NonZeroU32::new(most).unwrap()).unwrap();
+            append(&mut file, (&model(), &state(30_000)), NonZeroU32::new(most).unwrap()).unwrap();
             Frames::new(&file[..]).next().unwrap().unwrap()
         };
         let [half, less] = [thinned(20_000), thinned(5_000)];

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::record::Frame;
+use super::record::{Frame, moving};
 use crate::results::series::Series;
 use crate::{Axis, Model, Receiver, Shape, Species, Transmitter};
 
@@ -52,7 +52,11 @@ struct View {
 struct Transceiver {
     name: String,
     role: &'static str,
+    /// Where it is, or begins.
     center: [f32; 3],
+    /// Where its centre is in the list of each frame, if it moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    moves: Option<usize>,
     shape: Body,
 }
 
@@ -73,6 +77,9 @@ struct Shown {
     counts: Vec<u32>,
     low: [f32; 3],
     size: [f32; 3],
+    /// Of the transceivers that move.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    centers: Vec<[f32; 3]>,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -104,7 +111,9 @@ impl Scene {
         });
         let vessel = model.boundary.vessel;
         let sources = model.transmitters.iter().map(transmitter);
-        let transceivers: Vec<_> = sources.chain(model.receivers.iter().map(receiver)).collect();
+        let mut receivers: Vec<_> = model.receivers.iter().map(receiver).collect();
+        moving(model).enumerate().for_each(|(nth, k)| receivers[k].moves = Some(nth));
+        let transceivers: Vec<_> = sources.chain(receivers).collect();
         let step = series.steps.len().div_ceil(ROWS).max(1);
         let kind = |species: &Species| Kind { name: species.name.clone(), radius: species.radius };
         let mut scene = Self {
@@ -157,7 +166,8 @@ impl Scene {
         frame.rows.iter().for_each(|row| counts[row.species as usize] += 1);
         let (low, size) = extent(frame);
         let time = f64::from(frame.step) * self.time_step;
-        self.frames.push(Shown { step: frame.step, time, present: frame.present, counts, low, size });
+        let (present, centers) = (frame.present, frame.centers.clone());
+        self.frames.push(Shown { step: frame.step, time, present, counts, low, size, centers });
         for row in frame.rows.iter().step_by(frame.rows.len().div_ceil(SEEN).max(1)) {
             let offset = std::array::from_fn(|k| row.place[k] - self.view.center[k]);
             self.distances.push(length(offset));
@@ -174,7 +184,15 @@ impl Scene {
             self.distances.sort_unstable_by(f32::total_cmp);
             let last = self.distances.len().saturating_sub(1);
             let most = self.distances.get((last as f64 * IN_SIGHT) as usize).copied().unwrap_or(0.0);
-            self.view.radius = self.view.radius.max(most);
+            let moved = self.transceivers.iter().filter_map(|transceiver| {
+                let reach = |frame: &Shown| {
+                    let center = frame.centers[transceiver.moves?];
+                    let offset = std::array::from_fn(|k| center[k] - self.view.center[k]);
+                    Some(length(offset) + transceiver.shape.size[0]).filter(|reach| reach.is_finite())
+                };
+                self.frames.iter().filter_map(reach).reduce(f32::max)
+            });
+            self.view.radius = moved.fold(self.view.radius.max(most), f32::max);
         }
         if self.view.radius <= 0.0 || !self.view.radius.is_finite() {
             self.view.radius = 1.0;
@@ -223,12 +241,18 @@ fn transmitter(transmitter: &Transmitter) -> Transceiver {
             body("cylinder", along, std::array::from_fn(half))
         }
     };
-    Transceiver { name: transmitter.name.clone(), role: "transmitter", center: transmitter.center, shape }
+    Transceiver {
+        name: transmitter.name.clone(),
+        role: "transmitter",
+        center: transmitter.center,
+        moves: None,
+        shape,
+    }
 }
 
 fn receiver(receiver: &Receiver) -> Transceiver {
     let shape = Body { kind: "ball", along: 0, size: [receiver.radius; 3] };
-    Transceiver { name: receiver.name.clone(), role: "receiver", center: receiver.center, shape }
+    Transceiver { name: receiver.name.clone(), role: "receiver", center: receiver.center, moves: None, shape }
 }
 
 /// The series by what they count, without those in which nothing happens.

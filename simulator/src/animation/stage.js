@@ -265,15 +265,20 @@ class Stage {
     gl.enable(gl.CULL_FACE);
     // What is behind comes first.
     for (const side of [gl.FRONT, gl.BACK])
-      scene.transceivers.forEach(({ role, center, shape }, k) => {
+      scene.transceivers.forEach(({ role, shape }, k) => {
         gl.cullFace(side);
-        this.use(this.solid, { center, size: shape.size, colour: role === "receiver" ? [0.55, 0.75, 1] : [1, 0.8, 0.45] });
+        this.use(this.solid, { center: this.centerOf(k), size: shape.size, colour: role === "receiver" ? [0.55, 0.75, 1] : [1, 0.8, 0.45] });
         gl.bindVertexArray(this.solids[k].array);
         gl.drawArrays(gl.TRIANGLES, 0, this.solids[k].count);
       });
     gl.disable(gl.CULL_FACE);
     gl.depthMask(true);
     gl.disable(gl.BLEND);
+  }
+  // Where a transceiver is in the frame that is shown.
+  centerOf(k) {
+    const { center, moves } = this.scene.transceivers[k];
+    return moves === undefined ? center : this.frame.centers[moves];
   }
   // Where a point is on the page, and none behind the camera.
   place([x, y, z]) {

@@ -46,7 +46,7 @@ impl Forecast {
         let animation = output.animation.map_or(0.0, |animation| {
             let drawn = crowd.mean.iter().sum::<f64>().min(u32::from(animation.particles).into());
             // The frames, and eight letters of the page for each particle.
-            due(animation.every) as f64 * (animation::bytes_of(drawn as u64) as f64 + 8.0 * drawn)
+            due(animation.every) as f64 * (animation::bytes_of(model, drawn as u64) as f64 + 8.0 * drawn)
         });
         let fixed = (scenario.len() + totals) as u64 + rows as u64 + frames * header as u64;
         let kept = if model.has_velocity() { 32.0 } else { 20.0 };
@@ -68,7 +68,7 @@ pub(crate) fn next(run: &Simulator, output: Output) -> u64 {
     let all: u64 = run.totals().present.iter().sum();
     let animation = output
         .animation
-        .map_or(0, |animation| animation::bytes_of(all.min(u64::from(u32::from(animation.particles)))));
+        .map_or(0, |animation| animation::bytes_of(model, all.min(u32::from(animation.particles).into())));
     present.map(|(species, &count)| count * each(species)).sum::<u64>() + animation + (1 << 16)
 }
 
