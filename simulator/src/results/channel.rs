@@ -3,10 +3,11 @@
 use std::io::{self, Write};
 use std::path::Path;
 
+use super::bit_errors::BitErrors;
 use super::log::Log;
 use super::mean::Moments;
 use super::response::{Response, Way};
-use super::symbols::{BitErrors, Interference, Slots, is_on_off, messages};
+use super::symbols::{Interference, Slots, messages};
 use crate::message::Message;
 use crate::{Error, Model};
 
@@ -17,7 +18,7 @@ pub struct Channels {
     pub responses: Vec<Response>,
     /// Of those among them on which messages are sent.
     pub interference: Vec<Interference>,
-    /// Of all messages of bits, at all receivers that take particles in, by several delays of the slots.
+    /// Of all messages, at all receivers that take particles in, by several delays of the slots.
     pub bit_errors: Vec<BitErrors>,
 }
 
@@ -58,9 +59,10 @@ impl Channels {
         }
         for &(place, message, _) in &sent {
             let counts = |&receiver: &usize| model.receivers[receiver].kind.takes_in();
-            for receiver in (0..model.receivers.len()).filter(counts).filter(|_| is_on_off(message)) {
-                let all =
-                    delays(message, model.time_step).map(|delay| BitErrors::new(place, receiver, delay));
+            let entries = model.transmitters[place].release.len();
+            for receiver in (0..model.receivers.len()).filter(counts) {
+                let all = delays(message, model.time_step)
+                    .map(|delay| BitErrors::new(message, entries, [place, receiver], delay));
                 channels.bit_errors.extend(all);
             }
         }
@@ -124,7 +126,8 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes the bit errors: for each delay of the slots and threshold how many there are, of how many bits, and the rate.
+    /// Writes the bit errors: for each delay of the slots how many there are, of how many bits, and the rate; for every
+    /// threshold where there is one, else for the thresholds that leave the fewest, or without any.
     ///
     /// # Errors
     /// What the writer says.
@@ -134,8 +137,13 @@ impl Channels {
             let transmitter = &model.transmitters[errors.transmitter].name;
             let receiver = &model.receivers[errors.receiver].name;
             let delay = f64::from(errors.delay) * model.time_step;
-            for threshold in 0..=errors.most() + 1 {
-                let (rate, wrong) = errors.at(threshold);
+            let all = match errors.thresholds() {
+                1 => (0..=errors.most() + 1).map(|threshold| vec![threshold]).collect(),
+                _ => vec![errors.best()],
+            };
+            for thresholds in all {
+                let (rate, wrong) = errors.at(&thresholds);
+                let threshold = spaced(&thresholds);
                 let [bits, replicas] = [errors.bits, rate.count()];
                 writeln!(
                     out,
@@ -163,6 +171,11 @@ fn names(way: Way, model: &Model) -> String {
         &model.species[way.species].name,
     ];
     format!("{transmitter},{receiver},{species}")
+}
+
+/// Thresholds in one field, in ascending order.
+pub fn spaced(thresholds: &[u64]) -> String {
+    thresholds.iter().map(u64::to_string).collect::<Vec<_>>().join(" ")
 }
 
 /// A mean and its standard error; what there is not is empty.

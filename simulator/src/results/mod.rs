@@ -1,5 +1,6 @@
 //! What comes of runs, from the files that they write.
 
+pub mod bit_errors;
 pub mod channel;
 pub mod log;
 pub mod mean;

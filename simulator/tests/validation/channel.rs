@@ -3,6 +3,9 @@
 use std::path::Path;
 
 use lazygrid_sim::philox::Key;
+use lazygrid_sim::results::bit_errors::BitErrors;
+use lazygrid_sim::results::log::{Arrived, Log};
+use lazygrid_sim::results::symbols::{Slots, messages};
 use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Model, Schedule};
 use rayon::prelude::*;
@@ -137,4 +140,122 @@ pub(crate) fn other_modulations() -> Vec<Row> {
         row(&format!("steady release, {numbers}"), 60_000.0, part, steady[0]);
     }
     rows
+}
+
+/// Symbols of two bits in each of so many runs.
+const FEW_SYMBOLS: u32 = 30;
+const RUNS: u64 = 16;
+/// Of those a receiver takes a slot for the next higher level where so many arrive.
+const THRESHOLDS: [u64; 3] = [14, 30, 52];
+/// Released for the highest level.
+const MOST: u32 = 120;
+/// Released of the species that stands for a symbol: so few that another one is often ahead.
+const OF_A_SPECIES: u32 = 15;
+
+/// The probability of each number of arrivals of these bursts, of each of which a part is in time.
+fn arrivals_of(bursts: &[(u32, f64)]) -> Vec<f64> {
+    let mut chances = vec![1.0];
+    for &(count, part) in bursts {
+        for _ in 0..count {
+            chances.resize(chances.len() + 1, 0.0);
+            for k in (0..chances.len()).rev() {
+                chances[k] = chances[k] * (1.0 - part) + if k > 0 { chances[k - 1] * part } else { 0.0 };
+            }
+        }
+    }
+    chances
+}
+
+/// The probability that a receiver takes what arrives for each of four symbols, where these bursts were sent so many
+/// symbols ago.
+fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
+    let ago = |k: usize| parts[sent.len() - 1 - k];
+    if modulation == "csk" {
+        let bursts: Vec<_> = (0..sent.len()).map(|k| (MOST * sent[k] / 3, ago(k))).collect();
+        let mut taken = [0.0; 4];
+        for (count, chance) in (0..).zip(arrivals_of(&bursts)) {
+            taken[THRESHOLDS.partition_point(|&threshold| threshold <= count)] += chance;
+        }
+        return taken;
+    }
+    let of = |species: u32| {
+        let own = (0..sent.len()).filter(|&k| sent[k] == species).map(|k| (OF_A_SPECIES, ago(k)));
+        arrivals_of(&own.collect::<Vec<_>>())
+    };
+    let counts = [0, 1, 2, 3].map(of);
+    std::array::from_fn(|symbol| {
+        let wins = |count: usize| -> f64 {
+            let below = |other: usize| -> f64 {
+                // Of as many the first is taken.
+                let most = if other < symbol { count } else { count + 1 };
+                counts[other].iter().take(most).sum()
+            };
+            (0..4).filter(|&other| other != symbol).map(below).product()
+        };
+        counts[symbol].iter().enumerate().map(|(count, chance)| chance * wins(count)).sum()
+    })
+}
+
+/// Bit errors of concentration shift keying, by thresholds, and of molecule shift keying, by the species of which most
+/// arrive, of two bits a symbol: given what was sent, from the binomial numbers that arrive of all bursts before.
+pub(crate) fn shift_keying() -> Vec<Row> {
+    let time = |k: u32| f64::from(k) * SYMBOL_TIME;
+    let parts: Vec<f64> = (0..FEW_SYMBOLS).map(|k| arrived(time(k + 1)) - arrived(time(k))).collect();
+    let of = |modulation: &'static str| {
+        let species =
+            ["A", "B", "C", "D"].map(|name| format!("[[species]]\nname = \"{name}\"\ndiffusion = {D}\n"));
+        let entry = |name: &str, count: u32| format!("{{ species = \"{name}\", count = {count} }}");
+        let release = match modulation {
+            "csk" => {
+                format!("release = [{}]\nlevels = [0, {}, {}, 1]", entry("A", MOST), 1.0 / 3.0, 2.0 / 3.0)
+            }
+            _ => format!(
+                "release = [{}]",
+                ["A", "B", "C", "D"].map(|name| entry(name, OF_A_SPECIES)).join(", ")
+            ),
+        };
+        let text = format!(
+            "time-step = {}\nsteps = 1\n{}\n[[transmitter]]\nname = \"tx\"\nrandom-bits = {}\n\
+             symbol-time = {SYMBOL_TIME}\nmodulation = \"{modulation}\"\n{release}\n\
+             [[receiver]]\nname = \"rx\"\ncenter = [{DISTANCE}, 0, 0]\nradius = {R}\nkind = \"absorbing\"\n\
+             [output]\narrivals = true\n",
+            SYMBOL_TIME / f64::from(STEPS),
+            species.concat(),
+            2 * FEW_SYMBOLS
+        );
+        let model = Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model;
+        let run = |seed: u64| {
+            let mut simulation = begin(&model, seed);
+            let mut log = Log::default();
+            for step in 1..=FEW_SYMBOLS * STEPS {
+                steps(&mut simulation, 1);
+                let one = |arrival: &lazygrid_sim::Arrival| {
+                    let [receiver, species] = [arrival.receiver, arrival.species].map(|place| place as usize);
+                    Arrived { step, receiver, species, origin: None }
+                };
+                log.arrivals.extend(simulation.arrivals().iter().map(one));
+            }
+            let (_, message) = messages(&model).next().expect("a message");
+            let mut errors = BitErrors::new(message, model.transmitters[0].release.len(), [0, 0], 0);
+            errors.add(&log, &model, seed, &Slots::new(message, model.time_step, 0, FEW_SYMBOLS * STEPS));
+            let thresholds = if modulation == "csk" { &THRESHOLDS[..] } else { &[] };
+            let sent: Vec<u32> = (0..FEW_SYMBOLS).map(|k| message.symbol(k, 0, Key::new(seed))).collect();
+            let (mut expected, mut variance) = (0.0, 0.0);
+            for now in 0..sent.len() {
+                let taken = taken_for(modulation, &sent[..=now], &parts);
+                let wrong = |symbol: usize| f64::from((symbol as u32 ^ sent[now]).count_ones());
+                let moment = |power: i32| (0..4).map(|k| taken[k] * wrong(k).powi(power)).sum::<f64>();
+                expected += moment(1);
+                variance += moment(2) - moment(1).powi(2);
+            }
+            assert_eq!(errors.bits, 2 * u64::from(FEW_SYMBOLS));
+            [errors.at(thresholds).1 as f64, expected, variance]
+        };
+        let runs: Vec<[f64; 3]> = (0..RUNS).into_par_iter().map(run).collect();
+        let [errors, expected, variance] = [0, 1, 2].map(|k| runs.iter().map(|run| run[k]).sum::<f64>());
+        let bits = 2.0 * f64::from(FEW_SYMBOLS) * RUNS as f64;
+        let what = format!("bit error rate, {modulation} of four symbols");
+        Row::new(what, expected / bits, errors / bits, 4.0 * variance.sqrt() / bits)
+    };
+    ["csk", "mosk"].map(of).into()
 }

@@ -51,7 +51,7 @@ impl Row {
 /// An item of the list, and what measures it.
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 26] = [
+const ITEMS: [Item; 27] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -78,6 +78,7 @@ const ITEMS: [Item; 26] = [
     ("24-receptors", bodies::receptors),
     ("25-reflecting", bodies::reflecting),
     ("26-moving", bodies::moving),
+    ("27-shift-keying", channel::shift_keying),
 ];
 
 fn main() -> ExitCode {

@@ -6,10 +6,10 @@ use std::ops::Range;
 use lazygrid_report::plot::{Axes, Mark, Series, lines};
 use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
 use lazygrid_sim::Model;
-use lazygrid_sim::results::channel::Channels;
+use lazygrid_sim::results::bit_errors::BitErrors;
+use lazygrid_sim::results::channel::{Channels, spaced};
 use lazygrid_sim::results::mean::Moments;
 use lazygrid_sim::results::response::Way;
-use lazygrid_sim::results::symbols::BitErrors;
 
 use super::Done;
 
@@ -174,66 +174,83 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
 fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
     let mut section = Section { title: "Bit errors".into(), ..Section::default() };
     section.text.push(
-        "A receiver counts what arrives in each slot, of the species that are sent and from whomever, and takes it for 1 \
-         from a threshold on. Slots begin with their symbols, or later by quarters of a symbol's time, up to two of these; \
-         shown are those without delay, and those with the delay that makes the fewest errors. `bit-errors.csv` has all \
-         delays and thresholds."
+        "A receiver counts what arrives in each slot, of the species that are sent and from whomever. On–off keying is \
+         taken for 1 from a threshold on, concentration shift keying for the next higher level from each of several on; \
+         molecule shift keying for the species of which most arrive. Slots begin with their symbols, or later by quarters \
+         of a symbol's time, up to two of these; of on–off keying those without delay are shown, and those with the delay \
+         that makes the fewest errors. `bit-errors.csv` has all delays and thresholds."
             .to_owned(),
     );
-    let mut all = Vec::new();
-    for (colour, errors) in shown(channels).into_iter().enumerate() {
+    let name = |errors: &BitErrors| {
         let [from, to] =
             [&model.transmitters[errors.transmitter].name, &model.receivers[errors.receiver].name];
-        let delay = f64::from(errors.delay) * model.time_step;
-        let name = if errors.delay == 0 {
-            format!("{from} to {to}")
-        } else {
-            format!("{from} to {to}, {delay:.4} s later")
-        };
+        format!("{from} to {to}")
+    };
+    let mut all = Vec::new();
+    let ways =
+        || channels.bit_errors.chunk_by(|a, b| (a.transmitter, a.receiver) == (b.transmitter, b.receiver));
+    for (colour, errors) in ways().filter(|of| of[0].thresholds() == 1).flat_map(shown).enumerate() {
+        let mut name = name(errors);
+        if errors.delay > 0 {
+            name += &format!(", {:.4} s later", f64::from(errors.delay) * model.time_step);
+        }
         let point = |threshold: u64| {
-            let (rate, _) = errors.at(threshold);
+            let (rate, _) = errors.at(&[threshold]);
             mark(threshold as f64, rate.mean(), rate.standard_error())
         };
         let points = thresholds(errors, POINTS).map(point).collect();
         all.push(Series { name: name.clone(), points, dashed: false, colour });
-        section.tables.push(table_of(errors, &name));
+        section.tables.push(by_threshold(errors, &name));
         let best = errors.best();
-        let (rate, wrong) = errors.at(best);
+        let (rate, wrong) = errors.at(&best);
         let text = format!(
-            "{name}: fewest errors from a threshold of {best} on, {wrong} of {} bits, a rate of {}.",
+            "{name}: fewest errors from a threshold of {} on, {wrong} of {} bits, a rate of {}.",
+            spaced(&best),
             errors.bits,
             written(rate.mean(), rate.standard_error())
         );
         section.notes.push(Note { text, is_error: false });
     }
+    let others = ways().filter(|of| of[0].thresholds() != 1);
+    section.tables.extend(others.map(|of| by_delay(of, &name(&of[0]), model)));
     let of = ("bit-errors", "Bit errors by threshold");
     section.plots.extend(plot(of, ("threshold, arrivals in a slot", "part of the bits"), &all)?);
     Ok(section)
 }
 
-/// Of each transmitter and receiver what has no delay, and what has the fewest errors.
-fn shown(channels: &Channels) -> Vec<&BitErrors> {
-    let pairs =
-        channels.bit_errors.chunk_by(|a, b| (a.transmitter, a.receiver) == (b.transmitter, b.receiver));
-    let best = |of: &'_ [BitErrors]| of.iter().map(BitErrors::least).fold(f64::INFINITY, f64::min);
-    let two = pairs.flat_map(|of| {
-        let least = best(of);
-        let found = of.iter().find(|errors| errors.least() <= least);
-        of.iter().take(1).chain(found.filter(|errors| errors.delay != of[0].delay))
-    });
-    two.collect()
+/// Of the delays of a way the first, and the one that makes the fewest errors.
+fn shown(of: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
+    let found = of.iter().min_by(|a, b| a.least().total_cmp(&b.least()));
+    of.iter().take(1).chain(found.filter(|errors| errors.delay != of[0].delay))
 }
 
-fn table_of(errors: &BitErrors, name: &str) -> Table {
-    let best = errors.best();
+/// A row for each delay, of symbols that several thresholds tell, or species do.
+fn by_delay(of: &[BitErrors], name: &str, model: &Model) -> Table {
+    let least = of.iter().map(BitErrors::least).fold(f64::INFINITY, f64::min);
+    let row = |errors: &BitErrors| {
+        let best = errors.best();
+        let (rate, wrong) = errors.at(&best);
+        let delay = f64::from(errors.delay) * model.time_step;
+        let told = if best.is_empty() { "by species".to_owned() } else { spaced(&best) };
+        let rate = written(rate.mean(), rate.standard_error());
+        let is_least = errors.least() <= least;
+        row_of([format!("{delay:.4} s"), told, wrong.to_string(), errors.bits.to_string(), rate], is_least)
+    };
+    Table {
+        caption: format!(
+            "{name}: by how much later slots begin, with the thresholds that leave the fewest errors"
+        ),
+        header: ["delay", "thresholds", "errors", "bits", "rate"].map(str::to_owned).to_vec(),
+        rows: of.iter().map(row).collect(),
+    }
+}
+
+fn by_threshold(errors: &BitErrors, name: &str) -> Table {
+    let best = errors.best()[0];
     let row = |threshold: u64| {
-        let (rate, wrong) = errors.at(threshold);
-        let cells = [threshold.to_string(), wrong.to_string(), written(rate.mean(), rate.standard_error())];
-        let mut cells = cells.map(Cell::plain).to_vec();
-        if threshold == best {
-            cells.iter_mut().for_each(|cell| cell.kind = lazygrid_report::Kind::Best);
-        }
-        cells
+        let (rate, wrong) = errors.at(&[threshold]);
+        let rate = written(rate.mean(), rate.standard_error());
+        row_of([threshold.to_string(), wrong.to_string(), rate], threshold == best)
     };
     let mut shown: Vec<u64> = thresholds(errors, ROWS).chain([best]).collect();
     shown.sort_unstable();
@@ -243,6 +260,14 @@ fn table_of(errors: &BitErrors, name: &str) -> Table {
         header: ["threshold", "errors", "rate"].map(str::to_owned).to_vec(),
         rows: shown.into_iter().map(row).collect(),
     }
+}
+
+fn row_of<const N: usize>(cells: [String; N], is_best: bool) -> Vec<Cell> {
+    let mut cells = cells.map(Cell::plain).to_vec();
+    if is_best {
+        cells.iter_mut().for_each(|cell| cell.kind = lazygrid_report::Kind::Best);
+    }
+    cells
 }
 
 /// No more than so many thresholds, evenly spaced.

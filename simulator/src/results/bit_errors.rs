@@ -1,0 +1,281 @@
+//! How often a receiver that counts takes one symbol for another.
+
+use super::log::Log;
+use super::mean::Moments;
+use super::symbols::Slots;
+use crate::message::{Message, Modulation};
+use crate::philox::Key;
+use crate::{Model, Schedule};
+
+/// Bit errors at a receiver that counts what arrives in each slot, of the species that are sent and from whomever.
+///
+/// On–off and concentration shift keying are decided by thresholds: a slot in which as many arrive as a threshold, or more,
+/// is at least of the next higher level. Molecule shift keying is decided by the species of which most arrive, the first
+/// one of those in the burst where several are even.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BitErrors {
+    /// The transmitter, by its place in the model.
+    pub transmitter: usize,
+    /// The receiver, by its place in the model.
+    pub receiver: usize,
+    /// How many steps after a symbol its slot begins.
+    pub delay: u32,
+    /// How many bits there were in all.
+    pub bits: u64,
+    /// How many of them were 1.
+    pub ones: u64,
+    decision: Decision,
+    /// Bits of a symbol.
+    width: u32,
+    /// Replica by replica, what there is of each slot.
+    slots: Vec<Vec<Slot>>,
+}
+
+/// By what a symbol is told.
+#[derive(Clone, Debug, PartialEq)]
+enum Decision {
+    /// By the number of arrivals; symbols from the lowest level to the highest.
+    Level(Vec<u32>),
+    /// By the species.
+    Species,
+}
+
+/// What was sent, and what was seen: how many arrived, or as which symbol most did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Slot {
+    sent: u32,
+    seen: u64,
+}
+
+impl BitErrors {
+    /// None yet, of the message of a transmitter whose bursts have so many entries. Only receivers that take particles in
+    /// count arrivals.
+    pub fn new(message: &Message, entries: usize, [transmitter, receiver]: [usize; 2], delay: u32) -> Self {
+        let decision = match &message.modulation {
+            Modulation::OnOff => Decision::Level(vec![0, 1]),
+            Modulation::Concentration(levels) => {
+                let mut symbols: Vec<u32> = (0..levels.len() as u32).collect();
+                symbols.sort_by(|&a, &b| levels[a as usize].total_cmp(&levels[b as usize]));
+                Decision::Level(symbols)
+            }
+            Modulation::Molecule => Decision::Species,
+        };
+        let width = message.modulation.alphabet(entries).max(1).ilog2();
+        Self { transmitter, receiver, delay, bits: 0, ones: 0, decision, width, slots: Vec::new() }
+    }
+
+    /// Enters a replica that had this seed, with the slots of this delay.
+    pub fn add(&mut self, log: &Log, model: &Model, seed: u64, slots: &Slots) {
+        let transmitter = &model.transmitters[self.transmitter];
+        let Schedule::Message(message) = &transmitter.schedule else { return };
+        let release = &transmitter.release;
+        // By slot and entry of the burst.
+        let mut counts = vec![vec![0_u64; release.len()]; slots.len()];
+        for arrival in log.arrivals.iter().filter(|a| a.receiver == self.receiver) {
+            let entry = release.iter().position(|&(species, _)| species as usize == arrival.species);
+            if let (Some(entry), Some(slot)) = (entry, slots.of_arrival(arrival.step)) {
+                counts[slot][entry] += 1;
+            }
+        }
+        let slot = |(k, counts): (usize, &Vec<u64>)| {
+            let sent = message.symbol(k as u32, self.transmitter as u32, Key::new(seed));
+            let seen = match self.decision {
+                Decision::Level(_) => counts.iter().sum(),
+                // Of several the first.
+                Decision::Species => (0..counts.len()).rev().max_by_key(|&k| counts[k]).unwrap_or(0) as u64,
+            };
+            Slot { sent, seen }
+        };
+        let all: Vec<Slot> = counts.iter().enumerate().map(slot).collect();
+        self.bits += all.len() as u64 * u64::from(self.width);
+        self.ones += all.iter().map(|slot| u64::from(slot.sent.count_ones())).sum::<u64>();
+        self.slots.push(all);
+    }
+
+    /// How many thresholds a decision takes.
+    pub fn thresholds(&self) -> usize {
+        match &self.decision {
+            Decision::Level(symbols) => symbols.len() - 1,
+            Decision::Species => 0,
+        }
+    }
+
+    /// The largest number of arrivals in a slot, where these decide.
+    pub fn most(&self) -> u64 {
+        self.slots.iter().flatten().map(|slot| slot.seen).max().unwrap_or(0)
+    }
+
+    /// The part of the bits that is wrong with these thresholds in ascending order, over replicas, and the number of those.
+    pub fn at(&self, thresholds: &[u64]) -> (Moments, u64) {
+        let symbol = |seen: u64| match &self.decision {
+            Decision::Level(symbols) => symbols[thresholds.partition_point(|&threshold| threshold <= seen)],
+            Decision::Species => seen as u32,
+        };
+        let (mut rates, mut all) = (Moments::default(), 0);
+        for slots in self.slots.iter().filter(|slots| !slots.is_empty()) {
+            let wrong: u64 = slots.iter().map(|slot| wrong_bits(slot.sent, symbol(slot.seen))).sum();
+            rates.add(wrong as f64 / (slots.len() as f64 * f64::from(self.width)));
+            all += wrong;
+        }
+        (rates, all)
+    }
+
+    /// The lowest thresholds with the fewest errors.
+    pub fn best(&self) -> Vec<u64> {
+        let Decision::Level(symbols) = &self.decision else { return Vec::new() };
+        let mut seen: Vec<Slot> = self.slots.iter().flatten().copied().collect();
+        seen.sort_unstable_by_key(|slot| slot.seen);
+        let numbers: Vec<&[Slot]> = seen.chunk_by(|a, b| a.seen == b.seen).collect();
+        // By the first so many different numbers of arrivals and by level: the fewest errors of all that follow, where
+        // these are of this level or of a higher one.
+        let mut fewest = vec![vec![0_u64; symbols.len()]; numbers.len() + 1];
+        let errors = |slots: &[Slot], level: usize| -> u64 {
+            slots.iter().map(|slot| wrong_bits(slot.sent, symbols[level])).sum()
+        };
+        for k in (0..numbers.len()).rev() {
+            let mut least = u64::MAX;
+            for level in (0..symbols.len()).rev() {
+                least = least.min(errors(numbers[k], level) + fewest[k + 1][level]);
+                fewest[k][level] = least;
+            }
+        }
+        let (mut thresholds, mut now) = (Vec::new(), 0);
+        for (k, slots) in numbers.iter().enumerate() {
+            let is_best = |&level: &usize| errors(slots, level) + fewest[k + 1][level] == fewest[k][now];
+            // The highest level, since thresholds are the lowest.
+            let level = (now..symbols.len()).rev().find(is_best).unwrap_or(now);
+            let from = k.checked_sub(1).map_or(0, |before| numbers[before][0].seen + 1);
+            thresholds.extend((now..level).map(|_| from));
+            now = level;
+        }
+        thresholds.resize(symbols.len() - 1, numbers.last().map_or(0, |last| last[0].seen + 1));
+        thresholds
+    }
+
+    /// The part of all bits that is wrong with those thresholds; NaN of none.
+    pub fn least(&self) -> f64 {
+        self.at(&self.best()).1 as f64 / self.bits as f64
+    }
+}
+
+/// How many bits of two symbols differ.
+fn wrong_bits(sent: u32, taken: u32) -> u64 {
+    (sent ^ taken).count_ones().into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::symbols::messages;
+    use super::super::symbols::tests::{log, model, slots};
+    use super::*;
+    use crate::message::Symbols;
+    use crate::results::log::Arrived;
+
+    fn of(model: &Model, delay: u32) -> BitErrors {
+        let (_, message) = messages(model).next().unwrap();
+        BitErrors::new(message, model.transmitters[0].release.len(), [0, 0], delay)
+    }
+
+    /// The model with another message, and the slots of that.
+    fn sends(symbols: Vec<u32>, modulation: Modulation, release: Vec<(u32, u32)>) -> (Model, Slots) {
+        let mut model = model();
+        let Schedule::Message(message) = &mut model.transmitters[0].schedule else { panic!("no message") };
+        (message.symbols, message.modulation) = (Symbols::Given(symbols), modulation);
+        model.transmitters[0].release = release;
+        let slots = Slots::new(messages(&model).next().unwrap().1, model.time_step, 0, 1000);
+        (model, slots)
+    }
+
+    /// So many arrivals of these species in each slot.
+    fn arrivals(counts: &[&[usize]]) -> Log {
+        let mut arrivals = Vec::new();
+        for (slot, counts) in counts.iter().enumerate() {
+            for (species, &count) in counts.iter().enumerate() {
+                let one = Arrived { step: 6 + 10 * slot as u32, receiver: 0, species, origin: None };
+                arrivals.extend(std::iter::repeat_n(one, count));
+            }
+        }
+        Log { arrivals, releases: Vec::new() }
+    }
+
+    #[test]
+    fn bit_errors_of_a_known_sequence() {
+        // 1 0 1 1 arrives as 6, 3, 4, 2.
+        let sent = log(&[(0, 0, 6), (0, 1, 3), (2, 2, 4), (3, 3, 2)]);
+        let mut errors = of(&model(), 0);
+        errors.add(&sent, &model(), 1, &slots(100));
+        let counts: Vec<u64> = (0..=7).map(|threshold| errors.at(&[threshold]).1).collect();
+        // 0 is taken for 1 up to a threshold of 3; then the last 1 for 0, the middle one from 5 on, the first from 7 on.
+        assert_eq!(counts, [1, 1, 1, 2, 1, 2, 2, 3]);
+        assert_eq!((errors.bits, errors.ones, errors.most(), errors.best()), (4, 3, 6, vec![0]));
+        // Another replica in which nothing is late has a best threshold without errors of its own.
+        errors.add(&log(&[(0, 0, 6), (2, 2, 4), (3, 3, 5)]), &model(), 2, &slots(100));
+        let (rates, all) = errors.at(&[4]);
+        assert_eq!((rates.mean(), rates.standard_error(), all), (0.125, Some(0.125), 1));
+        assert_eq!(errors.best(), [1]);
+    }
+
+    #[test]
+    fn a_delay_moves_the_slots_of_bits() {
+        let model = model();
+        let (_, message) = messages(&model).next().unwrap();
+        let late = Slots::new(message, model.time_step, 10, 100);
+        assert_eq!(late.bounds, [15, 25, 35, 45, 55]);
+        // All arrive one slot after their own.
+        let mut errors = of(&model, 10);
+        errors.add(&log(&[(0, 1, 6), (2, 3, 4)]), &model, 1, &late);
+        // The last 1 arrives behind everything.
+        assert_eq!(
+            (errors.at(&[1]).1, errors.at(&[5]).1, errors.at(&[0]).1, errors.least()),
+            (1, 2, 1, 0.25)
+        );
+    }
+
+    #[test]
+    fn concentrations_are_told_by_thresholds() {
+        // Levels 0, ¾, ¼ and 1 for the symbols 0 to 3.
+        let levels = Modulation::Concentration(vec![0.0, 0.75, 0.25, 1.0]);
+        let (model, slots) = sends(vec![0, 2, 1, 3, 2, 1], levels, vec![(0, 100)]);
+        let mut errors = of(&model, 0);
+        errors.add(&arrivals(&[&[1], &[4], &[9], &[12], &[6], &[7]]), &model, 1, &slots);
+        assert_eq!((errors.bits, errors.ones, errors.thresholds()), (12, 6, 3));
+        // Below 2 it is 0, below 7 it is 2, below 10 it is 1.
+        assert_eq!((errors.best(), errors.at(&[2, 7, 10]).1), (vec![2, 7, 10], 0));
+        // Two of them are taken for 0, of one bit each; 9 for 3, of one.
+        assert_eq!((errors.at(&[7, 7, 10]).1, errors.at(&[2, 7, 8]).1), (2, 1));
+        // All is 0: as many wrong bits as there are ones.
+        assert_eq!(errors.at(&[99, 99, 99]).1, 6);
+        assert_eq!(errors.at(&[99, 99, 99]).0.mean(), 0.5);
+    }
+
+    /// As few as any thresholds leave, and of those the lowest.
+    #[test]
+    fn the_best_thresholds_leave_the_fewest_errors() {
+        let sent: Vec<u32> = (0..40_u32).map(|k| k.wrapping_mul(0x9E37_79B9) >> 30).collect();
+        let levels = Modulation::Concentration(vec![0.0, 0.25, 0.5, 1.0]);
+        let (model, slots) = sends(sent.clone(), levels, vec![(0, 100)]);
+        let noise = |k: usize| (k as u32).wrapping_mul(0x85EB_CA6B) as usize >> 29;
+        let counts: Vec<[usize; 1]> = (0..40).map(|k| [2 * sent[k] as usize + noise(k)]).collect();
+        let mut errors = of(&model, 0);
+        errors.add(&arrivals(&counts.iter().map(|c| &c[..]).collect::<Vec<_>>()), &model, 1, &slots);
+        let last = errors.most() + 1;
+        let all = (0..=last).flat_map(|a| (a..=last).flat_map(move |b| (b..=last).map(move |c| [a, b, c])));
+        let best = all.min_by_key(|thresholds| errors.at(thresholds).1).unwrap();
+        assert!(errors.at(&best).1 > 0, "nothing to decide");
+        assert_eq!(errors.best(), best);
+    }
+
+    #[test]
+    fn molecules_are_told_by_the_species_of_which_most_arrive() {
+        let release = vec![(1, 10), (0, 10), (2, 10), (3, 10)];
+        let (model, slots) = sends(vec![0, 1, 2, 3, 3], Modulation::Molecule, release);
+        let mut errors = of(&model, 0);
+        // By species: what is sent comes first, but for symbol 2, which is behind species 1, hence 0, and for the last one,
+        // of which as many arrive as of symbol 1.
+        let counts: [&[usize]; 5] = [&[1, 3], &[5, 4, 0, 4], &[0, 4, 3], &[0, 0, 0, 2], &[7, 0, 0, 7]];
+        errors.add(&arrivals(&counts), &model, 1, &slots);
+        assert_eq!((errors.bits, errors.thresholds(), errors.best()), (10, 0, vec![]));
+        // 2 for 0 and 3 for 1: a bit each.
+        assert_eq!((errors.at(&[]).1, errors.least()), (2, 0.2));
+    }
+}
