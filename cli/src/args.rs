@@ -200,6 +200,16 @@ pub(crate) struct Generate {
     pub(crate) output: (PathBuf, SphereFormat),
 }
 
+/// How arrivals are logged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum ArrivalsFormat {
+    /// CSV files alone.
+    #[default]
+    Csv,
+    /// Arrow IPC files beside them.
+    Arrow,
+}
+
 /// Runs a scenario: particles are released, diffuse, react, collide and are received. The result depends on the
 /// scenario and the seed alone.
 #[derive(Debug, clap::Args)]
@@ -211,7 +221,8 @@ pub(crate) struct Generate {
   frame-000000000.npy frames as structured arrays: id, species, x, y, z, r
   checkpoint          what --resume goes on from; also after Ctrl-C and SIGTERM, which end the run
   arrivals.csv        the time, receiver, species, id, transmitter and release of each arrival, and
-  releases.csv        what transmitters released, where the scenario asks for arrivals
+  releases.csv        what transmitters released, where the scenario asks for arrivals; both also as arrivals.arrow
+                      and releases.arrow (Arrow IPC files) with --arrivals-format arrow
   animation.html      plays the run, where --animate asks for it; animation.frames is what it is made of
   report.html         plots (also in plots) and tables, where --report asks for it; with a log of arrivals also
                       impulse-response.csv, and where bits are sent interference.csv and bit-errors.csv
@@ -246,6 +257,9 @@ pub(crate) struct Simulate {
     /// Write a frame after every N steps [default: the scenario's]
     #[arg(long, value_name = "N")]
     pub(crate) frames_every: Option<NonZeroU32>,
+    /// Write the log of arrivals and releases as this besides CSV; arrow takes a build with the feature arrow
+    #[arg(long, value_name = "FORMAT", value_enum, default_value_t)]
+    pub(crate) arrivals_format: ArrivalsFormat,
     /// Write animation.html, one file that plays the run in three dimensions in any browser
     #[arg(long)]
     pub(crate) animate: bool,

@@ -11,7 +11,7 @@ use lazygrid_sim::run::{End, Run};
 use lazygrid_sim::scenario::Scenario;
 
 use self::report::Done;
-use crate::args::Simulate;
+use crate::args::{ArrivalsFormat, Simulate};
 use crate::failure::Failure;
 use crate::signals::Asked;
 use crate::{print, progress, signals};
@@ -31,6 +31,7 @@ pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     scenario.steps = args.steps.unwrap_or(scenario.steps);
     let output = &mut scenario.output;
+    output.arrow = args.arrivals_format == ArrivalsFormat::Arrow;
     output.every = args.every.map_or(output.every, Into::into);
     output.frames_every = args.frames_every.map_or(output.frames_every, Into::into);
     output.checkpoint_every = args.checkpoint_every.map(Into::into).or(output.checkpoint_every);

@@ -66,6 +66,9 @@ pub enum Error {
         /// How many they are.
         particles: u64,
     },
+    /// Arrow files were asked for, and this build has no writer of them.
+    #[error("this build cannot write Arrow files; build it with --features arrow, or take the log as CSV")]
+    NoArrow,
     /// The threads that were asked for could not be started.
     #[error("cannot start {threads} threads: {reason}; ask for fewer")]
     Threads {

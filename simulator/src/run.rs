@@ -86,6 +86,7 @@ impl Run {
         beside: Beside,
         mut watch: impl FnMut(&Simulator) -> ControlFlow<()>,
     ) -> Result<(End, Simulator), Error> {
+        self.check_formats()?;
         if beside.place == 0 {
             self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
         }
@@ -121,11 +122,26 @@ impl Run {
         if simulation.step_count() > first {
             self.save(&simulation, &mut files)?;
         }
+        files.convert(simulation.model())?;
         files.animate(simulation.model(), &self.title())?;
         if beside.place == 0 {
             pace.advice(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
         }
         Ok((end, simulation))
+    }
+
+    /// Refuses a format in which nothing can be written, before anything is computed.
+    fn check_formats(&self) -> Result<(), Error> {
+        let Scenario { model, output, .. } = &self.scenario;
+        if output.arrow && !cfg!(feature = "arrow") {
+            return Err(Error::NoArrow);
+        }
+        if output.arrow && !model.logs_arrivals {
+            let message = "the scenario logs no arrivals, so that there is nothing to write as Arrow; set \
+                           arrivals = true in its [output]";
+            return Err(Error::Model(message.to_owned()));
+        }
+        Ok(())
     }
 
     /// What the run is called where it is shown.
@@ -150,7 +166,7 @@ impl Run {
         let lock = output::prepare(&self.directory, self.overwrite)?;
         // Before anything that is there is replaced.
         self.foretell(&simulation, beside)?;
-        output::forget(&self.directory, &["replicas.csv", "mean.csv"])?;
+        output::forget(&self.directory, &["replicas.csv", "mean.csv", "arrivals.arrow", "releases.arrow"])?;
         let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
         files.record(&simulation)?;
         // What cannot be written shows now.

@@ -131,3 +131,21 @@ fn a_gpu_refuses_the_log_by_name() {
     let run = lazygrid(["simulate", &scenario, "--output", &scratch.path("out"), "--backend", "gpu"]).fails();
     assert!(run.err.contains("the GPU back end cannot do a log of arrivals"), "{}", run.err);
 }
+
+/// Or it is refused before anything is computed.
+#[test]
+fn arrow_files_take_a_build_with_the_feature() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
+    let run = lazygrid(["simulate", &scenario, "--output", &out, "--arrivals-format", "arrow"]);
+    if cfg!(feature = "arrow") {
+        run.succeeds();
+        for name in ["arrivals", "releases"] {
+            let file = std::fs::read(format!("{out}/{name}.arrow")).unwrap();
+            assert!(file.starts_with(b"ARROW1") && file.ends_with(b"ARROW1"), "{name}");
+        }
+    } else {
+        assert!(run.fails().err.contains("--features arrow"));
+        assert!(!std::path::Path::new(&out).exists());
+    }
+}

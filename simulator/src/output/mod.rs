@@ -1,8 +1,10 @@
 //! The files of a run, in a directory of their own: `series.csv`, `frames.xyz`, `frame-000000000.npy` and so on,
-//! `symbols.csv` where messages are sent, `arrivals.csv` and `releases.csv`, `animation.html` where they are asked
+//! `symbols.csv` where messages are sent, `arrivals.csv` and `releases.csv` (and the same as `.arrow`), `animation.html` where they are asked
 //! for, and `checkpoint`.
 
 mod arrivals;
+#[cfg(feature = "arrow")]
+mod arrow;
 mod forecast;
 mod frames;
 mod lock;
@@ -111,7 +113,7 @@ impl Files {
         }
         if let (Some(animation), Some(frames)) = (self.output.animated(step), &mut self.animation) {
             let state = simulation.state()?;
-            frames.put(|out| animation::append(out, &state, animation.particles))?;
+            frames.put(|out| animation::append(out, (simulation.model(), &state), animation.particles))?;
         }
         if self.output.has_frame(step) {
             let state = simulation.state()?;
@@ -137,6 +139,20 @@ impl Files {
         }
         lengths.extend(self.animation.as_mut().map(Growing::sync).transpose()?);
         Ok(lengths)
+    }
+
+    /// Makes Arrow files of the log so far, where they are asked for.
+    pub(crate) fn convert(&self, model: &Model) -> Result<(), Error> {
+        match self.output.arrow && self.logs.is_some() {
+            #[cfg(feature = "arrow")]
+            true => arrow::convert(&self.directory, model),
+            #[cfg(not(feature = "arrow"))]
+            true => {
+                let _ = model;
+                Err(Error::NoArrow)
+            }
+            false => Ok(()),
+        }
     }
 
     /// Makes the page that plays the run so far, where it is animated.

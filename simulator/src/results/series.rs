@@ -49,7 +49,7 @@ impl Series {
 }
 
 /// The lines of a table that a run wrote.
-pub(super) struct Lines<'a> {
+pub(crate) struct Lines<'a> {
     path: &'a Path,
     pub(super) header: Vec<String>,
     lines: io::Lines<BufReader<std::fs::File>>,
@@ -57,7 +57,7 @@ pub(super) struct Lines<'a> {
 }
 
 /// A line of it.
-pub(super) struct Line<'a> {
+pub(crate) struct Line<'a> {
     path: &'a Path,
     number: usize,
     text: String,
@@ -67,7 +67,7 @@ pub(super) struct Line<'a> {
 
 impl<'a> Lines<'a> {
     /// A table whose first line begins as said.
-    pub(super) fn open(path: &'a Path, begin: &str) -> Result<Self, Error> {
+    pub(crate) fn open(path: &'a Path, begin: &str) -> Result<Self, Error> {
         let read = |source| Error::Read { path: path.to_owned(), source };
         let mut lines = BufReader::new(std::fs::File::open(path).map_err(read)?).lines();
         let first = lines.next().transpose().map_err(read)?.unwrap_or_default();
@@ -77,7 +77,7 @@ impl<'a> Lines<'a> {
         Ok(Self { path, header: first.split(',').map(str::to_owned).collect(), lines, line: 1 })
     }
 
-    pub(super) fn next(&mut self) -> Result<Option<Line<'a>>, Error> {
+    pub(crate) fn next(&mut self) -> Result<Option<Line<'a>>, Error> {
         let read = |source| Error::Read { path: self.path.to_owned(), source };
         let Some(text) = self.lines.next().transpose().map_err(read)? else { return Ok(None) };
         self.line += 1;
@@ -92,18 +92,18 @@ impl<'a> Lines<'a> {
 
 impl Line<'_> {
     /// A field of it.
-    pub(super) fn field(&self, column: usize) -> &str {
+    pub(crate) fn field(&self, column: usize) -> &str {
         let start = column.checked_sub(1).map_or(0, |before| self.ends[before] + 1);
         &self.text[start..self.ends[column]]
     }
 
     /// A field of it, as a number.
-    pub(super) fn number<T: std::str::FromStr>(&self, column: usize) -> Result<T, Error> {
+    pub(crate) fn number<T: std::str::FromStr>(&self, column: usize) -> Result<T, Error> {
         let field = self.field(column);
         field.parse().map_err(|_| self.damaged(&format!("'{field}' is not such a number")))
     }
 
-    pub(super) fn damaged(&self, what: &str) -> Error {
+    pub(crate) fn damaged(&self, what: &str) -> Error {
         damaged(self.path, self.number, what)
     }
 }

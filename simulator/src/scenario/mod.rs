@@ -41,6 +41,8 @@ pub struct Output {
     pub npy: bool,
     /// Steps between checkpoints; besides there is one at the end.
     pub checkpoint_every: Option<u32>,
+    /// Whether the log of arrivals is written as Arrow files besides, which takes the feature `arrow`.
+    pub arrow: bool,
     /// A page that plays the run.
     pub animation: Option<Animation>,
 }

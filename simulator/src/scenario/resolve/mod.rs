@@ -65,6 +65,7 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         xyz: file.output.frames.contains(&file::FrameFormat::Xyz),
         npy: file.output.frames.contains(&file::FrameFormat::Npy),
         checkpoint_every: file.output.checkpoint_every.map(Into::into),
+        arrow: false,
         animation: None,
     };
     Ok(Resolved { model, steps: file.steps, seed: file.seed, output, advice })

@@ -78,8 +78,15 @@ fn every_key_arrives() {
         (&Schedule::Times(vec![0.0, 0.5]), &vec![(0, 3)])
     );
     assert_eq!((model.receivers[0].kind, &model.receivers[0].sees), (Kind::Transparent, &vec![false, true]));
-    let expected =
-        Output { every: 5, frames_every: 5, xyz: false, npy: true, checkpoint_every: None, animation: None };
+    let expected = Output {
+        every: 5,
+        frames_every: 5,
+        xyz: false,
+        npy: true,
+        checkpoint_every: None,
+        arrow: false,
+        animation: None,
+    };
     assert_eq!(output, expected);
 }
 
