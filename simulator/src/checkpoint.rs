@@ -25,7 +25,7 @@ pub struct Checkpoint {
 }
 
 /// The file's first bytes: what it is, and the version of its layout.
-const MAGIC: &[u8] = b"lazygrid checkpoint 3\n";
+const MAGIC: &[u8] = b"lazygrid checkpoint 4\n";
 
 impl Checkpoint {
     /// Writes a checkpoint in place of the one before, which is untouched until this one is complete.
