@@ -4,7 +4,7 @@ mod report;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use lazygrid_sim::Simulator;
+use lazygrid_sim::Standing;
 use lazygrid_sim::animation::Animation;
 use lazygrid_sim::replicas::Replicas;
 use lazygrid_sim::run::{End, Run};
@@ -79,7 +79,7 @@ fn once(run: Run, reports: bool) -> Result<(), Failure> {
         let runs = vec![(run.scenario.seed, run.directory.clone())];
         report::write(&Done { run: &run, mean: &mean, runs, command: report::command(&run) })?;
     }
-    print(summary(&simulation, &run))?;
+    print(run.summary(&simulation))?;
     match end {
         End::Finished => Ok(()),
         End::Stopped => {
@@ -88,29 +88,4 @@ fn once(run: Run, reports: bool) -> Result<(), Failure> {
             Err(Failure::Stopped { steps, scenario: run.path, directory: run.directory, signal })
         }
     }
-}
-
-/// What came of a run, a line for each thing that was counted.
-fn summary(simulation: &Simulator, run: &Run) -> String {
-    let (model, totals) = (simulation.model(), simulation.totals());
-    let mut lines = vec![
-        format!("steps      {} ({} s)", simulation.step_count(), simulation.time()),
-        format!("seed       {}", run.scenario.seed),
-    ];
-    for (species, (present, released)) in
-        model.species.iter().zip(totals.present.iter().zip(&totals.released))
-    {
-        lines.push(format!("species    {}: {present} of {released} released", species.name));
-    }
-    let named = model.reactions.iter().map(|r| &r.name).chain(model.decays.iter().map(|d| &d.name));
-    for (name, count) in named.zip(totals.reacted.iter().chain(&totals.decayed)) {
-        lines.push(format!("reaction   {name}: {count}"));
-    }
-    for (receiver, counts) in model.receivers.iter().zip(simulation.received()) {
-        for (species, count) in model.species.iter().zip(counts).filter(|(_, count)| *count > 0) {
-            lines.push(format!("receiver   {}: {count} {}", receiver.name, species.name));
-        }
-    }
-    lines.push(format!("output     {}", run.directory.display()));
-    lines.join("\n") + "\n"
 }

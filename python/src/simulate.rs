@@ -7,7 +7,7 @@ use lazygrid::{Algorithm, Backend};
 use lazygrid_sim::philox::Key;
 use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::transmitter::Schedule;
-use lazygrid_sim::{Error, Model, Simulator, State, series};
+use lazygrid_sim::{Error, Model, Simulator, Standing, State, series};
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;

@@ -1,5 +1,6 @@
 //! What binds to receptors and comes off again.
 
+use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 use crate::adsorption::{Step, reactivity};
@@ -9,7 +10,8 @@ use crate::receiver::{Kind, Receptors, height, rounding};
 use crate::reception::Event;
 
 /// A particle that a receptor holds.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
+#[repr(C)]
 pub struct Bound {
     /// Its id, which it keeps.
     pub id: u32,
@@ -77,18 +79,31 @@ impl Leaving {
     }
 }
 
-/// Where events are that find no free receptor: of each receiver those of the highest ranks. Equal ranks go by id.
-pub(crate) fn refused(events: &[Event], free: &[u32], id: impl Fn(u32) -> u32) -> Vec<usize> {
-    let mut binding: Vec<(u32, u32, u32, usize)> = Vec::new();
-    for (k, event) in events.iter().enumerate() {
-        if let Event::Bound { at, receiver, rank, .. } = *event {
-            binding.push((receiver, rank, id(at), k));
-        }
-    }
-    binding.sort_unstable();
-    let of_one = binding.chunk_by(|a, b| a.0 == b.0);
-    let mut refused: Vec<usize> = of_one
-        .flat_map(|many| many.iter().skip(free[many[0].0 as usize] as usize).map(|&(.., k)| k))
+/// A particle that is to bind to a receptor if one is free for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct Bid {
+    receiver: u32,
+    /// Those with less come first.
+    rank: u32,
+    id: u32,
+}
+
+/// The bids among what befell particles, whose ids `id` says by place.
+pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<Bid> {
+    let bid = |event: &Event| match *event {
+        Event::Bound { at, receiver, rank, .. } => Some(Bid { receiver, rank, id: id(at) }),
+        _ => None,
+    };
+    events.iter().filter_map(bid).collect()
+}
+
+/// The ids that find no free receptor, ascending: of each receiver those of the highest ranks. Equal ranks go by id.
+pub(crate) fn refused(mut bids: Vec<Bid>, free: &[u32]) -> Vec<u32> {
+    bids.sort_unstable();
+    let of_one = bids.chunk_by(|a, b| a.receiver == b.receiver);
+    let mut refused: Vec<u32> = of_one
+        .flat_map(|many| many.iter().skip(free[many[0].receiver as usize] as usize).map(|bid| bid.id))
         .collect();
     refused.sort_unstable();
     refused
@@ -106,10 +121,10 @@ mod tests {
         let bound = |at, receiver, rank| Event::Bound { at, receiver, direction: [0.0; 3], rank };
         let events = [bound(4, 1, 7), bound(5, 0, 9), bound(6, 1, 3), bound(7, 1, 3), bound(8, 0, 1)];
         // Ids run the other way.
-        let refused = |free| refused(&events, free, |at| 100 - at);
-        assert_eq!(refused(&[1, 1]), [0, 1, 2]);
+        let refused = |free: &[u32]| refused(bids(&events, |at| 100 - at), free);
+        assert_eq!(refused(&[1, 1]), [94, 95, 96]);
         assert_eq!(refused(&[2, 9]), [0; 0]);
-        assert_eq!(refused(&[0, 2]), [0, 1, 4]);
+        assert_eq!(refused(&[0, 2]), [92, 95, 96]);
     }
 
     /// A run goes on from its state, with what is bound and where receivers have got.

@@ -51,6 +51,7 @@ impl Decays {
     }
 
     /// How a species decays. With rates k₁, k₂, … the probability 1 − exp(−ΣkΔt) is shared out in proportion.
+    #[cfg(feature = "gpu")]
     pub(crate) fn channels(&self, species: u32) -> &[Channel] {
         &self.kinds[species as usize].channels
     }

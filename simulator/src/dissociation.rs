@@ -50,6 +50,13 @@ pub struct Split {
     pub products: [Option<(u32, f32, [f32; 3])>; 2],
 }
 
+impl Split {
+    /// Whether there is a second product, which needs an id.
+    pub(crate) fn is_parent(&self) -> bool {
+        self.products[1].is_some()
+    }
+}
+
 /// Particles that one task looks at.
 const TASK: usize = 4096;
 

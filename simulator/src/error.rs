@@ -56,6 +56,12 @@ pub enum Error {
         /// What that is, and whose.
         what: String,
     },
+    /// A model with something that a run over several ranks cannot do.
+    #[error("a run over ranks cannot do {what}; run it in one process, with `lazygrid simulate`")]
+    NotOverRanks {
+        /// What that is.
+        what: String,
+    },
     /// Particles went beyond the range of numbers on the GPU.
     #[error(
         "step {step}: {particles} particles are at no finite place; shorten the time step or weaken the drift"

@@ -6,7 +6,8 @@
 //! counter ([`philox`]). So a run depends on its seed alone: not on the number of threads, the order of particles or
 //! the algorithm that finds pairs.
 //!
-//! [`gpu`] does the same on a GPU, where everything stays; a [`Simulator`] is a run on either.
+//! `gpu` does the same on a GPU, where everything stays; a [`Simulator`] is a run on either. [`ranks`] spreads a run over many
+//! processes.
 //!
 //! Lengths are in µm and times in s throughout.
 //!
@@ -41,6 +42,7 @@ pub mod contact;
 pub mod crossing;
 pub mod decay;
 pub mod dissociation;
+#[cfg(feature = "gpu")]
 pub mod gpu;
 mod instant;
 pub mod matching;
@@ -50,6 +52,7 @@ pub mod motion;
 pub mod normal;
 pub mod particles;
 pub mod philox;
+pub mod ranks;
 pub mod rate;
 pub mod reactions;
 pub mod receiver;
@@ -70,6 +73,7 @@ mod pace;
 mod reception;
 mod simulation;
 mod simulator;
+mod standing;
 mod state;
 mod stream;
 mod turning;
@@ -84,6 +88,7 @@ pub use particles::{Particle, Particles};
 pub use receiver::{Kind, Receiver, Receptors, Sticking};
 pub use simulation::Simulation;
 pub use simulator::Simulator;
+pub use standing::Standing;
 pub use state::{State, Totals};
 pub use transmitter::{Numbers, Schedule, Shape, Transmitter};
 pub use vessel::Vessel;

@@ -26,12 +26,16 @@ pub struct Candidate {
     pub ids: [u32; 2],
 }
 
+/// What candidates are ordered by; the lowest is the best.
+pub(crate) type Key = (u32, [u32; 2]);
+
 impl Candidate {
-    fn key(&self) -> (u32, [u32; 2]) {
+    pub(crate) fn key(&self) -> Key {
         (self.priority, self.ids)
     }
 
-    fn claimed(&self) -> impl Iterator<Item = usize> {
+    /// The places of the particles that it needs for itself.
+    pub(crate) fn claimed(&self) -> impl Iterator<Item = usize> {
         let Self { at, claims, .. } = *self;
         (0..2).filter(move |&k| claims[k]).map(move |k| at[k] as usize)
     }
@@ -133,13 +137,13 @@ impl Matching {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use proptest::prelude::*;
 
     use super::*;
 
     /// From the best to the worst, each that finds its particles free, by ids.
-    fn sequential(candidates: &[Candidate]) -> Vec<[u32; 2]> {
+    pub(crate) fn sequential(candidates: &[Candidate]) -> Vec<[u32; 2]> {
         let mut order: Vec<u32> = (0..candidates.len() as u32).collect();
         order.sort_by_key(|&c| candidates[c as usize].key());
         let mut taken = std::collections::HashSet::new();
@@ -154,7 +158,7 @@ mod tests {
     }
 
     /// Different pairs of few particles, with few priorities, so that ties are common.
-    fn candidates() -> impl Strategy<Value = Vec<Candidate>> {
+    pub(crate) fn candidates() -> impl Strategy<Value = Vec<Candidate>> {
         let one = (0..40_u32, 1..40_u32, 0..8_u32, 0..6);
         prop::collection::vec(one, 0..300).prop_map(|many| {
             let mut seen = std::collections::HashSet::new();

@@ -1,5 +1,7 @@
 //! The particles as columns.
 
+use std::ops::Range;
+
 use lazygrid::Spheres;
 use serde::{Deserialize, Serialize};
 
@@ -138,6 +140,27 @@ impl Particles {
         }
     }
 
+    /// Those at a range of places.
+    pub(crate) fn range(&self, places: Range<usize>) -> Self {
+        let velocity = if self.has_velocity() { places.clone() } else { 0..0 };
+        Self {
+            position: self.position.each_ref().map(|column| column[places.clone()].to_vec()),
+            velocity: self.velocity.each_ref().map(|column| column[velocity.clone()].to_vec()),
+            radius: self.radius[places.clone()].to_vec(),
+            species: self.species[places.clone()].to_vec(),
+            id: self.id[places].to_vec(),
+        }
+    }
+
+    /// Removes all but the first `count`.
+    pub fn truncate(&mut self, count: usize) {
+        for column in self.position.iter_mut().chain(&mut self.velocity).chain([&mut self.radius]) {
+            column.truncate(count);
+        }
+        self.species.truncate(count);
+        self.id.truncate(count);
+    }
+
     /// The same particles with those at `order[k]` at place `k`.
     pub fn permuted(&self, order: &[u32]) -> Self {
         let mut permuted = Self::default();
@@ -159,9 +182,14 @@ impl Particles {
     /// # Errors
     /// [`Error::Detection`] where columns differ in length.
     pub fn spheres(&self) -> Result<Spheres<'_>, Error> {
-        let [x, y, z] = &self.position;
-        let spheres = Spheres::columns(x, y, z, &self.radius).map_err(lazygrid::Error::from)?;
-        Ok(spheres.with_species(&self.species).map_err(lazygrid::Error::from)?)
+        self.first_spheres(self.len())
+    }
+
+    /// The same of the first `count`.
+    pub(crate) fn first_spheres(&self, count: usize) -> Result<Spheres<'_>, Error> {
+        let [x, y, z] = self.position.each_ref().map(|column| &column[..count]);
+        let spheres = Spheres::columns(x, y, z, &self.radius[..count]).map_err(lazygrid::Error::from)?;
+        Ok(spheres.with_species(&self.species[..count]).map_err(lazygrid::Error::from)?)
     }
 }
 

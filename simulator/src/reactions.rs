@@ -149,11 +149,24 @@ impl Reactions {
         [outcome(0, -first_share), outcome(1, 1.0 - first_share)]
     }
 
+    /// What comes of all candidates that have their turn. It is found before any is applied, since a catalyst may be in
+    /// several.
+    pub(crate) fn all_outcomes<'a>(
+        &self,
+        particles: &Particles,
+        chosen: impl Iterator<Item = &'a Candidate>,
+        key: Key,
+        step: u32,
+    ) -> Vec<Outcome> {
+        chosen.flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
+    }
+
     /// What may happen to two species at any distance at which the detector finds them, where that is one thing at
     /// most.
     ///
     /// # Errors
     /// The reactions, where they are several.
+    #[cfg(feature = "gpu")]
     pub(crate) fn only(&self, a: u32, b: u32) -> Result<Option<(Rule, Option<f32>)>, Vec<&str>> {
         match self.table[a as usize * self.species + b as usize].as_slice() {
             [] => Ok(None),
@@ -168,6 +181,7 @@ impl Reactions {
     }
 
     /// See [`Self::shares`].
+    #[cfg(feature = "gpu")]
     pub(crate) fn shares_of(&self, reaction: u32) -> [f32; 2] {
         self.shares[reaction as usize]
     }

@@ -12,6 +12,7 @@ use crate::normal;
 use crate::normal::direction;
 use crate::particles::{Particle, Particles};
 use crate::philox::{Draws, Key, Purpose, open_unit};
+use crate::ranks::Share;
 use crate::transmitter::{Numbers, Schedule, Transmitter};
 
 /// What is released at the beginning of a step.
@@ -62,6 +63,17 @@ impl Model {
     /// # Errors
     /// [`Error::OutOfIds`] where there are too few ids left.
     pub fn release(&self, decays: &Decays, key: Key, step: u32, next_id: u32) -> Result<Released, Error> {
+        self.release_share((decays, key), step, next_id, Share::WHOLE)
+    }
+
+    /// The share that one rank of several has of what is [released](Self::release). The next id is that of all together.
+    pub(crate) fn release_share(
+        &self,
+        (decays, key): (&Decays, Key),
+        step: u32,
+        next_id: u32,
+        share: Share,
+    ) -> Result<Released, Error> {
         let batches: Vec<_> = self.all_batches(step, key).map(|(_, batch)| batch).collect();
         let released = u64::from(next_id) + batches.iter().map(|batch| u64::from(batch.count)).sum::<u64>();
         if released > lazygrid::MAX_SPHERES {
@@ -69,19 +81,25 @@ impl Model {
         }
         let mut out = Released {
             particles: Particles::default(),
-            next_id,
+            next_id: released as u32,
             released: vec![0; self.species.len()],
             decayed: vec![0; self.decays.len()],
         };
-        let mut place = 0;
+        let own = share.of(released - u64::from(next_id));
+        // How many there are before this batch, of all and of its burst.
+        let (mut before, mut place) = (0, 0);
         for (k, batch) in batches.iter().enumerate() {
             // Places count through the entries of one burst.
             let goes_on = k > 0 && std::ptr::eq(batches[k - 1].from, batch.from);
             place = if goes_on { place } else { 0 };
-            for nth in 0..batch.count {
-                self.add(batch, (place, nth), (decays, key), &mut out);
-                place += 1;
+            let [first, last] =
+                [own.start, own.end].map(|at| at.saturating_sub(before).min(batch.count.into()) as u32);
+            for nth in first..last {
+                let id = next_id + before as u32 + nth;
+                self.add(batch, (id, place + nth, nth), (decays, key), &mut out);
             }
+            before += u64::from(batch.count);
+            place += batch.count;
         }
         Ok(out)
     }
@@ -136,16 +154,14 @@ impl Model {
         rates.iter().map(batch).collect()
     }
 
-    /// Adds a particle, the `place`th of its burst.
+    /// Adds a particle, the `place`th of its burst and the `nth` of its batch.
     fn add(
         &self,
         batch: &Batch<'_>,
-        (place, nth): (u32, u32),
+        (id, place, nth): (u32, u32, u32),
         (decays, key): (&Decays, Key),
         out: &mut Released,
     ) {
-        let id = out.next_id;
-        out.next_id += 1;
         out.released[batch.species as usize] += 1;
         let kind = &self.species[batch.species as usize];
         let velocity = kind.own_velocity(key.draw(id, 0, 0, Purpose::Velocity));

@@ -1,7 +1,7 @@
 //! A run from a scenario to its files.
 
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use lazygrid::{Algorithm, Backend};
 
@@ -9,7 +9,7 @@ use crate::checkpoint::Checkpoint;
 use crate::output::{self, Files, Forecast, Lock};
 use crate::pace::Pace;
 use crate::scenario::{Output, Scenario};
-use crate::{Error, Simulator};
+use crate::{Error, Simulator, Standing, State};
 
 /// What is to be run, and where it is written.
 #[derive(Clone, Debug)]
@@ -56,7 +56,7 @@ pub(crate) struct Beside {
 
 impl Beside {
     /// A run by itself.
-    const NONE: Self = Self { place: 0, count: 1, at_once: 1 };
+    pub(crate) const NONE: Self = Self { place: 0, count: 1, at_once: 1 };
 }
 
 /// Rows of the series after which the disk is looked at.
@@ -103,11 +103,7 @@ impl Run {
             pace.see(simulation.model(), [&before, simulation.totals()], simulation.step_count() - step);
             if self.is_disk_full(&simulation, beside)? {
                 self.save(&simulation, &mut files)?;
-                return Err(self.no_room(format!(
-                    "it stopped after {} steps with a checkpoint, before the disk is full; make room and go on with \
-                     --resume (--no-space-check goes on whatever is left)",
-                    simulation.step_count()
-                )));
+                return Err(self.stopped_early(simulation.step_count()));
             }
             files.record(&simulation)?;
             let due = |every: u32| simulation.step_count().is_multiple_of(every);
@@ -145,7 +141,7 @@ impl Run {
     }
 
     /// What the run is called where it is shown.
-    fn title(&self) -> String {
+    pub(crate) fn title(&self) -> String {
         let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
         format!("{name}, seed {}", self.scenario.seed)
     }
@@ -175,7 +171,7 @@ impl Run {
     }
 
     /// Refuses a run whose files, with those of the runs after it, will surely not fit, and warns where they may not.
-    fn foretell(&self, simulation: &Simulator, beside: Beside) -> Result<(), Error> {
+    pub(crate) fn foretell(&self, simulation: &impl Standing, beside: Beside) -> Result<(), Error> {
         if !self.space_check {
             return Ok(());
         }
@@ -208,6 +204,14 @@ impl Run {
         fs4::available_space(&self.directory).map_err(write)
     }
 
+    /// What to say where the disk has no room for what is due.
+    pub(crate) fn stopped_early(&self, steps: u32) -> Error {
+        self.no_room(format!(
+            "it stopped after {steps} steps with a checkpoint, before the disk is full; make room and go on with --resume \
+             (--no-space-check goes on whatever is left)"
+        ))
+    }
+
     fn no_room(&self, message: String) -> Error {
         let source = std::io::Error::new(std::io::ErrorKind::StorageFull, message);
         Error::Write { path: self.directory.clone(), source }
@@ -215,7 +219,7 @@ impl Run {
 
     /// Whether what is due now, and a checkpoint behind it, may not fit any more. Rows alone are looked after now and
     /// then.
-    fn is_disk_full(&self, simulation: &Simulator, beside: Beside) -> Result<bool, Error> {
+    pub(crate) fn is_disk_full(&self, simulation: &impl Standing, beside: Beside) -> Result<bool, Error> {
         let (step, output) = (simulation.step_count(), self.scenario.output);
         let rows = output.every.saturating_mul(ROWS);
         if !self.space_check
@@ -227,27 +231,57 @@ impl Run {
     }
 
     fn go_on(&self, beside: Beside) -> Result<(Simulator, Files), Error> {
-        let path = self.directory.join("checkpoint");
-        let lock = match Lock::take(&self.directory) {
+        let path = self.checkpoint_path();
+        let lock = self.lock()?;
+        let checkpoint = Checkpoint::read(&path)?;
+        self.check_continues(&path, &checkpoint)?;
+        let (own, backend, lengths) =
+            (&self.scenario, checkpoint.backend.clone(), checkpoint.lengths.clone());
+        let state = checkpoint.into_state(&path)?;
+        let done = state.step;
+        let simulation = Simulator::begin(&own.model, own.seed, self.backend, self.algorithm, Some(state))?;
+        if backend != simulation.backend().name() {
+            self.warn_of_backends(done, &backend, simulation.backend());
+        }
+        self.foretell(&simulation, beside)?;
+        let files = Files::reopen(&self.directory, own.output, (&own.model, own.seed), &lengths, lock)?;
+        Ok((simulation, files))
+    }
+
+    /// Keeps other runs out of the directory of one that goes on.
+    pub(crate) fn lock(&self) -> Result<Lock, Error> {
+        match Lock::take(&self.directory) {
             Err(Error::Write { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
-                return Err(Error::Read { path, source });
+                Err(Error::Read { path: self.checkpoint_path(), source })
             }
-            lock => lock?,
-        };
-        let Checkpoint { scenario, seed, backend, every, lengths, state } = Checkpoint::read(&path)?;
-        let refused = |message: String| Err(Error::Checkpoint { path: path.clone(), message });
+            lock => lock,
+        }
+    }
+
+    /// Warns where a run goes on elsewhere than it was.
+    pub(crate) fn warn_of_backends(&self, done: u32, before: &str, now: Backend) {
+        log::warn!(
+            "the first {done} steps were done on the {before}, those to come are on the {now}: they round differently, so \
+             that the run has the same statistics as one on either, and is the same as neither"
+        );
+    }
+
+    /// Refuses a checkpoint of another run.
+    pub(crate) fn check_continues(&self, path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
+        let Checkpoint { scenario, seed, every, state, .. } = checkpoint;
+        let refused = |message: String| Err(Error::Checkpoint { path: path.to_owned(), message });
         let own = &self.scenario;
-        if scenario != own.text {
+        if *scenario != own.text {
             let name = self.path.display();
             return refused(format!(
                 "it is of another scenario than {name}; give that one, or start the run anew"
             ));
         }
-        if seed != own.seed {
+        if *seed != own.seed {
             return refused(format!("it is of seed {seed} and not {}; give --seed {seed}", own.seed));
         }
-        if every != intervals(own.output) {
-            let [rows, frames, animation] = every;
+        if *every != intervals(own.output) {
+            let [rows, frames, animation] = *every;
             let animation = match animation {
                 0 => "it has no animation".to_owned(),
                 every => format!("its animation by --animate --animate-every {every}"),
@@ -262,31 +296,57 @@ impl Run {
                 state.step, own.steps, state.step
             ));
         }
-        let done = state.step;
-        let simulation = Simulator::begin(&own.model, seed, self.backend, self.algorithm, Some(state))?;
-        if backend != simulation.backend().name() {
-            log::warn!(
-                "the first {done} steps were done on the {backend}, those to come are on the {}: they round differently, \
-                 so that the run has the same statistics as one on either, and is the same as neither",
-                simulation.backend()
-            );
-        }
-        self.foretell(&simulation, beside)?;
-        let files = Files::reopen(&self.directory, own.output, (&own.model, seed), &lengths, lock)?;
-        Ok((simulation, files))
+        Ok(())
     }
 
     fn save(&self, simulation: &Simulator, files: &mut Files) -> Result<(), Error> {
+        let state = simulation.state()?.into_owned();
+        let checkpoint = self.checkpoint(simulation.backend(), files.sync()?, state);
+        checkpoint.write(&self.checkpoint_path())
+    }
+
+    /// A checkpoint of this run, not in parts.
+    pub(crate) fn checkpoint(&self, backend: Backend, lengths: Vec<u64>, state: State) -> Checkpoint {
         let Scenario { text, seed, output, .. } = &self.scenario;
-        let checkpoint = Checkpoint {
+        Checkpoint {
             scenario: text.clone(),
             seed: *seed,
-            backend: simulation.backend().name().to_owned(),
+            backend: backend.name().to_owned(),
             every: intervals(*output),
-            lengths: files.sync()?,
-            state: simulation.state()?.into_owned(),
-        };
-        checkpoint.write(&self.directory.join("checkpoint"))
+            lengths,
+            parts: Vec::new(),
+            state,
+        }
+    }
+
+    /// Where the checkpoint is.
+    pub(crate) fn checkpoint_path(&self) -> PathBuf {
+        self.directory.join("checkpoint")
+    }
+
+    /// What came of the run, a line for each thing that was counted.
+    pub fn summary(&self, standing: &impl Standing) -> String {
+        let (model, totals) = (standing.model(), standing.totals());
+        let mut lines = vec![
+            format!("steps      {} ({} s)", standing.step_count(), standing.time()),
+            format!("seed       {}", self.scenario.seed),
+        ];
+        for (species, (present, released)) in
+            model.species.iter().zip(totals.present.iter().zip(&totals.released))
+        {
+            lines.push(format!("species    {}: {present} of {released} released", species.name));
+        }
+        let named = model.reactions.iter().map(|r| &r.name).chain(model.decays.iter().map(|d| &d.name));
+        for (name, count) in named.zip(totals.reacted.iter().chain(&totals.decayed)) {
+            lines.push(format!("reaction   {name}: {count}"));
+        }
+        for (receiver, counts) in model.receivers.iter().zip(standing.received()) {
+            for (species, count) in model.species.iter().zip(counts).filter(|(_, count)| *count > 0) {
+                lines.push(format!("receiver   {}: {count} {}", receiver.name, species.name));
+            }
+        }
+        lines.push(format!("output     {}", self.directory.display()));
+        lines.join("\n") + "\n"
     }
 }
 

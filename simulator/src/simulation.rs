@@ -4,15 +4,16 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Order};
 
 use crate::Error;
 use crate::arrivals::Arrival;
-use crate::binding::{self, Bound, Leaving};
+use crate::binding::{self, Bid, Bound, Leaving};
 use crate::bodies;
 use crate::contact::Contacts;
-use crate::dissociation::{self, Dissociation};
+use crate::dissociation::{self, Dissociation, Split};
 use crate::matching::Matching;
 use crate::model::{Contact, Model};
 use crate::motion::{Event, Motion};
 use crate::particles::{Particle, Particles};
 use crate::philox::{Key, Purpose};
+use crate::ranks::Share;
 use crate::reactions::{Outcome, Reactions, interactions};
 use crate::receiver::{Kind, all_inside};
 use crate::state::State;
@@ -21,17 +22,24 @@ use crate::vicinity::Vicinity;
 /// A run: a model, a seed, and what has become of it.
 #[derive(Debug)]
 pub struct Simulation {
-    model: Model,
-    key: Key,
-    state: State,
+    pub(crate) model: Model,
+    pub(crate) key: Key,
+    pub(crate) state: State,
     motion: Motion,
     vicinity: Option<Vicinity>,
-    reactions: Reactions,
+    pub(crate) reactions: Reactions,
     contacts: Contacts,
-    dissociation: Dissociation,
-    detector: Option<Detector>,
+    pub(crate) dissociation: Dissociation,
+    pub(crate) detector: Option<Detector>,
     matching: Matching,
     arrivals: Vec<Arrival>,
+}
+
+/// What a step does to particles by themselves.
+#[derive(Debug)]
+pub(crate) struct Moved {
+    events: Vec<Event>,
+    leaving: Vec<Leaving>,
 }
 
 impl Simulation {
@@ -149,26 +157,39 @@ impl Simulation {
     /// # Errors
     /// [`Error::OutOfIds`], and [`Error::Step`] with what the detector said, such as that there are too many pairs.
     pub fn step(&mut self) -> Result<(), Error> {
-        let Self { model, key, state, motion, vicinity, .. } = self;
-        let now = (*key, state.step);
-        let free = binding::free(model, &state.totals.arrived);
-        let leaving = binding::leaving(model, &state.bound, &free, now);
-        let places = bodies::moved(model, &state.centers, *key, state.step);
-        motion.bodies.set(&state.centers, &places, &free);
-        let events = motion.advance(&mut state.particles, vicinity.as_mut(), now)?;
-        state.centers = places.iter().map(|place| place.center).collect();
-        self.apply_events(&events, &free);
-        self.let_off(&leaving);
-        self.interact()?;
-        self.state.step += 1;
-        self.state.release(&self.model, &self.motion.decays, self.key)
+        let free = binding::free(&self.model, &self.state.totals.arrived);
+        let moved = self.advance(&free)?;
+        self.apply_events(&moved, &binding::refused(self.bids(&moved), &free));
+        let outcomes = self.interact()?;
+        let splits = self.splits(&outcomes);
+        let parents = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
+        let parents: Vec<u32> = parents.collect();
+        self.conclude(&outcomes, &splits, &parents)?;
+        self.finish(Share::WHOLE)
     }
 
-    fn apply_events(&mut self, events: &[Event], free: &[u32]) {
+    /// Moves receivers and particles by themselves, where so many receptors of each receiver are free.
+    pub(crate) fn advance(&mut self, free: &[u32]) -> Result<Moved, Error> {
+        let Self { model, key, state, motion, vicinity, .. } = self;
+        let now = (*key, state.step);
+        let leaving = binding::leaving(model, &state.bound, free, now);
+        let places = bodies::moved(model, &state.centers, *key, state.step);
+        motion.bodies.set(&state.centers, &places, free);
+        let events = motion.advance(&mut state.particles, vicinity.as_mut(), now)?;
+        state.centers = places.iter().map(|place| place.center).collect();
+        Ok(Moved { events, leaving })
+    }
+
+    /// Who is to bind to receptors.
+    pub(crate) fn bids(&self, moved: &Moved) -> Vec<Bid> {
+        binding::bids(&moved.events, |at| self.state.particles.id[at as usize])
+    }
+
+    /// Does what befell particles, but for those that find no receptor, which are `refused`, by ascending ids.
+    pub(crate) fn apply_events(&mut self, moved: &Moved, refused: &[u32]) {
         let mut gone = Vec::new();
         self.arrivals.clear();
-        let refused = binding::refused(events, free, |at| self.state.particles.id[at as usize]);
-        for (k, event) in events.iter().enumerate() {
+        for event in &moved.events {
             match *event {
                 Event::Arrived { at, receiver } => {
                     let species = self.state.particles.species[at as usize];
@@ -180,13 +201,14 @@ impl Simulation {
                     }
                     self.transform(at, None, &mut gone);
                 }
-                Event::Bound { at, receiver, direction, .. } if refused.binary_search(&k).is_err() => {
+                Event::Bound { at, receiver, direction, .. } => {
                     let Particle { species, id, .. } = self.state.particles.get(at as usize);
-                    self.state.totals.arrived[receiver as usize][species as usize] += 1;
-                    self.state.bound.push(Bound { id, species, receiver, direction });
-                    self.transform(at, None, &mut gone);
+                    if refused.binary_search(&id).is_err() {
+                        self.state.totals.arrived[receiver as usize][species as usize] += 1;
+                        self.state.bound.push(Bound { id, species, receiver, direction });
+                        self.transform(at, None, &mut gone);
+                    }
                 }
-                Event::Bound { .. } => {}
                 Event::Decayed { at, decay, product } => {
                     self.state.totals.decayed[decay as usize] += 1;
                     self.transform(at, product, &mut gone);
@@ -195,6 +217,7 @@ impl Simulation {
         }
         self.arrivals.sort_unstable_by_key(|arrival| arrival.id);
         self.state.particles.remove(&mut gone);
+        self.let_off(&moved.leaving);
     }
 
     /// Puts what came off receptors back among the particles.
@@ -242,49 +265,64 @@ impl Simulation {
         }
     }
 
-    /// Finds pairs and lets them react or push each other away, and lets apart what comes apart.
-    fn interact(&mut self) -> Result<(), Error> {
+    /// Finds pairs and lets them react or push each other away. Returns what comes of reactions.
+    fn interact(&mut self) -> Result<Vec<Outcome>, Error> {
         let (key, step) = (self.key, self.state.step);
         let failed = |source| Error::Step { step, source };
+        let Some(detector) = &mut self.detector else { return Ok(Vec::new()) };
         let particles = &mut self.state.particles;
-        let mut outcomes = Vec::new();
-        match &mut self.detector {
-            None => {}
-            Some(detector) if self.reactions.is_empty() && self.model.contact == Contact::Count => {
-                self.state.totals.pairs = detector.count(particles.spheres()?).map_err(failed)?;
-            }
-            Some(detector) => {
-                let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
-                self.state.totals.pairs = pairs.len() as u64;
-                let mut candidates = self.reactions.candidates(particles, pairs, key, step);
-                let chosen = self.matching.greedy(&mut candidates, particles.len());
-                let reacts = || chosen.iter().map(|&c| &candidates[c as usize]);
-                // All outcomes are found before any is applied, since a catalyst may be in several.
-                outcomes.extend(
-                    reacts().flat_map(|c| self.reactions.outcomes(particles, c, key, step)).flatten(),
-                );
-                reacts().for_each(|c| self.state.totals.reacted[c.rule as usize] += 1);
-                if self.contacts.act() {
-                    let mut reacted: Vec<u32> = reacts().flat_map(|c| c.at).collect();
-                    reacted.sort_unstable();
-                    let free = |at: u32| reacted.binary_search(&at).is_err();
-                    self.state.totals.contacts = self.contacts.settle(particles, pairs, free, (key, step));
-                }
-            }
+        if self.reactions.is_empty() && self.model.contact == Contact::Count {
+            self.state.totals.pairs = detector.count(particles.spheres()?).map_err(failed)?;
+            return Ok(Vec::new());
         }
-        self.conclude(&outcomes)
+        let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
+        self.state.totals.pairs = pairs.len() as u64;
+        let mut candidates = self.reactions.candidates(particles, pairs, key, step);
+        let chosen = self.matching.greedy(&mut candidates, particles.len());
+        let reacts = || chosen.iter().map(|&c| &candidates[c as usize]);
+        let outcomes = self.reactions.all_outcomes(particles, reacts(), key, step);
+        reacts().for_each(|c| self.state.totals.reacted[c.rule as usize] += 1);
+        if self.contacts.act() {
+            let mut reacted: Vec<u32> = reacts().flat_map(|c| c.at).collect();
+            reacted.sort_unstable();
+            let free = |at: u32| reacted.binary_search(&at).is_err();
+            self.state.totals.contacts = self.contacts.settle(particles, pairs, free, (key, step));
+        }
+        Ok(outcomes)
     }
 
-    /// Applies what comes of reactions, and what comes apart of the particles that are not used up by them.
-    fn conclude(&mut self, outcomes: &[Outcome]) -> Result<(), Error> {
-        let (key, step) = (self.key, self.state.step);
-        let mut splits = Vec::new();
-        if !self.dissociation.is_empty() {
-            let mut taken: Vec<u32> = outcomes.iter().map(|outcome| outcome.at).collect();
-            taken.sort_unstable();
-            splits = self.dissociation.splits(&self.state.particles, &taken, key, step);
-            // Ids are given in an order that does not depend on places.
-            splits.sort_unstable_by_key(|split| split.id);
+    /// What comes apart of the particles that are not used up by reactions, in the order of ids, which does not depend on
+    /// places.
+    pub(crate) fn splits(&self, outcomes: &[Outcome]) -> Vec<Split> {
+        if self.dissociation.is_empty() {
+            return Vec::new();
+        }
+        let mut taken: Vec<u32> = outcomes.iter().map(|outcome| outcome.at).collect();
+        taken.sort_unstable();
+        let State { particles, step, .. } = &self.state;
+        let mut splits = self.dissociation.splits(particles, &taken, self.key, *step);
+        splits.sort_unstable_by_key(|split| split.id);
+        splits
+    }
+
+    /// Applies what comes of reactions and what comes apart. `parents` are the ids of all that come apart into two, ascending;
+    /// second products get ids in their order.
+    pub(crate) fn conclude(
+        &mut self,
+        outcomes: &[Outcome],
+        splits: &[Split],
+        parents: &[u32],
+    ) -> Result<(), Error> {
+        let first_id = self.state.next_id;
+        let released = u64::from(first_id) + parents.len() as u64;
+        if released > lazygrid::MAX_SPHERES {
+            return Err(Error::OutOfIds { released });
+        }
+        self.state.next_id = released as u32;
+        if self.model.logs_arrivals {
+            for (id, &parent) in (first_id..).zip(parents) {
+                self.state.origins.enter(id, self.state.origins.of(parent));
+            }
         }
         let mut gone = Vec::new();
         for outcome in outcomes {
@@ -292,28 +330,28 @@ impl Simulation {
             self.transform(outcome.at, outcome.product, &mut gone);
         }
         let mut born = Vec::new();
-        for split in &splits {
+        for split in splits {
             self.state.totals.decayed[split.decay as usize] += 1;
             let velocity = self.state.particles.get(split.at as usize).velocity;
-            if self.model.logs_arrivals && split.products[1].is_some() {
-                self.state.origins.enter(self.state.next_id, self.state.origins.of(split.id));
-            }
-            born.extend(dissociation::second(split, velocity, self.state.next_id));
-            self.state.next_id = self.state.next_id.saturating_add(u32::from(split.products[1].is_some()));
+            let nth = parents.partition_point(|&parent| parent < split.id) as u32;
+            born.extend(dissociation::second(split, velocity, first_id + nth));
             self.transform(split.at, split.products[0].map(|(species, ..)| species), &mut gone);
             if let Some((_, _, position)) = split.products[0] {
                 self.state.particles.set_position(split.at as usize, position);
             }
         }
-        let State { particles, totals, next_id, .. } = &mut self.state;
-        if u64::from(*next_id) > lazygrid::MAX_SPHERES {
-            return Err(Error::OutOfIds { released: (*next_id).into() });
-        }
+        let State { particles, totals, .. } = &mut self.state;
         particles.remove(&mut gone);
         for particle in born {
             totals.present[particle.species as usize] += 1;
             particles.push(particle, self.model.has_velocity());
         }
         Ok(())
+    }
+
+    /// Ends a step: releases what is due at the beginning of the next one, of which this rank has its share.
+    pub(crate) fn finish(&mut self, share: Share) -> Result<(), Error> {
+        self.state.step += 1;
+        self.state.release(&self.model, (&self.motion.decays, self.key), share)
     }
 }

@@ -2,10 +2,13 @@
 
 use std::borrow::Cow;
 
+#[cfg(feature = "gpu")]
 use lazygrid::gpu::GpuDevice;
 use lazygrid::{Algorithm, Backend};
 
+#[cfg(feature = "gpu")]
 use crate::gpu::{GpuOptions, GpuSimulation};
+use crate::standing::Standing;
 use crate::{Arrival, Error, Model, Simulation, State, Totals};
 
 /// A run on the CPU or on a GPU.
@@ -14,10 +17,12 @@ pub enum Simulator {
     /// On the CPU.
     Cpu(Box<Simulation>),
     /// On a GPU.
+    #[cfg(feature = "gpu")]
     Gpu(Box<GpuSimulation>),
 }
 
 /// Steps after which a run on a GPU comes back, so that it can be watched and stopped.
+#[cfg(feature = "gpu")]
 const GPU_STEPS: u32 = 64;
 
 impl Simulator {
@@ -25,7 +30,7 @@ impl Simulator {
     /// and a run is to depend on its seed alone; `algorithm` is how the CPU finds pairs.
     ///
     /// # Errors
-    /// As [`Simulation::resume`] or [`GpuSimulation::resume`], and [`Error::Detection`] where there is no GPU.
+    /// As [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] where there is no GPU.
     pub fn begin(
         model: &Model,
         seed: u64,
@@ -36,22 +41,34 @@ impl Simulator {
         let state = state.map_or_else(|| State::new(model, seed), Ok)?;
         let model = model.clone();
         if backend == Backend::Gpu {
-            let device = GpuDevice::shared(true).map_err(|error| {
-                Error::Detection(lazygrid::Error::GpuUnavailable { reason: error.to_string() })
-            })?;
-            let run = GpuSimulation::resume(model, seed, device, GpuOptions::default(), &state)?;
-            return Ok(Self::Gpu(Box::new(run)));
+            return Self::on_gpu(model, seed, &state);
         }
         Ok(Self::Cpu(Box::new(Simulation::resume(model, seed, algorithm, state)?)))
+    }
+
+    #[cfg(feature = "gpu")]
+    fn on_gpu(model: Model, seed: u64, state: &State) -> Result<Self, Error> {
+        let device = GpuDevice::shared(true).map_err(|error| {
+            Error::Detection(lazygrid::Error::GpuUnavailable { reason: error.to_string() })
+        })?;
+        let run = GpuSimulation::resume(model, seed, device, GpuOptions::default(), state)?;
+        Ok(Self::Gpu(Box::new(run)))
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn on_gpu(_: Model, _: u64, _: &State) -> Result<Self, Error> {
+        Err(lazygrid::Error::WithoutGpu.into())
     }
 
     /// Does the next steps: one on the CPU and several on a GPU, but no more than `most`.
     ///
     /// # Errors
-    /// As [`Simulation::step`] or [`GpuSimulation::run`].
+    /// As [`Simulation::step`] or `GpuSimulation::run`.
+    #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU does several"))]
     pub fn advance(&mut self, most: u32) -> Result<(), Error> {
         match self {
             Self::Cpu(run) => run.step(),
+            #[cfg(feature = "gpu")]
             Self::Gpu(run) => run.run(most.min(GPU_STEPS)),
         }
     }
@@ -60,62 +77,58 @@ impl Simulator {
     pub fn backend(&self) -> Backend {
         match self {
             Self::Cpu(_) => Backend::Cpu,
+            #[cfg(feature = "gpu")]
             Self::Gpu(_) => Backend::Gpu,
         }
     }
+}
 
-    /// What is simulated.
-    pub fn model(&self) -> &Model {
+impl Standing for Simulator {
+    fn model(&self) -> &Model {
         match self {
             Self::Cpu(run) => run.model(),
+            #[cfg(feature = "gpu")]
             Self::Gpu(run) => run.model(),
         }
     }
 
-    /// How many steps are done.
-    pub fn step_count(&self) -> u32 {
+    fn step_count(&self) -> u32 {
         match self {
             Self::Cpu(run) => run.state().step,
+            #[cfg(feature = "gpu")]
             Self::Gpu(run) => run.step_count(),
         }
     }
 
-    /// The time that has passed, in s.
-    pub fn time(&self) -> f64 {
-        f64::from(self.step_count()) * self.model().time_step
-    }
-
-    /// What was counted.
-    pub fn totals(&self) -> &Totals {
+    fn totals(&self) -> &Totals {
         match self {
             Self::Cpu(run) => &run.state().totals,
+            #[cfg(feature = "gpu")]
             Self::Gpu(run) => run.totals(),
         }
     }
 
-    /// What each receiver has to say, by species.
-    pub fn received(&self) -> Vec<Vec<u64>> {
+    fn received(&self) -> Vec<Vec<u64>> {
         match self {
             Self::Cpu(run) => run.received(),
+            #[cfg(feature = "gpu")]
             Self::Gpu(run) => run.received(),
         }
     }
 
-    /// Who arrived in the last step; see [`Simulation::arrivals`]. A GPU refuses a model that logs arrivals.
-    pub fn arrivals(&self) -> &[Arrival] {
+    /// A GPU refuses a model that logs arrivals.
+    fn arrivals(&self) -> &[Arrival] {
         match self {
             Self::Cpu(run) => run.arrivals(),
+            #[cfg(feature = "gpu")]
             Self::Gpu(_) => &[],
         }
     }
 
-    /// Where the run stands, brought here where it is on a GPU.
-    ///
-    /// # Errors
-    /// [`Error::Detection`] where the device fails.
-    pub fn state(&self) -> Result<Cow<'_, State>, Error> {
+    fn state(&self) -> Result<Cow<'_, State>, Error> {
         match self {
             Self::Cpu(run) => Ok(Cow::Borrowed(run.state())),
+            #[cfg(feature = "gpu")]
             Self::Gpu(run) => run.state().map(Cow::Owned),
         }
     }

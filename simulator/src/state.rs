@@ -9,6 +9,8 @@ use crate::decay::Decays;
 use crate::model::Model;
 use crate::particles::Particles;
 use crate::philox::Key;
+use crate::ranks::Share;
+use crate::receiver::Kind;
 use crate::release::Released;
 
 /// All that changes in a run: with the model and the seed it says how the run goes on, to the last bit.
@@ -55,27 +57,67 @@ impl State {
     /// # Errors
     /// [`Error::Model`] where the model makes no sense, [`Error::OutOfIds`] where it releases too many particles.
     pub fn new(model: &Model, seed: u64) -> Result<Self, Error> {
+        Self::new_share(model, seed, Share::WHOLE)
+    }
+
+    /// The same where a rank of several has its share of what is released.
+    pub(crate) fn new_share(model: &Model, seed: u64, share: Share) -> Result<Self, Error> {
         model.check()?;
         let centers = model.receivers.iter().map(|receiver| receiver.center).collect();
         let mut state = Self { totals: Totals::of(model), centers, ..Self::default() };
-        state.release(model, &Decays::new(model), Key::new(seed))?;
+        state.release(model, (&Decays::new(model), Key::new(seed)), share)?;
         Ok(state)
+    }
+
+    /// All that does not belong to single particles, with these counts.
+    pub(crate) fn without_particles(&self, totals: Totals) -> Self {
+        let Self { particles: _, step, next_id, totals: _, centers, bound: _, origins } = self;
+        Self {
+            step: *step,
+            next_id: *next_id,
+            totals,
+            centers: centers.clone(),
+            origins: origins.clone(),
+            ..Self::default()
+        }
+    }
+
+    /// The same as the part that one rank has of it. Of what was counted it has what it holds itself, and besides `is_first`
+    /// says whether it has all.
+    pub(crate) fn part(self, model: &Model, is_first: bool) -> Self {
+        let mut totals = if is_first { self.totals } else { Totals::of(model) };
+        totals.present.fill(0);
+        self.particles.species.iter().for_each(|&species| totals.present[species as usize] += 1);
+        for (receiver, held) in model.receivers.iter().zip(&mut totals.arrived) {
+            if let Kind::Receptors(_) = receiver.kind {
+                held.fill(0);
+            }
+        }
+        for &Bound { receiver, species, .. } in &self.bound {
+            totals.arrived[receiver as usize][species as usize] += 1;
+        }
+        Self { totals, ..self }
     }
 
     /// Whether it may be one of a model: there is a place for each receiver, and a receiver for what is bound.
     pub(crate) fn belongs_to(&self, model: &Model) -> bool {
         let receivers = model.receivers.len();
-        let known = |held: &Bound| {
-            (held.receiver as usize) < receivers && (held.species as usize) < model.species.len()
-        };
+        let is_known = |species: u32| (species as usize) < model.species.len();
+        let known = |held: &Bound| (held.receiver as usize) < receivers && is_known(held.species);
         self.centers.len() == receivers
             && self.totals.arrived.len() == receivers
             && self.bound.iter().all(known)
+            && self.particles.species.iter().all(|&species| is_known(species))
     }
 
     /// Releases what is due at the beginning of the next step.
-    pub(crate) fn release(&mut self, model: &Model, decays: &Decays, key: Key) -> Result<(), Error> {
-        let released = model.release(decays, key, self.step, self.next_id)?;
+    pub(crate) fn release(
+        &mut self,
+        model: &Model,
+        (decays, key): (&Decays, Key),
+        share: Share,
+    ) -> Result<(), Error> {
+        let released = model.release_share((decays, key), self.step, self.next_id, share)?;
         if model.logs_arrivals {
             let mut first = self.next_id;
             for (transmitter, _, count) in model.releases(self.step, key) {
@@ -100,8 +142,22 @@ impl Totals {
         released.particles.species.iter().for_each(|&species| self.present[species as usize] += 1);
     }
 
+    /// All counts, in an order that depends on the model only.
+    pub(crate) fn counts(&self) -> impl Iterator<Item = &u64> {
+        let Self { present, released, arrived, reacted, decayed, pairs, contacts } = self;
+        let lists = [present, released, reacted, decayed].into_iter().chain(arrived);
+        lists.flatten().chain([pairs, contacts])
+    }
+
+    /// The same, to be changed.
+    pub(crate) fn counts_mut(&mut self) -> impl Iterator<Item = &mut u64> {
+        let Self { present, released, arrived, reacted, decayed, pairs, contacts } = self;
+        let lists = [present, released, reacted, decayed].into_iter().chain(arrived);
+        lists.flatten().chain([pairs, contacts])
+    }
+
     /// Nothing yet.
-    fn of(model: &Model) -> Self {
+    pub(crate) fn of(model: &Model) -> Self {
         let species = model.species.len();
         Self {
             present: vec![0; species],

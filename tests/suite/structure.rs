@@ -28,7 +28,7 @@ const LAYERS: [(&str, &[&str]); 12] = [
     ("lazygrid-capi", &["lazygrid"]),
     ("lazygrid-ranks", &["lazygrid"]),
     ("lazygrid-io", &["lazygrid"]),
-    ("lazygrid-sim", &["lazygrid", "lazygrid-io"]),
+    ("lazygrid-sim", &["lazygrid", "lazygrid-io", "lazygrid-ranks"]),
     ("lazygrid-check", &["lazygrid-kernels", "lazygrid", "lazygrid-io"]),
     ("lazygrid-report", &[]),
     ("lazygrid-cli", &["lazygrid", "lazygrid-io", "lazygrid-sim", "lazygrid-check", "lazygrid-report"]),

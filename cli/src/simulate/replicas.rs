@@ -3,9 +3,9 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 
 use indicatif::ProgressBar;
-use lazygrid_sim::Simulator;
 use lazygrid_sim::replicas::{Replicas, Replicated, seed_of};
 use lazygrid_sim::run::End;
+use lazygrid_sim::{Simulator, Standing};
 
 use super::report::{self, Done};
 use crate::failure::Failure;

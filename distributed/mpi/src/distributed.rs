@@ -2,16 +2,18 @@ use std::ops::ControlFlow;
 
 use bytemuck::Pod;
 use lazygrid::{Algorithm, Backend, Detector, Order};
-use lazygrid_ranks::{Bodies, Body, Census, Found, Ghosts, Hull, Published, Search, Tally};
+use lazygrid_ranks::{
+    Bodies, Body, Carrier, Census, Found, Ghosts, Migration, Parting, Published, Search, Tally, gather,
+};
 use mpi::traits::Communicator;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::identity::Identity;
 use crate::node::{Node, Place};
-use crate::settle::{Parting, settle};
+use crate::settle::settle;
 use crate::wire::Wire;
 use crate::{
-    Config, Delivery, End, Error, GlobalPair, Local, Migration, Ownership, Particles, Report, Settled,
+    Config, Delivery, End, Error, GlobalPair, Local, Ownership, Particles, Report, Settled,
 };
 
 /// Finds overlapping pairs among the spheres of all ranks of a communicator, call after call.
@@ -25,7 +27,7 @@ pub struct Distributed {
     search: Search,
     pool: ThreadPool,
     identity: Identity,
-    parting: Option<Parting>,
+    parting: Parting,
     pairs: Vec<GlobalPair>,
     report: Report,
 }
@@ -54,7 +56,7 @@ impl Distributed {
         let bodies = Bodies::new(config.space, config.interactions.as_ref());
         let search = Search::new(detector, across, bodies.clone(), (rank, wire.ranks()));
         let (identity, report) = (Identity::default(), Report::default());
-        Ok(Self { wire, config, bodies, search, pool, identity, parting: None, pairs: Vec::new(), report })
+        Ok(Self { wire, config, bodies, search, pool, identity, parting: Parting::default(), pairs: Vec::new(), report })
     }
 
     /// Moves the spheres of all ranks to the ranks whose parts of space they are in, where the
@@ -108,9 +110,7 @@ impl Distributed {
     /// # Errors
     /// [`Error::OutOfMemory`] where rank 0 has no room for all.
     pub fn gather<T: Pod>(&mut self, elements: &[T]) -> Result<Vec<T>, Error> {
-        let mut counts = vec![0; self.wire.ranks() as usize];
-        counts[0] = elements.len();
-        self.wire.exchange("what is gathered", elements, &counts).map(|(all, _)| all)
+        gather(&mut self.wire, "what is gathered", elements)
     }
 
     /// The overlapping pairs that this rank reports, in the order that was asked for. Each pair of all ranks is in the list of
@@ -194,16 +194,12 @@ impl Distributed {
             self.bodies.body(particle.sphere, particle.species)
         };
         let bodies: Vec<Body> = (0..local.ids.len() as u32).map(of).collect();
-        let (hulls, counts) = self.wire.share("hulls", &Hull::of(&bodies))?;
-        let mut hulls = hulls.into_iter();
-        let published = Published::new(counts.iter().map(|&count| hulls.by_ref().take(count).collect()));
+        let published = Published::by(&mut self.wire, &bodies)?;
         let leaving = self.pool.install(|| published.ghosts(rank, &bodies, &self.bodies.space()));
         drop(bodies);
         debug_assert_eq!(leaving.len(), ranks as usize);
-        let counts: Vec<usize> = leaving.iter().map(Vec::len).collect();
-        let send: Vec<_> = leaving.iter().flatten().map(|&k| local.particle(k)).collect();
-        let (ghosts, counts) = self.wire.exchange("ghosts", &send, &counts)?;
-        Ok(Prepared { owned, ghosts: Ghosts::new(ghosts, &counts) })
+        let ghosts = Ghosts::trade(&mut self.wire, &leaving, |k| local.particle(k))?;
+        Ok(Prepared { owned, ghosts })
     }
 
     /// Searches on this rank; not collective.
@@ -284,11 +280,8 @@ impl List {
 fn deliver(wire: &mut Wire, pairs: &[GlobalPair]) -> Result<Vec<GlobalPair>, Error> {
     let rank = wire.rank();
     let other = |pair: &GlobalPair| if pair.a.rank == rank { pair.b.rank } else { pair.a.rank };
-    let mut send: Vec<_> = pairs.iter().copied().filter(|pair| other(pair) != rank).collect();
-    send.sort_by_key(other);
-    let mut counts = vec![0; wire.ranks() as usize];
-    send.iter().for_each(|pair| counts[other(pair) as usize] += 1);
-    wire.exchange("pairs for their other owner", &send, &counts).map(|(came, _)| came)
+    let send = pairs.iter().map(|pair| (other(pair), *pair)).filter(|&(to, _)| to != rank).collect();
+    lazygrid_ranks::deliver(wire, "pairs for their other owner", send).map(|(came, _)| came)
 }
 
 /// What the detector of a rank says.

@@ -1,5 +1,5 @@
 use bytemuck::{Pod, Zeroable};
-use lazygrid_ranks::Digest;
+use lazygrid_ranks::{Carrier, Digest};
 
 use crate::wire::Wire;
 use crate::{Error, Local};

@@ -1,10 +1,10 @@
 use bytemuck::Pod;
-use lazygrid_ranks::Rounds;
+use lazygrid_ranks::{Carrier, Received, Rounds};
 use mpi::Count;
 use mpi::collective::SystemOperation;
 use mpi::datatype::{Partition, PartitionMut};
 use mpi::topology::SimpleCommunicator;
-use mpi::traits::{Communicator, CommunicatorCollectives, Root};
+use mpi::traits::{Communicator, CommunicatorCollectives};
 
 use crate::Error;
 use crate::agree::agree;
@@ -19,9 +19,6 @@ pub(crate) struct Wire {
     sent: u64,
 }
 
-/// Elements that came from other ranks, by rank, and how many from each.
-pub(crate) type Received<T> = (Vec<T>, Vec<usize>);
-
 impl Wire {
     pub(crate) fn new(comm: SimpleCommunicator, limit: u64) -> Self {
         Self { comm, limit, sent: 0 }
@@ -31,82 +28,9 @@ impl Wire {
         &self.comm
     }
 
-    pub(crate) fn rank(&self) -> u32 {
-        self.comm.rank() as u32
-    }
-
-    pub(crate) fn ranks(&self) -> u32 {
-        self.comm.size() as u32
-    }
-
     /// Bytes sent since the last call of this.
     pub(crate) fn take_sent(&mut self) -> u64 {
         std::mem::take(&mut self.sent)
-    }
-
-    /// See [`agree`].
-    pub(crate) fn agree<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
-        agree(&self.comm, result)
-    }
-
-    /// The sum of each place.
-    pub(crate) fn sum(&mut self, values: &[u64]) -> Vec<u64> {
-        let mut sums = vec![0; values.len()];
-        self.comm.all_reduce_into(values, &mut sums[..], SystemOperation::sum());
-        self.count_sent(size_of_val(values), 1);
-        sums
-    }
-
-    /// A few elements of each rank, on all ranks.
-    pub(crate) fn share<T: Pod>(&mut self, what: &str, own: &[T]) -> Result<Received<T>, Error> {
-        let ranks = self.ranks() as usize;
-        let mut counts = vec![0_u64; ranks];
-        self.comm.all_gather_into(&(own.len() as u64), &mut counts[..]);
-        let total: u64 = counts.iter().sum();
-        let needed = total * size_of::<T>() as u64;
-        if needed > i32::MAX as u64 {
-            // All ranks see the same counts.
-            return Err(Error::Message { what: what.to_owned(), needed, limit: i32::MAX as u64 });
-        }
-        let mut all = self.agree(room(what, total, self.rank()))?;
-        let counts: Vec<usize> = counts.into_iter().map(|count| count as usize).collect();
-        let bytes = byte_counts::<T>(&counts);
-        let mut into =
-            PartitionMut::new(bytemuck::cast_slice_mut::<T, u8>(&mut all), &bytes[..], begins(&bytes));
-        self.comm.all_gather_varcount_into(bytemuck::cast_slice::<T, u8>(own), &mut into);
-        self.count_sent(size_of_val(own) + size_of::<u64>(), ranks - 1);
-        Ok((all, counts))
-    }
-
-    /// What rank 0 has, on all ranks.
-    pub(crate) fn broadcast<T: Pod>(&mut self, values: &mut [T]) {
-        self.comm.process_at_rank(0).broadcast_into(bytemuck::cast_slice_mut::<T, u8>(values));
-        if self.rank() == 0 {
-            self.count_sent(size_of_val(values), self.ranks() as usize - 1);
-        }
-    }
-
-    /// Sends to each rank its part of `send`, `counts[rank]` elements of it one rank after the other, in as many rounds
-    /// as the limit asks for.
-    pub(crate) fn exchange<T: Pod>(
-        &mut self,
-        what: &str,
-        send: &[T],
-        counts: &[usize],
-    ) -> Result<Received<T>, Error> {
-        let own = self.rank() as usize;
-        let lengths: Vec<u64> = counts.iter().map(|&count| count as u64).collect();
-        let mut told = vec![0_u64; lengths.len()];
-        self.comm.all_to_all_into(&lengths[..], &mut told[..]);
-        self.count_sent(size_of::<u64>(), lengths.len() - 1);
-        let leaving = Parts::new(counts.to_vec());
-        let coming = Parts::new(told.iter().map(|&count| count as usize).collect());
-        let mut received = self.agree(room(what, told.iter().sum(), self.rank()))?;
-        // What stays is not sent.
-        received[coming.of(own)].copy_from_slice(&send[leaving.of(own)]);
-        let lengths = coming.lengths().to_vec();
-        self.rounds(what, (send, &leaving.without(own)), (&mut received, &coming.without(own)))?;
-        Ok((received, lengths))
     }
 
     fn rounds<T: Pod>(
@@ -154,6 +78,75 @@ impl Wire {
 
     fn count_sent(&mut self, bytes: usize, to: usize) {
         self.sent += (bytes * to) as u64;
+    }
+}
+
+
+impl Carrier for Wire {
+    type Error = Error;
+
+    fn rank(&self) -> u32 {
+        self.comm.rank() as u32
+    }
+
+    fn ranks(&self) -> u32 {
+        self.comm.size() as u32
+    }
+
+    fn agree<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
+        agree(&self.comm, result)
+    }
+
+    fn sum(&mut self, values: &[u64]) -> Vec<u64> {
+        let mut sums = vec![0; values.len()];
+        self.comm.all_reduce_into(values, &mut sums[..], SystemOperation::sum());
+        self.count_sent(size_of_val(values), 1);
+        sums
+    }
+
+    fn share<T: Pod>(&mut self, what: &str, own: &[T]) -> Result<Received<T>, Error> {
+        let ranks = self.ranks() as usize;
+        let mut counts = vec![0_u64; ranks];
+        self.comm.all_gather_into(&(own.len() as u64), &mut counts[..]);
+        let total: u64 = counts.iter().sum();
+        let needed = total * size_of::<T>() as u64;
+        if needed > i32::MAX as u64 {
+            // All ranks see the same counts.
+            return Err(Error::Message { what: what.to_owned(), needed, limit: i32::MAX as u64 });
+        }
+        let mut all = self.agree(room(what, total, self.rank()))?;
+        let counts: Vec<usize> = counts.into_iter().map(|count| count as usize).collect();
+        let bytes = byte_counts::<T>(&counts);
+        let mut into =
+            PartitionMut::new(bytemuck::cast_slice_mut::<T, u8>(&mut all), &bytes[..], begins(&bytes));
+        self.comm.all_gather_varcount_into(bytemuck::cast_slice::<T, u8>(own), &mut into);
+        self.count_sent(size_of_val(own) + size_of::<u64>(), ranks - 1);
+        Ok((all, counts))
+    }
+
+    fn exchange<T: Pod>(
+        &mut self,
+        what: &str,
+        send: &[T],
+        counts: &[usize],
+    ) -> Result<Received<T>, Error> {
+        let own = self.rank() as usize;
+        let lengths: Vec<u64> = counts.iter().map(|&count| count as u64).collect();
+        let mut told = vec![0_u64; lengths.len()];
+        self.comm.all_to_all_into(&lengths[..], &mut told[..]);
+        self.count_sent(size_of::<u64>(), lengths.len() - 1);
+        let leaving = Parts::new(counts.to_vec());
+        let coming = Parts::new(told.iter().map(|&count| count as usize).collect());
+        let mut received = self.agree(room(what, told.iter().sum(), self.rank()))?;
+        // What stays is not sent.
+        received[coming.of(own)].copy_from_slice(&send[leaving.of(own)]);
+        let lengths = coming.lengths().to_vec();
+        self.rounds(what, (send, &leaving.without(own)), (&mut received, &coming.without(own)))?;
+        Ok((received, lengths))
+    }
+
+    fn failure(&self, message: String) -> Error {
+        Error::Input { rank: self.rank(), index: None, message }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Overlapping spheres over many ranks, as pure functions: who owns what, what travels, who reports.
 //!
-//! Nothing here sends anything. `lazygrid-mpi` carries the data; the tests of this crate and its [`model`] play all
-//! ranks in one process.
+//! Nothing here sends anything. A [`Carrier`] does, for the functions that need one; `lazygrid-mpi` has the one through
+//! MPI. The tests of this crate and its [`model`] play all ranks in one process.
 //!
 //! 1. A [`Partition`] cuts space into one part per rank, from a [sample] of all spheres. It is optional: whatever
 //!    the placement, the answer is the same.
@@ -17,6 +17,7 @@
 
 mod between;
 mod body;
+mod carrier;
 mod census;
 mod class;
 mod error;
@@ -25,6 +26,7 @@ mod hash;
 mod hull;
 pub mod model;
 mod particle;
+mod parting;
 mod partition;
 mod rounds;
 pub mod rule;
@@ -32,6 +34,7 @@ pub mod sample;
 mod search;
 
 pub use body::{Bodies, Body};
+pub use carrier::{Carrier, Received, deliver, gather};
 pub use census::Census;
 pub use class::Class;
 pub use error::Error;
@@ -39,6 +42,7 @@ pub use ghosts::Published;
 pub use hash::{Digest, tie};
 pub use hull::Hull;
 pub use particle::Particle;
+pub use parting::{Assigned, Migration, Parting};
 pub use partition::{Partition, Split};
 pub use rounds::Rounds;
 pub use search::{Found, Ghosts, Search, Tally};

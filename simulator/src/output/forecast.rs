@@ -3,7 +3,7 @@
 use super::{frames, series};
 use crate::animation;
 use crate::scenario::Output;
-use crate::{Kind, Model, Simulator, State};
+use crate::{Kind, Model, Standing, State};
 
 /// What is still to be written, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +23,7 @@ const COORDINATE: f64 = 9.7;
 
 impl Forecast {
     /// What a run writes until it has so many steps.
-    pub(crate) fn of(run: &Simulator, output: Output, steps: u32, scenario: &str) -> Self {
+    pub(crate) fn of(run: &impl Standing, output: Output, steps: u32, scenario: &str) -> Self {
         let (model, from) = (run.model(), run.step_count());
         let crowd = Crowd::new(model, &run.totals().present, from, steps);
         let due = |every: u32| u64::from(steps / every - from / every);
@@ -58,7 +58,7 @@ impl Forecast {
 }
 
 /// What the next frame and checkpoint take, with the particles that there are.
-pub(crate) fn next(run: &Simulator, output: Output) -> u64 {
+pub(crate) fn next(run: &impl Standing, output: Output) -> u64 {
     let model = run.model();
     let present = run.totals().present.iter().enumerate();
     let each = |species: usize| {

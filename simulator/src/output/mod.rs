@@ -21,7 +21,7 @@ pub(crate) use lock::Lock;
 use crate::animation;
 use crate::results::series::Series;
 use crate::scenario::Output;
-use crate::{Error, Model, Simulator};
+use crate::{Error, Model, Standing};
 
 /// The frames from which the animation is made.
 const ANIMATED: &str = "animation.frames";
@@ -102,7 +102,7 @@ impl Files {
     }
 
     /// Writes what is due after the steps done so far.
-    pub(crate) fn record(&mut self, simulation: &Simulator) -> Result<(), Error> {
+    pub(crate) fn record(&mut self, simulation: &impl Standing) -> Result<(), Error> {
         let step = simulation.step_count();
         if step.is_multiple_of(self.output.every) {
             self.series.put(|out| series::row(out, simulation))?;

@@ -1,0 +1,42 @@
+use std::borrow::Cow;
+
+use crate::standing::Standing;
+use crate::{Arrival, Error, Model, State, Totals};
+
+/// A run over ranks, brought together on rank 0. The others have the counts, and nothing of the lists.
+#[derive(Clone, Debug)]
+pub struct Gathered<'a> {
+    pub(super) model: &'a Model,
+    pub(super) totals: &'a Totals,
+    /// Nothing where it was not [wanted](super::Wanted::received).
+    pub(super) received: Vec<Vec<u64>>,
+    pub(super) arrivals: Vec<Arrival>,
+    /// Without particles and what is bound where they were not [wanted](super::Wanted::particles).
+    pub(super) state: State,
+}
+
+impl Standing for Gathered<'_> {
+    fn model(&self) -> &Model {
+        self.model
+    }
+
+    fn step_count(&self) -> u32 {
+        self.state.step
+    }
+
+    fn totals(&self) -> &Totals {
+        self.totals
+    }
+
+    fn received(&self) -> Vec<Vec<u64>> {
+        self.received.clone()
+    }
+
+    fn arrivals(&self) -> &[Arrival] {
+        &self.arrivals
+    }
+
+    fn state(&self) -> Result<Cow<'_, State>, Error> {
+        Ok(Cow::Borrowed(&self.state))
+    }
+}

@@ -1,0 +1,183 @@
+//! A run over ranks from a scenario to its files, which are those of a run in one process.
+
+use std::ops::ControlFlow;
+
+use lazygrid::Backend;
+use lazygrid_ranks::{Carrier, gather};
+
+use super::{RankSimulation, Share, Wanted};
+use crate::Error;
+use crate::checkpoint::Checkpoint;
+use crate::output::{self, Files, Lock};
+use crate::pace::Pace;
+use crate::run::{Beside, End, Run};
+use crate::scenario::Scenario;
+
+impl Run {
+    /// Does all steps, as [`run`](Self::run), together with the other ranks of a carrier, each of which calls this with the
+    /// same run. The first rank writes what is not of single ranks, and every rank writes its particles to checkpoints, so
+    /// that all need to see the directory. `watch` is called on every rank, with the steps that are done, and stops all when
+    /// it breaks on one. Where it runs is the CPU, whatever [`backend`](Self::backend) says but `Gpu`; threads are those of the
+    /// rayon pool of whoever calls.
+    ///
+    /// # Errors
+    /// Of a rank, on all: as [`run`](Self::run), [`Error::NotOverRanks`], and those of the carrier.
+    pub fn run_over<C: Carrier>(
+        &self,
+        carrier: C,
+        mut watch: impl FnMut(u32) -> ControlFlow<()>,
+    ) -> Result<(End, RankSimulation<C>), C::Error> {
+        let is_first = carrier.rank() == 0;
+        if is_first {
+            self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
+        }
+        let (mut simulation, mut files) =
+            if self.resume { self.go_on_over(carrier)? } else { self.begin_over(carrier)? };
+        let first = simulation.step_count();
+        let mut pace = Pace::default();
+        let mut asks = |simulation: &mut RankSimulation<C>| {
+            let asked = watch(simulation.step_count()).is_break();
+            simulation.carrier().sum(&[asked.into()])[0] > 0
+        };
+        let mut stops = asks(&mut simulation);
+        while !stops && simulation.step_count() < self.scenario.steps {
+            let before = Pace::part_of(simulation.totals());
+            simulation.step()?;
+            pace.see(simulation.model(), [&before, simulation.totals()], 1);
+            self.record_over(&mut simulation, &mut files)?;
+            let due = |every: u32| simulation.step_count().is_multiple_of(every);
+            if self.scenario.output.checkpoint_every.is_some_and(due) {
+                self.save_over(&mut simulation, &mut files)?;
+            }
+            stops = asks(&mut simulation);
+        }
+        // What was whole before is still there.
+        if simulation.step_count() > first {
+            self.save_over(&mut simulation, &mut files)?;
+        }
+        let animated = files.map_or(Ok(()), |files| files.animate(simulation.model(), &self.title()));
+        simulation.agree(animated)?;
+        if is_first {
+            pace.advice(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
+        }
+        let done = simulation.step_count() >= self.scenario.steps;
+        Ok((if done { End::Finished } else { End::Stopped }, simulation))
+    }
+
+    /// The files are the first rank's.
+    fn begin_over<C: Carrier>(&self, carrier: C) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
+        let Scenario { model, seed, output, .. } = &self.scenario;
+        let is_first = carrier.rank() == 0;
+        self.check_backend(&carrier)?;
+        let mut simulation = RankSimulation::new(carrier, model.clone(), *seed, self.algorithm)?;
+        let standing = simulation.look(Wanted::default())?;
+        let create = || {
+            let lock = output::prepare(&self.directory, self.overwrite)?;
+            self.foretell(&standing, Beside::NONE)?;
+            output::forget(&self.directory, &["replicas.csv", "mean.csv"])?;
+            Files::create(&self.directory, *output, (model, *seed), lock)
+        };
+        let files = is_first.then(create).transpose();
+        let mut files = simulation.agree(files)?;
+        self.record_over(&mut simulation, &mut files)?;
+        // What cannot be written shows now.
+        self.save_over(&mut simulation, &mut files)?;
+        Ok((simulation, files))
+    }
+
+    fn go_on_over<C: Carrier>(&self, carrier: C) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
+        let own = &self.scenario;
+        let path = self.checkpoint_path();
+        self.check_backend(&carrier)?;
+        let share = Share::new(carrier.rank(), carrier.ranks());
+        let is_first = carrier.rank() == 0;
+        // Nobody reads before the first rank has seen to it that nobody writes.
+        let lock = is_first.then(|| self.lock()).transpose();
+        let lock = carrier.agree(lock.map_err(|error| carrier.failure(error.to_string())))?;
+        let read = || {
+            let checkpoint = Checkpoint::read(&path)?;
+            self.check_continues(&path, &checkpoint)?;
+            if is_first && checkpoint.backend != Backend::Cpu.name() {
+                let done = checkpoint.state.step;
+                self.warn_of_backends(done, &checkpoint.backend, Backend::Cpu);
+            }
+            let lengths = checkpoint.lengths.clone();
+            Ok((lengths, checkpoint.into_share(&path, share)?))
+        };
+        let read = read().map_err(|error: Error| carrier.failure(error.to_string()));
+        let (lengths, state) = carrier.agree(read)?;
+        let mut simulation =
+            RankSimulation::resume(carrier, own.model.clone(), (own.seed, self.algorithm), state)?;
+        let standing = simulation.look(Wanted::default())?;
+        let reopen = |lock: Lock| {
+            self.foretell(&standing, Beside::NONE)?;
+            Files::reopen(&self.directory, own.output, (&own.model, own.seed), &lengths, lock)
+        };
+        let files = lock.map(reopen).transpose();
+        let files = simulation.agree(files)?;
+        Ok((simulation, files))
+    }
+
+    /// Refuses a GPU.
+    fn check_backend<C: Carrier>(&self, carrier: &C) -> Result<(), C::Error> {
+        let checked = match self.backend {
+            Backend::Gpu => {
+                let error = Error::NotOverRanks { what: "steps on a GPU".to_owned() };
+                Err(carrier.failure(error.to_string()))
+            }
+            _ => Ok(()),
+        };
+        carrier.agree(checked)
+    }
+
+    /// Writes what is due after the steps done so far.
+    fn record_over<C: Carrier>(
+        &self,
+        simulation: &mut RankSimulation<C>,
+        files: &mut Option<Files>,
+    ) -> Result<(), C::Error> {
+        let (step, output) = (simulation.step_count(), self.scenario.output);
+        let wanted = Wanted {
+            received: step.is_multiple_of(output.every),
+            particles: output.has_frame(step) || output.animated(step).is_some(),
+        };
+        if wanted == Wanted::default() && !simulation.model().logs_arrivals {
+            return Ok(());
+        }
+        let standing = simulation.look(wanted)?;
+        let record = |files: &mut Files| {
+            if step > 0 && self.is_disk_full(&standing, Beside::NONE)? {
+                return Ok(false);
+            }
+            files.record(&standing).map(|()| true)
+        };
+        let written = files.as_mut().map(record).transpose();
+        let is_full = simulation.agree(written)? == Some(false);
+        if simulation.carrier().sum(&[is_full.into()])[0] == 0 {
+            return Ok(());
+        }
+        self.save_over(simulation, files)?;
+        simulation.agree(Err(self.stopped_early(step)))
+    }
+
+    /// Every rank writes its particles, then the first rank what belongs to all.
+    fn save_over<C: Carrier>(
+        &self,
+        simulation: &mut RankSimulation<C>,
+        files: &mut Option<Files>,
+    ) -> Result<(), C::Error> {
+        let path = self.checkpoint_path();
+        let place = (simulation.carrier().rank(), simulation.carrier().ranks());
+        let part = Checkpoint::write_part(&path, self.scenario.seed, place, simulation.part());
+        let part = simulation.agree(part)?;
+        let parts = gather(simulation.carrier(), "the sizes of checkpoints", &[part])?;
+        let state = simulation.part().without_particles(simulation.totals().clone());
+        let write = |files: &mut Files| {
+            let mut checkpoint = self.checkpoint(Backend::Cpu, files.sync()?, state);
+            checkpoint.parts = parts;
+            checkpoint.write(&path)
+        };
+        let written = files.as_mut().map_or(Ok(()), write);
+        simulation.agree(written)
+    }
+}

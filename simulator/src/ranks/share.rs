@@ -1,0 +1,48 @@
+use std::ops::Range;
+
+/// Which part of a list a rank takes: all parts together are the list, and none is longer than another by more than one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Share {
+    rank: u32,
+    ranks: u32,
+}
+
+impl Share {
+    /// Everything.
+    pub(crate) const WHOLE: Self = Self { rank: 0, ranks: 1 };
+
+    /// That of one rank of so many.
+    pub(crate) fn new(rank: u32, ranks: u32) -> Self {
+        Self { rank, ranks }
+    }
+
+    /// The part of a list of this length.
+    pub(crate) fn of(self, length: u64) -> Range<u64> {
+        let start = |rank: u32| (u128::from(length) * u128::from(rank) / u128::from(self.ranks)) as u64;
+        start(self.rank)..start(self.rank + 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_the_whole_and_even() {
+        for ranks in [1, 2, 3, 8] {
+            for length in [0, 1, 7, 8, 1000, u64::MAX] {
+                let shares = (0..ranks).map(|rank| Share::new(rank, ranks).of(length));
+                let mut next = 0;
+                for share in shares {
+                    assert!(
+                        share.start == next
+                            && (share.end - share.start).abs_diff(length / u64::from(ranks)) <= 1
+                    );
+                    next = share.end;
+                }
+                assert_eq!(next, length);
+            }
+        }
+        assert_eq!(Share::WHOLE.of(5), 0..5);
+    }
+}

@@ -1,0 +1,353 @@
+//! A run of one rank among others, step by step.
+
+use std::ops::ControlFlow;
+
+use bytemuck::{Pod, Zeroable};
+use lazygrid::{Algorithm, Pair};
+use lazygrid_ranks::{Bodies, Carrier, Found, Ghosts, Migration, Parting, Published, Search};
+use lazygrid_ranks::{deliver, gather};
+
+use super::matching::Contest;
+use super::{Gathered, Share, check, rows};
+use crate::binding::{self, Bid};
+use crate::dissociation::Split;
+use crate::matching::Candidate;
+use crate::model::Contact;
+use crate::reactions::{Outcome, interactions};
+use crate::simulation::Moved;
+use crate::{Arrival, Error, Kind, Model, Simulation, State, Totals};
+
+/// The part that one rank has of a run, and what it takes to go on together with the others.
+///
+/// All methods that change it are collective: every rank calls them, in the same order. The work is done in the rayon pool
+/// of whoever calls.
+#[derive(Debug)]
+pub struct RankSimulation<C> {
+    carrier: C,
+    /// The particles of this rank; counts are its part, which those of the other ranks add to.
+    run: Simulation,
+    /// Of all ranks.
+    totals: Totals,
+    meeting: Option<Meeting>,
+}
+
+/// What finds pairs among the particles of all ranks.
+#[derive(Debug)]
+struct Meeting {
+    bodies: Bodies,
+    search: Search,
+    parting: Parting,
+    contest: Contest,
+}
+
+/// What [`RankSimulation::look`] is to bring to rank 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// What receivers have to say.
+    pub received: bool,
+    /// All particles, and what is bound.
+    pub particles: bool,
+}
+
+/// What came of a particle that another rank has.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Message {
+    /// Its place with its owner.
+    at: u32,
+    /// One more than the species that it turns into; 0 where it is to be removed.
+    product: u32,
+    position: [f32; 3],
+}
+
+/// An arrival without where it is from, which every rank knows of all ids.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Arrived {
+    receiver: u32,
+    species: u32,
+    id: u32,
+}
+
+/// The most that a rank may have, as a multiple of its share, before space is parted anew.
+const BOUND: f64 = 1.2;
+
+impl<C: Carrier> RankSimulation<C> {
+    /// The beginning of a run, in which pairs are found by `algorithm`, which does not change the result.
+    ///
+    /// # Errors
+    /// Of a rank, on all: as [`Simulation::new`], and [`Error::NotOverRanks`].
+    pub fn new(carrier: C, model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, C::Error> {
+        let state = State::new_share(&model, seed, Share::new(carrier.rank(), carrier.ranks()));
+        Self::begin(carrier, model, (seed, algorithm), state)
+    }
+
+    /// A run that goes on from a state of the same model and seed, of which `state` has what is counted, and the
+    /// particles and what is bound that this rank is to have.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn resume(
+        carrier: C,
+        model: Model,
+        (seed, algorithm): (u64, Algorithm),
+        state: State,
+    ) -> Result<Self, C::Error> {
+        let state = match state.belongs_to(&model) {
+            true => Ok(state.part(&model, carrier.rank() == 0)),
+            false => Err(Error::Model("the state is one of another model".to_owned())),
+        };
+        Self::begin(carrier, model, (seed, algorithm), state)
+    }
+
+    fn begin(
+        carrier: C,
+        model: Model,
+        (seed, algorithm): (u64, Algorithm),
+        state: Result<State, Error>,
+    ) -> Result<Self, C::Error> {
+        let place = (carrier.rank(), carrier.ranks());
+        let made = state.and_then(|state| {
+            check(&model)?;
+            let mut run = Simulation::resume(model, seed, algorithm, state)?;
+            let meeting = Meeting::of(&mut run, place)?;
+            Ok((run, meeting))
+        });
+        let made = made.map_err(|error| carrier.failure(error.to_string()));
+        let (run, meeting) = carrier.agree(made)?;
+        let totals = run.state.totals.clone();
+        let mut all = Self { carrier, run, totals, meeting };
+        all.add_up();
+        Ok(all)
+    }
+
+    /// What is simulated.
+    pub fn model(&self) -> &Model {
+        &self.run.model
+    }
+
+    /// How many steps are done.
+    pub fn step_count(&self) -> u32 {
+        self.run.state.step
+    }
+
+    /// What was counted on all ranks.
+    pub fn totals(&self) -> &Totals {
+        &self.totals
+    }
+
+    /// The particles of this rank, and its part of what was counted.
+    pub fn part(&self) -> &State {
+        &self.run.state
+    }
+
+    /// What carries data to the other ranks.
+    pub fn carrier(&mut self) -> &mut C {
+        &mut self.carrier
+    }
+
+    /// The result of this rank where none failed, else the error of the first that did.
+    pub(super) fn agree<T>(&self, result: Result<T, Error>) -> Result<T, C::Error> {
+        self.carrier.agree(result.map_err(|error| self.carrier.failure(error.to_string())))
+    }
+
+    /// Does one step, as [`Simulation::step`].
+    ///
+    /// # Errors
+    /// Of a rank, on all: as [`Simulation::step`], and those of the carrier.
+    pub fn step(&mut self) -> Result<(), C::Error> {
+        let free = binding::free(&self.run.model, &self.totals.arrived);
+        let moved = self.run.advance(&free);
+        let moved = self.agree(moved)?;
+        let bids = self.all_bids(&moved)?;
+        self.run.apply_events(&moved, &binding::refused(bids, &free));
+        let outcomes = self.interact()?;
+        let splits = self.run.splits(&outcomes);
+        let parents = self.all_parents(&splits)?;
+        let share = Share::new(self.carrier.rank(), self.carrier.ranks());
+        let done = self.run.conclude(&outcomes, &splits, &parents).and_then(|()| self.run.finish(share));
+        self.agree(done)?;
+        self.add_up();
+        Ok(())
+    }
+
+    /// Brings the counts of all ranks together.
+    fn add_up(&mut self) {
+        let own: Vec<u64> = self.run.state.totals.counts().copied().collect();
+        let all = self.carrier.sum(&own);
+        self.totals.counts_mut().zip(all).for_each(|(count, all)| *count = all);
+    }
+
+    /// Who is to bind to receptors, on all ranks.
+    fn all_bids(&mut self, moved: &Moved) -> Result<Vec<Bid>, C::Error> {
+        let has_receptors = |receiver: &crate::Receiver| matches!(receiver.kind, Kind::Receptors(_));
+        if !self.run.model.receivers.iter().any(has_receptors) {
+            return Ok(Vec::new());
+        }
+        Ok(self.carrier.share("bids for receptors", &self.run.bids(moved))?.0)
+    }
+
+    /// The ids of what comes apart into two on all ranks, ascending.
+    fn all_parents(&mut self, splits: &[Split]) -> Result<Vec<u32>, C::Error> {
+        if self.run.dissociation.is_empty() {
+            return Ok(Vec::new());
+        }
+        let own = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
+        let (mut parents, _) = self.carrier.share("ids of what comes apart", &own.collect::<Vec<_>>())?;
+        parents.sort_unstable();
+        Ok(parents)
+    }
+
+    /// Finds pairs and lets them react. Returns what comes of the particles that this rank has then.
+    fn interact(&mut self) -> Result<Vec<Outcome>, C::Error> {
+        let Self { carrier, run, meeting, .. } = self;
+        let Some(meeting) = meeting else { return Ok(Vec::new()) };
+        meeting.settle(carrier, run)?;
+        let ghosts = meeting.ghosts(carrier, run)?;
+        let own = run.state.particles.len();
+        let found = meeting.candidates(run, &ghosts);
+        let mut candidates = carrier.agree(found.map_err(|error| carrier.failure(error.to_string())))?;
+        if run.reactions.is_empty() {
+            return Ok(Vec::new());
+        }
+        let chosen = meeting.contest.greedy(carrier, &mut candidates, (own, &ghosts))?;
+        let reacts = || chosen.iter().map(|&c| &candidates[c as usize]);
+        let particles = &run.state.particles;
+        let outcomes = run.reactions.all_outcomes(particles, reacts(), run.key, run.state.step);
+        reacts().for_each(|c| run.state.totals.reacted[c.rule as usize] += 1);
+        run.state.particles.truncate(own);
+        deliver_outcomes(carrier, outcomes, (own, &ghosts))
+    }
+
+    /// Brings together on rank 0 how the run stands.
+    ///
+    /// # Errors
+    /// Those of the carrier.
+    pub fn look(&mut self, wanted: Wanted) -> Result<Gathered<'_>, C::Error> {
+        let Self { carrier, run, totals, .. } = self;
+        let mut arrivals = Vec::new();
+        if run.model.logs_arrivals {
+            let own = run.arrivals().iter();
+            let own: Vec<_> =
+                own.map(|&Arrival { receiver, species, id, .. }| Arrived { receiver, species, id }).collect();
+            let all = gather(carrier, "arrivals", &own)?.into_iter();
+            let origins = &run.state.origins;
+            arrivals.extend(all.map(|Arrived { receiver, species, id }| Arrival {
+                receiver,
+                species,
+                id,
+                origin: origins.of(id),
+            }));
+            arrivals.sort_unstable_by_key(|arrival| arrival.id);
+        }
+        let mut received = Vec::new();
+        if wanted.received {
+            let species = run.model.species.len();
+            let all = carrier.sum(&run.received().concat());
+            received = all.chunks(species.max(1)).map(<[u64]>::to_vec).collect();
+            received.resize(run.model.receivers.len(), Vec::new());
+        }
+        let mut state = run.state.without_particles(totals.clone());
+        if wanted.particles {
+            let own: Vec<_> =
+                (0..run.state.particles.len() as u32).map(|at| rows::row(&run.state.particles, at)).collect();
+            let all = gather(carrier, "particles", &own)?;
+            state.particles = rows::particles(&all, run.model.has_velocity());
+            state.bound = gather(carrier, "what is bound", &run.state.bound)?;
+        }
+        Ok(Gathered { model: &run.model, totals, received, arrivals, state })
+    }
+}
+
+impl Meeting {
+    /// The search of a model in which something interacts, by the detector of its run.
+    fn of(run: &mut Simulation, place: (u32, u32)) -> Result<Option<Self>, Error> {
+        let Some(detector) = run.detector.take() else { return Ok(None) };
+        let bodies = Bodies::new(run.model.boundary.space()?, interactions(&run.model)?.as_ref());
+        let search = Search::new(detector, None, bodies.clone(), place);
+        Ok(Some(Self { bodies, search, parting: Parting::default(), contest: Contest::default() }))
+    }
+
+    /// Moves particles to the ranks in whose parts of space they are.
+    fn settle<C: Carrier>(&mut self, carrier: &mut C, run: &mut Simulation) -> Result<(), C::Error> {
+        let particles = &run.state.particles;
+        let bodies = rows::bodies(&self.bodies, particles);
+        let ids: Vec<u64> = particles.id.iter().map(|&id| id.into()).collect();
+        let assigned = self.parting.assign(carrier, (&bodies, &ids), BOUND)?;
+        let migration = Migration::to(&assigned.ranks, carrier.ranks());
+        let came = migration.carry(carrier, "particles that change rank", |at| rows::row(particles, at))?;
+        let particles = rows::particles(&came, run.model.has_velocity());
+        let mut present = vec![0; run.model.species.len()];
+        particles.species.iter().for_each(|&species| present[species as usize] += 1);
+        run.state.totals.present = present;
+        run.state.particles = particles;
+        Ok(())
+    }
+
+    /// The particles of other ranks that may meet some of this one.
+    fn ghosts<C: Carrier>(&self, carrier: &mut C, run: &Simulation) -> Result<Ghosts, C::Error> {
+        let particles = &run.state.particles;
+        let bodies = rows::bodies(&self.bodies, particles);
+        let published = Published::by(carrier, &bodies)?;
+        let leaving = published.ghosts(carrier.rank(), &bodies, &self.bodies.space());
+        Ghosts::trade(carrier, &leaving, |at| rows::ghost(particles, at))
+    }
+
+    /// Counts the pairs that this rank reports, and returns those that chance lets react; ghosts then lie behind the
+    /// particles of this rank, unless nothing reacts.
+    fn candidates(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<Vec<Candidate>, Error> {
+        let Simulation { model, key, state, reactions, .. } = run;
+        let State { particles, totals, step, .. } = state;
+        let failed = |source| Error::Step { step: *step, source };
+        let own = particles.len();
+        if reactions.is_empty() && model.contact == Contact::Count {
+            totals.pairs = self.search.count(particles.spheres()?, ghosts).map_err(failed)?.reported();
+            return Ok(Vec::new());
+        }
+        let with_velocity = model.has_velocity();
+        for ghost in ghosts.particles() {
+            particles.push(rows::of_ghost(ghost), with_velocity);
+        }
+        let particles = &*particles;
+        let (mut candidates, mut across) = (Vec::new(), Vec::new());
+        let tally = self.search.run(particles.first_spheres(own)?, ghosts, |found, pairs| {
+            let pairs = match found {
+                Found::Within => pairs,
+                Found::Across => {
+                    across.clear();
+                    across.extend(pairs.iter().map(|&[i, j]| [i, own as u32 + j]));
+                    &across
+                }
+            };
+            let pairs: &[Pair] = bytemuck::cast_slice(pairs);
+            candidates.extend(reactions.candidates(particles, pairs, *key, *step));
+            ControlFlow::Continue(())
+        });
+        totals.pairs = tally.map_err(failed)?.reported();
+        Ok(candidates)
+    }
+}
+
+/// Sends what comes of ghosts to their owners. Returns what comes of the particles of this rank.
+fn deliver_outcomes<C: Carrier>(
+    carrier: &mut C,
+    mut outcomes: Vec<Outcome>,
+    (own, ghosts): (usize, &Ghosts),
+) -> Result<Vec<Outcome>, C::Error> {
+    let ghost_of = |outcome: &Outcome| (outcome.at as usize).checked_sub(own).map(|ghost| ghost as u32);
+    let message = |outcome: &Outcome| {
+        let ghost = ghost_of(outcome)?;
+        let at = ghosts.particles()[ghost as usize].index;
+        let product = outcome.product.map_or(0, |species| species + 1);
+        Some((ghosts.rank_of(ghost), Message { at, product, position: outcome.position }))
+    };
+    let send = outcomes.iter().filter_map(message).collect();
+    let (came, _) = deliver(carrier, "what comes of ghosts", send)?;
+    outcomes.retain(|outcome| ghost_of(outcome).is_none());
+    outcomes.extend(came.into_iter().map(|Message { at, product, position }| Outcome {
+        at,
+        product: product.checked_sub(1),
+        position,
+    }));
+    Ok(outcomes)
+}

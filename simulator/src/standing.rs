@@ -1,0 +1,35 @@
+//! How a run stands, wherever it is computed.
+
+use std::borrow::Cow;
+
+use crate::{Arrival, Error, Model, State, Totals};
+
+/// A run as those see it who write files about it.
+pub trait Standing {
+    /// What is simulated.
+    fn model(&self) -> &Model;
+
+    /// How many steps are done.
+    fn step_count(&self) -> u32;
+
+    /// The time that has passed, in s.
+    fn time(&self) -> f64 {
+        f64::from(self.step_count()) * self.model().time_step
+    }
+
+    /// What was counted.
+    fn totals(&self) -> &Totals;
+
+    /// What each receiver has to say, by species: arrivals so far, what its receptors hold, or how many are inside a
+    /// transparent one.
+    fn received(&self) -> Vec<Vec<u64>>;
+
+    /// Who arrived in the last step, in the order of ids, in a model that logs arrivals.
+    fn arrivals(&self) -> &[Arrival];
+
+    /// Where the run stands, brought here where it is elsewhere.
+    ///
+    /// # Errors
+    /// [`Error::Detection`] where a device fails that has it.
+    fn state(&self) -> Result<Cow<'_, State>, Error>;
+}

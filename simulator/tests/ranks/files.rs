@@ -1,0 +1,216 @@
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use lazygrid::{Algorithm, Backend};
+use lazygrid_sim::checkpoint::Checkpoint;
+use lazygrid_sim::run::{End, Run};
+use lazygrid_sim::scenario::Scenario;
+
+use crate::threads;
+
+/// Two sorts that react, one of which comes apart again, a receiver that logs arrivals, and every file that there is.
+const SCENARIO: &str = r#"
+time-step = 0.01
+steps = 40
+seed = 7
+
+[boundary]
+kind = "periodic"
+low = [0, 0, 0]
+high = [8, 8, 8]
+
+[[species]]
+name = "a"
+radius = 0.1
+diffusion = 4
+
+[[species]]
+name = "b"
+radius = 0.2
+diffusion = 2
+
+[[species]]
+name = "ab"
+radius = 0.3
+diffusion = 1
+
+[[reaction]]
+equation = "a + b -> ab"
+binding-radius = 1.0
+probability = 0.3
+
+[[decay]]
+equation = "ab -> a + b"
+rate = 5
+unbinding-radius = 0.6
+
+[[transmitter]]
+name = "source"
+center = [4, 4, 4]
+times = [0, 0.2]
+shape = { kind = "ball", radius = 2 }
+release = [{ species = "a", count = 200 }, { species = "b", count = 200 }]
+
+[[receiver]]
+name = "sink"
+center = [6, 4, 4]
+radius = 1
+kind = "absorbing"
+species = ["a"]
+
+[[receiver]]
+name = "cell"
+center = [2, 4, 4]
+radius = 1
+kind = "receptors"
+count = 20
+binding-rate = 100
+unbinding-rate = 2
+
+[output]
+every = 3
+frames-every = 10
+frames = ["xyz", "npy"]
+arrivals = true
+"#;
+
+fn run(directory: &Path, steps: u32, resume: bool) -> Run {
+    let path = directory.join("scenario.toml");
+    let mut scenario = Scenario::parse(&path, SCENARIO.to_owned()).unwrap();
+    scenario.steps = steps;
+    scenario.output.animation =
+        Some(lazygrid_sim::animation::Animation { every: 5, particles: 100.try_into().unwrap() });
+    Run {
+        scenario,
+        path,
+        directory: directory.to_owned(),
+        backend: Backend::Auto,
+        algorithm: Algorithm::Auto,
+        threads: None,
+        resume,
+        overwrite: false,
+        space_check: true,
+    }
+}
+
+/// Does a run on so many ranks, or with none in one process.
+fn go(run: &Run, ranks: u32) {
+    if ranks == 0 {
+        assert_eq!(run.run(|_| ControlFlow::Continue(())).unwrap().0, End::Finished);
+        return;
+    }
+    for end in
+        threads::on(ranks, |thread| run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0))
+    {
+        assert_eq!(end, Ok(End::Finished));
+    }
+}
+
+/// All files but checkpoints, of which the order of particles is no part, and frames of the animation, which have it too.
+fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
+    let files = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap());
+    files
+        .map(|entry| (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap()))
+        .filter(|(name, _)| !name.starts_with("checkpoint") && !name.starts_with("animation"))
+        .collect()
+}
+
+/// What the checkpoint goes on from, in the order of ids.
+fn state(directory: &Path) -> lazygrid_sim::State {
+    let path = directory.join("checkpoint");
+    let mut state = Checkpoint::read(&path).unwrap().into_state(&path).unwrap();
+    state.particles = state.particles.permuted(&state.particles.by_id());
+    state.bound.sort_unstable_by_key(|bound| bound.id);
+    state
+}
+
+fn names(directory: &Path) -> Vec<String> {
+    let names = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().file_name());
+    let mut names: Vec<_> = names.map(|name| name.into_string().unwrap()).collect();
+    names.retain(|name| name.starts_with("checkpoint"));
+    names.sort();
+    names
+}
+
+#[test]
+fn files_are_those_of_one_process() {
+    let alone = tempfile::tempdir().unwrap();
+    go(&run(alone.path(), 40, false), 0);
+    let expected = files(alone.path());
+    assert!(
+        ["series.csv", "frames.xyz", "frame-000000040.npy", "arrivals.csv", "releases.csv"]
+            .iter()
+            .all(|name| expected[*name].len() > 100),
+        "{:?}",
+        expected.keys()
+    );
+    for ranks in [1, 2, 3, 8] {
+        let over = tempfile::tempdir().unwrap();
+        go(&run(over.path(), 40, false), ranks);
+        let found = files(over.path());
+        assert!(expected.keys().eq(found.keys()), "{:?}", found.keys());
+        for (name, expected) in &expected {
+            assert!(found[name] == *expected, "{name} on {ranks} ranks");
+        }
+        assert_eq!(state(over.path()), state(alone.path()));
+        assert_eq!(names(over.path()).len(), 1 + ranks as usize);
+    }
+}
+
+/// A run goes on on another number of ranks, in one process, and from one process on ranks.
+#[test]
+fn any_number_of_ranks_continues_a_run() {
+    let alone = tempfile::tempdir().unwrap();
+    go(&run(alone.path(), 40, false), 0);
+    for numbers in [[3, 2, 0], [0, 3, 8]] {
+        let directory = tempfile::tempdir().unwrap();
+        for (k, (ranks, steps)) in numbers.into_iter().zip([13, 27, 40]).enumerate() {
+            go(&run(directory.path(), steps, k > 0), ranks);
+            let parts = (0..ranks).map(|rank| format!("checkpoint.{steps:09}.{rank}"));
+            let expected: Vec<_> = ["checkpoint".to_owned()].into_iter().chain(parts).collect();
+            assert_eq!(names(directory.path()), expected);
+        }
+        assert!(files(directory.path()) == files(alone.path()), "{numbers:?}");
+        assert_eq!(state(directory.path()), state(alone.path()));
+    }
+}
+
+#[test]
+fn what_one_rank_asks_stops_all_and_the_run_can_go_on() {
+    let directory = tempfile::tempdir().unwrap();
+    let first = run(directory.path(), 40, false);
+    let ends = threads::on(3, |thread| {
+        let rank = lazygrid_ranks::Carrier::rank(&thread);
+        let ask =
+            |step| if rank == 1 && step == 17 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        first.run_over(thread, ask).map(|(end, simulation)| (end, simulation.step_count()))
+    });
+    assert_eq!(ends, vec![Ok((End::Stopped, 17)); 3]);
+    assert_eq!(state(directory.path()).step, 17);
+}
+
+#[test]
+fn a_part_that_is_lost_or_of_another_checkpoint_is_named() {
+    let directory = tempfile::tempdir().unwrap();
+    go(&run(directory.path(), 10, false), 2);
+    let part = directory.path().join("checkpoint.000000010.1");
+    let other = directory.path().join("checkpoint.000000010.0");
+    let errors = || {
+        let run = run(directory.path(), 20, true);
+        let done =
+            threads::on(3, |thread| run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0));
+        let said: Vec<_> = done.into_iter().map(Result::unwrap_err).collect();
+        assert_eq!(said, vec![said[0].clone(); 3]);
+        said[0].clone()
+    };
+    std::fs::copy(&other, &part).unwrap();
+    assert!(errors().contains("checkpoint.000000010.1: the checkpoint is damaged"), "{}", errors());
+    std::fs::remove_file(&part).unwrap();
+    assert!(errors().contains("checkpoint.000000010.1: cannot read"), "{}", errors());
+    // A run that is there is not replaced unasked.
+    let run = run(directory.path(), 20, false);
+    let done =
+        threads::on(2, |thread| run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0));
+    assert!(done.iter().all(|end| end.as_ref().unwrap_err().contains("it holds a run already")), "{done:?}");
+}

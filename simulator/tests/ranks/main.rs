@@ -1,0 +1,10 @@
+//! A run over ranks is that of one process, to the last bit, whatever the number of ranks. Ranks are threads here, and
+//! processes in `distributed/mpi`.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod files;
+mod models;
+mod refusals;
+mod steps;
+mod threads;

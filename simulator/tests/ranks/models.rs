@@ -1,0 +1,154 @@
+//! Models in which much happens between ranks.
+
+use lazygrid_sim::{
+    Axis, Boundary, Chance, Contact, Decay, Kind, Model, Reaction, Receiver, Receptors, Schedule, Shape,
+    Species, Sticking, Transmitter, Unbinding,
+};
+use proptest::prelude::*;
+
+/// Which parts a model has.
+#[derive(Clone, Debug)]
+pub(crate) struct Parts {
+    periodic: bool,
+    contact: bool,
+    reactions: Vec<usize>,
+    decays: bool,
+    splits: bool,
+    /// How many of each kind of receiver.
+    receivers: [usize; 3],
+    speed: bool,
+    arrivals: bool,
+}
+
+pub(crate) fn parts() -> impl Strategy<Value = Parts> {
+    let reactions = prop::sample::subsequence(vec![0, 1, 2, 3], 0..=4);
+    let receivers = [0..3_usize, 0..3, 0..8];
+    let flags = [any::<bool>(), any::<bool>(), any::<bool>(), any::<bool>(), any::<bool>(), any::<bool>()];
+    (reactions, receivers, flags).prop_map(|(reactions, receivers, flags)| {
+        let [periodic, contact, decays, splits, speed, arrivals] = flags;
+        Parts { periodic, contact, reactions, decays, splits, receivers, speed, arrivals }
+    })
+}
+
+/// Everything at once.
+pub(crate) fn everything() -> Parts {
+    Parts {
+        periodic: true,
+        contact: true,
+        reactions: vec![0, 1, 2, 3],
+        decays: true,
+        splits: true,
+        receivers: [1, 2, 6],
+        speed: true,
+        arrivals: true,
+    }
+}
+
+/// Some hundred particles in a box of edge 10, so dense that most have several candidates in a step.
+pub(crate) fn model(parts: &Parts) -> Model {
+    let species = |name: &str, radius: f32, diffusion: f64| Species {
+        name: name.into(),
+        radius,
+        diffusion,
+        mass: 1.0,
+        thermal_speed: if parts.speed && name == "d" { 2.0 } else { 0.0 },
+        ..Species::default()
+    };
+    let reaction = |name: &str, reactants, products, radius, probability| Reaction {
+        name: name.into(),
+        reactants,
+        products,
+        binding_radius: radius,
+        unbinding_radius: 0.4,
+        chance: Chance::PerStep(probability),
+    };
+    let reactions = [
+        reaction("a + b -> c", [0, 1], [Some(2), None], 1.5, 0.3),
+        // A catalyst, which may be in several.
+        reaction("c + a -> c + b", [2, 0], [Some(2), Some(1)], 1.2, 0.5),
+        reaction("b + b -> a + d", [1, 1], [Some(0), Some(3)], 0.9, 0.4),
+        reaction("d + a -> 0", [3, 0], [None, None], 2.0, 0.1),
+    ];
+    let decay = |name: &str, reactant, products, rate| Decay {
+        name: name.into(),
+        reactant,
+        products,
+        unbinding: Unbinding::Apart(0.5),
+        rate,
+    };
+    let mut decays = Vec::new();
+    if parts.decays {
+        decays.extend([decay("d -> a", 3, [Some(0), None], 2.0), decay("b -> 0", 1, [None, None], 0.5)]);
+    }
+    if parts.splits {
+        decays.push(decay("c -> a + b", 2, [Some(0), Some(1)], 4.0));
+    }
+    let transmitter = |name: &str, center, shape, schedule, release| Transmitter {
+        name: name.into(),
+        center,
+        shape,
+        schedule,
+        release,
+        ..Transmitter::default()
+    };
+    let walls = Axis::Reflecting { low: 0.0, high: 10.0 };
+    let axes = [if parts.periodic { Axis::Periodic { low: 0.0, high: 10.0 } } else { walls }; 3];
+    Model {
+        time_step: 0.02,
+        species: vec![
+            species("a", 0.1, 3.0),
+            species("b", 0.3, 1.0),
+            species("c", 0.4, 0.7),
+            species("d", 0.05, 5.0),
+        ],
+        boundary: Boundary { axes, vessel: None },
+        contact: if parts.contact { Contact::Count } else { Contact::Ignore },
+        reactions: parts.reactions.iter().map(|&k| reactions[k].clone()).collect(),
+        decays,
+        transmitters: vec![
+            transmitter(
+                "crowd",
+                [5.0; 3],
+                Shape::Shell(0.0, 2.0),
+                Schedule::Times(vec![0.0, 0.1]),
+                vec![(0, 60), (1, 60), (2, 15)],
+            ),
+            // All at one point: every one is a candidate of every other.
+            transmitter("point", [1.0; 3], Shape::Point, Schedule::Times(vec![0.05]), vec![(0, 20), (1, 20)]),
+            transmitter(
+                "spring",
+                [9.0; 3],
+                Shape::Point,
+                Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(3, 200.0)] },
+                Vec::new(),
+            ),
+        ],
+        receivers: receivers(parts),
+        logs_arrivals: parts.arrivals,
+        ..Model::default()
+    }
+}
+
+fn receivers(parts: &Parts) -> Vec<Receiver> {
+    let kinds = [
+        Kind::Transparent,
+        Kind::Receptors(Receptors { count: 3, binding_rate: 200.0, unbinding_rate: 3.0 }),
+        Kind::Absorbing,
+    ];
+    let one = |kind: Kind, k: usize| Receiver {
+        name: format!("{kind:?} {k}"),
+        center: [2.0 + k as f32, 7.0 - k as f32 * 0.5, 4.0],
+        radius: 0.8,
+        kind,
+        sees: vec![true, true, false, true],
+        diffusion: if k == 1 { 0.5 } else { 0.0 },
+        ..Receiver::default()
+    };
+    let mut all: Vec<_> = (0..3)
+        .flat_map(|kind| (0..parts.receivers[kind]).map(move |k| one(kinds[kind], 3 * k + kind)))
+        .collect();
+    if let Some(partial) = all.last_mut().filter(|receiver| receiver.kind == Kind::Absorbing) {
+        partial.kind = Kind::Partial(Sticking::Reactivity(20.0));
+    }
+    all
+}

@@ -1,0 +1,40 @@
+use lazygrid::Algorithm;
+use lazygrid_sim::ranks::RankSimulation;
+use lazygrid_sim::{Contact, Flow, Model};
+
+use crate::models::{everything, model};
+use crate::threads;
+
+fn errors(model: &Model, steps: u32) -> Vec<String> {
+    threads::on(3, |thread| {
+        let mut run = RankSimulation::new(thread, model.clone(), 1, Algorithm::Auto)?;
+        (0..steps).try_for_each(|_| run.step())
+    })
+    .into_iter()
+    .map(|done| done.unwrap_err())
+    .collect()
+}
+
+#[test]
+fn what_needs_an_order_across_ranks_is_refused_by_name() {
+    for (contact, name) in [(Contact::Separate, "\"separate\""), (Contact::Elastic, "\"elastic\"")] {
+        let model = Model { contact, ..model(&everything()) };
+        let said = errors(&model, 0);
+        assert!(
+            said[0].starts_with("rank 0: a run over ranks cannot do contact = ") && said[0].contains(name),
+            "{said:?}"
+        );
+        assert_eq!(said, vec![said[0].clone(); 3]);
+    }
+}
+
+/// What fails on one rank fails on all, with the same words.
+#[test]
+fn a_failure_of_one_rank_is_that_of_all() {
+    let mut model =
+        Model { flow: Some(Flow::Plug([1e38, 0.0, 0.0])), time_step: 1e3, ..model(&everything()) };
+    model.boundary.axes = [lazygrid_sim::Axis::Open; 3];
+    let said = errors(&model, 5);
+    assert!(said[0].starts_with("rank ") && said[0].contains(": step "), "{said:?}");
+    assert_eq!(said, vec![said[0].clone(); 3]);
+}
