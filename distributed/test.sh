@@ -62,4 +62,4 @@ if [ $code = 0 ] || [ $code = 124 ]; then
 fi
 say "a panic on one rank ended the job with code $code"
 
-cargo test --quiet "${features[@]}" --test command
+cargo test --quiet "${features[@]}" --test command --test simulate

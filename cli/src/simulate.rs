@@ -2,13 +2,11 @@ mod replicas;
 mod report;
 
 use std::ops::ControlFlow;
-use std::path::PathBuf;
 
 use lazygrid_sim::Standing;
-use lazygrid_sim::animation::Animation;
 use lazygrid_sim::replicas::Replicas;
 use lazygrid_sim::run::{End, Run};
-use lazygrid_sim::scenario::Scenario;
+use lazygrid_sim::scenario::{Changes, Scenario};
 
 use self::report::Done;
 use crate::args::{ArrivalsFormat, Simulate};
@@ -16,29 +14,20 @@ use crate::failure::Failure;
 use crate::signals::Asked;
 use crate::{print, progress, signals};
 
-/// About how many frames an animation has.
-const FRAMES: u32 = 200;
-
 /// Runs a scenario and says what came of it.
 pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
     let mut scenario = Scenario::read(&args.scenario)?;
-    let animation = Animation {
-        // By the scenario, so that it is the same for a run that goes on for longer.
-        every: args.animate_every.map_or((scenario.steps / FRAMES).max(1), Into::into),
-        particles: args.animate_particles,
-    };
-    scenario.output.animation = args.animate.then_some(animation);
-    scenario.seed = args.seed.unwrap_or(scenario.seed);
-    scenario.steps = args.steps.unwrap_or(scenario.steps);
-    let output = &mut scenario.output;
-    output.arrow = args.arrivals_format == ArrivalsFormat::Arrow;
-    output.every = args.every.map_or(output.every, Into::into);
-    output.frames_every = args.frames_every.map_or(output.frames_every, Into::into);
-    output.checkpoint_every = args.checkpoint_every.map(Into::into).or(output.checkpoint_every);
-    let directory = args.output.clone().unwrap_or_else(|| {
-        let name = args.scenario.file_stem().unwrap_or(args.scenario.as_os_str());
-        PathBuf::from(name)
+    scenario.change(&Changes {
+        seed: args.seed,
+        steps: args.steps,
+        every: args.every,
+        frames_every: args.frames_every,
+        checkpoint_every: args.checkpoint_every,
+        animated: args.animate.then_some(args.animate_particles),
+        animate_every: args.animate_every,
     });
+    scenario.output.arrow = args.arrivals_format == ArrivalsFormat::Arrow;
+    let directory = args.output.clone().unwrap_or_else(|| Run::directory_of(&args.scenario));
     let run = Run {
         scenario,
         path: args.scenario.clone(),

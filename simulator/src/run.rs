@@ -140,6 +140,11 @@ impl Run {
         Ok(())
     }
 
+    /// Where the files of a scenario go unless it is said: a directory of its name, without the extension.
+    pub fn directory_of(scenario: &Path) -> PathBuf {
+        PathBuf::from(scenario.file_stem().unwrap_or(scenario.as_os_str()))
+    }
+
     /// What the run is called where it is shown.
     pub(crate) fn title(&self) -> String {
         let name = self.path.file_stem().unwrap_or_default().to_string_lossy();

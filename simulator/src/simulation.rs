@@ -64,14 +64,7 @@ impl Simulation {
             return Err(Error::Model("the state is one of another model".to_owned()));
         }
         let motion = Motion::new(&model);
-        let detector = match interactions(&model)? {
-            None => None,
-            Some(table) => {
-                let config = Config::default().backend(Backend::Cpu).algorithm(algorithm);
-                let config = config.space(model.boundary.space()?);
-                Some(Detector::new(config.order(Order::Unordered).interactions(table))?)
-            }
-        };
+        let detector = detector(&model, algorithm)?;
         Ok(Self {
             key: Key::new(seed),
             vicinity: Vicinity::new(&motion.bodies, &model.boundary)?,
@@ -354,4 +347,14 @@ impl Simulation {
         self.state.step += 1;
         self.state.release(&self.model, (&self.motion.decays, self.key), share)
     }
+}
+
+/// What finds pairs in a model, by this algorithm; nothing where nothing interacts.
+///
+/// # Errors
+/// [`Error::Detection`] where the detector refuses the model.
+pub(crate) fn detector(model: &Model, algorithm: Algorithm) -> Result<Option<Detector>, Error> {
+    let Some(table) = interactions(model)? else { return Ok(None) };
+    let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).order(Order::Unordered);
+    Ok(Some(Detector::new(config.space(model.boundary.space()?).interactions(table))?))
 }

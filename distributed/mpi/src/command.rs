@@ -1,4 +1,5 @@
-//! What the command does. `detect` reads, settles, searches, writes, and says what was found; `scale` takes times.
+//! What the command does. `detect` reads, settles, searches, writes, and says what was found; `simulate` runs a scenario;
+//! `scale` takes times.
 
 pub(crate) mod args;
 mod input;
@@ -6,6 +7,7 @@ mod manifest;
 mod npy;
 mod output;
 mod scale;
+mod simulate;
 mod summary;
 mod text;
 
@@ -22,6 +24,7 @@ use crate::command::output::{Target, write};
 use crate::command::summary::Summary;
 
 pub(crate) use scale::scale;
+pub(crate) use simulate::simulate;
 
 /// Collective, as all of the command: every rank returns the same.
 pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Error> {

@@ -12,9 +12,7 @@ use crate::identity::Identity;
 use crate::node::{Node, Place};
 use crate::settle::settle;
 use crate::wire::Wire;
-use crate::{
-    Config, Delivery, End, Error, GlobalPair, Local, Ownership, Particles, Report, Settled,
-};
+use crate::{Config, Delivery, End, Error, GlobalPair, Local, Ownership, Particles, Report, Settled};
 
 /// Finds overlapping pairs among the spheres of all ranks of a communicator, call after call.
 ///
@@ -56,7 +54,17 @@ impl Distributed {
         let bodies = Bodies::new(config.space, config.interactions.as_ref());
         let search = Search::new(detector, across, bodies.clone(), (rank, wire.ranks()));
         let (identity, report) = (Identity::default(), Report::default());
-        Ok(Self { wire, config, bodies, search, pool, identity, parting: Parting::default(), pairs: Vec::new(), report })
+        Ok(Self {
+            wire,
+            config,
+            bodies,
+            search,
+            pool,
+            identity,
+            parting: Parting::default(),
+            pairs: Vec::new(),
+            report,
+        })
     }
 
     /// Moves the spheres of all ranks to the ranks whose parts of space they are in, where the

@@ -40,6 +40,8 @@ mod pair;
 mod parts;
 mod report;
 mod settle;
+#[cfg(feature = "simulator")]
+mod simulate;
 mod wire;
 
 pub use abort::abort_on_panic;
@@ -47,9 +49,12 @@ pub use agree::agree;
 pub use config::{Config, Delivery, Ownership};
 pub use distributed::Distributed;
 pub use error::Error;
-pub use local::{Local, Particles};
 pub use lazygrid_ranks::Migration;
+pub use local::{Local, Particles};
 pub use mpi;
+pub use node::threads;
 pub use pair::{End, GlobalPair};
 pub use report::Report;
 pub use settle::Settled;
+#[cfg(feature = "simulator")]
+pub use simulate::{Simulated, simulate};

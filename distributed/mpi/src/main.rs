@@ -1,4 +1,4 @@
-//! The `lazygrid-mpi` command: overlapping pairs of the spheres in a file, by many ranks.
+//! The `lazygrid-mpi` command: overlapping pairs of the spheres in a file, and runs of the simulator, by many ranks.
 
 mod command;
 
@@ -36,6 +36,7 @@ fn main() -> ExitCode {
     let done = match args.command {
         Command::Detect(args) => command::detect(&world, &args),
         Command::Scale(args) => command::scale(&world, &args),
+        Command::Simulate(args) => command::simulate(&world, &args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -40,6 +40,12 @@ impl Node {
     }
 }
 
+/// How many threads a rank has unless it was told: its share of the cores that it and other ranks of its node may run on.
+/// Collective.
+pub fn threads(communicator: &impl Communicator) -> usize {
+    Node::of(&communicator.duplicate()).threads()
+}
+
 /// Where a rank computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Place {

@@ -81,7 +81,6 @@ impl Wire {
     }
 }
 
-
 impl Carrier for Wire {
     type Error = Error;
 
@@ -124,12 +123,7 @@ impl Carrier for Wire {
         Ok((all, counts))
     }
 
-    fn exchange<T: Pod>(
-        &mut self,
-        what: &str,
-        send: &[T],
-        counts: &[usize],
-    ) -> Result<Received<T>, Error> {
+    fn exchange<T: Pod>(&mut self, what: &str, send: &[T], counts: &[usize]) -> Result<Received<T>, Error> {
         let own = self.rank() as usize;
         let lengths: Vec<u64> = counts.iter().map(|&count| count as u64).collect();
         let mut told = vec![0_u64; lengths.len()];

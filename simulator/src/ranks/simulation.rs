@@ -14,7 +14,7 @@ use crate::dissociation::Split;
 use crate::matching::Candidate;
 use crate::model::Contact;
 use crate::reactions::{Outcome, interactions};
-use crate::simulation::Moved;
+use crate::simulation::{Moved, detector};
 use crate::{Arrival, Error, Kind, Model, Simulation, State, Totals};
 
 /// The part that one rank has of a run, and what it takes to go on together with the others.
@@ -110,7 +110,7 @@ impl<C: Carrier> RankSimulation<C> {
         let made = state.and_then(|state| {
             check(&model)?;
             let mut run = Simulation::resume(model, seed, algorithm, state)?;
-            let meeting = Meeting::of(&mut run, place)?;
+            let meeting = Meeting::of(&mut run, algorithm, place)?;
             Ok((run, meeting))
         });
         let made = made.map_err(|error| carrier.failure(error.to_string()));
@@ -261,10 +261,13 @@ impl<C: Carrier> RankSimulation<C> {
 
 impl Meeting {
     /// The search of a model in which something interacts, by the detector of its run.
-    fn of(run: &mut Simulation, place: (u32, u32)) -> Result<Option<Self>, Error> {
-        let Some(detector) = run.detector.take() else { return Ok(None) };
+    fn of(run: &mut Simulation, algorithm: Algorithm, place: (u32, u32)) -> Result<Option<Self>, Error> {
+        let Some(within) = run.detector.take() else { return Ok(None) };
+        // The paper's grids have one set, and ghosts are another.
+        let of_two = matches!(algorithm, Algorithm::Auto | Algorithm::CellList | Algorithm::Naive);
+        let across = if of_two { None } else { detector(&run.model, Algorithm::Auto)? };
         let bodies = Bodies::new(run.model.boundary.space()?, interactions(&run.model)?.as_ref());
-        let search = Search::new(detector, None, bodies.clone(), place);
+        let search = Search::new(within, across, bodies.clone(), place);
         Ok(Some(Self { bodies, search, parting: Parting::default(), contest: Contest::default() }))
     }
 

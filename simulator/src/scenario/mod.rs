@@ -2,12 +2,14 @@
 //! `simulator/scenarios/`, show every key; `docs/simulator.md` lists them.
 
 mod advice;
+mod changes;
 mod file;
 mod resolve;
 
 use std::ops::Range;
 use std::path::Path;
 
+pub use self::changes::Changes;
 use crate::animation::Animation;
 use crate::{Error, Model, Transmitter};
 

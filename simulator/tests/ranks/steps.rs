@@ -33,9 +33,13 @@ fn alone(model: &Model, seed: u64, steps: u32) -> Vec<Seen> {
 }
 
 fn over(ranks: u32, model: &Model, seed: u64, steps: u32) -> Vec<Seen> {
+    over_by(Algorithm::Auto, ranks, model, seed, steps)
+}
+
+fn over_by(algorithm: Algorithm, ranks: u32, model: &Model, seed: u64, steps: u32) -> Vec<Seen> {
     let wanted = Wanted { received: true, particles: true };
     let mut of_ranks = threads::on(ranks, |thread| {
-        let mut run = RankSimulation::new(thread, model.clone(), seed, Algorithm::Auto).unwrap();
+        let mut run = RankSimulation::new(thread, model.clone(), seed, algorithm).unwrap();
         let mut all = Vec::new();
         for step in 0..=steps {
             let standing = run.look(wanted).unwrap();
@@ -72,6 +76,16 @@ fn everything_at_once_is_as_in_one_process() {
     assert!(totals.decayed.iter().all(|&decayed| decayed > 5), "{totals:?}");
     assert!(totals.arrived.iter().skip(1).any(|of| of.iter().sum::<u64>() > 0), "{totals:?}");
     compare(&model, 3, 40, &[1, 2, 3, 8]);
+}
+
+/// Also where pairs are found by a grid that has one set of spheres only.
+#[test]
+fn the_algorithm_is_no_part_of_a_result() {
+    let model = model(&everything());
+    let expected = alone(&model, 5, 10);
+    for algorithm in [Algorithm::ArrayGrid, Algorithm::Naive] {
+        assert!(over_by(algorithm, 3, &model, 5, 10) == expected, "{algorithm}");
+    }
 }
 
 proptest! {

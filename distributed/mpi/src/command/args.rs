@@ -1,3 +1,4 @@
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -21,6 +22,8 @@ pub(crate) struct Args {
 pub(crate) enum Command {
     /// Find the overlapping pairs of the spheres in a file
     Detect(Detect),
+    /// Run a scenario of the simulator
+    Simulate(Simulate),
     /// Time steps in which everything moves, on as many ranks as there are
     Scale(Scale),
 }
@@ -77,6 +80,61 @@ pub(crate) struct Detect {
     /// Say what was found as a line of JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Runs a scenario on all ranks, with the results and files of `lazygrid simulate`. All ranks have to see the scenario and the
+/// output directory.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Files are those of `lazygrid simulate`; besides there are checkpoint.STEP.RANK, the
+particles of each rank. Any number of ranks goes on from them, and so does `lazygrid simulate`, and
+ranks go on from its checkpoint. What needs an order across ranks is refused: contact = \"separate\"
+and \"elastic\". SIGTERM stops a run with a checkpoint.
+
+Examples:
+  mpirun -n 8 lazygrid-mpi simulate acid-base.toml
+  mpirun -n 64 lazygrid-mpi simulate acid-base.toml --resume --steps 100000")]
+pub(crate) struct Simulate {
+    /// The scenario, a TOML file
+    pub(crate) scenario: PathBuf,
+    /// The directory to write to [default: the scenario's name without .toml]
+    #[arg(long, short, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    /// The seed of the random numbers [default: the scenario's]
+    #[arg(long, value_name = "S")]
+    pub(crate) seed: Option<u64>,
+    /// How many steps the run has in all [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) steps: Option<u32>,
+    /// Write a row of the series after every N steps [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) every: Option<NonZeroU32>,
+    /// Write a frame after every N steps [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) frames_every: Option<NonZeroU32>,
+    /// Write animation.html, one file that plays the run in three dimensions in any browser
+    #[arg(long)]
+    pub(crate) animate: bool,
+    /// Give the animation a frame after every N steps [default: a two-hundredth of the scenario's steps]
+    #[arg(long, value_name = "N", requires = "animate")]
+    pub(crate) animate_every: Option<NonZeroU32>,
+    /// Draw no more than N particles in the animation, chosen by their ids
+    #[arg(long, value_name = "N", requires = "animate", default_value = "20000")]
+    pub(crate) animate_particles: NonZeroU32,
+    /// Write a checkpoint after every N steps besides that at the end [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub(crate) checkpoint_every: Option<NonZeroU32>,
+    /// Go on from the checkpoint in the output directory
+    #[arg(long, conflicts_with = "overwrite")]
+    pub(crate) resume: bool,
+    /// Replace the run that is in the output directory
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// Begin whatever room the disk has, and go on until it is full
+    #[arg(long)]
+    pub(crate) no_space_check: bool,
+    /// Threads of each rank [default: its share of the cores of its node]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
 }
 
 /// Times steps of a simulation in which every sphere moves by up to a tenth of its radius, and prints a line of JSON. The

@@ -1,0 +1,40 @@
+use std::ops::ControlFlow;
+
+use lazygrid_sim::ranks::Wanted;
+use lazygrid_sim::run::{End, Run};
+use mpi::traits::Communicator;
+
+use crate::wire::Wire;
+use crate::{Config, Error};
+
+/// What came of a run over ranks, the same on all of them.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Simulated {
+    /// How it ended.
+    pub end: End,
+    /// How many steps are done.
+    pub steps: u32,
+    /// A line for each thing that was counted.
+    pub summary: String,
+}
+
+/// Does a run of the simulator on all ranks of a communicator: what `lazygrid simulate` does in one process, with the same
+/// files. All ranks need to see its directory, and have the same run. `watch` is called on every rank with the steps that
+/// are done, and stops all when it breaks on one.
+///
+/// Ranks compute on the CPU, in the rayon pool of whoever calls, and send from the calling thread.
+///
+/// # Errors
+/// [`Error::Input`] with what the simulator says, such as that the model needs an order across ranks.
+pub fn simulate(
+    communicator: &impl Communicator,
+    run: &Run,
+    watch: impl FnMut(u32) -> ControlFlow<()>,
+) -> Result<Simulated, Error> {
+    let wire = Wire::new(communicator.duplicate(), Config::default().message_limit);
+    let (end, mut simulation) = run.run_over(wire, watch)?;
+    let standing = simulation.look(Wanted { received: true, particles: false })?;
+    let summary = run.summary(&standing);
+    Ok(Simulated { end, steps: simulation.step_count(), summary })
+}

@@ -1,0 +1,150 @@
+//! `lazygrid-mpi simulate` under `mpirun`, against the simulator in one process. Runs where `../../test.sh` runs it, which
+//! sets what MPI needs.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use lazygrid::{Algorithm, Backend};
+use lazygrid_sim::State;
+use lazygrid_sim::checkpoint::Checkpoint;
+use lazygrid_sim::run::Run;
+use lazygrid_sim::scenario::{Changes, Scenario};
+
+fn scenario(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../simulator/scenarios").join(name).with_extension("toml")
+}
+
+fn mpirun(ranks: u32, arguments: &[&str]) -> Output {
+    Command::new("mpirun")
+        .args(["--oversubscribe", "-n", &ranks.to_string(), env!("CARGO_BIN_EXE_lazygrid-mpi"), "simulate"])
+        .args(["--threads", "1"])
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+/// A run over ranks that has to succeed; what it says.
+fn over(ranks: u32, scenario: &Path, directory: &Path, arguments: &[&str]) -> String {
+    let paths = [scenario.to_str().unwrap(), "-o", directory.to_str().unwrap()];
+    let output = mpirun(ranks, &[&paths[..], arguments].concat());
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{} on {ranks} ranks: {errors}", scenario.display());
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// What a run that has to fail says, in one line.
+fn error(ranks: u32, arguments: &[&str]) -> String {
+    let output = mpirun(ranks, arguments);
+    assert_eq!(output.status.code(), Some(1), "{arguments:?} on {ranks} ranks");
+    let said = String::from_utf8(output.stderr).unwrap();
+    let errors: Vec<_> = said.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert_eq!(errors.len(), 1, "{said}");
+    errors[0].to_owned()
+}
+
+/// The same run in one process; what it says.
+fn alone(path: &Path, directory: &Path, changes: &Changes, resume: bool) -> String {
+    let mut scenario = Scenario::read(path).unwrap();
+    scenario.change(changes);
+    let run = Run {
+        scenario,
+        path: path.to_owned(),
+        directory: directory.to_owned(),
+        backend: Backend::Cpu,
+        algorithm: Algorithm::Auto,
+        threads: Some(1),
+        resume,
+        overwrite: false,
+        space_check: true,
+    };
+    let (_, simulation) = run.run(|_| ControlFlow::Continue(())).unwrap();
+    run.summary(&simulation)
+}
+
+/// All files but the checkpoint's.
+fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
+    let files = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap());
+    files
+        .map(|entry| (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap()))
+        .filter(|(name, _)| !name.starts_with("checkpoint"))
+        .collect()
+}
+
+/// What the checkpoint goes on from, in the order of ids.
+fn state(directory: &Path) -> State {
+    let path = directory.join("checkpoint");
+    let mut state = Checkpoint::read(&path).unwrap().into_state(&path).unwrap();
+    state.particles = state.particles.permuted(&state.particles.by_id());
+    state.bound.sort_unstable_by_key(|bound| bound.id);
+    state
+}
+
+/// Compares a shipped scenario, of so many steps, with one process, on each of these numbers of ranks.
+fn compare(name: &str, [steps, frames_every]: [u32; 2], numbers: &[u32]) {
+    let directory = tempfile::tempdir().unwrap();
+    let (path, one) = (scenario(name), directory.path().join("run"));
+    let changes =
+        Changes { steps: Some(steps), frames_every: frames_every.try_into().ok(), ..Changes::default() };
+    let summary = alone(&path, &one, &changes, false);
+    let (expected, stands) = (files(&one), state(&one));
+    assert!(expected["series.csv"].len() > 60 && !stands.particles.is_empty(), "{name}");
+    std::fs::remove_dir_all(&one).unwrap();
+    let arguments = ["--steps", &steps.to_string(), "--frames-every", &frames_every.to_string()];
+    for &ranks in numbers {
+        assert_eq!(over(ranks, &path, &one, &arguments), summary);
+        let found = files(&one);
+        assert!(expected.keys().eq(found.keys()), "{name}: {:?}", found.keys());
+        for (file, expected) in &expected {
+            assert!(found[file] == *expected, "{file} of {name} on {ranks} ranks");
+        }
+        assert!(state(&one) == stands, "{name} on {ranks} ranks");
+        std::fs::remove_dir_all(&one).unwrap();
+    }
+}
+
+#[test]
+fn shipped_scenarios_are_those_of_one_process() {
+    compare("acid-base", [150, 50], &[1, 2, 3, 8]);
+    compare("conjugation", [40, 20], &[1, 2, 3, 8]);
+    compare("receptors", [100, 100], &[1, 2, 3, 8]);
+    compare("vessel", [900, 300], &[3]);
+    compare("burst", [2, 1], &[2]);
+}
+
+#[test]
+fn another_number_of_ranks_goes_on_and_so_does_one_process() {
+    let directory = tempfile::tempdir().unwrap();
+    let [one, many] = ["one", "many"].map(|name| directory.path().join(name));
+    let path = scenario("acid-base");
+    let changes =
+        |steps| Changes { steps: Some(steps), frames_every: 30.try_into().ok(), ..Changes::default() };
+    alone(&path, &one, &changes(120), false);
+    let go_on = |ranks, steps: &str, resume: &[&str]| {
+        over(ranks, &path, &many, &[&["--steps", steps, "--frames-every", "30"][..], resume].concat())
+    };
+    go_on(3, "35", &[]);
+    go_on(2, "70", &["--resume"]);
+    alone(&path, &many, &changes(95), true);
+    go_on(3, "120", &["--resume"]);
+    assert!(files(&many) == files(&one) && state(&many) == state(&one));
+}
+
+#[test]
+fn what_is_wrong_is_said_once() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    let crowded = scenario("crowded");
+    let said = error(3, &[crowded.to_str().unwrap(), "-o", &at("out")]);
+    assert!(said.contains("a run over ranks cannot do contact = \"separate\""), "{said}");
+    std::fs::write(at("bad.toml"), "time-step = 1\nsteps = 1\nseeds = 3\n").unwrap();
+    let said = error(3, &[&at("bad.toml"), "-o", &at("out")]);
+    assert!(said.starts_with("error: rank 0: ") && said.contains("bad.toml, line 3, `seeds`"), "{said}");
+    let burst = scenario("burst");
+    let said = error(2, &[burst.to_str().unwrap(), "-o", &at("out"), "--resume"]);
+    assert!(said.contains("checkpoint: cannot read"), "{said}");
+    assert!(!Path::new(&at("out")).exists());
+}

@@ -1,0 +1,44 @@
+use std::num::NonZeroU32;
+
+use super::Scenario;
+use crate::animation::Animation;
+
+/// About how many frames an animation has unless it is told.
+const FRAMES: u32 = 200;
+
+/// What is wanted otherwise than a scenario says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Changes {
+    /// The seed.
+    pub seed: Option<u64>,
+    /// How many steps the run has.
+    pub steps: Option<u32>,
+    /// Steps between rows of the series.
+    pub every: Option<NonZeroU32>,
+    /// Steps between frames.
+    pub frames_every: Option<NonZeroU32>,
+    /// Steps between checkpoints.
+    pub checkpoint_every: Option<NonZeroU32>,
+    /// The most particles that an animation draws, where there is to be one.
+    pub animated: Option<NonZeroU32>,
+    /// Steps between its frames; by default a two-hundredth of the scenario's.
+    pub animate_every: Option<NonZeroU32>,
+}
+
+impl Scenario {
+    /// Makes these changes.
+    pub fn change(&mut self, changes: &Changes) {
+        let animation = |particles| Animation {
+            // By the scenario, so that it is the same for a run that goes on for longer.
+            every: changes.animate_every.map_or((self.steps / FRAMES).max(1), Into::into),
+            particles,
+        };
+        self.output.animation = changes.animated.map(animation);
+        self.seed = changes.seed.unwrap_or(self.seed);
+        self.steps = changes.steps.unwrap_or(self.steps);
+        let output = &mut self.output;
+        output.every = changes.every.map_or(output.every, Into::into);
+        output.frames_every = changes.frames_every.map_or(output.frames_every, Into::into);
+        output.checkpoint_every = changes.checkpoint_every.map(Into::into).or(output.checkpoint_every);
+    }
+}
