@@ -193,3 +193,54 @@ fn is_whole(particles: &Particles) -> bool {
         && particles.radius.len() == n
         && particles.species.len() == n
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Particle, Totals};
+
+    /// Ranks take what comes in a row, whoever wrote it, and equally much of it.
+    #[test]
+    fn shares_of_parts_are_in_order_and_even() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("checkpoint");
+        let counts = [7, 0, 2, 4];
+        let mut next = 0..;
+        let mut parts = Vec::new();
+        for (rank, count) in (0..).zip(counts) {
+            let mut state = State { step: 3, ..State::default() };
+            for id in next.by_ref().take(count) {
+                state.particles.push(Particle { id, ..Particle::default() }, true);
+                state.bound.push(Bound { id: 100 + id, species: 0, receiver: 0, direction: [0.0; 3] });
+            }
+            let counts = Checkpoint::write_part(&path, 5, (rank, 4), &state).expect("is written");
+            assert_eq!(counts, [count as u64; 2]);
+            parts.push(counts);
+        }
+        let checkpoint = Checkpoint {
+            scenario: String::new(),
+            seed: 5,
+            backend: "cpu".to_owned(),
+            every: [1, 1, 0],
+            lengths: Vec::new(),
+            parts,
+            state: State { step: 3, totals: Totals::default(), ..State::default() },
+        };
+        checkpoint.write(&path).expect("is written");
+        let read = Checkpoint::read(&path).expect("is read");
+        assert_eq!(read, checkpoint);
+        for ranks in [1, 2, 3, 5] {
+            let shares: Vec<State> = (0..ranks)
+                .map(|rank| read.clone().into_share(&path, Share::new(rank, ranks)).expect("is read"))
+                .collect();
+            let ids = shares.iter().flat_map(|share| share.particles.id.clone());
+            assert!(ids.eq(0..13));
+            assert!(shares.iter().flat_map(|share| &share.bound).map(|bound| bound.id).eq(100..113));
+            let even = |share: &State| share.particles.len().abs_diff(13 / ranks as usize) <= 1;
+            assert!(shares.iter().all(even), "{ranks}");
+        }
+        // A checkpoint without parts takes those of this one away.
+        Checkpoint { parts: Vec::new(), ..checkpoint }.write(&path).expect("is written");
+        assert_eq!(std::fs::read_dir(directory.path()).expect("is there").count(), 1);
+    }
+}

@@ -33,16 +33,16 @@ impl Wire {
         std::mem::take(&mut self.sent)
     }
 
+    /// Sends what is `leaving`, of which `most` elements go from some rank to another.
     fn rounds<T: Pod>(
         &mut self,
         what: &str,
+        most: u64,
         (send, leaving): (&[T], &Parts),
         (received, coming): (&mut [T], &Parts),
     ) -> Result<(), Error> {
         let limit = self.limit / size_of::<T>() as u64;
         let rounds = Rounds::new(limit, self.ranks()).map_err(|_| self.too_small(what))?;
-        let (own, mut most) = (leaving.most() as u64, 0);
-        self.comm.all_reduce_into(&own, &mut most, SystemOperation::max());
         self.count_sent(leaving.total() * size_of::<T>(), 1);
         for round in 0..rounds.count(most) {
             let (leaving, coming) = (leaving.in_round(rounds, round), coming.in_round(rounds, round));
@@ -131,11 +131,17 @@ impl Carrier for Wire {
         self.count_sent(size_of::<u64>(), lengths.len() - 1);
         let leaving = Parts::new(counts.to_vec());
         let coming = Parts::new(told.iter().map(|&count| count as usize).collect());
-        let mut received = self.agree(room(what, told.iter().sum(), self.rank()))?;
+        let room = room(what, told.iter().sum(), self.rank());
         // What stays is not sent.
-        received[coming.of(own)].copy_from_slice(&send[leaving.of(own)]);
+        let (from_own, to_own) = (leaving.of(own), coming.of(own));
         let lengths = coming.lengths().to_vec();
-        self.rounds(what, (send, &leaving.without(own)), (&mut received, &coming.without(own)))?;
+        let (leaving, coming) = (leaving.without(own), coming.without(own));
+        let (asked, mut most) = ([leaving.most() as u64, room.is_err().into()], [0; 2]);
+        self.comm.all_reduce_into(&asked[..], &mut most[..], SystemOperation::max());
+        let [most, refused] = most;
+        let mut received = if refused > 0 { self.agree(room)? } else { room? };
+        received[to_own].copy_from_slice(&send[from_own]);
+        self.rounds(what, most, (send, &leaving), (&mut received, &coming))?;
         Ok((received, lengths))
     }
 

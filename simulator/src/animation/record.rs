@@ -72,7 +72,11 @@ pub(crate) fn append(
     let receivers = moving(model).count() as u32;
     let head = [state.step, shift, present as u32, (present >> 32) as u32, drawn(shift) as u32, receivers];
     let mut bytes: Vec<u8> = head.iter().flat_map(|word| word.to_le_bytes()).collect();
-    for at in (0..particles.len()).filter(|&at| is_drawn(particles.id[at], shift)) {
+    let mut places: Vec<usize> =
+        (0..particles.len()).filter(|&at| is_drawn(particles.id[at], shift)).collect();
+    // As everywhere, the order of storage is no part of a result.
+    places.sort_unstable_by_key(|&at| particles.id[at]);
+    for at in places {
         let [x, y, z] = particles.position_of(at).map(f32::to_bits);
         for word in [particles.id[at], particles.species[at], x, y, z] {
             bytes.extend(word.to_le_bytes());

@@ -3,8 +3,12 @@
 use bytemuck::{Pod, Zeroable};
 use lazygrid::Sphere;
 use lazygrid_ranks::{Bodies, Body};
+use rayon::prelude::*;
 
 use crate::particles::{Particle, Particles};
+
+/// Particles that one task looks at.
+const TASK: usize = 4096;
 
 /// A particle with all that belongs to it, 36 bytes.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -56,5 +60,5 @@ pub(super) fn bodies(bodies: &Bodies, particles: &Particles) -> Vec<Body> {
         let sphere = Sphere::new(particles.position_of(at), particles.radius[at]);
         bodies.body(sphere, particles.species[at])
     };
-    (0..particles.len()).map(body).collect()
+    (0..particles.len()).into_par_iter().with_min_len(TASK).map(body).collect()
 }

@@ -4,8 +4,7 @@ use std::ops::ControlFlow;
 
 use bytemuck::{Pod, Zeroable};
 use lazygrid::{Algorithm, Pair};
-use lazygrid_ranks::{Bodies, Carrier, Found, Ghosts, Migration, Parting, Published, Search};
-use lazygrid_ranks::{deliver, gather};
+use lazygrid_ranks::{Bodies, Carrier, Found, Ghosts, Parting, Published, Search, deliver, gather};
 
 use super::matching::Contest;
 use super::{Gathered, Share, check, rows};
@@ -273,17 +272,20 @@ impl Meeting {
 
     /// Moves particles to the ranks in whose parts of space they are.
     fn settle<C: Carrier>(&mut self, carrier: &mut C, run: &mut Simulation) -> Result<(), C::Error> {
-        let particles = &run.state.particles;
+        let State { particles, totals, .. } = &mut run.state;
         let bodies = rows::bodies(&self.bodies, particles);
         let ids: Vec<u64> = particles.id.iter().map(|&id| id.into()).collect();
-        let assigned = self.parting.assign(carrier, (&bodies, &ids), BOUND)?;
-        let migration = Migration::to(&assigned.ranks, carrier.ranks());
-        let came = migration.carry(carrier, "particles that change rank", |at| rows::row(particles, at))?;
-        let particles = rows::particles(&came, run.model.has_velocity());
-        let mut present = vec![0; run.model.species.len()];
-        particles.species.iter().for_each(|&species| present[species as usize] += 1);
-        run.state.totals.present = present;
-        run.state.particles = particles;
+        let ranks = self.parting.assign(carrier, (&bodies, &ids), BOUND)?.ranks;
+        let own = carrier.rank();
+        let mut leaving: Vec<u32> =
+            (0..).zip(&ranks).filter(|&(_, &rank)| rank != own).map(|(at, _)| at).collect();
+        let send = leaving.iter().map(|&at| (ranks[at as usize], rows::row(particles, at))).collect();
+        let (came, _) = deliver(carrier, "particles that change rank", send)?;
+        leaving.iter().for_each(|&at| totals.present[particles.species[at as usize] as usize] -= 1);
+        particles.remove(&mut leaving);
+        let came = rows::particles(&came, run.model.has_velocity());
+        came.species.iter().for_each(|&species| totals.present[species as usize] += 1);
+        particles.append(came);
         Ok(())
     }
 

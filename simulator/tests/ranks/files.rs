@@ -107,12 +107,12 @@ fn go(run: &Run, ranks: u32) {
     }
 }
 
-/// All files but checkpoints, of which the order of particles is no part, and frames of the animation, which have it too.
+/// All files but checkpoints, of which the order of particles is no part.
 fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
     let files = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap());
     files
         .map(|entry| (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap()))
-        .filter(|(name, _)| !name.starts_with("checkpoint") && !name.starts_with("animation"))
+        .filter(|(name, _)| !name.starts_with("checkpoint"))
         .collect()
 }
 
