@@ -1,6 +1,9 @@
 use lazygrid::Algorithm;
 use lazygrid_sim::ranks::{RankSimulation, Wanted};
-use lazygrid_sim::{Arrival, Model, Simulation, Standing, State};
+use lazygrid_sim::{
+    Arrival, Decay, Kind, Model, Origin, Receiver, Schedule, Simulation, Species, Standing, State,
+    Transmitter,
+};
 use proptest::prelude::*;
 
 use crate::models::{everything, model, parts};
@@ -95,4 +98,38 @@ proptest! {
     fn every_model_is_as_in_one_process(parts in parts(), seed in 0..1000_u64, ranks in 1..6_u32) {
         compare(&model(&parts), seed, 12, &[ranks]);
     }
+}
+
+/// Also what is born after others were released, whose ids are between.
+#[test]
+fn what_comes_apart_is_from_where_its_parent_was() {
+    let species = |name: &str| Species { name: name.into(), diffusion: 1.0, mass: 1.0, ..Species::default() };
+    let burst = |name: &str, species, time| Transmitter {
+        name: name.into(),
+        schedule: Schedule::Times(vec![time]),
+        release: vec![(species, 300)],
+        ..Transmitter::default()
+    };
+    let model = Model {
+        time_step: 0.1,
+        species: vec![species("whole"), species("half"), species("other")],
+        decays: vec![Decay { rate: 0.5, products: [Some(1), Some(1)], ..Decay::default() }],
+        transmitters: vec![burst("early", 0, 0.0), burst("late", 2, 0.5)],
+        receivers: vec![Receiver {
+            radius: 1.0,
+            kind: Kind::Absorbing,
+            sees: vec![false, true, false],
+            ..Receiver::default()
+        }],
+        logs_arrivals: true,
+        ..Model::default()
+    };
+    let runs = [alone(&model, 9, 30), over(3, &model, 9, 30)];
+    for run in &runs {
+        let arrivals: Vec<_> = run.iter().flat_map(|seen| &seen.arrivals).collect();
+        assert!(arrivals.iter().filter(|arrival| arrival.id > 600).count() > 50);
+        let early = Some(Origin { transmitter: 0, step: 0 });
+        assert!(arrivals.iter().all(|arrival| arrival.origin == early));
+    }
+    assert!(runs[0] == runs[1]);
 }
