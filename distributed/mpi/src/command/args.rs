@@ -21,7 +21,7 @@ pub(crate) struct Args {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Find the overlapping pairs of the spheres in a file
-    Detect(Detect),
+    Detect(Box<Detect>),
     /// Run a scenario of the simulator
     Simulate(Simulate),
     /// Time steps in which everything moves, on as many ranks as there are
