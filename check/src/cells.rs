@@ -127,7 +127,7 @@ impl Case {
         run(own, &k::LIST_CONFIGURE, variant, 1, &bound)?;
         Ok(Chosen {
             call,
-            scenario: Scenario { spheres, space, mixture: None },
+            scenario: Scenario { space, ..spheres.into() },
             list: download_one(own, &list)?,
             variant,
             lengths: download::<Lengths>(own, &lengths, 1)?[0],

@@ -1,7 +1,8 @@
 //! What holds lazygrid to its promises on the machine at hand: `lazygrid check`, and what the tests share with it.
 //!
-//! * [`Scenario`] — spheres, their species and their space, and the [oracle](Scenario::oracle): a plain double loop;
-//! * [`adversary`], [`periodic`] — families of scenes that are hard on grids, made of [`Words`] so that they shrink;
+//! * [`Scenario`] — spheres, their species, their space and what is left out of their pairs, and the [oracle](Scenario::oracle): a plain
+//!   double loop, over all images in reach where edges lean;
+//! * [`adversary`], [`periodic`], [`sheared`] — families of scenes that are hard on grids, made of [`Words`] so that they shrink;
 //! * [`scenes`] — single ones, each chosen for one thing;
 //! * [`difference`] — compares a result with the expected pairs and explains the first wrong one;
 //! * [`Way`], [`compare`] — every algorithm and what it runs on, against those pairs; [`shrink`] makes what fails small;
@@ -18,6 +19,7 @@ pub mod kernels;
 pub mod periodic;
 pub mod primitives;
 pub mod scenes;
+pub mod sheared;
 pub mod speed;
 
 mod calls;
@@ -26,6 +28,8 @@ mod choices;
 mod difference;
 mod grid;
 mod homes;
+mod images;
+mod left_out;
 mod list;
 pub mod motion;
 mod nested;
@@ -50,6 +54,7 @@ pub enum Extent {
 
 pub use choices::{Choices, Element, Words};
 pub use difference::{Tolerance, checksum, difference};
+pub use left_out::{Excluded, LEFT_OUT_WORDS};
 pub use random::Random;
 pub use scenario::{Mixture, Scenario};
 pub use shrink::shrink;

@@ -40,7 +40,7 @@ pub fn space(lengths: [Option<f32>; 3]) -> Space {
 }
 
 fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> Scenario {
-    Scenario { spheres, space: space(lengths), mixture: None }
+    Scenario { space: space(lengths), ..spheres.into() }
 }
 
 /// Sites of a lattice in exact contact whose box is a whole number of spacings, moved by whole boxes and by half

@@ -1,5 +1,8 @@
 use lazygrid::{Config, InputError, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
+use crate::Excluded;
+use crate::images::Images;
+
 /// An input, and what it takes to say which pairs it has.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scenario {
@@ -9,6 +12,10 @@ pub struct Scenario {
     pub space: Space,
     /// Their species; `None`: all that touch are pairs.
     pub mixture: Option<Mixture>,
+    /// The group of each sphere, no two of which are a pair; [`Spheres::NO_GROUP`] for a sphere in none.
+    pub groups: Option<Vec<u32>>,
+    /// Pairs that are none, whatever their spheres.
+    pub excluded: Option<Excluded>,
 }
 
 /// Species, and what makes two of them a pair.
@@ -50,11 +57,17 @@ impl From<Vec<Sphere>> for Scenario {
 impl Scenario {
     /// The input of a detector.
     pub fn view(&self) -> Spheres<'_> {
-        let spheres = Spheres::from(&self.spheres);
-        match &self.mixture {
-            None => spheres,
-            Some(mixture) => spheres.with_species(&mixture.species).unwrap_or(spheres),
+        let mut spheres = Spheres::from(&self.spheres);
+        if let Some(mixture) = &self.mixture {
+            spheres = spheres.with_species(&mixture.species).unwrap_or(spheres);
         }
+        if let Some(groups) = &self.groups {
+            spheres = spheres.with_groups(groups).unwrap_or(spheres);
+        }
+        if let Some(excluded) = &self.excluded {
+            spheres = spheres.with_exclusions(excluded.list()).unwrap_or(spheres);
+        }
+        spheres
     }
 
     /// The rules between its species.
@@ -84,11 +97,27 @@ impl Scenario {
             species: kept.iter().map(|&k| mixture.species[k]).collect(),
             rows: mixture.rows.clone(),
         });
-        Self { spheres: kept.iter().map(|&k| self.spheres[k]).collect(), mixture, space: self.space }
+        Self {
+            spheres: kept.iter().map(|&k| self.spheres[k]).collect(),
+            space: self.space,
+            mixture,
+            groups: self.groups.as_ref().map(|groups| kept.iter().map(|&k| groups[k]).collect()),
+            excluded: self.excluded.as_ref().map(|excluded| excluded.only(&kept)),
+        }
+    }
+
+    /// Whether the two are left out, by their groups or by the list.
+    pub fn leaves_out(&self, i: usize, j: usize) -> bool {
+        let of_one_group = |groups: &Vec<u32>| groups[i] == groups[j] && groups[i] != Spheres::NO_GROUP;
+        self.groups.as_ref().is_some_and(of_one_group)
+            || self.excluded.as_ref().is_some_and(|excluded| excluded.has(i as u32, j as u32))
     }
 
     /// The largest centre distance at which two spheres are a pair; `None` where they never are.
     pub fn reach(&self, i: usize, j: usize) -> Option<f64> {
+        if self.leaves_out(i, j) {
+            return None;
+        }
         let interaction = match &self.mixture {
             None => Interaction::Touch,
             Some(mixture) => mixture.between(mixture.species[i], mixture.species[j]),
@@ -103,6 +132,9 @@ impl Scenario {
     /// The squared distance of two centres, or of their nearest images.
     pub fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
+        if self.space.shear().is_some() {
+            return Images::of(&self.space).distance_squared(a.as_dvec3() - b.as_dvec3(), f64::INFINITY);
+        }
         if self.space.is_periodic() {
             return self.space.distance_squared(a, b);
         }
@@ -111,12 +143,25 @@ impl Scenario {
     }
 
     /// All pairs in canonical order, as the contract defines them. As simple as can be, because it judges the
-    /// judge of unbounded spaces.
+    /// judge of unbounded spaces. Where edges lean it looks at all images that may be in reach.
     pub fn oracle(&self) -> Vec<Pair> {
+        if self.space.shear().is_none() {
+            return self.pairs_by(|i, j, _| self.distance_squared(i, j));
+        }
+        let images = Images::of(&self.space);
+        self.pairs_by(|i, j, reach| {
+            let [a, b] = [i, j].map(|k| self.spheres[k].center.as_dvec3());
+            images.distance_squared(a - b, reach)
+        })
+    }
+
+    /// All pairs in canonical order, by what says the squared distance of two spheres, or where that is beyond the given
+    /// reach, something that is.
+    pub fn pairs_by(&self, apart: impl Fn(usize, usize, f64) -> f64) -> Vec<Pair> {
         let mut pairs = Vec::new();
         for i in 0..self.spheres.len() {
             for j in i + 1..self.spheres.len() {
-                if self.reach(i, j).is_some_and(|reach| self.distance_squared(i, j) <= reach * reach) {
+                if self.reach(i, j).is_some_and(|reach| apart(i, j, reach) <= reach * reach) {
                     pairs.push(Pair { i: i as u32, j: j as u32 });
                 }
             }

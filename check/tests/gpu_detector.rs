@@ -331,6 +331,7 @@ fn a_caller_may_take_the_sorted_order_over() {
                 }),
                 spheres: images[..3999].to_vec(),
                 space,
+                ..Scenario::default()
             };
             let expected = scenario.oracle();
             assert!(expected.len() > 1000);

@@ -82,6 +82,7 @@ fn candidates_never_change_an_answer() {
             mixture: has_species
                 .then(|| Mixture { species: (0..count as u32).map(|k| k % 2).collect(), rows: rows.clone() }),
             space,
+            ..Scenario::default()
         };
         scenario.spheres[17].center.x = f32::INFINITY;
         let mut random = Random(4);

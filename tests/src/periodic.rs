@@ -8,20 +8,11 @@ use proptest::prelude::*;
 use crate::adversary::{self, words};
 use crate::{Choices, Scenario, Subject, Tolerance};
 
-/// All pairs in canonical order, by `apart`, the squared distance of the nearest images of two spheres.
-pub(crate) fn pairs(scenario: &Scenario, apart: impl Fn(usize, usize) -> f64) -> Vec<Pair> {
-    let spheres = scenario.spheres.len();
-    let all = (0..spheres).flat_map(|i| (i + 1..spheres).map(move |j| (i, j)));
-    let touch =
-        |&(i, j): &(usize, usize)| scenario.reach(i, j).is_some_and(|reach| apart(i, j) <= reach * reach);
-    all.filter(touch).map(|(i, j)| Pair { i: i as u32, j: j as u32 }).collect()
-}
-
 /// The pairs by definition: `d − L·round(d/L)` on every periodic axis, of coordinates that have been reduced by
 /// whole lengths, which remainders do without rounding.
 pub fn oracle(scenario: &Scenario) -> Vec<Pair> {
     let lengths = scenario.space.lengths();
-    pairs(scenario, |i, j| {
+    scenario.pairs_by(|i, j, _| {
         let (a, b) = (scenario.spheres[i].center, scenario.spheres[j].center);
         (0..3).fold(0.0, |sum, axis| {
             let (a, b) = (f64::from(a[axis]), f64::from(b[axis]));
@@ -40,7 +31,7 @@ pub fn oracle(scenario: &Scenario) -> Vec<Pair> {
 /// The pairs by looking at all images one length away and nearer: right where all spheres lie in the box.
 pub fn oracle_of_images(scenario: &Scenario) -> Vec<Pair> {
     let lengths = scenario.space.lengths();
-    pairs(scenario, |i, j| {
+    scenario.pairs_by(|i, j, _| {
         let (a, b) = (scenario.spheres[i].center, scenario.spheres[j].center);
         let mut nearest = f64::INFINITY;
         for image in 0..27 {

@@ -7,6 +7,7 @@ use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, Exclusions, InputError, Order, Pair, Space, Sphere, Spheres,
 };
 use lazygrid_check::motion::{skin_of, walk};
+use lazygrid_check::{Excluded, LEFT_OUT_WORDS};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{Scenario, Subject, adversary, difference, in_pool, periodic, sheared};
 use proptest::collection::vec;
@@ -15,55 +16,8 @@ use proptest::sample::select;
 
 use crate::properties::check;
 
-/// What is left out of a scenario.
-#[derive(Clone, Debug)]
-struct LeftOut {
-    groups: Option<Vec<u32>>,
-    pairs: Option<Vec<(u32, u32)>>,
-}
-
-impl LeftOut {
-    /// Of so many spheres, by these words: groups of any size, some spheres in none; pairs in either order.
-    fn drawn(spheres: usize, words: &[u32; 64], kind: u32) -> Self {
-        let word = |k: usize| words[k % words.len()].rotate_left((k / words.len()) as u32 * 7);
-        let most = [2, 5, 1 + spheres as u32 / 2][words[0] as usize % 3];
-        let group = |k| match word(k) % 8 {
-            0 => Spheres::NO_GROUP,
-            1 => u32::MAX - 1,
-            _ => word(k) / 8 % most,
-        };
-        let n = spheres.max(1) as u32;
-        let pair = |k: usize| (word(2 * k) % n, word(2 * k + 1) % n);
-        let pairs = if spheres == 0 { 0 } else { 4 * spheres };
-        Self {
-            groups: (kind != 1).then(|| (0..spheres).map(group).collect()),
-            pairs: (kind != 0).then(|| (0..pairs).map(pair).collect()),
-        }
-    }
-
-    fn has(&self, i: u32, j: u32) -> bool {
-        let of_one_group = self.groups.as_ref().is_some_and(|groups| {
-            groups[i as usize] == groups[j as usize] && groups[i as usize] != Spheres::NO_GROUP
-        });
-        of_one_group
-            || self.pairs.as_ref().is_some_and(|pairs| pairs.contains(&(i, j)) || pairs.contains(&(j, i)))
-    }
-
-    fn of<'a>(&'a self, spheres: Spheres<'a>, list: Option<&'a Exclusions>) -> Spheres<'a> {
-        let spheres = match &self.groups {
-            Some(groups) => spheres.with_groups(groups).expect("a group per sphere"),
-            None => spheres,
-        };
-        list.map_or(Ok(spheres), |list| spheres.with_exclusions(list)).expect("made for so many")
-    }
-
-    fn list(&self, spheres: usize) -> Option<Exclusions> {
-        self.pairs.as_ref().map(|pairs| Exclusions::new(spheres, pairs.iter().copied()).expect("of spheres"))
-    }
-}
-
 /// Scenarios of every kind of space, and what is left out of them.
-fn cases() -> impl Strategy<Value = (Scenario, LeftOut)> {
+fn cases() -> impl Strategy<Value = Scenario> {
     let scenarios = prop_oneof![
         2 => adversary::any_spheres().prop_map(Scenario::from),
         1 => adversary::mixture(adversary::any_spheres()),
@@ -73,33 +27,18 @@ fn cases() -> impl Strategy<Value = (Scenario, LeftOut)> {
         1 => sheared::soup(),
         1 => sheared::mixture(),
     ];
-    let words = vec(any::<u32>(), 64).prop_map(|words| words.try_into().expect("so many"));
-    (scenarios, words, 0..3_u32).prop_map(|(scenario, words, kind)| {
-        let left_out = LeftOut::drawn(scenario.spheres.len(), &words, kind);
-        (scenario, left_out)
-    })
-}
-
-/// All pairs by definition.
-fn all(scenario: &Scenario) -> Vec<Pair> {
-    match scenario.space.shear() {
-        Some(_) => sheared::oracle(scenario),
-        None => scenario.oracle(),
-    }
-}
-
-fn expected(scenario: &Scenario, left_out: &LeftOut) -> Vec<Pair> {
-    all(scenario).into_iter().filter(|pair| !left_out.has(pair.i, pair.j)).collect()
+    let words = vec(any::<u32>(), LEFT_OUT_WORDS).prop_map(|words| words.try_into().expect("so many"));
+    (scenarios, words).prop_map(|(scenario, words)| scenario.leaving_out(&words))
 }
 
 /// Nothing is there that is left out, and of the others all.
 fn same(
     subject: Subject,
-    (scenario, left_out): (&Scenario, &LeftOut),
+    scenario: &Scenario,
     found: &[Pair],
     expected: &[Pair],
 ) -> Result<(), String> {
-    if let Some(pair) = found.iter().find(|pair| left_out.has(pair.i, pair.j)) {
+    if let Some(pair) = found.iter().find(|pair| scenario.leaves_out(pair.i as usize, pair.j as usize)) {
         return Err(format!("{subject}: {pair:?} is left out, and there"));
     }
     difference(scenario, found, expected, subject.tolerance()).map_err(|text| format!("{subject}: {text}"))
@@ -107,16 +46,14 @@ fn same(
 
 #[test]
 fn groups_and_lists_on_any_spheres() {
-    check(150, cases(), |(scenario, left_out)| {
-        let expected = expected(&scenario, &left_out);
-        let list = left_out.list(scenario.spheres.len());
-        let view = left_out.of(scenario.view(), list.as_ref());
+    check(150, cases(), |scenario| {
+        let (expected, view) = (scenario.oracle(), scenario.view());
         Subject::in_turn(&scenario).into_iter().try_for_each(|subject| {
             let config = scenario.config(subject.config()).map_err(|error| error.to_string())?;
             subject.run(|| {
                 let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
                 let found = detector.pairs(view).map_err(|error| error.to_string())?.to_vec();
-                same(subject, (&scenario, &left_out), &found, &expected)?;
+                same(subject, &scenario, &found, &expected)?;
                 let count = detector.count(view).map_err(|error| error.to_string())?;
                 if count == found.len() as u64 {
                     Ok(())
@@ -132,19 +69,19 @@ fn groups_and_lists_on_any_spheres() {
 fn every_kind_of_result() {
     let scenario = Scenario::from(Scene::FiveSizes.spheres(2000, 3));
     let groups = (0..2000).map(|k| if k % 3 == 0 { Spheres::NO_GROUP } else { k % 11 }).collect();
-    let pairs = scenario.oracle().iter().step_by(3).map(|pair| (pair.j, pair.i)).collect();
-    let left_out = LeftOut { groups: Some(groups), pairs: Some(pairs) };
-    let expected = expected(&scenario, &left_out);
+    let pairs: Vec<_> = scenario.oracle().iter().step_by(3).map(|pair| (pair.j, pair.i)).collect();
     let all = scenario.oracle().len();
+    let without = scenario.view();
+    let excluded = Some(Excluded::new(2000, pairs).expect("of spheres"));
+    let with = Scenario { groups: Some(groups), excluded, ..scenario.clone() };
+    let (expected, view) = (with.oracle(), with.view());
     assert!(expected.len() > 30 && expected.len() < all / 2 + all / 4, "{} of {all}", expected.len());
-    let list = left_out.list(2000);
-    let view = left_out.of(scenario.view(), list.as_ref());
     let most = expected.len() as u64;
     for subject in Subject::each_algorithm() {
         // What is left out needs no room in a list.
         let mut detector = Detector::new(subject.config().max_pairs(most)).expect("made");
         let found = detector.pairs(view).expect("as many as fit").to_vec();
-        same(subject, (&scenario, &left_out), &found, &expected).unwrap_or_else(|text| panic!("{text}"));
+        same(subject, &with, &found, &expected).unwrap_or_else(|text| panic!("{text}"));
         assert_eq!(found.len() as u64, most, "{subject}");
         let mut limited = Detector::new(subject.config().max_pairs(most - 1)).expect("made");
         let error = limited.pairs(view).expect_err("one too many");
@@ -165,7 +102,7 @@ fn every_kind_of_result() {
         let listed: usize = (0..2000).map(|i| lists.of(i).len()).sum();
         assert_eq!(listed, 2 * found.len(), "{subject}");
         // The same detector, and nothing left out.
-        assert_eq!(detector.count(scenario.view()), Ok(all as u64), "{subject}");
+        assert_eq!(detector.count(without), Ok(all as u64), "{subject}");
     }
 }
 
@@ -175,23 +112,18 @@ fn pairs_between_two_sets() {
     let on_cpu = [Algorithm::CellList, Algorithm::Naive, Algorithm::Auto];
     subjects.retain(|subject| subject.backend == Backend::Gpu || on_cpu.contains(&subject.algorithm));
     let with = (cases(), 0.0..=1.0_f32, select(subjects));
-    check(150, with, |((scenario, left_out), part, subject)| {
+    check(150, with, |(scenario, part, subject)| {
         let split = (part * scenario.spheres.len() as f32).round() as usize;
         let [a, b] = [scenario.only(|k| k < split), scenario.only(|k| k >= split)];
         let across = |pair: &Pair| (pair.i as usize) < split && pair.j as usize >= split;
-        let expected: Vec<Pair> = expected(&scenario, &left_out).into_iter().filter(across).collect();
-        let list = left_out.pairs.as_ref().map(|pairs| {
-            let ordered = pairs.iter().map(|&(i, j)| (i.min(j), i.max(j)));
-            let across = ordered.filter(|&(i, j)| (i as usize) < split && j as usize >= split);
+        let expected: Vec<Pair> = scenario.oracle().into_iter().filter(across).collect();
+        let list = scenario.excluded.as_ref().map(|excluded| {
+            let across = excluded.pairs().filter(|&(i, j)| (i as usize) < split && j as usize >= split);
             let pairs = across.map(|(i, j)| (i, j - split as u32));
             Exclusions::between(split, scenario.spheres.len() - split, pairs).expect("of both sets")
         });
-        let groups = left_out.groups.as_ref().map(|groups| groups.split_at(split));
-        let (mut first, mut second) = (a.view(), b.view());
-        if let Some((of_first, of_second)) = groups {
-            first = first.with_groups(of_first).map_err(|error| error.to_string())?;
-            second = second.with_groups(of_second).map_err(|error| error.to_string())?;
-        }
+        let [a, b] = [a, b].map(|set| Scenario { excluded: None, ..set });
+        let (mut first, second) = (a.view(), b.view());
         if let Some(list) = &list {
             first = first.with_exclusions(list).map_err(|error| error.to_string())?;
         }
@@ -201,7 +133,7 @@ fn pairs_between_two_sets() {
             let found = detector.between(first, second).map_err(|error| error.to_string())?;
             let found: Vec<Pair> =
                 found.iter().map(|pair| Pair { i: pair.i, j: pair.j + split as u32 }).collect();
-            same(subject, (&scenario, &left_out), &found, &expected)?;
+            same(subject, &scenario, &found, &expected)?;
             let count = detector.count_between(first, second).map_err(|error| error.to_string())?;
             if count == found.len() as u64 { Ok(()) } else { Err(format!("{subject}: {count} are counted")) }
         })
@@ -214,18 +146,16 @@ fn candidates_that_are_kept() {
     let mut subjects = Subject::all();
     subjects.retain(|subject| subject.backend == Backend::Gpu || subject.algorithm == Algorithm::CellList);
     let moves = select(vec![0.0, 1e-3, 0.3]);
-    check(90, (cases(), moves, select(subjects)), |((mut scenario, mut left_out), moves, subject)| {
+    check(90, (cases(), moves, select(subjects)), |(mut scenario, moves, subject)| {
         let config = subject.config().skin(skin_of(&scenario.spheres, 0.3));
         let config = scenario.config(config).map_err(|error| error.to_string())?;
         in_pool(subject.threads, || {
             let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
             for step in 0..4 {
-                let list = left_out.list(scenario.spheres.len());
-                let view = left_out.of(scenario.view(), list.as_ref());
-                let found = detector.pairs(view).map_err(|error| error.to_string())?.to_vec();
-                same(subject, (&scenario, &left_out), &found, &expected(&scenario, &left_out))?;
+                let found = detector.pairs(scenario.view()).map_err(|error| error.to_string())?.to_vec();
+                same(subject, &scenario, &found, &scenario.oracle())?;
                 walk(&mut scenario.spheres, moves, step);
-                if let Some(groups) = &mut left_out.groups {
+                if let Some(groups) = &mut scenario.groups {
                     let one = groups.len().min(1);
                     groups.rotate_left(one);
                 }

@@ -26,7 +26,7 @@ fn uniform(n: usize, radii: &[f32], edge: f32, seed: u64) -> Vec<Sphere> {
 }
 
 fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> Scenario {
-    Scenario { spheres, space: Space::periodic(lengths).expect("a box"), mixture: None }
+    Scenario { space: Space::periodic(lengths).expect("a box"), ..spheres.into() }
 }
 
 #[test]

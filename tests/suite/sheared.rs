@@ -7,9 +7,9 @@ use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, InputError, Order, Pair, Skin, Space, Sphere, Spheres,
 };
 use lazygrid_check::motion::{skin_of, walk};
+use lazygrid_check::sheared::tilted;
 use lazygrid_tests::periodic::judge;
-use lazygrid_tests::sheared::{self, oracle, tilted};
-use lazygrid_tests::{Scenario, Subject, difference, in_pool};
+use lazygrid_tests::{Scenario, Subject, difference, in_pool, sheared};
 use proptest::prelude::*;
 use proptest::sample::select;
 use rand_chacha::ChaCha8Rng;
@@ -19,7 +19,7 @@ use crate::properties::{check, settings};
 
 fn agree(cases: u32, scenarios: impl Strategy<Value = Scenario>) {
     check(cases, (scenarios, settings()), |(scenario, settings)| {
-        judge(&scenario, &oracle(&scenario), &settings)
+        judge(&scenario, &scenario.oracle(), &settings)
     });
 }
 
@@ -35,7 +35,7 @@ fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> 
 fn leaning(n: usize, radii: &[f32], edge: f32) -> Scenario {
     let edges = tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
     let spheres = uniform(n, radii, edges.map(Option::unwrap_or_default), 5);
-    Scenario { spheres, space: Space::sheared(edges).expect("a box"), mixture: None }
+    Scenario { space: Space::sheared(edges).expect("a box"), ..spheres.into() }
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn the_distance_of_nearest_images() {
                 for (factor, expected) in [(1.0 + 1e-5, 1), (1.0 - 1e-5, 0)] {
                     let radius = (apart.sqrt() * factor) as f32;
                     let spheres = vec![Sphere::new(a.center, radius), Sphere::new(b.center, 0.0)];
-                    let found = oracle(&Scenario { spheres, space, mixture: None }).len();
+                    let found = Scenario { space, ..spheres.into() }.oracle().len();
                     if apart > 1e-8 && found != expected {
                         return Err(format!("{a:?} and {b:?} are not {apart} apart: {found}"));
                     }
@@ -117,14 +117,11 @@ fn whole_tilts_are_none() {
     let spheres = uniform(800, &[0.4, 0.2], [Vec3::X * 8.0, Vec3::Y * 4.0, Vec3::Z * 6.0], 2);
     let straight = Space::periodic([Some(8.0), Some(4.0), Some(6.0)]).expect("a box");
     let edges = tilted([Some(8.0), Some(4.0), Some(6.0)], [16.0, -8.0, 12.0]);
-    let [of_straight, of_leaning] = [straight, Space::sheared(edges).expect("a box")].map(|space| Scenario {
-        spheres: spheres.clone(),
-        space,
-        mixture: None,
-    });
+    let [of_straight, of_leaning] = [straight, Space::sheared(edges).expect("a box")]
+        .map(|space| Scenario { space, ..spheres.clone().into() });
     let expected = of_straight.oracle();
     assert!(expected.len() > 500);
-    assert_eq!(oracle(&of_leaning), expected);
+    assert_eq!(of_leaning.oracle(), expected);
     judge(&of_leaning, &expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
 }
 
@@ -138,7 +135,7 @@ fn large_boxes_give_the_same_bytes() {
     ];
     for (radii, edge) in cases {
         let scenario = leaning(4000, radii, edge);
-        let expected = oracle(&scenario);
+        let expected = scenario.oracle();
         assert!(expected.len() > 1000, "{}", expected.len());
         for subject in Subject::all() {
             let found = subject.pairs(&scenario, Config::default()).expect("pairs");
@@ -158,7 +155,7 @@ fn large_boxes_give_the_same_bytes() {
 #[test]
 fn every_kind_of_result() {
     let scenario = leaning(2000, &[0.4, 0.1], 8.0);
-    let expected = oracle(&scenario);
+    let expected = scenario.oracle();
     let most = expected.len() as u64;
     for subject in Subject::each_algorithm() {
         let spheres = Spheres::from(&scenario.spheres);
@@ -196,7 +193,7 @@ fn pairs_between_two_sets() {
         let split = (part * scenario.spheres.len() as f32).round() as usize;
         let [a, b] = [scenario.only(|k| k < split), scenario.only(|k| k >= split)];
         let across = |pair: &Pair| (pair.i as usize) < split && pair.j as usize >= split;
-        let expected = oracle(&scenario).into_iter().filter(across);
+        let expected = scenario.oracle().into_iter().filter(across);
         let expected: Vec<Pair> = expected.map(|pair| Pair { i: pair.i, j: pair.j - split as u32 }).collect();
         let config = scenario.config(subject.config()).map_err(|error| error.to_string())?;
         in_pool(subject.threads, || {
@@ -227,7 +224,7 @@ fn candidates_that_are_kept() {
             for step in 0..5 {
                 let found = detector.pairs(scenario.view()).map_err(|error| error.to_string())?.to_vec();
                 let why = detector.report().reason;
-                difference(&scenario, &found, &oracle(&scenario), subject.tolerance())
+                difference(&scenario, &found, &scenario.oracle(), subject.tolerance())
                     .map_err(|text| format!("{subject}, moves of {moves}, step {step}, {why}: {text}"))?;
                 walk(&mut scenario.spheres, if step == 3 { 40.0 * moves } else { moves }, step);
             }
@@ -249,7 +246,7 @@ fn candidates_serve() {
         let mut served = 0;
         for step in 0..8 {
             let found = detector.pairs(scenario.view()).expect("valid spheres").to_vec();
-            assert!(found == oracle(&scenario), "{subject}, step {step}");
+            assert!(found == scenario.oracle(), "{subject}, step {step}");
             served += u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
             walk(&mut scenario.spheres, 0.01, step);
         }

@@ -1,0 +1,120 @@
+//! Pairs that are left out of scenarios: groups, and lists.
+
+use std::collections::BTreeSet;
+
+use lazygrid::{Exclusions, InputError, Spheres};
+
+use crate::Scenario;
+
+/// How many words settle what is left out.
+pub const LEFT_OUT_WORDS: usize = 64;
+
+/// A list of pairs that are none: as a detector is given it, and as a plain set, which judges that.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Excluded {
+    list: Exclusions,
+    /// The smaller index first.
+    pairs: BTreeSet<(u32, u32)>,
+}
+
+impl Excluded {
+    /// These pairs among so many spheres, each in either order and as often as one likes.
+    ///
+    /// # Errors
+    /// That of [`Exclusions::new`].
+    pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, InputError> {
+        let pairs: Vec<(u32, u32)> = pairs.into_iter().collect();
+        let list = Exclusions::new(spheres, pairs.iter().copied())?;
+        Ok(Self { list, pairs: pairs.into_iter().map(|(i, j)| (i.min(j), i.max(j))).collect() })
+    }
+
+    /// As a detector is given it.
+    pub fn list(&self) -> &Exclusions {
+        &self.list
+    }
+
+    /// The pairs, each once and with the smaller index first.
+    pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> {
+        self.pairs.iter().copied()
+    }
+
+    /// Whether this pair is one of them.
+    pub(crate) fn has(&self, i: u32, j: u32) -> bool {
+        self.pairs.contains(&(i.min(j), i.max(j)))
+    }
+
+    /// The pairs of those spheres that are kept, whose indices ascend.
+    ///
+    /// # Panics
+    /// Never: where a sphere is kept is a place among those kept.
+    pub(crate) fn only(&self, kept: &[usize]) -> Self {
+        let place = |k: u32| kept.binary_search(&(k as usize)).ok().map(|place| place as u32);
+        let pairs = self.pairs().filter_map(|(i, j)| place(i).zip(place(j)));
+        Self::new(kept.len(), pairs).expect("places among those kept")
+    }
+}
+
+impl Scenario {
+    /// The same with groups of any size, and some spheres in none; with a list of pairs in either order, some of them more
+    /// than once; or with both.
+    pub fn leaving_out(self, words: &[u32; LEFT_OUT_WORDS]) -> Self {
+        let spheres = self.spheres.len();
+        let word = |k: usize| words[k % words.len()].rotate_left((k / words.len()) as u32 * 7);
+        let most = [2, 5, 1 + spheres as u32 / 2][words[0] as usize % 3];
+        let group = |k| match word(k) % 8 {
+            0 => Spheres::NO_GROUP,
+            1 => u32::MAX - 1,
+            _ => word(k) / 8 % most,
+        };
+        let n = spheres.max(1) as u32;
+        let pair = |k: usize| (word(2 * k) % n, word(2 * k + 1) % n);
+        let kind = words[1] % 3;
+        Self {
+            groups: (kind != 1).then(|| (0..spheres).map(group).collect()),
+            excluded: match kind {
+                0 => None,
+                // Indices are below the number of spheres; without a sphere there is no pair.
+                _ => Excluded::new(spheres, (0..4 * spheres).map(pair)).ok(),
+            },
+            ..self
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid::{Pair, Sphere};
+
+    use super::*;
+
+    #[test]
+    fn what_is_left_out_stays_so_for_those_kept() {
+        let scenario = Scenario {
+            groups: Some(vec![7, 7, Spheres::NO_GROUP, Spheres::NO_GROUP, 3]),
+            excluded: Excluded::new(5, [(4, 1), (2, 2), (1, 4), (0, 3)]).ok(),
+            ..vec![Sphere::new([0.0; 3], 1.0); 5].into()
+        };
+        let pairs = |of: &[(u32, u32)]| of.iter().map(|&(i, j)| Pair { i, j }).collect::<Vec<_>>();
+        let all = [(0, 2), (0, 4), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4)];
+        assert_eq!(scenario.oracle(), pairs(&all));
+        let kept = scenario.only(|k| k != 0 && k != 2);
+        assert_eq!(kept.oracle(), pairs(&[(0, 1), (1, 2)]));
+        assert_eq!(kept.view().groups(), Some(&[7, Spheres::NO_GROUP, 3][..]));
+        assert_eq!(kept.excluded.unwrap().pairs().collect::<Vec<_>>(), [(0, 2)]);
+        let one = scenario.only(|k| k == 4);
+        assert_eq!((one.oracle(), one.view().exclusions().map(Exclusions::len)), (vec![], Some(0)));
+    }
+
+    #[test]
+    fn every_kind_is_drawn() {
+        let mut words = [0x1234_5678; LEFT_OUT_WORDS];
+        let drawn = |words: &[u32; LEFT_OUT_WORDS], spheres| {
+            let scenario = Scenario::from(vec![Sphere::new([0.0; 3], 1.0); spheres]).leaving_out(words);
+            (scenario.groups.is_some(), scenario.excluded.is_some())
+        };
+        for (kind, expected) in [(0, (true, false)), (1, (false, true)), (2, (true, true))] {
+            words[1] = kind;
+            assert_eq!((drawn(&words, 9), drawn(&words, 0)), (expected, expected));
+        }
+    }
+}
