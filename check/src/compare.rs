@@ -5,7 +5,9 @@ use lazygrid_io::scenes::Scene;
 
 use crate::adversary::{self, TABLE_WORDS};
 use crate::way::text;
-use crate::{Extent, Gpu, Random, Scenario, Way, Words, difference, guarded, periodic, scenes, shrink};
+use crate::{
+    Extent, Gpu, LEFT_OUT_WORDS, Random, Scenario, Way, Words, difference, guarded, periodic, scenes, sheared, shrink,
+};
 
 /// Up to so many spheres all pairs are looked at; of more, the CPU's cell list has the word.
 const ALL_PAIRS: usize = 4000;
@@ -32,12 +34,26 @@ pub fn cases(extent: Extent) -> Vec<Case> {
             cases.push(case(family.name, spheres.clone().into()));
             cases.push(case(&format!("{}, species", family.name), with_species(spheres, &mut random)));
         }
-        for family in periodic::FAMILIES {
+        for family in periodic::FAMILIES.into_iter().chain(sheared::FAMILIES) {
             let scenario = (family.scene)(&Words::drawn(&mut random, 200));
             let mixed =
                 Scenario { space: scenario.space, ..with_species(scenario.spheres.clone(), &mut random) };
             cases.push(case(family.name, scenario));
             cases.push(case(&format!("{}, species", family.name), mixed));
+        }
+        for kind in 0..3 {
+            let words = Words::drawn(&mut random, 200);
+            let mixed = with_species(adversary::soup(&words), &mut random);
+            for (name, scenario) in [
+                ("duplicates", adversary::duplicates(&words).into()),
+                ("soup, species", mixed),
+                ("soup in a box", periodic::soup(&words)),
+                ("soup in a box that leans", sheared::soup(&words)),
+            ] {
+                let mut words = [(); LEFT_OUT_WORDS].map(|()| random.word());
+                words[1] = kind;
+                cases.push(case(&format!("{name}, pairs left out"), scenario.leaving_out(&words)));
+            }
         }
     }
     let sizes: &[usize] = match extent {
@@ -51,8 +67,13 @@ pub fn cases(extent: Extent) -> Vec<Case> {
             let edge = spheres.iter().map(|sphere| sphere.center.x).fold(0.0, f32::max);
             let space = periodic::space([Some(edge), None, Some(1.5 * edge)]);
             cases.push(case(&format!("{n} spheres, {scene}"), spheres.clone().into()));
-            cases
-                .push(case(&format!("{n} spheres, {scene}, periodic"), Scenario { space, ..spheres.into() }));
+            let periodic = Scenario { space, ..spheres.clone().into() };
+            cases.push(case(&format!("{n} spheres, {scene}, periodic"), periodic));
+            if scene == Scene::FiveSizes {
+                let edges = sheared::tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
+                let leaning = Scenario { space: sheared::space(edges), ..spheres.into() };
+                cases.push(case(&format!("{n} spheres, {scene}, in a box that leans"), leaning));
+            }
         }
     }
     cases

@@ -3,12 +3,14 @@
 use std::ops::ControlFlow;
 
 use lazygrid::Error::TooManyPairs;
-use lazygrid::{Algorithm, Config, Detector, Order, Pair, Simd};
+use lazygrid::{Config, Detector, Order, Pair};
 
-use crate::compare::{Failure, with_species};
-use crate::motion::{skin_of, walk};
-use crate::way::{Place, text};
-use crate::{Gpu, Random, Scenario, Tolerance, Way, Words, adversary, difference, guarded, periodic, shrink};
+use crate::compare::Failure;
+use crate::motion::skin_of;
+use crate::way::text;
+use crate::{Gpu, Scenario, Tolerance, Way, difference, guarded, shrink};
+
+mod draw;
 
 /// What one detector is asked, call by call.
 #[derive(Clone, Debug)]
@@ -39,33 +41,6 @@ enum Answer {
 }
 
 impl Round {
-    /// The round of this seed, on the CPU unless a GPU is among what is checked.
-    pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
-        let mut random = Random(seed);
-        let way = drawn_way(&mut random, on_cpu, on_gpu);
-        let order = if random.below(3) == 0 { Order::Unordered } else { Order::Canonical };
-        let max_pairs = if random.below(4) == 0 { random.below(50).into() } else { u64::from(u32::MAX) };
-        let mut calls = vec![(drawn_call(&mut random), drawn_scene(&mut random))];
-        let (space, table) = (calls[0].1.space, calls[0].1.mixture.clone());
-        for _ in 0..random.below(if way.skin > 0.0 { 6 } else { 3 }) {
-            if way.skin > 0.0 && random.below(4) != 0 {
-                let mut moved = calls[calls.len() - 1].1.clone();
-                walk(&mut moved.spheres, 0.3 * way.skin * random.unit(), random.word());
-                calls.push((drawn_call(&mut random), moved));
-                continue;
-            }
-            let mut scenario = drawn_scene(&mut random);
-            scenario.space = space;
-            scenario.mixture = table.clone().map(|mut mixture| {
-                let count = mixture.rows.len() as u32;
-                mixture.species = scenario.spheres.iter().map(|_| random.below(count)).collect();
-                mixture
-            });
-            calls.push((drawn_call(&mut random), scenario));
-        }
-        Self { seed, way, order, max_pairs, calls }
-    }
-
     /// Runs it with a new detector. Returns what is wrong, if anything, with as few calls and spheres as show it. `tries`
     /// are those of [`shrink`].
     pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<Failure> {
@@ -241,71 +216,21 @@ fn pairs_of<'a>(spheres: usize, list: impl Fn(usize) -> &'a [u32]) -> Result<Vec
     Ok(pairs)
 }
 
-fn drawn_way(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Way {
-    let is_on_gpu = on_gpu && (!on_cpu || random.below(2) == 0);
-    let simd = [Simd::Avx512, Simd::Avx2, Simd::Portable][random.below(3) as usize];
-    let threads = [None, Some(1), Some(2), Some(7)][random.below(4) as usize];
-    let place = if is_on_gpu { Place::Gpu { subgroups: true } } else { Place::Cpu { simd, threads } };
-    let algorithms: &[Algorithm] = if is_on_gpu { &Algorithm::GPU } else { &Algorithm::CPU };
-    let algorithm = match random.below(algorithms.len() as u32 + 1) as usize {
-        0 => Algorithm::Auto,
-        k => algorithms[k - 1],
-    };
-    let tau = [0, 1, 2, 8, 32, u32::MAX, random.below(600)][random.below(7) as usize];
-    let ratio = [0.5, 1.0, 1.5, 2.0, 16.0, 0.5 + 15.5 * random.unit()][random.below(6) as usize];
-    let keeps = is_on_gpu || matches!(algorithm, Algorithm::Auto | Algorithm::CellList);
-    Way {
-        skin: if keeps && random.below(3) == 0 { [0.01, 0.3, 2.0][random.below(3) as usize] } else { 0.0 },
-        tau: (random.below(2) == 0).then_some(tau),
-        raster_ratio: (random.below(2) == 0).then_some(ratio),
-        ..Way::new(algorithm, place)
-    }
-}
-
-fn drawn_call(random: &mut Random) -> Call {
-    match random.below(4) {
-        0 => Call::List,
-        1 => Call::Count,
-        2 => Call::Neighbors,
-        _ => Call::Stream { chunk: 1 + random.below(40) as usize },
-    }
-}
-
-fn drawn_scene(random: &mut Random) -> Scenario {
-    let elements = match random.below(8) {
-        0..3 => random.below(12),
-        7 => 120 + random.below(480),
-        _ => 12 + random.below(108),
-    };
-    let words = Words::drawn(random, elements as usize);
-    let periodic = &periodic::FAMILIES;
-    let families = &adversary::FAMILIES;
-    let mut scenario = match random.below(3) {
-        0 => (periodic[random.below(periodic.len() as u32) as usize].scene)(&words),
-        _ => (families[random.below(families.len() as u32) as usize].spheres)(&words).into(),
-    };
-    if random.below(4) == 0 {
-        let more = Words::drawn(random, elements as usize / 2);
-        scenario.spheres.extend((families[random.below(families.len() as u32) as usize].spheres)(&more));
-    }
-    if random.below(4) == 0 {
-        let space = scenario.space;
-        scenario = Scenario { space, ..with_species(scenario.spheres, random) };
-    }
-    scenario
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn rounds_depend_on_their_seeds_alone_and_pass_on_the_cpu() {
-        let mut kinds = [0; 4];
+        let (mut kinds, mut leaning, mut less) = ([0; 4], 0, 0);
         for seed in 0..300 {
             let round = Round::drawn(seed, true, false);
             assert_eq!(round.to_string(), Round::drawn(seed, true, false).to_string());
-            for (call, _) in &round.calls {
+            let space = round.calls[0].1.space;
+            assert!(round.calls.iter().all(|(_, scenario)| scenario.space == space), "{round}");
+            for (call, scenario) in &round.calls {
+                leaning += usize::from(space.shear().is_some());
+                less += usize::from(scenario.groups.is_some() || scenario.excluded.is_some());
                 kinds[match call {
                     Call::List => 0,
                     Call::Count => 1,
@@ -318,6 +243,7 @@ mod tests {
             }
         }
         assert!(kinds.iter().all(|kind| *kind > 50), "{kinds:?}");
+        assert!(leaning > 80 && less > 80, "{leaning} in spaces that lean, {less} with pairs left out");
     }
 
     /// Answers by the definition, but for one thing.

@@ -14,10 +14,15 @@ pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     }
 }
 
+/// The largest radius, or 1 where there is none: what [`walk`] takes a part of.
+pub(crate) fn stride(spheres: &[Sphere]) -> f32 {
+    let radius = spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
+    if radius > 0.0 { radius.min(1e30) } else { 1.0 }
+}
+
 /// Moves the spheres by about this part of the largest of their radii, or of 1 where they have none.
 pub fn walk(spheres: &mut [Sphere], part: f32, step: u32) {
-    let radius = spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
-    let far = part * if radius > 0.0 { radius.min(1e30) } else { 1.0 };
+    let far = part * stride(spheres);
     for (sphere, k) in spheres.iter_mut().zip(0_u32..) {
         let word = k.wrapping_mul(0x9e37_79b9).wrapping_add(step.wrapping_mul(0x85eb_ca6b));
         let turn = |by: u32| f32::from((word.rotate_left(by) >> 16) as u16) / 32768.0 - 1.0;

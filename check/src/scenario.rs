@@ -106,6 +106,11 @@ impl Scenario {
         }
     }
 
+    /// Whether there is more to decide on than what a device does: its edges lean, or something is left out.
+    pub fn is_refined(&self) -> bool {
+        self.space.shear().is_some() || self.groups.is_some() || self.excluded.is_some()
+    }
+
     /// Whether the two are left out, by their groups or by the list.
     pub fn leaves_out(&self, i: usize, j: usize) -> bool {
         let of_one_group = |groups: &Vec<u32>| groups[i] == groups[j] && groups[i] != Spheres::NO_GROUP;

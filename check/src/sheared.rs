@@ -26,8 +26,13 @@ pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3
     [x.map(|x| Vec3::new(x, 0.0, 0.0)), y.map(|y| Vec3::new(xy, y, 0.0)), z.map(|z| Vec3::new(xz, yz, z))]
 }
 
+/// The space of these edges, which span a box.
+pub fn space(edges: [Option<Vec3>; 3]) -> Space {
+    Space::sheared(edges).unwrap_or_default()
+}
+
 fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> Scenario {
-    Scenario { space: Space::sheared(edges).unwrap_or_default(), ..spheres.into() }
+    Scenario { space: space(edges), ..spheres.into() }
 }
 
 /// Some of three edges, one at least.

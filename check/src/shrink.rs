@@ -2,8 +2,8 @@ use glam::Vec3;
 
 use crate::Scenario;
 
-/// Makes a scenario smaller that fails: without spheres that it fails without, in ever smaller groups down to single
-/// ones, and then with rounder numbers. `failing` says what is wrong, if anything, and is asked at most `tries` times.
+/// Makes a scenario smaller that fails: with nothing left out, or less; without spheres that it fails without, in ever smaller
+/// groups down to single ones; and then with rounder numbers. `failing` says what is wrong, if anything, and is asked at most `tries` times.
 /// Returns the smallest that fails, and what is wrong with it.
 pub fn shrink(
     scenario: Scenario,
@@ -23,6 +23,11 @@ pub fn shrink(
             true
         })
     };
+    for only_list in [true, false] {
+        let mut smaller = best.0.clone();
+        let goes = if only_list { smaller.groups.take().is_some() } else { smaller.excluded.take().is_some() };
+        let _ = goes && attempt(&mut best, smaller);
+    }
     let mut group = best.0.spheres.len().div_ceil(2);
     while group > 0 {
         let (before, mut from) = (best.0.spheres.len(), 0);
@@ -86,6 +91,26 @@ mod tests {
             assert_eq!(small.spheres.len(), 2, "{small:?}");
             assert!(small.mixture.is_none_or(|mixture| mixture.species.len() == 2));
             assert!(what.contains("1 missing"), "{what}");
+        }
+    }
+
+    /// What finds pairs that are listed, and what finds those of one group, is shown with only what it takes.
+    #[test]
+    fn what_is_left_out_shrinks_with_the_spheres() {
+        let words = std::array::from_fn(|k| if k == 1 { 2 } else { 0x9e37_79b9_u32.wrapping_mul(k as u32 + 1) });
+        let spheres = cloud(3, 500, 5.0, |random| 0.5 * random.unit());
+        let scenario = Scenario::from(spheres).leaving_out(&words);
+        for ignores_groups in [true, false] {
+            let complaint = |scenario: &Scenario| {
+                let mut seen = scenario.clone();
+                if ignores_groups { seen.groups = None } else { seen.excluded = None }
+                difference(scenario, &seen.oracle(), &scenario.oracle(), Tolerance::Exact).err()
+            };
+            let what = complaint(&scenario).expect("it is broken");
+            let (small, what) = shrink(scenario.clone(), what, 5000, complaint);
+            assert_eq!(small.spheres.len(), 2, "{small:?}");
+            assert_eq!((small.groups.is_some(), small.excluded.is_some()), (ignores_groups, !ignores_groups));
+            assert!(what.contains("1 extra"), "{what}");
         }
     }
 

@@ -131,14 +131,38 @@ impl Way {
     /// The library's error, or how it panicked, as text.
     pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &Scenario) -> Result<Vec<Pair>, String> {
         guarded(|| match (self.place, gpu) {
-            (Place::Gpu { subgroups }, Some(gpu)) => self.pairs_in_session(gpu, subgroups, scenario),
+            (Place::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
+                self.pairs_in_session(gpu, subgroups, scenario)
+            }
             _ => {
-                let config = scenario.config(self.config(gpu)).map_err(text)?;
+                let skin = skin_of(&scenario.spheres, self.skin);
+                let config = scenario.config(self.config(gpu).skin(skin)).map_err(text)?;
                 let mut detector = Detector::new(config).map_err(text)?;
+                if self.skin > 0.0 {
+                    detector.count(self.before(scenario).view()).map_err(text)?;
+                }
                 detector.pairs(scenario.view()).map_err(text)?;
                 Ok(detector.into_pairs())
             }
         })
+    }
+
+    /// Whether a scenario can be searched this way. What the host has the last word on is searched by a `Detector`, which uses
+    /// subgroup operations where there are any.
+    pub fn takes(&self, gpu: Option<&Gpu>, scenario: &Scenario) -> bool {
+        match (self.place, gpu) {
+            (Place::Gpu { subgroups }, Some(gpu)) => {
+                subgroups == gpu.own.adapter.has_subgroups || !scenario.is_refined()
+            }
+            _ => true,
+        }
+    }
+
+    /// The scenario of the call before, so that the one that is looked at is answered from candidates of an earlier one.
+    fn before(&self, scenario: &Scenario) -> Scenario {
+        let mut before = scenario.clone();
+        walk(&mut before.spheres, 0.1 * self.skin, 1);
+        before
     }
 
     fn pairs_in_session(&self, gpu: &Gpu, subgroups: bool, scenario: &Scenario) -> Result<Vec<Pair>, String> {
@@ -161,10 +185,7 @@ impl Way {
         session.set_timeout(PATIENCE);
         if let Skin::Fixed(distance) = skin_of(&scenario.spheres, self.skin) {
             session.set_skin(Some(distance)).map_err(text)?;
-            // So that the call that is looked at is answered from candidates of an earlier one.
-            let mut before = scenario.clone();
-            walk(&mut before.spheres, 0.1 * self.skin, 1);
-            let ticket = session.begin(before.view()).map_err(text)?;
+            let ticket = session.begin(self.before(scenario).view()).map_err(text)?;
             session.finish_count(ticket).map_err(text)?;
         }
         let ticket = session.begin(scenario.view()).map_err(text)?;

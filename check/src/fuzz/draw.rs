@@ -1,0 +1,133 @@
+//! What rounds are drawn from.
+
+use lazygrid::{Algorithm, Order, Simd};
+
+use super::{Call, Round};
+use crate::compare::with_species;
+use crate::motion::{stride, walk};
+use crate::periodic::Family;
+use crate::way::Place;
+use crate::{
+    Element, LEFT_OUT_WORDS, Random, Scenario, Way, Words, adversary, periodic, sheared,
+};
+
+impl Round {
+    /// The round of this seed, on the CPU unless a GPU is among what is checked.
+    pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
+        let mut random = Random(seed);
+        let way = way(&mut random, on_cpu, on_gpu);
+        let order = if random.below(3) == 0 { Order::Unordered } else { Order::Canonical };
+        let max_pairs = if random.below(4) == 0 { random.below(50).into() } else { u64::from(u32::MAX) };
+        let leaning = (random.below(4) == 0).then(|| Leaning::drawn(&mut random));
+        let mut calls = vec![(call(&mut random), scene(&mut random, leaning))];
+        let (space, table) = (calls[0].1.space, calls[0].1.mixture.clone());
+        for _ in 0..random.below(if way.skin > 0.0 { 6 } else { 3 }) {
+            let last = &calls[calls.len() - 1].1;
+            if way.skin > 0.0 && random.below(4) != 0 && stays_near(last) {
+                let mut moved = last.clone();
+                walk(&mut moved.spheres, 0.3 * way.skin * random.unit(), random.word());
+                calls.push((call(&mut random), moved));
+                continue;
+            }
+            let mut scenario = scene(&mut random, leaning);
+            scenario.space = space;
+            scenario.mixture = table.clone().map(|mut mixture| {
+                let count = mixture.rows.len() as u32;
+                mixture.species = scenario.spheres.iter().map(|_| random.below(count)).collect();
+                mixture
+            });
+            calls.push((call(&mut random), scenario));
+        }
+        Self { seed, way, order, max_pairs, calls }
+    }
+}
+
+/// A space whose edges lean, as the words for the scene settle it in a family. All spheres of a round are of that family: those
+/// of others may lie so many boxes away that `f64` does not tell images apart.
+#[derive(Clone, Copy)]
+struct Leaning {
+    family: Family,
+    setup: Element,
+}
+
+impl Leaning {
+    fn drawn(random: &mut Random) -> Self {
+        let family = one_of(random, &sheared::FAMILIES);
+        Self { family, setup: Words::drawn(random, 0).setup }
+    }
+}
+
+/// Whether spheres that [walk] stay within so many boxes that images are told apart.
+fn stays_near(scenario: &Scenario) -> bool {
+    let least = 1e-6 * f64::from(stride(&scenario.spheres));
+    let mut edges = scenario.space.edges().into_iter().flatten();
+    scenario.space.shear().is_none() || edges.all(|edge| edge.as_dvec3().length() > least)
+}
+
+fn one_of<T: Copy>(random: &mut Random, values: &[T]) -> T {
+    values[random.below(values.len() as u32) as usize]
+}
+
+fn way(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Way {
+    let is_on_gpu = on_gpu && (!on_cpu || random.below(2) == 0);
+    let simd = [Simd::Avx512, Simd::Avx2, Simd::Portable][random.below(3) as usize];
+    let threads = [None, Some(1), Some(2), Some(7)][random.below(4) as usize];
+    let place = if is_on_gpu { Place::Gpu { subgroups: true } } else { Place::Cpu { simd, threads } };
+    let algorithms: &[Algorithm] = if is_on_gpu { &Algorithm::GPU } else { &Algorithm::CPU };
+    let algorithm = match random.below(algorithms.len() as u32 + 1) as usize {
+        0 => Algorithm::Auto,
+        k => algorithms[k - 1],
+    };
+    let tau = [0, 1, 2, 8, 32, u32::MAX, random.below(600)][random.below(7) as usize];
+    let ratio = [0.5, 1.0, 1.5, 2.0, 16.0, 0.5 + 15.5 * random.unit()][random.below(6) as usize];
+    let keeps = is_on_gpu || matches!(algorithm, Algorithm::Auto | Algorithm::CellList);
+    Way {
+        skin: if keeps && random.below(3) == 0 { [0.01, 0.3, 2.0][random.below(3) as usize] } else { 0.0 },
+        tau: (random.below(2) == 0).then_some(tau),
+        raster_ratio: (random.below(2) == 0).then_some(ratio),
+        ..Way::new(algorithm, place)
+    }
+}
+
+fn call(random: &mut Random) -> Call {
+    match random.below(4) {
+        0 => Call::List,
+        1 => Call::Count,
+        2 => Call::Neighbors,
+        _ => Call::Stream { chunk: 1 + random.below(40) as usize },
+    }
+}
+
+fn scene(random: &mut Random, leaning: Option<Leaning>) -> Scenario {
+    let elements = match random.below(8) {
+        0..3 => random.below(12),
+        7 => 120 + random.below(480),
+        _ => 12 + random.below(108),
+    };
+    let words = Words::drawn(random, elements as usize);
+    let mut scenario = match leaning {
+        Some(Leaning { family, setup }) => (family.scene)(&Words { setup, ..words }),
+        None => straight(random, &words),
+    };
+    if random.below(4) == 0 {
+        let space = scenario.space;
+        scenario = Scenario { space, ..with_species(scenario.spheres, random) };
+    }
+    match random.below(4) {
+        0 => scenario.leaving_out(&[(); LEFT_OUT_WORDS].map(|()| random.word())),
+        _ => scenario,
+    }
+}
+
+/// Spheres where no edge leans.
+fn straight(random: &mut Random, words: &Words) -> Scenario {
+    let mut scenario = match random.below(3) {
+        0 => (one_of(random, &periodic::FAMILIES).scene)(words),
+        _ => (one_of(random, &adversary::FAMILIES).spheres)(words).into(),
+    };
+    if random.below(4) == 0 {
+        let more = Words::drawn(random, words.elements.len() / 2);
+        scenario.spheres.extend((one_of(random, &adversary::FAMILIES).spheres)(&more));
+    }
+    scenario
+}
