@@ -177,6 +177,9 @@ impl Work<'_> {
             };
             let spheres = case.scenario.spheres.len();
             for runner in &mut runners {
+                if !runner.way.takes(self.gpu.as_ref(), &case.scenario) {
+                    continue;
+                }
                 if runner.pace.forecast(runner.way, spheres) > most {
                     runner.left_out += 1;
                     continue;

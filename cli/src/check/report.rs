@@ -1,13 +1,14 @@
+mod shown;
+
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use lazygrid::{Algorithm, Backend, Interaction};
+use lazygrid::{Algorithm, Backend};
 use lazygrid_check::compare::Failure as Fault;
 use lazygrid_check::speed::Speed;
 use lazygrid_check::{Gpu, Scenario};
 use lazygrid_io::scenes::Scene;
-use lazygrid_io::write::Draft;
 use serde_json::{Map, Value, json};
 
 use crate::args::Check;
@@ -249,7 +250,7 @@ impl Report {
         let mut file = Value::Null;
         let mut text = format!("WRONG      {name}: {what}\n");
         if let Some(scenario) = &scenario {
-            match write(&path, scenario, &format!("{name}: {what}\n{command}")) {
+            match shown::write(&path, scenario, &format!("{name}: {what}\n{command}")) {
                 Ok(()) => {
                     let spheres = scenario.spheres.len();
                     let _ = writeln!(text, "           {spheres} spheres in {}", path.display());
@@ -271,18 +272,13 @@ impl Report {
     fn command(&self, path: &Path, name: &str, scenario: Option<&Scenario>, options: &str) -> String {
         let seed = name.strip_prefix("fuzz seed ").and_then(|rest| rest.split_once(':'));
         let fuzz = seed.map(|(seed, _)| format!("lazygrid check --backend {} --seed {seed}", self.backend));
-        let is_plain = scenario.is_some_and(|scenario| scenario.mixture.is_none()) && !options.is_empty();
-        match (scenario, fuzz) {
-            (Some(scenario), fuzz) if is_plain => {
-                let lengths = scenario.space.lengths();
-                let periodic = match scenario.space.is_periodic() {
-                    true => lengths.map(|l| l.map_or("-".to_owned(), |l| format!("{l:?}"))).join(","),
-                    false => "none".to_owned(),
-                };
-                let detect = format!("lazygrid detect {}{options} --periodic {periodic}", path.display());
+        let detect = scenario.filter(|_| !options.is_empty()).and_then(|scenario| shown::options(path, scenario));
+        match (detect, fuzz) {
+            (Some(of_scene), fuzz) => {
+                let detect = format!("lazygrid detect {}{options}{of_scene}", path.display());
                 fuzz.map_or(detect.clone(), |fuzz| format!("{detect}, or {fuzz}"))
             }
-            (None, None) if !options.is_empty() => options.to_owned(),
+            (None, None) if scenario.is_none() && !options.is_empty() => options.to_owned(),
             (_, Some(fuzz)) => fuzz,
             _ => format!("lazygrid check --backend {}", self.backend),
         }
@@ -306,36 +302,6 @@ impl Report {
         }
         if failures == 0 { Ok(()) } else { Err(Failure::Wrong { failures }) }
     }
-}
-
-/// Writes a scene as `lazygrid detect` reads it, with comments before it.
-fn write(path: &Path, scenario: &Scenario, comments: &str) -> Result<(), lazygrid_io::Error> {
-    let mut text = String::new();
-    let mut comment = |line: &str| text += &format!("# {line}\n");
-    comments.lines().for_each(&mut comment);
-    if let Some(mixture) = &scenario.mixture {
-        comment("Pairs by species, which lazygrid detect does not know of:");
-        for (a, row) in mixture.rows.iter().enumerate() {
-            for (b, interaction) in row.iter().enumerate() {
-                comment(&match interaction {
-                    Interaction::Never => format!("  {a} and {b} never"),
-                    Interaction::Touch => format!("  {a} and {b} where they touch"),
-                    Interaction::Within(distance) => format!("  {a} and {b} within {distance:?}"),
-                });
-            }
-        }
-    }
-    let species = scenario.mixture.as_ref().map(|mixture| &mixture.species);
-    text += if species.is_some() { "x,y,z,r,species\n" } else { "x,y,z,r\n" };
-    for (k, sphere) in scenario.spheres.iter().enumerate() {
-        let [x, y, z] = sphere.center.to_array();
-        let _ = write!(text, "{x:?},{y:?},{z:?},{:?}", sphere.radius);
-        let _ = species.map_or(Ok(()), |species| write!(text, ",{}", species[k]));
-        text.push('\n');
-    }
-    let mut draft = Draft::create(path)?;
-    draft.put(|out| out.write_all(text.as_bytes()))?;
-    draft.publish()
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
-use lazygrid::{Space, Sphere};
-use lazygrid_check::Mixture;
-use lazygrid_io::read::{Frames, Options};
+use lazygrid::{Interaction, Space, Sphere, Spheres};
+use lazygrid_check::sheared::{space, tilted};
+use lazygrid_check::{Excluded, Mixture};
+use lazygrid_io::read::{Frames, Options, pairs};
 
 use super::*;
 
@@ -18,7 +19,7 @@ fn what_is_wrong_is_written_as_detect_reads_it() {
     for mixture in [None, Some(mixture)] {
         let scenario = Scenario { mixture, ..spheres.clone().into() };
         let path = directory.path().join("failing.csv");
-        write(&path, &scenario, "x, y and z: 1 missing\nlazygrid detect").unwrap();
+        shown::write(&path, &scenario, "x, y and z: 1 missing\nlazygrid detect").unwrap();
         let mut frames = Frames::open(&path, Options::default()).unwrap();
         let frame = frames.next().unwrap().unwrap();
         assert_eq!(frame.spheres, scenario.spheres);
@@ -45,6 +46,38 @@ fn commands_repeat_what_they_can() {
     );
     assert_eq!(of("fuzz seed 12: naive", Some(&scenario), ""), "lazygrid check --backend all --seed 12");
     assert_eq!(of("radix sort", None, ""), "lazygrid check --backend all");
+}
+
+#[test]
+fn what_leans_and_what_is_left_out_is_shown() {
+    let report = Report::empty(true, "cpu");
+    let leaning = Scenario {
+        space: space(tilted([Some(4.0), None, Some(0.1)], [9.0, -1.5, 1e-7])),
+        groups: Some(vec![u32::MAX - 1, Spheres::NO_GROUP, 0, u32::MAX - 1]),
+        excluded: Excluded::new(4, [(3, 1), (0, 2)]).ok(),
+        ..vec![Sphere::new([0.5; 3], 1.0); 4].into()
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("f.csv");
+    let command = report.command(&path, "soup: naive on cpu", Some(&leaning), " --backend cpu");
+    let place = directory.path().display();
+    let expected = format!(
+        "lazygrid detect {place}/f.csv --backend cpu --periodic 4.0,-,0.1 --tilt 0.0,-1.5,1e-7 \
+         --exclude {place}/f-excluded.csv --exclude-groups"
+    );
+    assert_eq!(command, expected);
+    shown::write(&path, &leaning, &command).unwrap();
+    let mut frames = Frames::open(&path, Options { groups: true, ..Options::default() }).unwrap();
+    let frame = frames.next().unwrap().unwrap();
+    assert_eq!((frame.spheres, frame.groups), (leaning.spheres.clone(), Some(vec![1, Spheres::NO_GROUP, 2, 1])));
+    assert_eq!(pairs(directory.path().join("f-excluded.csv")).unwrap(), [(0, 2), (1, 3)]);
+    // There is no option for edges of any direction.
+    let [x, y, z] = [[1.0, 0.5, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]].map(|edge| Some(edge.into()));
+    let any = Scenario { space: space([x, y, z]), ..leaning };
+    let command = report.command(&path, "soup: naive on cpu", Some(&any), " --backend cpu");
+    assert_eq!(command, "lazygrid check --backend cpu");
+    shown::write(&path, &any, &command).unwrap();
+    assert!(std::fs::read_to_string(&path).unwrap().contains("\n#   1.0 0.5 0.0\n"));
 }
 
 #[test]

@@ -1,0 +1,107 @@
+//! Scenes that show what is wrong, as `lazygrid detect` reads them.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use lazygrid::{Interaction, Space, Spheres};
+use lazygrid_check::Scenario;
+use lazygrid_io::Error;
+use lazygrid_io::write::Draft;
+
+/// The options with which `lazygrid detect` searches a scene that was written to this path; `None` where it has none, for
+/// species and for edges of any direction.
+pub(super) fn options(path: &Path, scenario: &Scenario) -> Option<String> {
+    let mut options = of_space(&scenario.space).filter(|_| scenario.mixture.is_none())?;
+    if scenario.excluded.is_some() {
+        options += &format!(" --exclude {}", excluded(path).display());
+    }
+    if scenario.groups.is_some() {
+        options += " --exclude-groups";
+    }
+    Some(options)
+}
+
+/// The file with the pairs that are left out, beside the one with the spheres.
+fn excluded(path: &Path) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().display();
+    path.with_file_name(format!("{stem}-excluded.csv"))
+}
+
+fn of_space(space: &Space) -> Option<String> {
+    let edges = space.edges();
+    if !space.is_periodic() {
+        return Some(" --periodic none".to_owned());
+    }
+    // Each is above zero along its own axis, and has nothing of those behind it.
+    let has_option = |k: usize| {
+        edges[k].is_none_or(|edge| edge[k] > 0.0 && (k + 1..3).all(|axis| edge[axis] == 0.0))
+    };
+    if !(0..3).all(has_option) {
+        return None;
+    }
+    let length = |k: usize| edges[k].map_or("-".to_owned(), |edge| format!("{:?}", edge[k]));
+    let periodic = format!(" --periodic {}", [0, 1, 2].map(length).join(","));
+    let part = |k: usize, axis: usize| format!("{:?}", edges[k].map_or(0.0, |edge| edge[axis]));
+    let tilts = [part(1, 0), part(2, 0), part(2, 1)].join(",");
+    Some(if space.shear().is_some() { format!("{periodic} --tilt {tilts}") } else { periodic })
+}
+
+/// Writes a scene, with comments before it, and beside it the pairs that are listed to be left out.
+pub(super) fn write(path: &Path, scenario: &Scenario, comments: &str) -> Result<(), Error> {
+    let mut text = String::new();
+    let mut comment = |line: &str| text += &format!("# {line}\n");
+    comments.lines().for_each(&mut comment);
+    if options(path, scenario).is_none() && scenario.space.shear().is_some() {
+        comment("Space repeats along these edges:");
+        for edge in scenario.space.edges().into_iter().flatten() {
+            comment(&format!("  {:?} {:?} {:?}", edge.x, edge.y, edge.z));
+        }
+    }
+    if let Some(mixture) = &scenario.mixture {
+        comment("Pairs by species, which lazygrid detect does not know of:");
+        for (a, row) in mixture.rows.iter().enumerate() {
+            for (b, interaction) in row.iter().enumerate() {
+                comment(&match interaction {
+                    Interaction::Never => format!("  {a} and {b} never"),
+                    Interaction::Touch => format!("  {a} and {b} where they touch"),
+                    Interaction::Within(distance) => format!("  {a} and {b} within {distance:?}"),
+                });
+            }
+        }
+    }
+    let species = scenario.mixture.as_ref().map(|mixture| &mixture.species);
+    let groups = scenario.groups.as_ref().map(|groups| molecules(groups));
+    text += "x,y,z,r";
+    text += if species.is_some() { ",species" } else { "" };
+    text += if groups.is_some() { ",group\n" } else { "\n" };
+    for (k, sphere) in scenario.spheres.iter().enumerate() {
+        let [x, y, z] = sphere.center.to_array();
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{x:?},{y:?},{z:?},{:?}", sphere.radius);
+        for column in [species, groups.as_ref()].into_iter().flatten() {
+            let _ = write!(text, ",{}", column[k]);
+        }
+        text.push('\n');
+    }
+    publish(path, &text)?;
+    let Some(list) = &scenario.excluded else { return Ok(()) };
+    let pairs = list.pairs().map(|(i, j)| format!("{i},{j}\n"));
+    publish(&excluded(path), &format!("i,j\n{}", pairs.collect::<String>()))
+}
+
+fn publish(path: &Path, text: &str) -> Result<(), Error> {
+    let mut draft = Draft::create(path)?;
+    draft.put(|out| out.write_all(text.as_bytes()))?;
+    draft.publish()
+}
+
+/// The same groups as molecules of a file, of which 0 is none.
+fn molecules(groups: &[u32]) -> Vec<u32> {
+    let mut numbers = BTreeMap::from([(Spheres::NO_GROUP, 0)]);
+    let number = |&group: &u32| {
+        let next = numbers.len() as u32;
+        *numbers.entry(group).or_insert(next)
+    };
+    groups.iter().map(number).collect()
+}
