@@ -6,7 +6,8 @@ use lazygrid_io::scenes::Scene;
 use crate::adversary::{self, TABLE_WORDS};
 use crate::way::text;
 use crate::{
-    Extent, Gpu, LEFT_OUT_WORDS, Random, Scenario, Way, Words, difference, guarded, periodic, scenes, sheared, shrink,
+    Extent, Gpu, LEFT_OUT_WORDS, Random, Scenario, Way, Words, difference, guarded, periodic, scenes,
+    sheared, shrink,
 };
 
 /// Up to so many spheres all pairs are looked at; of more, the CPU's cell list has the word.

@@ -23,10 +23,9 @@ impl Images {
     ///
     /// What is in reach has no more of an edge than as many times the height across the other edges as fit the reach.
     pub(crate) fn distance_squared(&self, apart: DVec3, reach: f64) -> f64 {
-        let mut folded = apart;
-        for (edge, row) in self.edges.iter().zip(&self.fractions) {
-            folded -= *edge * row.dot(apart).round();
-        }
+        let turns = self.edges.iter().zip(&self.fractions).map(|(edge, row)| *edge * row.dot(apart).round());
+        // All turns at once, between which the last bits of a small distance would be lost.
+        let folded = apart - turns.sum::<DVec3>();
         // With a reach beyond that, one look is enough.
         if folded.length() <= reach {
             return folded.length_squared();
@@ -86,7 +85,8 @@ mod tests {
 
     #[test]
     fn distances_by_hand() {
-        let of = |edges: [Option<Vec3>; 3]| Images::of(&Space::sheared(edges).expect("edges that span a box"));
+        let of =
+            |edges: [Option<Vec3>; 3]| Images::of(&Space::sheared(edges).expect("edges that span a box"));
         let at = |images: &Images, x, y, z| images.distance_squared(DVec3::new(x, y, z), 1.5);
         let leaning = of([Some(Vec3::X * 4.0), Some(Vec3::new(1.5, 3.0, 0.0)), None]);
         assert_eq!(at(&leaning, 1.5, 3.0, 0.0), 0.0);

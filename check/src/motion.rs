@@ -8,7 +8,8 @@ pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     let radius = spheres.iter().map(|sphere| sphere.radius).find(|&radius| radius > 0.0);
     let apart = |two: &[Sphere]| two[0].center.distance(two[1].center);
     let distance = spheres.windows(2).map(apart).find(|&distance| distance > 0.0);
-    match part * radius.or(distance).unwrap_or(1.0) {
+    // A distance may be more than `f32` holds.
+    match part * radius.or(distance).unwrap_or(1.0).min(f32::MAX) {
         0.0 => Skin::Auto,
         distance => Skin::Fixed(distance.clamp(1e-14, 1e17)),
     }

@@ -25,7 +25,8 @@ pub fn shrink(
     };
     for only_list in [true, false] {
         let mut smaller = best.0.clone();
-        let goes = if only_list { smaller.groups.take().is_some() } else { smaller.excluded.take().is_some() };
+        let goes =
+            if only_list { smaller.groups.take().is_some() } else { smaller.excluded.take().is_some() };
         let _ = goes && attempt(&mut best, smaller);
     }
     let mut group = best.0.spheres.len().div_ceil(2);
@@ -97,13 +98,18 @@ mod tests {
     /// What finds pairs that are listed, and what finds those of one group, is shown with only what it takes.
     #[test]
     fn what_is_left_out_shrinks_with_the_spheres() {
-        let words = std::array::from_fn(|k| if k == 1 { 2 } else { 0x9e37_79b9_u32.wrapping_mul(k as u32 + 1) });
+        let words =
+            std::array::from_fn(|k| if k == 1 { 2 } else { 0x9e37_79b9_u32.wrapping_mul(k as u32 + 1) });
         let spheres = cloud(3, 500, 5.0, |random| 0.5 * random.unit());
         let scenario = Scenario::from(spheres).leaving_out(&words);
         for ignores_groups in [true, false] {
             let complaint = |scenario: &Scenario| {
                 let mut seen = scenario.clone();
-                if ignores_groups { seen.groups = None } else { seen.excluded = None }
+                if ignores_groups {
+                    seen.groups = None
+                } else {
+                    seen.excluded = None
+                }
                 difference(scenario, &seen.oracle(), &scenario.oracle(), Tolerance::Exact).err()
             };
             let what = complaint(&scenario).expect("it is broken");

@@ -304,7 +304,8 @@ pub(crate) struct Simulate {
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "What is wrong is written to lazygrid-check-1.csv and so on, in the present directory: as few
-spheres as show it, with what happened and a command that repeats it in comments.
+spheres as show it, with what happened and a command that repeats it in comments. Pairs that
+are to be left out are beside it, in lazygrid-check-1-excluded.csv.
 
 Exit code: 0 all is right; 1 something is wrong; 2 wrong usage.
 

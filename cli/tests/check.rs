@@ -32,7 +32,7 @@ fn the_cpu_is_all_right() {
     assert_eq!(timed(&object, "cpu"), Algorithm::CPU.map(|algorithm| algorithm.name().to_owned()));
     assert_eq!((&object["gpu"], &object["kernels"]), (&Value::Null, &Value::Null));
     let scenes = &object["scenes"];
-    assert!(scenes["scenes"].as_u64() > Some(60) && scenes["ways_on_cpu"].as_u64() >= Some(10), "{scenes}");
+    assert!(scenes["scenes"].as_u64() > Some(90) && scenes["ways_on_cpu"].as_u64() >= Some(10), "{scenes}");
     assert_eq!(scenes["ways_on_gpu"], 0);
 }
 

@@ -89,12 +89,10 @@ impl Shear {
     }
 
     /// The vector less whole numbers of the basis, so that it has at most half of each.
-    fn folded(&self, mut vector: DVec3) -> DVec3 {
-        let parts = self.inverse.map(|row| row.dot(vector).round());
-        for (part, along) in parts.iter().zip(&self.basis[..self.rank]) {
-            vector -= *along * *part;
-        }
-        vector
+    fn folded(&self, vector: DVec3) -> DVec3 {
+        let turn = |(row, along): (&DVec3, &DVec3)| *along * row.dot(vector).round();
+        // Summed before they are taken away: a vector next to an image of the origin would lose its last bits between the turns.
+        vector - self.inverse.iter().zip(&self.basis[..self.rank]).map(turn).sum::<DVec3>()
     }
 
     /// The image of a point near the origin, rounded to `f32`.

@@ -32,12 +32,7 @@ fn cases() -> impl Strategy<Value = Scenario> {
 }
 
 /// Nothing is there that is left out, and of the others all.
-fn same(
-    subject: Subject,
-    scenario: &Scenario,
-    found: &[Pair],
-    expected: &[Pair],
-) -> Result<(), String> {
+fn same(subject: Subject, scenario: &Scenario, found: &[Pair], expected: &[Pair]) -> Result<(), String> {
     if let Some(pair) = found.iter().find(|pair| scenario.leaves_out(pair.i as usize, pair.j as usize)) {
         return Err(format!("{subject}: {pair:?} is left out, and there"));
     }

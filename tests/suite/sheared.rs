@@ -111,6 +111,26 @@ fn the_distance_of_nearest_images() {
     });
 }
 
+/// Next to an image of a point no digit is lost, whatever turns lead there.
+#[test]
+fn distances_far_below_a_length() {
+    let edges = [[10.0, 0.0, 0.0], [-0.25, 10.0, 0.0], [0.5, 1.0, 0.1]].map(Vec3::from);
+    let space = Space::sheared(edges.map(Some)).expect("a box");
+    let tiny = f32::from_bits(3);
+    for turns in 0..27 {
+        let turn = |k: u32| (turns / 3_i32.pow(k) % 3 - 1) as f32;
+        let image: Vec3 = (0..3).map(|k| edges[k as usize] * turn(k)).sum();
+        // Next to it where a coordinate has room for so little.
+        let next = image + Vec3::new(tiny, -tiny, tiny);
+        let apart = (next - image).as_dvec3().length_squared();
+        // Of a sum of edges that is none of `f32` the image is not what was meant.
+        let exact: glam::DVec3 = (0..3).map(|k| edges[k as usize].as_dvec3() * f64::from(turn(k))).sum();
+        if image.as_dvec3() == exact {
+            assert_eq!(space.distance_squared(next, Vec3::ZERO), apart, "{image}");
+        }
+    }
+}
+
 /// A box that leans by a whole length has the images of one that does not.
 #[test]
 fn whole_tilts_are_none() {

@@ -7,9 +7,7 @@ use crate::compare::with_species;
 use crate::motion::{stride, walk};
 use crate::periodic::Family;
 use crate::way::Place;
-use crate::{
-    Element, LEFT_OUT_WORDS, Random, Scenario, Way, Words, adversary, periodic, sheared,
-};
+use crate::{Element, LEFT_OUT_WORDS, Random, Scenario, Way, Words, adversary, periodic, sheared};
 
 impl Round {
     /// The round of this seed, on the CPU unless a GPU is among what is checked.

@@ -272,7 +272,8 @@ impl Report {
     fn command(&self, path: &Path, name: &str, scenario: Option<&Scenario>, options: &str) -> String {
         let seed = name.strip_prefix("fuzz seed ").and_then(|rest| rest.split_once(':'));
         let fuzz = seed.map(|(seed, _)| format!("lazygrid check --backend {} --seed {seed}", self.backend));
-        let detect = scenario.filter(|_| !options.is_empty()).and_then(|scenario| shown::options(path, scenario));
+        let detect =
+            scenario.filter(|_| !options.is_empty()).and_then(|scenario| shown::options(path, scenario));
         match (detect, fuzz) {
             (Some(of_scene), fuzz) => {
                 let detect = format!("lazygrid detect {}{options}{of_scene}", path.display());

@@ -34,9 +34,8 @@ fn of_space(space: &Space) -> Option<String> {
         return Some(" --periodic none".to_owned());
     }
     // Each is above zero along its own axis, and has nothing of those behind it.
-    let has_option = |k: usize| {
-        edges[k].is_none_or(|edge| edge[k] > 0.0 && (k + 1..3).all(|axis| edge[axis] == 0.0))
-    };
+    let has_option =
+        |k: usize| edges[k].is_none_or(|edge| edge[k] > 0.0 && (k + 1..3).all(|axis| edge[axis] == 0.0));
     if !(0..3).all(has_option) {
         return None;
     }
@@ -52,7 +51,7 @@ pub(super) fn write(path: &Path, scenario: &Scenario, comments: &str) -> Result<
     let mut text = String::new();
     let mut comment = |line: &str| text += &format!("# {line}\n");
     comments.lines().for_each(&mut comment);
-    if options(path, scenario).is_none() && scenario.space.shear().is_some() {
+    if options(path, scenario).is_none() && scenario.space.is_periodic() {
         comment("Space repeats along these edges:");
         for edge in scenario.space.edges().into_iter().flatten() {
             comment(&format!("  {:?} {:?} {:?}", edge.x, edge.y, edge.z));

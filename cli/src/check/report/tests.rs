@@ -69,7 +69,10 @@ fn what_leans_and_what_is_left_out_is_shown() {
     shown::write(&path, &leaning, &command).unwrap();
     let mut frames = Frames::open(&path, Options { groups: true, ..Options::default() }).unwrap();
     let frame = frames.next().unwrap().unwrap();
-    assert_eq!((frame.spheres, frame.groups), (leaning.spheres.clone(), Some(vec![1, Spheres::NO_GROUP, 2, 1])));
+    assert_eq!(
+        (frame.spheres, frame.groups),
+        (leaning.spheres.clone(), Some(vec![1, Spheres::NO_GROUP, 2, 1]))
+    );
     assert_eq!(pairs(directory.path().join("f-excluded.csv")).unwrap(), [(0, 2), (1, 3)]);
     // There is no option for edges of any direction.
     let [x, y, z] = [[1.0, 0.5, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]].map(|edge| Some(edge.into()));
