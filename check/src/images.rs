@@ -19,7 +19,8 @@ impl Images {
         Self { edges, fractions }
     }
 
-    /// The least squared length of this vector and all its images, or where none is within `reach`, of some of them.
+    /// The least squared length of this vector and all its images, with an infinite `reach`. With another it may be that of any
+    /// image within reach, and where there is none, of any at all.
     ///
     /// What is in reach has no more of an edge than as many times the height across the other edges as fit the reach.
     pub(crate) fn distance_squared(&self, apart: DVec3, reach: f64) -> f64 {
@@ -27,7 +28,7 @@ impl Images {
         // All turns at once, between which the last bits of a small distance would be lost.
         let folded = apart - turns.sum::<DVec3>();
         // With a reach beyond that, one look is enough.
-        if folded.length() <= reach {
+        if reach.is_finite() && folded.length() <= reach {
             return folded.length_squared();
         }
         // No image is farther away along the edges than this one is.
@@ -100,6 +101,10 @@ mod tests {
             let [one, other] = [&leaning, &far].map(|images| at(images, x, y, 0.0));
             assert!((one - other).abs() < 1e-9 || one.min(other) > 2.25, "{one} {other}");
         }
+        // The nearest of all, not only the first look.
+        let flat = of([Some(Vec3::X * 0.5), Some(Vec3::new(1.375, 1.0, 0.0)), None]);
+        let apart = DVec3::new(-0.25, 2.75, 0.25);
+        assert_eq!(flat.distance_squared(apart, f64::INFINITY), 0.140625);
         let line = of([None, Some(Vec3::new(3.0, 4.0, 0.0)), None]);
         assert_eq!(at(&line, 6.0, 8.0, 1.0), 1.0);
     }
