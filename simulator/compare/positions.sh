@@ -1,0 +1,37 @@
+#!/usr/bin/env bash
+# What rounding of positions to single precision adds to diffusion: the same particles with the same random numbers at
+# several distances from the origin, and how far each has gone from its place in the run at the origin.
+# Lengths are in steps, √(2·D·Δt) along each axis. Usage: simulator/compare/positions.sh [PARTICLES [STEPS]]
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+
+particles=${1:-300} steps=${2:-1000000}
+lazygrid=${CARGO_TARGET_DIR:-target}/release/lazygrid
+[ -n "${SKIP_BUILD:-}" ] || cargo build --quiet --release -p lazygrid-cli
+
+scratch=$(mktemp -d)
+trap 'rm -r "$scratch"' EXIT
+for distance in 0 1e3 1e4 1e5 1e6 1e7; do
+    cat >"$scratch/run.toml" <<TOML
+time-step = 1
+steps = $steps
+[[species]]
+name = "A"
+diffusion = 0.5
+[[transmitter]]
+name = "tx"
+center = [$distance, $distance, $distance]
+release = [{ species = "A", count = $particles }]
+[output]
+every = $steps
+frames = ["xyz"]
+frames-every = $steps
+TOML
+    "$lazygrid" simulate "$scratch/run.toml" --output "$scratch/run" --overwrite --threads 1 >/dev/null 2>"$scratch/said"
+    # The last frame: id, species, x, y, z and radius of each particle, in the order of ids.
+    tail -n "$particles" "$scratch/run/frames.xyz" >"$scratch/$distance.xyz"
+    paste "$scratch/0.xyz" "$scratch/$distance.xyz" | awk -v d="$distance" -v steps="$steps" '
+        { half = NF / 2
+          for (k = 3; k <= 5; k++) { moved = $(half + k) - d; all += moved * moved; off = moved - $k; wrong += off * off; n++ } }
+        END { printf "%8s  mean square displacement / exact %.4f  rounding, root mean square per axis %.4g steps\n", d, all / n / steps, sqrt(wrong / n) }'
+done
