@@ -23,8 +23,8 @@ const BUCKET: usize = 1 << 13;
 const MAX_WIDTH: usize = 1 << 15;
 /// Bits per pass at most: counters of 8 KiB beside a bucket of 64 KiB.
 const DIGIT: u32 = 11;
-/// Passes at most: keys have 15 + 32 bits, or 21 + 32 where there are more than 2²⁶ spheres.
-const PASSES: usize = 5;
+/// Fewer pairs of a bucket are sorted by comparisons, which takes no counters.
+const FEW: usize = 256;
 
 /// Puts pairs in canonical order, by `i`, then `j`, in buffers that survive between calls.
 #[derive(Debug, Default)]
@@ -205,42 +205,51 @@ impl Canonical {
     }
 }
 
-/// Orders one bucket into `target`: a radix sort, digit by digit from the lowest.
+/// Orders one bucket into `target`: a radix sort, digit by digit from the lowest. Each pass counts the next one's digits.
 fn order_bucket<K: Key>(source: &mut [K], target: &mut [Pair], bucket: usize, cut: Cut) {
+    if source.len() < FEW {
+        source.sort_unstable_by_key(|key| key.bits());
+        let pairs = source.iter().map(|&key| cut.pair(bucket, key));
+        return target.iter_mut().zip(pairs).for_each(|(to, pair)| *to = pair);
+    }
     let passes = cut.bits().div_ceil(DIGIT).max(1);
     let digit = cut.bits().div_ceil(passes);
     let of = |key: K, pass: u32| (key.bits() >> (pass * digit)) as usize & ((1 << digit) - 1);
-    let mut places = [[0_u32; 1 << DIGIT]; PASSES];
+    let (mut places, mut counts) = ([0_u32; 1 << DIGIT], [0_u32; 1 << DIGIT]);
     for &key in source.iter() {
-        (0..passes).for_each(|pass| places[pass as usize][of(key, pass)] += 1);
-    }
-    for places in &mut places[..passes as usize] {
-        let mut at = 0;
-        for place in &mut places[..1 << digit] {
-            at += std::mem::replace(place, at);
-        }
+        counts[of(key, 0)] += 1;
     }
 
     // The room for pairs holds keys until the last pass.
     let spare = &mut cast_slice_mut::<_, K>(target)[..source.len()];
     let (mut from, mut to) = (&mut *source, spare);
     for pass in 0..passes - 1 {
-        let next = &mut places[pass as usize];
+        starts(&mut counts[..1 << digit], &mut places);
         for &key in from.iter() {
-            let place = &mut next[of(key, pass)];
+            let place = &mut places[of(key, pass)];
             to[*place as usize] = key;
             *place += 1;
+            counts[of(key, pass + 1)] += 1;
         }
         (from, to) = (to, from);
     }
     if passes.is_multiple_of(2) {
         to.copy_from_slice(from);
     }
-    let next = &mut places[passes as usize - 1];
+    starts(&mut counts[..1 << digit], &mut places);
     for &key in source.iter() {
-        let place = &mut next[of(key, passes - 1)];
+        let place = &mut places[of(key, passes - 1)];
         target[*place as usize] = cut.pair(bucket, key);
         *place += 1;
+    }
+}
+
+/// Where those of each digit begin; the counts are then 0 again.
+fn starts(counts: &mut [u32], places: &mut [u32]) {
+    let mut at = 0;
+    for (count, place) in counts.iter_mut().zip(places) {
+        *place = at;
+        at += std::mem::take(count);
     }
 }
 
