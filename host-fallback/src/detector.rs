@@ -326,4 +326,26 @@ mod tests {
         assert!(!is_done_here(100_000, 1.5, Algorithm::Auto), "many spheres");
         assert!(!is_done_here(6000, 0.0, Algorithm::CellList), "few spheres that all touch");
     }
+
+    #[test]
+    fn a_plan_of_an_earlier_call_loses_no_pair() {
+        let settings = |algorithm| Settings { algorithm, ..Settings::default() };
+        let mut detector =
+            HostDetector::new(settings(Algorithm::CellList)).expect("the settings are in range");
+        let mut naive = HostDetector::new(settings(Algorithm::Naive)).expect("the settings are in range");
+        let corners = [0.0, 100.0].map(|at| Sphere::new([at; 3], 1.0));
+        // Spread out, then in ever smaller clumps between the same bounds; at last some are larger.
+        for (width, radii) in [(90.0, [1.0, 0.1]), (10.0, [1.0, 0.1]), (0.0, [1.0, 0.1]), (90.0, [20.0, 0.1])]
+        {
+            let at = |k: u32| [7, 11, 13].map(|step| 5.0 + width * ((k * step) % 101) as f32 / 101.0);
+            let inner = (0..500).map(|k| Sphere::new(at(k), radii[k as usize % 2]));
+            let spheres: Vec<_> = corners.into_iter().chain(inner).collect();
+            let expected = naive.pairs((&spheres).into()).expect("the spheres are valid");
+            assert_eq!(
+                detector.pairs((&spheres).into()).expect("the spheres are valid"),
+                expected,
+                "{width}"
+            );
+        }
+    }
 }

@@ -4,19 +4,27 @@
 //! clusters. The sample is sorted along the Morton curve, where the members of every octree cell are neighbours, so
 //! one sort answers for all edges.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
-use crate::Error;
 use crate::input::Input;
 use crate::memory::collect;
+use crate::{Error, Survey};
 
 /// Halvings of the bounding cube's edge: 21 bits per axis fill a 63-bit Morton code.
 const DEPTHS: usize = 21;
 /// Fewer coincidences than this at one depth say more about chance than about space.
 const RELIABLE: u64 = 24;
 
+/// Spheres below which a sample serves several calls: to take one is a sixth of a call of 1000 spheres. What a poor plan
+/// costs so few is little.
+const FEW: usize = 1 << 12;
+/// How many further calls it serves at most.
+const CALLS: u32 = 15;
+/// Part of the extent by which bounds may have moved meanwhile.
+const MOVED: f32 = 0.0625;
+
 /// Mean number of spheres in the cube of a sphere, by the cube's edge, as points of a line in log-log scale.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Crowding {
     /// log₂ of the edge of the bounding cube.
     top: f32,
@@ -83,6 +91,45 @@ impl Crowding {
     }
 }
 
+/// A sample that serves a few calls, where the spheres are few.
+#[derive(Debug)]
+pub(crate) struct Outlook {
+    crowding: Crowding,
+    spheres: usize,
+    bounds: [Vec3; 2],
+    /// For how many calls more.
+    left: u32,
+}
+
+impl Outlook {
+    /// How crowded the spheres are: what the `last` call knows of it, or a new sample.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn of(last: Option<Self>, input: &Input<'_>) -> Result<Self, Error> {
+        let Survey { spheres, min, max, .. } = input.survey;
+        match last {
+            Some(last) if last.serves(spheres, [min, max]) => Ok(Self { left: last.left - 1, ..last }),
+            _ => {
+                let left = if spheres < FEW { CALLS } else { 0 };
+                Ok(Self { crowding: Crowding::sample(input)?, spheres, bounds: [min, max], left })
+            }
+        }
+    }
+
+    pub(crate) fn crowding(&self) -> &Crowding {
+        &self.crowding
+    }
+
+    /// Whether it is good for so many spheres between these bounds.
+    fn serves(&self, spheres: usize, [min, max]: [Vec3; 2]) -> bool {
+        let [low, high] = self.bounds;
+        let margin = (high - low).max_element() * MOVED;
+        let near = |a: Vec3, b: Vec3| (a - b).abs().max_element() <= margin;
+        self.left > 0 && self.spheres == spheres && near(min, low) && near(max, high)
+    }
+}
+
 /// Enough that the mean of one sphere per cell shows as some dozens of coincidences, few enough to be cheap.
 fn sample_size(n: usize) -> usize {
     n.min((6.0 * (n as f64).sqrt()) as usize).clamp(n.min(64), 1 << 16)
@@ -136,6 +183,22 @@ mod tests {
         let crowding = Crowding::from_codes(&[7; 100], 1000, 0.0);
         assert!(crowding.mean(-100.0) > 990.0);
         assert!(crowding.mean(10.0) > 990.0);
+    }
+
+    #[test]
+    fn a_sample_serves_few_spheres_a_few_times_and_only_about_where_it_was_taken() {
+        let crowding = Crowding::from_codes(&[7; 100], 1000, 1.0);
+        let outlook = |left| Outlook {
+            crowding: crowding.clone(),
+            spheres: 1000,
+            bounds: [Vec3::ZERO, Vec3::ONE],
+            left,
+        };
+        assert!(outlook(1).serves(1000, [Vec3::splat(0.06), Vec3::ONE]));
+        assert!(!outlook(0).serves(1000, [Vec3::ZERO, Vec3::ONE]), "it has served");
+        assert!(!outlook(1).serves(1001, [Vec3::ZERO, Vec3::ONE]), "another number");
+        assert!(!outlook(1).serves(1000, [Vec3::ZERO, Vec3::new(1.0, 1.0, 1.07)]), "another place");
+        assert!(!outlook(1).serves(1000, [Vec3::ZERO, Vec3::INFINITY]), "far away");
     }
 
     #[test]

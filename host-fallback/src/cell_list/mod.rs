@@ -18,8 +18,9 @@ use crate::compare::{Columns, Output, Vector};
 use crate::input::Input;
 use crate::memory::{push, with_growth};
 use crate::report::Report;
+use crate::survey::Class;
 use crate::{Error, Survey};
-pub(crate) use crowding::Crowding;
+pub(crate) use crowding::{Crowding, Outlook};
 use grid::Grid;
 use levels::CELLS_PER_SPHERE;
 pub(crate) use levels::Levels;
@@ -42,8 +43,30 @@ pub(crate) struct CellList {
     /// Where each cell's spheres start in `columns`; one more than there are cells.
     starts: Vec<u32>,
     sorter: Sorter,
+    plan: Option<Planned>,
     /// Estimated time of a search by one thread, in nanoseconds.
     time: f32,
+}
+
+/// A plan, and what it was made of.
+#[derive(Debug)]
+struct Planned {
+    classes: [Class; CLASSES],
+    crowding: Crowding,
+    levels: Levels,
+}
+
+impl Planned {
+    /// The plan for spheres of these sizes that are so crowded: the `last` one, if it is.
+    fn of(last: Option<Self>, survey: &Survey, crowding: &Crowding) -> Self {
+        match last {
+            Some(last) if last.classes == survey.classes && last.crowding == *crowding => last,
+            _ => {
+                let levels = Levels::plan(survey, crowding);
+                Self { classes: survey.classes, crowding: crowding.clone(), levels }
+            }
+        }
+    }
 }
 
 /// One level of the plan, placed in the table.
@@ -132,19 +155,21 @@ impl CellList {
     ) -> Result<(), Error> {
         let Survey { min, max, .. } = input.survey;
         let lengths = input.rule.lengths();
-        let plan = report.time("plan", || Levels::plan(&input.survey, crowding));
+        let last = self.plan.take();
+        let plan =
+            &self.plan.insert(report.time("plan", || Planned::of(last, &input.survey, crowding))).levels;
         let (mut base, mut from) = (0, 0);
         self.time = plan.cost;
         self.levels.clear();
         let sets = if input.split.is_some() { 2 } else { 1 };
-        let members = Members::count(input, &plan);
+        let members = Members::count(input, plan);
         for (k, level) in (0..sets).flat_map(|_| &plan.levels).enumerate() {
             let most = ((level.spheres as f32 * CELLS_PER_SPHERE) as u64).min(MAX_CELLS);
             let grid = |edge| Grid::new(edge, (min, max), lengths, level.largest, most);
             let wider = WIDER.map(|by| level.edge * by).into_iter().map(grid).find(|grid| !grid.folded);
             let grid = wider.unwrap_or_else(|| grid(level.edge));
             log::trace!("level of {} spheres: edge {}, {grid:?}", level.spheres, level.edge);
-            let (cells, to) = (grid.cells() as usize, from + members.of(k, &plan) as usize);
+            let (cells, to) = (grid.cells() as usize, from + members.of(k, plan) as usize);
             push(&mut self.levels, Placed { grid, base, members: from..to }, "levels")?;
             (base, from) = (base + cells, to);
         }

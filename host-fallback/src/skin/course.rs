@@ -3,7 +3,7 @@
 use super::motion::Motion;
 use super::worth::{Choice, allowances, choose};
 use super::{Allowances, Candidates, fixed};
-use crate::cell_list::{CellList, Crowding};
+use crate::cell_list::{CellList, Crowding, Outlook};
 use crate::compare::Rule;
 use crate::input::Input;
 use crate::report::{Rebuilt, Report};
@@ -18,6 +18,7 @@ const PATIENCE: u32 = 31;
 pub(crate) struct Course {
     pub(crate) candidates: Candidates,
     motion: Motion,
+    outlook: Option<Outlook>,
     choice: Option<Choice>,
     /// How far the farthest sphere had gone one call after the candidates were found, as a part of its allowance.
     first: f32,
@@ -68,7 +69,9 @@ impl Course {
         input: &Input<'_>,
         report: &mut Report,
     ) -> Result<bool, Error> {
-        let crowding = report.time("plan", || Crowding::sample(input))?;
+        let last = self.outlook.take();
+        let outlook = report.time("plan", || Outlook::of(last, input))?;
+        let crowding = outlook.crowding();
         let allowances = match input.settings.skin {
             // Only one set has candidates.
             _ if input.split.is_some() => None,
@@ -78,17 +81,19 @@ impl Course {
                 None
             }
             Skin::Fixed(distance) => Some(fixed(input.rule.searched(distance))),
-            Skin::Auto => report.time("plan", || self.choose(input, &crowding)),
+            Skin::Auto => report.time("plan", || self.choose(input, crowding)),
         };
         if let Some(allowances) = allowances {
-            if self.candidates.find((list, &crowding), input, &allowances, report)? {
+            if self.candidates.find((list, crowding), input, &allowances, report)? {
+                self.outlook = Some(outlook);
                 return Ok(true);
             }
             self.pause = PATIENCE;
         }
         // Candidates go by where the list has the spheres.
         self.candidates.clear();
-        list.build(input, &crowding, report)?;
+        list.build(input, crowding, report)?;
+        self.outlook = Some(outlook);
         Ok(false)
     }
 
