@@ -1,4 +1,4 @@
-use engine::{Exclusions, InputError, MAX_SPHERES, Pair};
+use engine::{Exclusions, Pair};
 
 use crate::input::array;
 use crate::out::check;
@@ -20,14 +20,6 @@ unsafe fn create(exclusions: *mut *mut List, list: impl FnOnce() -> Result<Exclu
         out.put(Box::into_raw(Box::new(List(list()?))));
         Ok(())
     })
-}
-
-/// Whether so many spheres can be, so that no list of theirs is longer than lists can be.
-fn spheres(count: usize) -> Result<usize, Failure> {
-    match count as u64 > MAX_SPHERES || count > isize::MAX as usize / size_of::<u64>() - 1 {
-        true => Err(InputError::TooManySpheres { count: count as u64 }.into()),
-        false => Ok(count),
-    }
 }
 
 /// The pairs at `at`.
@@ -54,7 +46,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_create(
     exclusions: *mut *mut List,
 ) -> Status {
     // SAFETY: this function's own condition, for both.
-    let list = || Ok(Exclusions::new(spheres(count_of_spheres)?, unsafe { pairs(pairs_at, count) }?)?);
+    let list = || Ok(Exclusions::new(count_of_spheres, unsafe { pairs(pairs_at, count) }?)?);
     // SAFETY: as above.
     unsafe { create(exclusions, list) }
 }
@@ -72,7 +64,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_between(
     exclusions: *mut *mut List,
 ) -> Status {
     let list = || {
-        let (first, second) = (spheres(first)?, spheres(second)?);
+        let (first, second) = (first, second);
         // SAFETY: this function's own condition.
         Ok(Exclusions::between(first, second, unsafe { pairs(pairs_at, count) }?)?)
     };
@@ -94,7 +86,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_of_rows(
 ) -> Status {
     let list = || {
         // SAFETY: so many values by this function's condition, and no larger than an `isize`.
-        let offsets = unsafe { array(offsets, spheres(count_of_spheres)? + 1, "offsets") }?;
+        let offsets = unsafe { array(offsets, count_of_spheres + 1, "offsets") }?;
         let starts: Vec<usize> =
             offsets.iter().map(|&offset| usize::try_from(offset).unwrap_or(usize::MAX)).collect();
         let count = starts.last().copied().unwrap_or(0);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use lazygrid::{Exclusions, InputError, Spheres};
+use lazygrid::{Error, Exclusions, Spheres};
 
 use crate::Scenario;
 
@@ -22,7 +22,7 @@ impl Excluded {
     ///
     /// # Errors
     /// That of [`Exclusions::new`].
-    pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, InputError> {
+    pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, Error> {
         let pairs: Vec<(u32, u32)> = pairs.into_iter().collect();
         let list = Exclusions::new(spheres, pairs.iter().copied())?;
         Ok(Self { list, pairs: pairs.into_iter().map(|(i, j)| (i.min(j), i.max(j))).collect() })

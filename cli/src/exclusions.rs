@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use lazygrid::{Exclusions, InputError, Spheres};
+use lazygrid::{Error, Exclusions, InputError, Spheres};
 use lazygrid_io::read::{self, Frame};
 
 use crate::args::Detect;
@@ -24,8 +24,11 @@ impl Excluded {
 
     /// The same by the rows of a frame, whose ids ascend where it has any. Spheres that the frame has not are in no pair.
     pub(crate) fn of(&self, frame: &Frame, number: usize) -> Result<Exclusions, Failure> {
-        let refused =
-            |reason: InputError| Failure::Excluded { path: self.path.clone(), frame: number, reason };
+        let refused = |reason: Error| Failure::Excluded {
+            path: self.path.clone(),
+            frame: number,
+            reason: Box::new(reason),
+        };
         let spheres = frame.spheres.len();
         match frame.ids.as_deref().filter(|_| self.by_id) {
             Some(ids) => {

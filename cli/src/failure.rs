@@ -41,7 +41,7 @@ pub(crate) enum Failure {
     #[error("{}, frame {frame}: id {id} is that of two spheres, and --ids would mix them up; leave --ids out", path.display())]
     IdTwice { path: PathBuf, frame: usize, id: i64 },
     #[error("{}, frame {frame}: {reason}; with --ids the numbers are ids", path.display())]
-    Excluded { path: PathBuf, frame: usize, reason: lazygrid::InputError },
+    Excluded { path: PathBuf, frame: usize, reason: Box<lazygrid::Error> },
     #[error("no memory for {spheres} spheres; generate fewer")]
     NoMemory { spheres: u64 },
     #[error(

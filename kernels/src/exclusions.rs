@@ -1,4 +1,4 @@
-use crate::InputError;
+use crate::{Error, InputError, MAX_SPHERES};
 
 /// Pairs that are none, whatever their spheres: bonds, neighbours along a chain, what was settled elsewhere.
 ///
@@ -11,7 +11,7 @@ use crate::InputError;
 /// let bonds = Exclusions::new(4, [(0, 1), (2, 1)])?;
 /// assert!(bonds.contains(1, 2) && bonds.contains(2, 1) && !bonds.contains(0, 2));
 /// assert_eq!(bonds, Exclusions::from_rows(&[0, 1, 2, 2, 2], &[1, 2])?);
-/// # Ok::<(), lazygrid_kernels::InputError>(())
+/// # Ok::<(), lazygrid_kernels::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exclusions {
@@ -27,11 +27,13 @@ impl Exclusions {
     /// These pairs among so many spheres. A sphere and itself are no pair, and may be named.
     ///
     /// # Errors
-    /// [`InputError::Excluded`] for the first pair with an index that is none.
-    pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, InputError> {
-        let pairs = checked((spheres, spheres), pairs)?;
-        let ordered = pairs.into_iter().filter(|(i, j)| i != j).map(|(i, j)| (i.min(j), i.max(j)));
-        Ok(Self::of((spheres, None), ordered.collect()))
+    /// [`InputError::Excluded`] for the first pair with an index that is none, [`InputError::TooManySpheres`],
+    /// [`Error::OutOfMemory`].
+    pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, Error> {
+        let mut pairs = checked((spheres, spheres), pairs)?;
+        pairs.retain(|(i, j)| i != j);
+        pairs.iter_mut().for_each(|(i, j)| (*i, *j) = ((*i).min(*j), (*i).max(*j)));
+        Self::of((spheres, None), pairs)
     }
 
     /// These pairs of a sphere of the first set and one of the second, each by its index in its set.
@@ -42,8 +44,8 @@ impl Exclusions {
         first: usize,
         second: usize,
         pairs: impl IntoIterator<Item = (u32, u32)>,
-    ) -> Result<Self, InputError> {
-        Ok(Self::of((first, Some(second)), checked((first, second), pairs)?))
+    ) -> Result<Self, Error> {
+        Self::of((first, Some(second)), checked((first, second), pairs)?)
     }
 
     /// The pairs of compressed rows, as neighbour lists are stored: sphere `i` and each of
@@ -52,12 +54,10 @@ impl Exclusions {
     /// # Errors
     /// [`InputError::ExcludedRows`] for offsets that do not begin with 0, fall, or do not end with the number of indices;
     /// otherwise as [`new`](Self::new).
-    pub fn from_rows(offsets: &[usize], indices: &[u32]) -> Result<Self, InputError> {
-        let wrong = |at: usize, offset: usize| InputError::ExcludedRows {
-            at,
-            offset,
-            offsets: offsets.len(),
-            indices: indices.len(),
+    pub fn from_rows(offsets: &[usize], indices: &[u32]) -> Result<Self, Error> {
+        let wrong = |at: usize, offset: usize| {
+            let (offsets, indices) = (offsets.len(), indices.len());
+            Error::from(InputError::ExcludedRows { at, offset, offsets, indices })
         };
         let (Some(&start), Some(&end)) = (offsets.first(), offsets.last()) else { return Err(wrong(0, 0)) };
         if start != 0 {
@@ -74,17 +74,21 @@ impl Exclusions {
     }
 
     /// Rows of these pairs.
-    fn of((first, second): (usize, Option<usize>), mut pairs: Vec<(u32, u32)>) -> Self {
+    fn of((first, second): (usize, Option<usize>), mut pairs: Vec<(u32, u32)>) -> Result<Self, Error> {
         pairs.sort_unstable();
         pairs.dedup();
-        let mut offsets = vec![0; first + 1];
+        let (mut offsets, mut others) = (Vec::new(), Vec::new());
+        room(&mut offsets, first + 1)?;
+        room(&mut others, pairs.len())?;
+        others.extend(pairs.iter().map(|(_, j)| *j));
+        offsets.resize(first + 1, 0);
         for (i, _) in &pairs {
             offsets[*i as usize + 1] += 1;
         }
         for at in 0..first {
             offsets[at + 1] += offsets[at];
         }
-        Self { offsets, others: pairs.into_iter().map(|(_, j)| j).collect(), second }
+        Ok(Self { offsets, others, second })
     }
 
     /// How many spheres they were made for: of one set, or of the first and of the second.
@@ -118,12 +122,31 @@ impl Exclusions {
 fn checked(
     (first, second): (usize, usize),
     pairs: impl IntoIterator<Item = (u32, u32)>,
-) -> Result<Vec<(u32, u32)>, InputError> {
-    let check = |(i, j): (u32, u32)| match (i as usize) < first && (j as usize) < second {
-        true => Ok((i, j)),
-        false => Err(InputError::Excluded { i, j, first, second }),
-    };
-    pairs.into_iter().map(check).collect()
+) -> Result<Vec<(u32, u32)>, Error> {
+    if let Some(count) =
+        [first, second].into_iter().map(|count| count as u64).find(|&count| count > MAX_SPHERES)
+    {
+        return Err(InputError::TooManySpheres { count }.into());
+    }
+    let pairs = pairs.into_iter();
+    let mut all = Vec::new();
+    room(&mut all, pairs.size_hint().0)?;
+    for (i, j) in pairs {
+        if i as usize >= first || j as usize >= second {
+            return Err(InputError::Excluded { i, j, first, second }.into());
+        }
+        if all.len() == all.capacity() {
+            room(&mut all, 1)?;
+        }
+        all.push((i, j));
+    }
+    Ok(all)
+}
+
+/// Makes room for so many values more.
+fn room<T>(values: &mut Vec<T>, count: usize) -> Result<(), Error> {
+    let bytes = (values.len() as u64).saturating_add(count as u64).saturating_mul(size_of::<T>() as u64);
+    values.try_reserve(count).map_err(|_| Error::OutOfMemory { what: "excluded pairs", bytes })
 }
 
 #[cfg(test)]
@@ -145,11 +168,18 @@ mod tests {
     #[test]
     fn what_names_no_sphere_is_refused() {
         let error = Exclusions::new(3, [(0, 1), (2, 3)]).unwrap_err();
-        assert_eq!(error, InputError::Excluded { i: 2, j: 3, first: 3, second: 3 });
+        assert!(
+            matches!(error, Error::Input(InputError::Excluded { i: 2, j: 3, first: 3, second: 3 })),
+            "{error}"
+        );
         assert!(Exclusions::between(3, 1, [(2, 1)]).is_err());
         for (offsets, at) in [(&[][..], 0), (&[1, 2], 0), (&[0, 2, 1, 2], 2), (&[0, 1], 1), (&[0, 3], 1)] {
             let error = Exclusions::from_rows(offsets, &[0, 0]).unwrap_err();
-            assert!(matches!(error, InputError::ExcludedRows { at: wrong, .. } if wrong == at), "{error}");
+            let is_told =
+                matches!(error, Error::Input(InputError::ExcludedRows { at: wrong, .. }) if wrong == at);
+            assert!(is_told, "{error}");
         }
+        let error = Exclusions::new(usize::MAX, []).unwrap_err();
+        assert!(matches!(error, Error::Input(InputError::TooManySpheres { .. })), "{error}");
     }
 }

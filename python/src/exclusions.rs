@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use lazygrid::InputError;
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 
@@ -40,9 +39,9 @@ impl Exclusions {
     /// The list that `make` makes without the interpreter's lock.
     fn made(
         py: Python<'_>,
-        make: impl FnOnce() -> Result<lazygrid::Exclusions, InputError> + Send,
+        make: impl FnOnce() -> Result<lazygrid::Exclusions, lazygrid::Error> + Send,
     ) -> PyResult<Self> {
-        Ok(Self { list: Arc::new(py.detach(make).map_err(error::input)?) })
+        Ok(Self { list: Arc::new(py.detach(make).map_err(error::engine)?) })
     }
 }
 
