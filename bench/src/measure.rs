@@ -7,6 +7,7 @@ mod present;
 
 use std::error::Error;
 use std::hint::black_box;
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use lazygrid::{Backend, Config, Detector, Pair, Phase, Sphere, gpu};
@@ -30,6 +31,15 @@ pub enum Found<'a> {
 
 /// A way to find the overlapping pairs of moving spheres, with what it keeps from step to step.
 pub trait Search {
+    /// Takes note of the spheres of the call that comes next, for nothing: what a program that has them elsewhere knows
+    /// before it searches.
+    ///
+    /// # Errors
+    /// Whatever the search refuses or lacks.
+    fn prepare(&mut self, _spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
+        Ok(())
+    }
+
     /// The pairs of these spheres: those of the last call, a little moved.
     ///
     /// # Errors
@@ -81,6 +91,11 @@ impl Contender {
     pub fn count(name: impl Into<String>, config: Config) -> Self {
         Self::new(name, move || Ok(Count(Detector::new(config.clone())?)))
     }
+
+    /// A lazygrid detector that hands pairs over in chunks, which are dropped.
+    pub fn stream(name: impl Into<String>, config: Config) -> Self {
+        Self::new(name, move || Ok(Stream(Detector::new(config.clone())?)))
+    }
 }
 
 struct List(Detector);
@@ -111,6 +126,25 @@ struct Count(Detector);
 impl Search for Count {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         Ok(Found::Count(self.0.count(spheres)?))
+    }
+
+    fn note(&self) -> String {
+        self.0.report().algorithm.to_string()
+    }
+}
+
+struct Stream(Detector);
+
+impl Search for Stream {
+    fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        /// Pairs in a chunk at most, 8 MiB.
+        const CHUNK: usize = 1 << 20;
+        let mut pairs = 0;
+        self.0.stream(spheres, CHUNK, |chunk| {
+            pairs += black_box(chunk).len() as u64;
+            ControlFlow::Continue(())
+        })?;
+        Ok(Found::Count(pairs))
     }
 
     fn note(&self) -> String {
@@ -280,6 +314,7 @@ impl<'a> Lane<'a> {
             if plan.fresh {
                 self.search = (self.contender.make)()?;
             }
+            self.search.prepare(now)?;
             let start = Instant::now();
             let found = black_box(self.search.run(black_box(now))?);
             let time = start.elapsed();

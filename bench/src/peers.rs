@@ -5,6 +5,7 @@
 pub mod bullet;
 pub mod cell_list;
 mod class;
+pub mod lammps;
 pub mod octree;
 pub mod parry;
 pub mod sweep;

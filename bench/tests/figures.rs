@@ -39,6 +39,7 @@ fn the_smallest_size_of_everything() {
         "3a",
         "3b",
         "4",
+        "moves",
         "5a",
         "5b",
         "transceivers",

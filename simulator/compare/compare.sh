@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # Whole steps of lazygrid, Smoldyn 2.74 and ReaDDy 2.0.14 on one thread of this machine, in turn: move, find, react.
-# Prints milliseconds per step of each and how many times as fast as the faster of the two lazygrid is.
+# Prints milliseconds per step of each, by the clock and of processor time, and how many times as fast lazygrid is.
+# RECEIVERS in the environment is a number of absorbing receivers; ReaDDy has none.
 # Needs Python 3.11 with venv; installs the two from PyPI into target/compare.
 # Usage: simulator/compare/compare.sh [MOLECULES [ROUNDS [STEPS]]]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
-molecules=${1:-100000} rounds=${2:-3} steps=${3:-30} warm=5
+molecules=${1:-100000} rounds=${2:-3} steps=${3:-30} receivers=${RECEIVERS:-0} warm=5
 target=${CARGO_TARGET_DIR:-target}
 venv=$target/compare
 lazygrid=$target/release/lazygrid
@@ -19,9 +20,9 @@ fi
 
 scratch=$(mktemp -d)
 trap 'rm -r "$scratch"' EXIT
-"$venv/bin/python" - "$molecules" >"$scratch/scenario.toml" <<'PYTHON'
+"$venv/bin/python" - "$molecules" "$receivers" >"$scratch/scenario.toml" <<'PYTHON'
 import sys
-molecules = int(sys.argv[1])
+molecules, receivers = map(int, sys.argv[1:])
 edge = (molecules * 3.141592653589793 / 6 / 0.05) ** (1 / 3)
 half = edge / 2
 print(f"""
@@ -47,37 +48,47 @@ name = "all"
 shape = {{ kind = "box", size = [{edge}, {edge}, {edge}] }}
 release = [{{ species = "A", count = {molecules // 2} }}, {{ species = "B", count = {molecules // 2} }}]
 """)
+side = next(k for k in range(100) if k ** 3 >= receivers)
+for k in range(receivers):
+    center = [(c + 0.5) * edge / side - half for c in (k % side, k // side % side, k // side // side)]
+    print(f'[[receiver]]\nname = "r{k}"\ncenter = {center}\nradius = 0.5\nkind = "absorbing"')
 PYTHON
 
-# Seconds of a run of this many steps.
+# Seconds of a run of this many steps, by the clock and of processor time.
 run() {
-    local start end
-    start=$(date +%s%N)
-    "$lazygrid" simulate "$scratch/scenario.toml" --output "$scratch/run" --overwrite --threads 1 --steps "$1" >/dev/null
-    end=$(date +%s%N)
-    echo $((end - start))
+    local TIMEFORMAT='%3R %3U %3S'
+    { time "$lazygrid" simulate "$scratch/scenario.toml" --output "$scratch/run" --overwrite --threads 1 --steps "$1" \
+        >/dev/null 2>"$scratch/said"; } 2>&1
 }
 
-echo "$molecules molecules, $steps steps after $warm, one thread; ms per step" >&2
+echo "$molecules molecules, $receivers receivers, $steps steps after $warm, one thread; ms per step" >&2
 for ((round = 0; round < rounds; round++)); do
     first=$(run $warm)
     last=$(run $((warm + steps)))
-    echo "lazygrid $(awk "BEGIN { print ($last - $first) / $steps / 1e6 }")"
+    echo "lazygrid $first $last" | awk -v n="$steps" '{ print $1, ($5 - $2) / n * 1e3, ($6 + $7 - $3 - $4) / n * 1e3 }'
     for peer in smoldyn readdy; do
-        seconds=$("$venv/bin/python" simulator/compare/peer.py $peer "$molecules" $warm "$steps" 2>/dev/null | awk '/^SECONDS/ { print $2 }')
-        echo "$peer $(awk "BEGIN { print $seconds * 1000 / $steps }")"
+        [ "$peer" = readdy ] && [ "$receivers" != 0 ] && continue
+        "$venv/bin/python" simulator/compare/peer.py $peer "$molecules" $warm "$steps" "$receivers" 2>/dev/null |
+            awk -v peer=$peer -v n="$steps" '/^SECONDS/ { print peer, $2 / n * 1e3, $3 / n * 1e3 }'
     done
 done | awk '
-    { values[$1] = values[$1] " " $2; n[$1]++; all[$1, n[$1]] = $2 + 0 }
-    function median(name,    count, i, j, t) {
+    { name = $1; if (!(name in n)) order[++names] = name; n[name]++; wall[name, n[name]] = $2; cpu[name, n[name]] = $3 }
+    function median(of, name,    count, i, j, t, all) {
         count = n[name]
+        for (i = 1; i <= count; i++) all[i] = of[name, i] + 0
         for (i = 1; i <= count; i++) for (j = i + 1; j <= count; j++)
-            if (all[name, j] < all[name, i]) { t = all[name, i]; all[name, i] = all[name, j]; all[name, j] = t }
-        return (all[name, int((count + 1) / 2)] + all[name, int((count + 2) / 2)]) / 2
+            if (all[j] < all[i]) { t = all[i]; all[i] = all[j]; all[j] = t }
+        return (all[int((count + 1) / 2)] + all[int((count + 2) / 2)]) / 2
+    }
+    # How many times as long as lazygrid, round by round.
+    function ratio(of, name,    k) {
+        for (k = 1; k <= n[name]; k++) times[name, k] = of[name, k] / of["lazygrid", k]
+        return median(times, name)
     }
     END {
-        for (name in n) m[name] = median(name)
-        printf "lazygrid %8.2f  (%s )\n", m["lazygrid"], values["lazygrid"]
-        printf "smoldyn  %8.2f  (%s ), %.1f times\n", m["smoldyn"], values["smoldyn"], m["smoldyn"] / m["lazygrid"]
-        printf "readdy   %8.2f  (%s ), %.1f times\n", m["readdy"], values["readdy"], m["readdy"] / m["lazygrid"]
+        for (k = 1; k <= names; k++) {
+            name = order[k]
+            printf "%-8s %8.2f ms (%5.1f x), processor time %8.2f ms (%5.1f x)\n", name, median(wall, name), ratio(wall, name),
+                median(cpu, name), ratio(cpu, name)
+        }
     }'

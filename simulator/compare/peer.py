@@ -1,9 +1,10 @@
-"""One run of another simulator; prints the seconds from the first step to the last.
+"""One run of another simulator; prints the seconds from the first step to the last, by the clock and of processor time.
 
-Usage: peer.py smoldyn|readdy MOLECULES WARM STEPS
+Usage: peer.py smoldyn|readdy MOLECULES WARM STEPS RECEIVERS
 
 Half A and half B at 5 % density (of spheres with the binding radius of 1 as diameter) in a periodic box, D = 1, a step of
-0.05 along each axis, A + B -> 0. WARM steps run before the clock starts.
+0.05 along each axis, A + B -> 0. WARM steps run before the clock starts. Receivers are absorbing spheres of
+radius 0.5 on a lattice; ReaDDy has none.
 """
 
 import os
@@ -12,9 +13,31 @@ import sys
 import tempfile
 import time
 
-peer, molecules, warm, steps = sys.argv[1], *map(int, sys.argv[2:])
+peer, molecules, warm, steps, receivers = sys.argv[1], *map(int, sys.argv[2:])
 edge = (molecules * 3.141592653589793 / 6 / 0.05) ** (1 / 3)
 time_step = 0.00125
+
+
+def now():
+    """Seconds by the clock and of processor time."""
+    return time.perf_counter(), time.process_time()
+
+
+def since(start):
+    return [end - begun for begun, end in zip(start, now())]
+
+
+def surface():
+    """The receivers as a surface of Smoldyn."""
+    if receivers == 0:
+        return ""
+    side = next(k for k in range(1, 100) if k**3 >= receivers)
+    panels = []
+    for k in range(receivers):
+        x, y, z = ((c + 0.5) * edge / side for c in (k % side, k // side % side, k // side // side))
+        panels.append(f"panel sphere {x} {y} {z} 0.5 10 10")
+    text = "\n".join(panels)
+    return f"start_surface receivers\naction all both absorb\nmax_panels sphere {receivers}\n{text}\nend_surface"
 
 
 def run_smoldyn():
@@ -41,6 +64,7 @@ mol {molecules // 2} A u u u
 mol {molecules // 2} B u u u
 reaction r1 A + B -> 0
 binding_radius r1 1
+{surface()}
 end_file
 """
     with tempfile.NamedTemporaryFile("w", suffix=".txt", delete=False) as file:
@@ -48,9 +72,9 @@ end_file
     try:
         simulation = smoldyn.Simulation.fromFile(file.name, "q")
         simulation.runUntil(warm * time_step, dt=time_step)
-        start = time.perf_counter()
+        start = now()
         simulation.runUntil((warm + steps) * time_step, dt=time_step)
-        return time.perf_counter() - start
+        return since(start)
     finally:
         os.unlink(file.name)
 
@@ -71,13 +95,13 @@ def run_readdy():
         positions = numpy.random.default_rng(1).uniform(-edge / 2, edge / 2, (molecules, 3))
         simulation.add_particles("A", positions[: molecules // 2])
         simulation.add_particles("B", positions[molecules // 2 :])
-        start = time.perf_counter()
+        start = now()
         simulation.run(count, time_step, show_summary=False)
-        return time.perf_counter() - start
+        return since(start)
 
     # A run cannot be continued, so the first steps are timed by themselves and taken off.
-    return elapsed(warm + steps) - elapsed(warm)
+    return [longer - shorter for longer, shorter in zip(elapsed(warm + steps), elapsed(warm))]
 
 
 seconds = {"smoldyn": run_smoldyn, "readdy": run_readdy}[peer]()
-print(f"SECONDS {seconds}")
+print("SECONDS", *seconds)

@@ -11,9 +11,10 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
-use lazygrid::{Algorithm, Backend, Config, Order};
+use lazygrid::{Algorithm, Backend, Config, Order, Skin};
 use lazygrid_bench::measure::{Contender, Options, Plan, Timing, compare, markdown, provenance};
-use lazygrid_bench::peers::{cell_list, parry, verlet};
+use lazygrid_io::scenes::Scene;
+use lazygrid_bench::peers::{cell_list, lammps, parry, verlet};
 
 /// Above this many spheres the naive detector is left out: its time grows with the square.
 const NAIVE_LIMIT: usize = 20_000;
@@ -30,6 +31,12 @@ struct Args {
     /// What lazygrid gives back, separated by commas
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Output::List, Output::Unordered, Output::Count])]
     output: Vec<Output>,
+    /// Threads of `--mode sizes`
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+    /// Search anew at every step: no skin
+    #[arg(long)]
+    anew: bool,
     /// Also write every value as CSV
     #[arg(long)]
     csv: Option<PathBuf>,
@@ -56,15 +63,15 @@ enum Mode {
     /// The settings of Bullet, kept from step to step; one thread.
     #[cfg(feature = "bullet")]
     Bullet,
-    /// The skins of the Verlet list, kept from step to step; one thread.
-    Verlet,
+    /// The skins of the Verlet list and, of equal spheres, of LAMMPS, kept from step to step; one thread.
+    Skins,
     /// The settings of the plain cell list beside parry3d's tree, kept from step to step; one thread.
     Yardstick,
     /// One call from arbitrary order; one thread.
     Scratch,
     /// One thread beside two.
     Threads,
-    /// Time and memory per sphere as the number of spheres grows; one thread.
+    /// Time and memory per sphere as the number of spheres grows, each in a process of its own.
     Sizes,
 }
 
@@ -74,6 +81,8 @@ enum Output {
     List,
     /// The list in any order.
     Unordered,
+    /// The list in any order, handed over in chunks that are dropped.
+    Stream,
     /// The number only.
     Count,
 }
@@ -128,7 +137,7 @@ fn plan_for(mode: Mode, plan: Plan) -> Plan {
 fn heading(mode: Mode, plan: &Plan) -> String {
     let Plan { scene, n, seed, rounds, steps, .. } = plan;
     let what = match mode {
-        Mode::Running | Mode::Verlet | Mode::Yardstick => "kept from step to step, one thread",
+        Mode::Running | Mode::Skins | Mode::Yardstick => "kept from step to step, one thread",
         #[cfg(feature = "bullet")]
         Mode::Bullet => "kept from step to step, one thread",
         Mode::Scratch => "from scratch, one thread",
@@ -146,7 +155,10 @@ fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<Contender> {
         Mode::Yardstick => {
             std::iter::once(parry::refitted("parry3d refit")).chain(cell_list::tunings(plan.scene)).collect()
         }
-        Mode::Verlet => verlet::skins(plan.scene),
+        Mode::Skins => {
+            let of_lammps = if plan.scene == Scene::Equal { lammps::skins() } else { vec![] };
+            verlet::skins(plan.scene).into_iter().chain(of_lammps).collect()
+        }
         Mode::Scratch => parry::scratch(),
         #[cfg(feature = "bullet")]
         Mode::Bullet => lazygrid_bench::peers::bullet::tunings(plan.scene),
@@ -155,22 +167,24 @@ fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<Contender> {
     let threads: &[usize] = if mode == Mode::Threads { &[1, 2] } else { &[1] };
     for &algorithm in args.algorithm.iter().filter(|&&a| a != Algorithm::Naive || plan.n <= NAIVE_LIMIT) {
         for &output in &args.output {
-            contenders.extend(threads.iter().map(|&threads| contender(algorithm, output, threads)));
+            contenders.extend(threads.iter().map(|&threads| contender(args, algorithm, output, threads)));
         }
     }
     contenders
 }
 
-fn config(algorithm: Algorithm, output: Output, threads: usize) -> Config {
+fn config(args: &Args, algorithm: Algorithm, output: Output, threads: usize) -> Config {
     let order = if output == Output::List { Order::Canonical } else { Order::Unordered };
-    Config::default().backend(Backend::Cpu).algorithm(algorithm).threads(threads).order(order)
+    let skin = if args.anew { Skin::Off } else { Skin::Auto };
+    Config::default().backend(Backend::Cpu).algorithm(algorithm).threads(threads).order(order).skin(skin)
 }
 
-fn contender(algorithm: Algorithm, output: Output, threads: usize) -> Contender {
-    let config = config(algorithm, output, threads);
+fn contender(args: &Args, algorithm: Algorithm, output: Output, threads: usize) -> Contender {
+    let config = config(args, algorithm, output, threads);
     match output {
         Output::List => Contender::list(algorithm.name(), config),
         Output::Unordered => Contender::list(format!("{algorithm}, unordered"), config),
+        Output::Stream => Contender::stream(format!("{algorithm}, stream"), config),
         Output::Count => Contender::count(format!("{algorithm}, count"), config),
     }
 }

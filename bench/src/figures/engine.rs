@@ -3,7 +3,7 @@ use std::fmt;
 use lazygrid::{Algorithm, Backend, Config, Order, Skin};
 
 use crate::measure::Contender;
-use crate::peers::{cell_list, octree, parry, sweep, verlet};
+use crate::peers::{cell_list, lammps, octree, parry, sweep, verlet};
 use lazygrid_io::scenes::Scene;
 
 /// A way to find pairs that takes part in the figures.
@@ -34,8 +34,10 @@ pub enum Engine {
     ParryOptimised,
     /// The yardstick.
     PlainCellList,
-    /// A Verlet list with the skin that is fastest for the scene.
+    /// A Verlet list with the skin that is fastest for the scene and its steps.
     Verlet,
+    /// LAMMPS with the skin that is fastest for the steps, forces included.
+    Lammps,
     /// Sort and sweep.
     SortAndSweep,
     /// An octree with sort and sweep in its leaves.
@@ -48,8 +50,8 @@ impl Engine {
         Self::Cpu { algorithm, threads, tau: None, ratio: None }
     }
 
-    /// Makes the contender for `n` spheres of a scene.
-    pub fn contender(self, scene: Scene, n: usize) -> Contender {
+    /// Makes the contender for `n` spheres of a scene that move by this part of their radius in a step.
+    pub fn contender(self, scene: Scene, n: usize, moves: f32) -> Contender {
         let name = self.to_string();
         match self {
             Self::Cpu { .. } => Contender::list(name, self.config()),
@@ -62,7 +64,8 @@ impl Engine {
             Self::ParryMargin => parry::with_margin(name),
             Self::ParryOptimised => parry::optimised(name),
             Self::PlainCellList => cell_list::tuned(name, scene),
-            Self::Verlet => verlet::tuned(name, scene),
+            Self::Verlet => verlet::tuned(name, scene, moves),
+            Self::Lammps => lammps::tuned(name, moves),
             Self::SortAndSweep => sweep::running(),
             Self::Octree => octree::running(),
         }
@@ -145,6 +148,7 @@ impl fmt::Display for Engine {
             Self::ParryOptimised => "parry3d refit, optimised",
             Self::PlainCellList => "plain cell list",
             Self::Verlet => "Verlet list",
+            Self::Lammps => "LAMMPS",
             Self::SortAndSweep => "sort-and-sweep (N3Sim)",
             Self::Octree => "octree (BiNS2)",
         };

@@ -16,6 +16,8 @@ pub enum Figure {
     F3b,
     /// One thread beside the trees, over small moves.
     F4,
+    /// One thread beside lists with a skin, over steps of several lengths.
+    Moves,
     /// One burst of carriers of ten sizes: time against simulated time.
     F5a,
     /// Bursts of several sizes at several moments: how many times as fast as the octree.
@@ -38,10 +40,11 @@ pub enum Figure {
 
 impl Figure {
     /// Every figure in the order of the report.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::F3a,
         Self::F3b,
         Self::F4,
+        Self::Moves,
         Self::F5a,
         Self::F5b,
         Self::Transceivers,
@@ -59,6 +62,7 @@ impl Figure {
             Self::F3a => "3a",
             Self::F3b => "3b",
             Self::F4 => "4",
+            Self::Moves => "moves",
             Self::F5a => "5a",
             Self::F5b => "5b",
             Self::Transceivers => "transceivers",
@@ -74,6 +78,7 @@ impl Figure {
     /// What is varied besides the number of spheres, if anything is.
     pub(super) const fn varied(self) -> Option<&'static str> {
         match self {
+            Self::Moves => Some("step in radii"),
             Self::F5a | Self::F5b => Some("simulated time"),
             Self::Transceivers => Some("transceivers"),
             Self::SizeRatio => Some("size ratio"),
@@ -86,7 +91,7 @@ impl Figure {
 
     /// Whether all engines have one thread, since trees have no more.
     pub(super) const fn is_single_threaded(self) -> bool {
-        matches!(self, Self::F4 | Self::Transceivers | Self::SizeRatio)
+        matches!(self, Self::F4 | Self::Moves | Self::Transceivers | Self::SizeRatio)
     }
 }
 

@@ -26,7 +26,7 @@ pub fn measure(engine: &str, scene: Scene, n: usize, steps: u32) -> Result<Sampl
         let names: Vec<String> = known.iter().map(Engine::to_string).collect();
         format!("unknown engine '{engine}'; expected one of {}", names.join(", "))
     })?;
-    sample(&engine.contender(scene, n), scene, n, steps, SEED)
+    sample(&engine.contender(scene, n, Scene::STEP), scene, n, steps, SEED)
 }
 
 /// One row per engine. `program` is the `lazygrid` command.

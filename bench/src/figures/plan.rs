@@ -37,12 +37,15 @@ pub struct Settings {
 }
 
 /// How spheres change from one run to the next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Motion {
     /// Another sample of the scene each time.
     Fresh,
-    /// Each sphere moves by a tenth of its radius.
-    Steps,
+    /// Each sphere moves by this part of its radius.
+    Steps {
+        /// Which.
+        part: f32,
+    },
     /// By a simulation, from a burst on, for so many steps.
     Simulated {
         /// How many.
@@ -66,7 +69,16 @@ pub(super) struct Point {
 impl Point {
     /// A name for files, one per point.
     pub(super) fn key(&self) -> String {
-        format!("{}-{}-{}", self.figure, self.name(), self.n)
+        let moves = self.moves();
+        match self.figure {
+            Figure::Moves => format!("{}-{}-{}-{moves}", self.figure, self.name(), self.n),
+            _ => format!("{}-{}-{}", self.figure, self.name(), self.n),
+        }
+    }
+
+    /// The part of its radius by which a sphere moves in a step, where there are steps.
+    pub(super) fn moves(&self) -> f32 {
+        if let Motion::Steps { part } = self.motion { part } else { Scene::STEP }
     }
 
     /// The scene with its parameters.
@@ -89,6 +101,8 @@ impl Point {
     /// The value of what its figure varies, which is a parameter of the scene or of the engine.
     pub(super) fn setting(&self, engine: Engine) -> Option<f64> {
         match (self.figure, self.scene) {
+            // As it is written: 0.1 and not the nearest number of 32 bits.
+            (Figure::Moves, _) => self.moves().to_string().parse().ok(),
             (Figure::Transceivers, Scene::Transceivers(of)) => Some(of.count.into()),
             (Figure::SizeRatio, Scene::Transceivers(of)) => Some(of.ratio.into()),
             (figure, _) => figure.varied().and_then(|_| engine.setting()),
@@ -104,6 +118,8 @@ impl Point {
             Figure::F4 => 3.0,
             // Of one number of spheres, and many of them.
             Figure::Transceivers | Figure::SizeRatio => 0.3,
+            // Steps that are over soon.
+            Figure::Moves => 0.5,
             _ => 1.0,
         };
         share * self.engines.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
@@ -120,26 +136,28 @@ impl Settings {
 
     fn points_of(&self, figure: Figure) -> Vec<Point> {
         let sizes = self.sizes(figure);
-        let of = |scene: Scene| {
-            sizes.iter().map(move |&n| Point {
+        let of = |(scene, n): (Scene, usize)| {
+            self.motions(figure, n).into_iter().map(move |motion| Point {
                 figure,
                 scene,
                 n,
-                motion: self.motion(figure, n),
+                motion,
                 engines: engines(figure),
                 runs: self.runs.unwrap_or(self.runs_of(figure)),
             })
         };
-        self.scenes(figure).into_iter().flat_map(of).collect()
+        let scenes = self.scenes(figure).into_iter();
+        scenes.flat_map(|scene| sizes.iter().map(move |&n| (scene, n))).flat_map(of).collect()
     }
 
-    fn motion(&self, figure: Figure, n: usize) -> Motion {
+    fn motions(&self, figure: Figure, n: usize) -> Vec<Motion> {
         match figure {
-            Figure::F3a | Figure::F3b | Figure::Point => Motion::Fresh,
-            Figure::F5a | Figure::F5b => Motion::Simulated { steps: self.steps_of_a_burst(figure, n) },
-            Figure::Memory => Motion::Processes,
-            Figure::F4 | Figure::Transceivers | Figure::SizeRatio => Motion::Steps,
-            Figure::Tau | Figure::Ratio | Figure::Threads => Motion::Steps,
+            Figure::F3a | Figure::F3b | Figure::Point => vec![Motion::Fresh],
+            Figure::F5a | Figure::F5b => vec![Motion::Simulated { steps: self.steps_of_a_burst(figure, n) }],
+            Figure::Memory => vec![Motion::Processes],
+            Figure::F4 | Figure::Transceivers | Figure::SizeRatio => vec![Motion::Steps { part: Scene::STEP }],
+            Figure::Tau | Figure::Ratio | Figure::Threads => vec![Motion::Steps { part: Scene::STEP }],
+            Figure::Moves => [0.001, 0.01, 0.1].map(|part| Motion::Steps { part }).into(),
         }
     }
 
@@ -162,7 +180,7 @@ impl Settings {
             (_, Figure::Memory) => 3,
             (Scale::Quick, _) => 20,
             (Scale::Full, Figure::F3a | Figure::F3b) => 200,
-            (Scale::Full, Figure::F4) => 100,
+            (Scale::Full, Figure::F4 | Figure::Moves) => 100,
             (Scale::Full, Figure::F5a | Figure::F5b) => 10,
             (Scale::Full, _) => 30,
         }
@@ -170,7 +188,7 @@ impl Settings {
 
     fn scenes(&self, figure: Figure) -> Vec<Scene> {
         match figure {
-            Figure::F3a => vec![Scene::Equal],
+            Figure::F3a | Figure::Moves => vec![Scene::Equal],
             Figure::F3b => vec![Scene::FiveSizes],
             Figure::F4 | Figure::Threads => vec![Scene::Equal, Scene::FiveSizes],
             Figure::F5a | Figure::F5b => vec![Scene::Burst],
@@ -200,14 +218,14 @@ impl Settings {
             (Scale::Quick, F3a | F3b | F4) => &[1000, 10_000, 100_000],
             (Scale::Quick, F5a) => &[20_000],
             (Scale::Quick, F5b) => &[1000, 10_000],
-            (Scale::Quick, Tau | Ratio | Transceivers | SizeRatio) => &[20_000],
+            (Scale::Quick, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[20_000],
             (Scale::Quick, Threads | Memory) => &[100_000],
             (Scale::Quick, Point) => &[100, 1000],
             (Scale::Full, F3a | F3b) => &[100, 300, 1000, 3000, 10_000, 100_000, 1_000_000, 10_000_000],
             (Scale::Full, F4) => &[1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000],
             (Scale::Full, F5a) => &[500_000],
             (Scale::Full, F5b) => &[1000, 10_000, 100_000, 1_000_000],
-            (Scale::Full, Tau | Ratio | Transceivers | SizeRatio) => &[100_000],
+            (Scale::Full, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[100_000],
             (Scale::Full, Threads) => &[100_000, 1_000_000],
             // Trees take minutes to be built of a million, each in a process of its own.
             (Scale::Full, Memory) => &[100_000],
@@ -239,6 +257,10 @@ fn engines(figure: Figure) -> Vec<Engine> {
             let trees = [Engine::BulletAsShipped, Engine::BulletTuned, Engine::Parry];
             let more = [Engine::ParryMargin, Engine::ParryOptimised, Engine::PlainCellList, Engine::Verlet];
             ours.into_iter().chain(trees).chain(more).collect()
+        }
+        Figure::Moves => {
+            let ours = [Algorithm::CellList, Algorithm::Auto].map(|a| Engine::cpu(a, None));
+            ours.into_iter().chain([Engine::PlainCellList, Engine::Verlet, Engine::Lammps]).collect()
         }
         Figure::F5a | Figure::F5b => {
             // The paper's grid, and what the GPU path takes for so many spheres: few are compared all with all.

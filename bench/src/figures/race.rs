@@ -77,7 +77,7 @@ impl<'a> Race<'a> {
             let mut lane = Lane::new(point, engine);
             match left_out(engine) {
                 Some(reason) => lane.leave(Status::LeftOut, reason),
-                None => match (engine.contender(point.scene, point.n).make)() {
+                None => match (engine.contender(point.scene, point.n, point.moves()).make)() {
                     Ok(search) => lane.search = Some(search),
                     Err(error) => lane.fail(error.as_ref()),
                 },
@@ -153,8 +153,9 @@ impl Lane {
 
     fn run(&mut self, spheres: &[Sphere], warm_up: bool) {
         let Some(search) = &mut self.search else { return };
+        let prepared = search.prepare(spheres);
         let start = Instant::now();
-        let found = search.run(black_box(spheres)).map(black_box);
+        let found = prepared.and_then(|()| search.run(black_box(spheres))).map(black_box);
         let time = start.elapsed();
         let digest = match found {
             Ok(found) => Digest::of(&found),

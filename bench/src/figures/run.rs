@@ -149,7 +149,7 @@ fn rows_of(
     };
     // Figures whose point is the comparison leave nobody out.
     let left_out = |engine: Engine| match point.motion {
-        Motion::Steps | Motion::Simulated { .. } => None,
+        Motion::Steps { .. } | Motion::Simulated { .. } => None,
         _ => too_long(engine),
     };
     match point.motion {
@@ -161,10 +161,10 @@ fn rows_of(
             };
             race(Race::new(point, limits, left_out), 1, sample)
         }
-        Motion::Steps => {
+        Motion::Steps { part } => {
             let sample = |k: usize, spheres: &mut Vec<_>| match k.checked_sub(1) {
                 None => *spheres = point.scene.spheres(point.n, settings.seed),
-                Some(step) => Scene::advance(spheres, settings.seed, step as u32),
+                Some(step) => Scene::advance_by(part, spheres, settings.seed, step as u32),
             };
             // A tree with a margin gives it to its boxes in the second frame.
             let single = || race(Race::new(point, limits, left_out), 2, sample).map_err(|e| e.to_string());

@@ -3,13 +3,17 @@
 use std::error::Error;
 use std::time::Instant;
 
-use super::{Contender, Digest, Spread};
+use lazygrid::{Pair, Sphere};
+
+use super::{Contender, Digest, Search, Spread};
 use lazygrid_io::scenes::Scene;
 
 /// What a search took in a process of its own.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Sample {
-    /// Median nanoseconds per sphere and step.
+    /// Nanoseconds per sphere of the first call, which finds no memory.
+    pub first: f64,
+    /// Median nanoseconds per sphere and step of those that follow; of the first where there are none.
     pub nanos: f64,
     /// Peak bytes per sphere besides spheres and result; none where the system does not tell.
     pub bytes: Option<f64>,
@@ -35,21 +39,29 @@ pub fn sample(
     // Makes the peak start anew from the present.
     let reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
     let mut search = (contender.make)()?;
-    let mut found = Digest::of(&search.run(&spheres)?);
+    let timed = |search: &mut dyn Search, spheres: &[Sphere]| -> Result<(f64, Digest), Box<dyn Error>> {
+        search.prepare(spheres)?;
+        let start = Instant::now();
+        let answer = search.run(spheres)?;
+        let nanos = start.elapsed().as_nanos() as f64 / n.max(1) as f64;
+        Ok((nanos, Digest::of(&answer)))
+    };
+    let (first, mut found) = timed(&mut *search, &spheres)?;
     let mut most = found.pairs;
     let mut nanos = vec![];
     for step in 0..steps {
         Scene::advance(&mut spheres, seed, step);
-        let start = Instant::now();
-        let answer = search.run(&spheres)?;
-        nanos.push(start.elapsed().as_nanos() as f64 / n.max(1) as f64);
-        found = Digest::of(&answer);
+        let (step, digest) = timed(&mut *search, &spheres)?;
+        nanos.push(step);
+        found = digest;
         most = most.max(found.pairs);
     }
     let peak = resident("VmHWM").filter(|_| reset);
-    let held = before.zip(peak).map(|(before, peak)| peak - before - 8.0 * most as f64);
+    let result = if found.sum.is_some() { size_of::<Pair>() as f64 * most as f64 } else { 0.0 };
+    let held = before.zip(peak).map(|(before, peak)| peak - before - result);
     Ok(Sample {
-        nanos: Spread::of(&nanos).median,
+        first,
+        nanos: if nanos.is_empty() { first } else { Spread::of(&nanos).median },
         bytes: held.map(|bytes| bytes / n.max(1) as f64),
         pairs: found.pairs,
         sum: found.sum,

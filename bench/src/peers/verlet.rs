@@ -11,11 +11,13 @@ use super::touch;
 use crate::measure::{Contender, Found, Search};
 use lazygrid_io::scenes::Scene;
 
-/// The skin that is fastest for a scene of the benchmarks in steps of a tenth of the radius, where the largest radius is
-/// 1, of [`skins`] in `cargo bench -p lazygrid-bench --bench peers -- --mode verlet --output unordered --algorithm auto
-/// --steps 100 --rounds 3`.
-fn best(scene: Scene) -> f32 {
+/// The skin that is fastest for a scene of the benchmarks in steps of this part of the radius, where the largest radius is
+/// 1, of [`skins`] in `cargo bench -p lazygrid-bench --bench peers -- --mode skins --output unordered --algorithm auto
+/// --steps 100 --rounds 3 --moves 0.01`. Steps of other scenes than equal spheres are a tenth.
+fn best(scene: Scene, moves: f32) -> f32 {
     match scene {
+        Scene::Equal if moves <= 0.003 => 0.1,
+        Scene::Equal if moves <= 0.03 => 0.5,
         Scene::Equal => 2.0,
         Scene::FiveSizes => 1.0,
         Scene::Burst | Scene::BurstLinear | Scene::Point => 0.1,
@@ -24,15 +26,15 @@ fn best(scene: Scene) -> f32 {
     }
 }
 
-/// The list with the best skin for a scene.
-pub fn tuned(name: impl Into<String>, scene: Scene) -> Contender {
-    with(name, scene, best(scene))
+/// The list with the best skin for a scene and its steps.
+pub fn tuned(name: impl Into<String>, scene: Scene, moves: f32) -> Contender {
+    with(name, scene, best(scene, moves))
 }
 
 /// The skins to choose from.
 pub fn skins(scene: Scene) -> Vec<Contender> {
     let of = |skin: f32| with(format!("Verlet list, skin {skin}"), scene, skin);
-    [0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 2.5].map(of).into()
+    [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 2.5].map(of).into()
 }
 
 fn with(name: impl Into<String>, scene: Scene, skin: f32) -> Contender {

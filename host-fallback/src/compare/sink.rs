@@ -25,6 +25,12 @@ pub(crate) trait Sink: Send + Sized {
     /// Takes one pair.
     fn pair(&mut self, pair: Pair);
 
+    /// Takes pairs of places, each as the spheres that `order` has there.
+    #[inline(always)]
+    fn places(&mut self, pairs: &[Pair], order: &[u32]) {
+        pairs.iter().for_each(|&pair| self.pair(at_places(pair, order)));
+    }
+
     /// Adds what the sink of the work that follows has taken.
     ///
     /// # Errors
@@ -43,6 +49,12 @@ pub(crate) trait Sink: Send + Sized {
     fn stopped(&self) -> bool {
         false
     }
+}
+
+/// The spheres that `order` has at two places.
+#[inline(always)]
+pub(crate) fn at_places(pair: Pair, order: &[u32]) -> Pair {
+    Pair::new(order[pair.i as usize], order[pair.j as usize])
 }
 
 /// What a search writes to.
@@ -75,6 +87,11 @@ impl Sink for Counter {
     #[inline(always)]
     fn pair(&mut self, _: Pair) {
         self.0 += 1;
+    }
+
+    #[inline(always)]
+    fn places(&mut self, pairs: &[Pair], _: &[u32]) {
+        self.0 += pairs.len() as u64;
     }
 
     fn merge(self, later: Self) -> Result<Self, Error> {
@@ -271,6 +288,18 @@ impl Sink for Writer<'_, '_> {
         {
             room[0] = pair;
             self.len += 1;
+        }
+    }
+
+    #[inline(always)]
+    fn places(&mut self, pairs: &[Pair], order: &[u32]) {
+        for some in pairs.chunks(MAX_LANES) {
+            if self.counting || self.output.window.is_some() {
+                some.iter().for_each(|&pair| self.pair(at_places(pair, order)));
+            } else if let Some(room) = self.room() {
+                room.iter_mut().zip(some).for_each(|(room, &pair)| *room = at_places(pair, order));
+                self.len += some.len();
+            }
         }
     }
 

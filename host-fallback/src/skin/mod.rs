@@ -20,7 +20,7 @@ use lazygrid_kernels::Pair;
 
 use crate::cell_list::{CellList, Crowding, Entry};
 use crate::classes::{CLASSES, class_of};
-use crate::compare::{MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, prefetch};
+use crate::compare::{MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, at_places, prefetch};
 use crate::input::{Input, search_pieces};
 use crate::memory::{resize, with_growth};
 use crate::report::{Kept, Rebuilt, Report};
@@ -35,6 +35,8 @@ type Allowances = [f32; CLASSES];
 
 /// Spheres that are asked for ahead of their turn: they lie all over memory.
 const AHEAD: usize = 32;
+/// Vectors of candidates after which those come whose spheres are asked for.
+const SOON: usize = 4;
 /// Spheres per piece of the pass that measures how far they have gone.
 const PIECE: usize = 1 << 13;
 /// The part of its allowance that a sphere may use up: less than all of it by more than rounding in `f32` can hide.
@@ -260,7 +262,7 @@ fn advance(rule: &Rule<'_>, then: &[Entry], rows: &mut [Row]) -> (f32, bool) {
         Some(spheres) => {
             let soon = then.iter().skip(AHEAD).chain(std::iter::repeat(&then[0]));
             for ((row, then), soon) in rows.iter_mut().zip(then).zip(soon) {
-                prefetch(&spheres[soon.id as usize]);
+                prefetch(spheres, soon.id as usize);
                 step(row, then, bytemuck::cast(spheres[then.id as usize]));
             }
         }
@@ -273,7 +275,8 @@ fn advance(rule: &Rule<'_>, then: &[Entry], rows: &mut [Row]) -> (f32, bool) {
     (if lost { f32::INFINITY } else { farthest }, changed)
 }
 
-/// Tests some candidates.
+/// Tests some candidates. Which of them touch no branch predictor can tell. So testing is kept apart from handing over: it
+/// appends without a branch.
 struct Tests<'t, S> {
     pairs: &'t [Pair],
     rows: &'t [Row],
@@ -282,22 +285,56 @@ struct Tests<'t, S> {
     sink: &'t mut S,
 }
 
+/// Pairs of places that touch and wait to be handed over.
+struct Held {
+    pairs: [Pair; Self::FULL + MAX_LANES],
+    len: usize,
+}
+
+impl Held {
+    /// The most before they are handed over: 4 KiB, a small part of the first-level cache.
+    const FULL: usize = 512;
+
+    /// Adds those pairs whose bits are set in `lanes`. Whether they must be handed over now.
+    #[inline(always)]
+    fn keep<V: Vector>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], lanes: u32) -> bool {
+        if let Some(room) = self.pairs[self.len..].first_chunk_mut() {
+            self.len += vector.keep(pairs, lanes, room);
+        }
+        self.len >= Self::FULL
+    }
+
+    fn take(&mut self) -> &[Pair] {
+        &self.pairs[..std::mem::take(&mut self.len)]
+    }
+}
+
 impl<S: Sink> Tests<'_, S> {
     /// Tests as many as a vector holds; those whose bits in `live` are set count.
     #[inline(always)]
-    fn vector<V: Vector>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], live: u32) {
+    fn vector<V: Vector>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], live: u32, held: &mut Held) {
         let [possible, certain] = vector.touching(self.rows, pairs);
-        let sure = if self.rule.is_plain() { certain } else { 0 };
-        let mut open = possible & live;
+        let hits = match self.rule.is_plain() && possible == certain {
+            true => certain & live,
+            false => self.decide(pairs, [possible & live, certain & live]),
+        };
+        if held.keep(vector, pairs, hits) {
+            self.sink.places(held.take(), self.order);
+        }
+    }
+
+    /// Of the candidates that are possible or certain, those that are pairs.
+    #[inline(never)]
+    fn decide(&self, pairs: &[Pair; MAX_LANES], [possible, certain]: [u32; 2]) -> u32 {
+        let mut hits = if self.rule.is_plain() { certain } else { 0 };
+        let mut open = possible & !hits;
         while open != 0 {
             let lane = open.trailing_zeros();
             open &= open - 1;
-            let Pair { i, j } = pairs[lane as usize];
-            let pair = Pair::new(self.order[i as usize], self.order[j as usize]);
-            if sure >> lane & 1 == 1 || self.rule.pairs(pair.i, pair.j) {
-                self.sink.pair(pair);
-            }
+            let Pair { i, j } = at_places(pairs[lane as usize], self.order);
+            hits |= u32::from(self.rule.pairs(i, j)) << lane;
         }
+        hits
     }
 }
 
@@ -306,17 +343,19 @@ impl<S: Sink> Task for Tests<'_, S> {
 
     #[inline(always)]
     fn run<V: Vector>(mut self, vector: V) {
+        let mut held = Held { pairs: [Pair::default(); _], len: 0 };
         let (vectors, rest) = self.pairs.as_chunks::<MAX_LANES>();
         for (k, pairs) in vectors.iter().enumerate() {
-            for pair in vectors.get(k + 2).unwrap_or(pairs) {
-                prefetch(&self.rows[pair.j as usize]);
+            for pair in vectors.get(k + SOON).unwrap_or(pairs) {
+                prefetch(self.rows, pair.j as usize);
             }
-            self.vector(vector, pairs, u32::MAX);
+            self.vector(vector, pairs, u32::MAX, &mut held);
         }
         if let [first, ..] = rest {
             let mut last = [*first; MAX_LANES];
             last[..rest.len()].copy_from_slice(rest);
-            self.vector(vector, &last, (1 << rest.len()) - 1);
+            self.vector(vector, &last, (1 << rest.len()) - 1, &mut held);
         }
+        self.sink.places(held.take(), self.order);
     }
 }

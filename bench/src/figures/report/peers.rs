@@ -6,8 +6,8 @@ use super::super::figure::Figure;
 use super::super::row::Row;
 use super::ratios::{self, OURS, Times, peers, verdicts};
 use super::table::{
-    Column, best_of_columns, by_engine, by_setting, by_size, engines, find, gpu_times, mean, median, pairs,
-    scenes, sizes,
+    Column, best_of_columns, by_engine, by_setting, by_size, engines, find, gpu_times, groups, mean, median,
+    pairs, scenes, sizes,
 };
 use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, Mark, Series, lines};
@@ -61,6 +61,34 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
         section.tables.push(per_sphere(scene, &rows, &columns));
         section.tables.extend(ratios::ours(&rows).map(|ours| ratios::table(scene, &rows, &columns, ours)));
         section.notes.extend(verdicts(scene, &rows, &columns));
+    }
+    Ok(section)
+}
+
+/// One thread, steps of several lengths: what keeps pairs that may soon overlap, and what searches anew.
+pub(super) fn moves(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
+    let text = "As figure 4, with steps of three lengths, in radii. The Verlet list and LAMMPS keep pairs within a skin that is \
+                chosen for the length of the steps; lazygrid chooses its own. LAMMPS computes with doubles, and forces \
+                between pairs, whose energies tell how many they are; where its atoms are it is told before the clock starts. \
+                It takes part where the environment variable LAZYGRID_LAMMPS names its library. Ratios are of the total time \
+                of all steps that both ran.";
+    let mut section = Section {
+        title: "Figure 4, shorter steps: one thread, beside lists with a skin".to_owned(),
+        text: vec![text.to_owned()],
+        ..Section::default()
+    };
+    for (scene, n, what, rows) in groups(rows) {
+        let columns = by_setting(&rows, "");
+        let shown = |row: &Row| {
+            Mark::new(row.at.unwrap_or_default(), row.mean().0, row.quartiles()).over(row.n as f64)
+        };
+        let x = ("step in radii", Quantity::Number);
+        let y = ("mean time of a step per sphere", Quantity::Time);
+        let axes = Axes { scale: Scale::Logarithmic, title: &what, x, y };
+        section.plots.extend(plot(&axes, &rows, format!("figure-moves-{scene}-{n}"), shown)?);
+        section.tables.push(per_sphere(&what, &rows, &columns));
+        section.tables.extend(ratios::ours(&rows).map(|ours| ratios::table(&what, &rows, &columns, ours)));
+        section.notes.extend(verdicts(&what, &rows, &columns));
     }
     Ok(section)
 }

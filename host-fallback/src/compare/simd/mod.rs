@@ -135,17 +135,17 @@ fn over<T: Task>(task: T, vector: impl Width, images: Option<Images>) -> T::Resu
     }
 }
 
-/// Asks for a value that will soon be read, where the processor takes such wishes.
+/// Asks for a value that will soon be read, where the processor takes such wishes. One that is not there is no wish.
 #[inline(always)]
-pub(crate) fn prefetch<T>(value: &T) {
+pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     #[cfg(target_arch = "x86_64")]
-    // SAFETY: every x86-64 processor has SSE; the address is a reference's, and nothing is read or written.
+    // SAFETY: every x86-64 processor has SSE; nothing is read or written, and an address that leads nowhere is ignored.
     unsafe {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(value).cast());
+        _mm_prefetch::<_MM_HINT_T0>(values.as_ptr().wrapping_add(at).cast());
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = value;
+    let _ = (values, at);
 }
 
 /// Work that is compiled once per vector width, with that width's instructions throughout.
@@ -186,6 +186,9 @@ pub(crate) trait Vector: Copy {
     /// Writes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes` to the front of
     /// `pairs`; what stands behind them is then of no meaning. Returns how many there are.
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
+    /// Writes those pairs whose bits are set in `lanes` to the front of `kept`; what stands behind them is then of no
+    /// meaning. Returns how many there are.
+    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize;
 }
 
 /// What a vector width must be able to do besides for periodic spaces.
@@ -251,6 +254,9 @@ mod tests {
             let mut pairs = [Pair::default(); MAX_LANES];
             for lanes in LANES {
                 let count = vector.pack(5, &IDS, lanes, &mut pairs);
+                all.extend(pairs[..count].iter().flat_map(|pair| [pair.i, pair.j]));
+                let given = IDS.map(|id| Pair { i: id, j: !id });
+                let count = vector.keep(&given, lanes, &mut pairs);
                 all.extend(pairs[..count].iter().flat_map(|pair| [pair.i, pair.j]));
             }
             let mut columns = Columns::default();

@@ -80,4 +80,9 @@ impl<V: Width> Vector for Nearest<V> {
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
         self.vector.pack(id, ids, lanes, pairs)
     }
+
+    #[inline(always)]
+    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize {
+        self.vector.keep(pairs, lanes, kept)
+    }
 }

@@ -59,6 +59,11 @@ impl Vector for Portable {
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
         pack(id, ids, lanes, pairs)
     }
+
+    #[inline(always)]
+    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize {
+        keep(pairs, lanes, kept)
+    }
 }
 
 impl Width for Portable {
@@ -94,6 +99,17 @@ pub(super) fn look_around(columns: &Columns, (at, count): (usize, usize), around
             jobs.push(at as u32, rows[row][first]..rows[row][end], wanted[row]);
         }
     }
+}
+
+/// Keeping lane by lane, without a branch: which are kept no branch predictor can tell.
+#[inline(always)]
+pub(super) fn keep(pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize {
+    let mut count = 0;
+    for (lane, &pair) in pairs.iter().enumerate() {
+        kept[count % MAX_LANES] = pair;
+        count += (lanes >> lane & 1) as usize;
+    }
+    count
 }
 
 /// Packing lane by lane.

