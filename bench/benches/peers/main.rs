@@ -13,8 +13,8 @@ use std::path::PathBuf;
 use clap::{Parser, ValueEnum};
 use lazygrid::{Algorithm, Backend, Config, Order, Skin};
 use lazygrid_bench::measure::{Contender, Options, Plan, Timing, compare, markdown, provenance};
-use lazygrid_io::scenes::Scene;
 use lazygrid_bench::peers::{cell_list, lammps, parry, verlet};
+use lazygrid_io::scenes::Scene;
 
 /// Above this many spheres the naive detector is left out: its time grows with the square.
 const NAIVE_LIMIT: usize = 20_000;

@@ -124,8 +124,7 @@ fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
 /// output and size.
 pub(crate) fn child(args: &Args) -> Result<(), Box<dyn Error>> {
     let options = &args.options;
-    let (scene, n, algorithm, output) =
-        (options.scene[0], options.n[0], args.algorithm[0], args.output[0]);
+    let (scene, n, algorithm, output) = (options.scene[0], options.n[0], args.algorithm[0], args.output[0]);
     let contender = contender(args, algorithm, output, args.threads);
     let sample = memory::sample(&contender, scene, n, options.steps as u32, options.seed)?;
     let detector = Detector::new(config(args, algorithm, output, args.threads))?;

@@ -155,7 +155,9 @@ impl Settings {
             Figure::F3a | Figure::F3b | Figure::Point => vec![Motion::Fresh],
             Figure::F5a | Figure::F5b => vec![Motion::Simulated { steps: self.steps_of_a_burst(figure, n) }],
             Figure::Memory => vec![Motion::Processes],
-            Figure::F4 | Figure::Transceivers | Figure::SizeRatio => vec![Motion::Steps { part: Scene::STEP }],
+            Figure::F4 | Figure::Transceivers | Figure::SizeRatio => {
+                vec![Motion::Steps { part: Scene::STEP }]
+            }
             Figure::Tau | Figure::Ratio | Figure::Threads => vec![Motion::Steps { part: Scene::STEP }],
             Figure::Moves => [0.001, 0.01, 0.1].map(|part| Motion::Steps { part }).into(),
         }
@@ -226,7 +228,7 @@ impl Settings {
             (Scale::Full, F5a) => &[500_000],
             (Scale::Full, F5b) => &[1000, 10_000, 100_000, 1_000_000],
             (Scale::Full, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[100_000],
-            (Scale::Full, Threads) => &[100_000, 1_000_000],
+            (Scale::Full, Threads) => &[10_000, 100_000, 1_000_000],
             // Trees take minutes to be built of a million, each in a process of its own.
             (Scale::Full, Memory) => &[100_000],
             (Scale::Full, Point) => &[100, 1000, 3000, 10_000],

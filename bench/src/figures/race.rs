@@ -7,14 +7,18 @@ use std::time::{Duration, Instant};
 use lazygrid::{Phase, Sphere};
 use thiserror::Error;
 
-use super::Engine;
 use super::judge::Reference;
 use super::plan::Point;
 use super::row::{Row, Status};
+use super::{Engine, Figure};
 use crate::measure::{Digest, Found, Search, Spread, turns};
 
 /// For how many times the time that it has an engine may go on until it has run often enough.
 const MORE: u32 = 3;
+
+/// For how long an engine searches before it is timed, where its threads are what is compared: the threads of a pool sleep
+/// while others have their turn, and a system may leave those that it has just woken on one core for milliseconds.
+const WAKING: Duration = Duration::from_millis(40);
 
 /// Why a peer cannot take part.
 #[derive(Clone, Copy, Debug, Error)]
@@ -111,6 +115,7 @@ impl<'a> Race<'a> {
             let lane = &mut self.lanes[turn];
             lane.last = None;
             if warm_up || !lane.is_done(limits, is_late) {
+                lane.wake(self.point, spheres);
                 lane.run(spheres, warm_up);
             }
         }
@@ -149,6 +154,16 @@ impl Lane {
         let enough = runs >= limits.at_least || self.used >= MORE * limits.time;
         let out_of_time = runs > 0 && enough && (is_late || self.used >= limits.time);
         self.search.is_none() || runs >= limits.runs || out_of_time
+    }
+
+    /// Searches until the engine's threads are at work on cores of their own.
+    fn wake(&mut self, point: &Point, spheres: &[Sphere]) {
+        let Some(search) = self.search.as_mut().filter(|_| point.figure == Figure::Threads) else { return };
+        let begun = Instant::now();
+        while begun.elapsed() < WAKING {
+            // What goes wrong here goes wrong again where it is judged.
+            let _ = search.run(black_box(spheres)).map(black_box);
+        }
     }
 
     fn run(&mut self, spheres: &[Sphere], warm_up: bool) {
@@ -255,7 +270,6 @@ mod tests {
     use lazygrid::Pair;
 
     use super::*;
-    use crate::figures::Figure;
     use crate::figures::plan::Motion;
     use lazygrid_io::scenes::Scene;
 

@@ -80,7 +80,8 @@ struct Lammps {
 
 impl Lammps {
     fn new(skin: f32) -> Result<Self, Box<dyn Error>> {
-        let path = env::var_os(VARIABLE).ok_or_else(|| format!("set {VARIABLE} to the path of liblammps.so"))?;
+        let path =
+            env::var_os(VARIABLE).ok_or_else(|| format!("set {VARIABLE} to the path of liblammps.so"))?;
         // SAFETY: the library is what the user names as LAMMPS, whose initialisers ask nothing of the program.
         let library = unsafe { Library::new(path)? };
         let mut words: Vec<Vec<u8>> = ["lammps", "-log", "none", "-screen", "none", "-nocite"]
@@ -99,7 +100,9 @@ impl Lammps {
         let lammps = Self { handle, library, skin, atoms: None };
         match lammps.setting(c"tagint")? {
             4 => Ok(lammps),
-            bytes => Err(format!("ids of this LAMMPS have {bytes} bytes, and only those of 4 are read").into()),
+            bytes => {
+                Err(format!("ids of this LAMMPS have {bytes} bytes, and only those of 4 are read").into())
+            }
         }
     }
 
@@ -201,7 +204,8 @@ impl Search for Lammps {
         // their number; nobody else has access during the call.
         let ids = unsafe { std::slice::from_raw_parts(ids.cast::<c_int>(), spheres.len()) };
         // SAFETY: `x` is an array of pointers to three coordinates for each of them.
-        let places = unsafe { std::slice::from_raw_parts(places.cast::<*mut [c_double; 3]>(), spheres.len()) };
+        let places =
+            unsafe { std::slice::from_raw_parts(places.cast::<*mut [c_double; 3]>(), spheres.len()) };
         for (&id, &place) in ids.iter().zip(places) {
             let center = spheres[id as usize - 1].center.to_array().map(f64::from);
             // SAFETY: as above.

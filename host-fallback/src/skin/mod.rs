@@ -20,7 +20,9 @@ use lazygrid_kernels::Pair;
 
 use crate::cell_list::{CellList, Crowding, Entry};
 use crate::classes::{CLASSES, class_of};
-use crate::compare::{MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, at_places, prefetch};
+use crate::compare::{
+    MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, at_places, prefetch,
+};
 use crate::input::{Input, search_pieces};
 use crate::memory::{resize, with_growth};
 use crate::report::{Kept, Rebuilt, Report};

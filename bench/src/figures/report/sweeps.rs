@@ -44,7 +44,8 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
         ),
         _ => (
             "Strong scaling over threads",
-            "The same spheres on more threads; × says how many times as fast as one thread.",
+            "The same spheres on more threads; × says how many times as fast as one thread. Each search is repeated for 40 ms \
+             before it is timed: threads that have just been woken may share a core for milliseconds.",
         ),
     }
 }
