@@ -2,6 +2,7 @@ use std::fmt;
 
 use lazygrid::{Algorithm, Backend, Config, Order, Skin};
 
+use super::race::Unavailable;
 use crate::measure::Contender;
 use crate::peers::{cell_list, lammps, octree, parry, sweep, verlet};
 use lazygrid_io::scenes::Scene;
@@ -65,7 +66,8 @@ impl Engine {
             Self::ParryOptimised => parry::optimised(name),
             Self::PlainCellList => cell_list::tuned(name, scene),
             Self::Verlet => verlet::tuned(name, scene, moves),
-            Self::Lammps => lammps::tuned(name, moves),
+            Self::Lammps if lammps::is_named() => lammps::tuned(name, moves),
+            Self::Lammps => Unavailable::LAMMPS.contender(name),
             Self::SortAndSweep => sweep::running(),
             Self::Octree => octree::running(),
         }
@@ -99,8 +101,7 @@ impl Engine {
 
     #[cfg(not(feature = "bullet"))]
     fn bullet(self, _: Scene, _: usize) -> Contender {
-        let refused = || Err::<super::race::Nothing, _>(super::race::Unavailable::BULLET.into());
-        Contender::new(self.to_string(), refused)
+        Unavailable::BULLET.contender(self.to_string())
     }
 
     /// What is varied in the sweeps: τ, the raster ratio, or the number of threads.

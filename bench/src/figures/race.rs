@@ -11,7 +11,7 @@ use super::judge::Reference;
 use super::plan::Point;
 use super::row::{Row, Status};
 use super::{Engine, Figure};
-use crate::measure::{Digest, Found, Search, Spread, turns};
+use crate::measure::{Contender, Digest, Found, Search, Spread, turns};
 
 /// For how many times the time that it has an engine may go on until it has run often enough.
 const MORE: u32 = 3;
@@ -28,16 +28,20 @@ pub(super) struct Unavailable(&'static str);
 impl Unavailable {
     #[cfg(not(feature = "bullet"))]
     pub(super) const BULLET: Self = Self("not built in; build with --features bullet");
+    pub(super) const LAMMPS: Self = Self("set LAZYGRID_LAMMPS to the path of liblammps.so");
+
+    /// A contender that never comes to search.
+    pub(super) fn contender(self, name: String) -> Contender {
+        Contender::new(name, move || Err::<Nothing, _>(self.into()))
+    }
 }
 
-/// A search that was refused.
-#[cfg(not(feature = "bullet"))]
-pub(super) struct Nothing;
+/// A search that there is not.
+enum Nothing {}
 
-#[cfg(not(feature = "bullet"))]
 impl Search for Nothing {
     fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
-        Err(Unavailable::BULLET.into())
+        match *self {}
     }
 }
 

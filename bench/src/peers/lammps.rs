@@ -50,10 +50,12 @@ pub fn tuned(name: impl Into<String>, moves: f32) -> Contender {
 /// The skins to choose from; none where there is no LAMMPS.
 pub fn skins() -> Vec<Contender> {
     let of = |skin: f32| with(format!("LAMMPS, skin {skin}"), skin);
-    match env::var_os(VARIABLE) {
-        Some(_) => [0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0].map(of).into(),
-        None => Vec::new(),
-    }
+    if is_named() { [0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0].map(of).into() } else { Vec::new() }
+}
+
+/// Whether the environment says where LAMMPS is.
+pub fn is_named() -> bool {
+    env::var_os(VARIABLE).is_some()
 }
 
 fn best(moves: f32) -> f32 {

@@ -36,9 +36,9 @@ pub(crate) use course::Course;
 type Allowances = [f32; CLASSES];
 
 /// Spheres that are asked for ahead of their turn: they lie all over memory.
-const AHEAD: usize = 32;
+const AHEAD: usize = 128;
 /// Vectors of candidates after which those come whose spheres are asked for.
-const SOON: usize = 4;
+const SOON: usize = 16;
 /// Spheres per piece of the pass that measures how far they have gone.
 const PIECE: usize = 1 << 13;
 /// The part of its allowance that a sphere may use up: less than all of it by more than rounding in `f32` can hide.

@@ -30,7 +30,7 @@ const KEEP: f32 = 10.0;
 /// Estimated time per sphere to measure how far it has gone, in nanoseconds.
 const MEASURE: f32 = 7.0;
 /// Estimated time to test a candidate, in nanoseconds.
-const TEST: f32 = 4.5;
+const TEST: f32 = 2.5;
 /// Candidates per sphere at most, so that memory stays in proportion.
 const MOST: f32 = 64.0;
 
