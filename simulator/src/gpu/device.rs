@@ -38,15 +38,20 @@ pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<
     scoped(own, name, size, || own.device.create_buffer(&descriptor))
 }
 
+/// Contents as shaders read them.
+pub(super) fn encoded<T: ShaderType + WriteInto>(contents: &T) -> Vec<u8> {
+    let mut bytes = StorageBuffer::new(Vec::<u8>::new());
+    bytes.write(contents).expect("a vector grows");
+    bytes.into_inner()
+}
+
 /// A buffer with these contents, or with zeros where there are none.
 pub(super) fn filled<T: ShaderType + WriteInto>(
     own: &GpuDevice,
     name: &'static str,
     contents: &T,
 ) -> Result<wgpu::Buffer, Error> {
-    let mut bytes = StorageBuffer::new(Vec::<u8>::new());
-    bytes.write(contents).expect("a vector grows");
-    let bytes = bytes.into_inner();
+    let bytes = encoded(contents);
     let made = buffer(own, name, bytes.len() as u64)?;
     scoped(own, name, 0, || own.queue.write_buffer(&made, 0, &bytes))?;
     Ok(made)

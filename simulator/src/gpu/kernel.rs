@@ -4,6 +4,8 @@ use lazygrid::gpu::Access;
 use lazygrid::gpu::Access::{Read, ReadWrite as Write, Uniform};
 use lazygrid::gpu::wgsl;
 
+/// Storage buffers that a model with surfaces takes in one stage; others take eight, which every device has.
+pub(super) const SURFACE_BUFFERS: u32 = 10;
 /// Threads of a workgroup.
 pub(super) const GROUP: u32 = 256;
 
@@ -38,14 +40,33 @@ kernels! {
     STEP_BEGIN = "step_begin" [Uniform "params", Write "control"];
     /// Every particle by itself.
     PARTICLES_MOVE = "particles_move" [
-        Uniform "params", Write "control", Read "spheres", Read "tags", Write "moved", Write "species", Write "ids",
-        Read "kinds", Read "fates",
+        Uniform "params", Uniform "journey", Write "control", Read "spheres", Read "tags", Write "moved",
+        Write "species", Read "kinds", Read "fates", Read "bodies",
+    ];
+    /// The same where surfaces turn some back.
+    PARTICLES_TURN = "particles_turn" [
+        Uniform "params", Uniform "journey", Write "control", Read "spheres", Read "tags", Write "moved",
+        Write "species", Read "kinds", Read "fates", Read "bodies", Write "claims", Write "receptors",
+    ];
+    /// Begins a step of receptors.
+    RECEPTORS_BEGIN = "receptors_begin" [Write "receptors"];
+    /// Counts the receptors that are taken.
+    RECEPTORS_HOLD = "receptors_hold" [Write "control", Read "spheres", Read "fates", Write "receptors"];
+    /// Where each receiver's list begins of the particles that are to bind.
+    RECEPTORS_SCAN = "receptors_scan" [Write "control", Write "receptors"];
+    /// Lists these.
+    RECEPTORS_GROUP = "receptors_group" [
+        Write "control", Read "fates", Write "claims", Write "receptors", Write "bidders",
+    ];
+    /// Binds those for which receptors are free.
+    RECEPTORS_CHOOSE = "receptors_choose" [
+        Write "control", Read "tags", Read "fates", Write "claims", Write "receptors", Read "bidders", Write "moved",
     ];
     /// Takes over what the detector found, or freezes the run.
     PAIRS_CHECK = "pairs_check" [Uniform "params", Write "control", Write "outcome"];
     /// Lists the pairs that chance lets react.
     CANDIDATES_DRAW = "candidates_draw" [
-        Uniform "params", Write "control", Read "pairs", Read "moved", Read "species", Read "ids", Read "rules",
+        Uniform "params", Write "control", Read "pairs", Read "moved", Read "species", Read "tags", Read "rules",
         Write "candidates", Write "left",
     ];
     /// Begins a round of the matching.
@@ -72,33 +93,45 @@ kernels! {
         Read "left", Read "moved",
     ];
     /// Counts the particles that stay.
-    SURVIVORS_COUNT = "survivors_count" [Write "control", Read "moved", Write "claims", Write "sums"];
+    SURVIVORS_COUNT = "survivors_count" [
+        Uniform "listing", Write "control", Read "order", Read "moved", Read "tags", Write "claims", Write "ids",
+        Write "sums",
+    ];
     /// Scans those counts and settles the step.
     SURVIVORS_SCAN = "survivors_scan" [Uniform "params", Write "control", Write "sums", Write "log"];
     /// Brings together what stays.
     SURVIVORS_PLACE = "survivors_place" [
-        Write "control", Read "moved", Read "species", Read "ids", Write "claims", Read "sums", Write "spheres",
-        Write "tags",
+        Uniform "listing", Read "order", Read "moved", Read "species", Read "ids", Write "claims", Read "sums",
+        Write "spheres", Write "tags",
     ];
     /// What is inside transparent receivers.
     RECEIVERS_COUNT = "receivers_count" [
-        Uniform "params", Write "control", Read "spheres", Read "tags", Read "watches", Write "inside",
+        Uniform "params", Uniform "journey", Write "control", Read "spheres", Read "tags", Read "watches",
+        Read "bodies", Write "inside",
     ];
 }
 
 /// Pieces of WGSL that several kernels have, by the name after `#include`.
 const SHARED: &[(&str, &str)] = &[
+    ("adsorption", include_str!("shader/shared/adsorption.wgsl")),
     ("boundary", include_str!("shader/shared/boundary.wgsl")),
     ("candidate", include_str!("shader/shared/candidate.wgsl")),
     ("claiming", include_str!("shader/shared/claiming.wgsl")),
     ("control", include_str!("shader/shared/control.wgsl")),
+    ("decaying", include_str!("shader/shared/decaying.wgsl")),
+    ("fate", include_str!("shader/shared/fate.wgsl")),
+    ("fate_rows", include_str!("shader/shared/fate_rows.wgsl")),
+    ("listing", include_str!("shader/shared/listing.wgsl")),
+    ("meeting", include_str!("shader/shared/meeting.wgsl")),
     ("normal", include_str!("shader/shared/normal.wgsl")),
     ("params", include_str!("shader/shared/params.wgsl")),
     ("philox", include_str!("shader/shared/philox.wgsl")),
+    ("receptor", include_str!("shader/shared/receptor.wgsl")),
     ("round", include_str!("shader/shared/round.wgsl")),
     ("running_sum", include_str!("shader/shared/running_sum.wgsl")),
     ("settling", include_str!("shader/shared/settling.wgsl")),
     ("survivor", include_str!("shader/shared/survivor.wgsl")),
+    ("turning", include_str!("shader/shared/turning.wgsl")),
 ];
 
 impl Kernel {
@@ -125,7 +158,9 @@ mod tests {
 
     use super::reflection::{bindings, laid_out, layout, parse, spirv, structures};
 
-    use super::super::layout::{CANDIDATE_BYTES, CLAIM_BYTES, Fate, Head, Kind, Params, Rule, Watch};
+    use super::super::layout::{
+        Body, CANDIDATE_BYTES, CLAIM_BYTES, Fate, Head, Journey, Kind, Params, Rule, Watch,
+    };
     use super::*;
 
     #[test]
@@ -139,7 +174,9 @@ mod tests {
                 (0..).zip(kernel.bindings).map(|(k, &(name, access))| (k, name.to_owned(), access)).collect();
             assert_eq!(bindings(kernel.name, &module), said, "{}", kernel.name);
             let storage = kernel.bindings.iter().filter(|(_, access)| *access != Uniform).count();
-            assert!(storage <= 8, "{} binds {storage} storage buffers", kernel.name);
+            // Models with surfaces are refused where a device has room for less.
+            let most = if kernel.name == PARTICLES_TURN.name { SURFACE_BUFFERS as usize } else { 8 };
+            assert!(storage <= most, "{} binds {storage} storage buffers", kernel.name);
         }
     }
 
@@ -158,9 +195,23 @@ mod tests {
                 low,
                 high
             }),
-            layout!(Kind { drift, length, diffusion, radius, fates_begin, fates_end }),
-            layout!(Fate { center, radius, kind, receiver, up_to, product, tally }),
-            layout!(Watch { center, radius, first, species }),
+            layout!(Kind { drift, length, diffusion, radius, fates_begin, decays_begin, fates_end }),
+            layout!(Fate {
+                drift,
+                radius,
+                diffusion,
+                kind,
+                receiver,
+                up_to,
+                product,
+                tally,
+                length,
+                own,
+                unbinding
+            }),
+            layout!(Body { center, way }),
+            layout!(Journey { first, stride, longest }),
+            layout!(Watch { receiver, radius, first, species }),
             layout!(Rule {
                 reaction,
                 first,

@@ -37,6 +37,7 @@ pub(super) struct Kind {
     pub(super) diffusion: f32,
     pub(super) radius: f32,
     pub(super) fates_begin: u32,
+    pub(super) decays_begin: u32,
     pub(super) fates_end: u32,
 }
 
@@ -44,26 +45,61 @@ pub(super) struct Kind {
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Fate {
-    pub(super) center: Vec3,
+    pub(super) drift: Vec3,
     pub(super) radius: f32,
+    pub(super) diffusion: f32,
     pub(super) kind: u32,
     pub(super) receiver: u32,
     pub(super) up_to: u32,
     pub(super) product: u32,
     pub(super) tally: u32,
+    pub(super) length: f32,
+    pub(super) own: f32,
+    pub(super) unbinding: f32,
 }
 
 impl Fate {
     pub(super) const ABSORBING: u32 = 0;
     pub(super) const ENDPOINT: u32 = 1;
-    pub(super) const DECAY: u32 = 2;
+    pub(super) const REFLECTING: u32 = 2;
+    pub(super) const PARTIAL: u32 = 3;
+    pub(super) const PER_STEP: u32 = 4;
+    pub(super) const RECEPTORS: u32 = 5;
+    pub(super) const DECAY: u32 = 6;
+}
+
+/// Where a receiver is at the beginning of a step, and where it goes in it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
+#[repr(C)]
+pub(super) struct Body {
+    pub(super) center: Vec3,
+    pub(super) way: Vec3,
+}
+
+/// The steps for which it is known where receivers are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
+#[repr(C)]
+pub(super) struct Journey {
+    pub(super) first: u32,
+    pub(super) stride: u32,
+    pub(super) longest: f32,
+}
+
+/// The receptors of a receiver.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
+#[repr(C)]
+pub(super) struct ReceptorRow {
+    pub(super) count: u32,
+    pub(super) held: u32,
+    pub(super) bids: u32,
+    pub(super) first: u32,
 }
 
 /// A species in a transparent receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Watch {
-    pub(super) center: Vec3,
+    pub(super) receiver: u32,
     pub(super) radius: f32,
     pub(super) first: u32,
     pub(super) species: u32,
@@ -119,6 +155,8 @@ impl Head {
     pub(super) const NO_ROOM_FOR_ENTRIES: u32 = 2;
     pub(super) const ROUNDS_LEFT: u32 = 4;
     pub(super) const NOT_FINITE: u32 = 8;
+    pub(super) const TOO_MANY_NEAR: u32 = 16;
+    pub(super) const TOO_MANY_BIDS: u32 = 32;
 
     /// What the device said it lacks.
     pub(super) fn lacking(&self) -> u64 {

@@ -14,6 +14,7 @@
 //! beforehand, and go up with the steps.
 
 mod device;
+mod journey;
 mod kernel;
 mod layout;
 mod plan;

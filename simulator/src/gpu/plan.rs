@@ -34,7 +34,7 @@ const ROUND_GROUPS: u32 = 1024;
 const CANDIDATES_PER_THREAD: u32 = 2048;
 
 /// Sizes of a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Sizes {
     /// Particles that there is room for.
     pub(super) particles: u32,
@@ -53,7 +53,7 @@ impl Sizes {
             "spheres" | "moved" => (particles, 16),
             "tags" => (particles, 8),
             "claims" => (particles, CLAIM_BYTES),
-            "sums" => (particles.div_ceil(GROUP), 4),
+            "sums" => (particles.div_ceil(GROUP) + 1, 4),
             "candidates" => (pairs, CANDIDATE_BYTES),
             "left0" | "left1" => (pairs, 4),
             _ => (particles, 4),

@@ -3,11 +3,13 @@
 use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuSettings, GpuSpheres, wgpu};
 
 use super::device::{filled, read, refused, scoped};
+use super::journey::{Itinerary, most_steps};
 use super::kernel as k;
 use super::layout::Head;
 use super::plan::{GpuOptions, MAX_TURNS, Sizes, grown, steps_between_looks};
 use super::stages::{Base, Groups, Stage, Steps};
-use super::tables::{Tables, Tallies, check};
+use super::tables::{Holder, Tables, Tallies, check};
+use crate::binding::Bound;
 use crate::decay::Decays;
 use crate::model::Model;
 use crate::particles::{Particle, Particles};
@@ -30,6 +32,11 @@ pub struct GpuSimulation {
     key: Key,
     decays: Decays,
     tallies: Tallies,
+    /// What receptors may hold.
+    holders: Vec<Holder>,
+    /// Where receivers are in the steps that were recorded last.
+    itinerary: Itinerary,
+    centers: Vec<[f32; 3]>,
     base: Base,
     detector: Option<GpuDetector>,
     raster_ratio: f32,
@@ -57,6 +64,8 @@ struct Burst {
 const MAX_ROUNDS: u32 = 512;
 /// Work, in particles moved, that one submission may have: far below what watchdogs allow.
 const SUBMISSION: u32 = 1 << 24;
+/// The radius of what the first receptor of the table of fates holds; see `receptor.wgsl`.
+const HELD: f32 = -2.0;
 /// Steps that one submission may have, however few particles there are.
 const STEPS: u32 = 64;
 
@@ -84,10 +93,13 @@ impl GpuSimulation {
     ) -> Result<Self, Error> {
         model.check()?;
         check(&model)?;
+        if !state.belongs_to(&model) {
+            return Err(Error::Model("the state is one of another model".to_owned()));
+        }
         let key = Key::new(seed);
         let tables = Tables::new(&model, key, options.turns.min(MAX_TURNS));
         let mut base = Base::new(device, &tables)?;
-        let alive = state.particles.len() as u32;
+        let alive = (state.particles.len() + state.bound.len()) as u32;
         let lists = !model.reactions.is_empty();
         let sizes =
             Sizes { particles: grown(alive), pairs: if lists { options.pair_capacity.max(1) } else { 0 } };
@@ -97,6 +109,9 @@ impl GpuSimulation {
             key,
             decays: Decays::new(&model),
             tallies: tables.tallies,
+            holders: tables.holders(),
+            itinerary: Itinerary::new(&model, key, &state.centers, state.step, 0),
+            centers: state.centers.clone(),
             base,
             detector,
             raster_ratio: GpuSettings::default().raster_ratio,
@@ -111,7 +126,8 @@ impl GpuSimulation {
             pairs: Vec::new(),
             model,
         };
-        simulation.upload(&state.particles)?;
+        simulation.base.take_up(&simulation.itinerary)?;
+        simulation.upload(state)?;
         simulation.look(simulation.encoder(), alive, &[])?;
         Ok(simulation)
     }
@@ -145,7 +161,7 @@ impl GpuSimulation {
     pub fn received(&self) -> Vec<Vec<u64>> {
         let says = |(k, receiver): (usize, &crate::Receiver)| match receiver.kind {
             Kind::Transparent => {
-                let due = receiver.inside(receiver.center, &self.model.boundary, &self.due);
+                let due = receiver.inside(self.centers[k], &self.model.boundary, &self.due);
                 self.inside[k].iter().zip(due).map(|(inside, due)| inside + due).collect()
             }
             _ => self.totals.arrived[k].clone(),
@@ -162,7 +178,7 @@ impl GpuSimulation {
         self.pairs.clear();
         let end = self.step.saturating_add(steps);
         while self.step < end {
-            let most = end - self.step;
+            let most = (end - self.step).min(most_steps(&self.model));
             let bursts = self.bursts(most.min(steps_between_looks(self.steps.sizes.particles)))?;
             let added =
                 bursts.iter().map(|burst| burst.released.particles.len()).sum::<usize>() + self.due.len();
@@ -188,24 +204,42 @@ impl GpuSimulation {
         let read = read(&self.base.own, self.encoder(), &parts)?;
         let spheres: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read[0]);
         let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
-        let mut particles = Particles::default();
-        for ([x, y, z, radius], [species, id]) in spheres.into_iter().zip(tags) {
-            particles
-                .push(Particle { position: [x, y, z], radius, species, id, ..Particle::default() }, false);
+        // The device keeps them by where they are, in an order that its threads settle between them.
+        let mut rows: Vec<_> = spheres.into_iter().zip(tags).collect();
+        rows.sort_unstable_by_key(|&(_, [_, id])| id);
+        let (mut particles, mut bound) = (Particles::default(), Vec::new());
+        for ([x, y, z, radius], [species, id]) in rows {
+            if radius >= 0.0 {
+                let position = [x, y, z];
+                particles.push(Particle { position, radius, species, id, ..Particle::default() }, false);
+                continue;
+            }
+            let fate = (HELD - radius) as u32;
+            let holder = self.holders.binary_search_by_key(&fate, |holder| holder.fate);
+            let receiver = holder.map_or(0, |at| self.holders[at].receiver);
+            bound.push(Bound { id, species, receiver, direction: [x, y, z] });
         }
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), false));
-        let centers = self.model.receivers.iter().map(|receiver| receiver.center).collect();
-        let (next_id, totals) = (self.next_id, self.totals.clone());
-        Ok(State { particles, step: self.step, next_id, totals, centers, ..State::default() })
+        let Self { step, next_id, .. } = *self;
+        let (totals, centers) = (self.totals.clone(), self.centers.clone());
+        Ok(State { particles, step, next_id, totals, centers, bound, ..State::default() })
     }
 
     fn encoder(&self) -> wgpu::CommandEncoder {
         self.base.own.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
-    fn upload(&self, particles: &Particles) -> Result<(), Error> {
+    fn upload(&self, state: &State) -> Result<(), Error> {
         let head = Head { alive: self.alive, done: self.step, step: self.step, ..Head::default() };
-        let (spheres, tags) = columns(particles);
+        let (mut spheres, mut tags) = columns(&state.particles);
+        for &Bound { id, species, receiver, direction: [x, y, z] } in &state.bound {
+            let holder = self.holders.binary_search_by_key(&(species, receiver), |h| (h.species, h.receiver));
+            let Ok(at) = holder else {
+                return Err(Error::Model("the state has something bound to what binds nothing".to_owned()));
+            };
+            spheres.push([x, y, z, HELD - self.holders[at].fate as f32]);
+            tags.push([species, id]);
+        }
         let queue = &self.base.own.queue;
         scoped(&self.base.own, "the particles", 0, || {
             queue.write_buffer(self.base.buffer("control"), 0, bytemuck::bytes_of(&head));
@@ -230,6 +264,8 @@ impl GpuSimulation {
 
     /// Records and submits steps, and looks.
     fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<Head, Error> {
+        self.itinerary = Itinerary::new(&self.model, self.key, &self.centers, self.step, steps);
+        self.base.take_up(&self.itinerary)?;
         // What a frozen step did not take is there for its repetition.
         let due = self.due.clone();
         let mut bursts_left = bursts.iter().peekable();
@@ -306,6 +342,7 @@ impl GpuSimulation {
         let inside: Vec<u32> = bytemuck::pod_collect_to_vec(&read[1]);
         let log: Vec<u64> = bytemuck::pod_collect_to_vec(&read[2]);
         self.alive = head.alive;
+        self.centers = self.itinerary.centers_at(head.done).to_vec();
         self.enter_bursts(bursts, head.done);
         self.enter(&counts);
         self.inside = inside
@@ -352,9 +389,13 @@ impl GpuSimulation {
             }
         }
         for receiver in 0..tallies.receivers {
+            let holds = matches!(model.receivers[receiver].kind, Kind::Receptors(_));
             for species in 0..tallies.species {
-                let count = count(tallies.arrival(receiver, species));
-                totals.arrived[receiver][species] += count;
+                let word = counts[tallies.arrival(receiver, species)];
+                // What receptors hold may become less.
+                let count = if holds { i64::from(word as i32) as u64 } else { word.into() };
+                let arrived = &mut totals.arrived[receiver][species];
+                *arrived = arrived.wrapping_add(count);
                 turn(species as u32, None, count);
             }
         }

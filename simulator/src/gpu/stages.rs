@@ -2,11 +2,13 @@
 
 use std::collections::HashMap;
 
+use encase::ShaderType;
 use lazygrid::gpu::{DeviceLimits, GpuDevice, GpuPairs, Outcome, wgpu};
 
-use super::device::{buffer, filled, refused, scoped};
+use super::device::{buffer, encoded, filled, refused, scoped};
+use super::journey::Itinerary;
 use super::kernel::{self as k, Kernel};
-use super::layout::Head;
+use super::layout::{Body, Head, Journey};
 use super::plan::{LOG_ROWS, Sizes, groups_for};
 use super::tables::Tables;
 use crate::Error;
@@ -18,6 +20,10 @@ pub(super) struct Base {
     pub(super) limits: DeviceLimits,
     /// Whether there are transparent receivers.
     watches: bool,
+    /// Whether some surfaces turn particles back.
+    turns_back: bool,
+    /// Receivers, where some have receptors.
+    receptors: u32,
     buffers: HashMap<&'static str, wgpu::Buffer>,
     pipelines: HashMap<&'static str, (wgpu::ComputePipeline, wgpu::BindGroupLayout)>,
 }
@@ -43,6 +49,17 @@ pub(super) enum Groups {
     Pairs,
 }
 
+#[cfg(test)]
+impl Stage {
+    /// Records this dispatch alone, with so many workgroups.
+    pub(super) fn encode(&self, encoder: &mut wgpu::CommandEncoder, groups: u32) {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.bindings, &[]);
+        pass.dispatch_workgroups(groups, 1, 1);
+    }
+}
+
 impl Base {
     pub(super) fn new(own: GpuDevice, tables: &Tables) -> Result<Self, Error> {
         let tallies = tables.tallies.len() as u64;
@@ -53,18 +70,48 @@ impl Base {
         keep("fates", filled(&own, "fates", &tables.fates)?);
         keep("rules", filled(&own, "rules", &tables.rules)?);
         keep("watches", filled(&own, "watches", &tables.watches)?);
+        keep("receptors", filled(&own, "receptors", &tables.receptors)?);
+        keep("bodies", buffer(&own, "bodies", tables.bodies as u64 * Body::min_size().get())?);
+        keep("journey", filled(&own, "journey", &Journey::default())?);
         keep("round0", filled(&own, "round", &[0u32; 4])?);
         keep("round1", filled(&own, "round", &[1u32, 0, 0, 0])?);
+        keep("unlisted", filled(&own, "listing", &[0u32; 4])?);
+        keep("listed", filled(&own, "listing", &[1u32, 0, 0, 0])?);
         keep("control", buffer(&own, "control", size_of::<Head>() as u64 + 8 * tallies)?);
         keep("inside", buffer(&own, "inside", 4 * tallies)?);
         keep("log", buffer(&own, "log", 8 * u64::from(LOG_ROWS))?);
         let limits = DeviceLimits::of(&own.device);
         let watches = !tables.watches.is_empty();
-        Ok(Self { own, limits, watches, buffers, pipelines: HashMap::new() })
+        if tables.turns_back && limits.storage_buffers < k::SURFACE_BUFFERS {
+            let (has, needed) = (limits.storage_buffers, k::SURFACE_BUFFERS);
+            let what = format!(
+                "surfaces that turn particles back on this device, which binds {has} storage buffers in a stage and \
+                 would need {needed}"
+            );
+            return Err(Error::NotOnGpu { what });
+        }
+        Ok(Self {
+            own,
+            limits,
+            watches,
+            turns_back: tables.turns_back,
+            receptors: tables.receptors.len() as u32,
+            buffers,
+            pipelines: HashMap::new(),
+        })
     }
 
     pub(super) fn buffer(&self, name: &str) -> &wgpu::Buffer {
         &self.buffers[name]
+    }
+
+    /// Hands over where receivers are.
+    pub(super) fn take_up(&self, itinerary: &Itinerary) -> Result<(), Error> {
+        let (head, rows) = (encoded(&itinerary.head), encoded(&itinerary.rows));
+        scoped(&self.own, "where receivers are", 0, || {
+            self.own.queue.write_buffer(self.buffer("journey"), 0, &head);
+            self.own.queue.write_buffer(self.buffer("bodies"), 0, &rows);
+        })
     }
 
     /// A kernel with its buffers, which `find` knows by name.
@@ -110,8 +157,19 @@ pub(super) struct Steps {
 }
 
 /// Buffers that depend on the sizes.
-const SIZED: [&str; 10] =
-    ["spheres", "tags", "moved", "species", "ids", "claims", "sums", "candidates", "left0", "left1"];
+const SIZED: [&str; 11] = [
+    "spheres",
+    "tags",
+    "moved",
+    "species",
+    "ids",
+    "claims",
+    "sums",
+    "candidates",
+    "left0",
+    "left1",
+    "bidders",
+];
 
 impl Steps {
     /// Allocates and binds. The detector has its buffers for these sizes already.
@@ -123,20 +181,39 @@ impl Steps {
     ) -> Result<Self, Error> {
         let mut buffers = base.buffers.clone();
         for name in SIZED {
+            // Nobody is to bind where there are no receptors.
+            let sizes = if name == "bidders" && base.receptors == 0 { Sizes::default() } else { sizes };
             let bytes = sizes.bytes(name, &base.limits).map_err(refused)?;
             buffers.insert(name, buffer(&base.own, name, bytes)?);
         }
         let detects = found.is_some();
-        if let Some(GpuPairs { pairs, outcome, .. }) = found {
+        let mut order = None;
+        if let Some(GpuPairs { pairs, outcome, sorted, .. }) = found {
             buffers.insert("pairs", pairs);
             buffers.insert("outcome", outcome);
+            order = sorted.map(|sorted| sorted.order);
         }
+        let listing = if order.is_some() { "listed" } else { "unlisted" };
+        buffers.insert("listing", buffers[listing].clone());
+        // Where there is no order nobody reads it.
+        buffers.insert("order", order.unwrap_or_else(|| buffers["kinds"].clone()));
         let (limits, watches) = (base.limits, base.watches);
+        let (turns_back, receptors) = (base.turns_back, base.receptors);
         let mut stage = |kernel: &'static Kernel, groups: Groups| {
             base.stage(kernel, groups, |name| buffers[name].clone())
         };
-        let before =
-            vec![stage(&k::STEP_BEGIN, Groups::Fixed(1))?, stage(&k::PARTICLES_MOVE, Groups::Particles)?];
+        let mut before = vec![stage(&k::STEP_BEGIN, Groups::Fixed(1))?];
+        if receptors > 0 {
+            before.push(stage(&k::RECEPTORS_BEGIN, Groups::Fixed(1))?);
+            before.push(stage(&k::RECEPTORS_HOLD, Groups::Particles)?);
+        }
+        let moving = if turns_back { &k::PARTICLES_TURN } else { &k::PARTICLES_MOVE };
+        before.push(stage(moving, Groups::Particles)?);
+        if receptors > 0 {
+            before.push(stage(&k::RECEPTORS_SCAN, Groups::Fixed(1))?);
+            before.push(stage(&k::RECEPTORS_GROUP, Groups::Particles)?);
+            before.push(stage(&k::RECEPTORS_CHOOSE, Groups::Fixed(receptors))?);
+        }
         let after = vec![
             stage(&k::SURVIVORS_COUNT, Groups::Particles)?,
             stage(&k::SURVIVORS_SCAN, Groups::Fixed(1))?,
@@ -157,6 +234,12 @@ impl Steps {
 
     pub(super) fn buffer(&self, name: &str) -> &wgpu::Buffer {
         &self.buffers[name]
+    }
+
+    /// Whether they read what a detector leaves there.
+    pub(super) fn are_bound_to(&self, found: &GpuPairs) -> bool {
+        let order = found.sorted.as_ref().is_none_or(|sorted| sorted.order == *self.buffer("order"));
+        order && found.outcome == *self.buffer("outcome")
     }
 
     /// Records what comes before the detection, with room for up to `particles` particles.

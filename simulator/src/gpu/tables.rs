@@ -1,12 +1,13 @@
 //! A model as the tables that kernels read. Pure functions.
 
-use super::layout::{Fate, Kind, NOTHING, Params, Rule, Watch};
+use super::journey::most_rows;
+use super::layout::{Fate, Kind, NOTHING, Params, ReceptorRow, Rule, Watch};
 use crate::model::{Contact, Decay, Model};
 use crate::motion::{Motion, Step};
 use crate::philox::Key;
 use crate::reactions::Reactions;
-use crate::receiver::Kind as Counting;
-use crate::{Axis, Boundary, Error, crossing};
+use crate::receiver::{Kind as Counting, Receptors, Sticking};
+use crate::{Axis, Boundary, Error, Receiver, adsorption, crossing};
 
 /// Everything that a model says to the kernels.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +16,12 @@ pub(super) struct Tables {
     pub(super) kinds: Vec<Kind>,
     pub(super) fates: Vec<Fate>,
     pub(super) watches: Vec<Watch>,
+    /// By receiver, of all where some have receptors; else of none.
+    pub(super) receptors: Vec<ReceptorRow>,
+    /// Whether some surfaces turn particles back.
+    pub(super) turns_back: bool,
+    /// Rows of the table of where receivers are, at most.
+    pub(super) bodies: usize,
     pub(super) rules: Vec<Rule>,
     pub(super) tallies: Tallies,
 }
@@ -97,9 +104,13 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     }
     check_receivers(model)?;
     let steps = Motion::new(model).steps;
-    for receiver in model.receivers.iter().filter(|receiver| receiver.kind == Counting::Absorbing) {
+    // Others count ends of steps only, or nothing.
+    let by_path = |r: &&Receiver| r.kind == Counting::Absorbing || r.kind.turns_back() && r.kind.takes_in();
+    let binds = |r: &&Receiver| matches!(r.kind, Counting::Receptors(_));
+    for receiver in model.receivers.iter().filter(|r| by_path(r) || binds(r)) {
         let seen = (0..steps.len()).filter(|&species| receiver.sees[species]);
-        if let Some(species) = seen.into_iter().find(|&s| drifts_past(receiver, &steps[s], &model.boundary)) {
+        let passed = |&s: &usize| drifts_past((receiver, model.time_step), &steps[s], &model.boundary);
+        if let Some(species) = seen.into_iter().find(passed) {
             return refused(format!(
                 "the way of {} past receiver {}, by which its drift may carry it within a step; steps of a sixteenth \
                  of the receiver's radius would do",
@@ -113,44 +124,45 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
 /// Receivers and species of theirs that one thread looks at in a step: software drivers end an invocation's loops after
 /// 65 535 turns without a word.
 const MOST_SEEN: usize = 60_000;
+/// The same where surfaces turn particles back, to which it looks twice and has some turns more.
+const MOST_SEEN_TURNING: usize = 25_000;
 
 fn check_receivers(model: &Model) -> Result<(), Error> {
-    let refused = |what: String| Err(Error::NotOnGpu { what });
-    for receiver in &model.receivers {
-        let name = &receiver.name;
-        match receiver.kind {
-            Counting::Reflecting => return refused(format!("the reflecting sphere {name}")),
-            Counting::Partial(_) => return refused(format!("the partially absorbing receiver {name}")),
-            Counting::Receptors(_) => return refused(format!("the receptors of {name}")),
-            Counting::Absorbing | Counting::Endpoint | Counting::Transparent => {}
-        }
-        if receiver.moves() {
-            return refused(format!("receiver {name}, which moves"));
-        }
-    }
     let seen: usize = model.receivers.iter().map(|r| r.sees.iter().filter(|sees| **sees).count()).sum();
-    match seen > MOST_SEEN {
-        true => refused(format!(
-            "so many receivers, at all of which each particle looks: {seen} counts of a receiver and a species, beyond \
-             {MOST_SEEN}"
-        )),
+    let turns_back = model.receivers.iter().any(|receiver| receiver.kind.turns_back());
+    let most = if turns_back { MOST_SEEN_TURNING } else { MOST_SEEN };
+    // Receptors take a workgroup for each receiver, whether it is seen or not.
+    let looks = seen.max(model.receivers.len());
+    match looks > most {
+        true => Err(Error::NotOnGpu {
+            what: format!(
+                "so many receivers, at all of which each particle looks: {looks} counts of a receiver and a species, \
+                 beyond {most}"
+            ),
+        }),
         false => Ok(()),
     }
 }
 
 /// Whether the ends of a step do not tell whether a receiver was met between them: drift may carry past what diffuses,
 /// and on a straight way a wall or another image of the receiver may turn up.
-fn drifts_past(receiver: &crate::Receiver, step: &Step, boundary: &Boundary) -> bool {
-    if step.length > 0.0 {
-        let drift = step.drift.iter().map(|d| d * d).sum::<f32>().sqrt();
-        return crossing::is_long(drift, step.length, receiver.radius);
+fn drifts_past((receiver, time_step): (&Receiver, f64), step: &Step, boundary: &Boundary) -> bool {
+    let own = receiver.velocity.map(|v| (v * time_step) as f32);
+    let drift: [f32; 3] = std::array::from_fn(|k| step.drift[k] - own[k]);
+    let diffusion = step.diffusion + (receiver.diffusion * time_step) as f32;
+    if diffusion > 0.0 {
+        let length = drift.iter().map(|d| d * d).sum::<f32>().sqrt();
+        return crossing::is_long(length, (2.0 * diffusion).sqrt(), receiver.radius);
     }
-    (0..3).filter(|&k| step.drift[k] != 0.0).any(|k| {
+    (0..3).filter(|&k| drift[k] != 0.0).any(|k| {
         let (center, reach) = (receiver.center[k], receiver.radius + step.drift[k].abs());
         match boundary.axes[k] {
             Axis::Open => false,
+            Axis::Reflecting { .. } if step.drift[k] == 0.0 => false,
+            // Sooner or later it comes to a wall as well.
+            Axis::Reflecting { .. } if own[k] != 0.0 => true,
             Axis::Reflecting { low, high } => center - reach < low || center + reach > high,
-            Axis::Periodic { low, high } => 2.0 * reach > high - low,
+            Axis::Periodic { low, high } => 2.0 * (receiver.radius + drift[k].abs()) > high - low,
         }
     })
 }
@@ -170,10 +182,46 @@ impl Tables {
             kinds,
             fates,
             watches: watches(model, &tallies),
+            receptors: receptors(model),
+            turns_back: model.receivers.iter().any(|receiver| receiver.kind.turns_back()),
+            bodies: most_rows(model),
             rules: rules(model),
             tallies,
         }
     }
+
+    /// The fates of receptors, with species and receiver.
+    pub(super) fn holders(&self) -> Vec<Holder> {
+        let of_kind = |(species, kind): (usize, &Kind)| {
+            let fates = (kind.fates_begin..kind.decays_begin).map(|k| (k, &self.fates[k as usize]));
+            let binding = fates.filter(|(_, fate)| fate.kind == Fate::RECEPTORS);
+            binding
+                .map(|(fate, row)| Holder { species: species as u32, receiver: row.receiver, fate })
+                .collect()
+        };
+        self.kinds.iter().enumerate().flat_map(|kind| -> Vec<Holder> { of_kind(kind) }).collect()
+    }
+}
+
+/// A species that receptors of a receiver hold, by the place of that in the table of fates. In a list they are in the order
+/// of species and receivers, which is that of fates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Holder {
+    pub(super) species: u32,
+    pub(super) receiver: u32,
+    pub(super) fate: u32,
+}
+
+fn receptors(model: &Model) -> Vec<ReceptorRow> {
+    let count = |receiver: &Receiver| match receiver.kind {
+        Counting::Receptors(Receptors { count, .. }) => Some(count),
+        _ => None,
+    };
+    if model.receivers.iter().all(|receiver| count(receiver).is_none()) {
+        return Vec::new();
+    }
+    let row = |receiver| ReceptorRow { count: count(receiver).unwrap_or(0), ..ReceptorRow::default() };
+    model.receivers.iter().map(row).collect()
 }
 
 fn params(model: &Model, key: Key, turns: u32, tallies: &Tallies) -> Params {
@@ -206,25 +254,20 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
     let mut kinds = Vec::new();
     for (id, species) in model.species.iter().enumerate() {
         let fates_begin = fates.len() as u32;
-        for (place, receiver) in model.receivers.iter().enumerate() {
-            let kind = match receiver.kind {
-                Counting::Absorbing => Fate::ABSORBING,
-                Counting::Endpoint => Fate::ENDPOINT,
-                // Others were refused before.
-                _ => continue,
-            };
-            if receiver.sees[id] {
-                fates.push(Fate {
-                    center: receiver.center.into(),
-                    radius: receiver.radius,
-                    kind,
-                    receiver: place as u32,
-                    product: NOTHING,
-                    tally: tallies.arrival(place, id) as u32,
-                    ..Fate::default()
-                });
-            }
+        let step = motion.steps[id];
+        for (place, receiver) in model.receivers.iter().enumerate().filter(|(_, r)| r.sees[id]) {
+            let Some(surface) = surface(receiver, &step, model.time_step) else { continue };
+            fates.push(Fate {
+                drift: receiver.velocity.map(|v| (v * model.time_step) as f32).into(),
+                radius: receiver.radius,
+                diffusion: (receiver.diffusion * model.time_step) as f32,
+                receiver: place as u32,
+                product: NOTHING,
+                tally: tallies.arrival(place, id) as u32,
+                ..surface
+            });
         }
+        let decays_begin = fates.len() as u32;
         fates.extend(motion.decays.channels(id as u32).iter().map(|channel| Fate {
             kind: Fate::DECAY,
             up_to: channel.up_to,
@@ -232,23 +275,55 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
             tally: tallies.decay(channel.decay as usize) as u32,
             ..Fate::default()
         }));
-        let step = motion.steps[id];
         kinds.push(Kind {
             drift: step.drift.into(),
             length: step.length,
             diffusion: step.diffusion,
             radius: species.radius,
             fates_begin,
+            decays_begin,
             fates_end: fates.len() as u32,
         });
     }
     (kinds, fates)
 }
 
+/// What a receiver does to a species, as far as its surface goes; nothing where it lets everything through.
+fn surface(receiver: &Receiver, step: &Step, time_step: f64) -> Option<Fate> {
+    let diffusion = f64::from(step.diffusion + (receiver.diffusion * time_step) as f32);
+    let length = diffusion.sqrt();
+    let own = |reactivity: f64| (reactivity * time_step / length) as f32;
+    let of_kind = |kind| Fate { kind, length: length as f32, ..Fate::default() };
+    Some(match receiver.kind {
+        Counting::Transparent => return None,
+        Counting::Absorbing => of_kind(Fate::ABSORBING),
+        Counting::Endpoint => of_kind(Fate::ENDPOINT),
+        Counting::Reflecting => of_kind(Fate::REFLECTING),
+        Counting::Partial(Sticking::Reactivity(reactivity)) => {
+            Fate { own: own(reactivity), ..of_kind(Fate::PARTIAL) }
+        }
+        Counting::Partial(Sticking::PerStep(probability)) => match below(probability) {
+            Some(up_to) => Fate { up_to, ..of_kind(Fate::PER_STEP) },
+            None => of_kind(Fate::REFLECTING),
+        },
+        Counting::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => Fate {
+            own: own(adsorption::reactivity(binding_rate, 1, receiver.radius.into())),
+            unbinding: (unbinding_rate * time_step) as f32,
+            ..of_kind(Fate::RECEPTORS)
+        },
+    })
+}
+
+/// The largest word whose number in (0, 1), as the CPU makes it of a word, is below a probability.
+fn below(probability: f64) -> Option<u32> {
+    let count = (probability * 4_294_967_296.0 - 0.5).ceil().clamp(0.0, 4_294_967_296.0);
+    (count >= 1.0).then_some((count - 1.0) as u32)
+}
+
 fn watches(model: &Model, tallies: &Tallies) -> Vec<Watch> {
     let transparent = model.receivers.iter().enumerate().filter(|(_, r)| r.kind == Counting::Transparent);
     let watch = |(place, receiver): (usize, &crate::Receiver), species: usize| Watch {
-        center: receiver.center.into(),
+        receiver: place as u32,
         radius: receiver.radius,
         first: tallies.arrival(place, species) as u32,
         species: species as u32,

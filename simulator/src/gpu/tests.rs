@@ -8,10 +8,10 @@ use adapter::or_skip;
 use lazygrid::gpu::{GpuDevice, wgpu};
 
 use super::device::{buffer, filled, read};
-use super::kernel::expand;
+use super::kernel::{self as k, expand};
 use super::layout::{CLAIM_BYTES, Head};
 use super::plan::Sizes;
-use super::stages::{Base, Steps};
+use super::stages::{Base, Groups, Steps};
 use super::tables::Tables;
 use crate::matching::{Candidate, Matching};
 use crate::philox::{Key, Purpose, philox};
@@ -215,6 +215,83 @@ fn a_matching_that_is_not_finished_freezes_the_run() {
     let Some(own) = device() else { return };
     let all = candidates(41, 300, 0);
     assert_eq!(matched(&own, &all, 41, [0, 64]).0, Head::ROUNDS_LEFT);
+}
+
+/// Particles of which some are gone, used up or turned into others stand afterwards in the order that they are given, and
+/// those of a run that stands still where they stood.
+#[test]
+fn survivors_come_together_in_the_order_of_the_list() {
+    let Some(own) = device() else { return };
+    let tables = Tables::new(&model(), Key::new(1), 64);
+    for (count, is_listed, frozen) in [(700, 1, 0), (700, 0, 0), (70_001, 1, 0), (700, 1, 1)] {
+        let mut base = Base::new(own.clone(), &tables).expect("a base");
+        let word = |k: u32| philox([k, 0, 0, 0], [3, 0])[0];
+        let mut order: Vec<u32> = (0..count).collect();
+        order.sort_by_key(|&k| word(k));
+        let place = |k: u32| [k as f32, 0.5, -1.0, if word(k) % 5 == 0 { -1.0 } else { 0.25 }];
+        let moved: Vec<[f32; 4]> = (0..count).map(place).collect();
+        let species: Vec<u32> = (0..count).map(|k| word(k) % 3).collect();
+        let tags: Vec<[u32; 2]> = (0..count).map(|k| [9, k * 7 + 1]).collect();
+        let product = |k: u32| if word(k) % 7 == 2 { crate::gpu::layout::NOTHING } else { 5 };
+        let claim = |k: u32| [0, 0, u32::from(word(k) % 7 < 3), product(k), k, 1, 2, 3];
+        let claims: Vec<[u32; 8]> = (0..count).map(claim).collect();
+        let head = Head { count, frozen, ..Head::default() };
+        let with = |name, bytes: &[u8]| {
+            let made = buffer(&own, name, bytes.len() as u64).expect("a buffer");
+            own.queue.write_buffer(&made, 0, bytes);
+            made
+        };
+        let made: std::collections::HashMap<&str, wgpu::Buffer> = [
+            ("order", with("order", bytemuck::cast_slice(&order))),
+            ("moved", with("moved", bytemuck::cast_slice(&moved))),
+            ("species", with("species", bytemuck::cast_slice(&species))),
+            ("tags", with("tags", bytemuck::cast_slice(&tags))),
+            ("claims", with("claims", bytemuck::cast_slice(&claims))),
+            ("spheres", with("spheres", &vec![0; 16 * count as usize])),
+            ("ids", with("ids", &vec![0; 4 * count as usize])),
+            ("sums", with("sums", &vec![0; 4 * (count as usize / 256 + 2)])),
+            ("listing", with("listing", bytemuck::cast_slice(&[is_listed, 0, 0, 0]))),
+        ]
+        .into();
+        own.queue.write_buffer(base.buffer("control"), 0, bytemuck::bytes_of(&head));
+        let [params, control, log] = ["params", "control", "log"].map(|name| base.buffer(name).clone());
+        let find = |name| match name {
+            "params" => params.clone(),
+            "control" => control.clone(),
+            "log" => log.clone(),
+            other => made[other].clone(),
+        };
+        let mut encoder = own.device.create_command_encoder(&Default::default());
+        for (kernel, groups) in [
+            (&k::SURVIVORS_COUNT, count.div_ceil(k::GROUP)),
+            (&k::SURVIVORS_SCAN, 1),
+            (&k::SURVIVORS_PLACE, count.div_ceil(k::GROUP)),
+        ] {
+            base.stage(kernel, Groups::Fixed(groups), find).expect("a stage").encode(&mut encoder, groups);
+        }
+        let n = u64::from(count);
+        let read = read(&own, encoder, &[(&made["spheres"], 16 * n), (&made["tags"], 8 * n), (&control, 64)])
+            .expect("read");
+        let head: Head = bytemuck::pod_read_unaligned(&read[2][..size_of::<Head>()]);
+        let found: Vec<([u32; 4], [u32; 2])> = bytemuck::pod_collect_to_vec::<u8, [u32; 4]>(&read[0])
+            .into_iter()
+            .zip(bytemuck::pod_collect_to_vec::<u8, [u32; 2]>(&read[1]))
+            .collect();
+        if frozen == 1 {
+            assert!(found.iter().zip(&tags).all(|((sphere, tag), old)| *sphere == [0; 4] && tag == old));
+            continue;
+        }
+        let expected: Vec<([u32; 4], [u32; 2])> = (0..count as usize)
+            .map(|k| if is_listed == 1 { order[k] as usize } else { k })
+            .filter(|&at| moved[at][3] >= 0.0 && (claims[at][2] == 0 || claims[at][3] == 5))
+            .map(|at| match claims[at][2] {
+                0 => (moved[at].map(f32::to_bits), [species[at], tags[at][1]]),
+                _ => ([claims[at][4], 1, 2, 3], [5, tags[at][1]]),
+            })
+            .collect();
+        assert_eq!((head.alive, head.done, head.logged), (expected.len() as u32, 1, 1));
+        assert!(found[..expected.len()] == expected[..], "{count} particles, listed: {is_listed}");
+    }
 }
 
 #[test]

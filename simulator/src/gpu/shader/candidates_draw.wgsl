@@ -10,7 +10,7 @@
 @group(0) @binding(2) var<storage, read> pairs: array<vec2<u32>>;
 @group(0) @binding(3) var<storage, read> moved: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> species: array<u32>;
-@group(0) @binding(5) var<storage, read> ids: array<u32>;
+@group(0) @binding(5) var<storage, read> tags: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read> rules: array<Rule>;
 @group(0) @binding(7) var<storage, read_write> candidates: array<Candidate>;
 @group(0) @binding(8) var<storage, read_write> left: array<u32>;
@@ -35,7 +35,7 @@ fn candidates_draw(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
             return;
         }
     }
-    let own = vec2(ids[pair.x], ids[pair.y]);
+    let own = vec2(tags[pair.x].y, tags[pair.y].y);
     let words = philox(vec4(min(own.x, own.y), max(own.x, own.y), control.step, PURPOSE_PAIR), params.key);
     if (words.y > rule.up_to) {
         return;

@@ -46,6 +46,27 @@ impl GpuSimulation {
                     return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
                 }
             }
+            Head::TOO_MANY_NEAR => {
+                let what = "the number of surfaces within reach of a particle's step";
+                let remedy = "shorten the time step, or choose the CPU";
+                return failed(lazygrid::Error::LimitExceeded {
+                    what,
+                    needed: head.lacking(),
+                    limit: 16,
+                    remedy,
+                });
+            }
+            Head::TOO_MANY_BIDS => {
+                let what = "the number of particles that come to the receptors of one receiver in a step";
+                let remedy = "shorten the time step, or choose the CPU";
+                let limit = 1 << 20;
+                return failed(lazygrid::Error::LimitExceeded {
+                    what,
+                    needed: head.lacking(),
+                    limit,
+                    remedy,
+                });
+            }
             Head::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.lacking() }),
             other => {
                 let reason = format!("the run froze for reason {other}, which nobody knows");
@@ -68,7 +89,7 @@ impl GpuSimulation {
         // The detector may have lost its buffers to a growth that failed.
         let found = self.detector.as_mut().map(|detector| detector.reserve(sizes.particles));
         let found = found.transpose().map_err(refused)?;
-        let bound = found.is_none_or(|found| found.outcome == *self.steps.buffer("outcome"));
+        let bound = found.is_none_or(|found| self.steps.are_bound_to(&found));
         match particles <= sizes.particles {
             true if bound => Ok(()),
             true => self.rebuild(sizes),

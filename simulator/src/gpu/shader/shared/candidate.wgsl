@@ -21,8 +21,6 @@ struct Claim {
     sphere: vec4<f32>,
 }
 
-const NOTHING: u32 = 0xffffffffu;
-
 // A reaction between two species, as seen from a pair of them. Two entries of the table have the same reaction.
 struct Rule {
     reaction: u32,

@@ -3,6 +3,7 @@ const PURPOSE_MOVE: u32 = 0u;
 const PURPOSE_RECEIVER: u32 = 3u;
 const PURPOSE_PAIR: u32 = 4u;
 const PURPOSE_DECAY: u32 = 5u;
+const PURPOSE_UNBINDING: u32 = 13u;
 
 // Lower and upper half of a product.
 fn wide(a: u32, b: u32) -> vec2<u32> {

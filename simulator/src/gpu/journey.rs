@@ -1,0 +1,67 @@
+//! Where receivers are in the steps to come: they go by themselves, so that the host knows it beforehand.
+
+use super::layout::{Body, Journey};
+use super::plan::LOG_ROWS;
+use crate::bodies;
+use crate::model::Model;
+use crate::philox::Key;
+
+/// Where receivers are at the beginning of each of some steps, and behind the last one.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Itinerary {
+    pub(super) head: Journey,
+    /// By step, then by receiver. A single step where none moves.
+    pub(super) rows: Vec<Body>,
+    /// By step: the centres, in µm.
+    centers: Vec<Vec<[f32; 3]>>,
+}
+
+/// Bytes of the table of where receivers are, unless one step takes more.
+const TABLE: u64 = 4 << 20;
+/// Bytes of a row of it.
+const ROW: u64 = 32;
+
+/// How many steps there may be between two looks of the host, so that where receivers are in them has room.
+pub(super) fn most_steps(model: &Model) -> u32 {
+    if !model.receivers.iter().any(crate::Receiver::moves) {
+        return LOG_ROWS;
+    }
+    let rows = TABLE / (ROW * model.receivers.len() as u64);
+    rows.saturating_sub(1).clamp(1, LOG_ROWS.into()) as u32
+}
+
+/// Rows that the table has at most.
+pub(super) fn most_rows(model: &Model) -> usize {
+    let moves = model.receivers.iter().any(crate::Receiver::moves);
+    model.receivers.len() * if moves { most_steps(model) as usize + 1 } else { 1 }
+}
+
+impl Itinerary {
+    /// Where receivers come from these centres in so many steps.
+    pub(super) fn new(model: &Model, key: Key, centers: &[[f32; 3]], first: u32, steps: u32) -> Self {
+        let moves = model.receivers.iter().any(crate::Receiver::moves);
+        let stride = if moves { centers.len() as u32 } else { 0 };
+        let mut itinerary =
+            Self { head: Journey { first, stride, longest: 0.0 }, rows: Vec::new(), centers: Vec::new() };
+        let mut here = centers.to_vec();
+        for step in first..first + if moves { steps } else { 0 } {
+            let places = bodies::moved(model, &here, key, step);
+            for (&center, place) in here.iter().zip(&places) {
+                let way = place.way.iter().map(|w| w * w).sum::<f32>().sqrt();
+                itinerary.head.longest = itinerary.head.longest.max(way);
+                itinerary.rows.push(Body { center: center.into(), way: place.way.into() });
+            }
+            let next = places.iter().map(|place| place.center).collect();
+            itinerary.centers.push(std::mem::replace(&mut here, next));
+        }
+        itinerary.rows.extend(here.iter().map(|&center| Body { center: center.into(), ..Body::default() }));
+        itinerary.centers.push(here);
+        itinerary
+    }
+
+    /// The centres when so many steps of the run are done.
+    pub(super) fn centers_at(&self, done: u32) -> &[[f32; 3]] {
+        let at = if self.head.stride == 0 { 0 } else { (done - self.head.first) as usize };
+        &self.centers[at]
+    }
+}

@@ -1,0 +1,108 @@
+// What stays on a surface and what comes off again, as adsorption.rs has it.
+const ROOT_PI: f32 = 1.7724538509055159;
+// Heights beyond this many times sqrt(4 D dt) do not occur.
+const FAR: f32 = 5.0;
+// Heights that are tried, at most.
+const TRIALS: u32 = 1000u;
+
+// exp(x * x) * erfc(x) for x from 0 on, to 1e-6 of it: 2 / (2 + x) times the exponential of a polynomial in
+// (2 - x) / (2 + x), which was fitted to 1e-8 at the zeros of a Chebyshev polynomial.
+fn erfcx(x: f32) -> f32 {
+    let u = (2.0 - x) / (2.0 + x);
+    let high = 0.0017940662500077753 + u * (-0.0022887652400513936 + u * (-0.0002279109663083645
+        + u * (0.0005737663733462739 + u * (8.000738286995102e-6 + u * -8.728381067157898e-5))));
+    let low = -0.671794091680776 + u * (0.6726431547745505 + u * (0.047343887612999444
+        + u * (-0.046893640560102534 + u * (-0.009880019324116252 + u * (0.008808825370089868 + u * high)))));
+    return 2.0 / (2.0 + x) * exp(low);
+}
+
+// A uniform number in (0, 1), as finely as there are numbers.
+fn fine_unit(word: u32) -> f32 {
+    return (f32(word) + 0.5) * 0x1p-32;
+}
+
+// What a surface takes: its reactivity as kappa sqrt(dt / D), the same with what its curvature adds, and the square root of
+// D dt with its radius.
+struct Surface {
+    own: f32,
+    all: f32,
+    length: f32,
+    radius: f32,
+}
+
+fn surface_of(own: f32, length: f32, radius: f32) -> Surface {
+    return Surface(own, own + length / radius, length, radius);
+}
+
+// The part that stays, of those that reach the surface on their way between such distances from it.
+fn sticking(surface: Surface, distances: f32) -> f32 {
+    return min(ROOT_PI * surface.own * erfcx(surface.all + distances / (2.0 * surface.length)), 1.0);
+}
+
+// erfcx(y) - erfcx(x + y), by derivatives where the difference would cancel.
+fn taken_from(x: f32, y: f32) -> f32 {
+    let here = erfcx(y);
+    if (x > 0.02) {
+        return here - erfcx(x + y);
+    }
+    let first = 2.0 * y * here - 2.0 / ROOT_PI;
+    let second = 2.0 * here + 2.0 * y * first;
+    let third = 4.0 * first + 2.0 * y * second;
+    return -x * (first + x * (0.5 * second + x * third / 6.0));
+}
+
+// The mean of erfcx(x * sqrt(t)) over t from 0 to 1.
+fn mean_of(x: f32) -> f32 {
+    if (x > 0.5) {
+        return 2.0 / (x * x) * (0.5 * (erfcx(x) - 1.0) + x / ROOT_PI);
+    }
+    // The series of (-x)^n / gamma(n / 2 + 2).
+    let high = 0.008333333333333333 - x * (0.003473605901592727 - x * (0.001388888888888889
+        - x * (0.0005344009079373427 - x * 0.0001984126984126984)));
+    return 1.0 - x * (0.752252778063675 - x * (0.5 - x * (0.3009011112254701 - x * (0.16666666666666666
+        - x * (0.08597174606442003 - x * (0.041666666666666664 - x * (0.01910483245876 - x * high)))))));
+}
+
+// The part of what such a surface would take that it does take, as nothing is taken twice.
+fn effective_part(surface: Surface) -> f32 {
+    if (surface.own <= 0.0) {
+        return 0.0;
+    }
+    let free = surface.length / (surface.radius * surface.all);
+    return free + (1.0 - free) * mean_of(surface.all);
+}
+
+// A stream of random words.
+struct Draws {
+    counter: vec4<u32>,
+    words: vec4<u32>,
+    used: u32,
+}
+
+fn unit_of(draws: ptr<function, Draws>) -> f32 {
+    if ((*draws).used == 4u) {
+        (*draws).words = philox((*draws).counter, params.key);
+        (*draws).counter.y += 1u;
+        (*draws).used = 0u;
+    }
+    let word = (*draws).words[(*draws).used];
+    (*draws).used += 1u;
+    return fine_unit(word);
+}
+
+// The height at the end of the step of what came off in it.
+fn height_after(surface: Surface, draws: ptr<function, Draws>) -> f32 {
+    let scale = 2.0 * surface.length;
+    let most = taken_from(surface.all, 0.0) * (1.0 + FAR * scale / surface.radius);
+    var height = 0.0;
+    for (var trial = 0u; trial < TRIALS; trial++) {
+        let far = sqrt(-ln(unit_of(draws)));
+        let y = far * cos(1.5707963267948966 * unit_of(draws));
+        let u = unit_of(draws);
+        height = y * scale;
+        if (y < FAR && u * most < taken_from(surface.all, y) * (1.0 + height / surface.radius)) {
+            break;
+        }
+    }
+    return height;
+}

@@ -1,0 +1,206 @@
+//! Surfaces that turn particles back, hold or take a part of them, and bodies that move: GPU and CPU draw the same numbers
+//! and decide the same.
+
+use lazygrid::Algorithm;
+use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
+use lazygrid_sim::{
+    Axis, Boundary, Error, Kind, Model, Receiver, Receptors, Shape, Simulation, State, Sticking, Transmitter,
+};
+
+use super::device;
+use super::models::{brownian, by_id, cpu, gpu, species};
+
+/// All counts are the same, and all places but for what rounding adds up to.
+#[track_caller]
+fn assert_close(a: &State, b: &State, tolerance: f32) {
+    assert_eq!((a.step, a.next_id), (b.step, b.next_id));
+    assert_eq!(a.totals, b.totals);
+    let near = |a: [f32; 3], b: [f32; 3]| a.into_iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
+    let (ours, theirs) = (by_id(a), by_id(b));
+    assert_eq!(ours.len(), theirs.len());
+    for (a, b) in ours.into_iter().zip(theirs) {
+        assert_eq!((a.id, a.species, a.radius), (b.id, b.species, b.radius));
+        assert!(near(a.position, b.position), "{a:?} {b:?}");
+    }
+    let [held, expected] = [a, b].map(|state| {
+        let mut bound = state.bound.clone();
+        bound.sort_unstable_by_key(|held| held.id);
+        bound
+    });
+    assert_eq!(held.len(), expected.len());
+    for (a, b) in held.into_iter().zip(expected) {
+        assert_eq!((a.id, a.species, a.receiver), (b.id, b.species, b.receiver));
+        assert!(near(a.direction, b.direction), "{a:?} {b:?}");
+    }
+    assert_eq!(a.centers, b.centers);
+}
+
+fn receiver(name: &str, center: [f32; 3], radius: f32, kind: Kind) -> Receiver {
+    Receiver { name: name.into(), center, radius, kind, sees: vec![true; 2], ..Receiver::default() }
+}
+
+/// Every kind of surface among A and B that diffuse and annihilate.
+fn surfaces() -> Model {
+    let receptors = |count| Kind::Receptors(Receptors { count, binding_rate: 40.0, unbinding_rate: 60.0 });
+    Model {
+        receivers: vec![
+            receiver("mirror", [0.0, 0.0, 0.0], 0.75, Kind::Reflecting),
+            receiver("rate", [1.25, 0.0, 0.0], 0.5, Kind::Partial(Sticking::Reactivity(30.0))),
+            receiver("part", [-1.25, 0.0, 0.5], 0.5, Kind::Partial(Sticking::PerStep(0.25))),
+            receiver("few", [0.0, 1.25, 0.0], 0.5, receptors(4)),
+            receiver("many", [0.0, -1.25, 0.0], 0.5, receptors(400)),
+            receiver("absorber", [1.25, 1.25, 1.25], 0.375, Kind::Absorbing),
+            receiver("ghost", [-1.0, -1.0, -1.0], 0.625, Kind::Transparent),
+            receiver("endpoint", [-1.25, 1.25, -1.25], 0.375, Kind::Endpoint),
+        ],
+        time_step: 0.005,
+        ..brownian(true)
+    }
+}
+
+/// The same where all but the mirror go somewhere.
+fn bodies() -> Model {
+    let mut model = surfaces();
+    for (k, receiver) in model.receivers.iter_mut().enumerate().skip(1) {
+        receiver.velocity = [0.5 * k as f64, -1.0, 0.25];
+        receiver.diffusion = if k % 2 == 0 { 0.25 } else { 0.0 };
+    }
+    model
+}
+
+fn compare(model: &Model, seed: u64, steps: u32) -> State {
+    let Some(own) = device() else { return State::default() };
+    let (mut there, mut here) = (gpu(&own, model, seed, GpuOptions::default()), cpu(model, seed));
+    for _ in 0..steps {
+        there.run(1).expect("a step");
+        here.step().expect("a step");
+        assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+        assert_eq!(there.received(), here.received());
+    }
+    // The same in one go.
+    let mut at_once = gpu(&own, model, seed, GpuOptions::default());
+    at_once.run(steps).expect("steps");
+    assert_eq!(at_once.state().expect("a state"), there.state().expect("a state"));
+    here.state().clone()
+}
+
+#[test]
+fn surfaces_do_what_they_do_on_the_cpu() {
+    for periodic in [false, true] {
+        let mut model = surfaces();
+        if periodic {
+            model.boundary = Boundary::periodic([-2.0; 3], [2.0; 3]);
+        }
+        let state = compare(&model, 11, 12);
+        if device().is_some() {
+            let arrived = state.totals.arrived.iter().map(|row| row.iter().sum::<u64>());
+            // Mirrors and what is transparent take nothing.
+            let silent: Vec<usize> = arrived.enumerate().filter(|(_, n)| *n == 0).map(|(k, _)| k).collect();
+            assert_eq!(silent, [0, 6], "{:?}", state.totals.arrived);
+            assert_eq!(state.totals.arrived[3].iter().sum::<u64>(), 4);
+        }
+    }
+}
+
+#[test]
+fn bodies_go_where_they_go_on_the_cpu() {
+    for periodic in [false, true] {
+        let mut model = bodies();
+        if periodic {
+            model.boundary = Boundary::periodic([-2.0; 3], [2.0; 3]);
+        }
+        compare(&model, 12, 12);
+    }
+    // Without a surface that turns anything back.
+    let mut model = bodies();
+    model.receivers.retain(|receiver| !receiver.kind.turns_back());
+    compare(&model, 13, 12);
+}
+
+/// What rests is pushed by what comes, and what comes off a receptor is there again.
+#[test]
+fn what_rests_is_pushed() {
+    let pusher =
+        Receiver { velocity: [0.0, 1.0, 0.0], ..receiver("pusher", [0.0, -2.0, 0.0], 1.0, Kind::Reflecting) };
+    let mut model = brownian(false);
+    model.species = vec![species("A", 0.0, [0.0; 3]), species("B", 0.0, [0.0, -0.5, 0.0])];
+    model.time_step = 0.125;
+    model.boundary.axes[1] = Axis::Open;
+    model.receivers = vec![pusher];
+    compare(&model, 14, 24);
+}
+
+/// Far more come than there are receptors, step after step, of which those of the lowest ranks have them.
+#[test]
+fn few_receptors_go_to_the_lowest_ranks() {
+    let Some(own) = device() else { return };
+    let kind = Kind::Receptors(Receptors { count: 700, binding_rate: 1e4, unbinding_rate: 20.0 });
+    let burst = Transmitter {
+        name: "burst".into(),
+        shape: Shape::Box([1.0; 3]),
+        release: vec![(0, 20_000)],
+        ..Transmitter::default()
+    };
+    let model = Model {
+        receivers: vec![
+            Receiver { sees: vec![true], ..receiver("rx", [0.0; 3], 0.25, kind) },
+            Receiver { sees: vec![true], ..receiver("other", [0.5; 3], 0.25, kind) },
+        ],
+        time_step: 0.01,
+        species: vec![species("A", 1.0, [0.0; 3])],
+        transmitters: vec![burst],
+        boundary: Boundary::reflecting([-0.5; 3], [0.5; 3]),
+        ..Model::default()
+    };
+    let (mut there, mut here) = (gpu(&own, &model, 15, GpuOptions::default()), cpu(&model, 15));
+    for _ in 0..4 {
+        there.run(1).expect("a step");
+        here.step().expect("a step");
+        let (a, b) = (there.state().expect("a state"), here.state());
+        assert_eq!(a.totals, b.totals);
+        assert_eq!(a.totals.arrived[0][0], 700);
+        let ids = |state: &State| {
+            let mut ids: Vec<u32> = state.bound.iter().map(|held| held.id).collect();
+            ids.sort_unstable();
+            ids
+        };
+        assert_eq!(ids(&a), ids(b));
+    }
+}
+
+#[test]
+fn either_side_goes_on_with_what_is_bound() {
+    let Some(own) = device() else { return };
+    let model = bodies();
+    let mut whole = cpu(&model, 16);
+    (0..9).for_each(|_| whole.step().expect("a step"));
+    let mut first = cpu(&model, 16);
+    (0..3).for_each(|_| first.step().expect("a step"));
+    assert!(!first.state().bound.is_empty());
+    let mut second =
+        GpuSimulation::resume(model.clone(), 16, own, GpuOptions::default(), first.state()).expect("a state");
+    assert_close(&second.state().expect("a state"), first.state(), 0.0);
+    assert_eq!(second.received(), first.received());
+    second.run(3).expect("steps");
+    let mut third = Simulation::resume(model.clone(), 16, Algorithm::Auto, second.state().expect("a state"))
+        .expect("a state");
+    (0..3).for_each(|_| third.step().expect("a step"));
+    assert_close(third.state(), whole.state(), 2e-4);
+    let other = Model { receivers: model.receivers[..1].to_vec(), ..model };
+    let device = device().expect("a device");
+    let refused = GpuSimulation::resume(other, 16, device, GpuOptions::default(), first.state());
+    assert!(matches!(refused, Err(Error::Model(_))));
+}
+
+#[test]
+fn steps_that_reach_too_many_surfaces_are_an_error() {
+    let Some(own) = device() else { return };
+    let mut model = brownian(false);
+    model.time_step = 1.0;
+    let place = |k: u32| [k % 5, k / 5 % 5, 0].map(|c| 0.25 * c as f32 - 0.5);
+    model.receivers = (0..25).map(|k| receiver("mirror", place(k), 0.0625, Kind::Reflecting)).collect();
+    let mut run = gpu(&own, &model, 1, GpuOptions::default());
+    let error = run.run(3).expect_err("an error").to_string();
+    assert!(error.contains("surfaces within reach of a particle's step"), "{error}");
+    assert_eq!(run.state().expect("a state").step, 0);
+}
