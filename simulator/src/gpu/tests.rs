@@ -3,6 +3,7 @@
 
 #[path = "../../../tests/src/adapter.rs"]
 mod adapter;
+mod surfaces;
 
 use adapter::or_skip;
 use lazygrid::gpu::{GpuDevice, wgpu};
@@ -217,6 +218,13 @@ fn a_matching_that_is_not_finished_freezes_the_run() {
     assert_eq!(matched(&own, &all, 41, [0, 64]).0, Head::ROUNDS_LEFT);
 }
 
+/// A buffer with these bytes.
+fn written(own: &GpuDevice, name: &'static str, bytes: &[u8]) -> wgpu::Buffer {
+    let made = buffer(own, name, bytes.len() as u64).expect("a buffer");
+    own.queue.write_buffer(&made, 0, bytes);
+    made
+}
+
 /// Particles of which some are gone, used up or turned into others stand afterwards in the order that they are given, and
 /// those of a run that stands still where they stood.
 #[test]
@@ -236,11 +244,7 @@ fn survivors_come_together_in_the_order_of_the_list() {
         let claim = |k: u32| [0, 0, u32::from(word(k) % 7 < 3), product(k), k, 1, 2, 3];
         let claims: Vec<[u32; 8]> = (0..count).map(claim).collect();
         let head = Head { count, frozen, ..Head::default() };
-        let with = |name, bytes: &[u8]| {
-            let made = buffer(&own, name, bytes.len() as u64).expect("a buffer");
-            own.queue.write_buffer(&made, 0, bytes);
-            made
-        };
+        let with = |name, bytes: &[u8]| written(&own, name, bytes);
         let made: std::collections::HashMap<&str, wgpu::Buffer> = [
             ("order", with("order", bytemuck::cast_slice(&order))),
             ("moved", with("moved", bytemuck::cast_slice(&moved))),

@@ -79,7 +79,7 @@ struct Draws {
     used: u32,
 }
 
-fn unit_of(draws: ptr<function, Draws>) -> f32 {
+fn word_of(draws: ptr<function, Draws>) -> u32 {
     if ((*draws).used == 4u) {
         (*draws).words = philox((*draws).counter, params.key);
         (*draws).counter.y += 1u;
@@ -87,7 +87,11 @@ fn unit_of(draws: ptr<function, Draws>) -> f32 {
     }
     let word = (*draws).words[(*draws).used];
     (*draws).used += 1u;
-    return fine_unit(word);
+    return word;
+}
+
+fn unit_of(draws: ptr<function, Draws>) -> f32 {
+    return fine_unit(word_of(draws));
 }
 
 // The height at the end of the step of what came off in it.
@@ -97,7 +101,8 @@ fn height_after(surface: Surface, draws: ptr<function, Draws>) -> f32 {
     var height = 0.0;
     for (var trial = 0u; trial < TRIALS; trial++) {
         let far = sqrt(-ln(unit_of(draws)));
-        let y = far * cos(1.5707963267948966 * unit_of(draws));
+        // A quarter of a turn at most; cosines of devices may be wrong in the fourth digit.
+        let y = far * turn(word_of(draws) >> 2u).x;
         let u = unit_of(draws);
         height = y * scale;
         if (y < FAR && u * most < taken_from(surface.all, y) * (1.0 + height / surface.radius)) {

@@ -1,0 +1,234 @@
+//! What kernels do at surfaces against the functions of the CPU.
+
+use std::collections::HashMap;
+
+use super::*;
+use crate::adsorption;
+use crate::binding::{bids, refused};
+use crate::bodies::Body;
+use crate::crossing::Path;
+use crate::gpu::device::encoded;
+use crate::gpu::layout::{Fate, ReceptorRow};
+use crate::motion::Event;
+use crate::philox::{Draws, open_unit};
+use crate::receiver::{Kind, Receiver, height};
+use crate::turning::turn;
+
+#[test]
+fn what_stays_and_comes_off_is_that_of_the_cpu() {
+    let Some(own) = device() else { return };
+    let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include adsorption";
+    let body = "let length = ldexp(1.0, i32((k / 24u) % 8u) - 6);
+        let surface = surface_of(ldexp(1.0, i32(k % 24u) - 16), length, 0.5);
+        params.key = vec2(5u, 6u);
+        var draws = Draws(vec4(k, 0u, 3u, PURPOSE_UNBINDING), vec4(0u), 4u);
+        let distances = 0.5 * length * f32((k / 192u) % 16u);
+        out[k] = bitcast<vec4<u32>>(vec4(sticking(surface, distances), effective_part(surface),
+            height_after(surface, &draws), length));";
+    let found = evaluate(&own, pieces, body, 12_288);
+    let (mut others, time_step) = (0, 0.1);
+    for (k, found) in (0..).zip(found) {
+        let [stays, part, above, scale] = found.map(|word| f64::from(f32::from_bits(word)));
+        let length = 2f64.powi((k / 24 % 8) as i32 - 6);
+        let reactivity = 2f64.powi((k % 24) as i32 - 16) * length / time_step;
+        let step = adsorption::Step::new(length * length, time_step, (0.5, reactivity));
+        let distances = 0.5 * length * f64::from(k / 192 % 16);
+        let close = |found: f64, exact: f64| (found / exact - 1.0).abs() < 1e-5;
+        assert_eq!(scale, length);
+        assert!(close(stays, step.sticking(distances)), "{k}: {stays} and not {}", step.sticking(distances));
+        assert!(close(part, step.effective_part()), "{k}: {part} and not {}", step.effective_part());
+        let mut draws = Draws::new(Key([5, 6]), k, 3, Purpose::Unbinding);
+        // A trial that only just counts may fall either way.
+        others += u32::from((above - step.height_after(&mut draws)).abs() > 1e-4 * length);
+    }
+    assert!(others <= 4, "{others} of 12 288 heights are others");
+}
+
+/// The text of three spheres that turn particles back, as private variables, and what goes to each.
+fn spheres(ways: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
+    let receiver =
+        |center, radius| Receiver { center, radius, kind: Kind::Reflecting, ..Receiver::default() };
+    let receivers = [
+        receiver([0.0, 0.25, 0.0], 0.5),
+        receiver([1.0, 0.0, 0.5], 0.375),
+        receiver([-1.5, -1.0, 0.0], 0.75),
+    ];
+    let vector = |[x, y, z]: [f32; 3]| format!("vec3<f32>({x:?}, {y:?}, {z:?})");
+    let mut text = String::new();
+    for (k, (receiver, way)) in receivers.iter().zip(ways).enumerate() {
+        let (center, radius) = (vector(receiver.center), receiver.radius);
+        text += &format!("bodies[{k}] = Body({center}, {});\n", vector(way));
+        text += &format!("fates[{k}].radius = {radius:?};\nfates[{k}].kind = REFLECTING;\n");
+        text += &format!("fates[{k}].receiver = {k}u;\n");
+    }
+    (receivers, text)
+}
+
+#[test]
+fn ways_are_turned_as_on_the_cpu() {
+    let Some(own) = device() else { return };
+    let pieces = "const NOTHING: u32 = 0xffffffffu;\nstruct Now { step: u32 }\nvar<private> control: Now;
+#include params
+var<private> params: Params;
+#include philox
+#include boundary
+#include fate
+var<private> journey: Journey;
+var<private> fates: array<Fate, 3>;
+var<private> bodies: array<Body, 3>;
+#include turning";
+    let rooms = [
+        (Boundary::default(), 0),
+        (Boundary::reflecting([-2.0; 3], [2.0; 3]), 1),
+        (Boundary::periodic([-2.0; 3], [2.0; 3]), 2),
+    ];
+    for (room, axes) in rooms {
+        for ways in [[[0.0; 3]; 3], [[0.25, 0.0, 0.0], [0.0, -0.5, 0.125], [0.0; 3]]] {
+            let (receivers, text) = spheres(ways);
+            let walls = "params.low = vec3(-2.0); params.high = vec3(2.0);";
+            let body = format!(
+                "{text} {walls} params.axes = vec3({axes}u); params.is_open = {};
+                let words = philox(vec4(k, 1u, 2u, 3u), vec2(4u, 5u));
+                let more = philox(vec4(k, 2u, 2u, 3u), vec2(4u, 5u));
+                let before = 4.0 * vec3(open_unit(words.x), open_unit(words.y), open_unit(words.z)) - 2.0;
+                let end = before + 4.0 * (vec3(open_unit(more.x), open_unit(more.y), open_unit(more.z)) - 0.5);
+                journey.longest = 0.6;
+                let kind = Kind(vec3(0.0), 0.0, 0.0, 0.0, 0u, 3u, 3u);
+                let turned = turned_back(kind, Path(before, end, placed(end, 0.0)));
+                out[k] = vec4(bitcast<vec3<u32>>(turned.after), turned.first + 1u);",
+                u32::from(axes == 0)
+            );
+            let count = 20_000;
+            let (mut bounced, mut others) = (0, 0);
+            for (k, [x, y, z, first]) in (0..).zip(evaluate(&own, pieces, &body, count)) {
+                let units = |word: u32| philox([k, word, 2, 3], [4, 5]).map(open_unit);
+                let [before, way] = [units(1), units(2)];
+                let before: [f32; 3] = std::array::from_fn(|k| 4.0 * before[k] - 2.0);
+                let end = std::array::from_fn(|k| before[k] + 4.0 * (way[k] - 0.5));
+                let path = Path { before, end, after: room.place(end), drift: [0.0; 3], diffusion: 0.0 };
+                let bodies: Vec<Body> = (0..)
+                    .zip(receivers.clone().into_iter().zip(ways))
+                    .map(|(place, (receiver, way))| Body { way, ..Body::new(place, receiver, 1.0) })
+                    .collect();
+                let is_outside =
+                    |body: &&Body| height(body.receiver.radius, body.center, &room, before) >= 0.0;
+                let around: Vec<&Body> = bodies.iter().filter(is_outside).collect();
+                let expected = turn(&around, &room, &path, &mut [0.0; 3]);
+                let (after, by) =
+                    expected.map_or((path.after, 0), |turned| (turned.path.after, turned.first + 1));
+                let found = [x, y, z].map(f32::from_bits);
+                bounced += u32::from(first > 0);
+                // Bounces off the edge of a sphere make much of rounding.
+                let near = found.into_iter().zip(after).all(|(a, b)| (a - b).abs() < 1e-3);
+                others += u32::from(first != by || !near);
+            }
+            assert!(bounced > 500, "{bounced}");
+            assert!(others <= count / 1000, "{others} of {count} ways are others, axes {axes}, {ways:?}");
+        }
+    }
+}
+
+/// Particles that come to receptors, of few ranks, so that ids decide; of one receiver all find some, of one some, and of
+/// one none.
+#[test]
+fn receptors_go_to_the_lowest_ranks() {
+    let Some(own) = device() else { return };
+    let count = 5_000_u32;
+    let rows =
+        [[5_000, 100], [900, 7], [40, 40]].map(|[count, _]| ReceptorRow { count, ..ReceptorRow::default() });
+    let held = [100_u32, 7, 40];
+    let fates: Vec<Fate> =
+        (0..3).map(|k| Fate { kind: Fate::RECEPTORS, receiver: k, tally: k, ..Fate::default() }).collect();
+    let word = |k: u32| philox([k, 9, 0, 0], [3, 0]);
+    // Of four particles one is held, one does nothing, and two come.
+    let (mut spheres, mut claims, mut events) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut holding, mut coming) = ([0_u32; 3], [0_u32; 3]);
+    for at in 0..count {
+        let [rank, which, ..] = word(at);
+        let receiver = which % 3;
+        let place = receiver as usize;
+        let is_held = holding[place] < held[place];
+        holding[place] += u32::from(is_held);
+        spheres.push(if is_held { [0.0, 0.0, 1.0, -2.0 - receiver as f32] } else { [0.5, 0.5, 0.5, 0.25] });
+        let comes = !is_held && at % 4 != 0;
+        let rank = rank % 7 * 0x1234_5678;
+        claims.push(if comes { [rank, coming[place], 2, receiver, at, 2, 3, 0] } else { [0; 8] });
+        if comes {
+            coming[place] += 1;
+            events.push(Event::Bound { at, receiver, direction: [0.0; 3], rank });
+        }
+    }
+    let id = |at: u32| (at * 37 + 11) % 1_000_003;
+    let tags: Vec<[u32; 2]> = (0..count).map(|at| [0, id(at)]).collect();
+    let free: Vec<u32> = (0..3).map(|k| rows[k].count - held[k]).collect();
+    let expected = refused(bids(&events, id), &free);
+    assert!(coming[1] > free[1] && free[2] == 0 && expected.len() > 1000);
+
+    let mut model = model();
+    model.species.truncate(1);
+    model.reactions.clear();
+    let receiver = || Receiver { sees: vec![true], ..Receiver::default() };
+    model.receivers = vec![receiver(), receiver(), receiver()];
+    let mut base = Base::new(own.clone(), &Tables::new(&model, Key::new(1), 64)).expect("a base");
+    let made: HashMap<&str, wgpu::Buffer> = [
+        ("spheres", written(&own, "spheres", bytemuck::cast_slice(&spheres))),
+        ("moved", written(&own, "moved", bytemuck::cast_slice(&spheres))),
+        ("tags", written(&own, "tags", bytemuck::cast_slice(&tags))),
+        ("claims", written(&own, "claims", bytemuck::cast_slice(&claims))),
+        ("fates", written(&own, "fates", &encoded(&fates))),
+        ("receptors", written(&own, "receptors", &encoded(&rows.to_vec()))),
+        ("bidders", written(&own, "bidders", &vec![0; 4 * count as usize])),
+        ("control", base.buffer("control").clone()),
+    ]
+    .into();
+    let head = Head { count, ..Head::default() };
+    own.queue.write_buffer(&made["control"], 0, bytemuck::bytes_of(&head));
+    let came: Vec<u32> = coming.to_vec();
+    let mut encoder = own.device.create_command_encoder(&Default::default());
+    let all = count.div_ceil(k::GROUP);
+    for (kernel, groups) in [(&k::RECEPTORS_BEGIN, 1), (&k::RECEPTORS_HOLD, all)] {
+        let stage = base.stage(kernel, Groups::Fixed(groups), |name| made[name].clone());
+        stage.expect("a stage").encode(&mut encoder, groups);
+    }
+    own.queue.submit([encoder.finish()]);
+    // What particles_turn counts.
+    for (k, bids) in came.iter().enumerate() {
+        own.queue.write_buffer(&made["receptors"], 16 * k as u64 + 8, bytemuck::bytes_of(bids));
+    }
+    let mut encoder = own.device.create_command_encoder(&Default::default());
+    for (kernel, groups) in [(&k::RECEPTORS_SCAN, 1), (&k::RECEPTORS_GROUP, all), (&k::RECEPTORS_CHOOSE, 3)] {
+        let stage = base.stage(kernel, Groups::Fixed(groups), |name| made[name].clone());
+        stage.expect("a stage").encode(&mut encoder, groups);
+    }
+    let parts = [
+        (&made["moved"], 16 * u64::from(count)),
+        (&made["claims"], CLAIM_BYTES * u64::from(count)),
+        (&made["receptors"], 48),
+        (&made["control"], size_of::<Head>() as u64 + 12),
+    ];
+    let read = read(&own, encoder, &parts).expect("read");
+    let moved: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read[0]);
+    let after: Vec<[u32; 8]> = bytemuck::pod_collect_to_vec(&read[1]);
+    let receptors: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&read[2]);
+    let tallies: Vec<u32> = bytemuck::pod_collect_to_vec(&read[3][size_of::<Head>()..]);
+    let head: Head = bytemuck::pod_read_unaligned(&read[3][..size_of::<Head>()]);
+    assert_eq!(receptors.iter().map(|row| row[1]).collect::<Vec<u32>>(), held);
+    assert!(after.iter().all(|claim| claim[2] == 0));
+    let mut turned_away: Vec<u32> = events
+        .iter()
+        .filter(|event| moved[event.at() as usize] == spheres[event.at() as usize])
+        .map(|event| id(event.at()))
+        .collect();
+    turned_away.sort_unstable();
+    assert_eq!(turned_away, expected);
+    for event in &events {
+        let (at, Event::Bound { receiver, .. }) = (event.at() as usize, event) else { continue };
+        let direction = [f32::from_bits(claims[at][4]), f32::from_bits(2), f32::from_bits(3)];
+        let bound = [direction[0], direction[1], direction[2], -2.0 - *receiver as f32];
+        // Numbers so small may be taken for zero.
+        let is_bound = moved[at][3] == bound[3] && (moved[at][0] - bound[0]).abs() < 1e-30;
+        assert!(is_bound || moved[at] == spheres[at], "{:?}", moved[at]);
+    }
+    let bound: Vec<u32> = (0..3).map(|k| coming[k].min(free[k])).collect();
+    assert_eq!((tallies, head.gone), (bound.clone(), bound.iter().sum()));
+}
