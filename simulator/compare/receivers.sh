@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Whole steps with 1 to 10 000 absorbing receivers in a periodic box, in turn, and beside another build where one is named.
 # RECEIVERS, EDGE (of the box), DIFFUSION and KIND (of receivers) in the environment make it another scene: near receivers a
-# small box and a large diffusion coefficient.
+# small box and a large diffusion coefficient. BACKEND=gpu measures that one (on a software driver, which is the processor).
 # Prints milliseconds of processor time per step, medians of rounds, and their ratio to those with the first number of receivers.
 # Usage: simulator/compare/receivers.sh [PARTICLES [ROUNDS [STEPS [OTHER-LAZYGRID]]]]
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
-edge=${EDGE:-100} diffusion=${DIFFUSION:-100} kind=${KIND:-absorbing}
+edge=${EDGE:-100} diffusion=${DIFFUSION:-100} kind=${KIND:-absorbing} backend=${BACKEND:-cpu}
 read -ra counts <<<"${RECEIVERS:-1 4 8 10 16 32 100 1000 10000}"
 particles=${1:-20000} rounds=${2:-5} steps=${3:-100} other=${4:-} warm=10
 lazygrid=${CARGO_TARGET_DIR:-target}/release/lazygrid
@@ -47,10 +47,10 @@ done
 # Seconds of processor time of a run of this many steps, which what else the machine does hardly changes.
 run() {
     local TIMEFORMAT=%3U
-    { time "$1" simulate "$scratch/$2.toml" --output "$scratch/run" --overwrite --threads 1 --steps "$3" >/dev/null 2>"$scratch/said"; } 2>&1
+    { time "$1" simulate "$scratch/$2.toml" --output "$scratch/run" --overwrite --backend "$backend" --threads 1 --steps "$3" >/dev/null 2>"$scratch/said"; } 2>&1
 }
 
-echo "$particles particles, $steps steps after $warm, one thread; ms per step" >&2
+echo "$particles particles, $steps steps after $warm, $backend, one thread; ms per step" >&2
 for ((round = 0; round < rounds; round++)); do
     for receivers in "${counts[@]}"; do
         for build in "$lazygrid" $other; do

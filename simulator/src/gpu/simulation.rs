@@ -1,6 +1,6 @@
 //! A run on the device, step by step.
 
-use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuSettings, GpuSpheres, wgpu};
+use lazygrid::gpu::{Count, Crossover, GpuDetector, GpuDevice, GpuSettings, GpuSpheres, wgpu};
 
 use super::device::{filled, read, refused, scoped};
 use super::journey::{Itinerary, most_steps};
@@ -9,10 +9,9 @@ use super::layout::Head;
 use super::plan::{GpuOptions, MAX_TURNS, Sizes, grown, steps_between_looks};
 use super::stages::{Base, Groups, Stage, Steps};
 use super::tables::{Holder, Tables, Tallies, check};
-use crate::binding::Bound;
 use crate::decay::Decays;
 use crate::model::Model;
-use crate::particles::{Particle, Particles};
+use crate::particles::Particles;
 use crate::philox::Key;
 use crate::reactions::interactions;
 use crate::receiver::Kind;
@@ -20,7 +19,9 @@ use crate::release::Released;
 use crate::{Error, State, Totals};
 
 mod room;
+mod rows;
 use room::prepare;
+use rows::columns;
 
 /// A run whose particles live on a GPU: a model, a seed, and what has become of it.
 ///
@@ -64,8 +65,6 @@ struct Burst {
 const MAX_ROUNDS: u32 = 512;
 /// Work, in particles moved, that one submission may have: far below what watchdogs allow.
 const SUBMISSION: u32 = 1 << 24;
-/// The radius of what the first receptor of the table of fates holds; see `receptor.wgsl`.
-const HELD: f32 = -2.0;
 /// Steps that one submission may have, however few particles there are.
 const STEPS: u32 = 64;
 
@@ -194,58 +193,8 @@ impl GpuSimulation {
         Ok(())
     }
 
-    /// The particles and all else that changes, brought to the host.
-    ///
-    /// # Errors
-    /// [`Error::Detection`] where the device fails.
-    pub fn state(&self) -> Result<State, Error> {
-        let n = u64::from(self.alive);
-        let parts = [(self.steps.buffer("spheres"), 16 * n), (self.steps.buffer("tags"), 8 * n)];
-        let read = read(&self.base.own, self.encoder(), &parts)?;
-        let spheres: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read[0]);
-        let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
-        // The device keeps them by where they are, in an order that its threads settle between them.
-        let mut rows: Vec<_> = spheres.into_iter().zip(tags).collect();
-        rows.sort_unstable_by_key(|&(_, [_, id])| id);
-        let (mut particles, mut bound) = (Particles::default(), Vec::new());
-        for ([x, y, z, radius], [species, id]) in rows {
-            if radius >= 0.0 {
-                let position = [x, y, z];
-                particles.push(Particle { position, radius, species, id, ..Particle::default() }, false);
-                continue;
-            }
-            let fate = (HELD - radius) as u32;
-            let holder = self.holders.binary_search_by_key(&fate, |holder| holder.fate);
-            let receiver = holder.map_or(0, |at| self.holders[at].receiver);
-            bound.push(Bound { id, species, receiver, direction: [x, y, z] });
-        }
-        (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), false));
-        let Self { step, next_id, .. } = *self;
-        let (totals, centers) = (self.totals.clone(), self.centers.clone());
-        Ok(State { particles, step, next_id, totals, centers, bound, ..State::default() })
-    }
-
     fn encoder(&self) -> wgpu::CommandEncoder {
         self.base.own.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
-    }
-
-    fn upload(&self, state: &State) -> Result<(), Error> {
-        let head = Head { alive: self.alive, done: self.step, step: self.step, ..Head::default() };
-        let (mut spheres, mut tags) = columns(&state.particles);
-        for &Bound { id, species, receiver, direction: [x, y, z] } in &state.bound {
-            let holder = self.holders.binary_search_by_key(&(species, receiver), |h| (h.species, h.receiver));
-            let Ok(at) = holder else {
-                return Err(Error::Model("the state has something bound to what binds nothing".to_owned()));
-            };
-            spheres.push([x, y, z, HELD - self.holders[at].fate as f32]);
-            tags.push([species, id]);
-        }
-        let queue = &self.base.own.queue;
-        scoped(&self.base.own, "the particles", 0, || {
-            queue.write_buffer(self.base.buffer("control"), 0, bytemuck::bytes_of(&head));
-            queue.write_buffer(self.steps.buffer("spheres"), 0, bytemuck::cast_slice(&spheres));
-            queue.write_buffer(self.steps.buffer("tags"), 0, bytemuck::cast_slice(&tags));
-        })
     }
 
     /// What appears after each of the next steps.
@@ -420,7 +369,13 @@ impl GpuSimulation {
 /// What finds the pairs, where there are any to be found.
 fn detector(base: &Base, model: &Model, sizes: Sizes) -> Result<Option<GpuDetector>, Error> {
     let Some(table) = interactions(model)? else { return Ok(None) };
+    // A software driver has few threads, so that lists pay much sooner.
+    let crossover = match base.own.adapter.is_hardware {
+        true => Crossover::HARDWARE,
+        false => Crossover::SOFTWARE,
+    };
     let settings = GpuSettings {
+        crossover,
         interactions: Some(table),
         space: model.boundary.space()?,
         pair_capacity: sizes.pairs.max(1),
@@ -428,14 +383,4 @@ fn detector(base: &Base, model: &Model, sizes: Sizes) -> Result<Option<GpuDetect
         ..GpuSettings::default()
     };
     GpuDetector::new(&base.own.device, settings).map(Some).map_err(refused)
-}
-
-/// Particles as the device has them.
-fn columns(particles: &Particles) -> (Vec<[f32; 4]>, Vec<[u32; 2]>) {
-    let sphere = |at: usize| {
-        let Particle { position: [x, y, z], radius, .. } = particles.get(at);
-        [x, y, z, radius]
-    };
-    let n = particles.len();
-    ((0..n).map(sphere).collect(), (0..n).map(|at| [particles.species[at], particles.id[at]]).collect())
 }

@@ -9,6 +9,11 @@ use crate::gpu::layout::Head;
 use crate::gpu::plan::{Sizes, grown};
 use crate::gpu::stages::{Base, Steps};
 
+/// Surfaces near one particle, as `turning.wgsl` has it.
+const NEAR: u64 = 16;
+/// Particles that come to the receptors of one receiver in a step, as `receptors_scan.wgsl` has it.
+const MOST_BIDS: u64 = 1 << 20;
+
 impl GpuSimulation {
     /// Makes room for what froze the run, if anything did, and lets it go on.
     pub(super) fn thaw(&mut self, head: Head) -> Result<(), Error> {
@@ -46,26 +51,13 @@ impl GpuSimulation {
                     return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
                 }
             }
-            Head::TOO_MANY_NEAR => {
-                let what = "the number of surfaces within reach of a particle's step";
-                let remedy = "shorten the time step, or choose the CPU";
-                return failed(lazygrid::Error::LimitExceeded {
-                    what,
-                    needed: head.lacking(),
-                    limit: 16,
-                    remedy,
-                });
-            }
-            Head::TOO_MANY_BIDS => {
-                let what = "the number of particles that come to the receptors of one receiver in a step";
-                let remedy = "shorten the time step, or choose the CPU";
-                let limit = 1 << 20;
-                return failed(lazygrid::Error::LimitExceeded {
-                    what,
-                    needed: head.lacking(),
-                    limit,
-                    remedy,
-                });
+            Head::TOO_MANY_NEAR | Head::TOO_MANY_BIDS => {
+                let (what, limit) = match head.frozen {
+                    Head::TOO_MANY_NEAR => ("the number of surfaces within reach of a particle's step", NEAR),
+                    _ => ("the number of particles that come to a receiver's receptors in a step", MOST_BIDS),
+                };
+                let (needed, remedy) = (head.lacking(), "shorten the time step, or choose the CPU");
+                return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
             }
             Head::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.lacking() }),
             other => {

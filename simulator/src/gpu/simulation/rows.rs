@@ -1,0 +1,73 @@
+//! Particles, and what receptors hold, as rows on the device.
+
+use super::GpuSimulation;
+use crate::binding::Bound;
+use crate::gpu::device::{read, scoped};
+use crate::gpu::layout::Head;
+use crate::particles::{Particle, Particles};
+use crate::{Error, State};
+
+/// The radius of what the first receptor of the table of fates holds; see `receptor.wgsl`.
+const HELD: f32 = -2.0;
+
+impl GpuSimulation {
+    /// The particles and all else that changes, brought to the host.
+    ///
+    /// # Errors
+    /// [`Error::Detection`] where the device fails.
+    pub fn state(&self) -> Result<State, Error> {
+        let n = u64::from(self.alive);
+        let parts = [(self.steps.buffer("spheres"), 16 * n), (self.steps.buffer("tags"), 8 * n)];
+        let read = read(&self.base.own, self.encoder(), &parts)?;
+        let spheres: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read[0]);
+        let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
+        // The device keeps them by where they are, in an order that its threads settle between them.
+        let mut rows: Vec<_> = spheres.into_iter().zip(tags).collect();
+        rows.sort_unstable_by_key(|&(_, [_, id])| id);
+        let (mut particles, mut bound) = (Particles::default(), Vec::new());
+        for ([x, y, z, radius], [species, id]) in rows {
+            if radius >= 0.0 {
+                let position = [x, y, z];
+                particles.push(Particle { position, radius, species, id, ..Particle::default() }, false);
+                continue;
+            }
+            let fate = (HELD - radius) as u32;
+            let holder = self.holders.binary_search_by_key(&fate, |holder| holder.fate);
+            let receiver = holder.map_or(0, |at| self.holders[at].receiver);
+            bound.push(Bound { id, species, receiver, direction: [x, y, z] });
+        }
+        (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), false));
+        let Self { step, next_id, .. } = *self;
+        let (totals, centers) = (self.totals.clone(), self.centers.clone());
+        Ok(State { particles, step, next_id, totals, centers, bound, ..State::default() })
+    }
+
+    pub(super) fn upload(&self, state: &State) -> Result<(), Error> {
+        let head = Head { alive: self.alive, done: self.step, step: self.step, ..Head::default() };
+        let (mut spheres, mut tags) = columns(&state.particles);
+        for &Bound { id, species, receiver, direction: [x, y, z] } in &state.bound {
+            let holder = self.holders.binary_search_by_key(&(species, receiver), |h| (h.species, h.receiver));
+            let Ok(at) = holder else {
+                return Err(Error::Model("the state has something bound to what binds nothing".to_owned()));
+            };
+            spheres.push([x, y, z, HELD - self.holders[at].fate as f32]);
+            tags.push([species, id]);
+        }
+        let queue = &self.base.own.queue;
+        scoped(&self.base.own, "the particles", 0, || {
+            queue.write_buffer(self.base.buffer("control"), 0, bytemuck::bytes_of(&head));
+            queue.write_buffer(self.steps.buffer("spheres"), 0, bytemuck::cast_slice(&spheres));
+            queue.write_buffer(self.steps.buffer("tags"), 0, bytemuck::cast_slice(&tags));
+        })
+    }
+}
+
+/// Particles as the device has them.
+pub(super) fn columns(particles: &Particles) -> (Vec<[f32; 4]>, Vec<[u32; 2]>) {
+    let sphere = |at: usize| {
+        let Particle { position: [x, y, z], radius, .. } = particles.get(at);
+        [x, y, z, radius]
+    };
+    let n = particles.len();
+    ((0..n).map(sphere).collect(), (0..n).map(|at| [particles.species[at], particles.id[at]]).collect())
+}
