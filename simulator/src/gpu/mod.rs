@@ -11,7 +11,7 @@
 //! nothing is done twice.
 //!
 //! Bursts are computed on the host by [`Model::release`](crate::Model::release), as it knows their steps and ids
-//! beforehand, and go up with the steps.
+//! beforehand, and go up with the steps. So does where receivers are in each of them.
 
 mod device;
 mod journey;
