@@ -1,10 +1,11 @@
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
 use lazygrid_host::{Phase, Refinement};
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres};
 
 use super::error::make_room;
+use super::input::GpuSpheres;
 use super::session::{Call, GpuSession, Ticket};
 use super::slabs::{Slab, Slabs, Whole};
 use crate::Error;
@@ -19,6 +20,9 @@ pub(super) struct Given<'a> {
     /// What is asked of pairs besides, once they have come back.
     pub(super) refinement: Option<&'a Refinement<'a>>,
 }
+
+/// A call that is cut.
+type Cut<'a> = (&'a Given<'a>, &'a Whole<'a>, &'a Slabs);
 
 /// Searches in a session: in one call, or slab by slab where the device cannot bind all spheres.
 #[derive(Debug)]
@@ -65,18 +69,22 @@ impl Search {
         let mut found = 0;
         list.clear();
         for number in 0..slabs.len() {
-            let ticket = self.begin_slab(&slabs, number, (&whole, given.algorithm))?;
+            let Some(ticket) =
+                self.begin_slab((&slabs, number), (&whole, given.algorithm), &GpuSpheres::ALL)?
+            else {
+                continue;
+            };
             if found > limit {
                 found += self.session.finish_count(ticket)?;
                 continue;
             }
-            match self.session.finish(ticket, limit - found) {
-                Ok(pairs) => {
-                    found += pairs.len() as u64;
-                    let before = list.len();
+            match self.session.finish(ticket, limit - found).map(<[Pair]>::len) {
+                Ok(count) => {
+                    found += count as u64;
+                    let pairs = self.session.pairs_mut();
+                    self.slab.name(pairs);
                     make_room(list, pairs.len(), "pairs")?;
-                    list.extend_from_slice(pairs);
-                    self.slab.name(&mut list[before..]);
+                    list.append(pairs);
                 }
                 Err(Error::TooManyPairs { found: more, .. }) => found += more,
                 Err(error) => return Err(error),
@@ -133,56 +141,62 @@ impl Search {
         };
         let mut found = 0;
         for number in 0..slabs.len() {
-            let ticket = self.begin_slab(&slabs, number, (&whole, given.algorithm))?;
+            let Some(ticket) =
+                self.begin_slab((&slabs, number), (&whole, given.algorithm), &GpuSpheres::ALL)?
+            else {
+                continue;
+            };
             found += self.session.finish_count(ticket)?;
             self.note();
         }
         Ok(found)
     }
 
-    /// Hands the pairs over in parts: with `in_order_up_to` a number of pairs such that smaller indices ascend from part to
-    /// part.
+    /// Hands the pairs over in parts: with `in_order` such that smaller indices ascend from part to part. Parts then have no
+    /// more pairs than that, but where a single sphere, or the output of the device, has more.
     ///
     /// # Errors
-    /// Where the device fails; [`Error::LimitExceeded`] where slabs have more pairs than that.
+    /// Where the device fails.
     pub(super) fn parts(
         &mut self,
         given: &Given<'_>,
-        in_order_up_to: Option<u64>,
+        in_order: Option<u64>,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
-        let mut consume = |pairs: &mut Vec<Pair>| {
-            if let Some(refinement) = given.refinement {
-                refine(pairs, refinement);
-            }
-            consume(pairs)
-        };
         let Some((whole, slabs)) = self.cut(given)? else {
             let ticket = self.begin(given)?;
-            self.session.finish_in_parts(ticket, consume)?;
+            self.session.finish_in_parts(ticket, |pairs| {
+                if let Some(refinement) = given.refinement {
+                    refine(pairs, refinement);
+                }
+                consume(pairs)
+            })?;
             self.note();
             return Ok(());
         };
-        if let Some(limit) = in_order_up_to {
-            // A slab has pairs of small indices and of large ones.
-            let mut list = Vec::new();
-            self.list(given, limit, &mut list).map_err(|error| match error {
-                Error::TooManyPairs { found, limit } => {
-                    let what =
-                        "a stream in order, of more spheres than the device can bind: the number of pairs";
-                    let remedy = "raise `max_pairs`, or stream in any order";
-                    Error::LimitExceeded { what, needed: found, limit, remedy }
-                }
-                other => other,
-            })?;
-            let _ = consume(&mut list);
-            return Ok(());
+        match in_order {
+            None => self.slab_by_slab((given, &whole, &slabs), &GpuSpheres::ALL, consume),
+            Some(most) => self.range_by_range((given, &whole, &slabs), most, consume),
         }
+    }
+
+    /// Hands over the pairs of one slab after another whose smaller index is in `range`.
+    fn slab_by_slab(
+        &mut self,
+        (given, whole, slabs): Cut<'_>,
+        range: &Range<u32>,
+        mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
+    ) -> Result<(), Error> {
         for number in 0..slabs.len() {
-            let ticket = self.begin_slab(&slabs, number, (&whole, given.algorithm))?;
+            let Some(ticket) = self.begin_slab((slabs, number), (whole, given.algorithm), range)? else {
+                continue;
+            };
             let (slab, mut is_enough) = (&self.slab, false);
             self.session.finish_in_parts(ticket, |pairs| {
                 slab.name(pairs);
+                if let Some(refinement) = given.refinement {
+                    refine(pairs, refinement);
+                }
                 let flow = consume(pairs);
                 is_enough = flow.is_break();
                 flow
@@ -195,15 +209,75 @@ impl Search {
         Ok(())
     }
 
+    /// Hands over all pairs, smaller indices ascending from part to part. A slab has pairs of small indices and of large ones:
+    /// where there are more than `most`, the pairs of each sphere are counted first, and the slabs then searched for one range
+    /// of indices after another.
+    fn range_by_range(
+        &mut self,
+        cut: Cut<'_>,
+        most: u64,
+        mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
+    ) -> Result<(), Error> {
+        let mut counts = Vec::new();
+        let (mut list, mut found) = (Vec::new(), 0);
+        make_room(&mut counts, cut.0.spheres.len(), "pairs of each sphere")?;
+        counts.resize(cut.0.spheres.len(), 0_u32);
+        self.slab_by_slab(cut, &GpuSpheres::ALL, |pairs| {
+            found += pairs.len() as u64;
+            pairs.iter().for_each(|pair| counts[pair.i as usize] += 1);
+            match found <= most && make_room(&mut list, pairs.len(), "pairs").is_ok() {
+                true => list.append(pairs),
+                false => list = Vec::new(),
+            }
+            ControlFlow::Continue(())
+        })?;
+        if list.len() as u64 == found {
+            let _ = consume(&mut list);
+            return Ok(());
+        }
+        log::info!("{found} pairs of {} slabs are more than {most}: range by range", self.slabs);
+        let mut from = 0;
+        while from < counts.len() {
+            let mut total = 0;
+            let fits = |count: &&u32| {
+                total += u64::from(**count);
+                total <= most
+            };
+            let to = from + counts[from..].iter().take_while(fits).count().max(1);
+            list.clear();
+            let mut refused = None;
+            self.slab_by_slab(cut, &(from as u32..to as u32), |pairs| {
+                match make_room(&mut list, pairs.len(), "pairs") {
+                    Ok(()) => list.append(pairs),
+                    Err(error) => refused = Some(error),
+                }
+                if refused.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            })?;
+            if let Some(error) = refused {
+                return Err(error);
+            }
+            if consume(&mut list).is_break() {
+                break;
+            }
+            from = to;
+        }
+        Ok(())
+    }
+
+    /// Whether the device can bind all spheres at once.
+    pub(super) fn is_bound_at_once(&self, given: &Given<'_>) -> bool {
+        given.spheres.len() as u64 <= self.session.most_spheres()
+    }
+
     /// Cuts what the device cannot bind at once.
     fn cut<'a>(&mut self, given: &Given<'a>) -> Result<Option<(Whole<'a>, Slabs)>, Error> {
         self.timings.clear();
         self.slabs = 1;
         let (spheres, count) = (given.spheres, given.spheres.len() as u64);
-        let most = self.session.most_spheres();
-        if count <= most {
+        if self.is_bound_at_once(given) {
             return Ok(None);
         }
+        let most = self.session.most_spheres();
         let start = Instant::now();
         let whole = Whole::new(spheres, given.interactions, given.space);
         let Some(slabs) = Slabs::new(&whole, most as usize) else {
@@ -223,21 +297,25 @@ impl Search {
         Ok(ticket)
     }
 
-    /// Gathers and begins a slab. Candidates are not kept for it: the next call of the session is another slab.
+    /// Gathers and begins a slab, for pairs whose smaller index is in `range`; `None` where it can have none. Candidates are not
+    /// kept for it: the next call of the session is another slab.
     fn begin_slab(
         &mut self,
-        slabs: &Slabs,
-        number: usize,
+        (slabs, number): (&Slabs, usize),
         (whole, algorithm): (&Whole<'_>, Algorithm),
-    ) -> Result<Ticket, Error> {
+        range: &Range<u32>,
+    ) -> Result<Option<Ticket>, Error> {
         let start = Instant::now();
-        slabs.gather(number, whole, &mut self.slab)?;
+        slabs.gather(number, whole, range, &mut self.slab)?;
         self.time("cut", start);
+        if self.slab.window().is_empty() {
+            return Ok(None);
+        }
         let start = Instant::now();
         let call = Call { window: self.slab.window(), keeps: false, ..self.session.call(algorithm) };
         let ticket = self.session.begin_as(call, self.slab.spheres()?)?;
         self.time("upload", start);
-        Ok(ticket)
+        Ok(Some(ticket))
     }
 
     /// Takes down the times of the session's last call.

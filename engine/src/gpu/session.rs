@@ -354,6 +354,11 @@ impl GpuSession {
         Timing::add(&mut self.timings, name, time);
     }
 
+    /// The pairs of the last call, for whoever goes on with them.
+    pub(super) fn pairs_mut(&mut self) -> &mut Vec<Pair> {
+        &mut self.pairs
+    }
+
     /// Moves the pairs of the last call out, and a list in whose memory the next call may use.
     pub fn swap_pairs(&mut self, pairs: &mut Vec<Pair>) {
         std::mem::swap(&mut self.pairs, pairs);

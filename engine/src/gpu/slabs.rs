@@ -4,10 +4,14 @@
 //! from before. Of two spheres that overlap, the one that begins later is owned by some slab, and the other one is owned by
 //! it or lent to it: so each pair is found once, where at least one of the two is owned. Along a periodic axis the other one
 //! may be lent around the box as well, but not where a slab and two spheres together do not reach around it.
+//!
+//! A slab can also be gathered for a *range* of indices: then only pairs are found whose smaller index is in it. Spheres of
+//! smaller indices are left out, those of the range stand first, and the search's window ends with them. As some of those are
+//! lent, the search also finds pairs of two that are lent, which the slab that owns one of them has as well, and drops them.
 
 use std::ops::Range;
 
-use lazygrid_kernels::{Interactions, Reach, Space, Sphere, Spheres};
+use lazygrid_kernels::{Interactions, Pair, Reach, Space, Sphere, Spheres};
 
 use super::error::make_room;
 use crate::Error;
@@ -41,15 +45,15 @@ pub(crate) struct Slabs {
 /// The spheres of a slab, in buffers that are used again.
 #[derive(Debug, Default)]
 pub(crate) struct Slab {
-    /// Those that it owns, then those that it is lent.
+    /// Those of the range that it owns, those of the range that it is lent, then the others likewise.
     spheres: Vec<Sphere>,
     species: Vec<u32>,
     /// The index of each in the whole call.
     indices: Vec<u32>,
-    /// The indices of those that it is lent, while they are gathered.
-    lent: Vec<u32>,
-    /// How many it owns.
-    owned: u32,
+    /// The indices of the second, third and fourth of these groups, while they are gathered.
+    later: [Vec<u32>; 3],
+    /// Where the first three of these groups end.
+    ends: [u32; 3],
 }
 
 impl<'a> Whole<'a> {
@@ -164,33 +168,45 @@ impl Slabs {
         self.slabs.len()
     }
 
-    /// Gathers the spheres of one of them.
+    /// Gathers the spheres of one of them, for pairs whose smaller index is in `range`.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(crate) fn gather(&self, number: usize, whole: &Whole<'_>, slab: &mut Slab) -> Result<(), Error> {
+    pub(crate) fn gather(
+        &self,
+        number: usize,
+        whole: &Whole<'_>,
+        range: &Range<u32>,
+        slab: &mut Slab,
+    ) -> Result<(), Error> {
         let (from, count) = self.slabs[number];
         let to = self.slabs.get(number + 1).map_or(f64::INFINITY, |slab| slab.0);
         let period = whole.period(self.axis);
-        let Slab { spheres, species, indices, lent, owned } = slab;
+        let Slab { spheres, species, indices, later, ends } = slab;
         indices.clear();
-        lent.clear();
         make_room(indices, count, "the spheres of a slab")?;
-        make_room(lent, count, "the spheres of a slab")?;
+        later.iter_mut().for_each(Vec::clear);
         let is_owned = |[begin, _]: [f64; 2]| from <= begin && begin < to;
         let is_lent = |[begin, end]: [f64; 2]| {
             begin < from && from <= end || period.is_some_and(|length| from <= end - length)
         };
-        for k in 0..whole.spheres.len() {
+        for k in range.start as usize..whole.spheres.len() {
             let ends = whole.ends(k, self.axis);
-            if is_owned(ends) {
-                indices.push(k as u32);
-            } else if is_lent(ends) {
-                lent.push(k as u32);
-            }
+            let group = match (range.contains(&(k as u32)), is_owned(ends)) {
+                (_, false) if !is_lent(ends) => continue,
+                (true, true) => &mut *indices,
+                (true, false) => &mut later[0],
+                (false, true) => &mut later[1],
+                (false, false) => &mut later[2],
+            };
+            make_room(group, 1, "the spheres of a slab")?;
+            group.push(k as u32);
         }
-        *owned = indices.len() as u32;
-        indices.append(lent);
+        for (group, end) in later.iter_mut().zip(ends) {
+            *end = indices.len() as u32;
+            make_room(indices, group.len(), "the spheres of a slab")?;
+            indices.append(group);
+        }
         spheres.clear();
         make_room(spheres, indices.len(), "the spheres of a slab")?;
         spheres.extend(indices.iter().map(|&k| whole.spheres.get(k as usize)));
@@ -215,21 +231,27 @@ impl Slab {
 
     /// The pairs to be found have their smaller index in here.
     pub(crate) fn window(&self) -> Range<u32> {
-        0..self.owned
+        let [owned, of_range, _] = self.ends;
+        // Where there are no others, two that are lent are nobody's to find.
+        0..if of_range as usize == self.indices.len() { owned } else { of_range }
     }
 
-    /// Has pairs name the spheres of the whole call.
-    pub(crate) fn name(&self, pairs: &mut [lazygrid_kernels::Pair]) {
-        for pair in pairs {
+    /// Has pairs name the spheres of the whole call, and drops those of two that are lent.
+    pub(crate) fn name(&self, pairs: &mut Vec<Pair>) {
+        let [owned, of_range, others] = self.ends;
+        let is_owned = |k: u32| k < owned || (of_range..others).contains(&k);
+        pairs.retain_mut(|pair| {
+            let keeps = is_owned(pair.i) || is_owned(pair.j);
             let [a, b] = [pair.i, pair.j].map(|k| self.indices[k as usize]);
             (pair.i, pair.j) = (a.min(b), a.max(b));
-        }
+            keeps
+        });
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use lazygrid_kernels::{Interaction, Pair};
+    use lazygrid_kernels::Interaction;
 
     use super::*;
 
@@ -262,27 +284,41 @@ mod tests {
         whole.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)
     }
 
-    /// Cut into slabs of `most` spheres, every pair is found once.
+    /// Cut into slabs of `most` spheres, every pair is found once, in one go and range by range.
     fn agrees(whole: &Whole<'_>, most: usize) -> usize {
         let all = 0..whole.spheres.len();
         let pairs = all.clone().flat_map(|i| (i + 1..all.end).map(move |j| (i, j)));
         let pairs = pairs.filter(|&(i, j)| overlaps(whole, i, j));
         let expected: Vec<Pair> = pairs.map(|(i, j)| Pair { i: i as u32, j: j as u32 }).collect();
         let slabs = Slabs::new(whole, most).expect("few overlap");
-        let (mut slab, mut found) = (Slab::default(), Vec::new());
-        for number in 0..slabs.len() {
-            slabs.gather(number, whole, &mut slab).expect("there is memory");
-            let count = slab.indices.len();
-            assert!(count <= most, "{count} spheres in a slab of {most}");
-            let of = |k: u32| slab.indices[k as usize] as usize;
-            let in_slab = slab.window().flat_map(|i| (i + 1..count as u32).map(move |j| Pair { i, j }));
-            let mut own: Vec<Pair> = in_slab.filter(|pair| overlaps(whole, of(pair.i), of(pair.j))).collect();
-            slab.name(&mut own);
-            found.extend(own);
+        let mut slab = Slab::default();
+        let count = all.end as u32;
+        for cuts in [vec![0, u32::MAX], vec![0, 1, count / 3, count / 2, count]] {
+            let mut found = Vec::new();
+            for range in cuts.windows(2).map(|ends| ends[0]..ends[1]) {
+                for number in 0..slabs.len() {
+                    slabs.gather(number, whole, &range, &mut slab).expect("there is memory");
+                    let count = slab.indices.len();
+                    assert!(count <= most, "{count} spheres in a slab of {most}");
+                    let of = |k: u32| slab.indices[k as usize] as usize;
+                    let window = slab.window();
+                    let in_slab = window.flat_map(|i| (i + 1..count as u32).map(move |j| Pair { i, j }));
+                    let mut own: Vec<Pair> =
+                        in_slab.filter(|pair| overlaps(whole, of(pair.i), of(pair.j))).collect();
+                    slab.name(&mut own);
+                    assert!(own.iter().all(|pair| range.contains(&pair.i)), "{range:?}");
+                    found.extend(own);
+                }
+            }
+            found.sort_unstable();
+            let wrong = found.iter().zip(&expected).find(|(found, expected)| found != expected);
+            assert!(
+                found == expected,
+                "{} pairs, not {}, by {cuts:?}: {wrong:?}",
+                found.len(),
+                expected.len()
+            );
         }
-        found.sort_unstable();
-        let wrong = found.iter().zip(&expected).find(|(found, expected)| found != expected);
-        assert!(found == expected, "{} pairs, not {}: {wrong:?}", found.len(), expected.len());
         slabs.len()
     }
 

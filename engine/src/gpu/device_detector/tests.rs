@@ -43,19 +43,31 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     let across = |pair: &&Pair| pair.i < 1000 && pair.j >= 1000;
     let across: Vec<_> = expected.iter().filter(across).map(|p| Pair { i: p.i, j: p.j - 1000 }).collect();
     assert!(detector.between(first.into(), second.into()).expect("found") == across);
-    let mut streamed = Vec::new();
-    let mut keep = |pairs: &[Pair]| {
-        streamed.extend_from_slice(pairs);
-        ControlFlow::Continue(())
-    };
-    let handed = detector.stream(all, 1 << 16, &mut keep).expect("in order");
-    assert!(streamed == expected && handed == expected.len() as u64);
-    let limited = config.max_pairs(expected.len() as u64 - 1);
+    // In order, whether or not all pairs may be held at once.
+    let all_pairs = expected.len() as u64;
+    for limit in [all_pairs, all_pairs - 1, all_pairs / 7] {
+        let mut detector = DeviceDetector::new(own.clone(), config.clone().max_pairs(limit)).expect("made");
+        let (mut streamed, mut largest) = (Vec::new(), 0);
+        let mut keep = |pairs: &[Pair]| {
+            largest = largest.max(pairs.len() as u64);
+            streamed.extend_from_slice(pairs);
+            ControlFlow::Continue(())
+        };
+        let handed = detector.stream(all, usize::MAX, &mut keep).expect("in order");
+        assert!(streamed == expected && handed == all_pairs, "up to {limit}");
+        assert!(largest <= limit, "{largest} pairs at once, not {limit}");
+        let mut taken = 0;
+        let stop = |pairs: &[Pair]| {
+            taken += pairs.len();
+            ControlFlow::Break(())
+        };
+        assert_eq!(detector.stream(all, 5, stop), Ok(5), "up to {limit}");
+        assert_eq!(taken, 5);
+    }
+    let limited = config.max_pairs(all_pairs - 1);
     let mut detector = DeviceDetector::new(own.clone(), limited.clone()).expect("made");
-    let (found, limit) = (expected.len() as u64, expected.len() as u64 - 1);
+    let (found, limit) = (all_pairs, all_pairs - 1);
     assert_eq!(detector.pairs(all), Err(Error::TooManyPairs { found, limit }));
-    let refused = detector.stream(all, 9, |_| ControlFlow::Continue(())).expect_err("too many to be ordered");
-    assert!(matches!(refused, Error::LimitExceeded { needed, .. } if needed == found), "{refused}");
     let mut detector = DeviceDetector::new(own, limited.order(Order::Unordered)).expect("made");
     let mut streamed = Vec::new();
     let mut keep = |pairs: &[Pair]| {
