@@ -38,7 +38,7 @@ pub(crate) enum Command {
     Simulate(Simulate),
     /// List what can run here
     Devices,
-    /// Measure the crossover on the GPU, the number of spheres at which a grid overtakes all pairs, for `detect` to choose by
+    /// Measure on the GPU what `detect` chooses by: the number of spheres at which a grid overtakes all pairs, and what skins cost
     #[command(
         after_help = "The result is kept in the user's cache directory, as lazygrid/calibration.json, for the \
                             adapter, its driver and this version; --json of `detect` says whether it was used."

@@ -5,7 +5,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use lazygrid::gpu::{Calibration, Crossover};
+use lazygrid::gpu::{Calibration, Crossover, SkinCosts};
 use lazygrid_io::write::Draft;
 use serde::{Deserialize, Serialize};
 
@@ -24,13 +24,26 @@ struct Entry {
     lazygrid: String,
     naive_below: u32,
     per_class: u32,
+    /// Versions that did not measure it left it out; what they measured is passed over.
+    #[serde(default)]
+    skin: Option<Skin>,
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct Skin {
+    search: f32,
+    find: f32,
+    keep: f32,
+    measure: f32,
+    test: f32,
+    call: f32,
 }
 
 /// What was kept. A file that cannot be read or makes no sense is worth a warning, and otherwise as good as none.
 pub(crate) fn load() -> Vec<Calibration> {
     let Some(path) = path() else { return Vec::new() };
     match read(&path).and_then(checked) {
-        Ok(kept) => kept.calibrations.into_iter().map(Calibration::from).collect(),
+        Ok(kept) => kept.calibrations.into_iter().filter_map(Entry::calibration).collect(),
         Err(error) => {
             log::warn!(
                 "{}: {error}; nothing of it is used; `lazygrid calibrate` writes it anew",
@@ -76,26 +89,44 @@ fn read(path: &Path) -> io::Result<Kept> {
 /// Refuses what no calibration can have measured: with it, all pairs of millions of spheres would be tested.
 fn checked(kept: Kept) -> io::Result<Kept> {
     let most = Crossover::MOST;
-    match kept.calibrations.iter().find(|entry| entry.naive_below.max(entry.per_class) > most) {
-        None => Ok(kept),
-        Some(Entry { adapter, naive_below, per_class, .. }) => Err(io::Error::other(format!(
-            "naive_below {naive_below} and per_class {per_class} of {adapter} cannot have been measured, at most {most}"
-        ))),
+    for entry in &kept.calibrations {
+        let Entry { adapter, naive_below, per_class, skin, .. } = entry;
+        if *naive_below.max(per_class) > most {
+            return Err(io::Error::other(format!(
+                "naive_below {naive_below} and per_class {per_class} of {adapter} cannot have been measured, at most {most}"
+            )));
+        }
+        if skin.is_some_and(|skin| !SkinCosts::from(skin).is_valid()) {
+            return Err(io::Error::other(format!(
+                "the costs of a skin of {adapter} cannot have been measured: they are not negative, and a search costs something"
+            )));
+        }
     }
+    Ok(kept)
 }
 
-impl From<Entry> for Calibration {
-    fn from(entry: Entry) -> Self {
-        let Entry { adapter, driver, lazygrid: version, naive_below, per_class } = entry;
-        Self { adapter, driver, version, crossover: Crossover { naive_below, per_class } }
+impl Entry {
+    fn calibration(self) -> Option<Calibration> {
+        let Self { adapter, driver, lazygrid: version, naive_below, per_class, skin } = self;
+        let crossover = Crossover { naive_below, per_class };
+        Some(Calibration { adapter, driver, version, crossover, skin: skin?.into() })
     }
 }
 
 impl From<Calibration> for Entry {
     fn from(measured: Calibration) -> Self {
-        let Calibration { adapter, driver, version: lazygrid, crossover } = measured;
+        let Calibration { adapter, driver, version: lazygrid, crossover, skin } = measured;
         let Crossover { naive_below, per_class } = crossover;
-        Self { adapter, driver, lazygrid, naive_below, per_class }
+        let SkinCosts { search, find, keep, measure, test, call } = skin;
+        let skin = Some(Skin { search, find, keep, measure, test, call });
+        Self { adapter, driver, lazygrid, naive_below, per_class, skin }
+    }
+}
+
+impl From<Skin> for SkinCosts {
+    fn from(skin: Skin) -> Self {
+        let Skin { search, find, keep, measure, test, call } = skin;
+        Self { search, find, keep, measure, test, call }
     }
 }
 
@@ -105,17 +136,24 @@ mod tests {
 
     #[test]
     fn what_cannot_have_been_measured_is_refused() {
-        for (naive_below, per_class, good) in [
-            (0, 0, true),
-            (Crossover::MOST, Crossover::MOST, true),
-            (Crossover::MOST + 1, 0, false),
-            (4_000_000_000, 0, false),
-            (100, u32::MAX, false),
+        let costs = Skin { search: 1.0, find: 0.0, keep: 0.0, measure: 0.0, test: 0.0, call: 0.0 };
+        for (naive_below, per_class, skin, good) in [
+            (0, 0, Some(costs), true),
+            (0, 0, None, true),
+            (Crossover::MOST, Crossover::MOST, Some(costs), true),
+            (Crossover::MOST + 1, 0, Some(costs), false),
+            (4_000_000_000, 0, None, false),
+            (100, u32::MAX, Some(costs), false),
+            (100, 0, Some(Skin { search: 0.0, ..costs }), false),
+            (100, 0, Some(Skin { test: -1.0, ..costs }), false),
         ] {
             let [adapter, driver, lazygrid] = [(); 3].map(|()| String::new());
-            let kept =
-                Kept { calibrations: vec![Entry { adapter, driver, lazygrid, naive_below, per_class }] };
-            assert_eq!(checked(kept).is_ok(), good, "{naive_below}, {per_class}");
+            let entry = Entry { adapter, driver, lazygrid, naive_below, per_class, skin };
+            let has_skin = entry.skin.is_some();
+            let kept = checked(Kept { calibrations: vec![entry] });
+            assert_eq!(kept.is_ok(), good, "{naive_below}, {per_class}, {has_skin}");
+            let mut read = kept.into_iter().flat_map(|kept| kept.calibrations).filter_map(Entry::calibration);
+            assert_eq!(read.next().is_some(), good && has_skin, "of an earlier version");
         }
     }
 }

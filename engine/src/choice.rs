@@ -4,7 +4,7 @@
 use lazygrid_kernels::Algorithm;
 
 #[cfg(feature = "gpu")]
-use crate::gpu::{AdapterId, Calibration, Crossover};
+use crate::gpu::{AdapterId, Calibration, Crossover, SkinCosts};
 use crate::{Backend, Error};
 
 /// The algorithm of a GPU where there are too many spheres to test all pairs.
@@ -58,19 +58,34 @@ pub(crate) fn backend<D>(
     }
 }
 
-/// Where all pairs and the grid cost the same on an adapter, and how that is known.
+/// What is known of an adapter.
 #[cfg(feature = "gpu")]
-pub(crate) fn crossover(
-    calibrations: &[Calibration],
-    adapter: &crate::gpu::AdapterSummary,
-) -> (Crossover, &'static str) {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Known {
+    /// Where all pairs and the grid cost the same.
+    pub(crate) crossover: Crossover,
+    /// What it costs to keep candidates.
+    pub(crate) skin: SkinCosts,
+    /// How both are known.
+    pub(crate) how: &'static str,
+}
+
+/// What is known of an adapter, by calibrations or by assumption.
+#[cfg(feature = "gpu")]
+pub(crate) fn known(calibrations: &[Calibration], adapter: &crate::gpu::AdapterSummary) -> Known {
     let same = |known: &&Calibration| known.is_of(adapter);
     match calibrations.iter().rev().find(same) {
-        Some(known) => (known.crossover, "measured on this adapter"),
-        None if adapter.is_hardware => {
-            (Crossover::HARDWARE, "assumed of a GPU, not measured on this adapter")
+        Some(&Calibration { crossover, skin, .. }) => {
+            Known { crossover, skin, how: "measured on this adapter" }
         }
-        None => (Crossover::SOFTWARE, "assumed of a software adapter, not measured on this one"),
+        None if adapter.is_hardware => {
+            let how = "assumed of a GPU, not measured on this adapter";
+            Known { crossover: Crossover::HARDWARE, skin: SkinCosts::HARDWARE, how }
+        }
+        None => {
+            let how = "assumed of a software adapter, not measured on this one";
+            Known { crossover: Crossover::SOFTWARE, skin: SkinCosts::SOFTWARE, how }
+        }
     }
 }
 
@@ -88,6 +103,25 @@ pub(crate) fn algorithm(
     let sizes = if classes == 1 { "1 size class" } else { &format!("{classes} size classes") };
     let (chosen, relation) = if spheres < at { (Algorithm::Naive, "fewer than") } else { (GRID, "at least") };
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({known})"))
+}
+
+/// Whether a call on a GPU that runs as `chosen` may keep candidates where the skin is left open, and why not. Which skin is
+/// worth it, if any, is for the motion to say.
+#[cfg(feature = "gpu")]
+pub(crate) fn may_keep(
+    asked: Algorithm,
+    chosen: Algorithm,
+    spheres: u32,
+    costs: &SkinCosts,
+) -> Result<(), String> {
+    let least = costs.worth_from();
+    match least {
+        _ if !matches!(asked, Algorithm::Auto | Algorithm::CellList) => Err(format!("{asked} keeps none")),
+        _ if chosen == Algorithm::Naive => Err("all pairs of so few cost less".to_owned()),
+        Some(least) if spheres >= least => Ok(()),
+        Some(least) => Err(format!("{spheres} spheres are fewer than {least}")),
+        None => Err("testing them costs more than searching anew".to_owned()),
+    }
 }
 
 /// Why a call that was to run as `chosen` `ran` on one level instead.
@@ -226,6 +260,26 @@ mod tests {
     }
 
     #[test]
+    fn candidates() {
+        use Algorithm::{Auto, CellList, LazyGrid, Naive};
+        // A call costs as much as is saved for a thousand spheres.
+        let costs = SkinCosts { search: 11.0, find: 1.0, keep: 1.0, measure: 1.0, test: 1.0, call: 10_000.0 };
+        let never = SkinCosts { measure: 12.0, ..costs };
+        for (asked, chosen, spheres, costs, expected) in [
+            (Auto, CellList, 1000, costs, Ok(())),
+            (CellList, CellList, 1000, costs, Ok(())),
+            (Auto, CellList, 999, costs, Err("999 spheres are fewer than 1000")),
+            (Auto, Naive, 5000, costs, Err("all pairs of so few cost less")),
+            (Naive, Naive, 1_000_000, costs, Err("naive keeps none")),
+            (LazyGrid, LazyGrid, 1_000_000, costs, Err("lazy-grid keeps none")),
+            (Auto, CellList, u32::MAX, never, Err("testing them costs more than searching anew")),
+        ] {
+            let may = may_keep(asked, chosen, spheres, &costs);
+            assert_eq!(may, expected.map_err(str::to_owned), "{asked}, {chosen}, {spheres}");
+        }
+    }
+
+    #[test]
     fn calibrations_are_of_one_adapter_driver_and_version() {
         let adapter = card("Card");
         let measured = |adapter: &str, driver: &str, version: &str, naive_below| Calibration {
@@ -233,6 +287,7 @@ mod tests {
             driver: driver.to_owned(),
             version: version.to_owned(),
             crossover: Crossover { naive_below, per_class: 0 },
+            skin: SkinCosts { call: naive_below as f32, ..SkinCosts::SOFTWARE },
         };
         let version = env!("CARGO_PKG_VERSION");
         let others = [
@@ -240,12 +295,15 @@ mod tests {
             measured("Card", "driver 2", version, 2),
             measured("Card", "driver 1", "0.0.1", 3),
         ];
-        let assumed = crossover(&others, &adapter);
-        assert!(assumed.0 == Crossover::HARDWARE && assumed.1.contains("not measured"), "{assumed:?}");
+        let assumed = known(&others, &adapter);
+        assert!(assumed.crossover == Crossover::HARDWARE && assumed.skin == SkinCosts::HARDWARE);
+        assert!(assumed.how.contains("not measured"), "{assumed:?}");
         let software = AdapterSummary { is_hardware: false, ..adapter.clone() };
-        assert_eq!(crossover(&[], &software).0, Crossover::SOFTWARE);
+        let assumed = known(&[], &software);
+        assert!(assumed.crossover == Crossover::SOFTWARE && assumed.skin == SkinCosts::SOFTWARE);
         let own = [4, 5].map(|naive_below| measured("Card", "driver 1", version, naive_below));
         // The last word counts.
-        assert_eq!(crossover(&[&others[..], &own].concat(), &adapter).0.naive_below, 5);
+        let last = known(&[&others[..], &own].concat(), &adapter);
+        assert!(last.crossover.naive_below == 5 && last.skin.call == 5.0, "{last:?}");
     }
 }

@@ -66,7 +66,7 @@ impl Config {
     }
 
     /// What was measured on GPUs, for `Auto` to choose by. Those of other adapters are passed over; of several of one
-    /// adapter the last counts. Default: none, and the crossover is assumed.
+    /// adapter the last counts. Default: none, and crossover and costs are assumed.
     #[cfg(feature = "gpu")]
     pub fn calibration(mut self, measured: impl IntoIterator<Item = Calibration>) -> Self {
         self.calibrations.extend(measured);
@@ -146,7 +146,8 @@ impl Config {
 
     /// Whether candidates, pairs that may soon overlap, are kept from call to call. Worth it where spheres move little
     /// from one call to the next; an answer never depends on it. Default: [`Skin::Auto`]. On the GPU
-    /// candidates stay there, and [`Skin::Auto`] keeps some from ten thousand spheres on.
+    /// candidates stay there, and [`Skin::Auto`] goes by what they cost on the adapter; see
+    /// [`calibration`](Self::calibration).
     ///
     /// ```
     /// # use lazygrid::{Config, Skin};

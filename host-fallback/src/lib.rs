@@ -40,5 +40,5 @@ pub use neighbors::{Lists, Neighbors};
 pub use refinement::Refinement;
 pub use report::{Kept, Phase, Rebuilt, Report};
 pub use settings::{Order, Settings, Skin};
-pub use skin::SKINS;
+pub use skin::{Costs, Forecast, SKINS};
 pub use survey::{Class, Survey};

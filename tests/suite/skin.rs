@@ -77,10 +77,8 @@ fn arbitrary_spheres_in_periodic_boxes() {
 fn running_simulations() {
     let mut subjects = keepers();
     subjects.retain(|subject| subject.algorithm == Algorithm::CellList);
-    // On the GPU `Auto` leaves so few alone.
-    let keeps = |of: &(Subject, Skin)| of.0.backend == Backend::Cpu || of.1 != Skin::Auto;
     let both = |of: Subject| [(of, Skin::Auto), (of, Skin::Fixed(0.4))];
-    let ways: Vec<_> = subjects.into_iter().flat_map(both).filter(keeps).collect();
+    let ways: Vec<_> = subjects.into_iter().flat_map(both).collect();
     for scene in Scene::ALL {
         let mut scenario = Scenario::from(scene.spheres(3000, 21));
         let made = |of: &(Subject, Skin)| Detector::new(of.0.config().skin(of.1)).expect("a detector");
@@ -96,7 +94,10 @@ fn running_simulations() {
             Scene::advance_by(0.01, &mut scenario.spheres, 21, step);
         }
         for ((subject, skin), _, served) in detectors {
-            let enough = served > 5 || scene == Scene::Point;
+            // On the GPU all sizes have the same skin, which is too many candidates for the smallest of ten.
+            let has_few_sizes = matches!(scene, Scene::Equal | Scene::FiveSizes);
+            let chooses = subject.backend == Backend::Gpu && *skin == Skin::Auto;
+            let enough = served > 5 || scene == Scene::Point || chooses && !has_few_sizes;
             assert!(enough, "{scene}, {subject}, {skin:?}: {served} of 12 calls were served");
         }
     }

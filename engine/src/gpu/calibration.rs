@@ -1,8 +1,13 @@
-//! How many spheres it takes until a grid is faster than all pairs, measured on the device.
+//! How many spheres it takes until a grid is faster than all pairs, and what it costs to keep candidates, measured on the
+//! device.
+
+mod skin;
 
 use std::time::{Duration, Instant};
 
 use lazygrid_kernels::{Algorithm, Sphere, Spheres};
+
+pub use skin::SkinCosts;
 
 use super::GpuSession;
 use super::adapter::{AdapterSummary, GpuDevice};
@@ -35,7 +40,7 @@ impl Crossover {
     pub const HARDWARE: Self = Self { naive_below: 10_000, per_class: 0 };
     /// Assumed of a software adapter that was not measured: what `lazygrid calibrate` says of Mesa's llvmpipe on two
     /// cores, rounded.
-    pub const SOFTWARE: Self = Self { naive_below: 500, per_class: 0 };
+    pub const SOFTWARE: Self = Self { naive_below: 300, per_class: 0 };
 
     /// The most that can be measured: twice the most spheres that [`calibrate`] tries.
     pub const MOST: u32 = 2 * SIZES[SIZES.len() - 1];
@@ -47,9 +52,9 @@ impl Crossover {
     }
 }
 
-/// A [`Crossover`] and what it holds for: one adapter, one driver, one version of this library. To be kept by the
+/// A [`Crossover`], [`SkinCosts`] and what they hold for: one adapter, one driver, one version of this library. To be kept by the
 /// application and given to [`Config::calibration`](crate::Config::calibration); the library itself writes no file.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
     /// The adapter's name.
     pub adapter: String,
@@ -57,8 +62,10 @@ pub struct Calibration {
     pub driver: String,
     /// The version of this library.
     pub version: String,
-    /// What was measured.
+    /// Where all pairs and the cell list cost the same.
     pub crossover: Crossover,
+    /// What it costs to keep candidates from call to call, and to do without.
+    pub skin: SkinCosts,
 }
 
 impl Calibration {
@@ -83,8 +90,8 @@ pub struct Sample {
     pub grid: Duration,
 }
 
-/// Measures where a grid overtakes all pairs on this device, which takes some seconds at most. What is measured is
-/// handed to `seen` as it comes.
+/// Measures on this device where a grid overtakes all pairs, and what it costs to keep candidates, which takes some seconds at
+/// most. What is measured of the first is handed to `seen` as it comes.
 ///
 /// # Errors
 /// Where the device fails.
@@ -93,7 +100,7 @@ pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calib
         let mut samples = Vec::new();
         let [mut naive, mut grid] = [session(own, Algorithm::Naive)?, session(own, GRID)?];
         for spheres in SIZES {
-            let scene = scene(spheres, classes);
+            let scene = scene(spheres, classes, DENSITY);
             let [mut naive_time, mut grid_time] = [Duration::MAX; 2];
             for _ in 0..ROUNDS {
                 naive_time = naive_time.min(time(&mut naive, &scene)?);
@@ -115,6 +122,7 @@ pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calib
         driver: own.adapter.driver.clone(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         crossover: Crossover { naive_below: one, per_class },
+        skin: skin::measure(own)?,
     })
 }
 
@@ -147,11 +155,11 @@ fn crossing(samples: &[Sample]) -> u32 {
     (from + (to - from) * here / (here - there)).exp().round() as u32
 }
 
-/// Spheres spread evenly over a cube, of radii 1, 1/2, 1/4, … in turn.
-fn scene(spheres: u32, classes: usize) -> Vec<Sphere> {
+/// Spheres spread evenly over a cube of which they fill this part, of radii 1, 1/2, 1/4, … in turn.
+fn scene(spheres: u32, classes: usize, density: f32) -> Vec<Sphere> {
     let radius = |k: usize| 0.5_f32.powi((k % classes) as i32);
     let volume = (0..spheres as usize).map(|k| 4.188_79 * radius(k).powi(3)).sum::<f32>();
-    let edge = (volume / DENSITY).cbrt();
+    let edge = (volume / density).cbrt();
     // Additive recurrence by powers of the root of x⁴ = x + 1: evenly spread, and the same everywhere.
     const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2];
     let place = |k: usize| STEPS.map(|step| (k as f64 * step).fract() as f32 * edge);
@@ -193,7 +201,7 @@ mod tests {
     #[test]
     fn scenes_fill_space_as_they_say() {
         for classes in CLASSES {
-            let spheres = scene(10_000, classes);
+            let spheres = scene(10_000, classes, DENSITY);
             let edge = spheres.iter().map(|s| s.center.x).fold(0.0, f32::max);
             let volume: f32 = spheres.iter().map(|s| 4.188_79 * s.radius.powi(3)).sum();
             assert!((volume / edge.powi(3) - DENSITY).abs() < 0.01, "{classes} classes");

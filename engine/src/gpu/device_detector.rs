@@ -10,8 +10,9 @@ use super::device_search::{Given, Search};
 use super::error::make_room;
 use super::plan::DeviceLimits;
 use super::two_sets::TwoSets;
-use super::{Crossover, GpuDevice, GpuSession, GpuSettings};
-use crate::{Backend, Config, Error, Report, choice};
+use super::{GpuDevice, GpuSession, GpuSettings};
+use crate::choice::{self, Known};
+use crate::{Backend, Config, Error, Report};
 
 /// Parts in which the threads that order a list share it out.
 const PARTS: usize = 128;
@@ -22,7 +23,7 @@ pub(crate) struct DeviceDetector {
     settings: Settings,
     /// The space and the table with which the device searches.
     searched: (Space, Option<Interactions>),
-    crossover: (Crossover, &'static str),
+    known: Known,
     one: Search,
     two: Option<Box<TwoSets>>,
     /// Where it is for the detector to choose a skin.
@@ -41,13 +42,13 @@ impl DeviceDetector {
     pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
         let settings = config.settings;
         let searched = searched(&settings);
-        let crossover = choice::crossover(&config.calibrations, &own.adapter);
+        let known = choice::known(&config.calibrations, &own.adapter);
         let most_pairs = DeviceLimits::of(&own.device).bytes() / size_of::<Pair>() as u64;
         let defaults = GpuSettings::default();
         let gpu = GpuSettings {
             pair_capacity: most_pairs.min(defaults.pair_capacity.into()) as u32,
             algorithm: settings.algorithm,
-            crossover: crossover.0,
+            crossover: known.crossover,
             raster_ratio: raster_ratio(config.raster_ratio)?,
             tau: config.tau.unwrap_or(GpuSettings::TAU),
             interactions: searched.1.clone(),
@@ -81,7 +82,7 @@ impl DeviceDetector {
         Ok(Self {
             settings,
             searched,
-            crossover,
+            known,
             one,
             two,
             course,
@@ -244,7 +245,8 @@ impl DeviceDetector {
         self.report.phases.push(Phase { name: "check", time: start.elapsed() });
         // Below 2³² by the check.
         let load = (asked.len() as u32, classes);
-        let (algorithm, reason) = choice::algorithm(self.settings.algorithm, load, self.crossover);
+        let asked_for = self.settings.algorithm;
+        let (algorithm, reason) = choice::algorithm(asked_for, load, (self.known.crossover, self.known.how));
         log::debug!("{reason}");
         self.report.algorithm = algorithm;
         self.report.reason = reason;
@@ -263,15 +265,23 @@ impl DeviceDetector {
         let refinement = refinement.as_ref();
         match asked.searched(is_sheared.then_some(&self.straight))? {
             Asked::One(spheres) => {
-                if let Some(course) = &mut self.course {
-                    self.one.session.change_skin(course.next(spheres, space))?;
-                }
                 let given = Given { spheres, interactions, space, algorithm, refinement };
+                let course = self.course.as_mut().filter(|_| self.one.is_bound_at_once(&given));
+                if let Some(course) = course {
+                    let skin = match choice::may_keep(asked_for, algorithm, load.0, &self.known.skin) {
+                        Ok(()) => course.next(&given, &self.known.skin.into())?,
+                        Err(why) => {
+                            log::debug!("no candidates: {why}");
+                            course.restart();
+                            None
+                        }
+                    };
+                    self.one.session.change_skin(skin)?;
+                }
                 let result = work(&mut self.one, &given)?;
                 conclude(&mut self.report, &self.one);
                 if let Some(course) = &mut self.course {
-                    let outcome = self.one.session.outcome();
-                    course.note(spheres.len(), outcome.found(), self.report.candidates);
+                    course.note(spheres.len(), self.report.candidates, self.one.session.went());
                 }
                 Ok(result)
             }

@@ -26,7 +26,7 @@ mod slot;
 mod two_sets;
 
 pub use adapter::{AdapterId, AdapterSummary, GpuDevice, adapters, wanted_features};
-pub use calibration::{Calibration, Crossover, Sample, calibrate};
+pub use calibration::{Calibration, Crossover, Sample, SkinCosts, calibrate};
 pub use detector::{GpuDetector, GpuPairs, GpuSorted, read_outcome};
 pub(crate) use device_detector::DeviceDetector;
 pub use input::{Count, GpuSettings, GpuSpheres};

@@ -87,19 +87,9 @@ impl GpuSkinDetector {
         skin: f32,
     ) -> Result<Self, Error> {
         check(&settings)?;
-        if !SKINS.contains(&skin) {
-            let (value, range) = (skin.to_string(), "choose between 1e-14 and 1e17, or a `GpuDetector`");
-            return Err(Error::Setting { name: "skin", value, range });
-        }
-        let wide = GpuSettings {
-            interactions: settings.interactions.as_ref().map(|table| widened(table, skin)).transpose()?,
-            pair_capacity: settings.pair_capacity.saturating_mul(PER_PAIR),
-            sorted_pairs: false,
-            timed: false,
-            ..settings.clone()
-        };
+        check_skin(skin)?;
         let tables = settings.interactions.as_ref().map(|table| Tables::new(device, table)).transpose()?;
-        let search = GpuDetector::with_pipelines(device, pipelines.clone(), wide)?;
+        let search = search(device, pipelines.clone(), &settings, skin)?;
         let pipelines = if settings.subgroups { pipelines } else { pipelines.without_subgroups() };
         Ok(Self { device: device.clone(), settings, skin, pipelines, tables, search, resident: None })
     }
@@ -107,6 +97,25 @@ impl GpuSkinDetector {
     /// How wide the skin is.
     pub(crate) fn skin(&self) -> f32 {
         self.skin
+    }
+
+    /// Changes how wide it is. The next call finds candidates anew, in the buffers that there are.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(crate) fn set_skin(&mut self, skin: f32) -> Result<(), Error> {
+        check_skin(skin)?;
+        if self.tables.is_some() {
+            // Distances of species grow by the skin.
+            let room = self.search.pair_capacity();
+            self.search = search(&self.device, self.pipelines.clone(), &self.settings, skin)?;
+            self.search.set_pair_capacity(room);
+        }
+        if let Some(resident) = &mut self.resident {
+            resident.candidates = None;
+        }
+        self.skin = skin;
+        Ok(())
     }
 
     /// Changes how many candidates there is room for, by default four for each pair that the output holds. After a call
@@ -261,6 +270,31 @@ impl GpuSkinDetector {
             Ok(Parts { before: before?, gate, behind: behind? })
         })
     }
+}
+
+fn check_skin(skin: f32) -> Result<(), Error> {
+    if SKINS.contains(&skin) {
+        return Ok(());
+    }
+    let (value, range) = (skin.to_string(), "choose between 1e-14 and 1e17, or a `GpuDetector`");
+    Err(Error::Setting { name: "skin", value, range })
+}
+
+/// What finds the candidates.
+fn search(
+    device: &wgpu::Device,
+    pipelines: Pipelines,
+    settings: &GpuSettings,
+    skin: f32,
+) -> Result<GpuDetector, Error> {
+    let wide = GpuSettings {
+        interactions: settings.interactions.as_ref().map(|table| widened(table, skin)).transpose()?,
+        pair_capacity: settings.pair_capacity.saturating_mul(PER_PAIR),
+        sorted_pairs: false,
+        timed: false,
+        ..settings.clone()
+    };
+    GpuDetector::with_pipelines(device, pipelines, wide)
 }
 
 /// The table by which species are candidates.

@@ -5,6 +5,7 @@
 //! one sort answers for all edges.
 
 use glam::{DVec3, Vec3};
+use lazygrid_kernels::{Space, Spheres};
 
 use crate::input::Input;
 use crate::memory::collect;
@@ -42,13 +43,37 @@ impl Crowding {
     pub(crate) fn sample(input: &Input<'_>) -> Result<Self, Error> {
         let survey = &input.survey;
         let n = survey.spheres;
-        let origin = survey.min.as_dvec3();
-        let edge = (survey.max.as_dvec3() - origin).max_element();
-        let size = sample_size(n);
-        let scale = if edge > 0.0 { f64::from(1 << DEPTHS) / edge } else { 0.0 };
         let spheres = input.rule.spheres();
-        let code = |k| morton((spheres.get(sample_index(k, size, n)).center.as_dvec3() - origin) * scale);
-        let mut codes = collect((0..size).map(code), "a sample of the spheres")?;
+        let size = sample_size(n);
+        let places = (0..size).map(|k| spheres.get(sample_index(k, size, n)).center);
+        Self::between((survey.min, survey.max), places, n)
+    }
+
+    /// Samples spheres that may lie anywhere in a periodic space, and of which no bounds are known.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn of_places(spheres: Spheres<'_>, space: Space) -> Result<Self, Error> {
+        let n = spheres.len();
+        let size = sample_size(n);
+        let place = |k| space.wrap(spheres.get(sample_index(k, size, n)).center);
+        let places = collect((0..size).map(place), "a sample of the spheres")?;
+        let wide = |(min, max): (Vec3, Vec3), place: &Vec3| (min.min(*place), max.max(*place));
+        let bounds = places.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), wide);
+        Self::between(bounds, places.into_iter(), n)
+    }
+
+    /// Of a sample of `n` spheres between these bounds.
+    fn between(
+        (min, max): (Vec3, Vec3),
+        places: impl ExactSizeIterator<Item = Vec3>,
+        n: usize,
+    ) -> Result<Self, Error> {
+        let origin = min.as_dvec3();
+        let edge = (max.as_dvec3() - origin).max_element();
+        let scale = if edge > 0.0 { f64::from(1 << DEPTHS) / edge } else { 0.0 };
+        let codes = places.map(|place| morton((place.as_dvec3() - origin) * scale));
+        let mut codes = collect(codes, "a sample of the spheres")?;
         codes.sort_unstable();
         Ok(Self::from_codes(&codes, n, edge))
     }

@@ -1,8 +1,7 @@
 //! What a detector with a skin does from call to call: serve it from candidates, find new ones, or search without.
 
-use super::motion::Motion;
-use super::worth::{Choice, allowances, choose};
-use super::{Allowances, Candidates, fixed};
+use super::worth::{Costs, Spread, choose};
+use super::{Allowances, Candidates, Forecast, fixed};
 use crate::cell_list::{CellList, Crowding, Outlook};
 use crate::compare::Rule;
 use crate::input::Input;
@@ -10,23 +9,12 @@ use crate::report::{Rebuilt, Report};
 use crate::threads::Threads;
 use crate::{Error, Skin};
 
-/// Calls at most for which a choice is not thought over, and after candidates that were too many.
-const PATIENCE: u32 = 31;
-
 /// Candidates, and what decides on the next.
 #[derive(Debug, Default)]
 pub(crate) struct Course {
     pub(crate) candidates: Candidates,
-    motion: Motion,
+    forecast: Forecast,
     outlook: Option<Outlook>,
-    choice: Option<Choice>,
-    /// How far the farthest sphere had gone one call after the candidates were found, as a part of its allowance.
-    first: f32,
-    /// For how many searches the choice stands, and for how many it stood the last time.
-    wait: u32,
-    patience: u32,
-    /// For how many searches no candidates are looked for, as they were too many.
-    pause: u32,
 }
 
 impl Course {
@@ -41,21 +29,10 @@ impl Course {
         threads: Threads,
     ) -> Result<Option<Rebuilt>, Error> {
         if skin == Skin::Auto {
-            self.motion.observe(rule)?;
+            self.forecast.observe(rule)?;
         }
         let lapsed = self.candidates.refresh(rule, list, threads);
-        let (age, moved) = self.candidates.age();
-        if age == 1 {
-            self.first = moved;
-        }
-        if lapsed == Some(Rebuilt::Moved)
-            && let Some(choice) = &self.choice
-        {
-            self.motion.learn(self.first * choice.skin, (age, moved * choice.skin));
-            // What lasted about as long as expected need not be thought over soon.
-            let as_expected = (0.5..=2.0).contains(&(age as f32 / (choice.calls + 1.0)));
-            self.wait = if as_expected { self.wait } else { 0 };
-        }
+        self.forecast.note_age(self.candidates.age(), lapsed);
         Ok(lapsed)
     }
 
@@ -76,19 +53,18 @@ impl Course {
             // Only one set has candidates.
             _ if input.split.is_some() => None,
             Skin::Off => None,
-            _ if self.pause > 0 => {
-                self.pause -= 1;
-                None
-            }
+            Skin::Fixed(_) if self.forecast.is_paused() => None,
             Skin::Fixed(distance) => Some(fixed(input.rule.searched(distance))),
-            Skin::Auto => report.time("plan", || self.choose(input, crowding)),
+            Skin::Auto => report.time("plan", || self.choose(input, crowding))?,
         };
         if let Some(allowances) = allowances {
             if self.candidates.find((list, crowding), input, &allowances, report)? {
+                let count = self.candidates.kept(None).count;
+                self.forecast.note_found(count as f32 / input.survey.spheres as f32);
                 self.outlook = Some(outlook);
                 return Ok(true);
             }
-            self.pause = PATIENCE;
+            self.forecast.note_too_many();
         }
         // Candidates go by where the list has the spheres.
         self.candidates.clear();
@@ -98,17 +74,9 @@ impl Course {
     }
 
     /// The allowances that are worth it.
-    fn choose(&mut self, input: &Input<'_>, crowding: &Crowding) -> Option<Allowances> {
-        let (steps, growth) = self.motion.steps()?;
-        if self.wait > 0 {
-            self.wait -= 1;
-        } else {
-            let choice = choose(&input.survey, crowding, (&steps, growth));
-            let skin = |choice: Option<Choice>| choice.map(|choice| choice.skin);
-            let same = skin(choice) == skin(self.choice);
-            self.patience = if same { (2 * self.patience + 1).min(PATIENCE) } else { 0 };
-            (self.wait, self.choice) = (self.patience, choice);
-        }
-        self.choice.map(|choice| allowances(&steps, choice.skin))
+    fn choose(&mut self, input: &Input<'_>, crowding: &Crowding) -> Result<Option<Allowances>, Error> {
+        self.forecast.allowances(Spread::BySize, |motion, excess| {
+            Ok(choose((&input.survey, crowding), motion, (&Costs::CPU, Spread::BySize), excess))
+        })
     }
 }

@@ -5,9 +5,11 @@
 //! measures how far the spheres have gone and tests the candidates, or else finds new ones. What is found never
 //! depends on the allowances, only the time it takes.
 //!
-//! `motion` observes, `worth` chooses allowances, `course` decides from call to call, this file keeps and tests.
+//! `motion` observes, `worth` chooses allowances, `forecast` remembers what came of it, `course` decides from call to call, this
+//! file keeps and tests. The GPU keeps candidates of its own, and shares the first three.
 
 mod course;
+mod forecast;
 mod motion;
 #[cfg(test)]
 mod tests;
@@ -31,6 +33,8 @@ use crate::threads::Threads;
 use crate::{Error, Skin};
 
 pub(crate) use course::Course;
+pub use forecast::Forecast;
+pub use worth::Costs;
 
 /// How far the spheres of each size class may go.
 type Allowances = [f32; CLASSES];

@@ -14,6 +14,8 @@ const SAMPLE: usize = 1 << 10;
 const ONE_IN: usize = 32;
 /// What is left of the farthest step of a class from call to call, where none is as far.
 const MEMORY: f32 = 0.9;
+/// The part of what was learned from candidates that is forgotten at a time.
+const FORGOTTEN: f32 = 0.2;
 
 /// What is known of the motion.
 #[derive(Debug)]
@@ -96,6 +98,13 @@ impl Motion {
         if first > 0.0 {
             self.growth = Growth::between(first, last);
         }
+    }
+
+    /// Has what was learned from candidates count for less, where there are none from which to learn better.
+    pub(crate) fn forget(&mut self) {
+        let Growth { factor, exponent } = &mut self.growth;
+        *factor += FORGOTTEN * (Growth::ASSUMED.factor - *factor);
+        *exponent += FORGOTTEN * (Growth::ASSUMED.exponent - *exponent);
     }
 
     /// The farthest step of each class and how distances grow from there; none where nothing is known. Classes of

@@ -1,4 +1,4 @@
-//! Which skin is worth it: a pure function of what is known of the spheres and of their motion.
+//! Which skin is worth it: a pure function of what is known of the spheres, of their motion, and of what things cost.
 //!
 //! A skin in proportion to the farthest steps of each size is used up by all sizes at about the same time. The wider
 //! it is, the longer candidates last, and the more of them there are.
@@ -18,70 +18,106 @@ const GROUPS: usize = 16;
 /// The smallest allowance, as a part of the largest.
 const LEAST: f32 = 1e-3;
 
-/// Estimated time per sphere to survey and sort, in nanoseconds. This and those below were measured beside each other on
-/// AMD EPYC, and only their ratios count.
-const SORT: f32 = 24.0;
-/// Estimated time of a search over what the plan of the levels says of it.
-const SEARCH: f32 = 1.4;
-/// Estimated time to write down a pair or a candidate that a search finds, in nanoseconds.
-const WRITE: f32 = 12.0;
-/// Estimated time per sphere to keep where it was, in nanoseconds.
-const KEEP: f32 = 10.0;
-/// Estimated time per sphere to measure how far it has gone, in nanoseconds.
-const MEASURE: f32 = 7.0;
-/// Estimated time to test a candidate, in nanoseconds.
-const TEST: f32 = 2.5;
+/// What calls cost, in nanoseconds or any other unit: only ratios count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Costs {
+    /// For each sphere of a search, whatever it finds: to survey and sort on the CPU.
+    pub search: f32,
+    /// Of a search besides, over what the plan of the CPU's levels says of looking around.
+    pub levels: f32,
+    /// For each pair or candidate that a search finds.
+    pub find: f32,
+    /// For each sphere, to keep where it was.
+    pub keep: f32,
+    /// For each sphere, to measure how far it has gone.
+    pub measure: f32,
+    /// To test a candidate.
+    pub test: f32,
+    /// Of a call that keeps candidates, over one that does not, however many spheres there are.
+    pub call: f32,
+}
+
+impl Costs {
+    /// Nanoseconds of the CPU path, measured beside each other on AMD EPYC.
+    pub const CPU: Self =
+        Self { search: 24.0, levels: 1.4, find: 12.0, keep: 10.0, measure: 7.0, test: 2.5, call: 0.0 };
+
+    /// What a search costs for each sphere.
+    fn of_search(&self, survey: &Survey, crowding: &Crowding, found: f32) -> f32 {
+        let levels = match self.levels > 0.0 {
+            true => self.levels * Levels::plan(survey, crowding).cost / survey.spheres as f32,
+            false => 0.0,
+        };
+        self.search + levels + self.find * found
+    }
+}
+
+/// How a skin is shared out among sizes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Spread {
+    /// In proportion to the farthest steps of each.
+    BySize,
+    /// All have the same.
+    Alike,
+}
+
+impl Spread {
+    /// So many farthest steps for each class.
+    pub(super) fn allowances(self, steps: &[f32; CLASSES], skin: f32) -> Allowances {
+        let farthest = steps.iter().copied().fold(0.0, f32::max);
+        let least = if self == Self::Alike { 1.0 } else { LEAST };
+        steps.map(|step| (skin * step.max(least * farthest)).max(*FINITE.start()))
+    }
+}
+
 /// Candidates per sphere at most, so that memory stays in proportion.
 const MOST: f32 = 64.0;
 
 /// A skin that is worth it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Choice {
+pub(super) struct Choice {
     /// The skin in farthest steps of the sample.
-    pub(crate) skin: f32,
+    pub(super) skin: f32,
     /// How many calls candidates are expected to last.
-    pub(crate) calls: f32,
+    pub(super) calls: f32,
+    /// How many candidates are expected for each sphere.
+    pub(super) candidates: f32,
 }
 
-/// The skin with which a call takes the least time on average, where one is better than none.
-pub(crate) fn choose(
-    survey: &Survey,
-    crowding: &Crowding,
+/// The skin with which a call takes the least time on average, where one is better than none, if there are `excess` times as
+/// many candidates as the sample says.
+pub(super) fn choose(
+    (survey, crowding): (&Survey, &Crowding),
     (steps, growth): (&[f32; CLASSES], Growth),
+    (costs, spread): (&Costs, Spread),
+    excess: f32,
 ) -> Option<Choice> {
     let n = survey.spheres as f32;
-    let search =
-        |survey: &Survey, found: f32| SORT + SEARCH * Levels::plan(survey, crowding).cost / n + WRITE * found;
-    let none = search(survey, candidates(survey, crowding, &[0.0; CLASSES]));
+    let around = |allowances: &Allowances| excess * candidates(survey, crowding, allowances);
+    let none = costs.of_search(survey, crowding, around(&[0.0; CLASSES]));
     let mut best: Option<(f32, Choice)> = None;
     for skin in SKINS {
-        let allowances = allowances(steps, skin);
+        let allowances = spread.allowances(steps, skin);
         if !allowances.iter().all(|allowance| FINITE.contains(allowance)) {
             continue;
         }
-        let candidates = candidates(survey, crowding, &allowances);
+        let candidates = around(&allowances);
         if candidates > MOST {
             break;
         }
         let wide = widened(survey, &allowances);
-        let find = KEEP + search(&wide, candidates);
-        let test = MEASURE + TEST * candidates;
+        let find = costs.keep + costs.of_search(&wide, crowding, candidates);
+        let test = costs.measure + costs.test * candidates + costs.call / n;
         let calls = growth.steps(skin).floor();
         let time = (find + (calls + 1.0) * test) / (calls + 1.0);
         match &best {
             Some((least, _)) if *least <= time => {}
-            _ => best = Some((time, Choice { skin, calls })),
+            _ => best = Some((time, Choice { skin, calls, candidates })),
         }
     }
     let (time, choice) = best?;
-    log::debug!("a skin of {} steps, {time:.1} ns a sphere, {none:.1} without", choice.skin);
+    log::debug!("a skin of {} steps, {time:.1} a sphere, {none:.1} without", choice.skin);
     (time < BETTER * none).then_some(choice)
-}
-
-/// So many farthest steps for each class.
-pub(super) fn allowances(steps: &[f32; CLASSES], skin: f32) -> Allowances {
-    let farthest = steps.iter().copied().fold(0.0, f32::max);
-    steps.map(|step| (skin * step.max(LEAST * farthest)).max(*FINITE.start()))
 }
 
 /// What is known of spheres whose radii are larger by their allowances.

@@ -67,9 +67,9 @@ class Detector:
         On which GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
     skin
         Whether candidates, pairs that may soon overlap, are kept from call to call; an answer never depends
-        on it. ``"auto"`` keeps them where spheres move so little that it is expected to take less time, on a GPU from
-        ten thousand spheres on; ``"off"`` never. A number keeps the pairs that are up to this distance too far apart,
-        until some sphere has moved by half of it.
+        on it. ``"auto"`` keeps them where spheres move so little that it is expected to take less time;
+        ``"off"`` never. A number keeps the pairs that are up to this distance too far apart, until some sphere has
+        moved by half of it.
 
     Raises
     ------

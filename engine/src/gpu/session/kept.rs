@@ -20,6 +20,9 @@ pub(super) struct Keeping {
     from: u64,
     /// Calls since candidates were found.
     age: u32,
+    /// Calls since those were found that the last call came upon, and how far the farthest sphere had gone, as a part of what
+    /// it may.
+    went: (u32, f32),
 }
 
 impl GpuSession {
@@ -30,18 +33,27 @@ impl GpuSession {
     /// # Errors
     /// [`Error::Setting`] for a distance out of range; otherwise where the device refuses something.
     pub fn set_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
-        let keeping =
-            |distance| Ok::<_, Error>(Keeping { detector: self.with_skin(distance)?, from: 0, age: 0 });
+        let keeping = |distance| {
+            let detector = self.with_skin(distance)?;
+            Ok::<_, Error>(Keeping { detector, from: 0, age: 0, went: (0, 0.0) })
+        };
         self.skin = distance.map(keeping).transpose()?;
         Ok(())
     }
 
     /// As [`set_skin`](Self::set_skin); with the same distance as before candidates stay.
     pub(in crate::gpu) fn change_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
-        if self.skin.as_ref().map(|skin| skin.detector.skin()) == distance {
-            return Ok(());
+        match (&mut self.skin, distance) {
+            (Some(skin), Some(distance)) if skin.detector.skin() == distance => Ok(()),
+            (Some(skin), Some(distance)) => skin.detector.set_skin(distance),
+            _ => self.set_skin(distance),
         }
-        self.set_skin(distance)
+    }
+
+    /// Calls since the candidates were found that the last call came upon, and how far the farthest sphere had gone, as a part
+    /// of what it may.
+    pub(in crate::gpu) fn went(&self) -> (u32, f32) {
+        self.skin.as_ref().map_or((0, 0.0), |skin| skin.went)
     }
 
     fn with_skin(&self, distance: f32) -> Result<GpuSkinDetector, Error> {
@@ -93,13 +105,16 @@ impl GpuSession {
         let mut kept = Kept::default();
         kept.count = state.candidates.into();
         kept.rebuilt = before.and_then(|kept| kept.rebuilt).or(rebuilt);
+        if before.is_none() {
+            skin.went = (skin.age.saturating_add(1), skin.detector.part(state.moved_last));
+        }
         skin.age = match (kept.rebuilt, before) {
             (Some(_), _) => 0,
             (None, Some(_)) => skin.age,
             (None, None) => skin.age.saturating_add(1),
         };
         kept.age = skin.age;
-        kept.moved = if kept.rebuilt.is_some() { 0.0 } else { skin.detector.part(state.moved_last) };
+        kept.moved = if kept.rebuilt.is_some() { 0.0 } else { skin.went.1 };
         self.kept = Some(kept);
     }
 

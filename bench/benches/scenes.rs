@@ -1,0 +1,178 @@
+//! What the cell list on the GPU makes of scenes that are hard on grids, beside the same number of equal spheres and beside
+//! another algorithm: times of the GPU's own clock, stage by stage, from calls that take turns. Markdown on standard output.
+//!
+//! `cargo bench -p lazygrid-bench --bench scenes -- --n 1000000 --against lazy-grid`
+#![allow(clippy::print_stdout)]
+
+use std::error::Error;
+use std::time::Duration;
+
+use clap::Parser;
+use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings, Phase};
+use lazygrid::{Algorithm, Sphere, Spheres};
+use lazygrid_bench::measure::{markdown, provenance};
+use lazygrid_io::scenes::Scene;
+
+#[derive(Parser)]
+#[command(about = "The cell list on the GPU in scenes that are hard on grids")]
+struct Args {
+    /// Spheres of each scene
+    #[arg(long, default_value_t = 1_000_000)]
+    n: usize,
+    /// Spheres of the burst
+    #[arg(long, default_value_t = 100_000)]
+    burst: usize,
+    /// How many times as large as the others the one giant is
+    #[arg(long, default_value_t = 100.0)]
+    giant: f32,
+    /// How many diameters lie between two clumps
+    #[arg(long, default_value_t = 1e6)]
+    apart: f32,
+    /// Another algorithm, which the cell list is compared with where there is neither giant nor gap
+    #[arg(long)]
+    against: Option<Algorithm>,
+    /// From how many spheres on the cell list is sorted by radix
+    #[arg(long, default_value_t = GpuSettings::RADIX_FROM)]
+    radix_from: u32,
+    /// Rounds, after one to warm up
+    #[arg(long, default_value_t = 5)]
+    rounds: usize,
+    /// Check the answers at small sizes instead of measuring; also without `--bench`, which `cargo bench` passes
+    #[arg(long)]
+    quick: bool,
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// Spheres, and whether every algorithm does well with them.
+struct Given {
+    name: &'static str,
+    spheres: Vec<Sphere>,
+    is_even: bool,
+}
+
+/// One algorithm on one scene, with the times of each stage.
+struct Runner<'a> {
+    given: &'a Given,
+    algorithm: Algorithm,
+    session: GpuSession,
+    pairs: u64,
+    stages: Vec<[Duration; Phase::ALL.len()]>,
+}
+
+impl Runner<'_> {
+    fn run(&mut self, is_warm: bool) -> Result<(), Box<dyn Error>> {
+        let ticket = self.session.begin(Spheres::from(&self.given.spheres))?;
+        self.pairs = self.session.finish_count(ticket)?;
+        if is_warm {
+            let of = |phase: Phase| self.session.timings().iter().find(|t| t.name == phase.name());
+            self.stages.push(Phase::ALL.map(|phase| of(phase).map_or(Duration::ZERO, |timing| timing.time)));
+        }
+        Ok(())
+    }
+
+    /// Seconds of each stage of the call that took the median of all.
+    fn median(&self) -> [f64; Phase::ALL.len()] {
+        let mut stages = self.stages.clone();
+        stages.sort_by_key(|stages| stages.iter().sum::<Duration>());
+        stages[stages.len() / 2].map(|time| time.as_secs_f64())
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = Args::parse();
+    if args.quick || !args.bench {
+        (args.n, args.burst, args.giant, args.rounds) = (2000, 500, 4.0, 1);
+        args.against = Some(Algorithm::LazyGrid);
+    }
+    let Some(own) = lazygrid_tests::device() else { return Ok(()) };
+    println!("{}\n\n{}\n", provenance(), own.adapter.name);
+    let scenes = scenes(&args);
+    let mut runners = Vec::new();
+    for given in &scenes {
+        runners.push(runner(&own, given, (Algorithm::CellList, args.radix_from))?);
+        if let Some(other) = args.against.filter(|_| given.is_even) {
+            runners.push(runner(&own, given, (other, args.radix_from))?);
+        }
+    }
+    for round in 0..=args.rounds {
+        for runner in &mut runners {
+            runner.run(round > 0)?;
+        }
+        for [a, b] in runners.array_windows() {
+            // Within 4 ulp of tangency pairs may fall either way.
+            if std::ptr::eq(a.given, b.given) && a.pairs.abs_diff(b.pairs) > 1 + a.pairs / 100_000 {
+                let (a, b, name) = (a.pairs, b.pairs, a.given.name);
+                return Err(format!("{a} pairs and {b} in {name}").into());
+            }
+        }
+    }
+    println!("{}", table(&runners));
+    Ok(())
+}
+
+fn runner<'a>(
+    own: &GpuDevice,
+    given: &'a Given,
+    (algorithm, radix_from): (Algorithm, u32),
+) -> Result<Runner<'a>, Box<dyn Error>> {
+    let pair_capacity = if given.name == "burst" { 24 } else { 4 } * given.spheres.len() as u32;
+    let settings =
+        GpuSettings { algorithm, pair_capacity, radix_from, timed: true, ..GpuSettings::default() };
+    let session = GpuSession::new(own.clone(), settings)?;
+    Ok(Runner { given, algorithm, session, pairs: 0, stages: Vec::new() })
+}
+
+fn scenes(args: &Args) -> Vec<Given> {
+    let equal = Scene::Equal.spheres(args.n, 1);
+    let mut giant = equal.clone();
+    if let Some(sphere) = giant.first_mut() {
+        *sphere = Sphere::new([0.0; 3], args.giant);
+    }
+    let mut clumps = Scene::Equal.spheres(args.n / 2, 1);
+    let far =
+        |sphere: &Sphere| Sphere { center: sphere.center + glam::Vec3::X * 2.0 * args.apart, ..*sphere };
+    let there: Vec<_> = Scene::Equal.spheres(args.n - args.n / 2, 2).iter().map(far).collect();
+    clumps.extend(there);
+    let given = |name, spheres, is_even| Given { name, spheres, is_even };
+    vec![
+        given("equal", equal, true),
+        given("five sizes", Scene::FiveSizes.spheres(args.n, 1), true),
+        given("one giant", giant, false),
+        given("two clumps", clumps, false),
+        given("burst", Scene::Burst.spheres(args.burst, 1), true),
+    ]
+}
+
+/// One row per runner: milliseconds of each stage, their sum, that over the first row's where there are as many spheres, and
+/// that of the other algorithm over the cell list's.
+fn table(runners: &[Runner<'_>]) -> String {
+    let sum = |runner: &Runner<'_>| runner.median().iter().sum::<f64>();
+    let rows: Vec<Vec<String>> = runners
+        .iter()
+        .map(|runner| {
+            let stages = runner.median().into_iter().map(|seconds| format!("{:.1}", seconds * 1e3));
+            let is_list = runner.algorithm == Algorithm::CellList;
+            let same = |other: &&Runner<'_>| is_list && std::ptr::eq(other.given, runner.given);
+            let other = runners.iter().filter(same).find(|other| other.algorithm != Algorithm::CellList);
+            let base = &runners[0];
+            let has_base = is_list && base.given.spheres.len() == runner.given.spheres.len();
+            let ratio = |of: Option<f64>| of.map_or(String::new(), |ratio| format!("{ratio:.2}"));
+            [runner.given.name.to_owned(), runner.given.spheres.len().to_string()]
+                .into_iter()
+                .chain([runner.algorithm.to_string(), runner.pairs.to_string()])
+                .chain(stages)
+                .chain([format!("{:.1}", sum(runner) * 1e3)])
+                .chain([ratio(has_base.then(|| sum(runner) / sum(base)))])
+                .chain([ratio(other.map(|other| sum(other) / sum(runner)))])
+                .collect()
+        })
+        .collect();
+    let stages = Phase::ALL.map(|phase| format!("{}, ms", phase.name()));
+    let head: Vec<&str> = ["scene", "spheres", "algorithm", "pairs"]
+        .into_iter()
+        .chain(stages.iter().map(String::as_str))
+        .chain(["all, ms", "over equal", "other over it"])
+        .collect();
+    markdown(&head, &rows)
+}
