@@ -31,9 +31,12 @@ struct Args {
     /// Another algorithm, which the cell list is compared with where there is neither giant nor gap
     #[arg(long)]
     against: Option<Algorithm>,
-    /// From how many spheres on the cell list is sorted by radix
-    #[arg(long, default_value_t = GpuSettings::RADIX_FROM)]
-    radix_from: u32,
+    /// From how many spheres on the cell list is sorted by radix; several take turns
+    #[arg(long, value_delimiter = ',', default_values_t = [GpuSettings::RADIX_FROM])]
+    radix_from: Vec<u32>,
+    /// Only the scenes of equal and of five sizes
+    #[arg(long)]
+    even: bool,
     /// Rounds, after one to warm up
     #[arg(long, default_value_t = 5)]
     rounds: usize,
@@ -55,6 +58,7 @@ struct Given {
 struct Runner<'a> {
     given: &'a Given,
     algorithm: Algorithm,
+    sort: &'static str,
     session: GpuSession,
     pairs: u64,
     stages: Vec<[Duration; Phase::ALL.len()]>,
@@ -87,19 +91,22 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let Some(own) = lazygrid_tests::device() else { return Ok(()) };
     println!("{}\n\n{}\n", provenance(), own.adapter.name);
-    let scenes = scenes(&args);
+    let mut scenes = scenes(&args);
+    scenes.truncate(if args.even { 2 } else { scenes.len() });
     let mut runners = Vec::new();
     for given in &scenes {
-        runners.push(runner(&own, given, (Algorithm::CellList, args.radix_from))?);
+        for &radix_from in &args.radix_from {
+            runners.push(runner(&own, given, (Algorithm::CellList, radix_from))?);
+        }
         if let Some(other) = args.against.filter(|_| given.is_even) {
-            runners.push(runner(&own, given, (other, args.radix_from))?);
+            runners.push(runner(&own, given, (other, GpuSettings::RADIX_FROM))?);
         }
     }
     for round in 0..=args.rounds {
         for runner in &mut runners {
             runner.run(round > 0)?;
         }
-        for [a, b] in runners.array_windows() {
+        for (a, b) in runners.iter().zip(&runners[1..]) {
             // Within 4 ulp of tangency pairs may fall either way.
             if std::ptr::eq(a.given, b.given) && a.pairs.abs_diff(b.pairs) > 1 + a.pairs / 100_000 {
                 let (a, b, name) = (a.pairs, b.pairs, a.given.name);
@@ -120,7 +127,9 @@ fn runner<'a>(
     let settings =
         GpuSettings { algorithm, pair_capacity, radix_from, timed: true, ..GpuSettings::default() };
     let session = GpuSession::new(own.clone(), settings)?;
-    Ok(Runner { given, algorithm, session, pairs: 0, stages: Vec::new() })
+    let is_counted = algorithm == Algorithm::CellList && given.spheres.len() < radix_from as usize;
+    let sort = if is_counted { "by counting" } else { "by radix" };
+    Ok(Runner { given, algorithm, sort, session, pairs: 0, stages: Vec::new() })
 }
 
 fn scenes(args: &Args) -> Vec<Given> {
@@ -160,7 +169,7 @@ fn table(runners: &[Runner<'_>]) -> String {
             let ratio = |of: Option<f64>| of.map_or(String::new(), |ratio| format!("{ratio:.2}"));
             [runner.given.name.to_owned(), runner.given.spheres.len().to_string()]
                 .into_iter()
-                .chain([runner.algorithm.to_string(), runner.pairs.to_string()])
+                .chain([format!("{} {}", runner.algorithm, runner.sort), runner.pairs.to_string()])
                 .chain(stages)
                 .chain([format!("{:.1}", sum(runner) * 1e3)])
                 .chain([ratio(has_base.then(|| sum(runner) / sum(base)))])

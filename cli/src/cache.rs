@@ -24,7 +24,9 @@ struct Entry {
     lazygrid: String,
     naive_below: u32,
     per_class: u32,
-    /// Versions that did not measure it left it out; what they measured is passed over.
+    /// Versions that did not measure this, or what follows, left it out; what they measured is passed over.
+    #[serde(default)]
+    radix_from: Option<u32>,
     #[serde(default)]
     skin: Option<Skin>,
 }
@@ -107,19 +109,20 @@ fn checked(kept: Kept) -> io::Result<Kept> {
 
 impl Entry {
     fn calibration(self) -> Option<Calibration> {
-        let Self { adapter, driver, lazygrid: version, naive_below, per_class, skin } = self;
+        let Self { adapter, driver, lazygrid: version, naive_below, per_class, radix_from, skin } = self;
         let crossover = Crossover { naive_below, per_class };
-        Some(Calibration { adapter, driver, version, crossover, skin: skin?.into() })
+        let (radix_from, skin) = (radix_from?, skin?.into());
+        Some(Calibration { adapter, driver, version, crossover, radix_from, skin })
     }
 }
 
 impl From<Calibration> for Entry {
     fn from(measured: Calibration) -> Self {
-        let Calibration { adapter, driver, version: lazygrid, crossover, skin } = measured;
+        let Calibration { adapter, driver, version: lazygrid, crossover, radix_from, skin } = measured;
         let Crossover { naive_below, per_class } = crossover;
         let SkinCosts { search, find, keep, measure, test, call } = skin;
         let skin = Some(Skin { search, find, keep, measure, test, call });
-        Self { adapter, driver, lazygrid, naive_below, per_class, skin }
+        Self { adapter, driver, lazygrid, naive_below, per_class, radix_from: Some(radix_from), skin }
     }
 }
 
@@ -148,7 +151,8 @@ mod tests {
             (100, 0, Some(Skin { test: -1.0, ..costs }), false),
         ] {
             let [adapter, driver, lazygrid] = [(); 3].map(|()| String::new());
-            let entry = Entry { adapter, driver, lazygrid, naive_below, per_class, skin };
+            let radix_from = Some(1 << 19);
+            let entry = Entry { adapter, driver, lazygrid, naive_below, per_class, radix_from, skin };
             let has_skin = entry.skin.is_some();
             let kept = checked(Kept { calibrations: vec![entry] });
             assert_eq!(kept.is_ok(), good, "{naive_below}, {per_class}, {has_skin}");

@@ -35,9 +35,10 @@ pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), Failure> {
         more => format!(", and {more} more for every further size class"),
     };
     let gpu::SkinCosts { search, find, keep, measure, test, call } = measured.skin;
-    let call = call / 1e3;
+    let (call, radix_from) = (call / 1e3, measured.radix_from);
     print(format!(
-        "\nall pairs are tested of fewer than {naive_below} spheres{further}\n\n\
+        "\nall pairs are tested of fewer than {naive_below} spheres{further};\ncell lists are sorted by radix from \
+        {radix_from} spheres on\n\n\
         nanoseconds for each sphere: {search:.3} to search, {keep:.3} to keep where it was, {measure:.3} to measure how far \
         it has gone;\nfor each candidate: {find:.3} to find, {test:.3} to test; {call:.1} microseconds more for a call that \
         keeps some\n\nkept in {}\n",

@@ -4,7 +4,7 @@
 use lazygrid_kernels::Algorithm;
 
 #[cfg(feature = "gpu")]
-use crate::gpu::{AdapterId, Calibration, Crossover, SkinCosts};
+use crate::gpu::{AdapterId, Calibration, Crossover, GpuSettings, SkinCosts};
 use crate::{Backend, Error};
 
 /// The algorithm of a GPU where there are too many spheres to test all pairs.
@@ -64,9 +64,11 @@ pub(crate) fn backend<D>(
 pub(crate) struct Known {
     /// Where all pairs and the grid cost the same.
     pub(crate) crossover: Crossover,
+    /// From how many spheres on a cell list is sorted by radix.
+    pub(crate) radix_from: u32,
     /// What it costs to keep candidates.
     pub(crate) skin: SkinCosts,
-    /// How both are known.
+    /// How all this is known.
     pub(crate) how: &'static str,
 }
 
@@ -75,17 +77,21 @@ pub(crate) struct Known {
 pub(crate) fn known(calibrations: &[Calibration], adapter: &crate::gpu::AdapterSummary) -> Known {
     let same = |known: &&Calibration| known.is_of(adapter);
     match calibrations.iter().rev().find(same) {
-        Some(&Calibration { crossover, skin, .. }) => {
-            Known { crossover, skin, how: "measured on this adapter" }
+        Some(&Calibration { crossover, radix_from, skin, .. }) => {
+            Known { crossover, radix_from, skin, how: "measured on this adapter" }
         }
-        None if adapter.is_hardware => {
-            let how = "assumed of a GPU, not measured on this adapter";
-            Known { crossover: Crossover::HARDWARE, skin: SkinCosts::HARDWARE, how }
-        }
-        None => {
-            let how = "assumed of a software adapter, not measured on this one";
-            Known { crossover: Crossover::SOFTWARE, skin: SkinCosts::SOFTWARE, how }
-        }
+        None if adapter.is_hardware => Known {
+            crossover: Crossover::HARDWARE,
+            radix_from: GpuSettings::RADIX_FROM,
+            skin: SkinCosts::HARDWARE,
+            how: "assumed of a GPU, not measured on this adapter",
+        },
+        None => Known {
+            crossover: Crossover::SOFTWARE,
+            radix_from: GpuSettings::SOFTWARE_RADIX_FROM,
+            skin: SkinCosts::SOFTWARE,
+            how: "assumed of a software adapter, not measured on this one",
+        },
     }
 }
 
@@ -287,6 +293,7 @@ mod tests {
             driver: driver.to_owned(),
             version: version.to_owned(),
             crossover: Crossover { naive_below, per_class: 0 },
+            radix_from: 1000 * naive_below,
             skin: SkinCosts { call: naive_below as f32, ..SkinCosts::SOFTWARE },
         };
         let version = env!("CARGO_PKG_VERSION");
@@ -305,5 +312,6 @@ mod tests {
         // The last word counts.
         let last = known(&[&others[..], &own].concat(), &adapter);
         assert!(last.crossover.naive_below == 5 && last.skin.call == 5.0, "{last:?}");
+        assert_eq!(last.radix_from, 5000);
     }
 }

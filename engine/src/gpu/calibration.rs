@@ -1,7 +1,8 @@
-//! How many spheres it takes until a grid is faster than all pairs, and what it costs to keep candidates, measured on the
-//! device.
+//! How many spheres it takes until a grid is faster than all pairs, and sorting by radix than counting, and what it costs to
+//! keep candidates, measured on the device.
 
 mod skin;
+mod sort;
 
 use std::time::{Duration, Instant};
 
@@ -52,7 +53,7 @@ impl Crossover {
     }
 }
 
-/// A [`Crossover`], [`SkinCosts`] and what they hold for: one adapter, one driver, one version of this library. To be kept by the
+/// What `Auto` goes by, and what it holds for: one adapter, one driver, one version of this library. To be kept by the
 /// application and given to [`Config::calibration`](crate::Config::calibration); the library itself writes no file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
@@ -64,6 +65,8 @@ pub struct Calibration {
     pub version: String,
     /// Where all pairs and the cell list cost the same.
     pub crossover: Crossover,
+    /// From how many spheres on a cell list is sorted by radix; see [`GpuSettings::radix_from`].
+    pub radix_from: u32,
     /// What it costs to keep candidates from call to call, and to do without.
     pub skin: SkinCosts,
 }
@@ -90,8 +93,8 @@ pub struct Sample {
     pub grid: Duration,
 }
 
-/// Measures on this device where a grid overtakes all pairs, and what it costs to keep candidates, which takes some seconds at
-/// most. What is measured of the first is handed to `seen` as it comes.
+/// Measures on this device where a grid overtakes all pairs, where sorting by radix overtakes counting, and what it costs to keep
+/// candidates, which takes some seconds at most. What is measured of the first is handed to `seen` as it comes.
 ///
 /// # Errors
 /// Where the device fails.
@@ -113,7 +116,8 @@ pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calib
                 break;
             }
         }
-        Ok(crossing(&samples))
+        let times: Vec<_> = samples.iter().map(|s| (s.spheres, [s.naive, s.grid])).collect();
+        Ok(crossing(&times, Crossover::MOST))
     });
     let (one, five) = (one?, five?);
     let per_class = five.saturating_sub(one) / (CLASSES[1] - CLASSES[0]) as u32;
@@ -122,6 +126,7 @@ pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calib
         driver: own.adapter.driver.clone(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         crossover: Crossover { naive_below: one, per_class },
+        radix_from: sort::radix_from(own)?,
         skin: skin::measure(own)?,
     })
 }
@@ -138,19 +143,21 @@ fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error>
     Ok(start.elapsed())
 }
 
-/// The number of spheres from which on the grid is the faster, between two that were measured by interpolation of
-/// the logarithms; the first where it always is, beyond the last where it never is.
-fn crossing(samples: &[Sample]) -> u32 {
-    // How far ahead all pairs are; a power of the number of spheres between two samples.
-    let lead = |s: &Sample| (s.grid.as_secs_f64().max(1e-9) / s.naive.as_secs_f64().max(1e-9)).ln();
+/// The number of spheres from which on the second of two ways is the faster, between two that were measured by interpolation of
+/// the logarithms; the first where it always is, twice the last, up to `most`, where it never is.
+fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
+    // How far ahead the first way is; a power of the number of spheres between two samples.
+    let lead = |(_, [first, second]): &(u32, [Duration; 2])| {
+        (second.as_secs_f64().max(1e-9) / first.as_secs_f64().max(1e-9)).ln()
+    };
     let Some(last) = samples.iter().rposition(|sample| lead(sample) > 0.0) else {
-        return samples.first().map_or(0, |first| first.spheres);
+        return samples.first().map_or(0, |first| first.0);
     };
     let Some(next) = samples.get(last + 1) else {
-        return (2 * samples[last].spheres).min(Crossover::MOST);
+        return (2 * samples[last].0).min(most);
     };
     let (here, there) = (lead(&samples[last]), lead(next));
-    let [from, to] = [&samples[last], next].map(|sample| f64::from(sample.spheres).ln());
+    let [from, to] = [&samples[last], next].map(|sample| f64::from(sample.0).ln());
     // Both are finite and of opposite sign, or the second is zero.
     (from + (to - from) * here / (here - there)).exp().round() as u32
 }
@@ -170,16 +177,6 @@ fn scene(spheres: u32, classes: usize, density: f32) -> Vec<Sphere> {
 mod tests {
     use super::*;
 
-    fn samples(times: &[(u32, u64, u64)]) -> Vec<Sample> {
-        let sample = |&(spheres, naive, grid): &(u32, u64, u64)| Sample {
-            classes: 1,
-            spheres,
-            naive: Duration::from_micros(naive),
-            grid: Duration::from_micros(grid),
-        };
-        times.iter().map(sample).collect()
-    }
-
     #[test]
     fn a_crossing_lies_where_times_are_equal() {
         for (times, expected) in [
@@ -192,8 +189,11 @@ mod tests {
             // One slip of the clock before the crossing does not count.
             (&[(1000, 300, 200), (2000, 100, 200), (4000, 400, 200)], 2828..=2829),
             (&[(1000, 0, 0), (2000, 0, 0)], 1000..=1000),
+            (&[(70_000, 10, 20)], 100_000..=100_000),
         ] {
-            let found = crossing(&samples(times));
+            let sample = |&(spheres, a, b): &(u32, u64, u64)| (spheres, [a, b].map(Duration::from_micros));
+            let samples: Vec<_> = times.iter().map(sample).collect();
+            let found = crossing(&samples, 100_000);
             assert!(expected.contains(&found), "{times:?}: {found}");
         }
     }

@@ -49,6 +49,7 @@ impl DeviceDetector {
             pair_capacity: most_pairs.min(defaults.pair_capacity.into()) as u32,
             algorithm: settings.algorithm,
             crossover: known.crossover,
+            radix_from: known.radix_from,
             raster_ratio: raster_ratio(config.raster_ratio)?,
             tau: config.tau.unwrap_or(GpuSettings::TAU),
             interactions: searched.1.clone(),

@@ -26,7 +26,8 @@ pub struct GpuSettings {
     /// τ: in LazyGrid the smaller spheres of a cell go to a finer level only where they are more than this (Stroobant
     /// et al., section 3.2). Default: [`GpuSettings::TAU`].
     pub tau: u32,
-    /// From how many spheres on a cell list is sorted by radix instead of by counting. Default: [`GpuSettings::RADIX_FROM`].
+    /// From how many spheres on a cell list is sorted by radix instead of by counting. Default: [`GpuSettings::RADIX_FROM`];
+    /// [`calibrate`](super::calibrate) measures it.
     pub radix_from: u32,
     /// Which species pair, and at which distance; `None`: all that touch.
     pub interactions: Option<Interactions>,
@@ -57,6 +58,9 @@ impl GpuSettings {
     /// measured through this library; with CUDA on an H200 both are even at a million, and counting is 2.6 times as
     /// fast at a hundred thousand.
     pub const RADIX_FROM: u32 = 1 << 19;
+    /// The same for a software adapter, whose caches hide less: on Mesa's llvmpipe on two cores counting is the faster at a
+    /// million (`cargo bench -p lazygrid-bench --bench scenes -- --radix-from 0,4000000000`).
+    pub const SOFTWARE_RADIX_FROM: u32 = 1 << 22;
     /// Raster ratio by default: on the same driver the best for five sizes, where 3 is better for equal ones by a tenth.
     pub const RASTER_RATIO: f32 = 2.0;
     /// The smallest raster ratio with which no sphere overlaps more than two cells per axis.

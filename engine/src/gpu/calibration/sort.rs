@@ -1,0 +1,55 @@
+//! From how many spheres on a cell list is sorted by radix faster than by counting.
+
+use std::time::Duration;
+
+use lazygrid_kernels::{Algorithm, Sphere};
+
+use super::{CLEARLY, DENSITY, crossing, scene, time};
+use crate::Error;
+use crate::gpu::{GpuDevice, GpuSession, GpuSettings, Phase};
+
+/// The numbers of spheres that are tried, until one of the two is clearly faster or takes long.
+const SIZES: [u32; 5] = [1 << 17, 1 << 18, 1 << 19, 1 << 20, 1 << 21];
+/// The most that can be measured: twice the most spheres that are tried.
+const MOST: u32 = 2 * SIZES[SIZES.len() - 1];
+/// Rounds of which the fastest counts.
+const ROUNDS: usize = 3;
+/// After calls that take longer no more spheres are tried.
+const LONG: Duration = Duration::from_millis(150);
+
+/// Measures it.
+pub(super) fn radix_from(own: &GpuDevice) -> Result<u32, Error> {
+    let mut sessions = [session(own, u32::MAX)?, session(own, 0)?];
+    let mut samples = Vec::new();
+    for spheres in SIZES {
+        let scene = scene(spheres, 1, DENSITY);
+        let mut least = [Duration::MAX; 2];
+        for _ in 0..ROUNDS {
+            for (session, least) in sessions.iter_mut().zip(&mut least) {
+                *least = (*least).min(busy(session, &scene)?);
+            }
+        }
+        log::debug!("{spheres} spheres by counting and by radix: {least:?}");
+        samples.push((spheres, least));
+        let [counted, sorted] = least;
+        if sorted.as_secs_f64() < counted.as_secs_f64() * CLEARLY || counted > LONG {
+            break;
+        }
+    }
+    Ok(crossing(&samples, MOST))
+}
+
+fn session(own: &GpuDevice, radix_from: u32) -> Result<GpuSession, Error> {
+    let algorithm = Algorithm::CellList;
+    let settings = GpuSettings { algorithm, radix_from, timed: true, ..GpuSettings::default() };
+    GpuSession::new(own.clone(), settings)
+}
+
+/// How long the device works, by its own clock where it has one, since bringing spheres there may take longer.
+fn busy(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error> {
+    let whole = time(session, spheres)?;
+    let is_phase = |name: &str| Phase::ALL.iter().any(|phase| phase.name() == name);
+    let phases = session.timings().iter().filter(|timing| is_phase(timing.name));
+    let busy: Duration = phases.map(|timing| timing.time).sum();
+    Ok(if busy.is_zero() { whole } else { busy })
+}
