@@ -60,7 +60,7 @@ impl GpuSettings {
     pub const RADIX_FROM: u32 = 1 << 19;
     /// The same for a software adapter, whose caches hide less: on Mesa's llvmpipe on two cores counting is the faster at a
     /// million (`cargo bench -p lazygrid-bench --bench scenes -- --radix-from 0,4000000000`).
-    pub const SOFTWARE_RADIX_FROM: u32 = 1 << 22;
+    pub const SOFTWARE_RADIX_FROM: u32 = 1 << 20;
     /// Raster ratio by default: on the same driver the best for five sizes, where 3 is better for equal ones by a tenth.
     pub const RASTER_RATIO: f32 = 2.0;
     /// The smallest raster ratio with which no sphere overlaps more than two cells per axis.
