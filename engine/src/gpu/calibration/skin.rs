@@ -46,7 +46,7 @@ impl SkinCosts {
     /// Assumed of a software adapter that was not measured: what `lazygrid calibrate` says of Mesa's llvmpipe on two cores,
     /// rounded.
     pub const SOFTWARE: Self =
-        Self { search: 900.0, find: 30.0, keep: 100.0, measure: 50.0, test: 15.0, call: 0.0 };
+        Self { search: 900.0, find: 30.0, keep: 200.0, measure: 50.0, test: 15.0, call: 0.0 };
 
     /// From how many spheres on calls that candidates serve may cost less than a search; none where they never do.
     pub(crate) fn worth_from(&self) -> Option<u32> {
@@ -94,11 +94,16 @@ struct Calls {
 
 /// Measures it.
 pub(super) fn measure(own: &GpuDevice) -> Result<SkinCosts, Error> {
+    measure_with(own, &SIZES)
+}
+
+/// Measures it with scenes of these sizes.
+fn measure_with(own: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
     let mut search = session(own, None)?;
     let few = scene(FEW, 1, DENSITIES[0]);
     let few_searched = fastest(&mut search, &few)?;
-    let mut spheres = SIZES[0];
-    for size in SIZES {
+    let mut spheres = FEW;
+    for &size in sizes {
         spheres = size;
         let taken = fastest(&mut search, &scene(size, 1, DENSITIES[0]))?;
         if few_searched.nanoseconds < taken.nanoseconds * (1.0 - CLEARLY) {
@@ -216,7 +221,7 @@ mod tests {
     #[test]
     fn what_is_measured_is_valid() {
         let Some(own) = device_or_skip() else { return };
-        let costs = measure(&own).expect("measured");
+        let costs = measure_with(&own, &[1 << 11]).expect("measured");
         assert!(costs.is_valid(), "{costs:?}");
         let none = Call { nanoseconds: 0.0, pairs: 0.0, candidates: 0.0 };
         let [few, searched, served] = [[none; 2]; 3];
