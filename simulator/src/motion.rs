@@ -58,6 +58,8 @@ pub(crate) struct Step {
 const CHUNK: usize = 4096;
 /// Particles whose random numbers are drawn together.
 const BLOCK: usize = 64;
+/// By which part rounding may lengthen a way; far less than what searches look beyond it.
+const ROUNDED: f32 = 1e-6;
 
 impl Motion {
     /// The step of a model that was checked.
@@ -163,8 +165,8 @@ impl Motion {
                 if watches {
                     let place = base + at;
                     let who = Who { key, id, step };
-                    let mut passage =
-                        Passage { at: place as u32, species: species[at], who, path, velocity: own };
+                    let (at, species) = (place as u32, species[at]);
+                    let mut passage = Passage { at, species, who, path, gone: 0.0, velocity: own };
                     match vicinity {
                         None => self.settle(&mut passage, self.bodies.all.iter(), &mut events),
                         Some(vicinity) if vicinity.is_clear(place, &self.reach(&passage)) => {
@@ -186,8 +188,13 @@ impl Motion {
     /// How far a particle may get to receivers on its way.
     #[inline(always)]
     fn reach(&self, passage: &Passage) -> Reach {
-        let bend = self.steps[passage.species as usize].bend;
-        Reach::new(&passage.path, bend + self.bodies.longest_way)
+        Reach::new(&passage.path, self.more(passage))
+    }
+
+    /// How far beyond its way a particle may meet receivers, as diffusion bends it and they come towards it, in µm.
+    #[inline(always)]
+    fn more(&self, passage: &Passage) -> f32 {
+        self.steps[passage.species as usize].bend + self.bodies.longest_way
     }
 
     /// Has receivers found near particles on their ways, and settles these.
@@ -206,10 +213,16 @@ impl Motion {
         let failed = |source| Error::Step { step, source };
         let found = vicinity.find(begins, &self.bodies).map_err(failed)?;
         let settle = |(k, passage): (usize, &mut Passage)| {
-            let mut events = Vec::new();
+            let (mut events, begun) = (Vec::new(), *passage);
             let reach = around_beginning(passage);
             let (near, ball) = found.of(k, reach, (&self.bodies, &self.whole));
             self.settle(passage, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
+            if self.more(passage) + passage.gone > reach * (1.0 + ROUNDED) {
+                // What came towards it has thrown it beyond those that were looked at.
+                *passage = begun;
+                events.clear();
+                self.settle(passage, self.bodies.all.iter(), &mut events);
+            }
             (events, ball)
         };
         let settled: Vec<_> = unsure.par_iter_mut().enumerate().with_min_len(BLOCK).map(settle).collect();

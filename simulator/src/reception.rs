@@ -58,6 +58,8 @@ pub(crate) struct Passage {
     pub(crate) species: u32,
     pub(crate) who: Who,
     pub(crate) path: Path,
+    /// How far it goes where surfaces turn it, in µm; 0 where none does.
+    pub(crate) gone: f32,
     /// Its own, in µm/s, where particles have velocities.
     pub(crate) velocity: Option<[f32; 3]>,
 }
@@ -113,14 +115,14 @@ impl Motion {
         let turning: Vec<&Body> = near.iter().copied().filter(|body| turns_back(body)).collect();
         let mut velocity = passage.velocity.unwrap_or_default().map(|v| v * self.time_step);
         let turned = turn(&turning, room, &path, &mut velocity);
-        if let Some(Turned { path, .. }) = turned {
-            passage.path = path;
+        if let Some(Turned { path, gone, .. }) = turned {
+            (passage.path, passage.gone) = (path, gone);
             passage.velocity = passage.velocity.map(|_| velocity.map(|v| v / self.time_step));
         }
         for body in near.into_iter().filter(|body| body.receiver.kind != Kind::Reflecting) {
             // Where its surface turned the way first, the way to there was straight.
             let way = match &turned {
-                Some(Turned { first, path }) if *first != body.place => path,
+                Some(Turned { first, path, .. }) if *first != body.place => path,
                 _ => &path,
             };
             if !meets(body, room, way, who) {

@@ -15,6 +15,8 @@ pub(crate) struct Turned {
     pub(crate) path: Path,
     /// The place in the model of the first receiver that turned it.
     pub(crate) first: u32,
+    /// How far the particle goes in all, in µm: farther than its own way where spheres come towards it.
+    pub(crate) gone: f32,
 }
 
 /// A sphere, seen from the particle where it begins.
@@ -42,7 +44,7 @@ pub(crate) fn turn(
         f64::from(to) - f64::from(path.before[k])
     });
     let obstacles = obstacles(bodies, room, path, way);
-    let (mut gone, mut time, mut first) = ([0.0; 3], 0.0, None);
+    let (mut gone, mut length, mut time, mut first) = ([0.0; 3], 0.0, 0.0, None);
     for _ in 0..BOUNCES {
         let left = 1.0 - time;
         let meets =
@@ -50,14 +52,16 @@ pub(crate) fn turn(
         let next = obstacles.iter().filter_map(|o| Some((meets(o)?, o)));
         let Some(((after, place), obstacle)) = next.min_by(|(a, _), (b, _)| a.0.total_cmp(&b.0)) else {
             gone = std::array::from_fn(|k| gone[k] + left * way[k]);
+            length += left * dot(way, way).sqrt();
             break;
         };
         first = first.or(Some(place));
         gone = std::array::from_fn(|k| gone[k] + after * way[k]);
+        length += after * dot(way, way).sqrt();
         time += after;
         let out = obstacle.offset_at(gone, time);
-        let length = dot(out, out).sqrt();
-        let normal = out.map(|c| c / length);
+        let distance = dot(out, out).sqrt();
+        let normal = out.map(|c| c / distance);
         way = turned(way, obstacle.way, normal);
         let drift = obstacle.body.drift.map(f64::from);
         *velocity = turned(velocity.map(f64::from), drift, normal).map(|c| c as f32);
@@ -65,7 +69,7 @@ pub(crate) fn turn(
     let first = first?;
     let end = std::array::from_fn(|k| (f64::from(path.before[k]) + gone[k]) as f32);
     let after = outside(bodies, room, path.before, room.place(end));
-    Some(Turned { path: Path { end, after, ..*path }, first })
+    Some(Turned { path: Path { end, after, ..*path }, first, gone: length as f32 })
 }
 
 /// Both images of each sphere that may be in the way where space repeats: those nearest to its beginning and to its end.

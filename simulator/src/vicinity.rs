@@ -347,13 +347,62 @@ mod tests {
             (tube, Some(Flow::Poiseuille { mean: 10.0 }), 0.0),
             (Boundary::periodic([-3.0; 3], [3.0; 3]), None, 4.0),
             (Boundary::reflecting([-3.0; 3], [3.0; 3]), None, 4.0),
+            // So fast that what they turn back goes much farther than it would alone.
+            (Boundary::periodic([-3.0; 3], [3.0; 3]), None, 60.0),
+            (Boundary::default(), None, 60.0),
         ];
         for (boundary, flow, speed) in cases {
             let model = model(boundary, flow, speed);
-            let ((found, particles), searched) = run(&model, 100, true);
-            assert!(searched > 50, "{searched}");
+            // Fast receivers soon take most.
+            let (steps, least) = if speed > 10.0 { (12, 8) } else { (100, 50) };
+            let ((found, particles), searched) = run(&model, steps, true);
+            assert!(searched > least, "{searched}");
             assert!(found.len() > 100 && particles.len() > 100, "{} {}", found.len(), particles.len());
-            assert_eq!((found, particles), run(&model, 100, false).0, "{boundary:?}");
+            assert_eq!((found, particles), run(&model, steps, false).0, "{boundary:?}, {speed}");
+        }
+    }
+
+    /// A receiver that comes throws the particle farther than either of them goes: at another one that takes it, or off
+    /// which it goes back.
+    #[test]
+    fn what_a_particle_is_thrown_at_is_found() {
+        let of = |center: f32, kind, velocity| Receiver {
+            name: "rx".into(),
+            center: [center, 0.0, 0.0],
+            radius: 0.5,
+            kind,
+            sees: vec![true],
+            velocity: [velocity, 0.0, 0.0],
+            diffusion: 0.0,
+        };
+        for (kind, back) in [(Kind::Absorbing, 0.0), (Kind::Reflecting, 0.0), (Kind::Reflecting, -100.0)] {
+            let model = Model {
+                time_step: 0.01,
+                species: vec![Species { name: "A".into(), radius: 0.01, mass: 1.0, ..Species::default() }],
+                receivers: vec![
+                    of(-0.51, Kind::Reflecting, 100.0),
+                    of(2.1, kind, back),
+                    of(4.2, Kind::Absorbing, 0.0),
+                ],
+                ..Model::default()
+            };
+            let after = [true, false].map(|searches| {
+                let mut motion = Motion::new(&model);
+                let mut vicinity =
+                    Vicinity::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
+                let mut particles = Particles::default();
+                particles.push(Particle::default(), false);
+                let centers: Vec<_> = model.receivers.iter().map(|receiver| receiver.center).collect();
+                motion.bodies.set(&centers, &moved(&model, &centers, Key::new(3), 0), &[0; 3]);
+                let events = motion.advance(&mut particles, vicinity.as_mut(), (Key::new(3), 0)).unwrap();
+                (events, particles)
+            });
+            assert_eq!(after[0], after[1]);
+            let x = after[0].1.position[0][0];
+            assert!(
+                kind == Kind::Absorbing && after[0].0.len() == 1 || kind == Kind::Reflecting && x < 1.6,
+                "{after:?}"
+            );
         }
     }
 }
