@@ -1,4 +1,7 @@
-use crate::{Error, InputError, MAX_SPHERES};
+use crate::{Error, InputError, MAX_SPHERES, make_room};
+
+/// What memory is asked for.
+const WHAT: &str = "excluded pairs";
 
 /// Pairs that are none, whatever their spheres: bonds, neighbours along a chain, what was settled elsewhere.
 ///
@@ -78,8 +81,8 @@ impl Exclusions {
         pairs.sort_unstable();
         pairs.dedup();
         let (mut offsets, mut others) = (Vec::new(), Vec::new());
-        room(&mut offsets, first + 1)?;
-        room(&mut others, pairs.len())?;
+        make_room(&mut offsets, first + 1, WHAT)?;
+        make_room(&mut others, pairs.len(), WHAT)?;
         others.extend(pairs.iter().map(|(_, j)| *j));
         offsets.resize(first + 1, 0);
         for (i, _) in &pairs {
@@ -130,23 +133,17 @@ fn checked(
     }
     let pairs = pairs.into_iter();
     let mut all = Vec::new();
-    room(&mut all, pairs.size_hint().0)?;
+    make_room(&mut all, pairs.size_hint().0, WHAT)?;
     for (i, j) in pairs {
         if i as usize >= first || j as usize >= second {
             return Err(InputError::Excluded { i, j, first, second }.into());
         }
         if all.len() == all.capacity() {
-            room(&mut all, 1)?;
+            make_room(&mut all, 1, WHAT)?;
         }
         all.push((i, j));
     }
     Ok(all)
-}
-
-/// Makes room for so many values more.
-fn room<T>(values: &mut Vec<T>, count: usize) -> Result<(), Error> {
-    let bytes = (values.len() as u64).saturating_add(count as u64).saturating_mul(size_of::<T>() as u64);
-    values.try_reserve(count).map_err(|_| Error::OutOfMemory { what: "excluded pairs", bytes })
 }
 
 #[cfg(test)]

@@ -2,12 +2,13 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use lazygrid_host::{Canonical, Kept, Lists, Neighbors, Order, Phase, Refinement, Settings, Skin, Survey};
-use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Pair, Shear, Space, Sphere, Spheres};
+use lazygrid_kernels::{
+    InputError, Interactions, MAX_SPHERES, Pair, Shear, Space, Sphere, Spheres, make_room,
+};
 
 use super::asked::Asked;
 use super::course::Course;
 use super::device_search::{Given, Search};
-use super::error::make_room;
 use super::plan::DeviceLimits;
 use super::two_sets::TwoSets;
 use super::{GpuDevice, GpuSession, GpuSettings};

@@ -2,9 +2,8 @@ use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
 use lazygrid_host::{Phase, Refinement};
-use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres};
+use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, make_room};
 
-use super::error::make_room;
 use super::input::GpuSpheres;
 use super::session::{Call, GpuSession, Ticket};
 use super::slabs::{Slab, Slabs, Whole};

@@ -11,7 +11,6 @@ mod course;
 mod detector;
 mod device_detector;
 mod device_search;
-mod error;
 mod input;
 mod mapping;
 mod pipelines;

@@ -4,11 +4,10 @@ use std::time::Duration;
 
 use lazygrid_host::{Kept, Phase as Timing};
 use lazygrid_kernels::layout::Outcome;
-use lazygrid_kernels::{Algorithm, Interactions, Pair, Spheres};
+use lazygrid_kernels::{Algorithm, Interactions, Pair, Spheres, make_room};
 
 use super::adapter::{AdapterSummary, GpuDevice};
 use super::detector::{GpuDetector, Way};
-use super::error::make_room;
 use super::input::{GpuSettings, GpuSpheres, check_algorithm};
 use super::mapping::Wait;
 use super::plan::{Cost, DeviceLimits, Plan, most_spheres};

@@ -11,9 +11,8 @@
 
 use std::ops::Range;
 
-use lazygrid_kernels::{Interactions, Pair, Reach, Space, Sphere, Spheres};
+use lazygrid_kernels::{Interactions, Pair, Reach, Space, Sphere, Spheres, make_room};
 
-use super::error::make_room;
 use crate::Error;
 
 /// Spheres that are looked at for places to cut.

@@ -1,9 +1,8 @@
 use bytemuck::Pod;
 use lazygrid_kernels::layout::SkinState;
-use lazygrid_kernels::{Pair, Sphere, Spheres};
+use lazygrid_kernels::{Pair, Sphere, Spheres, make_room};
 
 use super::adapter::GpuDevice;
-use super::error::make_room;
 use super::scope::scoped;
 use crate::Error;
 

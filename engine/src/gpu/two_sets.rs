@@ -1,10 +1,9 @@
 //! Pairs of one sphere of each of two sets: a search of both, in which spheres of one set never pair.
 
 use lazygrid_host::Refinement;
-use lazygrid_kernels::{Algorithm, Interaction, Interactions, Space, Sphere, Spheres};
+use lazygrid_kernels::{Algorithm, Interaction, Interactions, Space, Sphere, Spheres, make_room};
 
 use super::device_search::{Given, Search};
-use super::error::make_room;
 use super::session::GpuSession;
 use crate::Error;
 
