@@ -72,6 +72,27 @@ pub(crate) struct Known {
     pub(crate) how: &'static str,
 }
 
+#[cfg(feature = "gpu")]
+impl Known {
+    /// What is taken for known of an adapter that was not measured.
+    pub(crate) const fn assumed(is_hardware: bool) -> Self {
+        let crossover = Crossover::assumed(is_hardware);
+        let (radix_from, skin, how) = match is_hardware {
+            true => (
+                GpuSettings::RADIX_FROM,
+                SkinCosts::HARDWARE,
+                "assumed of a GPU, not measured on this adapter",
+            ),
+            false => (
+                GpuSettings::SOFTWARE_RADIX_FROM,
+                SkinCosts::SOFTWARE,
+                "assumed of a software adapter, not measured on this one",
+            ),
+        };
+        Self { crossover, radix_from, skin, how }
+    }
+}
+
 /// What is known of an adapter, by calibrations or by assumption.
 #[cfg(feature = "gpu")]
 pub(crate) fn known(calibrations: &[Calibration], adapter: &crate::gpu::AdapterSummary) -> Known {
@@ -80,18 +101,7 @@ pub(crate) fn known(calibrations: &[Calibration], adapter: &crate::gpu::AdapterS
         Some(&Calibration { crossover, radix_from, skin, .. }) => {
             Known { crossover, radix_from, skin, how: "measured on this adapter" }
         }
-        None if adapter.is_hardware => Known {
-            crossover: Crossover::HARDWARE,
-            radix_from: GpuSettings::RADIX_FROM,
-            skin: SkinCosts::HARDWARE,
-            how: "assumed of a GPU, not measured on this adapter",
-        },
-        None => Known {
-            crossover: Crossover::SOFTWARE,
-            radix_from: GpuSettings::SOFTWARE_RADIX_FROM,
-            skin: SkinCosts::SOFTWARE,
-            how: "assumed of a software adapter, not measured on this one",
-        },
+        None => Known::assumed(adapter.is_hardware),
     }
 }
 

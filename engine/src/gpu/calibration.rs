@@ -43,6 +43,11 @@ impl Crossover {
     /// cores, rounded.
     pub const SOFTWARE: Self = Self { naive_below: 300, per_class: 0 };
 
+    /// Assumed of an adapter that was not measured.
+    pub const fn assumed(is_hardware: bool) -> Self {
+        if is_hardware { Self::HARDWARE } else { Self::SOFTWARE }
+    }
+
     /// The most that can be measured: twice the most spheres that [`calibrate`] tries.
     pub const MOST: u32 = 2 * SIZES[SIZES.len() - 1];
 

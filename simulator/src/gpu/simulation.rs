@@ -370,10 +370,7 @@ impl GpuSimulation {
 fn detector(base: &Base, model: &Model, sizes: Sizes) -> Result<Option<GpuDetector>, Error> {
     let Some(table) = interactions(model)? else { return Ok(None) };
     // A software driver has few threads, so that lists pay much sooner.
-    let crossover = match base.own.adapter.is_hardware {
-        true => Crossover::HARDWARE,
-        false => Crossover::SOFTWARE,
-    };
+    let crossover = Crossover::assumed(base.own.adapter.is_hardware);
     let settings = GpuSettings {
         crossover,
         interactions: Some(table),

@@ -6,6 +6,7 @@ use lazygrid_kernels::{Algorithm, Sphere};
 
 use super::{CLEARLY, DENSITY, crossing, scene, time};
 use crate::Error;
+use crate::choice::Known;
 use crate::gpu::{GpuDevice, GpuSession, GpuSettings, Phase};
 
 /// The numbers of spheres that are tried, until one of the two is clearly faster or takes long.
@@ -36,10 +37,7 @@ pub(super) fn radix_from(own: &GpuDevice) -> Result<u32, Error> {
             break;
         }
     }
-    let assumed = match own.adapter.is_hardware {
-        true => GpuSettings::RADIX_FROM,
-        false => GpuSettings::SOFTWARE_RADIX_FROM,
-    };
+    let assumed = Known::assumed(own.adapter.is_hardware).radix_from;
     let is_open = samples.last().is_some_and(|(_, [counted, sorted])| counted < sorted);
     Ok(crossing(&samples, MOST).max(if is_open { assumed } else { 0 }))
 }
