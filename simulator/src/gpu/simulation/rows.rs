@@ -32,8 +32,10 @@ impl GpuSimulation {
                 continue;
             }
             let fate = (HELD - radius) as u32;
-            let holder = self.holders.binary_search_by_key(&fate, |holder| holder.fate);
-            let receiver = holder.map_or(0, |at| self.holders[at].receiver);
+            let Ok(at) = self.holders.binary_search_by_key(&fate, |holder| holder.fate) else {
+                return Err(Error::Model("the device has something bound to what binds nothing".to_owned()));
+            };
+            let receiver = self.holders[at].receiver;
             bound.push(Bound { id, species, receiver, direction: [x, y, z] });
         }
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), false));
