@@ -110,13 +110,11 @@ fn gather_rows(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
     return end;
 }
 
-// Tests candidates until the walk or its share is at an end or the list of hits is full.
-fn gather_hits(walk: ptr<function, Walk>, row: Row) {
+// Tests candidates until the walk or its share is at an end or the list of hits is full. The first share goes on to the
+// end of the walk, to count the candidates that are left to others.
+fn gather_hits(walk: ptr<function, Walk>, row: Row, is_first: bool) {
     for (var turn = 0u; turn < ROWS; turn++) {
         for (var at_level = 0u; at_level < ROWS; at_level++) {
-            if ((*walk).rows == 0u) {
-                break;
-            }
             var ahead = *walk;
             let stretches = next_rows(&ahead, row.position, row.cell);
             let skipped = min((*walk).skip, stretches.total - (*walk).taken);
@@ -126,10 +124,18 @@ fn gather_hits(walk: ptr<function, Walk>, row: Row) {
             (*walk).skip -= skipped;
             (*walk).left -= taken - begin;
             (*walk).taken = taken;
-            if (taken != stretches.total) {
+            if (taken != end) {
                 return;
             }
+            if ((*walk).left == 0u && !is_first) {
+                (*walk).level = NOWHERE;
+                return;
+            }
+            (*walk).rest += stretches.total - end;
             walk_past(walk, ahead, stretches);
+            if ((*walk).rows == 0u) {
+                break;
+            }
         }
         if ((*walk).rows == 0u) {
             walk_up(walk, row.sphere);
@@ -149,34 +155,6 @@ fn walk_past(walk: ptr<function, Walk>, ahead: Walk, stretches: Stretches) {
         (*walk).rows_in_plane = ahead.rows_in_plane;
         (*walk).cell = ahead.cell;
     }
-}
-
-// How many candidates are left on the way.
-fn candidates_left(walk: ptr<function, Walk>, row: Row) -> u32 {
-    var left = 0u;
-    for (var turn = 0u; turn < ROWS; turn++) {
-        if ((*walk).level == NOWHERE) {
-            break;
-        }
-        for (var at_level = 0u; at_level < ROWS; at_level++) {
-            if ((*walk).rows == 0u) {
-                break;
-            }
-            var ahead = *walk;
-            let stretches = next_rows(&ahead, row.position, row.cell);
-            left += stretches.total - (*walk).taken;
-            walk_past(walk, ahead, stretches);
-        }
-        if ((*walk).rows == 0u) {
-            walk_up(walk, row.sphere);
-        }
-    }
-    return left;
-}
-
-// Whether the way, and the share, go on.
-fn is_open(walk: Walk) -> bool {
-    return walk.left != 0u && walk.level != NOWHERE;
 }
 
 // What a pair names the sphere at a place by.
@@ -209,9 +187,9 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
     workgroupBarrier();
     // A round ends with a full list of hits, or with many rows of cells behind some sphere.
     for (var round = 0u; round < 2u * call.share * GROUP / HITS; round++) {
-        if (is_open(walk)) {
-            gather_hits(&walk, row);
-            if (is_open(walk)) {
+        if (walk.level != NOWHERE) {
+            gather_hits(&walk, row, share == 0u);
+            if (walk.level != NOWHERE) {
                 atomicStore(&some_open, 1u);
             }
         }
@@ -240,9 +218,5 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
         }
         workgroupBarrier();
     }
-    var rest = 0u;
-    if (share == 0u) {
-        rest = candidates_left(&walk, row);
-    }
-    return rest;
+    return walk.rest;
 }

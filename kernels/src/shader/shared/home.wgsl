@@ -19,20 +19,23 @@ fn home_of(index: u32, sphere: vec4<f32>) -> Home {
         return Home(list.cells, 0u, false);
     }
     let position = image_of(sphere).xyz;
-    if (list.is_dense != 0u && call.density_slots == 0u) {
-        // Where there is no table all leave. Its own cell is a part of that of level 0, and tells how crowded this is at
-        // least.
-        return Home(cell_of(position, own), 0u, own != 0u);
+    // Where there is no table all leave. Its own cell is a part of that of level 0, and tells how crowded this is at
+    // least.
+    var level = select(0u, own, list.is_dense != 0u && call.density_slots == 0u);
+    var home = Home(0u, 0u, own != 0u);
+    for (var turn = 0u; turn < 2u; turn++) {
+        home.cell = cell_of(position, level);
+        if (level == own || list.is_dense == 0u) {
+            break;
+        }
+        let crowd = atomicLoad(&density[density_slot(home.cell)]);
+        if (crowd <= call.tau) {
+            break;
+        }
+        home = Home(0u, crowd, false);
+        level = own;
     }
-    let coarsest = cell_of(position, 0u);
-    if (own == 0u || list.is_dense == 0u) {
-        return Home(coarsest, 0u, own != 0u);
-    }
-    let crowd = atomicLoad(&density[density_slot(coarsest)]);
-    if (crowd <= call.tau) {
-        return Home(coarsest, 0u, true);
-    }
-    return Home(cell_of(position, own), crowd, false);
+    return home;
 }
 
 var<workgroup> group_crowd: atomic<u32>;

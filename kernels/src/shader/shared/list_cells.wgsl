@@ -7,7 +7,7 @@ const MIDDLE: u32 = 0x40000000u;
 // No more cells than this lie beyond `far` on either side; the rest share the last.
 const BEYOND: u32 = 0x1fffffffu;
 
-// Whole edges in so many quanta, of which there are less than 2^30; rounded down, and as a number modulo 2^32. Found
+// Whole edges in so many quanta, of which there are no more than 2^30; rounded down, and as a number modulo 2^32. Found
 // in floats, which is faster than by dividing, and made exact in integers.
 fn quotient(quanta: f32) -> u32 {
     let inverse = 1.0 / f32(list.quanta);
@@ -24,14 +24,11 @@ fn quotient(quanta: f32) -> u32 {
 fn open_number(x: f32, level: u32) -> u32 {
     let far = list.level[level].far;
     let size = bitcast<u32>(abs(x));
-    if (size < far) {
-        return MIDDLE + quotient(floor(x * list.level[level].scale));
-    }
-    let beyond = min(size - far, BEYOND);
-    if (x < 0.0) {
-        return MIDDLE - (0x40000000u + list.quanta - 1u) / list.quanta - beyond;
-    }
-    return MIDDLE + 0x40000000u / list.quanta + beyond;
+    let is_far = size >= far;
+    let beyond = select(0u, min(size - far, BEYOND), is_far);
+    let farthest = select(0x1p30, -0x1p30, x < 0.0);
+    let near = MIDDLE + quotient(select(floor(x * list.level[level].scale), farthest, is_far));
+    return select(near + beyond, near - beyond, x < 0.0);
 }
 
 #ifdef PERIODIC

@@ -3,13 +3,13 @@
 //
 // A sphere in a cell looks, at its own level, at the spheres that come later in its cell and at those of one half of the
 // cells around; then, at each coarser level that has spheres, at all cells that its box touches when widened by that
-// level's reach; at last at the listed spheres. A listed one looks at the listed ones behind it.
+// level's reach; behind the last of these at the listed spheres. Listed ones are in a cell of their own, with none around.
 
-// Beyond the levels and the listed spheres there is nothing.
+// Beyond the levels there is nothing.
 const NOWHERE: u32 = 256u;
 
 struct Walk {
-    // The level it is at; LISTED for the listed spheres, NOWHERE at the end.
+    // The level it is at; NOWHERE at the end.
     level: u32,
     // Cells of that level around each axis, and its first cell.
     around: vec3<u32>,
@@ -28,17 +28,19 @@ struct Walk {
     radius: f32,
     // Candidates in these rows that are behind it.
     taken: u32,
-    // Candidates that belong to earlier shares, and those that still belong to this one.
+    // Candidates that belong to earlier shares, those that still belong to this one, and those left to later ones.
     skip: u32,
     left: u32,
+    rest: u32,
 }
 
-// Candidates of up to five rows of cells, counted through: of which number on the next row begins, and what makes a number
-// a place among the sorted spheres.
+// Candidates of up to five rows of cells, and the listed ones behind the last: of which number on the next stretch begins,
+// and what makes a number a place among the sorted spheres.
 struct Stretches {
     until: vec4<u32>,
     shift: vec4<u32>,
-    last_shift: u32,
+    last_until: u32,
+    last_shifts: vec2<u32>,
     total: u32,
     // Whether the rows go on beyond the seam.
     wraps: bool,
@@ -48,19 +50,16 @@ fn candidate_at(stretches: Stretches, number: u32) -> u32 {
     var shift = select(stretches.shift.x, stretches.shift.y, number >= stretches.until.x);
     shift = select(shift, stretches.shift.z, number >= stretches.until.y);
     shift = select(shift, stretches.shift.w, number >= stretches.until.z);
-    return number + select(shift, stretches.last_shift, number >= stretches.until.w);
+    shift = select(shift, stretches.last_shifts.x, number >= stretches.until.w);
+    return number + select(shift, stretches.last_shifts.y, number >= stretches.last_until);
 }
 
 fn walk_begin(own: u32) -> Walk {
+    let is_listed = own >= list.cells;
     var walk: Walk;
-    if (own >= list.cells) {
-        walk.level = LISTED;
-        walk.rows = 1u;
-        return walk;
-    }
-    walk.level = home_level(own);
-    walk.around = list.level[walk.level].cells;
-    walk.base = list.level[walk.level].base;
+    walk.level = select(home_level(own), 0u, is_listed);
+    walk.around = select(list.level[walk.level].cells, vec3(1u), is_listed);
+    walk.base = select(list.level[walk.level].base, list.cells, is_listed);
     let row = (own - walk.base) / walk.around.x;
     let x = own - walk.base - row * walk.around.x;
     let z = row / walk.around.y;
@@ -96,11 +95,9 @@ fn home_level(cell: u32) -> u32 {
 // The stretch of sorted spheres in the next row of cells, for the sphere at `position` in the cell `own`; turns to the
 // row after it.
 fn next_row(walk: ptr<function, Walk>, position: u32, own: u32) -> vec2<u32> {
-    if ((*walk).rows == 0u) {
-        return vec2(0u);
-    }
+    let is_there = (*walk).rows != 0u;
     let row = (*walk).base + ((*walk).cell.z * (*walk).around.y + (*walk).cell.y) * (*walk).around.x;
-    (*walk).rows -= 1u;
+    (*walk).rows -= select(0u, 1u, is_there);
     (*walk).rows_in_plane -= 1u;
     let is_last = (*walk).rows_in_plane == 0u;
     (*walk).rows_in_plane = select((*walk).rows_in_plane, (*walk).rows_per_plane, is_last);
@@ -110,48 +107,46 @@ fn next_row(walk: ptr<function, Walk>, position: u32, own: u32) -> vec2<u32> {
     let is_own = own - row < (*walk).around.x;
     let x = select((*walk).cell.x, own - row, is_own);
     let end = x + select((*walk).span, min((*walk).around.x, 2u), is_own);
-    if ((*walk).beyond) {
-        return vec2(starts[row], starts[row + max(end, (*walk).around.x) - (*walk).around.x]);
-    }
-    let begin = starts[row + x];
-    return vec2(select(begin, position + 1u, is_own), starts[row + min(end, (*walk).around.x)]);
+    let seam = (*walk).around.x;
+    let first = starts[row + select(x, 0u, (*walk).beyond)];
+    let last = starts[row + select(min(end, seam), max(end, seam) - seam, (*walk).beyond)];
+    let begin = select(first, position + 1u, is_own && !(*walk).beyond);
+    return select(vec2(0u), vec2(begin, last), is_there);
 }
 
-// The candidates of the next five rows of cells.
+// The candidates of the next five rows of cells; behind the last of all rows the listed spheres.
 fn next_rows(walk: ptr<function, Walk>, position: u32, own: u32) -> Stretches {
-    if ((*walk).level == LISTED) {
-        (*walk).rows = 0u;
-        let begin = max(starts[list.cells], position + 1u);
-        let count = max(starts[list.cells + 1u], begin) - begin;
-        return Stretches(vec4(count), vec4(begin), begin, count, false);
-    }
     let a = next_row(walk, position, own);
     let b = next_row(walk, position, own);
     let c = next_row(walk, position, own);
     let d = next_row(walk, position, own);
     let e = next_row(walk, position, own);
+    let wraps = !(*walk).beyond && (*walk).cell.x + (*walk).span > (*walk).around.x;
+    let ends = own < list.cells && (*walk).rows == 0u && !wraps && coarser_levels(*walk) == 0u;
+    let begin = max(starts[list.cells], position + 1u);
+    let listed = select(0u, max(starts[list.cells + 1u], begin) - begin, ends);
     var until = vec4(a.y, b.y, c.y, d.y) - vec4(a.x, b.x, c.x, d.x);
     until.y += until.x;
     until.z += until.y;
     until.w += until.z;
     let shift = vec4(a.x, b.x - until.x, c.x - until.y, d.x - until.z);
-    let wraps = !(*walk).beyond && (*walk).cell.x + (*walk).span > (*walk).around.x;
-    return Stretches(until, shift, e.x - until.w, until.w + e.y - e.x, wraps);
+    let last = until.w + e.y - e.x;
+    return Stretches(until, shift, last, vec2(e.x - until.w, begin - last), last + listed, wraps);
 }
 
-// Goes on from the end of a level to the next coarser one that has spheres, then to the listed spheres.
+// Goes on from the end of a level to the next coarser one that has spheres.
 fn walk_up(walk: ptr<function, Walk>, sphere: vec4<f32>) {
-    if ((*walk).level == LISTED) {
-        (*walk).level = NOWHERE;
-        return;
-    }
-    let coarser = list.levels & ((1u << (*walk).level) - 1u);
-    (*walk).level = select(LISTED, NOWHERE, starts[list.cells] == starts[list.cells + 1u]);
-    (*walk).rows = 1u;
+    let coarser = coarser_levels(*walk);
+    (*walk).level = NOWHERE;
     // A turn or none: some devices run both sides of a branch.
     for (var once = select(1u, 0u, coarser != 0u); once < 1u; once++) {
         enter_box(walk, firstLeadingBit(coarser), sphere);
     }
+}
+
+// Those coarser than the walk's that have spheres, a bit each.
+fn coarser_levels(walk: Walk) -> u32 {
+    return list.levels & ((1u << walk.level) - 1u);
 }
 
 // Enters the box of a sphere at a coarser level than its own.
