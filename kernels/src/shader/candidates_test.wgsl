@@ -41,8 +41,7 @@ fn candidates_test(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups
     var candidate = vec2(0u);
     var hit = false;
     var before = 0u;
-    // A turn or none: some devices run both sides of a branch.
-    for (var once = select(1u, 0u, number < state.candidates); once < 1u; once++) {
+    if (number < state.candidates) {
         candidate = candidates[number];
         hit = is_in_window(candidate.x) && is_hit(candidate);
     }

@@ -21,8 +21,7 @@
 @compute @workgroup_size(256)
 fn density_count(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
     let index = number_of_group(id, groups) * 256u + place.lane;
-    // A turn or none: some devices run both sides of a branch.
-    for (var once = select(1u, 0u, list.is_dense != 0u && index < list.spheres); once < 1u; once++) {
+    if (list.is_dense != 0u && index < list.spheres) {
         let sphere = spheres[index];
         if (is_accepted(index, sphere) && level_of(class_of(effective_radius(index, sphere))) != LISTED) {
             atomicAdd(&density[density_slot(cell_of(image_of(sphere).xyz, 0u))], 1u);

@@ -19,8 +19,7 @@
 @compute @workgroup_size(256)
 fn skin_keep(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
     let index = number_of_group(id, groups) * 256u + place.lane;
-    // A turn or none: some devices run both sides of a branch.
-    for (var once = select(1u, 0u, state.rebuilt != 0u && index < state.spheres); once < 1u; once++) {
+    if (state.rebuilt != 0u && index < state.spheres) {
         let sphere = spheres[index];
         // What is not valid pairs with nothing.
         let image = image_of(sphere);

@@ -29,9 +29,8 @@ fn skin_measure(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) g
         atomicStore(&group_changed, 0u);
     }
     workgroupBarrier();
-    // A turn or none: some devices run both sides of a branch.
     let count = min(count_source[0], call.spheres);
-    for (var once = select(1u, 0u, index < count); once < 1u; once++) {
+    if (index < count) {
         let now = spheres[index];
         let then = kept[index];
         let was_valid = then.w >= 0.0;

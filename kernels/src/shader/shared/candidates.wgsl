@@ -59,8 +59,7 @@ fn is_candidate_pair(row: Row, other: u32) -> bool {
 }
 #endif
 
-// Which of the candidates `begin..end` pair with the row, one bit each; at most 32. Two loops, of which one has no turns,
-// as some devices run both sides of a branch.
+// Which of the candidates `begin..end` pair with the row, one bit each; at most 32. Of two loops one has no turns.
 fn candidate_hits(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
     var bits = 0u;
     let ordinary_end = select(begin, end, is_ordinary());
@@ -159,9 +158,8 @@ fn walk_past(walk: ptr<function, Walk>, ahead: Walk, stretches: Stretches) {
 
 // What a pair names the sphere at a place by.
 fn name_of(position: u32) -> u32 {
-    // A turn or none: some devices run both sides of a branch.
     var name = position;
-    for (var once = select(1u, 0u, call.sorted_pairs == 0u); once < 1u; once++) {
+    if (call.sorted_pairs == 0u) {
         name = order[position];
     }
     return name;

@@ -55,11 +55,10 @@ fn cell_numbers(position: vec3<f32>, level: u32) -> vec3<u32> {
     return numbers;
 }
 
-// Brings numbers of cells round their rings, where any is beyond: a turn or none, as some devices run both sides of a
-// branch.
+// Brings numbers of cells round their rings, where any is beyond.
 fn in_ring(numbers: vec3<u32>, around: vec3<u32>) -> vec3<u32> {
     var cells = numbers;
-    for (var once = select(1u, 0u, any(numbers >= around)); once < 1u; once++) {
+    if (any(numbers >= around)) {
         cells = numbers % around;
     }
     return cells;

@@ -138,8 +138,7 @@ fn next_rows(walk: ptr<function, Walk>, position: u32, own: u32) -> Stretches {
 fn walk_up(walk: ptr<function, Walk>, sphere: vec4<f32>) {
     let coarser = coarser_levels(*walk);
     (*walk).level = NOWHERE;
-    // A turn or none: some devices run both sides of a branch.
-    for (var once = select(1u, 0u, coarser != 0u); once < 1u; once++) {
+    if (coarser != 0u) {
         enter_box(walk, firstLeadingBit(coarser), sphere);
     }
 }
