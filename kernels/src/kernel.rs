@@ -183,7 +183,7 @@ kernels! {
     SPHERES_WRAP = "spheres_wrap", GROUP, subgroups: false, periodic: false,
         [uniform("call"), read("grid"), read("given"), write("wrapped")], species: [];
     /// Bounds of the valid spheres, number of the others.
-    BOUNDS_REDUCE = "bounds_reduce", GROUP, subgroups: false, periodic: false,
+    BOUNDS_REDUCE = "bounds_reduce", GROUP, subgroups: true, periodic: false,
         [uniform("call"), read("grid"), read("spheres"), write("bounds"), write("outcome")],
         species: [read("species"), read("reach")];
     /// Chooses the grid.
@@ -248,7 +248,7 @@ kernels! {
         [uniform("call"), read("grid"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("reach"), read("table")];
     /// Bounds and sizes of the spheres of a cell list.
-    SPHERES_SURVEY = "spheres_survey", GROUP, subgroups: false, periodic: false,
+    SPHERES_SURVEY = "spheres_survey", GROUP, subgroups: true, periodic: false,
         [uniform("call"), read("count_source"), read("spheres"), write("survey"), write("starts"), write("density")],
         species: [read("species"), read("reach")];
     /// Chooses the cells of a cell list.
@@ -257,7 +257,7 @@ kernels! {
          write("lengths")],
         species: [read("species"), read("reach")];
     /// Both of few spheres.
-    LIST_BEGIN = "list_begin", GROUP, subgroups: false, periodic: true,
+    LIST_BEGIN = "list_begin", GROUP, subgroups: true, periodic: true,
         [uniform("call"), read("count_source"), read("spheres"), write("survey"), write("list"), write("outcome"),
          write("lengths"), write("starts"), write("density")],
         species: [read("species"), read("reach")];
@@ -301,7 +301,7 @@ kernels! {
          write("outcome"), write("pairs"), read("crowded")],
         species: [read("sorted_species"), read("table")];
     /// How far spheres have gone since candidates were found.
-    SKIN_MEASURE = "skin_measure", GROUP, subgroups: false, periodic: true,
+    SKIN_MEASURE = "skin_measure", GROUP, subgroups: true, periodic: true,
         [uniform("call"), uniform("skin"), read("count_source"), read("spheres"), read("kept"), write("state")],
         species: [read("species"), read("kept_species")];
     /// Decides whether candidates are found anew.

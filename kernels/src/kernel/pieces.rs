@@ -1,5 +1,5 @@
 /// Shared pieces of WGSL by the name in `#include`.
-pub(super) const PIECES: [(&str, &str); 36] = [
+pub(super) const PIECES: [(&str, &str); 37] = [
     ("between", include_str!("../shader/shared/between.wgsl")),
     ("candidates", include_str!("../shader/shared/candidates.wgsl")),
     ("cells", include_str!("../shader/shared/cells.wgsl")),
@@ -30,6 +30,7 @@ pub(super) const PIECES: [(&str, &str); 36] = [
     ("rows", include_str!("../shader/shared/rows.wgsl")),
     ("skin", include_str!("../shader/shared/skin.wgsl")),
     ("sphere", include_str!("../shader/shared/sphere.wgsl")),
+    ("subgroup_max", include_str!("../shader/shared/subgroup_max.wgsl")),
     ("survey", include_str!("../shader/shared/survey.wgsl")),
     ("tile", include_str!("../shader/shared/tile.wgsl")),
     ("walk", include_str!("../shader/shared/walk.wgsl")),

@@ -13,6 +13,7 @@
 @group(0) @binding(6) var<storage, read> reach: array<vec2<f32>>;
 #endif
 #include reach
+#include subgroup_max
 
 const GROUP: u32 = 256u;
 const ITEMS: u32 = #{SPHERES_PER_THREAD}u;
@@ -71,11 +72,19 @@ fn bounds_reduce(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) 
     }
     workgroupBarrier();
     for (var axis = 0u; axis < 3u; axis++) {
-        atomicMin(&group_low[axis], low[axis]);
-        atomicMax(&group_high[axis], high[axis]);
+        let lowest = ~largest_in_subgroup(~low[axis]);
+        let highest = largest_in_subgroup(high[axis]);
+        if (passes_on(place)) {
+            atomicMin(&group_low[axis], lowest);
+            atomicMax(&group_high[axis], highest);
+        }
     }
-    atomicMin(&group_radius_min, radius_min);
-    atomicMax(&group_radius_max, radius_max);
+    let smallest = ~largest_in_subgroup(~radius_min);
+    let largest = largest_in_subgroup(radius_max);
+    if (passes_on(place)) {
+        atomicMin(&group_radius_min, smallest);
+        atomicMax(&group_radius_max, largest);
+    }
     if (quarantined != 0u) {
         atomicAdd(&group_quarantined, quarantined);
     }

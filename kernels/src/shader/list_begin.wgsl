@@ -19,6 +19,7 @@
 #endif
 #include reach
 #include ordered
+#include subgroup_max
 #include periods
 #include image
 #include list_cells
@@ -27,7 +28,7 @@
 
 @compute @workgroup_size(256)
 fn list_begin(place: Place) {
-    survey_spheres(place.lane, 256u, place.lane);
+    survey_spheres(place.lane, 256u, place);
     storageBarrier();
     workgroupBarrier();
     configure(place.lane);

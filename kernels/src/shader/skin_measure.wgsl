@@ -16,6 +16,7 @@
 #endif
 #include between
 #include image
+#include subgroup_max
 #include widened
 
 var<workgroup> group_moved: atomic<u32>;
@@ -30,6 +31,7 @@ fn skin_measure(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) g
     }
     workgroupBarrier();
     let count = min(count_source[0], call.spheres);
+    var moved = 0u;
     if (index < count) {
         let now = spheres[index];
         let then = kept[index];
@@ -37,7 +39,7 @@ fn skin_measure(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) g
         var changed = is_valid(now) != was_valid;
         if (is_valid(now) && was_valid) {
             let gone = between(image_of(now).xyz, then.xyz);
-            atomicMax(&group_moved, bitcast<u32>(dot(gone, gone)));
+            moved = bitcast<u32>(dot(gone, gone));
             changed = bitcast<u32>(widened(now.w)) != bitcast<u32>(then.w) || now.w > LARGE;
         }
 #ifdef SPECIES
@@ -47,11 +49,15 @@ fn skin_measure(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) g
             atomicStore(&group_changed, 1u);
         }
     }
+    let farthest = largest_in_subgroup(moved);
+    if (passes_on(place)) {
+        atomicMax(&group_moved, farthest);
+    }
     workgroupBarrier();
     if (place.lane == 0u) {
-        let moved = atomicLoad(&group_moved);
-        if (moved > atomicLoad(&state.moved)) {
-            atomicMax(&state.moved, moved);
+        let moved_most = atomicLoad(&group_moved);
+        if (moved_most > atomicLoad(&state.moved)) {
+            atomicMax(&state.moved, moved_most);
         }
         if (atomicLoad(&group_changed) != 0u) {
             atomicStore(&state.changed, 1u);

@@ -17,9 +17,10 @@
 #endif
 #include reach
 #include ordered
+#include subgroup_max
 #include survey
 
 @compute @workgroup_size(256)
 fn spheres_survey(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
-    survey_spheres(number_of_group(id, groups) * 256u + place.lane, groups.x * groups.y * 256u, place.lane);
+    survey_spheres(number_of_group(id, groups) * 256u + place.lane, groups.x * groups.y * 256u, place);
 }

@@ -23,7 +23,8 @@ fn end_streak(streak: Streak) {
 }
 
 // Called by all threads of a workgroup: each looks at every so many spheres from its first on.
-fn survey_spheres(first: u32, stride: u32, lane: u32) {
+fn survey_spheres(first: u32, stride: u32, place: Place) {
+    let lane = place.lane;
     atomicStore(&group_members[lane], 0u);
     atomicStore(&group_largest[lane], 0u);
     if (lane < 3u) {
@@ -66,10 +67,17 @@ fn survey_spheres(first: u32, stride: u32, lane: u32) {
     }
     end_streak(streak);
     for (var axis = 0u; axis < 3u; axis++) {
-        atomicMax(&group_low[axis], low[axis]);
-        atomicMax(&group_high[axis], high[axis]);
+        let lowest = largest_in_subgroup(low[axis]);
+        let highest = largest_in_subgroup(high[axis]);
+        if (passes_on(place)) {
+            atomicMax(&group_low[axis], lowest);
+            atomicMax(&group_high[axis], highest);
+        }
     }
-    atomicMax(&group_smallest, smallest);
+    let least = largest_in_subgroup(smallest);
+    if (passes_on(place)) {
+        atomicMax(&group_smallest, least);
+    }
     if (quarantined != 0u) {
         atomicAdd(&group_quarantined, quarantined);
     }
