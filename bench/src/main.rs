@@ -1,4 +1,5 @@
-//! The `lazygrid-bench` command: the figures of the paper, and what changed between two runs of them.
+//! The `lazygrid-bench` command: the figures of the paper, what changed between two runs of them, and what drivers make of
+//! the GPU kernels.
 
 mod command {
     pub(crate) mod args;
@@ -6,6 +7,7 @@ mod command {
     pub(crate) mod failure;
     pub(crate) mod figures;
     pub(crate) mod invocation;
+    pub(crate) mod kernels;
 }
 
 use std::io::{self, Write};
@@ -15,7 +17,7 @@ use clap::Parser;
 
 use crate::command::args::{Args, Command};
 use crate::command::failure::Failure;
-use crate::command::{compare, figures};
+use crate::command::{compare, figures, kernels};
 
 fn main() -> ExitCode {
     let args = Args::parse();
@@ -23,6 +25,7 @@ fn main() -> ExitCode {
     let result = match args.command {
         Command::Figures(args) => figures::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Kernels(args) => kernels::run(&args),
         Command::MeasureMemory(args) => figures::measure_memory(&args),
     };
     match result {

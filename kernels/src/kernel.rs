@@ -65,6 +65,19 @@ impl Variant {
     /// The smallest subgroup for which radix ranking by subgroups has room for its tables.
     pub const MIN_RANKING_SUBGROUP: u32 = 8;
 
+    /// What a device is given of each kernel: subgroup operations where it offers them, with its smallest subgroup, and
+    /// wide tiles where its workgroup memory, in bytes, has room for them. What else differs is up to the call.
+    pub fn for_device(smallest_subgroup: Option<u32>, workgroup_memory: u32) -> Self {
+        let fits = |variant: Self| variant.workgroup_memory() <= workgroup_memory;
+        // Ranking tables of small subgroups need more workgroup memory than some devices have.
+        let serves = |&size: &u32| size >= 4 && fits(Self { subgroups: Some(size), ..Self::default() });
+        Self {
+            subgroups: smallest_subgroup.filter(serves),
+            wide: fits(Self { wide: true, ..Self::default() }),
+            ..Self::default()
+        }
+    }
+
     /// Workgroup memory, in bytes, that no kernel of this variant exceeds.
     pub fn workgroup_memory(self) -> u32 {
         self.radix_scratch() * 4 + 4096

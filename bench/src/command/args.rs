@@ -1,13 +1,16 @@
+use std::convert::Infallible;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
+use lazygrid::gpu::AdapterId;
 use lazygrid_bench::figures::Figure;
 use lazygrid_io::scenes::Scene;
+use lazygrid_kernels::kernel::KERNELS;
 
-/// The figures of the paper, and others beside them, on this machine.
+/// The figures of the paper, and others beside them, on this machine; what its drivers make of the GPU kernels.
 #[derive(Debug, Parser)]
 #[command(name = "lazygrid-bench", version, arg_required_else_help = true)]
 #[command(after_help = "Exit code: 0 done; 1 a wrong answer, a loss or a failure; 2 wrong usage.")]
@@ -22,6 +25,8 @@ pub(crate) enum Command {
     Figures(Figures),
     /// Say what became slower between two folders of figures
     Compare(Compare),
+    /// Say what Vulkan drivers make of the GPU kernels
+    Kernels(Kernels),
     #[command(hide = true)]
     MeasureMemory(MeasureMemory),
 }
@@ -66,6 +71,29 @@ pub(crate) struct Compare {
     pub(crate) new: PathBuf,
 }
 
+/// Compiles every GPU kernel with the drivers of Vulkan here, as the engine has it, and prints what each driver says of its
+/// programs: registers, values kept in memory for want of them, code. Nothing is run. Exit code 1 where a kernel is refused.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Mesa's driver for AMD needs no GPU:
+  RADV_FORCE_FAMILY=navi21 VK_DRIVER_FILES=/usr/share/vulkan/icd.d/radeon_icd.x86_64.json lazygrid-bench kernels")]
+pub(crate) struct Kernels {
+    /// Which GPU: its index among those that `lazygrid devices` lists, or a part of its name [default: all by Vulkan]
+    #[arg(long, value_name = "NAME|INDEX", value_parser = adapter)]
+    pub(crate) adapter: Option<AdapterId>,
+    /// Only these kernels, separated by commas [default: all]
+    #[arg(long, value_name = "KERNEL", value_delimiter = ',', hide_possible_values = true, value_parser = one_of(KERNELS.map(|kernel| kernel.name)))]
+    pub(crate) only: Vec<String>,
+    /// Also the texts for devices without subgroup operations or with little workgroup memory
+    #[arg(long)]
+    pub(crate) other_devices: bool,
+    /// A folder for the assembly, or whatever else the driver shows of its programs
+    #[arg(long, value_name = "DIR")]
+    pub(crate) texts: Option<PathBuf>,
+    /// Everything as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// Measures one engine in a process of its own.
 #[derive(Debug, clap::Args)]
 pub(crate) struct MeasureMemory {
@@ -78,6 +106,10 @@ pub(crate) struct MeasureMemory {
 
 fn one_of<const N: usize>(names: [&'static str; N]) -> PossibleValuesParser {
     PossibleValuesParser::new(names)
+}
+
+fn adapter(text: &str) -> Result<AdapterId, Infallible> {
+    Ok(text.into())
 }
 
 fn minutes(text: &str) -> Result<f64, String> {

@@ -14,6 +14,10 @@ pub(crate) enum Failure {
         "the new run is worse: {broken} measurements broke, {lost} are lost, {slower} slower, {larger} larger"
     )]
     Worse { broken: usize, lost: usize, slower: usize, larger: usize },
+    #[error("{0}")]
+    Kernels(String),
+    #[error("{texts} texts of kernels were refused")]
+    Refused { texts: usize },
     #[error("cannot write to standard output: {0}")]
     Stdout(io::Error),
 }

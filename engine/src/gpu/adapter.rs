@@ -71,7 +71,10 @@ impl fmt::Display for AdapterId {
 
 impl AdapterId {
     /// The place among the adapters that there are.
-    fn place_in(&self, found: &[AdapterSummary]) -> Result<usize, Error> {
+    ///
+    /// # Errors
+    /// [`Error::UnknownAdapter`] where no adapter is meant, or several are.
+    pub fn place_in(&self, found: &[AdapterSummary]) -> Result<usize, Error> {
         let named = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
             (0..found.len()).filter(|&place| fits(&found[place].name.to_lowercase())).collect()
         };

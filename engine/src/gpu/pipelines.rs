@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use lazygrid_kernels::kernel::{Access, Kernel, Variant};
 
 use super::GpuDevice;
-use super::plan::DeviceLimits;
 use super::scope::scoped;
 use crate::Error;
 
@@ -13,7 +12,7 @@ use crate::Error;
 #[derive(Clone, Debug)]
 pub(crate) struct Pipelines {
     device: wgpu::Device,
-    subgroups: Option<u32>,
+    variant: Variant,
     compiled: Arc<Mutex<Compiled>>,
 }
 
@@ -29,25 +28,20 @@ impl Pipelines {
     /// Subgroup operations are used where the device was made with them.
     pub(crate) fn new(device: &wgpu::Device) -> Self {
         let offered = device.features().contains(wgpu::Features::SUBGROUP);
-        let smallest = device.adapter_info().subgroup_min_size;
-        let subgroups = (offered && smallest >= 4).then_some(smallest);
-        // Ranking tables of small subgroups need more workgroup memory than some devices have.
+        let smallest = offered.then(|| device.adapter_info().subgroup_min_size);
         let memory = device.limits().max_compute_workgroup_storage_size;
-        let fits = |size: &u32| {
-            Variant { subgroups: Some(*size), ..Variant::default() }.workgroup_memory() <= memory
-        };
-        Self { device: device.clone(), subgroups: subgroups.filter(fits), compiled: Arc::default() }
+        let variant = Variant::for_device(smallest, memory);
+        Self { device: device.clone(), variant, compiled: Arc::default() }
     }
 
     /// What this device is given of a kernel for calls of any kind; what else differs is up to the call.
     pub(crate) fn variant(&self) -> Variant {
-        let wide = DeviceLimits::of(&self.device).wide();
-        Variant { subgroups: self.subgroups, wide, ..Variant::default() }
+        self.variant
     }
 
     /// The same kernels without subgroup operations.
     pub(crate) fn without_subgroups(self) -> Self {
-        Self { subgroups: None, ..self }
+        Self { variant: Variant { subgroups: None, ..self.variant }, ..self }
     }
 
     pub(crate) fn get(&self, kernel: &'static Kernel, variant: Variant) -> Result<Pipeline, Error> {

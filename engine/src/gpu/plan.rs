@@ -59,7 +59,7 @@ impl DeviceLimits {
 
     /// Whether radix passes take wide tiles.
     pub(super) fn wide(&self) -> bool {
-        k::Variant { wide: true, ..k::Variant::default() }.workgroup_memory() <= self.workgroup_memory
+        k::Variant::for_device(None, self.workgroup_memory).wide
     }
 
     /// Keys that one workgroup sorts in a radix pass.

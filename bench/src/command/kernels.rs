@@ -1,0 +1,66 @@
+use std::fs;
+use std::path::Path;
+
+use lazygrid::gpu::{AdapterSummary, adapters};
+use lazygrid_bench::kernels::{self, Compiled, Wanted};
+
+use crate::command::args::Kernels;
+use crate::command::failure::Failure;
+use crate::print;
+
+/// Compiles the kernels and prints what became of them.
+pub(crate) fn run(args: &Kernels) -> Result<(), Failure> {
+    let wanted =
+        Wanted { only: args.only.clone(), other_devices: args.other_devices, texts: args.texts.is_some() };
+    let (mut found, mut refused) = (Vec::new(), 0);
+    for adapter in chosen(args)? {
+        let kernels = kernels::compile(&adapter, &wanted).map_err(Failure::Kernels)?;
+        refused += kernels.refused().count();
+        if let Some(folder) = &args.texts {
+            kernels
+                .compiled
+                .iter()
+                .try_for_each(|compiled| write_texts(compiled, &folder.join(&adapter.name)))?;
+        }
+        if !args.json {
+            print(format!("{kernels}\n"))?;
+        }
+        found.push(kernels);
+    }
+    if args.json {
+        let text = serde_json::to_string_pretty(&found).map_err(|e| Failure::Kernels(e.to_string()))?;
+        print(text + "\n")?;
+    }
+    if refused > 0 { Err(Failure::Refused { texts: refused }) } else { Ok(()) }
+}
+
+fn chosen(args: &Kernels) -> Result<Vec<AdapterSummary>, Failure> {
+    let mut found = adapters();
+    if let Some(id) = &args.adapter {
+        let place = id.place_in(&found).map_err(|e| Failure::Kernels(e.to_string()))?;
+        found = vec![found.swap_remove(place)];
+    }
+    let names: Vec<_> = found.iter().map(|adapter| format!("{} ({})", adapter.name, adapter.api)).collect();
+    found.retain(|adapter| adapter.api == "vulkan");
+    match found.is_empty() {
+        true if names.is_empty() => Err(Failure::Kernels("there is no Vulkan driver".to_owned())),
+        true => Err(Failure::Kernels(format!("not by Vulkan: {}", names.join(", ")))),
+        false => Ok(found),
+    }
+}
+
+/// Writes each form of each program to a file.
+fn write_texts(compiled: &Compiled, folder: &Path) -> Result<(), Failure> {
+    let failed =
+        |path: &Path, e: std::io::Error| Failure::Kernels(format!("{}: cannot write: {e}", path.display()));
+    fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
+    for program in &compiled.programs {
+        for text in &program.texts {
+            let variant = compiled.variant.replace(", ", "-").replace(' ', "-");
+            let name = format!("{}.{variant}.{}.{}.txt", compiled.kernel, program.name, text.name);
+            let path = folder.join(name.replace('/', "-"));
+            fs::write(&path, &text.text).map_err(|e| failed(&path, e))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,71 @@
+//! A kernel's text as SPIR-V, translated as wgpu translates it for the engine.
+
+use naga::AddressSpace;
+use naga::back::spv;
+use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy, Layouter};
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+/// What the translation depends on of a device.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Target {
+    /// Major and minor number of the Vulkan that the device has.
+    pub(super) vulkan: (u32, u32),
+    /// Whether the device checks the bounds of buffers, so that the text has no need to (`robustBufferAccess2`).
+    pub(super) checks_buffers: bool,
+}
+
+/// A translated text.
+#[derive(Clone, Debug)]
+pub(super) struct Translated {
+    pub(super) words: Vec<u32>,
+    /// Bytes of its variables in workgroup memory.
+    pub(super) workgroup_memory: u32,
+}
+
+/// Translates a text whose entry point is called `name`.
+///
+/// # Errors
+/// What naga holds against it.
+pub(super) fn translate(name: &str, wgsl: &str, target: Target) -> Result<Translated, String> {
+    let module = naga::front::wgsl::parse_str(wgsl).map_err(|error| error.emit_to_string(wgsl))?;
+    let capabilities = Capabilities::SUBGROUP | Capabilities::SUBGROUP_BARRIER;
+    let info = Validator::new(ValidationFlags::all(), capabilities)
+        .validate(&module)
+        .map_err(|error| error.emit_to_string(wgsl))?;
+    let stage = naga::ShaderStage::Compute;
+    let entry = spv::PipelineOptions { shader_stage: stage, entry_point: name.to_owned() };
+    let words = spv::write_vec(&module, &info, &options(target), Some(&entry)).map_err(|e| e.to_string())?;
+    let mut layouter = Layouter::default();
+    layouter.update(module.to_ctx()).map_err(|e| e.to_string())?;
+    let shared = |(_, variable): (_, &naga::GlobalVariable)| {
+        (variable.space == AddressSpace::WorkGroup).then(|| layouter[variable.ty].size)
+    };
+    Ok(Translated { words, workgroup_memory: module.global_variables.iter().filter_map(shared).sum() })
+}
+
+/// As `wgpu_hal::vulkan` makes them, with the checks that `lazygrid`'s pipelines leave out: those of loops, and the
+/// clearing of workgroup memory.
+fn options(target: Target) -> spv::Options<'static> {
+    spv::Options {
+        lang_version: match target.vulkan {
+            (1, 0) => (1, 0),
+            (1, 1) => (1, 3),
+            (1, 2) => (1, 5),
+            _ => (1, 6),
+        },
+        // Names of variables are for people; wgpu writes them in debug builds.
+        flags: spv::WriterFlags::LABEL_VARYINGS,
+        bounds_check_policies: BoundsCheckPolicies {
+            index: BoundsCheckPolicy::Restrict,
+            buffer: match target.checks_buffers {
+                true => BoundsCheckPolicy::Unchecked,
+                false => BoundsCheckPolicy::Restrict,
+            },
+            ..BoundsCheckPolicies::default()
+        },
+        zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
+        force_loop_bounding: false,
+        emit_int_div_checks: true,
+        ..spv::Options::default()
+    }
+}

@@ -1,0 +1,115 @@
+//! The statistics of kernels as a table.
+
+use std::fmt::{self, Display};
+
+use super::{Compiled, Kernels, Program};
+use crate::measure::markdown;
+
+/// A program and the text that it was made of.
+type Row<'a> = (&'a Compiled, &'a Program);
+
+impl Display for Kernels {
+    /// A Markdown table with a row for each program, and columns in the words of the driver. A column that says the same
+    /// in all rows is one line instead.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}, {}\n", self.adapter, self.driver)?;
+        let rows: Vec<Row<'_>> = self.compiled.iter().flat_map(rows).collect();
+        if self.has_statistics {
+            let (same, differing) = columns(&rows);
+            let header: Vec<_> = ["kernel", "text"].into_iter().chain(differing.iter().copied()).collect();
+            let cells = |row: &Row<'_>| {
+                let (kernel, text) = (row.0.kernel.to_owned(), row.0.variant.clone());
+                [kernel, text].into_iter().chain(differing.iter().map(|name| cell(row, name))).collect()
+            };
+            f.write_str(&markdown(&header, &rows.iter().map(cells).collect::<Vec<_>>()))?;
+            if let Some(first) = rows.first().filter(|_| !same.is_empty()) {
+                let said: Vec<_> = same.iter().map(|name| format!("{name} {}", cell(first, name))).collect();
+                writeln!(f, "\nEverywhere: {}.", said.join(", "))?;
+            }
+        } else {
+            writeln!(
+                f,
+                "The driver says nothing of what it made (no VK_KHR_pipeline_executable_properties)."
+            )?;
+        }
+        let refused: Vec<_> = self.refused().collect();
+        writeln!(f, "\n{} texts, {} refused", self.compiled.len(), refused.len())?;
+        for compiled in refused {
+            let reason = compiled.error.as_deref().unwrap_or_default();
+            writeln!(f, "refused: {}, {}: {reason}", compiled.kernel, compiled.variant)?;
+        }
+        Ok(())
+    }
+}
+
+fn rows(compiled: &Compiled) -> impl Iterator<Item = Row<'_>> {
+    compiled.programs.iter().map(move |program| (compiled, program))
+}
+
+/// The names of the columns that are the same in all of several rows, and of the others.
+fn columns<'a>(rows: &[Row<'a>]) -> (Vec<&'a str>, Vec<&'a str>) {
+    let mut names = vec!["subgroup", "workgroup bytes"];
+    for statistic in rows.iter().flat_map(|(_, program)| &program.statistics) {
+        // A sum over a program says nothing to people.
+        let is_hash = statistic.name.to_lowercase().contains("hash");
+        if !is_hash && !names.contains(&statistic.name.as_str()) {
+            names.push(&statistic.name);
+        }
+    }
+    let is_same =
+        |name: &&str| rows.len() > 1 && rows.iter().all(|row| cell(row, name) == cell(&rows[0], name));
+    names.into_iter().partition(is_same)
+}
+
+fn cell((compiled, program): &Row<'_>, name: &str) -> String {
+    let said = program.statistics.iter().find(|statistic| statistic.name == name);
+    match (name, said) {
+        ("subgroup", _) => program.subgroup.to_string(),
+        ("workgroup bytes", _) => compiled.workgroup_memory.to_string(),
+        (_, Some(statistic)) => statistic.value.to_string(),
+        (_, None) => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Number, Statistic};
+    use super::*;
+
+    fn compiled(kernel: &'static str, registers: u64) -> Compiled {
+        let named =
+            |(name, value): (&str, u64)| Statistic { name: name.to_owned(), value: Number::Whole(value) };
+        let statistics = [("Registers", registers), ("Spills", 0), ("Hash", registers)].map(named).to_vec();
+        let program = Program { name: "CS".to_owned(), subgroup: 32, statistics, texts: Vec::new() };
+        let variant = "plain".to_owned();
+        Compiled { kernel, variant, workgroup_memory: 64, programs: vec![program], error: None }
+    }
+
+    #[test]
+    fn columns_that_say_the_same_are_a_line() {
+        let refused = Compiled {
+            programs: Vec::new(),
+            error: Some("VK_ERROR".to_owned()),
+            ..compiled("radix_count", 0)
+        };
+        let kernels = Kernels {
+            adapter: "Card".to_owned(),
+            driver: "driver 1".to_owned(),
+            has_statistics: true,
+            compiled: vec![compiled("scan_once", 24), compiled("cells_index", 8), refused],
+        };
+        let expected = "Card, driver 1
+
+| kernel | text | Registers |
+| --- | --- | --- |
+| scan_once | plain | 24 |
+| cells_index | plain | 8 |
+
+Everywhere: subgroup 32, workgroup bytes 64, Spills 0.
+
+3 texts, 1 refused
+refused: radix_count, plain: VK_ERROR
+";
+        assert_eq!(kernels.to_string(), expected);
+    }
+}

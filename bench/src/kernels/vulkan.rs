@@ -1,0 +1,338 @@
+//! Pipelines of a Vulkan device, and what its driver says of them. wgpu does not pass that on, so this asks Vulkan itself.
+
+use std::ffi::{CStr, CString, c_char};
+
+use ash::vk;
+use ash::{ext, khr};
+use lazygrid_kernels::kernel::Access;
+
+use super::spirv::Target;
+use super::{Number, Program, Statistic, Text};
+
+/// A Vulkan device on which pipelines are made and nothing is run.
+pub(super) struct Compiler {
+    device: ash::Device,
+    instance: ash::Instance,
+    executables: Option<khr::pipeline_executable_properties::Device>,
+    stage: vk::PipelineShaderStageCreateFlags,
+    pub(super) target: Target,
+    // The library in which the functions of the others are.
+    _entry: ash::Entry,
+}
+
+/// What a device offers of what is wanted beyond Vulkan 1.0.
+struct Offered {
+    robustness: bool,
+    executables: bool,
+    varying_subgroups: bool,
+}
+
+impl Compiler {
+    /// Opens the device of this name.
+    ///
+    /// # Errors
+    /// What Vulkan said.
+    pub(super) fn open(name: &str, uses_subgroups: bool) -> Result<Self, String> {
+        // SAFETY: what is opened is the loader of Vulkan, whose initialisers are safe to run.
+        let entry = unsafe { ash::Entry::load() }.map_err(|e| format!("no Vulkan: {e}"))?;
+        let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_3);
+        let info = vk::InstanceCreateInfo::default().application_info(&application);
+        // SAFETY: `info` and what it refers to outlive the call.
+        let instance = unsafe { entry.create_instance(&info, None) }.map_err(failed("vkCreateInstance"))?;
+        match Self::on(&instance, name, uses_subgroups) {
+            Ok((device, target, executables, stage)) => {
+                Ok(Self { device, instance, executables, stage, target, _entry: entry })
+            }
+            Err(reason) => {
+                // SAFETY: nothing was made of the instance, and nobody uses it any more.
+                unsafe { instance.destroy_instance(None) };
+                Err(reason)
+            }
+        }
+    }
+
+    fn on(instance: &ash::Instance, name: &str, uses_subgroups: bool) -> Result<Opened, String> {
+        // SAFETY: the instance is alive.
+        let found = unsafe { instance.enumerate_physical_devices() };
+        let found = found.map_err(failed("vkEnumeratePhysicalDevices"))?;
+        let named = found.into_iter().find_map(|device| {
+            // SAFETY: the device comes from this instance, which is alive.
+            let properties = unsafe { instance.get_physical_device_properties(device) };
+            (characters(&properties.device_name) == name).then_some((device, properties.api_version))
+        });
+        let (physical, version) = named.ok_or_else(|| format!("Vulkan has no device {name}"))?;
+        let version = (vk::api_version_major(version), vk::api_version_minor(version));
+        let offered = offered(instance, physical, version)?;
+        let device = device(instance, physical, &offered)?;
+        let executables =
+            offered.executables.then(|| khr::pipeline_executable_properties::Device::new(instance, &device));
+        let stage = match uses_subgroups && offered.varying_subgroups {
+            true => vk::PipelineShaderStageCreateFlags::ALLOW_VARYING_SUBGROUP_SIZE,
+            false => vk::PipelineShaderStageCreateFlags::empty(),
+        };
+        Ok((device, Target { vulkan: version, checks_buffers: offered.robustness }, executables, stage))
+    }
+
+    /// Makes a pipeline of valid SPIR-V and says what became of it.
+    ///
+    /// # Errors
+    /// What Vulkan said.
+    pub(super) fn compile(
+        &self,
+        name: &str,
+        words: &[u32],
+        bindings: impl Iterator<Item = Access>,
+        with_texts: bool,
+    ) -> Result<Vec<Program>, String> {
+        let entry = CString::new(name).map_err(|e| e.to_string())?;
+        let bindings: Vec<_> =
+            (0..).zip(bindings).map(|(number, access)| described(number, access)).collect();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        let mut made = Made { device: &self.device, module: None, set: None, layout: None, pipeline: None };
+        // SAFETY: the device is alive and `info` outlives the call.
+        let set = unsafe { self.device.create_descriptor_set_layout(&info, None) };
+        let sets = [*made.set.insert(set.map_err(failed("vkCreateDescriptorSetLayout"))?)];
+        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+        // SAFETY: as before, and the layout of the set is alive.
+        let layout = unsafe { self.device.create_pipeline_layout(&info, None) };
+        let layout = *made.layout.insert(layout.map_err(failed("vkCreatePipelineLayout"))?);
+        let info = vk::ShaderModuleCreateInfo::default().code(words);
+        // SAFETY: as before; naga wrote the words from a module that its validator let pass.
+        let module = unsafe { self.device.create_shader_module(&info, None) };
+        let module = *made.module.insert(module.map_err(failed("vkCreateShaderModule"))?);
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .flags(self.stage)
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(&entry);
+        let info = vk::ComputePipelineCreateInfo::default()
+            .flags(self.captured(with_texts))
+            .layout(layout)
+            .stage(stage);
+        // SAFETY: as before; the layout has every binding of the module, as `kernels/tests/reflection.rs` holds.
+        let pipelines =
+            unsafe { self.device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
+        let pipelines = pipelines.map_err(|(_, result)| failed("vkCreateComputePipelines")(result))?;
+        let pipeline = *made.pipeline.insert(pipelines[0]);
+        match &self.executables {
+            None => Ok(Vec::new()),
+            Some(asked) => executables(asked, pipeline, with_texts),
+        }
+    }
+
+    fn captured(&self, with_texts: bool) -> vk::PipelineCreateFlags {
+        let mut captured = vk::PipelineCreateFlags::empty();
+        if self.executables.is_some() {
+            captured |= vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
+            if with_texts {
+                captured |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
+            }
+        }
+        captured
+    }
+
+    /// Whether the driver says anything of its pipelines.
+    pub(super) fn has_statistics(&self) -> bool {
+        self.executables.is_some()
+    }
+}
+
+impl Drop for Compiler {
+    fn drop(&mut self) {
+        // SAFETY: what was made of the device is gone (`Made` ends with each call), nothing was submitted to it, and
+        // nobody uses either any more.
+        unsafe {
+            self.device.destroy_device(None);
+            self.instance.destroy_instance(None);
+        }
+    }
+}
+
+type Opened = (
+    ash::Device,
+    Target,
+    Option<khr::pipeline_executable_properties::Device>,
+    vk::PipelineShaderStageCreateFlags,
+);
+
+fn offered(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    version: (u32, u32),
+) -> Result<Offered, String> {
+    // SAFETY: the device comes from this instance, which is alive.
+    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };
+    let extensions = extensions.map_err(failed("vkEnumerateDeviceExtensionProperties"))?;
+    let has = |name: &CStr| {
+        extensions.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|offered| offered == name))
+    };
+    let mut robustness = vk::PhysicalDeviceRobustness2FeaturesEXT::default();
+    let mut executables = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
+    let mut subgroups = vk::PhysicalDeviceSubgroupSizeControlFeatures::default();
+    let mut features = vk::PhysicalDeviceFeatures2::default();
+    if has(ext::robustness2::NAME) {
+        features = features.push_next(&mut robustness);
+    }
+    if has(khr::pipeline_executable_properties::NAME) {
+        features = features.push_next(&mut executables);
+    }
+    if version >= (1, 3) {
+        features = features.push_next(&mut subgroups);
+    }
+    if version >= (1, 1) {
+        // SAFETY: the instance is of version 1.1 or later, as is the device; the chain has only structures that this
+        // device knows, and outlives the call.
+        unsafe { instance.get_physical_device_features2(physical, &mut features) };
+    }
+    Ok(Offered {
+        robustness: robustness.robust_buffer_access2 == vk::TRUE,
+        executables: executables.pipeline_executable_info == vk::TRUE,
+        varying_subgroups: subgroups.subgroup_size_control == vk::TRUE,
+    })
+}
+
+/// A device with what wgpu asks of it that changes its code, and with statistics.
+fn device(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    offered: &Offered,
+) -> Result<ash::Device, String> {
+    let mut robustness = vk::PhysicalDeviceRobustness2FeaturesEXT::default().robust_buffer_access2(true);
+    let mut executables =
+        vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
+    let mut subgroups = vk::PhysicalDeviceSubgroupSizeControlFeatures::default().subgroup_size_control(true);
+    let features = vk::PhysicalDeviceFeatures::default().robust_buffer_access(true);
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&priorities)];
+    let mut extensions = Vec::new();
+    let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
+    if offered.robustness {
+        extensions.push(ext::robustness2::NAME.as_ptr());
+        info = info.push_next(&mut robustness);
+    }
+    if offered.executables {
+        extensions.push(khr::pipeline_executable_properties::NAME.as_ptr());
+        info = info.push_next(&mut executables);
+    }
+    if offered.varying_subgroups {
+        info = info.push_next(&mut subgroups);
+    }
+    info = info.enabled_extension_names(&extensions);
+    // SAFETY: the device comes from this instance, which is alive; it offers every extension and feature asked for
+    // (robustBufferAccess is everybody's), and all that `info` refers to outlives the call. Each device has a queue
+    // family 0 with a queue.
+    unsafe { instance.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))
+}
+
+fn described(number: u32, access: Access) -> vk::DescriptorSetLayoutBinding<'static> {
+    let kind = match access {
+        Access::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
+        Access::Read | Access::ReadWrite => vk::DescriptorType::STORAGE_BUFFER,
+    };
+    vk::DescriptorSetLayoutBinding::default()
+        .binding(number)
+        .descriptor_type(kind)
+        .descriptor_count(1)
+        .stage_flags(vk::ShaderStageFlags::COMPUTE)
+}
+
+/// What one call makes of a device, destroyed at its end.
+struct Made<'a> {
+    device: &'a ash::Device,
+    module: Option<vk::ShaderModule>,
+    set: Option<vk::DescriptorSetLayout>,
+    layout: Option<vk::PipelineLayout>,
+    pipeline: Option<vk::Pipeline>,
+}
+
+impl Drop for Made<'_> {
+    fn drop(&mut self) {
+        // SAFETY: all come from this device, which is alive, have never been submitted, and are not used any more.
+        unsafe {
+            if let Some(pipeline) = self.pipeline {
+                self.device.destroy_pipeline(pipeline, None);
+            }
+            if let Some(module) = self.module {
+                self.device.destroy_shader_module(module, None);
+            }
+            if let Some(layout) = self.layout {
+                self.device.destroy_pipeline_layout(layout, None);
+            }
+            if let Some(set) = self.set {
+                self.device.destroy_descriptor_set_layout(set, None);
+            }
+        }
+    }
+}
+
+fn executables(
+    asked: &khr::pipeline_executable_properties::Device,
+    pipeline: vk::Pipeline,
+    with_texts: bool,
+) -> Result<Vec<Program>, String> {
+    let info = vk::PipelineInfoKHR::default().pipeline(pipeline);
+    // SAFETY: the pipeline is alive, and its device has the feature.
+    let found = unsafe { asked.get_pipeline_executable_properties(&info) };
+    let found = found.map_err(failed("vkGetPipelineExecutablePropertiesKHR"))?;
+    let one = |(index, properties): (u32, &vk::PipelineExecutablePropertiesKHR<'_>)| {
+        let info = vk::PipelineExecutableInfoKHR::default().pipeline(pipeline).executable_index(index);
+        // SAFETY: as before; the pipeline has an executable of this number and captured its statistics.
+        let statistics = unsafe { asked.get_pipeline_executable_statistics(&info) };
+        let statistics = statistics.map_err(failed("vkGetPipelineExecutableStatisticsKHR"))?;
+        Ok(Program {
+            name: characters(&properties.name),
+            subgroup: properties.subgroup_size,
+            statistics: statistics.iter().map(statistic).collect(),
+            texts: if with_texts { texts(asked, &info)? } else { Vec::new() },
+        })
+    };
+    (0..).zip(&found).map(one).collect()
+}
+
+fn statistic(of: &vk::PipelineExecutableStatisticKHR<'_>) -> Statistic {
+    // SAFETY: the format says which of its members the union holds; each is plain bits.
+    let value = unsafe {
+        match of.format {
+            vk::PipelineExecutableStatisticFormatKHR::BOOL32 => Number::Whole(of.value.b32.into()),
+            vk::PipelineExecutableStatisticFormatKHR::INT64 => Number::Signed(of.value.i64),
+            vk::PipelineExecutableStatisticFormatKHR::UINT64 => Number::Whole(of.value.u64),
+            _ => Number::Real(of.value.f64),
+        }
+    };
+    Statistic { name: characters(&of.name), value }
+}
+
+fn texts(
+    asked: &khr::pipeline_executable_properties::Device,
+    info: &vk::PipelineExecutableInfoKHR<'_>,
+) -> Result<Vec<Text>, String> {
+    const CALL: &str = "vkGetPipelineExecutableInternalRepresentationsKHR";
+    // SAFETY: the executable is alive and captured its representations. Without memory for them only sizes are told.
+    let sized = unsafe { asked.get_pipeline_executable_internal_representations(info) };
+    let mut sized = sized.map_err(failed(CALL))?;
+    let mut bytes: Vec<Vec<u8>> = sized.iter().map(|text| vec![0; text.data_size]).collect();
+    for (text, bytes) in sized.iter_mut().zip(&mut bytes) {
+        text.p_data = bytes.as_mut_ptr().cast();
+    }
+    let mut count = sized.len() as u32;
+    let get = asked.fp().get_pipeline_executable_internal_representations_khr;
+    // SAFETY: as before; `sized` has `count` structures, each with as many bytes of memory as it says, and these outlive
+    // the call.
+    let result = unsafe { get(asked.device(), info, &mut count, sized.as_mut_ptr()) };
+    result.result().map_err(failed(CALL))?;
+    let text = |(of, bytes): (&vk::PipelineExecutableInternalRepresentationKHR<'_>, Vec<u8>)| {
+        let text = String::from_utf8_lossy(&bytes).trim_end_matches('\0').to_owned();
+        (of.is_text == vk::TRUE).then(|| Text { name: characters(&of.name), text })
+    };
+    Ok(sized.iter().zip(bytes).filter_map(text).collect())
+}
+
+fn failed(call: &'static str) -> impl Fn(vk::Result) -> String {
+    move |result| format!("{call}: {result}")
+}
+
+/// The characters of an array up to its first zero.
+fn characters(array: &[c_char]) -> String {
+    let bytes: Vec<u8> = array.iter().take_while(|&&c| c != 0).map(|&c| c as u8).collect();
+    String::from_utf8_lossy(&bytes).into_owned()
+}
