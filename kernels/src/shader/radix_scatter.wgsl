@@ -64,7 +64,7 @@ fn clear_tables(place: Place) {
     workgroupBarrier();
 }
 
-// How many keys of the same digit come before this one in its subgroup's stretch.
+// How many keys of the same digit come before this one in its subgroup's stretch, and the digit above.
 fn rank_of(place: Place, key: u32, used: bool) -> u32 {
     let digit = select(NO_DIGIT, digit_of(key), used);
     let same = same_digit(digit);
@@ -76,31 +76,41 @@ fn rank_of(place: Place, key: u32, used: bool) -> u32 {
         before = (atomicAdd(&scratch[word], ones(same) << half) >> half) & 0xffffu;
     }
     let leader = select(firstTrailingBit(same.x), 32u + firstTrailingBit(same.y), same.x == 0u);
-    return rank + subgroupShuffle(before, select(0u, leader, used));
+    return rank + subgroupShuffle(before, select(0u, leader, used)) + (digit << 16u);
 }
 
-// Subgroups one after another; both halves of a word at once, as neither sum reaches 2^16.
+// Subgroups one after another; both halves of a word at once, as neither sum reaches 2^16. Then each table says where in
+// the tile its subgroup's keys of a digit begin.
 fn merge_tables(place: Place) {
     workgroupBarrier();
     if (place.lane < 128u) {
-        var running = 0u;
+        var total = 0u;
+        for (var s = 0u; s < place.subgroups; s++) {
+            total += atomicLoad(&scratch[s * 128u + place.lane]);
+        }
+        digits[place.lane * 2u] = total & 0xffffu;
+        digits[place.lane * 2u + 1u] = total >> 16u;
+    }
+    workgroupBarrier();
+    let in_tile = group_scan(digits[place.lane], place);
+    digits[place.lane] = in_tile;
+    workgroupBarrier();
+    if (place.lane < 128u) {
+        var running = digits[place.lane * 2u] | (digits[place.lane * 2u + 1u] << 16u);
         for (var s = 0u; s < place.subgroups; s++) {
             let word = s * 128u + place.lane;
             let next = atomicLoad(&scratch[word]);
             atomicStore(&scratch[word], running);
             running += next;
         }
-        digits[place.lane * 2u] = running & 0xffffu;
-        digits[place.lane * 2u + 1u] = running >> 16u;
     }
     workgroupBarrier();
 }
 
-// How many keys of the same digit earlier subgroups have.
-fn rank_before(place: Place, key: u32) -> u32 {
-    let digit = digit_of(key);
-    let word = atomicLoad(&scratch[place.subgroup * 128u + digit / 2u]);
-    return (word >> ((digit & 1u) * 16u)) & 0xffffu;
+// A key's place in the tile.
+fn place_in_tile(place: Place, ranked: u32) -> u32 {
+    let word = atomicLoad(&scratch[place.subgroup * 128u + (ranked >> 17u)]);
+    return (ranked & 0xffffu) + ((word >> ((ranked >> 12u) & 16u)) & 0xffffu);
 }
 #else
 fn item_index(place: Place, item: u32) -> u32 {
@@ -115,8 +125,8 @@ fn clear_tables(place: Place) {
     workgroupBarrier();
 }
 
-// How many keys of the same digit come before this one, in earlier rows of keys and in its own. In a row the threads with
-// one digit set their bits in that digit's 256-bit mask; the bits below a thread's own are its rank.
+// How many keys of the same digit come before this one, in earlier rows of keys and in its own, and the digit above. In a
+// row the threads with one digit set their bits in that digit's 256-bit mask; the bits below a thread's own are its rank.
 fn rank_of(place: Place, key: u32, used: bool) -> u32 {
     let digit = digit_of(key);
     let own_word = place.lane / 32u;
@@ -145,14 +155,18 @@ fn rank_of(place: Place, key: u32, used: bool) -> u32 {
         }
     }
     workgroupBarrier();
-    return rank;
+    return rank + (digit << 16u);
 }
 
 fn merge_tables(place: Place) {
+    let in_tile = group_scan(digits[place.lane], place);
+    digits[place.lane] = in_tile;
+    workgroupBarrier();
 }
 
-fn rank_before(place: Place, key: u32) -> u32 {
-    return 0u;
+// A key's place in the tile.
+fn place_in_tile(place: Place, ranked: u32) -> u32 {
+    return (ranked & 0xffffu) + digits[ranked >> 16u];
 }
 #endif
 
@@ -173,23 +187,19 @@ fn radix_scatter(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) 
 #end
     clear_tables(place);
 #repeat K #{RADIX_ITEMS}
-    var rank_#{K} = rank_of(place, key_#{K}, from_#{K} < count);
+    var ranked_#{K} = rank_of(place, key_#{K}, from_#{K} < count);
 #end
     merge_tables(place);
 #repeat K #{RADIX_ITEMS}
-    rank_#{K} += rank_before(place, key_#{K});
+    ranked_#{K} = place_in_tile(place, ranked_#{K});
 #end
-    workgroupBarrier();
-
-    let in_tile = group_scan(digits[place.lane], place);
-    digits[place.lane] = in_tile;
     workgroupBarrier();
 #repeat K #{RADIX_ITEMS}
     if (from_#{K} < count) {
-        rank_#{K} += digits[digit_of(key_#{K})];
-        atomicStore(&scratch[rank_#{K}], key_#{K});
+        atomicStore(&scratch[ranked_#{K}], key_#{K});
     }
 #end
+    let in_tile = digits[place.lane];
     let smaller = group_scan(totals[place.lane], place);
     digits[place.lane] = smaller + counts[place.lane * (lengths.counters / 256u) + group] - in_tile;
     workgroupBarrier();
@@ -208,7 +218,7 @@ fn radix_scatter(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) 
         if (digit_pass.is_first == 0u) {
             carried = payload[start + from_#{K}];
         }
-        atomicStore(&scratch[rank_#{K}], carried);
+        atomicStore(&scratch[ranked_#{K}], carried);
     }
 #end
     workgroupBarrier();
