@@ -38,13 +38,13 @@ fn wrap(coordinate: u32, period: u32) -> u32 {
         }
         return bits_of(Number(2u * length.digits - x.digits, x.exponent)) | (sign ^ SIGN);
     }
-    var rest = x.digits % length.digits;
+    // Numbers of 24 digits are less than twice as large as one another, so that no coordinate within two lengths is divided.
+    var rest = x.digits - select(0u, length.digits, x.digits >= length.digits);
     var left = x.exponent - length.exponent;
-    // Eight digits a turn, of 254 at most: 24 and these are all that 32 bits hold.
-    for (var turn = 0u; turn < 32u; turn++) {
-        if (left == 0u) {
-            break;
-        }
+    // Eight digits a turn, of 254 at most: 24 and these are all that 32 bits hold. As many turns as it takes, since
+    // compilers write out a loop of up to 32 of them.
+    let turns = max((left + 7u) / 8u, select(0u, 1u, rest >= length.digits));
+    for (var turn = 0u; turn < turns; turn++) {
         let step = min(left, 8u);
         rest = (rest << step) % length.digits;
         left -= step;
