@@ -14,18 +14,24 @@ const BLOCK: u32 = GROUP * ITEMS;
 // Blocks of more spheres are not read through: the beginning of each of their cells is looked for.
 const MOST_READ: u32 = 32768u;
 
-// The first sphere of each cell of the block; the end of the block's where there is none.
-var<workgroup> firsts: array<atomic<u32>, BLOCK>;
+// The first sphere of each cell of the block; the end of the block's where there is none. One word in 33 is left out, so
+// that threads which have eight cells each read different banks.
+var<workgroup> firsts: array<atomic<u32>, BLOCK + BLOCK / 32u>;
 // The earliest first of what is behind each thread's cells.
 var<workgroup> later: array<u32, 512>;
 // Where the block's spheres begin and end.
 var<workgroup> stretch: array<u32, 2>;
 
+fn slot_of(number: u32) -> u32 {
+    return number + number / 32u;
+}
+
 // The first sphere from `low` up to `high` whose cell is not before this one.
 fn first_from(cell: u32, low: u32, high: u32) -> u32 {
     var begin = low;
     var end = high;
-    for (var turn = 0u; turn < 32u; turn++) {
+    // A turn leaves half of them, or less.
+    for (var turn = 32u - countLeadingZeros(high - low); turn > 0u; turn--) {
         if (begin >= end) {
             break;
         }
@@ -62,7 +68,7 @@ fn cells_index(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) gr
     }
 
     for (var item = 0u; item < ITEMS; item++) {
-        atomicStore(&firsts[item * GROUP + place.lane], end);
+        atomicStore(&firsts[slot_of(item * GROUP + place.lane)], end);
     }
     workgroupBarrier();
     let rounds = (end - begin + GROUP - 1u) / GROUP;
@@ -71,14 +77,14 @@ fn cells_index(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) gr
         if (position < end) {
             let cell = cells[position];
             if (position == begin || cells[position - 1u] != cell) {
-                atomicStore(&firsts[cell - first_cell], position);
+                atomicStore(&firsts[slot_of(cell - first_cell)], position);
             }
         }
     }
     workgroupBarrier();
     var earliest = end;
     for (var item = 0u; item < ITEMS; item++) {
-        earliest = min(earliest, atomicLoad(&firsts[place.lane * ITEMS + item]));
+        earliest = min(earliest, atomicLoad(&firsts[slot_of(place.lane * ITEMS + item)]));
     }
     var front = 0u;
     later[place.lane] = earliest;
@@ -98,10 +104,16 @@ fn cells_index(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) gr
         start = later[front + place.lane + 1u];
     }
     for (var item = 0u; item < ITEMS; item++) {
-        let number = place.lane * ITEMS + (ITEMS - 1u - item);
-        start = min(start, atomicLoad(&firsts[number]));
+        let slot = slot_of(place.lane * ITEMS + (ITEMS - 1u - item));
+        start = min(start, atomicLoad(&firsts[slot]));
+        atomicStore(&firsts[slot], start);
+    }
+    workgroupBarrier();
+    // Neighbours in memory are written together.
+    for (var item = 0u; item < ITEMS; item++) {
+        let number = item * GROUP + place.lane;
         if (first_cell + number < counters) {
-            starts[first_cell + number] = start;
+            starts[first_cell + number] = atomicLoad(&firsts[slot_of(number)]);
         }
     }
 }

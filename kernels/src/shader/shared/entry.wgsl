@@ -31,8 +31,8 @@ fn is_passive(key: u32) -> bool {
 fn run_end(run: u32, begin: u32) -> u32 {
     var low = begin;
     var high = lengths.items;
-    // Each turn leaves less than half of them.
-    for (var turn = 0u; turn < 32u; turn++) {
+    // A turn leaves half of them, or less.
+    for (var turn = 32u - countLeadingZeros(high - min(low, high)); turn > 0u; turn--) {
         if (low >= high) {
             break;
         }
