@@ -14,3 +14,17 @@ fn reduced_variants_have_the_whole_text() {
         assert_eq!(unbounded != periodic, kernel.knows_periods, "{}", kernel.name);
     }
 }
+
+#[test]
+fn devices_are_given_what_they_have_room_for() {
+    let plain = Variant::default();
+    let given = Variant::for_device;
+    assert_eq!(given(Some(32), 48 << 10), Variant { subgroups: Some(32), wide: true, ..plain });
+    assert_eq!(given(None, 48 << 10), Variant { wide: true, ..plain });
+    // Too small for what kernels do with them.
+    assert_eq!(given(Some(2), 48 << 10), Variant { wide: true, ..plain });
+    // Wide tiles take 20 KiB, and so do tables of subgroups of 8.
+    assert_eq!(given(Some(32), 16 << 10), Variant { subgroups: Some(32), ..plain });
+    assert_eq!(given(Some(8), 16 << 10), plain);
+    assert_eq!(given(Some(8), 20 << 10), Variant { subgroups: Some(8), wide: true, ..plain });
+}
