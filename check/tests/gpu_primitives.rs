@@ -1,10 +1,17 @@
-//! Radix sort and prefix scan where one dimension of a dispatch does not hold all workgroups; `gpu_kernels` has the others.
+//! Radix sort and prefix scan where one dimension of a dispatch does not hold all workgroups, and of them what the drivers of
+//! test machines do not show; `gpu_kernels` has the others.
 
 mod common;
 
-use common::{device, limited};
-use lazygrid::gpu::wgpu::Limits;
+use std::mem::replace;
+
+use Access::{Read, ReadWrite};
+use common::{device, download, limited, submit, upload};
+use lazygrid::gpu::GpuDevice;
+use lazygrid::gpu::wgpu::{self, Limits};
 use lazygrid_check::primitives;
+use lazygrid_kernels::kernel::{Access, Kernel, RADIX_SCAN, RADIX_SCATTER, SCAN_SPINE, SCAN_TILE, Variant};
+use lazygrid_kernels::layout::Lengths;
 
 /// Workgroups along one dimension: as few as a pass of the sort has digits, which no device is short of.
 const ROW: u32 = 256;
@@ -17,4 +24,78 @@ fn more_than_one_dimension_of_groups() {
     let own = limited(&own, |limits| Limits { max_compute_workgroups_per_dimension: ROW, ..limits });
     primitives::scan(&own, MANY).unwrap_or_else(|fault| panic!("scan: {fault}"));
     primitives::sort(&own, MANY).unwrap_or_else(|fault| panic!("sort: {fault}"));
+}
+
+/// Runs one workgroup of a text whose bindings are these buffers.
+fn run_text(own: &GpuDevice, name: &'static str, text: String, buffers: &[(Access, &wgpu::Buffer)]) {
+    let accesses = buffers.iter().map(|(access, _)| *access);
+    let (pipeline, layout) = own.compile(name, accesses, text).expect("compiled");
+    let resources = buffers.iter().map(|(_, buffer)| buffer.as_entire_binding());
+    let entries: Vec<_> =
+        (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
+    let descriptor = wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries };
+    let bindings = own.device.create_bind_group(&descriptor);
+    submit(own, |encoder| {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &bindings, &[]);
+        pass.dispatch_workgroups(1, 1, 1);
+    });
+}
+
+/// The kernel's text, and the same with its threads the other way round. Between two barriers they come in any order, but
+/// drivers in software take the first ones first.
+fn both_ways(kernel: &Kernel) -> [String; 2] {
+    let forwards = kernel.wgsl(Variant::default());
+    let turned = "given: Place) {\n    let place = Place(255u - given.lane);";
+    let backwards = forwards.replace("place: Place) {", turned);
+    assert_ne!(forwards, backwards);
+    [forwards, backwards]
+}
+
+/// Of so many tiles a scan takes several rounds, each from where the one before ended. Who begins the next one may not change
+/// what others still read.
+#[test]
+fn scans_of_many_tiles_go_on_from_round_to_round() {
+    let Some(own) = device() else { return };
+    let tiles = 3 * 2048 + 5_u32;
+    let sums = (0..tiles).map(|tile| u64::from(tile) << 20 | 1);
+    let before: Vec<u64> = sums.clone().scan(0, |all, sum| Some(replace(all, *all + sum))).collect();
+    let sums: Vec<u64> = sums.collect();
+    let total: u64 = sums.iter().sum();
+    for text in both_ways(&SCAN_SPINE) {
+        let lengths = upload(&own, &[Lengths { items: 0, counters: tiles * SCAN_TILE }]);
+        let (found, all) = (upload(&own, &sums), upload(&own, &[0_u64; 2]));
+        run_text(&own, "scan_spine", text, &[(Read, &lengths), (ReadWrite, &found), (ReadWrite, &all)]);
+        assert!(download::<u64>(&own, &found, tiles as usize) == before);
+        assert_eq!(download::<u64>(&own, &all, 1), [total]);
+    }
+    let [counts, before] =
+        [sums, before].map(|values| values.iter().map(|&sum| sum as u32).collect::<Vec<_>>());
+    for text in both_ways(&RADIX_SCAN) {
+        let lengths = upload(&own, &[Lengths { items: 0, counters: 256 * tiles }]);
+        let (found, totals) = (upload(&own, &counts), upload(&own, &[0_u32; 256]));
+        run_text(&own, "radix_scan", text, &[(Read, &lengths), (ReadWrite, &found), (ReadWrite, &totals)]);
+        assert!(download::<u32>(&own, &found, tiles as usize) == before);
+        assert_eq!(download::<u32>(&own, &totals, 1), [total as u32]);
+    }
+}
+
+/// Subgroups have up to 128 threads, on the devices of test machines far fewer.
+#[test]
+fn the_lowest_of_any_threads_of_a_subgroup() {
+    let Some(own) = device() else { return };
+    let text = RADIX_SCATTER.wgsl(Variant { subgroups: Some(32), ..Variant::default() });
+    let begin = text.find("fn lowest_lane").expect("ranking by subgroups");
+    let function = &text[begin..begin + text[begin..].find("\n}\n").expect("its end") + 3];
+    let masks: Vec<u128> = (0..128).map(|lane| 0xb5 << lane | 1 << 127).collect();
+    let (given, found) = (upload(&own, &masks), upload(&own, &[0_u32; 128]));
+    let harness = "@group(0) @binding(0) var<storage, read> masks: array<vec4<u32>>;
+        @group(0) @binding(1) var<storage, read_write> lanes: array<u32>;
+        @compute @workgroup_size(128)
+        fn lowest(@builtin(local_invocation_index) k: u32) { lanes[k] = lowest_lane(masks[k]); }\n";
+    let buffers = [(Read, &given), (ReadWrite, &found)];
+    run_text(&own, "lowest", format!("{harness}{function}"), &buffers);
+    let expected: Vec<u32> = masks.iter().map(|mask| mask.trailing_zeros()).collect();
+    assert_eq!(download::<u32>(&own, &found, 128), expected);
 }

@@ -1,8 +1,14 @@
 const GROUP: u32 = 256u;
 
+// Kept apart from the partial sums, which the next scan begins to write while some threads may still ask for this.
+var<workgroup> group_total: u32;
+
+fn group_sum() -> u32 {
+    return group_total;
+}
+
 #ifdef SUBGROUPS
 var<workgroup> group_sums: array<u32, #{MAX_SUBGROUPS}>;
-var<workgroup> group_total: u32;
 
 // Exclusive prefix sum of `value` over the workgroup; `group_sum` is the sum of all from then on until the next scan.
 // Called by all threads.
@@ -27,10 +33,6 @@ fn group_scan(value: u32, place: Place) -> u32 {
     workgroupBarrier();
     return prefix;
 }
-
-fn group_sum() -> u32 {
-    return group_total;
-}
 #else
 var<workgroup> group_sums: array<u32, 512>;
 
@@ -49,13 +51,11 @@ fn group_scan(value: u32, place: Place) -> u32 {
         group_sums[front + place.lane] = sum;
         workgroupBarrier();
     }
-    let prefix = group_sums[front + place.lane] - value;
+    let through = group_sums[front + place.lane];
+    if (place.lane == GROUP - 1u) {
+        group_total = through;
+    }
     workgroupBarrier();
-    return prefix;
-}
-
-fn group_sum() -> u32 {
-    // After eight steps the sums lie in the first half.
-    return group_sums[GROUP - 1u];
+    return through - value;
 }
 #endif
