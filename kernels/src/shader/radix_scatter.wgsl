@@ -48,6 +48,13 @@ fn lanes_below(lane: u32) -> vec4<u32> {
     return select(partial, vec4(0xffffffffu), at >= vec4(32));
 }
 
+// The lowest thread of a mask that has some; of 128 threads at most.
+fn lowest_lane(mask: vec4<u32>) -> u32 {
+    let low = select(32u + firstTrailingBit(mask.y), firstTrailingBit(mask.x), mask.x != 0u);
+    let high = select(96u + firstTrailingBit(mask.w), 64u + firstTrailingBit(mask.z), mask.z != 0u);
+    return select(high, low, (mask.x | mask.y) != 0u);
+}
+
 fn ones(mask: vec4<u32>) -> u32 {
     let counts = countOneBits(mask);
     return counts.x + counts.y + counts.z + counts.w;
@@ -75,8 +82,7 @@ fn rank_of(place: Place, key: u32, used: bool) -> u32 {
         let word = place.subgroup * 128u + digit / 2u;
         before = (atomicAdd(&scratch[word], ones(same) << half) >> half) & 0xffffu;
     }
-    let leader = select(firstTrailingBit(same.x), 32u + firstTrailingBit(same.y), same.x == 0u);
-    return rank + subgroupShuffle(before, select(0u, leader, used)) + (digit << 16u);
+    return rank + subgroupShuffle(before, select(0u, lowest_lane(same), used)) + (digit << 16u);
 }
 
 // Subgroups one after another; both halves of a word at once, as neither sum reaches 2^16. Then each table says where in
