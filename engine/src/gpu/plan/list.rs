@@ -18,6 +18,9 @@ const SORTED_HALF_CELLS: u64 = 3;
 const FEWEST_CELLS: u64 = 1 << 12;
 /// The most cells, with which numbers of counters stay below 2³¹.
 const MOST_CELLS: u64 = 1 << 30;
+/// The device chooses cells by products of floats, which three roundings of 2⁻²⁴ make look smaller: for so many cells that
+/// there is room for it may take one more.
+const ROUNDED: u64 = 1 << 22;
 /// Most counters for the crowds of level 0: so many stay in the caches of today's devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 /// Workgroups of the survey: enough for today's devices, and so few that they do not queue at its counters.
@@ -37,9 +40,11 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     let is_counted = request.spheres < request.radix_from;
     let half_cells = if is_counted { COUNTED_HALF_CELLS } else { SORTED_HALF_CELLS };
     let wanted = (u64::from(request.spheres) * half_cells / 2).clamp(FEWEST_CELLS, MOST_CELLS);
-    // The two counters behind the cells need room too. Below 2³¹.
-    plan.cells = wanted.min(limits.bytes() / 4 - 2) as u32;
-    plan.counters = plan.cells + 2;
+    let most = limits.bytes() / 4 - 2;
+    // Below 2³¹ with all counters.
+    plan.cells = wanted.min(most - most / ROUNDED) as u32;
+    // Two more are behind the cells.
+    plan.counters = plan.cells + plan.cells / ROUNDED as u32 + 2;
     plan.density_slots = request.spheres.max(256).next_power_of_two().min(MAX_DENSITY_SLOTS);
     if is_counted {
         plan.tile = 0;

@@ -227,3 +227,22 @@ impl Plan {
         }
     }
 }
+
+/// The device takes as many cells as do not exceed the room as floats, which round from 2²⁴ on: of 83 333 332 spheres, say,
+/// 500 along each axis, two more than were asked for.
+#[test]
+fn a_cell_list_has_counters_for_all_cells_that_the_device_may_take() {
+    let limits = DeviceLimits { storage_binding: u32::MAX.into(), buffer: u32::MAX.into(), ..LAVAPIPE };
+    let mut rounded = 0;
+    for around in 200..=700_u32 {
+        let cells = around.pow(3);
+        for spheres in cells / 3 * 2 - 8..=cells / 3 * 2 + 8 {
+            let request = Request { algorithm: Algorithm::CellList, ..request(spheres, 1) };
+            let Ok(plan) = plan(&request, &limits) else { continue };
+            let is_taken = (around * around) as f32 * around as f32 <= plan.cells as f32;
+            assert!(!is_taken || cells + 2 <= plan.counters, "{spheres} spheres, {around} cells around");
+            rounded += u32::from(is_taken && cells > plan.cells);
+        }
+    }
+    assert!(rounded > 0, "no number is rounded");
+}
