@@ -220,6 +220,7 @@ pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), Fault> {
 /// What is wrong.
 pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
     for variant in variants(own) {
+        more_than_a_word_of_pairs(own, variant)?;
         for (size, window, room) in [
             (0_u32, 0..u32::MAX, 16_u32),
             (1, 0..u32::MAX, 16),
@@ -269,6 +270,22 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
         }
     }
     Ok(())
+}
+
+/// The number of pairs goes on beyond 32 bits.
+fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Fault> {
+    let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); 600];
+    let call =
+        Call { spheres: 600, pair_capacity: 16, search_groups: 64, window_end: u32::MAX, ..Call::zeroed() };
+    let before = Outcome { found_lo: u32::MAX - 1000, found_hi: 2, ..Outcome::zeroed() };
+    let grid = upload_one(own, &Grid { spheres: 600, ordinary: 1, ..Grid::zeroed() })?;
+    let (call, input, outcome) = (upload(own, &[call])?, upload(own, &spheres)?, upload(own, &[before])?);
+    let pairs = upload(own, &[[u32::MAX; 2]; 17])?;
+    let bound =
+        [("call", &call), ("grid", &grid), ("spheres", &input), ("outcome", &outcome), ("pairs", &pairs)];
+    run(own, &k::NAIVE_SEARCH, variant, 64, &bound)?;
+    let found = download::<Outcome>(own, &outcome, 1)?[0].found();
+    same(|| format!("found beyond 32 bits, {variant:?}"), &found, &(before.found() + 600 * 599 / 2))
 }
 
 /// A thread for each pair that was written, and a flag where not all were.

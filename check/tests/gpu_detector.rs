@@ -38,6 +38,45 @@ fn every_scene_agrees_with_all_pairs() {
     }
 }
 
+/// Two cells on some axes, of which a ring of two would make neighbours on both sides; one on others.
+#[test]
+fn clouds_of_few_cells_have_each_pair_once() {
+    let Some(own) = device() else { return };
+    let mut detector = GpuDetector::new(&own.device, settings(Algorithm::CellList, true)).expect("made");
+    for widths in [[0.5, 0.5, 0.5], [1.1, 0.5, 2.6], [0.2, 1.2, 0.0], [3.1, 0.6, 1.3]] {
+        let mut random = Random(5);
+        let mut place = |width: f32| (random.unit() - 0.5) * width;
+        let sphere = |radius| Sphere::new(widths.map(&mut place), radius);
+        let spheres: Vec<Sphere> = (0..300).map(|k| [0.5, 0.3][k % 2]).map(sphere).collect();
+        let found = detect(&own, &mut detector, &spheres);
+        judge(&format!("{widths:?}"), &spheres, &found.pairs, touching(&spheres));
+    }
+}
+
+/// Grains on the skins of far larger spheres, also on the far side of those that lie lowest: there the cells that they look
+/// into begin below the lowest centre. A crowd elsewhere has all grains leave the cells of the large ones.
+#[test]
+fn grains_about_the_lowest_spheres_meet_them() {
+    let Some(own) = device() else { return };
+    let settings = GpuSettings { tau: 8, ..settings(Algorithm::CellList, true) };
+    let mut detector = GpuDetector::new(&own.device, settings).expect("made");
+    for (seed, spacing) in [(1, 2.3_f32), (2, 1.9), (3, 3.1)] {
+        let mut random = Random(seed);
+        let mut spheres = Vec::new();
+        for k in 0..64_u8 {
+            let center = glam::Vec3::from([k % 4, k / 4 % 4, k / 16].map(|c| f32::from(c) * spacing));
+            spheres.push(Sphere::new(center, 0.5));
+            spheres.extend((0..20).map(|_| {
+                let out = glam::Vec3::from([(); 3].map(|()| random.unit() - 0.5)).normalize_or_zero();
+                Sphere::new(center + out * 0.51, 0.02)
+            }));
+        }
+        spheres.extend((0..600).map(|_| Sphere::new([(); 3].map(|()| 5.0 + 0.4 * random.unit()), 0.02)));
+        let found = detect(&own, &mut detector, &spheres);
+        judge(&format!("{spacing} apart"), &spheres, &found.pairs, touching(&spheres));
+    }
+}
+
 #[test]
 fn overflow_stops_writing_and_keeps_counting() {
     let Some(own) = device() else { return };

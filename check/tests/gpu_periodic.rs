@@ -6,9 +6,6 @@ use common::{Random, device};
 use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings, Outcome};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
-const ALGORITHMS: [Algorithm; 4] =
-    [Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid];
-
 /// Spheres in a space.
 struct Scene {
     name: String,
@@ -98,7 +95,7 @@ fn detect(own: &GpuDevice, scene: &Scene, settings: GpuSettings) -> (Outcome, Ve
 
 /// Every algorithm; LazyGrid with τ of 0, 1 and 8, which refines deeply.
 fn subjects() -> impl Iterator<Item = GpuSettings> {
-    ALGORITHMS.into_iter().flat_map(|algorithm| {
+    Algorithm::GPU.into_iter().flat_map(|algorithm| {
         let taus: &[u32] = if algorithm == Algorithm::LazyGrid { &[0, 1, 8] } else { &[0] };
         taus.iter().map(move |&tau| GpuSettings { algorithm, tau, ..GpuSettings::default() })
     })
