@@ -144,6 +144,48 @@ fn other_spheres_have_candidates_found_anew() {
     ask(&scenario, 0, "nothing new");
 }
 
+#[test]
+fn another_species_has_candidates_found_anew() {
+    let Some(own) = device() else { return };
+    let rows = vec![vec![Interaction::Touch], vec![Interaction::Within(1.5), Interaction::Never]];
+    let mut table = Interactions::new(2, Interaction::Touch).expect("two species");
+    table.set(0, 1, Interaction::Within(1.5)).expect("a distance");
+    table.set(1, 1, Interaction::Never).expect("a species");
+    let settings = GpuSettings { interactions: Some(table), ..GpuSettings::default() };
+    let mut detector = GpuSkinDetector::new(&own.device, settings, 0.2).expect("made");
+    let species: Vec<u32> = (0..700).map(|k| k % 2).collect();
+    let mut scenario = Scenario {
+        spheres: cloud(9, 700, 7.0, |_| 0.3),
+        mixture: Some(Mixture { species, rows }),
+        ..Scenario::default()
+    };
+    // One that stays, and one after which it pairs with others and farther away.
+    for (change, rebuilt) in [(None, SkinState::FIRST), (None, 0), (Some(601), SkinState::CHANGED), (None, 0)]
+    {
+        if let (Some(k), Some(mixture)) = (change, &mut scenario.mixture) {
+            mixture.species[k] = 1 - mixture.species[k];
+        }
+        let state = judge(&own, &mut detector, &scenario, &format!("{change:?}"));
+        assert_eq!(state.rebuilt, rebuilt, "{change:?}: {state:?}");
+    }
+}
+
+/// A radius from which half a skin may be lost, up to the largest: no candidates are kept for it, and it is a sphere as any
+/// other.
+#[test]
+fn candidates_are_never_kept_for_the_largest_radii() {
+    let Some(own) = device() else { return };
+    for radius in [2e30, f32::MAX] {
+        let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), 0.5).expect("made");
+        let mut scenario = Scenario::from(cloud(11, 300, 6.0, |_| 0.3));
+        scenario.spheres[7].radius = radius;
+        for rebuilt in [SkinState::FIRST, SkinState::CHANGED, SkinState::CHANGED] {
+            let state = judge(&own, &mut detector, &scenario, &format!("{radius:e}"));
+            assert_eq!(state.rebuilt, rebuilt, "{radius:e}: {state:?}");
+        }
+    }
+}
+
 /// What does not fit is said, call after call, until there is room.
 #[test]
 fn too_many_candidates_are_said_with_their_number() {
