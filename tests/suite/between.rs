@@ -2,7 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use lazygrid::{Algorithm, Backend, Config, Detector, Error, InputError, Order, Pair, Sphere, Spheres};
+use lazygrid::{
+    Algorithm, Backend, Config, Detector, Error, InputError, Interaction, Order, Pair, Sphere, Spheres,
+};
+use lazygrid_check::Mixture;
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{Scenario, Subject, adversary, difference, in_pool, periodic};
 use proptest::prelude::*;
@@ -109,6 +112,30 @@ fn scenes_and_giants() {
                 agrees(&scenario, split, subject).unwrap_or_else(|text| panic!("{scene}, {text}"));
             }
         }
+    }
+}
+
+/// The table decides across sets as it does in one, for two of a species and for others; without a table ids say nothing.
+#[test]
+fn species_of_either_set() {
+    use Interaction::{Never, Touch, Within};
+    let rows = vec![vec![Touch], vec![Within(0.9), Never], vec![Never, Touch, Within(0.5)]];
+    let species: Vec<u32> = (0..600).map(|k| k / 7 % 3).collect();
+    let spheres = Scene::FiveSizes.spheres(600, 9);
+    let mixture = Some(Mixture { species: species.clone(), rows });
+    let with_table = Scenario { mixture, ..Scenario::from(spheres.clone()) };
+    let without = Scenario::from(spheres);
+    let mut subjects = subjects();
+    subjects.retain(|subject| subject.algorithm == Algorithm::CellList && subject.threads < 7);
+    for subject in subjects {
+        agrees(&with_table, 250, subject).unwrap_or_else(|text| panic!("{text}"));
+        let (a, b) = without.spheres.split_at(250);
+        let (ids_a, ids_b) = species.split_at(250);
+        let a = Spheres::from(a).with_species(ids_a).expect("one each");
+        let b = Spheres::from(b).with_species(ids_b).expect("one each");
+        let mut detector = Detector::new(subject.config()).expect("made");
+        let count = detector.count_between(a, b);
+        assert_eq!(count, Ok(across(&without, 250).len() as u64), "{subject}");
     }
 }
 
