@@ -64,10 +64,21 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
         assert_eq!(detector.stream(all, 5, stop), Ok(5), "up to {limit}");
         assert_eq!(taken, 5);
     }
+    // Too many already in the first slab, and only in the last.
+    for limit in [all_pairs / 7, all_pairs - 1] {
+        let mut detector = DeviceDetector::new(own.clone(), config.clone().max_pairs(limit)).expect("made");
+        let found = all_pairs;
+        assert_eq!(detector.pairs(all), Err(Error::TooManyPairs { found, limit }));
+    }
+    // What is left out is left out of every slab.
+    let groups: Vec<u32> = (0..75_000).map(|k| k % 7).collect();
+    let grouped = all.with_groups(&groups).expect("one of each");
+    let mut kept = expected.clone();
+    kept.retain(|pair| pair.i % 7 != pair.j % 7);
+    let mut detector = DeviceDetector::new(own.clone(), config.clone()).expect("made");
+    assert_eq!(detector.count(grouped), Ok(kept.len() as u64));
+    assert!(detector.pairs(grouped).expect("found") == kept);
     let limited = config.max_pairs(all_pairs - 1);
-    let mut detector = DeviceDetector::new(own.clone(), limited.clone()).expect("made");
-    let (found, limit) = (all_pairs, all_pairs - 1);
-    assert_eq!(detector.pairs(all), Err(Error::TooManyPairs { found, limit }));
     let mut detector = DeviceDetector::new(own, limited.order(Order::Unordered)).expect("made");
     let mut streamed = Vec::new();
     let mut keep = |pairs: &[Pair]| {
