@@ -191,6 +191,7 @@ mod tests {
                 is_open,
                 turns,
                 lists_pairs,
+                looks,
                 axes,
                 low,
                 high

@@ -22,6 +22,8 @@ pub(super) struct Params {
     pub(super) turns: u32,
     /// Whether pairs are listed, and not only counted.
     pub(super) lists_pairs: u32,
+    /// How often a particle may look around for surfaces in a step.
+    pub(super) looks: u32,
     /// By axis: 0 open, 1 reflecting, 2 periodic.
     pub(super) axes: UVec3,
     pub(super) low: Vec3,
@@ -157,6 +159,7 @@ impl Head {
     pub(super) const NOT_FINITE: u32 = 8;
     pub(super) const TOO_MANY_NEAR: u32 = 16;
     pub(super) const TOO_MANY_BIDS: u32 = 32;
+    pub(super) const THROWN_TOO_FAR: u32 = 64;
 
     /// What the device said it lacks.
     pub(super) fn lacking(&self) -> u64 {

@@ -126,6 +126,18 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
 const MOST_SEEN: usize = 60_000;
 /// The same where surfaces turn particles back, to which it looks twice and has some turns more.
 const MOST_SEEN_TURNING: usize = 25_000;
+/// Loop turns of a thread that surfaces may turn back, of which it takes some besides at each look around, and at most one
+/// for each bounce.
+const TURNING: u32 = 60_000;
+const PER_LOOK: u32 = 1_100;
+const BOUNCES: u32 = 64;
+
+/// How often a particle may look around for surfaces in a step: again where it was thrown beyond what it saw. A look goes
+/// through all receivers that it sees, and so does what takes particles in.
+fn looks(kinds: &[Kind]) -> u32 {
+    let most = kinds.iter().map(|kind| kind.decays_begin - kind.fates_begin).max().unwrap_or(0);
+    (TURNING.saturating_sub(most + PER_LOOK) / (most + PER_LOOK)).clamp(1, BOUNCES)
+}
 
 fn check_receivers(model: &Model) -> Result<(), Error> {
     let seen: usize = model.receivers.iter().map(|r| r.sees.iter().filter(|sees| **sees).count()).sum();
@@ -178,7 +190,7 @@ impl Tables {
         };
         let (kinds, fates) = kinds_and_fates(model, &tallies);
         Self {
-            params: params(model, key, turns, &tallies),
+            params: Params { looks: looks(&kinds), ..params(model, key, turns, &tallies) },
             kinds,
             fates,
             watches: watches(model, &tallies),

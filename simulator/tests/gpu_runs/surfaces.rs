@@ -127,6 +127,60 @@ fn what_rests_is_pushed() {
     compare(&model, 14, 16);
 }
 
+/// What comes throws a particle at something else that comes, and that aside, at a third one that is farther away than it
+/// could be thrown by one of them.
+fn throwing() -> Model {
+    let mirror = |center: [f32; 3], radius, velocity: f64| Receiver {
+        velocity: [velocity, 0.0, 0.0],
+        sees: vec![true],
+        ..receiver("mirror", center, radius, Kind::Reflecting)
+    };
+    Model {
+        time_step: 0.01,
+        species: vec![species("A", 0.0, [0.0; 3])],
+        receivers: vec![
+            mirror([-0.06, 0.0, 0.0], 0.05, 100.0),
+            mirror([0.76, -0.218, 0.0], 0.5, -100.0),
+            mirror([-2.502, 2.224, 0.0], 0.3, 0.0),
+        ],
+        transmitters: vec![Transmitter {
+            name: "one".into(),
+            release: vec![(0, 1)],
+            ..Transmitter::default()
+        }],
+        ..Model::default()
+    }
+}
+
+#[test]
+fn what_a_particle_is_thrown_at_is_found() {
+    let Some(own) = device() else { return };
+    for (center, velocity) in [([-2.502, 2.224, 0.0], [0.0; 3]), ([-2.6, 2.4, 0.0], [40.0, -40.0, 0.0])] {
+        let mut model = throwing();
+        (model.receivers[2].center, model.receivers[2].velocity) = (center, velocity);
+        let (mut there, mut here) = (gpu(&own, &model, 17, GpuOptions::default()), cpu(&model, 17));
+        there.run(1).expect("a step");
+        here.step().expect("a step");
+        assert_close(&there.state().expect("a state"), here.state(), 1e-5);
+        // Past the third one it would come to (-2.345, 2.095).
+        let [x, y, _] = here.state().particles.position_of(0);
+        assert!(x > -2.2 && y < 2.0, "{x}, {y}");
+    }
+}
+
+/// With so many receivers a particle may look around but once.
+#[test]
+fn what_is_thrown_beyond_what_it_can_look_at_is_an_error() {
+    let Some(own) = device() else { return };
+    let mut model = throwing();
+    let far = |k: u32| receiver("mirror", [100.0 + k as f32, 0.0, 0.0], 0.25, Kind::Reflecting);
+    model.receivers.extend((0..24_000).map(|k| Receiver { sees: vec![true], ..far(k) }));
+    let mut run = gpu(&own, &model, 17, GpuOptions::default());
+    let error = run.run(1).expect_err("an error").to_string();
+    assert!(error.contains("how often a particle looks around"), "{error}");
+    assert_eq!(run.state().expect("a state").step, 0);
+}
+
 /// Far more come than there are receptors, step after step, of which those of the lowest ranks have them.
 #[test]
 fn few_receptors_go_to_the_lowest_ranks() {

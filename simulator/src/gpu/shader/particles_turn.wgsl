@@ -87,6 +87,10 @@ fn settled(at: u32, path: Path, kind: Kind, tag: vec2<u32>, radius: f32) -> Move
         control.lacking_lo = near_count;
         control.lacking_hi = 0u;
         control.frozen = TOO_MANY_NEAR;
+    } else if (thrown_too_far) {
+        control.lacking_lo = params.looks + 1u;
+        control.lacking_hi = 0u;
+        control.frozen = THROWN_TOO_FAR;
     }
     var here = Moved(vec4(turned.after, radius), tag.x);
     for (var k = kind.fates_begin; k < kind.decays_begin; k++) {

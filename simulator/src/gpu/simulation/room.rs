@@ -59,6 +59,12 @@ impl GpuSimulation {
                 let (needed, remedy) = (head.lacking(), "shorten the time step, or choose the CPU");
                 return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
             }
+            Head::THROWN_TOO_FAR => {
+                let what =
+                    "how often a particle looks around for surfaces at which others throw it in a step";
+                let (needed, remedy) = (head.lacking(), "shorten the time step, or choose the CPU");
+                return failed(lazygrid::Error::LimitExceeded { what, needed, limit: needed - 1, remedy });
+            }
             Head::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.lacking() }),
             other => {
                 let reason = format!("the run froze for reason {other}, which nobody knows");

@@ -92,7 +92,7 @@ var<private> bodies: array<Body, 3>;
                 let more = philox(vec4(k, 2u, 2u, 3u), vec2(4u, 5u));
                 let before = 4.0 * vec3(open_unit(words.x), open_unit(words.y), open_unit(words.z)) - 2.0;
                 let end = before + 4.0 * (vec3(open_unit(more.x), open_unit(more.y), open_unit(more.z)) - 0.5);
-                journey.longest = 0.6;
+                journey.longest = 0.6; params.looks = 8u;
                 let kind = Kind(vec3(0.0), 0.0, 0.0, 0.0, 0u, 3u, 3u);
                 let turned = turned_back(kind, Path(before, end, placed(end, 0.0)));
                 out[k] = vec4(bitcast<vec3<u32>>(turned.after), turned.first + 1u);",

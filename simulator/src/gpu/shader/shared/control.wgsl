@@ -18,8 +18,8 @@ struct Control {
     pairs: u32,
     found_lo: u32,
     found_hi: u32,
-    // Entries of the detector's grid, particles that are not finite, surfaces near a particle, or particles that come to
-    // the receptors of one receiver: what a frozen run lacks.
+    // Entries of the detector's grid, particles that are not finite, surfaces near a particle, particles that come to the
+    // receptors of one receiver, or looks around of a particle: what a frozen run lacks.
     lacking_lo: u32,
     lacking_hi: u32,
     // Candidates that are left to the matching, in either list.
@@ -34,6 +34,7 @@ const ROUNDS_LEFT: u32 = 4u;
 const NOT_FINITE: u32 = 8u;
 const TOO_MANY_NEAR: u32 = 16u;
 const TOO_MANY_BIDS: u32 = 32u;
+const THROWN_TOO_FAR: u32 = 64u;
 
 const GROUP: u32 = 256u;
 // No species, and nobody.

@@ -10,6 +10,8 @@ struct Params {
     turns: u32,
     // Whether pairs are listed, and not only counted.
     lists_pairs: u32,
+    // How often a particle may look around for surfaces in a step.
+    looks: u32,
     // By axis: 0 open, 1 reflecting, 2 periodic.
     axes: vec3<u32>,
     low: vec3<f32>,

@@ -20,9 +20,13 @@ struct Turned {
 const NEAR: u32 = 16u;
 // Bounces of one step, at most; a particle that is about to have more stays where the last one is.
 const BOUNCES: u32 = 64u;
+// By how much rounding may lengthen a way, and more.
+const LONGER: f32 = 1.00001;
 
 var<private> near: array<Obstacle, NEAR>;
 var<private> near_count: u32;
+// Whether it went beyond the spheres that are listed in the end: the run freezes then as well.
+var<private> thrown_too_far: bool;
 
 fn note(obstacle: Obstacle, reach: f32) {
     let distance = length(obstacle.offset);
@@ -35,12 +39,10 @@ fn note(obstacle: Obstacle, reach: f32) {
     near_count++;
 }
 
-// Lists the spheres that the particle may get to and is outside of. Where space repeats the image that is nearest to the end
-// of its way is another obstacle.
-fn look_around(kind: Kind, path: Path, way: vec3<f32>) {
+// Lists the spheres that the particle is outside of and that lie within such a reach of where it begins. Where space repeats
+// the image that is nearest to the end of its way is another obstacle.
+fn look_around(kind: Kind, path: Path, way: vec3<f32>, reach: f32) {
     near_count = 0u;
-    // What comes towards it makes it faster at a bounce, by twice as much.
-    let reach = 1.00001 * length(way) + 3.0 * journey.longest;
     for (var k = kind.fates_begin; k < kind.decays_begin; k++) {
         let fate = fates[k];
         if (fate.kind < REFLECTING) {
@@ -103,38 +105,65 @@ fn outside(before: vec3<f32>, after: vec3<f32>, radius: f32, count: u32) -> vec3
     return placed(center + factor * out, radius);
 }
 
-fn turned_back(kind: Kind, path: Path) -> Turned {
-    // Walls have turned the way where it has gone through them.
-    var way = select(path.end, path.after, params.axes == vec3(1u)) - path.before;
-    look_around(kind, path, way);
-    let count = min(near_count, NEAR);
-    var gone = vec3(0.0);
+// A way from bounce to bounce.
+struct Way {
+    // Where it goes, from its beginning.
+    gone: vec3<f32>,
+    // How long it is.
+    length: f32,
+    first: u32,
+}
+
+// Follows a way past the spheres that are listed.
+fn followed(begun: vec3<f32>, count: u32) -> Way {
+    var way = begun;
+    var found = Way(vec3(0.0), 0.0, NOTHING);
     var time = 0.0;
-    var first = NOTHING;
     for (var bounce = 0u; bounce < BOUNCES; bounce++) {
         var soonest = 1.0 - time;
         var next = NEAR;
         for (var j = 0u; j < count; j++) {
-            let later = meeting(near[j], gone, time, way);
+            let later = meeting(near[j], found.gone, time, way);
             if (later < soonest) {
                 soonest = later;
                 next = j;
             }
         }
-        gone += soonest * way;
+        found.gone += soonest * way;
+        found.length += soonest * length(way);
         if (next == NEAR) {
             break;
         }
-        if (first == NOTHING) {
-            first = near[next].receiver;
+        if (found.first == NOTHING) {
+            found.first = near[next].receiver;
         }
         time += soonest;
-        let normal = normalize(near[next].offset + gone - time * near[next].way);
+        let normal = normalize(near[next].offset + found.gone - time * near[next].way);
         way -= 2.0 * dot(way - near[next].way, normal) * normal;
     }
-    let end = path.before + gone;
-    if (first == NOTHING) {
+    return found;
+}
+
+fn turned_back(kind: Kind, path: Path) -> Turned {
+    // Walls have turned the way where it has gone through them.
+    let way = select(path.end, path.after, params.axes == vec3(1u)) - path.before;
+    var found = Way(vec3(0.0), length(way), NOTHING);
+    thrown_too_far = true;
+    for (var look = 0u; look < params.looks; look++) {
+        // What comes towards it makes it faster at a bounce, by twice as much.
+        let reach = LONGER * found.length + 3.0 * journey.longest;
+        look_around(kind, path, way, reach);
+        found = followed(way, min(near_count, NEAR));
+        // Where something comes, it may have been thrown beyond what was looked at.
+        if (journey.longest == 0.0 || found.length + journey.longest <= reach) {
+            thrown_too_far = false;
+            break;
+        }
+    }
+    let end = path.before + found.gone;
+    if (found.first == NOTHING) {
         return Turned(path.end, path.after, NOTHING);
     }
-    return Turned(end, outside(path.before, placed(end, kind.radius), kind.radius, count), first);
+    let count = min(near_count, NEAR);
+    return Turned(end, outside(path.before, placed(end, kind.radius), kind.radius, count), found.first);
 }
