@@ -1,9 +1,57 @@
-//! Compiles the shim to Bullet where the feature `bullet` asks for it.
+//! Notes the commit that is built, and compiles the shim to Bullet where the feature `bullet` asks for it.
+
+use std::path::Path;
+use std::process::Command;
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rustc-env=LAZYGRID_COMMIT={}", commit().unwrap_or_else(|| "unknown".to_owned()));
     #[cfg(feature = "bullet")]
     bullet();
+}
+
+/// The crates that figures are built from, by their folders.
+const CRATES: [&str; 9] = [
+    "kernels",
+    "host-fallback",
+    "engine",
+    "distributed/ranks",
+    "io",
+    "simulator",
+    "check",
+    "report",
+    "bench",
+];
+
+/// The commit of the source tree, and whether what is built differs from it. Nothing without git, or outside a clone.
+fn commit() -> Option<String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
+    let git = |args: &[&str]| {
+        let output = Command::new("git").arg("-C").arg(root).args(args).output().ok()?;
+        output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    };
+    let watch = |path: &Path| {
+        // What is not there would count as changed each time.
+        if path.exists() {
+            println!("cargo::rerun-if-changed={}", path.display());
+        }
+    };
+    let mut sources = vec!["Cargo.toml".to_owned(), "Cargo.lock".to_owned()];
+    sources.extend(CRATES.iter().flat_map(|name| [format!("{name}/Cargo.toml"), format!("{name}/src")]));
+    sources.push("bench/build.rs".to_owned());
+    sources.push("bench/shim".to_owned());
+    sources.iter().for_each(|source| watch(&root.join(source)));
+    // A copy may lie in somebody else's repository.
+    git(&["ls-files", "--error-unmatch", "bench/build.rs"])?;
+    // A commit, a checkout and a rebase each add a line to the log of HEAD.
+    for name in ["HEAD", "logs/HEAD"] {
+        watch(&root.join(git(&["rev-parse", "--git-path", name])?));
+    }
+    let commit = git(&["rev-parse", "--short", "HEAD"])?;
+    let mut status = vec!["--no-optional-locks", "status", "--porcelain", "--"];
+    status.extend(sources.iter().map(String::as_str));
+    let changes = git(&status)?;
+    Some(if changes.is_empty() { commit } else { format!("{commit} with changes") })
 }
 
 /// `BULLET_INCLUDE` names Bullet's headers where they are not where Debian has them.

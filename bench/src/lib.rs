@@ -5,3 +5,6 @@ pub mod figures;
 pub mod kernels;
 pub mod measure;
 pub mod peers;
+
+/// The commit that this was built from, with a word where its sources had changes; `unknown` without git or outside a clone.
+pub const COMMIT: &str = env!("LAZYGRID_COMMIT");

@@ -21,7 +21,7 @@ pub struct Environment {
     pub adapter: Option<Adapter>,
     /// What took part, with versions.
     pub versions: Vec<(String, String)>,
-    /// Commit of the source, `-dirty` where files had changed.
+    /// Commit of the source that was built, `with changes` where files had changed, or `unknown`.
     pub commit: String,
     /// When it began, UTC.
     pub date: String,
@@ -65,7 +65,7 @@ impl Environment {
                 is_hardware: a.is_hardware,
             }),
             versions: versions(),
-            commit: commit().unwrap_or_else(unknown),
+            commit: crate::COMMIT.to_owned(),
             date: output("date", &["-u", "+%F %H:%M"]).unwrap_or_else(unknown),
         }
     }
@@ -100,11 +100,6 @@ fn versions() -> Vec<(String, String)> {
     #[cfg(not(feature = "bullet"))]
     versions.push(("Bullet".to_owned(), "not built in".to_owned()));
     versions
-}
-
-/// The commit of the source tree this was built from, where it is still there.
-fn commit() -> Option<String> {
-    output("git", &["-C", env!("CARGO_MANIFEST_DIR"), "describe", "--always", "--dirty", "--exclude", "*"])
 }
 
 fn output(program: &str, args: &[&str]) -> Option<String> {
