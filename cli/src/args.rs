@@ -13,6 +13,7 @@ use lazygrid_check::Extent;
 use lazygrid_io::read::Format;
 use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::{SphereFormat, TableFormat};
+use lazygrid_sim::options::Options;
 
 use parsers::{
     PathWith, adapter, one_of, radius, raster_ratio, seconds, skin, space, table_format, threads, tilts,
@@ -240,53 +241,18 @@ Examples:
   lazygrid simulate burst.toml --seed 7 --steps 500 --output seed-7
   lazygrid simulate burst.toml --seed 7 --steps 1000 --output seed-7 --resume")]
 pub(crate) struct Simulate {
-    /// The scenario, a TOML file
-    pub(crate) scenario: PathBuf,
-    /// The directory to write to [default: the scenario's name without .toml]
-    #[arg(long, short, value_name = "DIR")]
-    pub(crate) output: Option<PathBuf>,
-    /// The seed of the random numbers [default: the scenario's]
-    #[arg(long, value_name = "S")]
-    pub(crate) seed: Option<u64>,
-    /// How many steps the run has in all [default: the scenario's]
-    #[arg(long, value_name = "N")]
-    pub(crate) steps: Option<u32>,
-    /// Write a row of the series after every N steps [default: the scenario's]
-    #[arg(long, value_name = "N")]
-    pub(crate) every: Option<NonZeroU32>,
-    /// Write a frame after every N steps [default: the scenario's]
-    #[arg(long, value_name = "N")]
-    pub(crate) frames_every: Option<NonZeroU32>,
+    #[command(flatten)]
+    pub(crate) options: Options,
     /// Write the log of arrivals and releases as this besides CSV; arrow takes a build with the feature arrow
     #[arg(long, value_name = "FORMAT", value_enum, default_value_t)]
     pub(crate) arrivals_format: ArrivalsFormat,
-    /// Write animation.html, one file that plays the run in three dimensions in any browser
-    #[arg(long)]
-    pub(crate) animate: bool,
-    /// Give the animation a frame after every N steps [default: a two-hundredth of the scenario's steps]
-    #[arg(long, value_name = "N", requires = "animate")]
-    pub(crate) animate_every: Option<NonZeroU32>,
-    /// Draw no more than N particles in the animation, chosen by their ids; each takes 8 bytes of every frame
-    #[arg(long, value_name = "N", requires = "animate", default_value = "20000")]
-    pub(crate) animate_particles: NonZeroU32,
-    /// Write a checkpoint after every N steps besides that at the end [default: the scenario's]
-    #[arg(long, value_name = "N")]
-    pub(crate) checkpoint_every: Option<NonZeroU32>,
-    /// Do the scenario N times with seeds that are drawn by --seed, each in a directory of its own, and average the series
+    /// Do the scenario N times with seeds that are drawn by --seed, each in a directory of its own, and average the series;
+    /// --resume goes on from the checkpoints of all
     #[arg(long, value_name = "N")]
     pub(crate) replicas: Option<NonZeroU32>,
     /// Write report.html with plots and tables of the series, and of channels where the scenario logs arrivals
     #[arg(long)]
     pub(crate) report: bool,
-    /// Go on from the checkpoint in the output directory, or from those of all replicas
-    #[arg(long, conflicts_with = "overwrite")]
-    pub(crate) resume: bool,
-    /// Replace the run that is in the output directory
-    #[arg(long)]
-    pub(crate) overwrite: bool,
-    /// Begin whatever room the disk has, and go on until it is full
-    #[arg(long)]
-    pub(crate) no_space_check: bool,
     /// Where it runs, cpu or gpu; the statistics are the same, and a GPU may round differently
     #[arg(long, default_value_t = Backend::Cpu, value_parser = one_of([Backend::Cpu, Backend::Gpu].map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,

@@ -6,7 +6,6 @@ use std::ops::ControlFlow;
 use lazygrid_sim::Standing;
 use lazygrid_sim::replicas::Replicas;
 use lazygrid_sim::run::{End, Run};
-use lazygrid_sim::scenario::{Changes, Scenario};
 
 use self::report::Done;
 use crate::args::{ArrivalsFormat, Simulate};
@@ -16,29 +15,9 @@ use crate::{print, progress, signals};
 
 /// Runs a scenario and says what came of it.
 pub(crate) fn run(args: &Simulate) -> Result<(), Failure> {
-    let mut scenario = Scenario::read(&args.scenario)?;
-    scenario.change(&Changes {
-        seed: args.seed,
-        steps: args.steps,
-        every: args.every,
-        frames_every: args.frames_every,
-        checkpoint_every: args.checkpoint_every,
-        animated: args.animate.then_some(args.animate_particles),
-        animate_every: args.animate_every,
-    });
-    scenario.output.arrow = args.arrivals_format == ArrivalsFormat::Arrow;
-    let directory = args.output.clone().unwrap_or_else(|| Run::directory_of(&args.scenario));
-    let run = Run {
-        scenario,
-        path: args.scenario.clone(),
-        directory,
-        backend: args.backend,
-        algorithm: args.algorithm,
-        threads: args.threads.map(Into::into),
-        resume: args.resume,
-        overwrite: args.overwrite,
-        space_check: !args.no_space_check,
-    };
+    let Simulate { backend, algorithm, .. } = *args;
+    let mut run = Run { backend, algorithm, threads: args.threads.map(Into::into), ..args.options.read()? };
+    run.scenario.output.arrow = args.arrivals_format == ArrivalsFormat::Arrow;
     match args.replicas {
         None => once(run, args.report),
         Some(count) => replicas::run(Replicas { run, count }, args.report),

@@ -50,6 +50,8 @@ pub mod message;
 pub mod model;
 pub mod motion;
 pub mod normal;
+#[cfg(feature = "clap")]
+pub mod options;
 pub mod particles;
 pub mod philox;
 pub mod ranks;

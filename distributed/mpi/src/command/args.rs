@@ -1,4 +1,4 @@
-use std::num::{NonZeroU32, NonZeroUsize};
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -7,6 +7,7 @@ use clap::{Parser, Subcommand};
 use lazygrid::{Backend, Space};
 use lazygrid_io::read::{Format, Options, Radii};
 use lazygrid_mpi::Ownership;
+use lazygrid_sim::options::Options as RunOptions;
 
 /// All pairs of overlapping spheres, by many ranks.
 #[derive(Debug, Parser)]
@@ -94,44 +95,8 @@ Examples:
   mpirun -n 8 lazygrid-mpi simulate acid-base.toml
   mpirun -n 64 lazygrid-mpi simulate acid-base.toml --resume --steps 100000")]
 pub(crate) struct Simulate {
-    /// The scenario, a TOML file
-    pub(crate) scenario: PathBuf,
-    /// The directory to write to [default: the scenario's name without .toml]
-    #[arg(long, short, value_name = "DIR")]
-    pub(crate) output: Option<PathBuf>,
-    /// The seed of the random numbers [default: the scenario's]
-    #[arg(long, value_name = "S")]
-    pub(crate) seed: Option<u64>,
-    /// How many steps the run has in all [default: the scenario's]
-    #[arg(long, value_name = "N")]
-    pub(crate) steps: Option<u32>,
-    /// Write a row of the series after every N steps [default: the scenario's]
-    #[arg(long, value_name = "N")]
-    pub(crate) every: Option<NonZeroU32>,
-    /// Write a frame after every N steps [default: the scenario's]
-    #[arg(long, value_name = "N")]
-    pub(crate) frames_every: Option<NonZeroU32>,
-    /// Write animation.html, one file that plays the run in three dimensions in any browser
-    #[arg(long)]
-    pub(crate) animate: bool,
-    /// Give the animation a frame after every N steps [default: a two-hundredth of the scenario's steps]
-    #[arg(long, value_name = "N", requires = "animate")]
-    pub(crate) animate_every: Option<NonZeroU32>,
-    /// Draw no more than N particles in the animation, chosen by their ids
-    #[arg(long, value_name = "N", requires = "animate", default_value = "20000")]
-    pub(crate) animate_particles: NonZeroU32,
-    /// Write a checkpoint after every N steps besides that at the end [default: the scenario's]
-    #[arg(long, value_name = "N")]
-    pub(crate) checkpoint_every: Option<NonZeroU32>,
-    /// Go on from the checkpoint in the output directory
-    #[arg(long, conflicts_with = "overwrite")]
-    pub(crate) resume: bool,
-    /// Replace the run that is in the output directory
-    #[arg(long)]
-    pub(crate) overwrite: bool,
-    /// Begin whatever room the disk has, and go on until it is full
-    #[arg(long)]
-    pub(crate) no_space_check: bool,
+    #[command(flatten)]
+    pub(crate) options: RunOptions,
     /// Threads of each rank [default: its share of the cores of its node]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,

@@ -1,0 +1,86 @@
+//! Options of a run, for the commands that run scenarios.
+
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+
+use lazygrid::{Algorithm, Backend};
+
+use crate::Error;
+use crate::run::Run;
+use crate::scenario::{Changes, Scenario};
+
+/// What every command that runs a scenario asks for: the scenario, where it is written, and what is wanted otherwise than it
+/// says.
+#[derive(Clone, Debug, clap::Args)]
+#[non_exhaustive]
+pub struct Options {
+    /// The scenario, a TOML file
+    pub scenario: PathBuf,
+    /// The directory to write to [default: the scenario's name without .toml]
+    #[arg(long, short, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// The seed of the random numbers [default: the scenario's]
+    #[arg(long, value_name = "S")]
+    pub seed: Option<u64>,
+    /// How many steps the run has in all [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub steps: Option<u32>,
+    /// Write a row of the series after every N steps [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub every: Option<NonZeroU32>,
+    /// Write a frame after every N steps [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub frames_every: Option<NonZeroU32>,
+    /// Write a checkpoint after every N steps besides that at the end [default: the scenario's]
+    #[arg(long, value_name = "N")]
+    pub checkpoint_every: Option<NonZeroU32>,
+    /// Write animation.html, one file that plays the run in three dimensions in any browser
+    #[arg(long)]
+    pub animate: bool,
+    /// Give the animation a frame after every N steps [default: a two-hundredth of the scenario's steps]
+    #[arg(long, value_name = "N", requires = "animate")]
+    pub animate_every: Option<NonZeroU32>,
+    /// Draw no more than N particles in the animation, chosen by their ids; each takes 8 bytes of every frame
+    #[arg(long, value_name = "N", requires = "animate", default_value = "20000")]
+    pub animate_particles: NonZeroU32,
+    /// Go on from the checkpoint in the output directory
+    #[arg(long, conflicts_with = "overwrite")]
+    pub resume: bool,
+    /// Replace the run that is in the output directory
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Begin whatever room the disk has, and go on until it is full
+    #[arg(long)]
+    pub no_space_check: bool,
+}
+
+impl Options {
+    /// Reads the scenario, and makes a run of it that does what is asked for: on the CPU, by the algorithm of its choice, and
+    /// with all threads.
+    ///
+    /// # Errors
+    /// Those of [`Scenario::read`].
+    pub fn read(&self) -> Result<Run, Error> {
+        let mut scenario = Scenario::read(&self.scenario)?;
+        scenario.change(&Changes {
+            seed: self.seed,
+            steps: self.steps,
+            every: self.every,
+            frames_every: self.frames_every,
+            checkpoint_every: self.checkpoint_every,
+            animated: self.animate.then_some(self.animate_particles),
+            animate_every: self.animate_every,
+        });
+        Ok(Run {
+            scenario,
+            path: self.scenario.clone(),
+            directory: self.output.clone().unwrap_or_else(|| Run::directory_of(&self.scenario)),
+            backend: Backend::Cpu,
+            algorithm: Algorithm::Auto,
+            threads: None,
+            resume: self.resume,
+            overwrite: self.overwrite,
+            space_check: !self.no_space_check,
+        })
+    }
+}
