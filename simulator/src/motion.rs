@@ -49,7 +49,7 @@ pub(crate) struct Step {
     /// Where its centre may be.
     pub(crate) room: Boundary,
     /// By how far diffusion bends its way, beside a receiver that diffuses as well, in µm.
-    bend: f32,
+    pub(crate) bend: f32,
     /// The largest word at which a swimmer tumbles, and its speed in µm/s.
     tumbles: Option<(u32, f32)>,
 }

@@ -14,6 +14,8 @@ pub(super) struct Itinerary {
     pub(super) rows: Vec<Body>,
     /// By step: the centres, in µm.
     centers: Vec<Vec<[f32; 3]>>,
+    /// How far each receiver gets from where it begins, in µm. Of none where they rest.
+    pub(super) gone: Vec<f32>,
 }
 
 /// Bytes of the table of where receivers are, unless one step takes more.
@@ -41,8 +43,12 @@ impl Itinerary {
     pub(super) fn new(model: &Model, key: Key, centers: &[[f32; 3]], first: u32, steps: u32) -> Self {
         let moves = model.receivers.iter().any(crate::Receiver::moves);
         let stride = if moves { centers.len() as u32 } else { 0 };
-        let mut itinerary =
-            Self { head: Journey { first, stride, longest: 0.0 }, rows: Vec::new(), centers: Vec::new() };
+        let mut itinerary = Self {
+            head: Journey { first, stride, ..Journey::default() },
+            rows: Vec::new(),
+            centers: Vec::new(),
+            gone: Vec::new(),
+        };
         let mut here = centers.to_vec();
         for step in first..first + if moves { steps } else { 0 } {
             let places = bodies::moved(model, &here, key, step);
@@ -56,6 +62,14 @@ impl Itinerary {
         }
         itinerary.rows.extend(here.iter().map(|&center| Body { center: center.into(), ..Body::default() }));
         itinerary.centers.push(here);
+        if moves {
+            let length = |d: [f32; 3]| d.iter().map(|c| c * c).sum::<f32>().sqrt();
+            let gone = |(at, &begin): (usize, &[f32; 3])| {
+                let from = |centers: &Vec<[f32; 3]>| length(model.boundary.offset(begin, centers[at]));
+                itinerary.centers.iter().map(from).fold(0.0, f32::max)
+            };
+            itinerary.gone = centers.iter().enumerate().map(gone).collect();
+        }
         itinerary
     }
 

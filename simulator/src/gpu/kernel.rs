@@ -129,6 +129,7 @@ const SHARED: &[(&str, &str)] = &[
     ("receptor", include_str!("shader/shared/receptor.wgsl")),
     ("round", include_str!("shader/shared/round.wgsl")),
     ("running_sum", include_str!("shader/shared/running_sum.wgsl")),
+    ("seen", include_str!("shader/shared/seen.wgsl")),
     ("settling", include_str!("shader/shared/settling.wgsl")),
     ("survivor", include_str!("shader/shared/survivor.wgsl")),
     ("turning", include_str!("shader/shared/turning.wgsl")),
@@ -159,7 +160,7 @@ mod tests {
     use super::reflection::{bindings, laid_out, layout, parse, spirv, structures};
 
     use super::super::layout::{
-        Body, CANDIDATE_BYTES, CLAIM_BYTES, Fate, Head, Journey, Kind, Params, Rule, Watch,
+        Body, CANDIDATE_BYTES, CLAIM_BYTES, Fate, Head, Journey, Kind, Lists, Params, Rule, Watch,
     };
     use super::*;
 
@@ -196,7 +197,19 @@ mod tests {
                 low,
                 high
             }),
-            layout!(Kind { drift, length, diffusion, radius, fates_begin, decays_begin, fates_end }),
+            layout!(Kind {
+                drift,
+                length,
+                diffusion,
+                radius,
+                fates_begin,
+                decays_begin,
+                fates_end,
+                bend,
+                reach,
+                lists
+            }),
+            layout!(Lists { low, per_edge, cells }),
             layout!(Fate {
                 drift,
                 radius,
@@ -211,7 +224,7 @@ mod tests {
                 unbinding
             }),
             layout!(Body { center, way }),
-            layout!(Journey { first, stride, longest }),
+            layout!(Journey { first, stride, longest, lists_at, lists }),
             layout!(Watch { receiver, radius, first, species }),
             layout!(Rule {
                 reaction,

@@ -41,6 +41,11 @@ pub(super) struct Kind {
     pub(super) fates_begin: u32,
     pub(super) decays_begin: u32,
     pub(super) fates_end: u32,
+    pub(super) bend: f32,
+    /// What is in this reach is listed.
+    pub(super) reach: f32,
+    /// Its place among the species for which receivers are listed, or [`NOTHING`].
+    pub(super) lists: u32,
 }
 
 /// What may befall a particle of one species.
@@ -78,6 +83,15 @@ pub(super) struct Body {
     pub(super) way: Vec3,
 }
 
+/// The cells by which receivers are listed; none where there are no lists.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
+#[repr(C)]
+pub(super) struct Lists {
+    pub(super) low: Vec3,
+    pub(super) per_edge: Vec3,
+    pub(super) cells: UVec3,
+}
+
 /// The steps for which it is known where receivers are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
@@ -85,6 +99,9 @@ pub(super) struct Journey {
     pub(super) first: u32,
     pub(super) stride: u32,
     pub(super) longest: f32,
+    /// Where in the rows, of 16 bytes, the lists of receivers begin.
+    pub(super) lists_at: u32,
+    pub(super) lists: Lists,
 }
 
 /// The receptors of a receiver.

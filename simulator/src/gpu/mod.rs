@@ -17,6 +17,7 @@ mod device;
 mod journey;
 mod kernel;
 mod layout;
+mod nearby;
 mod plan;
 mod simulation;
 mod stages;

@@ -5,7 +5,8 @@ use lazygrid::gpu::{Count, Crossover, GpuDetector, GpuDevice, GpuSettings, GpuSp
 use super::device::{filled, read, refused, scoped};
 use super::journey::{Itinerary, most_steps};
 use super::kernel as k;
-use super::layout::Head;
+use super::layout::{Head, Lists};
+use super::nearby::{Listing, Nearby};
 use super::plan::{GpuOptions, MAX_TURNS, Sizes, grown, steps_between_looks};
 use super::stages::{Base, Groups, Stage, Steps};
 use super::tables::{Holder, Tables, Tallies, check};
@@ -18,6 +19,7 @@ use crate::receiver::Kind;
 use crate::release::Released;
 use crate::{Error, State, Totals};
 
+mod receivers;
 mod room;
 mod rows;
 use room::prepare;
@@ -37,6 +39,10 @@ pub struct GpuSimulation {
     holders: Vec<Holder>,
     /// Where receivers are in the steps that were recorded last.
     itinerary: Itinerary,
+    /// How they are listed by cells.
+    listing: Listing,
+    /// The cells of the lists that are on the device.
+    lists: Lists,
     centers: Vec<[f32; 3]>,
     base: Base,
     detector: Option<GpuDetector>,
@@ -97,19 +103,26 @@ impl GpuSimulation {
         }
         let key = Key::new(seed);
         let tables = Tables::new(&model, key, options.turns.min(MAX_TURNS));
-        let mut base = Base::new(device, &tables)?;
+        let mut listing = Listing::new(&tables.kinds, &tables.fates, model.boundary);
+        let mut base = Base::new(device, &tables, listing.most_words())?;
         let alive = (state.particles.len() + state.bound.len()) as u32;
         let lists = !model.reactions.is_empty();
         let sizes =
             Sizes { particles: grown(alive), pairs: if lists { options.pair_capacity.max(1) } else { 0 } };
         let mut detector = detector(&base, &model, sizes)?;
         let steps = prepare(&mut base, sizes, options.rounds, detector.as_mut())?;
+        // Those that move are listed for each of their ways.
+        let moves = model.receivers.iter().any(crate::Receiver::moves);
+        let nearby = if moves { Nearby::default() } else { listing.of(&state.centers, &[], 0.0)? };
+        base.list(&nearby)?;
         let mut simulation = Self {
             key,
             decays: Decays::new(&model),
             tallies: tables.tallies,
             holders: tables.holders(),
             itinerary: Itinerary::new(&model, key, &state.centers, state.step, 0),
+            lists: nearby.head,
+            listing,
             centers: state.centers.clone(),
             base,
             detector,
@@ -125,7 +138,7 @@ impl GpuSimulation {
             pairs: Vec::new(),
             model,
         };
-        simulation.base.take_up(&simulation.itinerary)?;
+        simulation.base.take_up(&simulation.itinerary, simulation.lists)?;
         simulation.upload(state)?;
         simulation.look(simulation.encoder(), alive, &[])?;
         Ok(simulation)
@@ -213,8 +226,7 @@ impl GpuSimulation {
 
     /// Records and submits steps, and looks.
     fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<Head, Error> {
-        self.itinerary = Itinerary::new(&self.model, self.key, &self.centers, self.step, steps);
-        self.base.take_up(&self.itinerary)?;
+        self.foresee(steps)?;
         // What a frozen step did not take is there for its repetition.
         let due = self.due.clone();
         let mut bursts_left = bursts.iter().peekable();

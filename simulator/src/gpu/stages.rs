@@ -8,7 +8,8 @@ use lazygrid::gpu::{DeviceLimits, GpuDevice, GpuPairs, Outcome, wgpu};
 use super::device::{buffer, encoded, filled, refused, scoped};
 use super::journey::Itinerary;
 use super::kernel::{self as k, Kernel};
-use super::layout::{Body, Head, Journey};
+use super::layout::{Body, Head, Journey, Lists};
+use super::nearby::Nearby;
 use super::plan::{LOG_ROWS, Sizes, groups_for};
 use super::tables::Tables;
 use crate::Error;
@@ -24,6 +25,8 @@ pub(super) struct Base {
     turns_back: bool,
     /// Receivers, where some have receptors.
     receptors: u32,
+    /// Bytes in front of the lists of receivers.
+    lists_at: u64,
     buffers: HashMap<&'static str, wgpu::Buffer>,
     pipelines: HashMap<&'static str, (wgpu::ComputePipeline, wgpu::BindGroupLayout)>,
 }
@@ -61,7 +64,8 @@ impl Stage {
 }
 
 impl Base {
-    pub(super) fn new(own: GpuDevice, tables: &Tables) -> Result<Self, Error> {
+    /// With room for so many words of lists of receivers.
+    pub(super) fn new(own: GpuDevice, tables: &Tables, lists: usize) -> Result<Self, Error> {
         let tallies = tables.tallies.len() as u64;
         let mut buffers = HashMap::new();
         let mut keep = |name, made: wgpu::Buffer| drop(buffers.insert(name, made));
@@ -71,7 +75,8 @@ impl Base {
         keep("rules", filled(&own, "rules", &tables.rules)?);
         keep("watches", filled(&own, "watches", &tables.watches)?);
         keep("receptors", filled(&own, "receptors", &tables.receptors)?);
-        keep("bodies", buffer(&own, "bodies", tables.bodies as u64 * Body::min_size().get())?);
+        let lists_at = tables.bodies as u64 * Body::min_size().get();
+        keep("bodies", buffer(&own, "bodies", lists_at + 4 * lists as u64)?);
         keep("journey", filled(&own, "journey", &Journey::default())?);
         keep("round0", filled(&own, "round", &[0u32; 4])?);
         keep("round1", filled(&own, "round", &[1u32, 0, 0, 0])?);
@@ -96,6 +101,7 @@ impl Base {
             watches,
             turns_back: tables.turns_back,
             receptors: tables.receptors.len() as u32,
+            lists_at,
             buffers,
             pipelines: HashMap::new(),
         })
@@ -105,9 +111,19 @@ impl Base {
         &self.buffers[name]
     }
 
-    /// Hands over where receivers are.
-    pub(super) fn take_up(&self, itinerary: &Itinerary) -> Result<(), Error> {
-        let (head, rows) = (encoded(&itinerary.head), encoded(&itinerary.rows));
+    /// Hands over which receivers are near each cell.
+    pub(super) fn list(&self, nearby: &Nearby) -> Result<(), Error> {
+        let words = bytemuck::cast_slice(&nearby.words);
+        scoped(&self.own, "which receivers are near", 0, || {
+            self.own.queue.write_buffer(self.buffer("bodies"), self.lists_at, words);
+        })
+    }
+
+    /// Hands over where receivers are, and by which cells they are listed.
+    pub(super) fn take_up(&self, itinerary: &Itinerary, lists: Lists) -> Result<(), Error> {
+        let lists_at = (self.lists_at / 16) as u32;
+        let head = encoded(&Journey { lists_at, lists, ..itinerary.head });
+        let rows = encoded(&itinerary.rows);
         scoped(&self.own, "where receivers are", 0, || {
             self.own.queue.write_buffer(self.buffer("journey"), 0, &head);
             self.own.queue.write_buffer(self.buffer("bodies"), 0, &rows);

@@ -2,6 +2,7 @@
 
 use super::journey::most_rows;
 use super::layout::{Fate, Kind, NOTHING, Params, ReceptorRow, Rule, Watch};
+use super::nearby::LISTED_FROM;
 use crate::model::{Contact, Decay, Model};
 use crate::motion::{Motion, Step};
 use crate::philox::Key;
@@ -262,8 +263,7 @@ fn params(model: &Model, key: Key, turns: u32, tallies: &Tallies) -> Params {
 
 fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
     let motion = Motion::new(model);
-    let mut fates = Vec::new();
-    let mut kinds = Vec::new();
+    let (mut fates, mut kinds, mut listed) = (Vec::new(), Vec::new(), 0);
     for (id, species) in model.species.iter().enumerate() {
         let fates_begin = fates.len() as u32;
         let step = motion.steps[id];
@@ -280,6 +280,7 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
             });
         }
         let decays_begin = fates.len() as u32;
+        let is_listed = decays_begin - fates_begin >= LISTED_FROM;
         fates.extend(motion.decays.channels(id as u32).iter().map(|channel| Fate {
             kind: Fate::DECAY,
             up_to: channel.up_to,
@@ -295,9 +296,19 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
             fates_begin,
             decays_begin,
             fates_end: fates.len() as u32,
+            bend: step.bend,
+            reach: reach(&step),
+            lists: if is_listed { listed } else { NOTHING },
         });
+        listed += u32::from(is_listed);
     }
     (kinds, fates)
+}
+
+/// How far particles get about in a step, but for one of ten million, and may meet receivers.
+fn reach(step: &Step) -> f32 {
+    let drift = step.drift.iter().map(|d| d * d).sum::<f32>().sqrt();
+    1.01 * (6.0 * step.length + drift) + step.bend
 }
 
 /// What a receiver does to a species, as far as its surface goes; nothing where it lets everything through.

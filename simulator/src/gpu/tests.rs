@@ -158,7 +158,7 @@ fn matched(
     [rounds, turns]: [u32; 2],
 ) -> (u32, Vec<Option<f32>>) {
     let tables = Tables::new(&model(), Key::new(1), turns);
-    let mut base = Base::new(own.clone(), &tables).expect("a base");
+    let mut base = Base::new(own.clone(), &tables, 0).expect("a base");
     let sizes = Sizes { particles, pairs: all.len().max(1) as u32 };
     let table = crate::reactions::interactions(&model()).expect("interactions");
     let settings = lazygrid::gpu::GpuSettings { interactions: table, ..Default::default() };
@@ -232,7 +232,7 @@ fn survivors_come_together_in_the_order_of_the_list() {
     let Some(own) = device() else { return };
     let tables = Tables::new(&model(), Key::new(1), 64);
     for (count, is_listed, frozen) in [(700, 1, 0), (700, 0, 0), (70_001, 1, 0), (700, 1, 1)] {
-        let mut base = Base::new(own.clone(), &tables).expect("a base");
+        let mut base = Base::new(own.clone(), &tables, 0).expect("a base");
         let word = |k: u32| philox([k, 0, 0, 0], [3, 0])[0];
         let mut order: Vec<u32> = (0..count).collect();
         order.sort_by_key(|&k| word(k));

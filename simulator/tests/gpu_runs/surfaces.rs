@@ -114,6 +114,46 @@ fn bodies_go_where_they_go_on_the_cpu() {
     compare(&model, 13, 8);
 }
 
+/// So many small receivers of all kinds everywhere that they are listed by cells; some go somewhere.
+fn crowd_of_receivers(boundary: Boundary, speed: f64) -> Model {
+    let kinds = surfaces().receivers.into_iter().map(|receiver| receiver.kind);
+    let kinds: Vec<Kind> = kinds.collect();
+    let place = |k: u32| [k % 5, k / 5 % 5, k / 25].map(|c| 0.8 * c as f32 - 1.6);
+    let one = |k: u32| {
+        let [x, y, z] = place(k);
+        let velocity = if k.is_multiple_of(3) { [speed, -speed, 0.5 * speed] } else { [0.0; 3] };
+        let sees = vec![true, !k.is_multiple_of(4)];
+        let center = [x, y + 0.125 * (k % 3) as f32, z];
+        Receiver { velocity, sees, ..receiver("one", center, 0.125, kinds[k as usize % kinds.len()]) }
+    };
+    Model { receivers: (0..100).map(one).collect(), boundary, time_step: 0.002, ..brownian(true) }
+}
+
+#[test]
+fn receivers_that_are_listed_do_what_they_do_on_the_cpu() {
+    let Some(own) = device() else { return };
+    let periodic = Boundary::periodic([-2.0; 3], [2.0; 3]);
+    for boundary in [Boundary::default(), Boundary::reflecting([-2.0; 3], [2.0; 3]), periodic] {
+        for speed in [0.0, 2.0] {
+            let model = crowd_of_receivers(boundary, speed);
+            let (mut there, mut here) = (gpu(&own, &model, 18, GpuOptions::default()), cpu(&model, 18));
+            there.run(6).expect("steps");
+            (0..6).for_each(|_| here.step().expect("a step"));
+            assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+            assert_eq!(there.received(), here.received());
+            let met = here.state().totals.arrived.iter().filter(|row| row.iter().any(|&n| n > 0)).count();
+            assert!(met > 40, "{met}");
+        }
+    }
+    // Without a surface that turns anything back.
+    let mut model = crowd_of_receivers(periodic, 2.0);
+    model.receivers.retain(|receiver| !receiver.kind.turns_back());
+    let (mut there, mut here) = (gpu(&own, &model, 19, GpuOptions::default()), cpu(&model, 19));
+    there.run(6).expect("steps");
+    (0..6).for_each(|_| here.step().expect("a step"));
+    assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+}
+
 /// What rests is pushed by what comes, and what comes off a receptor is there again.
 #[test]
 fn what_rests_is_pushed() {

@@ -16,8 +16,9 @@
 @group(0) @binding(6) var<storage, read_write> species: array<u32>;
 @group(0) @binding(7) var<storage, read> kinds: array<Kind>;
 @group(0) @binding(8) var<storage, read> fates: array<Fate>;
-@group(0) @binding(9) var<storage, read> bodies: array<Body>;
+@group(0) @binding(9) var<storage, read> bodies: array<vec4<u32>>;
 
+#include seen
 #include meeting
 #include decaying
 
@@ -34,8 +35,9 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let path = path_of(before.xyz, kind, tag.y);
     var here = Moved(vec4(path.after, before.w), tag.x);
     var arrives = false;
-    for (var k = kind.fates_begin; k < kind.decays_begin; k++) {
-        let fate = fates[k];
+    let seen = seen_by(kind, before.xyz, reach_of(path) + kind.bend + journey.longest);
+    for (var k = seen.begin; k < seen.end; k++) {
+        let fate = fates[fate_at(seen, k)];
         if (meets(fate, body_in(fate.receiver, control.step), path, kind.diffusion, tag.y)) {
             atomicAdd(&control.tallies[fate.tally], 1u);
             here.sphere.w = -1.0;

@@ -18,10 +18,11 @@
 @group(0) @binding(6) var<storage, read_write> species: array<u32>;
 @group(0) @binding(7) var<storage, read> kinds: array<Kind>;
 @group(0) @binding(8) var<storage, read> fates: array<Fate>;
-@group(0) @binding(9) var<storage, read> bodies: array<Body>;
+@group(0) @binding(9) var<storage, read> bodies: array<vec4<u32>>;
 @group(0) @binding(10) var<storage, read_write> claims: array<Claim>;
 @group(0) @binding(11) var<storage, read_write> receptors: array<Receptors>;
 
+#include seen
 #include meeting
 #include decaying
 #include turning
@@ -93,8 +94,11 @@ fn settled(at: u32, path: Path, kind: Kind, tag: vec2<u32>, radius: f32) -> Move
         control.frozen = THROWN_TOO_FAR;
     }
     var here = Moved(vec4(turned.after, radius), tag.x);
-    for (var k = kind.fates_begin; k < kind.decays_begin; k++) {
-        let fate = fates[k];
+    let reach = max(reach_of(path), max(turned.gone, length(nearest(turned.after - path.before))));
+    let seen = seen_by(kind, path.before, reach + kind.bend + journey.longest);
+    for (var k = seen.begin; k < seen.end; k++) {
+        let place = fate_at(seen, k);
+        let fate = fates[place];
         let body = body_in(fate.receiver, control.step);
         // What is inside may leave.
         let leaves = fate.kind > REFLECTING && height(fate.radius, body.center, path.before) < 0.0;
@@ -123,7 +127,7 @@ fn settled(at: u32, path: Path, kind: Kind, tag: vec2<u32>, radius: f32) -> Move
                     time = a / (a + b);
                 }
                 let touching = way.before + time * (way.end - way.before);
-                bid(at, k, touching, body.center + time * body.way, words.z);
+                bid(at, place, touching, body.center + time * body.way, words.z);
                 return here;
             }
         }

@@ -19,7 +19,7 @@ struct Watch {
 @group(0) @binding(3) var<storage, read> spheres: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> tags: array<vec2<u32>>;
 @group(0) @binding(5) var<storage, read> watches: array<Watch>;
-@group(0) @binding(6) var<storage, read> bodies: array<Body>;
+@group(0) @binding(6) var<storage, read> bodies: array<vec4<u32>>;
 @group(0) @binding(7) var<storage, read_write> inside: array<atomic<u32>>;
 
 @compute @workgroup_size(256)

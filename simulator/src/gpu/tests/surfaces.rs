@@ -57,7 +57,8 @@ fn spheres(ways: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
     let mut text = String::new();
     for (k, (receiver, way)) in receivers.iter().zip(ways).enumerate() {
         let (center, radius) = (vector(receiver.center), receiver.radius);
-        text += &format!("bodies[{k}] = Body({center}, {});\n", vector(way));
+        text += &format!("bodies[{}] = bitcast<vec4<u32>>(vec4({center}, 0.0));\n", 2 * k);
+        text += &format!("bodies[{}] = bitcast<vec4<u32>>(vec4({}, 0.0));\n", 2 * k + 1, vector(way));
         text += &format!("fates[{k}].radius = {radius:?};\nfates[{k}].kind = REFLECTING;\n");
         text += &format!("fates[{k}].receiver = {k}u;\n");
     }
@@ -75,7 +76,8 @@ var<private> params: Params;
 #include fate
 var<private> journey: Journey;
 var<private> fates: array<Fate, 3>;
-var<private> bodies: array<Body, 3>;
+var<private> bodies: array<vec4<u32>, 6>;
+#include seen
 #include turning";
     let rooms = [
         (Boundary::default(), 0),
@@ -93,7 +95,7 @@ var<private> bodies: array<Body, 3>;
                 let before = 4.0 * vec3(open_unit(words.x), open_unit(words.y), open_unit(words.z)) - 2.0;
                 let end = before + 4.0 * (vec3(open_unit(more.x), open_unit(more.y), open_unit(more.z)) - 0.5);
                 journey.longest = 0.6; params.looks = 8u;
-                let kind = Kind(vec3(0.0), 0.0, 0.0, 0.0, 0u, 3u, 3u);
+                let kind = Kind(vec3(0.0), 0.0, 0.0, 0.0, 0u, 3u, 3u, 0.0, 0.0, NOTHING);
                 let turned = turned_back(kind, Path(before, end, placed(end, 0.0)));
                 out[k] = vec4(bitcast<vec3<u32>>(turned.after), turned.first + 1u);",
                 u32::from(axes == 0)
@@ -128,107 +130,145 @@ var<private> bodies: array<Body, 3>;
     }
 }
 
-/// Particles that come to receptors, of few ranks, so that ids decide; of one receiver all find some, of one some, and of
-/// one none.
-#[test]
-fn receptors_go_to_the_lowest_ranks() {
-    let Some(own) = device() else { return };
-    let count = 5_000_u32;
-    let rows =
-        [[5_000, 100], [900, 7], [40, 40]].map(|[count, _]| ReceptorRow { count, ..ReceptorRow::default() });
-    let held = [100_u32, 7, 40];
-    let fates: Vec<Fate> =
-        (0..3).map(|k| Fate { kind: Fate::RECEPTORS, receiver: k, tally: k, ..Fate::default() }).collect();
-    let word = |k: u32| philox([k, 9, 0, 0], [3, 0]);
-    // Of four particles one is held, one does nothing, and two come.
-    let (mut spheres, mut claims, mut events) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut holding, mut coming) = ([0_u32; 3], [0_u32; 3]);
+/// Receptors of three receivers, and how many of them are taken: all that come find one, some do, and none.
+const RECEPTORS: [[u32; 2]; 3] = [[5_000, 100], [900, 7], [40, 40]];
+
+/// Particles some of which receptors hold, and some of which come to them.
+#[derive(Default)]
+struct Crowd {
+    spheres: Vec<[f32; 4]>,
+    claims: Vec<[u32; 8]>,
+    /// What comes.
+    events: Vec<Event>,
+    /// How many come to each receiver.
+    coming: [u32; 3],
+}
+
+/// Few ranks, so that ids decide. Of four particles one does nothing, and of the others those come that are not held.
+fn crowd(count: u32) -> Crowd {
+    let mut crowd = Crowd::default();
+    let mut holding = [0; 3];
     for at in 0..count {
-        let [rank, which, ..] = word(at);
+        let [rank, which, ..] = philox([at, 9, 0, 0], [3, 0]);
         let receiver = which % 3;
         let place = receiver as usize;
-        let is_held = holding[place] < held[place];
+        let is_held = holding[place] < RECEPTORS[place][1];
         holding[place] += u32::from(is_held);
-        spheres.push(if is_held { [0.0, 0.0, 1.0, -2.0 - receiver as f32] } else { [0.5, 0.5, 0.5, 0.25] });
-        let comes = !is_held && at % 4 != 0;
+        let held = [0.0, 0.0, 1.0, -2.0 - receiver as f32];
+        crowd.spheres.push(if is_held { held } else { [0.5, 0.5, 0.5, 0.25] });
         let rank = rank % 7 * 0x1234_5678;
-        claims.push(if comes { [rank, coming[place], 2, receiver, at, 2, 3, 0] } else { [0; 8] });
+        let bid = [rank, crowd.coming[place], 2, receiver, at, 2, 3, 0];
+        let comes = !is_held && at % 4 != 0;
+        crowd.claims.push(if comes { bid } else { [0; 8] });
         if comes {
-            coming[place] += 1;
-            events.push(Event::Bound { at, receiver, direction: [0.0; 3], rank });
+            crowd.coming[place] += 1;
+            crowd.events.push(Event::Bound { at, receiver, direction: [0.0; 3], rank });
         }
     }
-    let id = |at: u32| (at * 37 + 11) % 1_000_003;
-    let tags: Vec<[u32; 2]> = (0..count).map(|at| [0, id(at)]).collect();
-    let free: Vec<u32> = (0..3).map(|k| rows[k].count - held[k]).collect();
-    let expected = refused(bids(&events, id), &free);
-    assert!(coming[1] > free[1] && free[2] == 0 && expected.len() > 1000);
+    crowd
+}
 
+fn id_of(at: u32) -> u32 {
+    (at * 37 + 11) % 1_000_003
+}
+
+/// What the kernels of receptors leave: particles, claims, taken receptors, tallies, and how many are gone.
+struct Chosen {
+    moved: Vec<[f32; 4]>,
+    claims: Vec<[u32; 8]>,
+    held: Vec<u32>,
+    tallies: Vec<u32>,
+    gone: u32,
+}
+
+/// A base for three receivers that see one species.
+fn base_of_three(own: &GpuDevice) -> Base {
     let mut model = model();
     model.species.truncate(1);
     model.reactions.clear();
-    let receiver = || Receiver { sees: vec![true], ..Receiver::default() };
-    model.receivers = vec![receiver(), receiver(), receiver()];
-    let mut base = Base::new(own.clone(), &Tables::new(&model, Key::new(1), 64)).expect("a base");
+    model.receivers = vec![Receiver { sees: vec![true], ..Receiver::default() }; 3];
+    Base::new(own.clone(), &Tables::new(&model, Key::new(1), 64), 0).expect("a base")
+}
+
+/// Has the kernels choose among those that come.
+fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
+    let count = crowd.spheres.len() as u32;
+    let mut base = base_of_three(own);
+    let rows: Vec<ReceptorRow> =
+        RECEPTORS.iter().map(|&[count, _]| ReceptorRow { count, ..ReceptorRow::default() }).collect();
+    let fates: Vec<Fate> =
+        (0..3).map(|k| Fate { kind: Fate::RECEPTORS, receiver: k, tally: k, ..Fate::default() }).collect();
+    let tags: Vec<[u32; 2]> = (0..count).map(|at| [0, id_of(at)]).collect();
     let made: HashMap<&str, wgpu::Buffer> = [
-        ("spheres", written(&own, "spheres", bytemuck::cast_slice(&spheres))),
-        ("moved", written(&own, "moved", bytemuck::cast_slice(&spheres))),
-        ("tags", written(&own, "tags", bytemuck::cast_slice(&tags))),
-        ("claims", written(&own, "claims", bytemuck::cast_slice(&claims))),
-        ("fates", written(&own, "fates", &encoded(&fates))),
-        ("receptors", written(&own, "receptors", &encoded(&rows.to_vec()))),
-        ("bidders", written(&own, "bidders", &vec![0; 4 * count as usize])),
+        ("spheres", written(own, "spheres", bytemuck::cast_slice(&crowd.spheres))),
+        ("moved", written(own, "moved", bytemuck::cast_slice(&crowd.spheres))),
+        ("tags", written(own, "tags", bytemuck::cast_slice(&tags))),
+        ("claims", written(own, "claims", bytemuck::cast_slice(&crowd.claims))),
+        ("fates", written(own, "fates", &encoded(&fates))),
+        ("receptors", written(own, "receptors", &encoded(&rows))),
+        ("bidders", written(own, "bidders", &vec![0; 4 * count as usize])),
         ("control", base.buffer("control").clone()),
     ]
     .into();
     let head = Head { count, ..Head::default() };
     own.queue.write_buffer(&made["control"], 0, bytemuck::bytes_of(&head));
-    let came: Vec<u32> = coming.to_vec();
-    let mut encoder = own.device.create_command_encoder(&Default::default());
     let all = count.div_ceil(k::GROUP);
-    for (kernel, groups) in [(&k::RECEPTORS_BEGIN, 1), (&k::RECEPTORS_HOLD, all)] {
-        let stage = base.stage(kernel, Groups::Fixed(groups), |name| made[name].clone());
-        stage.expect("a stage").encode(&mut encoder, groups);
-    }
-    own.queue.submit([encoder.finish()]);
+    let mut recorded = |stages: &[(&'static k::Kernel, u32)]| {
+        let mut encoder = own.device.create_command_encoder(&Default::default());
+        for &(kernel, groups) in stages {
+            let stage = base.stage(kernel, Groups::Fixed(groups), |name| made[name].clone());
+            stage.expect("a stage").encode(&mut encoder, groups);
+        }
+        encoder
+    };
+    let begin = recorded(&[(&k::RECEPTORS_BEGIN, 1), (&k::RECEPTORS_HOLD, all)]);
+    own.queue.submit([begin.finish()]);
     // What particles_turn counts.
-    for (k, bids) in came.iter().enumerate() {
+    for (k, bids) in crowd.coming.iter().enumerate() {
         own.queue.write_buffer(&made["receptors"], 16 * k as u64 + 8, bytemuck::bytes_of(bids));
     }
-    let mut encoder = own.device.create_command_encoder(&Default::default());
-    for (kernel, groups) in [(&k::RECEPTORS_SCAN, 1), (&k::RECEPTORS_GROUP, all), (&k::RECEPTORS_CHOOSE, 3)] {
-        let stage = base.stage(kernel, Groups::Fixed(groups), |name| made[name].clone());
-        stage.expect("a stage").encode(&mut encoder, groups);
-    }
+    let encoder = recorded(&[(&k::RECEPTORS_SCAN, 1), (&k::RECEPTORS_GROUP, all), (&k::RECEPTORS_CHOOSE, 3)]);
     let parts = [
         (&made["moved"], 16 * u64::from(count)),
         (&made["claims"], CLAIM_BYTES * u64::from(count)),
         (&made["receptors"], 48),
         (&made["control"], size_of::<Head>() as u64 + 12),
     ];
-    let read = read(&own, encoder, &parts).expect("read");
-    let moved: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read[0]);
-    let after: Vec<[u32; 8]> = bytemuck::pod_collect_to_vec(&read[1]);
+    let read = read(own, encoder, &parts).expect("read");
     let receptors: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&read[2]);
-    let tallies: Vec<u32> = bytemuck::pod_collect_to_vec(&read[3][size_of::<Head>()..]);
     let head: Head = bytemuck::pod_read_unaligned(&read[3][..size_of::<Head>()]);
-    assert_eq!(receptors.iter().map(|row| row[1]).collect::<Vec<u32>>(), held);
+    Chosen {
+        moved: bytemuck::pod_collect_to_vec(&read[0]),
+        claims: bytemuck::pod_collect_to_vec(&read[1]),
+        held: receptors.iter().map(|row| row[1]).collect(),
+        tallies: bytemuck::pod_collect_to_vec(&read[3][size_of::<Head>()..]),
+        gone: head.gone,
+    }
+}
+
+#[test]
+fn receptors_go_to_the_lowest_ranks() {
+    let Some(own) = device() else { return };
+    let crowd = crowd(5_000);
+    let Crowd { spheres, claims, events, coming } = &crowd;
+    let free = RECEPTORS.map(|[count, held]| count - held);
+    let expected = refused(bids(events, id_of), &free);
+    assert!(coming[1] > free[1] && free[2] == 0 && expected.len() > 1000);
+
+    let Chosen { moved, claims: after, held, tallies, gone } = choose(&own, &crowd);
+    assert_eq!(held, RECEPTORS.map(|[_, held]| held));
     assert!(after.iter().all(|claim| claim[2] == 0));
-    let mut turned_away: Vec<u32> = events
-        .iter()
-        .filter(|event| moved[event.at() as usize] == spheres[event.at() as usize])
-        .map(|event| id(event.at()))
-        .collect();
+    let stays = |event: &&Event| moved[event.at() as usize] == spheres[event.at() as usize];
+    let mut turned_away: Vec<u32> = events.iter().filter(stays).map(|event| id_of(event.at())).collect();
     turned_away.sort_unstable();
     assert_eq!(turned_away, expected);
-    for event in &events {
+    for event in events {
         let (at, Event::Bound { receiver, .. }) = (event.at() as usize, event) else { continue };
-        let direction = [f32::from_bits(claims[at][4]), f32::from_bits(2), f32::from_bits(3)];
-        let bound = [direction[0], direction[1], direction[2], -2.0 - *receiver as f32];
+        let direction = f32::from_bits(claims[at][4]);
         // Numbers so small may be taken for zero.
-        let is_bound = moved[at][3] == bound[3] && (moved[at][0] - bound[0]).abs() < 1e-30;
+        let is_bound = moved[at][3] == -2.0 - *receiver as f32 && (moved[at][0] - direction).abs() < 1e-30;
         assert!(is_bound || moved[at] == spheres[at], "{:?}", moved[at]);
     }
     let bound: Vec<u32> = (0..3).map(|k| coming[k].min(free[k])).collect();
-    assert_eq!((tallies, head.gone), (bound.clone(), bound.iter().sum()));
+    assert_eq!((&tallies, gone), (&bound, bound.iter().sum()));
 }

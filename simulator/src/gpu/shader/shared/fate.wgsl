@@ -1,7 +1,8 @@
 #include fate_rows
 
 fn body_in(receiver: u32, step: u32) -> Body {
-    return bodies[(step - journey.first) * journey.stride + receiver];
+    let row = 2u * ((step - journey.first) * journey.stride + receiver);
+    return Body(bitcast<vec3<f32>>(bodies[row].xyz), bitcast<vec3<f32>>(bodies[row + 1u].xyz));
 }
 
 // Distance of a point from the surface of a sphere, negative inside.

@@ -10,6 +10,13 @@ struct Kind {
     fates_begin: u32,
     decays_begin: u32,
     fates_end: u32,
+    // By how far diffusion bends its way, beside a receiver that diffuses as well.
+    bend: f32,
+    // How far it gets about in a step, but for few, and where receivers come towards it farther by three ways of theirs: what
+    // is in that reach is listed.
+    reach: f32,
+    // Its place among the species for which receivers are listed; NOTHING where they are not.
+    lists: u32,
 }
 
 // What may befall a particle of one species, in the order of their precedence.
@@ -40,6 +47,13 @@ struct Body {
     way: vec3<f32>,
 }
 
+// The cells by which receivers are listed; none where there are no lists.
+struct Lists {
+    low: vec3<f32>,
+    per_edge: vec3<f32>,
+    cells: vec3<u32>,
+}
+
 // The steps for which it is known where receivers are.
 struct Journey {
     first: u32,
@@ -47,6 +61,9 @@ struct Journey {
     stride: u32,
     // The longest way of one in a step.
     longest: f32,
+    // Where in the rows the lists of receivers begin.
+    lists_at: u32,
+    lists: Lists,
 }
 
 // The way of a particle in a step.

@@ -14,6 +14,8 @@ struct Turned {
     end: vec3<f32>,
     after: vec3<f32>,
     first: u32,
+    // How long the way is.
+    gone: f32,
 }
 
 // Spheres and images of spheres that one particle may meet in a step, at most: the run freezes where there are more.
@@ -43,8 +45,9 @@ fn note(obstacle: Obstacle, reach: f32) {
 // the image that is nearest to the end of its way is another obstacle.
 fn look_around(kind: Kind, path: Path, way: vec3<f32>, reach: f32) {
     near_count = 0u;
-    for (var k = kind.fates_begin; k < kind.decays_begin; k++) {
-        let fate = fates[k];
+    let seen = seen_by(kind, path.before, reach);
+    for (var k = seen.begin; k < seen.end; k++) {
+        let fate = fates[fate_at(seen, k)];
         if (fate.kind < REFLECTING) {
             continue;
         }
@@ -162,8 +165,8 @@ fn turned_back(kind: Kind, path: Path) -> Turned {
     }
     let end = path.before + found.gone;
     if (found.first == NOTHING) {
-        return Turned(path.end, path.after, NOTHING);
+        return Turned(path.end, path.after, NOTHING, found.length);
     }
     let count = min(near_count, NEAR);
-    return Turned(end, outside(path.before, placed(end, kind.radius), kind.radius, count), found.first);
+    return Turned(end, outside(path.before, placed(end, kind.radius), kind.radius, count), found.first, found.length);
 }
