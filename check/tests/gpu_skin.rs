@@ -117,6 +117,22 @@ fn half_a_skin_each_is_not_too_far() {
     }
 }
 
+/// Two that are a little more than a skin apart are no candidates: each may go half of it and no farther.
+#[test]
+fn more_than_half_a_skin_each_is_too_far() {
+    let Some(own) = device() else { return };
+    for (radius, skin) in [(1.0_f32, 0.5_f32), (1e-6, 1e-7), (1e6, 1e4)] {
+        let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin).expect("made");
+        for (gone, rebuilt) in [(0.0, SkinState::FIRST), (0.503 * skin, SkinState::MOVED)] {
+            let x = radius + 0.502 * skin - gone;
+            let spheres = [-x, x].map(|x| Sphere::new([x, 0.0, 0.0], radius));
+            let case = format!("{radius}, {skin}, gone {gone}");
+            let state = judge(&own, &mut detector, &Scenario::from(spheres.to_vec()), &case);
+            assert_eq!(state.rebuilt, rebuilt, "{case}: {state:?}");
+        }
+    }
+}
+
 #[test]
 fn other_spheres_have_candidates_found_anew() {
     let Some(own) = device() else { return };
