@@ -28,9 +28,9 @@ fn row_of(position: u32) -> Row {
     return Row(sorted[position], position, cells[position], sorted_species[position]);
 }
 
-// No smaller than the effective radius of a sphere that is at home at this level.
-fn radius_at(row: Row, level: u32) -> f32 {
-    return list.level[min(level, LEVELS - 1u)].reach;
+// No smaller than the effective radius: what is at home at its level.
+fn radius_of(row: Row) -> f32 {
+    return list.level[home_level(row.cell)].reach;
 }
 
 fn is_ordinary() -> bool {
@@ -45,8 +45,8 @@ fn row_of(position: u32) -> Row {
     return Row(sorted[position], position, cells[position], 0u);
 }
 
-// No smaller than the effective radius of a sphere that is at home at this level.
-fn radius_at(row: Row, level: u32) -> f32 {
+// No smaller than the effective radius.
+fn radius_of(row: Row) -> f32 {
     return row.sphere.w;
 }
 
@@ -111,48 +111,33 @@ fn gather_rows(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
 
 // Tests candidates until the walk or its share is at an end or the list of hits is full. The first share goes on to the
 // end of the walk, to count the candidates that are left to others.
-fn gather_hits(walk: ptr<function, Walk>, row: Row, is_first: bool) {
+fn gather_hits(walk: ptr<function, Walk>, row: Row, share: u32) {
+    let share_begin = share * call.share;
+    let share_end = share_begin + call.share;
     for (var turn = 0u; turn < ROWS; turn++) {
         for (var at_level = 0u; at_level < ROWS; at_level++) {
-            var ahead = *walk;
-            let stretches = next_rows(&ahead, row.position, row.cell);
-            let skipped = min((*walk).skip, stretches.total - (*walk).taken);
-            let begin = (*walk).taken + skipped;
-            let end = begin + min((*walk).left, stretches.total - begin);
-            let taken = gather_rows(row, stretches, begin, end);
-            (*walk).skip -= skipped;
-            (*walk).left -= taken - begin;
-            (*walk).taken = taken;
-            if (taken != end) {
+            let stretches = next_rows(*walk, row.position, row.cell);
+            let begin = min(max((*walk).taken, max(share_begin, (*walk).passed) - (*walk).passed), stretches.total);
+            let end = clamp(max(share_end, (*walk).passed) - (*walk).passed, begin, stretches.total);
+            (*walk).taken = gather_rows(row, stretches, begin, end);
+            if ((*walk).taken != end) {
                 return;
             }
-            if ((*walk).left == 0u && !is_first) {
+            walk_past(walk, stretches);
+            if (share != 0u && (*walk).passed >= share_end) {
                 (*walk).level = NOWHERE;
                 return;
             }
-            (*walk).rest += stretches.total - end;
-            walk_past(walk, ahead, stretches);
-            if ((*walk).rows == 0u) {
+            if ((*walk).row == (*walk).end) {
                 break;
             }
         }
-        if ((*walk).rows == 0u) {
-            walk_up(walk, row.sphere);
+        if ((*walk).row == (*walk).end) {
+            walk_up(walk, row.sphere, radius_of(row));
         }
         if ((*walk).level == NOWHERE) {
             return;
         }
-    }
-}
-
-// Goes on from some rows to those ahead, or to what they have beyond the seam.
-fn walk_past(walk: ptr<function, Walk>, ahead: Walk, stretches: Stretches) {
-    (*walk).taken = 0u;
-    (*walk).beyond = stretches.wraps;
-    if (!stretches.wraps) {
-        (*walk).rows = ahead.rows;
-        (*walk).rows_in_plane = ahead.rows_in_plane;
-        (*walk).cell = ahead.cell;
     }
 }
 
@@ -174,9 +159,6 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
     if (block + lane < starts[list.cells + 1u]) {
         row = row_of(block + lane);
         walk = walk_begin(row.cell);
-        walk.radius = radius_at(row, walk.level);
-        walk.skip = share * call.share;
-        walk.left = call.share;
     }
     if (lane == 0u) {
         atomicStore(&hit_count, 0u);
@@ -186,7 +168,7 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
     // A round ends with a full list of hits, or with many rows of cells behind some sphere.
     for (var round = 0u; round < 2u * call.share * GROUP / HITS; round++) {
         if (walk.level != NOWHERE) {
-            gather_hits(&walk, row, share == 0u);
+            gather_hits(&walk, row, share);
             if (walk.level != NOWHERE) {
                 atomicStore(&some_open, 1u);
             }
@@ -216,5 +198,5 @@ fn search_share(block: u32, share: u32, lane: u32) -> u32 {
         }
         workgroupBarrier();
     }
-    return walk.rest;
+    return max(walk.passed, call.share) - call.share;
 }

@@ -14,24 +14,30 @@ struct Walk {
     // Cells of that level around each axis, and its first cell.
     around: vec3<u32>,
     base: u32,
-    // Rows of cells there that are to come, in all and in the present plane, and how many a plane has.
-    rows: u32,
-    rows_in_plane: u32,
+    // The first cell of the box of cells that it goes through there, and how many cells a row has and rows a plane.
+    first: vec3<u32>,
+    cells_per_row: u32,
     rows_per_plane: u32,
-    // The first cell of the next row, the first row of a plane, and how many cells a row has.
-    cell: vec3<u32>,
-    first_row: u32,
-    span: u32,
+    // The next row and the end of all, counted plane by plane.
+    row: u32,
+    end: u32,
     // Whether the rows that come next are taken from the seam on.
     beyond: bool,
-    // No smaller than the effective radius of the sphere.
-    radius: f32,
-    // Candidates in these rows that are behind it.
+    // Candidates in these rows that are behind it, and those in the rows before.
     taken: u32,
-    // Candidates that belong to earlier shares, those that still belong to this one, and those left to later ones.
-    skip: u32,
-    left: u32,
-    rest: u32,
+    passed: u32,
+}
+
+// How many rows are looked through at once.
+const ROWS_AT_ONCE: u32 = 5u;
+
+// A row of cells.
+struct RowOfCells {
+    number: u32,
+    y: u32,
+    z: u32,
+    // Rows in its plane before it.
+    in_plane: u32,
 }
 
 // Candidates of up to five rows of cells, and the listed ones behind the last: of which number on the next stretch begins,
@@ -65,12 +71,11 @@ fn walk_begin(own: u32) -> Walk {
     let z = row / walk.around.y;
     let y = row - z * walk.around.y;
     // The half of the cells around that comes behind the own row in x, then in y, then in z.
-    walk.cell = vec3(previous(x, walk.around.x), y, z);
-    walk.span = min(walk.around.x, 3u);
-    walk.first_row = previous(y, walk.around.y);
+    walk.first = vec3(previous(x, walk.around.x), previous(y, walk.around.y), z);
+    walk.cells_per_row = min(walk.around.x, 3u);
     walk.rows_per_plane = min(walk.around.y, 3u);
-    walk.rows_in_plane = min(walk.around.y, 2u);
-    walk.rows = walk.rows_in_plane + select(0u, walk.rows_per_plane, walk.around.z > 1u);
+    walk.row = walk.rows_per_plane / 2u;
+    walk.end = walk.rows_per_plane * min(walk.around.z, 2u);
     return walk;
 }
 
@@ -92,37 +97,57 @@ fn home_level(cell: u32) -> u32 {
     return level;
 }
 
-// The stretch of sorted spheres in the next row of cells, for the sphere at `position` in the cell `own`; turns to the
-// row after it.
-fn next_row(walk: ptr<function, Walk>, position: u32, own: u32) -> vec2<u32> {
-    let is_there = (*walk).rows != 0u;
-    let row = (*walk).base + ((*walk).cell.z * (*walk).around.y + (*walk).cell.y) * (*walk).around.x;
-    (*walk).rows -= select(0u, 1u, is_there);
-    (*walk).rows_in_plane -= 1u;
-    let is_last = (*walk).rows_in_plane == 0u;
-    (*walk).rows_in_plane = select((*walk).rows_in_plane, (*walk).rows_per_plane, is_last);
-    (*walk).cell.y = select(next((*walk).cell.y, (*walk).around.y), (*walk).first_row, is_last);
-    (*walk).cell.z = select((*walk).cell.z, next((*walk).cell.z, (*walk).around.z), is_last);
-    // In the sphere's own row half of the cells are behind it.
-    let is_own = own - row < (*walk).around.x;
-    let x = select((*walk).cell.x, own - row, is_own);
-    let end = x + select((*walk).span, min((*walk).around.x, 2u), is_own);
-    let seam = (*walk).around.x;
-    let first = starts[row + select(x, 0u, (*walk).beyond)];
-    let last = starts[row + select(min(end, seam), max(end, seam) - seam, (*walk).beyond)];
-    let begin = select(first, position + 1u, is_own && !(*walk).beyond);
-    return select(vec2(0u), vec2(begin, last), is_there);
+fn next_row(walk: Walk) -> RowOfCells {
+    let plane = walk.row / walk.rows_per_plane;
+    let in_plane = walk.row - plane * walk.rows_per_plane;
+    let y = walk.first.y + in_plane;
+    let z = walk.first.z + plane;
+    return RowOfCells(
+        walk.row,
+        y - select(0u, walk.around.y, y >= walk.around.y),
+        z - select(0u, walk.around.z, z >= walk.around.z),
+        in_plane,
+    );
 }
 
-// The candidates of the next five rows of cells; behind the last of all rows the listed spheres.
-fn next_rows(walk: ptr<function, Walk>, position: u32, own: u32) -> Stretches {
-    let a = next_row(walk, position, own);
-    let b = next_row(walk, position, own);
-    let c = next_row(walk, position, own);
-    let d = next_row(walk, position, own);
-    let e = next_row(walk, position, own);
-    let wraps = !(*walk).beyond && (*walk).cell.x + (*walk).span > (*walk).around.x;
-    let ends = own < list.cells && (*walk).rows == 0u && !wraps && coarser_levels(*walk) == 0u;
+fn row_after(walk: Walk, row: RowOfCells) -> RowOfCells {
+    let is_last = row.in_plane + 1u == walk.rows_per_plane;
+    return RowOfCells(
+        row.number + 1u,
+        select(next(row.y, walk.around.y), walk.first.y, is_last),
+        select(row.z, next(row.z, walk.around.z), is_last),
+        select(row.in_plane + 1u, 0u, is_last),
+    );
+}
+
+// The stretch of sorted spheres in a row of cells, for the sphere at `position` in the cell `own`.
+fn stretch_of(walk: Walk, row: RowOfCells, position: u32, own: u32) -> vec2<u32> {
+    let cell = walk.base + (row.z * walk.around.y + row.y) * walk.around.x;
+    // In the sphere's own row half of the cells are behind it.
+    let is_own = own - cell < walk.around.x;
+    let seam = walk.around.x;
+    let x = select(walk.first.x, own - cell, is_own);
+    let end = x + select(walk.cells_per_row, min(seam, 2u), is_own);
+    let first = starts[cell + select(x, 0u, walk.beyond)];
+    let last = starts[cell + select(min(end, seam), max(end, seam) - seam, walk.beyond)];
+    let begin = select(first, position + 1u, is_own && !walk.beyond);
+    return select(vec2(0u), vec2(begin, last), row.number < walk.end);
+}
+
+// The candidates of the next rows of cells; behind the last of all rows the listed spheres.
+fn next_rows(walk: Walk, position: u32, own: u32) -> Stretches {
+    let row_a = next_row(walk);
+    let row_b = row_after(walk, row_a);
+    let row_c = row_after(walk, row_b);
+    let row_d = row_after(walk, row_c);
+    let row_e = row_after(walk, row_d);
+    let a = stretch_of(walk, row_a, position, own);
+    let b = stretch_of(walk, row_b, position, own);
+    let c = stretch_of(walk, row_c, position, own);
+    let d = stretch_of(walk, row_d, position, own);
+    let e = stretch_of(walk, row_e, position, own);
+    let wraps = !walk.beyond && walk.first.x + walk.cells_per_row > walk.around.x;
+    let ends = own < list.cells && walk.row + ROWS_AT_ONCE >= walk.end && !wraps && coarser_levels(walk) == 0u;
     let begin = max(starts[list.cells], position + 1u);
     let listed = select(0u, max(starts[list.cells + 1u], begin) - begin, ends);
     var until = vec4(a.y, b.y, c.y, d.y) - vec4(a.x, b.x, c.x, d.x);
@@ -134,12 +159,20 @@ fn next_rows(walk: ptr<function, Walk>, position: u32, own: u32) -> Stretches {
     return Stretches(until, shift, last, vec2(e.x - until.w, begin - last), last + listed, wraps);
 }
 
+// Goes on from some rows to those behind them, or to what they have beyond the seam.
+fn walk_past(walk: ptr<function, Walk>, stretches: Stretches) {
+    (*walk).passed += stretches.total;
+    (*walk).taken = 0u;
+    (*walk).beyond = stretches.wraps;
+    (*walk).row = select(min((*walk).row + ROWS_AT_ONCE, (*walk).end), (*walk).row, stretches.wraps);
+}
+
 // Goes on from the end of a level to the next coarser one that has spheres.
-fn walk_up(walk: ptr<function, Walk>, sphere: vec4<f32>) {
+fn walk_up(walk: ptr<function, Walk>, sphere: vec4<f32>, radius: f32) {
     let coarser = coarser_levels(*walk);
     (*walk).level = NOWHERE;
     if (coarser != 0u) {
-        enter_box(walk, firstLeadingBit(coarser), sphere);
+        enter_box(walk, firstLeadingBit(coarser), sphere, radius);
     }
 }
 
@@ -148,10 +181,10 @@ fn coarser_levels(walk: Walk) -> u32 {
     return list.levels & ((1u << walk.level) - 1u);
 }
 
-// Enters the box of a sphere at a coarser level than its own.
-fn enter_box(walk: ptr<function, Walk>, level: u32, sphere: vec4<f32>) {
+// Enters the box of a sphere, of no more than this effective radius, at a coarser level than its own.
+fn enter_box(walk: ptr<function, Walk>, level: u32, sphere: vec4<f32>, radius: f32) {
     let around = list.level[level].cells;
-    let reach = (*walk).radius + list.level[level].reach;
+    let reach = radius + list.level[level].reach;
     let half = vec3(reach * 0x1.00001p0) + abs(sphere.xyz) * 0x1p-22 + periods() * 0x1p-21;
     let low = cell_numbers(clamp(sphere.xyz - half, vec3(-FARTHEST), vec3(FARTHEST)), level);
     let high = cell_numbers(clamp(sphere.xyz + half, vec3(-FARTHEST), vec3(FARTHEST)), level);
@@ -166,10 +199,9 @@ fn enter_box(walk: ptr<function, Walk>, level: u32, sphere: vec4<f32>) {
     (*walk).level = level;
     (*walk).around = around;
     (*walk).base = list.level[level].base;
-    (*walk).cell = first;
-    (*walk).first_row = first.y;
-    (*walk).span = span.x;
-    (*walk).rows = span.y * span.z;
-    (*walk).rows_in_plane = span.y;
+    (*walk).first = first;
+    (*walk).cells_per_row = span.x;
     (*walk).rows_per_plane = span.y;
+    (*walk).row = 0u;
+    (*walk).end = span.y * span.z;
 }
