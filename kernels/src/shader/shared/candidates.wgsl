@@ -90,23 +90,29 @@ fn asked_for(row: Row, stretches: Stretches, first: u32, found: u32) -> u32 {
 
 // Tests the candidates `begin..end`. Returns the first that it did not take, as the list of hits was full.
 fn gather_rows(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
+    var reached = end;
     let chunks = (end - begin + 31u) / 32u;
     for (var chunk = 0u; chunk < chunks; chunk++) {
         let first = begin + chunk * 32u;
         let bits = asked_for(row, stretches, first, candidate_hits(row, stretches, first, min(first + 32u, end)));
         if (bits != 0u) {
             var hit = atomicAdd(&hit_count, countOneBits(bits));
+            var open = bits;
             for (var left = bits; left != 0u; left &= left - 1u) {
-                let number = first + firstTrailingBit(left);
                 if (hit >= HITS) {
-                    return number;
+                    break;
                 }
-                hits[hit] = vec2(row.position, candidate_at(stretches, number));
+                hits[hit] = vec2(row.position, candidate_at(stretches, first + firstTrailingBit(left)));
                 hit += 1u;
+                open &= open - 1u;
+            }
+            if (open != 0u) {
+                reached = first + firstTrailingBit(open);
+                break;
             }
         }
     }
-    return end;
+    return reached;
 }
 
 // Tests candidates until the walk or its share is at an end or the list of hits is full. The first share goes on to the
