@@ -153,8 +153,8 @@ fn scenes(args: &Args) -> Vec<Given> {
     ]
 }
 
-/// One row per runner: milliseconds of each stage, their sum, that over the first row's where there are as many spheres, and
-/// that of the other algorithm over the cell list's.
+/// One row per runner: milliseconds of each stage, their sum, that over the first row's with the same sort where there are as
+/// many spheres, and that of the other algorithm over the cell list's.
 fn table(runners: &[Runner<'_>]) -> String {
     let sum = |runner: &Runner<'_>| runner.median().iter().sum::<f64>();
     let rows: Vec<Vec<String>> = runners
@@ -164,15 +164,16 @@ fn table(runners: &[Runner<'_>]) -> String {
             let is_list = runner.algorithm == Algorithm::CellList;
             let same = |other: &&Runner<'_>| is_list && std::ptr::eq(other.given, runner.given);
             let other = runners.iter().filter(same).find(|other| other.algorithm != Algorithm::CellList);
-            let base = &runners[0];
-            let has_base = is_list && base.given.spheres.len() == runner.given.spheres.len();
+            let is_base = |base: &&Runner<'_>| base.algorithm == runner.algorithm && base.sort == runner.sort;
+            let as_many = |base: &&Runner<'_>| base.given.spheres.len() == runner.given.spheres.len();
+            let base = runners.iter().find(is_base).filter(|_| is_list).filter(as_many);
             let ratio = |of: Option<f64>| of.map_or(String::new(), |ratio| format!("{ratio:.2}"));
             [runner.given.name.to_owned(), runner.given.spheres.len().to_string()]
                 .into_iter()
                 .chain([format!("{} {}", runner.algorithm, runner.sort), runner.pairs.to_string()])
                 .chain(stages)
                 .chain([format!("{:.1}", sum(runner) * 1e3)])
-                .chain([ratio(has_base.then(|| sum(runner) / sum(base)))])
+                .chain([ratio(base.map(|base| sum(runner) / sum(base)))])
                 .chain([ratio(other.map(|other| sum(other) / sum(runner)))])
                 .collect()
         })
