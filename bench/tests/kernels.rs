@@ -14,7 +14,7 @@ fn driver() -> Option<PathBuf> {
     let mut paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
     paths.find(|path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        name.starts_with("radeon_icd") && (name.contains("x86_64") || !name.contains("i686"))
+        name.starts_with("radeon_icd") && !name.contains("i686")
     })
 }
 

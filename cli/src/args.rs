@@ -15,9 +15,7 @@ use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::{SphereFormat, TableFormat};
 use lazygrid_sim::options::Options;
 
-use parsers::{
-    PathWith, adapter, one_of, radius, raster_ratio, seconds, skin, space, table_format, threads, tilts,
-};
+use parsers::{PathWith, one_of, radius, raster_ratio, seconds, skin, space, table_format, threads, tilts};
 
 /// All pairs of overlapping spheres.
 #[derive(Debug, Parser)]
@@ -46,7 +44,7 @@ pub(crate) enum Command {
     )]
     Calibrate {
         /// On which GPU: its index among those that `lazygrid devices` lists, or a part of its name
-        #[arg(long, value_name = "NAME|INDEX", value_parser = adapter)]
+        #[arg(long, value_name = "NAME|INDEX")]
         adapter: Option<AdapterId>,
     },
     /// See whether all is right on this machine, and how fast it is
@@ -115,7 +113,7 @@ pub(crate) struct Detect {
     #[arg(long, default_value_t, value_parser = one_of(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,
     /// On which GPU: its index among those that `lazygrid devices` lists, or a part of its name
-    #[arg(long, value_name = "NAME|INDEX", value_parser = adapter)]
+    #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) adapter: Option<AdapterId>,
     /// How to search; eager-grid and lazy-grid are GPU algorithms
     #[arg(long, default_value_t, value_parser = one_of(Algorithm::ALL.map(Algorithm::name)).try_map(|name| name.parse::<Algorithm>()))]
@@ -285,7 +283,7 @@ pub(crate) struct Check {
     #[arg(long, value_enum, default_value_t = Checked::All)]
     pub(crate) backend: Checked,
     /// Which GPU: its index among those that `lazygrid devices` lists, or a part of its name
-    #[arg(long, value_name = "NAME|INDEX", value_parser = adapter)]
+    #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) adapter: Option<AdapterId>,
     /// Small scenes and sizes only: some seconds
     #[arg(long, conflicts_with = "full")]

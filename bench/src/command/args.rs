@@ -1,4 +1,3 @@
-use std::convert::Infallible;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -78,7 +77,7 @@ pub(crate) struct Compare {
   RADV_FORCE_FAMILY=navi21 VK_DRIVER_FILES=/usr/share/vulkan/icd.d/radeon_icd.x86_64.json lazygrid-bench kernels")]
 pub(crate) struct Kernels {
     /// Which GPU: its index among those that `lazygrid devices` lists, or a part of its name [default: all by Vulkan]
-    #[arg(long, value_name = "NAME|INDEX", value_parser = adapter)]
+    #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) adapter: Option<AdapterId>,
     /// Only these kernels, separated by commas [default: all]
     #[arg(long, value_name = "KERNEL", value_delimiter = ',', hide_possible_values = true, value_parser = one_of(KERNELS.map(|kernel| kernel.name)))]
@@ -106,10 +105,6 @@ pub(crate) struct MeasureMemory {
 
 fn one_of<const N: usize>(names: [&'static str; N]) -> PossibleValuesParser {
     PossibleValuesParser::new(names)
-}
-
-fn adapter(text: &str) -> Result<AdapterId, Infallible> {
-    Ok(text.into())
 }
 
 fn minutes(text: &str) -> Result<f64, String> {

@@ -1,22 +1,16 @@
 //! What options hold, from text, with messages that say what to write instead.
 
-use std::convert::Infallible;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use lazygrid::gpu::AdapterId;
 use lazygrid::{Skin, Space};
 use lazygrid_io::write::TableFormat;
 
 pub(super) fn one_of<const N: usize>(names: [&'static str; N]) -> PossibleValuesParser {
     PossibleValuesParser::new(names)
-}
-
-pub(super) fn adapter(text: &str) -> Result<AdapterId, Infallible> {
-    Ok(text.into())
 }
 
 pub(super) fn radius(text: &str) -> Result<(String, f32), String> {
