@@ -251,9 +251,11 @@ impl Detector {
         report
     }
 
-    /// An estimate of the bytes this detector holds for `spheres` spheres, besides the result and besides candidates, which
-    /// take 8 bytes each as pairs do. On the CPU it is an upper bound. More than [`MAX_SPHERES`](crate::MAX_SPHERES) spheres
-    /// count as so many.
+    /// Estimates the bytes that this detector holds for `spheres` spheres, besides the result. On the CPU the estimate is an
+    /// upper bound. More than [`MAX_SPHERES`](crate::MAX_SPHERES) spheres count as that many.
+    ///
+    /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes candidates. On the CPU that is room for 96 per sphere,
+    /// 768 bytes, the most that are kept; few scenes have more than ten.
     ///
     /// On a GPU the estimate has eight (cell, sphere) entries per sphere, the most on one level. Spheres of many sizes that
     /// crowd together may have entries on several levels: ten sizes at one point have about 44 each. A call that needs

@@ -193,7 +193,8 @@ impl HostDetector {
     /// For the paper's grids that is the most where space has up to 2²⁹ of their cells, else up to four times as much;
     /// where periodic axes are shorter than three cells there may be up to four times as many entries too. For the
     /// recursive grid there is room for one crowd of all spheres, and none inside another: each that is adds up to 150
-    /// bytes for each of its spheres. Candidates that a skin keeps take 8 bytes each besides.
+    /// bytes for each of its spheres. The candidates that a skin keeps are included, as many as it may keep: up to 96 of
+    /// 8 bytes for each sphere, although few scenes have more than ten. [`Skin::Off`](crate::Skin::Off) keeps none.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.raster_ratio, self.threads() as u64);
         let wrapped = match self.settings.space.is_periodic() {
@@ -208,10 +209,10 @@ impl HostDetector {
             Structure::CellList => CellList::memory_for(spheres),
         };
         let kept = match self.settings.keeps_candidates() {
-            true => Candidates::memory_for(spheres),
+            true => Candidates::memory_for(spheres, self.settings.max_pairs, threads),
             false => 0,
         };
-        own + wrapped + kept
+        own.saturating_add(wrapped).saturating_add(kept)
     }
 
     /// How many threads a call from here has.

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use glam::Vec3;
-use lazygrid::{Algorithm, Backend, Config, Detector, Order, Sphere};
+use lazygrid::{Algorithm, Backend, Config, Detector, Order, Skin, Sphere};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{Subject, in_pool};
 
@@ -174,8 +174,8 @@ fn memory_for_is_no_more_than_half_as_much_again_as_is_taken() {
         let (mut most, mut equal, mut bound) = (0, 0, 0);
         for (scene, spheres) in scenes(n, 34) {
             measurement.start();
-            let mut detector = Detector::new(subject.config()).expect("a detector");
-            // From the second call on candidates may be kept.
+            // Candidates have a test of their own.
+            let mut detector = Detector::new(subject.config().skin(Skin::Off)).expect("a detector");
             for _ in 0..3 {
                 subject.run(|| detector.count(&spheres)).expect("a count");
             }
@@ -207,6 +207,44 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
         let bound = detector.memory_for(60_000) as usize + FIXED;
         assert!(held <= bound, "{subject}: {held} bytes held where {bound} are announced");
     }
+}
+
+/// Candidates are included, as many as may be kept; with more every call searches, within the same memory.
+#[test]
+fn memory_for_includes_candidates() {
+    const N: usize = 20_000;
+    let mut measurement = Measurement::alone();
+    let cell_list = |s: &Subject| s.algorithm == Algorithm::CellList;
+    for subject in on_cpu(Subject::each_algorithm()).filter(cell_list) {
+        let mut most = 0;
+        for (skin, edge) in [(0.5, 24.0), (0.5, 20.0), (0.5, 12.0), (0.003, 1e-3)] {
+            let spheres = cube(N, edge);
+            measurement.start();
+            let config = subject.config().skin(Skin::Fixed(skin));
+            let mut detector = Detector::new(config).expect("a detector");
+            for _ in 0..3 {
+                subject.run(|| detector.count(&spheres)).expect("a count");
+            }
+            let peak = measurement.peak();
+            let bound = subject.run(|| detector.memory_for(N as u64)) as usize + FIXED;
+            assert!(peak <= bound, "{subject}, {edge}: {peak} bytes where {bound} are announced");
+            most = most.max(if detector.report().candidates.is_some() { peak } else { 0 });
+        }
+        let bound = subject.run(|| detector_bound(subject, N));
+        assert!(bound <= 2 * most, "{subject}: {bound} bytes announced where {most} are taken");
+    }
+}
+
+fn detector_bound(subject: Subject, spheres: usize) -> usize {
+    let config = subject.config().skin(Skin::Fixed(0.5));
+    Detector::new(config).expect("a detector").memory_for(spheres as u64) as usize
+}
+
+/// Spheres of radius ½ on a lattice that fills a cube.
+fn cube(n: usize, edge: f32) -> Vec<Sphere> {
+    let side = (n as f32).cbrt().ceil() as usize;
+    let at = |k: usize| [k % side, k / side % side, k / side / side].map(|c| c as f32 * edge / side as f32);
+    (0..n).map(|k| Sphere::new(at(k), 0.5)).collect()
 }
 
 /// A stream of two hundred million pairs, within the memory of the detector and some chunks for each thread.

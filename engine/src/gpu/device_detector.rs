@@ -202,10 +202,8 @@ impl DeviceDetector {
     pub(crate) fn memory_for(&self, spheres: u64) -> u64 {
         let session = &self.one.session;
         // More are searched in slabs. What cannot be held at all is refused when it is tried.
-        let memory = |n| match &self.course {
-            Some(_) => session.memory_with_candidates(n),
-            None => session.memory_for(n),
-        };
+        let keeps = self.course.is_some() || matches!(self.settings.skin, Skin::Fixed(_));
+        let memory = |n| if keeps { session.memory_with_candidates(n) } else { session.memory_for(n) };
         let at_once = u32::try_from(spheres.min(session.most_spheres())).ok();
         at_once.and_then(|n| memory(n).ok()).unwrap_or(u64::MAX)
     }

@@ -17,6 +17,19 @@ use crate::memory::{self, resize};
 /// Pairs per buffer of a thread, 64 KiB: far below a core's cache, far above the cost of handing it on.
 const CHUNK: usize = 8192;
 
+/// Partly filled chunks that a list has for each thread at most: where a thread's share of the work ended.
+const PARTLY_FILLED: u64 = 8;
+
+/// The most bytes that a list of up to `pairs` pairs takes while `threads` threads write it.
+pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
+    let bytes = pairs.saturating_mul(size_of::<Pair>() as u64);
+    let chunks = |count: u64| count.saturating_mul((CHUNK * size_of::<Pair>()) as u64);
+    // Two neighbouring chunks are merged where one has room for both, so that at least half of all room is used.
+    let kept =
+        bytes.saturating_mul(2).min(bytes.saturating_add(chunks(PARTLY_FILLED.saturating_mul(threads))));
+    kept.saturating_add(chunks(threads.saturating_add(1)))
+}
+
 /// One thread's end of an output.
 pub(crate) trait Sink: Send + Sized {
     /// Takes the pairs of sphere `id` with those lanes of `ids` whose bits are set in `lanes`.

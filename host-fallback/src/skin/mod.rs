@@ -20,17 +20,18 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use glam::Vec3;
 use lazygrid_kernels::Pair;
 
+use crate::Error;
 use crate::cell_list::{CellList, Crowding, Entry};
 use crate::classes::{CLASSES, class_of};
 use crate::compare::{
-    MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, at_places, prefetch,
+    MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, at_places, memory_of_list,
+    prefetch,
 };
 use crate::input::{Input, search_pieces};
 use crate::memory::{resize, with_growth};
 use crate::report::{Kept, Rebuilt, Report};
 use crate::survey::Survey;
 use crate::threads::Threads;
-use crate::{Error, Skin};
 
 pub(crate) use course::Course;
 pub use forecast::Forecast;
@@ -49,8 +50,9 @@ const PIECE: usize = 1 << 13;
 const USABLE: f32 = 1.0 - 1.0 / (1 << 16) as f32;
 /// What rounding may add to a distance between nearest images, as a part of the longest axis.
 const SEAM: f32 = 1.0 / (1 << 20) as f32;
-/// Candidates per sphere at most where nobody asked for them: what was expected may be wrong.
-const MOST_KEPT: u64 = 128;
+/// The most candidates per sphere that are kept, 768 bytes. A skin with more is not used, and every call searches. `worth`
+/// plans with 64 at most; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.
+const MAX_CANDIDATES_PER_SPHERE: u64 = 96;
 /// Radii from which allowances may be lost in them.
 const LARGEST: f32 = 1e30;
 /// Allowances whose squares `f32` holds with room to spare.
@@ -84,9 +86,15 @@ impl Candidates {
     /// Bytes per sphere besides the candidates themselves.
     const BYTES_PER_SPHERE: u64 = size_of::<Row>() as u64 + 4;
 
-    /// The most bytes held for `spheres` spheres without species, besides the candidates themselves.
-    pub(crate) fn memory_for(spheres: u64) -> u64 {
-        with_growth(spheres * Self::BYTES_PER_SPHERE)
+    /// The most candidates of `spheres` spheres that are kept.
+    fn limit(spheres: u64, max_pairs: u64) -> u64 {
+        max_pairs.min(spheres.saturating_mul(MAX_CANDIDATES_PER_SPHERE))
+    }
+
+    /// The most bytes held for `spheres` spheres without species and their candidates.
+    pub(crate) fn memory_for(spheres: u64, max_pairs: u64, threads: u64) -> u64 {
+        let own = with_growth(spheres.saturating_mul(Self::BYTES_PER_SPHERE));
+        own.saturating_add(memory_of_list(Self::limit(spheres, max_pairs), threads))
     }
 
     /// What was known of the spheres when the candidates were found, where there are any.
@@ -109,13 +117,14 @@ impl Candidates {
         Kept { count: self.count, age: self.age, moved: self.moved, rebuilt }
     }
 
-    /// Takes up where the spheres are now; says why the candidates cannot serve this call, if they cannot. `list` has
-    /// noted where they were when the candidates were found.
+    /// Measures how far the spheres have moved. Returns why the candidates cannot serve this call, or `None` if they can.
+    /// `list` holds the positions for which the candidates were found.
+    ///
+    /// Candidates that cannot serve are given up here, before the call can end in any other way: a later call must never
+    /// be served by candidates that an earlier one found to have expired.
     pub(crate) fn refresh(&mut self, rule: &Rule<'_>, list: &CellList, threads: Threads) -> Option<Rebuilt> {
         let spheres = rule.spheres();
-        if self.survey.is_none() {
-            return Some(Rebuilt::First);
-        }
+        let Some(survey) = self.survey.take() else { return Some(Rebuilt::First) };
         if spheres.len() != self.order.len() || spheres.species().unwrap_or(&[]) != self.species {
             return Some(Rebuilt::Changed);
         }
@@ -132,16 +141,42 @@ impl Candidates {
         match (changed.into_inner(), self.moved <= USABLE) {
             (true, _) => Some(Rebuilt::Changed),
             (false, false) => Some(Rebuilt::Moved),
-            (false, true) => None,
+            (false, true) => {
+                // The radii were those of every call since the candidates were found, this one included.
+                self.survey = Some(survey);
+                None
+            }
         }
     }
 
-    /// Finds candidates anew, with the list of all spheres. `false` where they are more than a list may hold; there are
-    /// none then. [`Skin::Auto`] keeps no more than memory in proportion to the spheres.
+    /// Finds candidates and builds the list of all spheres for it. Returns `false`, and holds no candidates, if they are
+    /// more than [`MAX_CANDIDATES_PER_SPHERE`] or than a result may hold, or if memory for them is refused.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// [`Error::Stopped`], [`Error::Threads`].
     pub(crate) fn find(
+        &mut self,
+        (list, crowding): (&mut CellList, &Crowding),
+        input: &Input<'_>,
+        allowances: &Allowances,
+        report: &mut Report,
+    ) -> Result<bool, Error> {
+        let found = self.find_within_limit((list, crowding), input, allowances, report);
+        if matches!(found, Ok(true)) {
+            return found;
+        }
+        // The memory is needed for the search that follows.
+        *self = Self::default();
+        match found {
+            Err(error @ Error::OutOfMemory { .. }) => {
+                log::info!("no candidates are kept: {error}");
+                Ok(false)
+            }
+            other => other,
+        }
+    }
+
+    fn find_within_limit(
         &mut self,
         (list, crowding): (&mut CellList, &Crowding),
         input: &Input<'_>,
@@ -163,16 +198,12 @@ impl Candidates {
         let rule = input.rule.widened(Widening { by_class: allowances, order: Some(&self.order) });
         let widened = wide(rule, widened.survey);
         self.chunks.iter_mut().for_each(Vec::clear);
-        let limit = match input.settings.skin {
-            Skin::Auto => input.settings.max_pairs.min(MOST_KEPT * input.survey.spheres as u64),
-            _ => input.settings.max_pairs,
-        };
+        let limit = Self::limit(input.survey.spheres as u64, input.settings.max_pairs);
         let kept = To::List { limit, kept: AtomicU64::new(0) };
         let output = Written::new(kept, std::mem::take(&mut self.chunks));
         let (count, chunks) = report.time("candidates", || list.search(&widened, &output)?.finish())?;
         self.chunks = chunks;
         if count > limit {
-            self.chunks = Vec::new();
             return Ok(false);
         }
         (self.count, self.age, self.moved) = (count, 0, 0.0);
@@ -245,9 +276,9 @@ fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     apart
 }
 
-/// Takes over where the spheres at some places are now. `then` has noted where each was, and as its radius one over the
-/// square of how far it may go. Returns the largest part of its allowance that one has gone, squared, or infinity where
-/// that is no number; and whether one has another radius.
+/// Copies the spheres of this call to their places in `rows`. `then` holds where each was when the candidates were found,
+/// and as its radius one over the square of its allowance. Returns the square of the largest fraction of its allowance
+/// that a sphere has moved, or infinity if a sphere is not valid; and whether an effective radius has changed.
 fn advance(rule: &Rule<'_>, then: &[Entry], rows: &mut [Row]) -> (f32, bool) {
     let lengths = rule.lengths();
     let periodic = lengths.iter().any(Option::is_some);
@@ -273,9 +304,13 @@ fn advance(rule: &Rule<'_>, then: &[Entry], rows: &mut [Row]) -> (f32, bool) {
             }
         }
         None => {
+            let mut is_refused = false;
             for (row, then) in rows.iter_mut().zip(then) {
                 step(row, then, rule.row(then.id));
+                // Of a sphere whose pairs depend on its species alone, the effective radius does not tell.
+                is_refused |= !rule.spheres().get(then.id as usize).is_valid();
             }
+            lost |= is_refused;
         }
     }
     (if lost { f32::INFINITY } else { farthest }, changed)

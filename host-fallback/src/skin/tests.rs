@@ -1,4 +1,4 @@
-use lazygrid_kernels::{Interaction, Interactions, Pair, Space, Sphere, Spheres};
+use lazygrid_kernels::{InputError, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
 use crate::judged::Random;
 use crate::{Error, HostDetector, Order, Rebuilt, Settings, Skin};
@@ -189,5 +189,85 @@ fn spheres_that_meet_head_on_are_found_as_they_touch() {
             served += usize::from(kept.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
         }
         assert!((20..60).contains(&served), "{skin:?}: {served} of 60 calls were served");
+    }
+}
+
+/// A search with default settings, and one with a fixed skin, lost pairs here: candidates that had expired in a call that
+/// compared all pairs served the next call.
+#[test]
+fn radii_that_change_while_candidates_are_kept_lose_no_pair() {
+    let at = |k: usize| [k % 10, k / 10 % 10, k / 100].map(|c| c as f32);
+    let frame = |call: usize| -> Vec<Sphere> {
+        let radius = |k: usize| if call < 6 { 0.1 } else { 1.2 * 0.5_f32.powi(k as i32 % 4) };
+        (0..500).map(|k| Sphere::new(at(k), radius(k))).collect()
+    };
+    for skin in [Skin::Auto, Skin::Fixed(0.2)] {
+        let settings = |skin| Settings { skin, ..Settings::default() };
+        let mut kept = HostDetector::new(settings(skin)).expect("good settings");
+        let mut off = HostDetector::new(settings(Skin::Off)).expect("good settings");
+        for call in 0..9 {
+            let spheres = frame(call);
+            let expected = off.count((&spheres).into());
+            assert_eq!(expected, Ok(if call < 6 { 0 } else { 2193 }));
+            assert_eq!(kept.count((&spheres).into()), expected, "{skin:?}, call {call}");
+        }
+    }
+}
+
+#[test]
+fn candidates_that_expired_in_a_refused_call_are_given_up() {
+    let mut kept =
+        HostDetector::new(Settings { skin: Skin::Fixed(0.5), ..Settings::default() }).expect("good settings");
+    let at = |k: usize| [k % 10, k / 10 % 10, k / 100].map(|c| c as f32);
+    let lattice = |radius: f32| (0..1000).map(|k| Sphere::new(at(k), radius)).collect::<Vec<_>>();
+    let (small, large) = (lattice(0.1), lattice(0.5));
+    for _ in 0..2 {
+        assert_eq!(kept.count((&small).into()), Ok(0));
+    }
+    let mut wrong = large.clone();
+    wrong[500].center.x = f32::NAN;
+    assert!(matches!(kept.count((&wrong).into()), Err(Error::Input(_))));
+    assert_eq!(kept.count((&large).into()), Ok(2700));
+}
+
+/// The radius of a species whose pairs depend on a distance alone is checked in every call.
+#[test]
+fn radii_without_effect_are_checked_while_candidates_serve() {
+    let table = Interactions::new(1, Interaction::Within(1.0)).expect("one species");
+    let sheared = Space::sheared([Some([40.0, 0.0, 0.0].into()), Some([9.0, 40.0, 0.0].into()), None])
+        .expect("a space");
+    for space in [Space::UNBOUNDED, Space::periodic([Some(40.0); 3]).expect("a box"), sheared] {
+        let interactions = Some(table.clone());
+        let settings = Settings { skin: Skin::Fixed(0.5), interactions, space, ..Settings::default() };
+        let mut kept = HostDetector::new(settings).expect("good settings");
+        let (spheres, ids) = (gas(2000, 1, 20.0), vec![0; 2000]);
+        let mut count = |spheres: &[Sphere]| {
+            let given = Spheres::from(spheres).with_species(&ids).expect("one id for each");
+            (kept.count(given), kept.report().candidates.map(|kept| kept.rebuilt))
+        };
+        let (expected, _) = count(&spheres);
+        for bad in [-5.0, f32::NAN, f32::NEG_INFINITY, f32::INFINITY] {
+            assert_eq!(count(&spheres).0, expected);
+            assert_eq!(count(&spheres), (expected.clone(), Some(None)), "candidates serve");
+            let mut wrong = spheres.clone();
+            wrong[1999].radius = bad;
+            let refused = count(&wrong).0;
+            assert!(
+                matches!(refused, Err(Error::Input(InputError::Sphere { index: 1999, count: 1, .. }))),
+                "{bad}: {refused:?}"
+            );
+        }
+    }
+}
+
+/// Crowded spheres of which a fixed skin makes each a candidate with all others: calls search instead.
+#[test]
+fn candidates_too_many_to_keep_cost_no_memory_and_no_error() {
+    let spheres = vec![Sphere::new([0.0; 3], 1.0); 5000];
+    let settings = Settings { skin: Skin::Fixed(0.003), threads: Some(1), ..Settings::default() };
+    let mut kept = HostDetector::new(settings).expect("good settings");
+    for _ in 0..3 {
+        assert_eq!(kept.count((&spheres).into()), Ok(5000 * 4999 / 2));
+        assert_eq!(kept.report().candidates, None);
     }
 }
