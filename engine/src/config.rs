@@ -122,9 +122,10 @@ impl Config {
         self
     }
 
-    /// Which species pair, and at which distance. Spheres must then carry species ids.
-    pub fn interactions(mut self, interactions: Interactions) -> Self {
-        self.settings.interactions = Some(interactions);
+    /// The table of interactions: which species pair, and at which distance. Spheres must then carry species ids. `None`
+    /// removes a table. Default: none, and all spheres that touch pair.
+    pub fn interactions(mut self, interactions: impl Into<Option<Interactions>>) -> Self {
+        self.settings.interactions = interactions.into();
         self
     }
 
