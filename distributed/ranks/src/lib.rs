@@ -1,7 +1,8 @@
 //! Overlapping spheres over many ranks, as pure functions: who owns what, what travels, who reports.
 //!
 //! Nothing here sends anything. A [`Carrier`] does, for the functions that need one; `lazygrid-mpi` has the one through
-//! MPI. The tests of this crate and its [`model`] play all ranks in one process.
+//! MPI, and [`threads`] has one for ranks that are threads. The tests of this crate and its [`model`] play all ranks in one
+//! process.
 //!
 //! 1. A [`Partition`] cuts space into one part per rank, from a [sample] of all spheres. It is optional: whatever
 //!    the placement, the answer is the same.
@@ -32,6 +33,7 @@ mod rounds;
 pub mod rule;
 pub mod sample;
 mod search;
+pub mod threads;
 
 pub use body::{Bodies, Body};
 pub use carrier::{Carrier, Received, deliver, gather};

@@ -164,12 +164,8 @@ fn claimed_ghosts(candidates: &[Candidate], active: &[u32], own: usize) -> Vec<u
 }
 
 #[cfg(test)]
-#[path = "../../tests/ranks/threads.rs"]
-mod threads;
-
-#[cfg(test)]
 mod tests {
-    use lazygrid_ranks::Particle;
+    use lazygrid_ranks::{Particle, threads};
     use proptest::prelude::*;
 
     use super::*;

@@ -7,4 +7,5 @@ mod files;
 mod models;
 mod refusals;
 mod steps;
-mod threads;
+
+use lazygrid_ranks::threads;

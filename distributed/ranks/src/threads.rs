@@ -1,19 +1,23 @@
-//! Ranks as threads of one process, which send each other bytes.
+//! Ranks as threads of one process, which send each other bytes: a [`Carrier`] for tests, without MPI.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use bytemuck::Pod;
-use lazygrid_ranks::{Carrier, Received};
 
-/// One rank. A message to a thread that has ended is a panic, so that none waits for another for ever.
-pub(crate) struct Thread {
+use crate::{Carrier, Received};
+
+/// One rank. Its methods panic if another rank has ended or is in another call, so that none waits for ever.
+pub struct Thread {
     rank: u32,
     to: Vec<Sender<Vec<u8>>>,
     from: Vec<Receiver<Vec<u8>>>,
 }
 
-/// Runs the same on so many ranks, and returns what each returns.
-pub(crate) fn on<T: Send>(ranks: u32, work: impl Fn(Thread) -> T + Sync) -> Vec<T> {
+/// Runs `work` on `ranks` ranks, and returns their results in the order of ranks.
+///
+/// # Panics
+/// If `work` panics on a rank.
+pub fn on<T: Send>(ranks: u32, work: impl Fn(Thread) -> T + Sync) -> Vec<T> {
     let n = ranks as usize;
     let mut from: Vec<Vec<_>> = (0..n).map(|_| Vec::new()).collect();
     let to: Vec<Vec<_>> = (0..n)
