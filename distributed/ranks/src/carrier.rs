@@ -1,6 +1,6 @@
 use bytemuck::Pod;
 
-use crate::{Body, Ghosts, Hull, Particle, Published};
+use crate::{Body, Difference, Ghosts, Hull, Particle, Published};
 
 /// Elements that came from all ranks, those of rank 0 first, and how many from each.
 pub type Received<T> = (Vec<T>, Vec<usize>);
@@ -47,6 +47,11 @@ pub trait Carrier {
 
     /// What this rank fails with, in words. Not collective.
     fn failure(&self, message: String) -> Self::Error;
+
+    /// The error for a setting that is not the same on all ranks. Not collective.
+    fn difference(&self, difference: Difference) -> Self::Error {
+        self.failure(difference.to_string())
+    }
 }
 
 /// Brings elements of all ranks to rank 0, in the order of ranks. The others get none.

@@ -14,6 +14,13 @@ pub fn tie(id: u64) -> u64 {
     mix(id.wrapping_add(0x9E37_79B9_7F4A_7C15))
 }
 
+/// A hash of words in their order. Sequences of which one begins with the other differ, too.
+pub(crate) fn sequence(words: impl IntoIterator<Item = u64>) -> u64 {
+    let (hash, length) =
+        words.into_iter().fold((0, 0_u64), |(hash, length), word| (mix(mix(hash) ^ tie(word)), length + 1));
+    mix(hash ^ tie(length))
+}
+
 /// Tells whether two sets of ids are the same, in whichever order and on whichever ranks they are. Digests of parts
 /// [join](Self::join) to that of the whole. Different sets have equal digests with a chance of about 2⁻¹²⁸.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -58,6 +65,18 @@ mod tests {
         // Two changes that a plain sum or an exclusive or would not see.
         assert_ne!(Digest::of([1, 4]), Digest::of([2, 3]));
         assert_ne!(Digest::of([5, 5]), Digest::of([7, 7]));
+    }
+
+    #[test]
+    fn a_hash_of_a_sequence_depends_on_order_and_length() {
+        let all = [&[][..], &[0], &[0, 0], &[1], &[1, 2], &[2, 1], &[1, 2, 0]];
+        for (k, &one) in all.iter().enumerate() {
+            assert!(all[..k].iter().all(|&other| sequence_of(other) != sequence_of(one)), "{one:?}");
+        }
+    }
+
+    fn sequence_of(words: &[u64]) -> u64 {
+        sequence(words.iter().copied())
     }
 
     #[test]

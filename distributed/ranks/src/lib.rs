@@ -12,6 +12,8 @@
 //! 4. Each rank looks for pairs among what it owns, and between that and the ghosts it got ([`Search`]). A pair of two
 //!    ranks is reported by the one that its smaller sphere belongs to.
 //!
+//! All ranks need the same space, interactions and so on, which [`Settings`] compares.
+//!
 //! Why each pair is found, and once: for two spheres on different ranks exactly one of them travels to the other's
 //! owner, by a rule that looks at their classes and ranks alone, so both ranks agree on it without a word. Why none is
 //! lost: a hull is met by every sphere that overlaps one of the spheres in it, roundings included.
@@ -33,6 +35,7 @@ mod rounds;
 pub mod rule;
 pub mod sample;
 mod search;
+mod settings;
 pub mod threads;
 
 pub use body::{Bodies, Body};
@@ -48,3 +51,4 @@ pub use parting::{Assigned, Migration, Parting};
 pub use partition::{Partition, Split};
 pub use rounds::Rounds;
 pub use search::{Found, Ghosts, Search, Tally};
+pub use settings::{Difference, Settings};

@@ -1,0 +1,254 @@
+//! Settings that all ranks must share, and their comparison.
+//!
+//! # Correctness
+//!
+//! 1. Every setting has a digest of 64 bits: a hash of its name and of its value as a text, or as words. The hash is
+//!    written out in this crate, so that it depends on no build, no seed and no address.
+//! 2. Numbers enter by their exact value. The shortest decimal text of a float that reads back as the same float is
+//!    exact; words are its bits. −0 counts as 0, since no distance tells the two apart. NaN cannot occur: spaces,
+//!    tables and bounds refuse it.
+//! 3. All ranks get all digests in one collective call, and compare them by the same rule. Hence all ranks see the same
+//!    difference, or none, and only then do two of them send the texts of their values.
+//! 4. Unequal values have equal digests with a chance of about 2⁻⁶⁴.
+
+use std::fmt::{self, Write};
+
+use lazygrid::{Interaction, Interactions, Space};
+
+use crate::Carrier;
+use crate::hash::sequence;
+
+/// The settings that all ranks of a communicator must share, in the order in which they are compared. An empty text is no
+/// value.
+///
+/// ```
+/// # use lazygrid_ranks::{Carrier, Settings, threads};
+/// let errors = threads::on(3, |mut rank| {
+///     let steps = if rank.rank() == 2 { 50 } else { 100 };
+///     Settings::new("1.0").with("steps", steps).agree(&mut rank).unwrap_err()
+/// });
+/// let expected = "rank 0: the setting `steps` is 100 on rank 0 and 50 on rank 2; 1 of 3 ranks differs from rank 0; \
+///                 give all ranks the same";
+/// assert_eq!(errors, [expected; 3]);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Settings {
+    each: Vec<Setting>,
+}
+
+#[derive(Clone, Debug)]
+struct Setting {
+    name: &'static str,
+    /// The value, for messages.
+    text: String,
+    digest: u64,
+}
+
+/// A setting that is not the same on all ranks.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// The name of the setting.
+    pub setting: String,
+    /// Two ranks that have different values: rank 0, and the first that differs from it.
+    pub ranks: [u32; 2],
+    /// The values of these two ranks.
+    pub values: [String; 2],
+    /// The number of ranks that differ from rank 0.
+    pub differing: u32,
+    /// The number of all ranks.
+    pub all: u32,
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { setting, ranks: [first, other], values: [one, another], differing, all } = self;
+        let differ = if *differing == 1 { "differs" } else { "differ" };
+        write!(
+            f,
+            "the setting `{setting}` is {one} on rank {first} and {another} on rank {other}; {differing} of {all} ranks \
+             {differ} from rank {first}; give all ranks the same"
+        )
+    }
+}
+
+impl Settings {
+    /// No settings but the version of the program that compares them. Programs of different versions may carry data in
+    /// different layouts.
+    pub fn new(version: impl fmt::Display) -> Self {
+        Self { each: Vec::new() }.with("version", version)
+    }
+
+    /// Adds a setting whose text says all of its value.
+    pub fn with(self, name: &'static str, value: impl fmt::Display) -> Self {
+        let text = value.to_string();
+        let digest = sequence(words(name).chain(words(&text)));
+        self.add(Setting { name, text, digest })
+    }
+
+    /// Adds a setting whose value is a text too long for a message, which says `what` it is and the digest of the text.
+    pub fn with_long(self, name: &'static str, what: impl fmt::Display, value: impl fmt::Display) -> Self {
+        self.with_words(name, what, words(&value.to_string()))
+    }
+
+    /// Adds a space as the setting `space`.
+    pub fn with_space(self, space: &Space) -> Self {
+        self.with("space", describe(space))
+    }
+
+    /// Adds a table of interactions, or that there is none, as the setting `interactions`.
+    pub fn with_interactions(self, table: Option<&Interactions>) -> Self {
+        let name = "interactions";
+        let Some(table) = table else { return self.with(name, "no table") };
+        let species = table.species();
+        let pairs = (0..species).flat_map(|a| (a..species).map(move |b| (a, b)));
+        let entries = pairs.flat_map(|(a, b)| entry(table.get(a, b)));
+        self.with_words(name, format_args!("a table of {species} species"), entries)
+    }
+
+    fn with_words(
+        self,
+        name: &'static str,
+        what: impl fmt::Display,
+        value: impl IntoIterator<Item = u64>,
+    ) -> Self {
+        let digest = sequence(words(name).chain(value));
+        self.add(Setting { name, text: format!("{what} with the digest {digest:016x}"), digest })
+    }
+
+    fn add(mut self, setting: Setting) -> Self {
+        self.each.push(setting);
+        self
+    }
+
+    /// Compares these settings with those of all other ranks. Collective: one exchange of 8 bytes per setting from each
+    /// rank, and further ones only to say what differs.
+    ///
+    /// # Errors
+    /// [`Carrier::difference`] on all ranks if a setting is not the same on all; those of the carrier.
+    pub fn agree<C: Carrier>(&self, carrier: &mut C) -> Result<(), C::Error> {
+        let own: Vec<u64> = self.each.iter().map(|setting| setting.digest).collect();
+        let (all, counts) = carrier.share("digests of settings", &own)?;
+        let of_ranks: Vec<&[u64]> = split(&all, &counts).collect();
+        let Some((place, other)) = first_difference(&of_ranks) else { return Ok(()) };
+        let at = |rank: usize| of_ranks[rank].get(place);
+        let differing = (0..of_ranks.len()).filter(|&rank| at(rank) != at(0)).count() as u32;
+        let ranks = [0, other as u32];
+        // Ranks of different programs may not have the setting.
+        let own = self.each.get(place).filter(|_| ranks.contains(&carrier.rank()));
+        let (name, text) = own.map_or(("", ""), |setting| (setting.name, &setting.text));
+        let names = carrier.share("names of settings", name.as_bytes())?;
+        let texts = carrier.share("settings that differ", text.as_bytes())?;
+        let [names, values] = [names, texts].map(|(bytes, counts)| {
+            let texts: Vec<_> =
+                split(&bytes, &counts).map(String::from_utf8_lossy).map(String::from).collect();
+            ranks.map(|rank| texts[rank as usize].clone())
+        });
+        let setting = names.into_iter().find(|name| !name.is_empty()).unwrap_or_default();
+        let values = values.map(|value| if value.is_empty() { "not known".to_owned() } else { value });
+        let all = carrier.ranks();
+        let error = carrier.difference(Difference { setting, ranks, values, differing, all });
+        carrier.agree(Err(error))
+    }
+}
+
+/// The elements of each rank.
+fn split<'a, T>(all: &'a [T], counts: &'a [usize]) -> impl Iterator<Item = &'a [T]> {
+    let mut rest = all;
+    counts.iter().map(move |&count| {
+        let (own, others) = rest.split_at(count);
+        rest = others;
+        own
+    })
+}
+
+/// The first place at which a rank differs from rank 0, and the first rank that does.
+fn first_difference(of_ranks: &[&[u64]]) -> Option<(usize, usize)> {
+    let first = of_ranks.first()?;
+    let places = of_ranks.iter().map(|own| own.len()).max()?;
+    (0..places).find_map(|place| {
+        of_ranks.iter().position(|own| own.get(place) != first.get(place)).map(|rank| (place, rank))
+    })
+}
+
+/// A text as words: its length, then eight bytes in each.
+fn words(text: &str) -> impl Iterator<Item = u64> {
+    let word = |bytes: &[u8]| bytes.iter().rev().fold(0, |word, &byte| word << 8 | u64::from(byte));
+    std::iter::once(text.len() as u64).chain(text.as_bytes().chunks(8).map(word))
+}
+
+/// An interaction in two words. 0 takes the place of −0.
+fn entry(interaction: Interaction) -> [u64; 2] {
+    match interaction {
+        Interaction::Never => [0, 0],
+        Interaction::Touch => [1, 0],
+        Interaction::Within(distance) => [2, f64::from(distance + 0.0).to_bits()],
+    }
+}
+
+/// A space as a text that says all of it, with 0 in place of −0.
+fn describe(space: &Space) -> String {
+    if !space.is_periodic() {
+        return "unbounded".to_owned();
+    }
+    let mut text = "periodic along".to_owned();
+    for edge in space.edges() {
+        // Writing to a string does not fail.
+        let _ = match edge.map(|edge| edge.to_array().map(|length| length + 0.0)) {
+            Some([x, y, z]) => write!(text, " ({x}, {y}, {z})"),
+            None => write!(text, " -"),
+        };
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn digest(settings: Settings) -> u64 {
+        settings.each.last().unwrap().digest
+    }
+
+    /// A build that computes other digests could not agree with one that computes these.
+    #[test]
+    fn digests_are_those_of_every_build() {
+        let none = || Settings::new("1");
+        assert_eq!(digest(none().with("steps", 100)), 0xA623_CC9B_5314_503E);
+        assert_eq!(digest(none().with_space(&Space::UNBOUNDED)), 0x4862_1F8E_8DA6_EE67);
+        let mut table = Interactions::new(2, Interaction::Touch).unwrap();
+        table.set(0, 1, Interaction::Within(2.5)).unwrap();
+        assert_eq!(digest(none().with_interactions(Some(&table))), 0x8A9E_2E89_5C13_DC4C);
+    }
+
+    #[test]
+    fn equal_settings_have_equal_digests() {
+        let sheared = |tilt: f32| {
+            let edges = [[4.0, 0.0, 0.0], [tilt, 4.0, 0.0], [1.0, 0.0, 4.0]];
+            Settings::new("1").with_space(&Space::sheared(edges.map(|edge| Some(edge.into()))).unwrap())
+        };
+        assert_eq!(digest(sheared(0.0)), digest(sheared(-0.0)));
+        assert_ne!(digest(sheared(0.0)), digest(sheared(f32::from_bits(1))));
+        let within = |distance: f32| {
+            let table = Interactions::new(1, Interaction::Within(distance)).unwrap();
+            digest(Settings::new("1").with_interactions(Some(&table)))
+        };
+        assert_eq!(within(0.0), within(-0.0));
+        assert_ne!(within(1.0), within(1.0_f32.next_up()));
+    }
+
+    #[test]
+    fn spaces_are_described_in_full() {
+        let space = Space::periodic([Some(10.0), None, Some(0.1)]).unwrap();
+        assert_eq!(describe(&space), "periodic along (10, 0, 0) - (0, 0, 0.1)");
+        assert_eq!(describe(&Space::UNBOUNDED), "unbounded");
+    }
+
+    #[test]
+    fn texts_that_are_cut_differently_have_different_digests() {
+        let of = |texts: &[&str]| sequence(texts.iter().flat_map(|text| words(text)));
+        let texts: [&[&str]; 5] = [&["ab", "c"], &["a", "bc"], &["abc", ""], &["abc"], &["abc\0"]];
+        for (k, one) in texts.iter().enumerate() {
+            assert!(texts[..k].iter().all(|other| of(other) != of(one)), "{one:?}");
+        }
+    }
+}
