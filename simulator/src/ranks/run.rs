@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid::Backend;
-use lazygrid_ranks::{Carrier, gather};
+use lazygrid_ranks::{Carrier, Settings, gather};
 
 use super::{RankSimulation, Share, Wanted};
 use crate::Error;
@@ -21,12 +21,14 @@ impl Run {
     /// rayon pool of whoever calls.
     ///
     /// # Errors
-    /// Of a rank, on all: as [`run`](Self::run), [`Error::NotOverRanks`], and those of the carrier.
+    /// Of a rank, on all: as [`run`](Self::run), [`Error::NotOverRanks`], and those of the carrier. [`Carrier::difference`] if
+    /// ranks have different runs. The algorithm and [`threads`](Self::threads) may differ.
     pub fn run_over<C: Carrier>(
         &self,
-        carrier: C,
+        mut carrier: C,
         mut watch: impl FnMut(u32) -> ControlFlow<()>,
     ) -> Result<(End, RankSimulation<C>), C::Error> {
+        self.shared().agree(&mut carrier)?;
         let is_first = carrier.rank() == 0;
         if is_first {
             self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
@@ -62,6 +64,16 @@ impl Run {
         }
         let done = simulation.step_count() >= self.scenario.steps;
         Ok((if done { End::Finished } else { End::Stopped }, simulation))
+    }
+
+    /// The settings that all ranks must share besides those of a [`RankSimulation`].
+    fn shared(&self) -> Settings {
+        let Scenario { steps, output, .. } = &self.scenario;
+        Settings::new(env!("CARGO_PKG_VERSION"))
+            .with("resume", self.resume)
+            .with("steps", steps)
+            .with("output", format_args!("{output:?}"))
+            .with("directory", self.directory.display())
     }
 
     /// The files are the first rank's.

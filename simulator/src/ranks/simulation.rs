@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use bytemuck::{Pod, Zeroable};
 use lazygrid::{Algorithm, Pair};
-use lazygrid_ranks::{Bodies, Carrier, Found, Ghosts, Parting, Published, Search, deliver, gather};
+use lazygrid_ranks::{Bodies, Carrier, Found, Ghosts, Parting, Published, Search, Settings, deliver, gather};
 
 use super::matching::Contest;
 use super::{Gathered, Share, check, rows};
@@ -75,7 +75,8 @@ impl<C: Carrier> RankSimulation<C> {
     /// The beginning of a run, in which pairs are found by `algorithm`, which does not change the result.
     ///
     /// # Errors
-    /// Of a rank, on all: as [`Simulation::new`], and [`Error::NotOverRanks`].
+    /// Of a rank, on all: as [`Simulation::new`], and [`Error::NotOverRanks`]. [`Carrier::difference`] if ranks have
+    /// different models or seeds, or are at different steps.
     pub fn new(carrier: C, model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, C::Error> {
         let state = State::new_share(&model, seed, Share::new(carrier.rank(), carrier.ranks()));
         Self::begin(carrier, model, (seed, algorithm), state)
@@ -100,14 +101,15 @@ impl<C: Carrier> RankSimulation<C> {
     }
 
     fn begin(
-        carrier: C,
+        mut carrier: C,
         model: Model,
         (seed, algorithm): (u64, Algorithm),
         state: Result<State, Error>,
     ) -> Result<Self, C::Error> {
         let place = (carrier.rank(), carrier.ranks());
-        let made = state.and_then(|state| {
-            check(&model)?;
+        let state = carrier.agree(state.map_err(|error| carrier.failure(error.to_string())))?;
+        shared(&model, seed, state.step).agree(&mut carrier)?;
+        let made = check(&model).and_then(|()| {
             let mut run = Simulation::resume(model, seed, algorithm, state)?;
             let meeting = Meeting::of(&mut run, algorithm, place)?;
             Ok((run, meeting))
@@ -256,6 +258,15 @@ impl<C: Carrier> RankSimulation<C> {
         }
         Ok(Gathered { model: &run.model, totals, received, arrivals, state })
     }
+}
+
+/// The settings that all ranks must share. The algorithm does not change the result.
+fn shared(model: &Model, seed: u64, step: u32) -> Settings {
+    Settings::new(env!("CARGO_PKG_VERSION"))
+        // The text has every number exactly, and its maker has the same version on all ranks.
+        .with_long("model", "a model", format_args!("{model:?}"))
+        .with("seed", seed)
+        .with("steps done", step)
 }
 
 impl Meeting {

@@ -214,3 +214,43 @@ fn a_part_that_is_lost_or_of_another_checkpoint_is_named() {
         threads::on(2, |thread| run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0));
     assert!(done.iter().all(|end| end.as_ref().unwrap_err().contains("it holds a run already")), "{done:?}");
 }
+
+#[test]
+fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
+    let directory = tempfile::tempdir().unwrap();
+    let base = || run(directory.path(), 20, false);
+    let refused = |name: &str, odd: Run| {
+        let base = base();
+        let done = threads::on(3, |thread| {
+            let run = if lazygrid_ranks::Carrier::rank(&thread) == 2 { &odd } else { &base };
+            run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+        });
+        let said: Vec<_> = done.into_iter().map(Result::unwrap_err).collect();
+        assert_eq!(said, vec![said[0].clone(); 3]);
+        let expected = format!("rank 0: the setting `{name}` is ");
+        assert!(
+            said[0].starts_with(&expected) && said[0].contains(" on rank 2; 1 of 3 ranks "),
+            "{}",
+            said[0]
+        );
+    };
+    let with = |change: fn(&mut Scenario)| {
+        let mut run = base();
+        change(&mut run.scenario);
+        run
+    };
+    refused("resume", Run { resume: true, ..base() });
+    refused("steps", with(|scenario| scenario.steps = 21));
+    refused("output", with(|scenario| scenario.output.every = 4));
+    refused("output", with(|scenario| scenario.output.animation = None));
+    refused("directory", Run { directory: directory.path().join("elsewhere"), ..base() });
+    refused("seed", with(|scenario| scenario.seed = 8));
+    refused("model", with(|scenario| scenario.model.reactions[0].binding_radius = 1.0_f32.next_up()));
+    // None of them wrote anything; and how a rank finds pairs is its own affair.
+    let own = Run { algorithm: Algorithm::RecursiveGrid, ..base() };
+    let done = threads::on(3, |thread| {
+        let run = if lazygrid_ranks::Carrier::rank(&thread) == 2 { own.clone() } else { base() };
+        run.run_over(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+    });
+    assert_eq!(done, vec![Ok(End::Finished); 3]);
+}
