@@ -1,4 +1,5 @@
 use lazygrid::{Backend, Interactions, Order, Space};
+use lazygrid_ranks::Settings;
 
 use crate::Error;
 
@@ -33,7 +34,11 @@ pub enum Delivery {
     Owners,
 }
 
-/// What [`Distributed`](crate::Distributed) is asked to do. All ranks have to ask for the same.
+/// The settings of a [`Distributed`](crate::Distributed).
+///
+/// All ranks need the same space, interactions, ownership, delivery, order and message limit, which
+/// [`Distributed::new`](crate::Distributed::new) compares. Backend, threads, the most pairs of a list and the settings of the
+/// [detector](Self::detector) are those of each rank, since no answer of another rank depends on them.
 #[derive(Clone, Debug)]
 pub struct Config {
     pub(crate) detector: lazygrid::Config,
@@ -124,11 +129,30 @@ impl Config {
         self
     }
 
-    /// Everything else that a detector can be told, such as its algorithm. Space, interactions, order, backend, threads
-    /// and limits are those of this configuration, whatever is said here.
+    /// Everything else that a detector can be told, such as its algorithm. Space, interactions, order, backend and limits are
+    /// those of this configuration, whatever is said here.
     pub fn detector(mut self, detector: lazygrid::Config) -> Self {
         self.detector = detector;
         self
+    }
+
+    /// The settings that all ranks must share.
+    pub(crate) fn shared(&self) -> Settings {
+        let ownership = match self.ownership {
+            Ownership::Keep => "keep".to_owned(),
+            Ownership::Balance { bound } => format!("balance with the bound {bound}"),
+        };
+        let delivery = match self.delivery {
+            Delivery::Once => "once",
+            Delivery::Owners => "owners",
+        };
+        Settings::new(env!("CARGO_PKG_VERSION"))
+            .with_space(&self.space)
+            .with_interactions(self.interactions.as_ref())
+            .with("ownership", ownership)
+            .with("delivery", delivery)
+            .with("order", format_args!("{:?}", self.order))
+            .with("message_limit", self.message_limit)
     }
 
     /// Refuses settings outside their range.

@@ -37,13 +37,15 @@ struct Prepared {
 }
 
 impl Distributed {
-    /// For the ranks of this communicator, of which it makes itself a copy, so that messages do not mix.
+    /// For the ranks of this communicator, of which it makes itself a copy, so that messages do not mix. Collective.
     ///
     /// # Errors
-    /// [`Error::Setting`] for a setting outside its range; [`Error::Detection`] where a rank's detector cannot be made.
+    /// On all ranks alike: [`Error::Setting`] for a setting outside its range; [`Error::Settings`] if a setting is not the
+    /// same on all ranks, of those that [`Config`] names; [`Error::Detection`] if the detector of a rank cannot be made.
     pub fn new(communicator: &impl Communicator, config: Config) -> Result<Self, Error> {
-        let wire = Wire::new(communicator.duplicate(), config.message_limit);
+        let mut wire = Wire::new(communicator.duplicate(), config.message_limit);
         wire.agree(config.check(wire.ranks()))?;
+        config.shared().agree(&mut wire)?;
         let node = Node::of(wire.comm());
         let made = detectors(&config, node);
         let threads = config.threads.unwrap_or_else(|| node.threads());
@@ -305,11 +307,7 @@ fn failed(rank: u32, error: lazygrid::Error) -> Error {
 /// The detector of this rank, and one for pairs of owned spheres and ghosts where it has none of these.
 fn detectors(config: &Config, node: Node) -> Result<(Detector, Option<Detector>), String> {
     let ours = |detector: lazygrid::Config| {
-        let detector = detector.space(config.space).order(Order::Unordered);
-        match &config.interactions {
-            Some(interactions) => detector.interactions(interactions.clone()),
-            None => detector,
-        }
+        detector.space(config.space).interactions(config.interactions.clone()).order(Order::Unordered)
     };
     let detector = ours(config.detector.clone()).backend(config.backend);
     let detector = match node.place(config.backend) {

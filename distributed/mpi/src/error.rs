@@ -39,6 +39,16 @@ pub enum Error {
         /// What is allowed.
         range: String,
     },
+    /// A setting is not the same on all ranks.
+    #[error("{message}")]
+    Settings {
+        /// The name of the setting; the first, if several differ.
+        name: String,
+        /// Two ranks that have different values: rank 0, and the first that differs from it.
+        ranks: [u32; 2],
+        /// The values of these two ranks, the number of ranks that differ, and the remedy.
+        message: String,
+    },
     /// The system refused memory to one rank.
     #[error(
         "rank {rank}: no memory for {what}: {bytes} bytes were refused; use more nodes or fewer ranks on each, or \

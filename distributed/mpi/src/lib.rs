@@ -45,11 +45,11 @@ mod simulate;
 mod wire;
 
 pub use abort::abort_on_panic;
-pub use agree::agree;
+pub use agree::{agree, agree_on};
 pub use config::{Config, Delivery, Ownership};
 pub use distributed::Distributed;
 pub use error::Error;
-pub use lazygrid_ranks::Migration;
+pub use lazygrid_ranks::{Migration, Settings};
 pub use local::{Local, Particles};
 pub use mpi;
 pub use node::threads;

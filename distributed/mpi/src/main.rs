@@ -7,7 +7,9 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use clap::error::ErrorKind;
-use mpi::traits::Communicator;
+use lazygrid_mpi::agree_on;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::{Communicator, CommunicatorCollectives};
 
 use crate::command::args::{Args, Command};
 
@@ -21,23 +23,15 @@ fn main() -> ExitCode {
     lazygrid_mpi::abort_on_panic();
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).init();
     let is_first = world.rank() == 0;
-    let args = match parsed {
+    let args = match all_parsed(&world, parsed) {
         Ok(args) => args,
-        Err(usage) => {
-            // All ranks were told the same.
-            if is_first {
-                // Where nobody listens nobody can be told.
-                let _ = usage.print();
-            }
-            let asked = matches!(usage.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
-            return if asked { ExitCode::SUCCESS } else { ExitCode::from(2) };
-        }
+        Err(code) => return code,
     };
-    let done = match args.command {
+    let done = agree_on(&world, &args.command.shared()).and_then(|()| match args.command {
         Command::Detect(args) => command::detect(&world, &args),
         Command::Scale(args) => command::scale(&world, &args),
         Command::Simulate(args) => command::simulate(&world, &args),
-    };
+    });
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -47,6 +41,33 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// The arguments of this rank, or the exit code of all ranks if those of some rank are no command. Collective.
+fn all_parsed(world: &SimpleCommunicator, parsed: Result<Args, clap::Error>) -> Result<Args, ExitCode> {
+    let mut refused = vec![false; world.size() as usize];
+    world.all_gather_into(&parsed.is_err(), &mut refused[..]);
+    let Some(first) = refused.iter().position(|&refused| refused) else {
+        return parsed.map_err(|_| ExitCode::from(2));
+    };
+    let is_first = world.rank() as usize == first;
+    if let (Err(usage), true) = (&parsed, is_first) {
+        // Nothing more can be done if standard error is closed.
+        let _ = usage.print();
+    }
+    if refused.iter().all(|&refused| refused) {
+        let asked =
+            |usage: &clap::Error| matches!(usage.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
+        let asked = parsed.as_ref().err().is_some_and(asked);
+        return Err(if asked { ExitCode::SUCCESS } else { ExitCode::from(2) });
+    }
+    if is_first {
+        let other = refused.iter().position(|&refused| !refused).unwrap_or_default();
+        say(&format!(
+            "error: rank {first} has other arguments than rank {other}; give all ranks the same command and options"
+        ));
+    }
+    Err(ExitCode::from(2))
 }
 
 /// Says something on standard error; where that is closed nobody can be told.

@@ -1,5 +1,5 @@
 use bytemuck::Pod;
-use lazygrid_ranks::{Carrier, Received, Rounds};
+use lazygrid_ranks::{Carrier, Difference, Received, Rounds};
 use mpi::Count;
 use mpi::collective::SystemOperation;
 use mpi::datatype::{Partition, PartitionMut};
@@ -147,6 +147,11 @@ impl Carrier for Wire {
 
     fn failure(&self, message: String) -> Error {
         Error::Input { rank: self.rank(), index: None, message }
+    }
+
+    fn difference(&self, difference: Difference) -> Error {
+        let message = difference.to_string();
+        Error::Settings { name: difference.setting, ranks: difference.ranks, message }
     }
 }
 

@@ -149,3 +149,74 @@ fn what_is_wrong_is_said_once_with_its_place_in_the_file() {
     let said = error(2, directory.path(), &["bad.npy", "--gather"], 2);
     assert!(said.contains("--output <FILE>"), "{said}");
 }
+
+/// Standard error of two ranks that were started with other arguments, both of which must end with this code.
+fn of_two(directory: &Path, arguments: [&[&str]; 2], code: i32) -> String {
+    // Of programs that fail Open MPI ends the others, and its own exit code is not always theirs.
+    let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", env!("CARGO_BIN_EXE_lazygrid-mpi")];
+    let [one, other] = arguments;
+    let output = Command::new("mpirun")
+        .args(["--oversubscribe", "--timeout", "60"])
+        .args([&rank[..], one, &[":"], &rank[..], other].concat())
+        .current_dir(directory)
+        .output()
+        .unwrap();
+    let [out, said] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+    assert_eq!(out.matches(&format!("code {code}\n")).count(), 2, "{arguments:?}: {out}{said}");
+    said
+}
+
+#[test]
+fn arguments_that_differ_between_ranks_are_refused_by_name() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let spheres = spheres(300);
+    for name in ["all.npy", "other.npy"] {
+        std::fs::write(at(name), npy(&spheres)).unwrap();
+    }
+    let table: String = rows(&spheres).collect();
+    std::fs::write(at("all.csv"), format!("x,y,z,r\n{table}")).unwrap();
+    let base = ["detect", "all.npy", "--backend", "cpu"];
+    let with = |more: &[&'static str]| [&base[..], more].concat();
+    let refused = |name: &str, other: &[&str]| {
+        let said = of_two(directory.path(), [&base, other], 1);
+        let expected = format!("error: the setting `{name}` is ");
+        assert_eq!(said.matches(&expected).count(), 1, "{said}");
+        assert!(said.contains(" on rank 0 and ") && said.contains(" on rank 1; "), "{said}");
+    };
+    refused("FILE", &["detect", "other.npy"]);
+    refused("FILE", &["detect", "all.csv"]);
+    refused("--format", &with(&["--format", "npy"]));
+    refused("--frame", &with(&["--frame", "0"]));
+    refused("--radius", &with(&["--radius", "A=2"]));
+    refused("--periodic", &with(&["--periodic", "12,12,12"]));
+    refused("--periodic", &with(&["--periodic", "none"]));
+    refused("--keep", &with(&["--keep"]));
+    refused("--output", &with(&["-o", "pairs.npy"]));
+    refused("command", &["scale", "--per-rank", "100"]);
+    let output = with(&["-o", "pairs.npy"]);
+    let gather = with(&["-o", "pairs.npy", "--gather"]);
+    let said = of_two(directory.path(), [&output, &gather], 1);
+    assert!(said.contains("error: the setting `--gather` is false on rank 0 and true on rank 1; "), "{said}");
+    let scale = ["scale", "--per-rank", "100"];
+    let said = of_two(directory.path(), [&scale, &[&scale[..], &["--steps", "3"]].concat()], 1);
+    assert!(said.contains("error: the setting `--steps` is 5 on rank 0 and 3 on rank 1; "), "{said}");
+    // What each rank has for itself.
+    let own = with(&["--threads", "2", "--max-pairs", "100000", "--json"]);
+    of_two(directory.path(), [&base, &own], 0);
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 3);
+}
+
+#[test]
+fn arguments_of_one_rank_that_are_no_command_end_all_ranks() {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("all.npy"), npy(&spheres(30))).unwrap();
+    let base: &[&str] = &["detect", "all.npy", "--backend", "cpu"];
+    for odd in [&["detect"][..], &["detect", "all.npy", "--perodic", "1,1,1"], &["--help"], &[]] {
+        for (arguments, rank) in [([base, odd], 1), ([odd, base], 0)] {
+            let said = of_two(directory.path(), arguments, 2);
+            let expected = format!("error: rank {rank} has other arguments than rank {}; ", 1 - rank);
+            assert_eq!(said.matches(&expected).count(), 1, "{odd:?}: {said}");
+        }
+    }
+}

@@ -148,3 +148,45 @@ fn what_is_wrong_is_said_once() {
     assert!(said.contains("checkpoint: cannot read"), "{said}");
     assert!(!Path::new(&at("out")).exists());
 }
+
+/// The error of two ranks that were started with other arguments, both of which must end with code 1.
+fn error_of_two(arguments: [&[&str]; 2]) -> String {
+    // Of programs that fail Open MPI ends the others, and its own exit code is not always theirs.
+    let command = env!("CARGO_BIN_EXE_lazygrid-mpi");
+    let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", command, "simulate"];
+    let [one, other] = arguments;
+    let output = Command::new("mpirun")
+        .args(["--oversubscribe", "--timeout", "60"])
+        .args([&rank[..], one, &[":"], &rank[..], other].concat())
+        .output()
+        .unwrap();
+    let [out, said] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+    assert_eq!(out.matches("code 1\n").count(), 2, "{arguments:?}: {out}{said}");
+    let errors: Vec<_> = said.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert_eq!(errors.len(), 1, "{said}");
+    errors[0].to_owned()
+}
+
+#[test]
+fn options_that_differ_between_ranks_are_refused_by_name() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    let text = std::fs::read_to_string(scenario("burst")).unwrap();
+    let other = text.replacen("diffusion = ", "diffusion = 1", 1);
+    assert_ne!(text, other);
+    std::fs::write(at("one.toml"), &text).unwrap();
+    std::fs::write(at("other.toml"), &other).unwrap();
+    let (one, other, output) = (at("one.toml"), at("other.toml"), at("out"));
+    let base = [one.as_str(), "-o", &output, "--steps", "2"];
+    for (name, odd) in [
+        ("model", &[&other, "-o", &output, "--steps", "2"][..]),
+        ("steps", &[&one, "-o", &output, "--steps", "1"]),
+        ("directory", &[&one, "-o", &at("elsewhere"), "--steps", "2"]),
+        ("seed", &[&base[..], &["--seed", "99"]].concat()),
+        ("output", &[&base[..], &["--every", "2"]].concat()),
+        ("resume", &[&base[..], &["--resume"]].concat()),
+    ] {
+        let said = error_of_two([&base, odd]);
+        assert!(said.starts_with(&format!("error: the setting `{name}` is ")), "{said}");
+    }
+}

@@ -1,3 +1,4 @@
+use std::fmt::Display;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -6,7 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use lazygrid::{Backend, Space};
 use lazygrid_io::read::{Format, Options, Radii};
-use lazygrid_mpi::Ownership;
+use lazygrid_mpi::{Ownership, Settings};
 use lazygrid_sim::options::Options as RunOptions;
 
 /// All pairs of overlapping spheres, by many ranks.
@@ -150,7 +151,51 @@ impl Scene {
     }
 }
 
+impl Command {
+    /// The command and the options that all ranks must share. Those of runs are compared when their scenarios are read.
+    pub(crate) fn shared(&self) -> Settings {
+        let settings = Settings::new(env!("CARGO_PKG_VERSION"));
+        match self {
+            Self::Detect(args) => args.shared(settings.with("command", "detect")),
+            Self::Simulate(_) => settings.with("command", "simulate"),
+            Self::Scale(args) => args.shared(settings.with("command", "scale")),
+        }
+    }
+}
+
+impl Scale {
+    fn shared(&self, settings: Settings) -> Settings {
+        settings
+            .with("--scene", self.scene.name())
+            .with("--per-rank", self.per_rank)
+            .with("--spheres", option(self.spheres))
+            .with("--steps", self.steps)
+    }
+}
+
 impl Detect {
+    /// All options but those of which each rank may have its own: `--backend`, `--threads`, `--max-pairs` and `--json`.
+    fn shared(&self, settings: Settings) -> Settings {
+        let radii: Vec<_> =
+            self.radii.iter().map(|(species, radius)| format!("{species}={radius}")).collect();
+        // No box and an unbounded one are different: a file may declare a box.
+        let periodic = self.periodic.map(|space| {
+            space
+                .lengths()
+                .map(|length| length.map_or_else(|| "-".to_owned(), |length| length.to_string()))
+                .join(",")
+        });
+        settings
+            .with("FILE", self.file.display())
+            .with("--format", option(self.format.map(Format::name)))
+            .with("--frame", option(self.frame))
+            .with("--radius", option((!radii.is_empty()).then(|| radii.join(" "))))
+            .with("--periodic", option(periodic))
+            .with("--keep", self.keep)
+            .with("--output", option(self.output.as_ref().map(|path| path.display())))
+            .with("--gather", self.gather)
+    }
+
     pub(crate) fn ownership(&self) -> Ownership {
         if self.keep { Ownership::Keep } else { Ownership::BALANCE }
     }
@@ -160,6 +205,11 @@ impl Detect {
         let radii: Radii = self.radii.iter().cloned().collect();
         Options { format: self.format, radii, space: self.periodic, ids: false, groups: false }
     }
+}
+
+/// The value of an option, for a comparison of ranks.
+fn option(value: Option<impl Display>) -> String {
+    value.map_or_else(|| "not given".to_owned(), |value| value.to_string())
 }
 
 fn radius(text: &str) -> Result<(String, f32), String> {

@@ -5,6 +5,7 @@
 #![allow(clippy::print_stdout, reason = "a test program, of which rank 0 says what it did")]
 
 mod answers;
+mod disagreements;
 mod failures;
 mod scale;
 mod scenes;
@@ -26,6 +27,10 @@ const CASES: &[Case] = &[
     ("failures: one bad sphere", failures::bad_sphere),
     ("failures: ids that two spheres have", failures::duplicate_ids),
     ("failures: lengths, species and limits", failures::refusals),
+    ("disagreements: settings of one rank", disagreements::settings),
+    ("disagreements: settings that each rank has for itself", disagreements::own_settings),
+    ("disagreements: a table of the detector", disagreements::detectors_own_table),
+    ("disagreements: what one rank cannot do", disagreements::failures_of_one),
     ("scale: a million spheres", scale::million),
     ("scale: all at one point", scale::one_point),
 ];
