@@ -9,6 +9,7 @@ mod disagreements;
 mod failures;
 mod scale;
 mod scenes;
+mod sequences;
 mod settling;
 
 use mpi::topology::SimpleCommunicator;
@@ -31,6 +32,7 @@ const CASES: &[Case] = &[
     ("disagreements: settings that each rank has for itself", disagreements::own_settings),
     ("disagreements: a table of the detector", disagreements::detectors_own_table),
     ("disagreements: what one rank cannot do", disagreements::failures_of_one),
+    ("sequences: changes and failures between calls", sequences::random_calls),
     ("scale: a million spheres", scale::million),
     ("scale: all at one point", scale::one_point),
 ];

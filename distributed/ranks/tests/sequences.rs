@@ -1,0 +1,321 @@
+//! One search per rank, call after call: whatever changes between two calls, and whichever call fails, the next answer is that
+//! of the definition.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use std::ops::ControlFlow;
+
+use common::naive;
+use lazygrid::{Algorithm, Config, Detector, Interaction, Interactions, Order, Skin, Space, Sphere, Spheres};
+use lazygrid_ranks::{
+    Bodies, Carrier, Found, Ghosts, Migration, Particle, Parting, Published, Search, threads, tie,
+};
+use proptest::prelude::*;
+use proptest::sample::select;
+
+/// The edge of the cube that spheres are in.
+const EDGE: f32 = 12.0;
+
+/// A change between two calls.
+#[derive(Clone, Debug)]
+enum Change {
+    /// This many calls with the same spheres.
+    Repeat(u8),
+    /// This many calls, before each of which all spheres move by up to this length along each axis.
+    Drift(u8, f32),
+    /// All radii, or those of every fourth sphere, are multiplied.
+    Radii { factor: f32, all: bool },
+    /// The number of spheres. About 500 spheres on a rank are too many for a comparison of all with all.
+    Resize(u32),
+    /// This many of every eight spheres appear elsewhere.
+    Teleport(u64),
+    /// All spheres get other species.
+    Species,
+    /// Spheres go to other ranks.
+    Place(Placement),
+}
+
+/// A call that fails on a rank, since a sphere has a negative radius or is not finite.
+#[derive(Clone, Copy, Debug)]
+struct Fail {
+    rank: u32,
+    radius: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Placement {
+    Spread,
+    Single(u32),
+    /// Each rank has a part of space.
+    Settled,
+}
+
+/// The input of a call.
+#[derive(Clone, Debug)]
+struct Frame {
+    particles: Vec<Particle>,
+    placement: Placement,
+    fails: Option<Fail>,
+}
+
+#[derive(Clone, Debug)]
+struct Scene {
+    /// Changes, and the call that fails between a change and the next answer.
+    changes: Vec<(Change, Option<Fail>)>,
+    ranks: u32,
+    is_periodic: bool,
+    interactions: bool,
+    algorithm: Algorithm,
+    skin: Skin,
+}
+
+/// From 0 to below 1.
+fn random(id: u64, stream: u64) -> f32 {
+    (tie(tie(id) ^ stream) >> 40) as f32 / (1_u32 << 24) as f32
+}
+
+fn point(id: u64, stream: u64) -> [f32; 3] {
+    [0, 1, 2].map(|axis| EDGE * random(id, 4 * stream + axis))
+}
+
+/// A sphere of the beginning.
+fn particle(id: u64) -> Particle {
+    let radius = 0.4 * 0.5_f32.powi(id as i32 % 4);
+    Particle { sphere: Sphere::new(point(id, 0), radius), id, species: (id % 3) as u32, index: 0 }
+}
+
+impl Scene {
+    fn frames(&self) -> Vec<Frame> {
+        let mut particles: Vec<Particle> = (0..900).map(particle).collect();
+        let mut placement = Placement::Spread;
+        let mut frames = Vec::new();
+        for (stream, (change, fails)) in (1..).zip(&self.changes) {
+            let mut calls = 1;
+            match *change {
+                Change::Repeat(times) => calls = times,
+                Change::Drift(times, _) => calls = times,
+                Change::Radii { factor, all } => {
+                    let changed = particles.iter_mut().filter(|one| all || one.id % 4 == 0);
+                    changed.for_each(|one| one.sphere.radius = (one.sphere.radius * factor).clamp(1e-6, 1.0));
+                }
+                Change::Resize(n) => {
+                    let first = particles.len() as u64;
+                    particles.extend((first..n.into()).map(particle));
+                    particles.truncate(n as usize);
+                }
+                Change::Teleport(share) => particles
+                    .iter_mut()
+                    .filter(|one| tie(one.id ^ stream) % 8 < share)
+                    .for_each(|one| one.sphere.center = point(one.id, stream).into()),
+                Change::Species => {
+                    particles.iter_mut().for_each(|one| one.species = (tie(one.id ^ stream) % 3) as u32);
+                }
+                Change::Place(to) => placement = to,
+            }
+            for call in 0..u64::from(calls) {
+                if let Change::Drift(_, by) = *change {
+                    let step = |id| {
+                        [0, 1, 2].map(|axis| by * (2.0 * random(id, stream << 8 | call << 2 | axis) - 1.0))
+                    };
+                    particles
+                        .iter_mut()
+                        .for_each(|one| one.sphere.center += lazygrid::glam::Vec3::from(step(one.id)));
+                }
+                let frame = Frame { particles: particles.clone(), placement, fails: None };
+                frames.extend(
+                    fails.filter(|_| call == 0).map(|fail| Frame { fails: Some(fail), ..frame.clone() }),
+                );
+                frames.push(frame);
+            }
+        }
+        frames
+    }
+
+    fn space(&self) -> Space {
+        if self.is_periodic { Space::periodic([Some(EDGE); 3]).unwrap() } else { Space::UNBOUNDED }
+    }
+
+    fn table(&self) -> Option<Interactions> {
+        self.interactions.then(|| {
+            let mut table = Interactions::new(3, Interaction::Touch).unwrap();
+            table.set(0, 1, Interaction::Within(0.7)).unwrap();
+            table.set(1, 2, Interaction::Never).unwrap();
+            table
+        })
+    }
+
+    fn check(&self) {
+        let (frames, space, table) = (self.frames(), self.space(), self.table());
+        let of_ranks = threads::on(self.ranks, |carrier| {
+            let mut rank = Rank::new(self, carrier);
+            frames.iter().map(|frame| rank.call(frame)).collect::<Vec<_>>()
+        });
+        for (k, frame) in frames.iter().enumerate() {
+            let answers: Vec<_> = of_ranks.iter().map(|rank| &rank[k]).collect();
+            if frame.fails.is_some_and(|fail| has_spheres(frame, fail.rank % self.ranks, self.ranks)) {
+                assert!(answers.iter().all(|answer| answer.is_err()), "call {k} gave an answer");
+                continue;
+            }
+            let mut found: Vec<_> = answers.into_iter().flat_map(|answer| answer.clone().unwrap()).collect();
+            found.sort_unstable();
+            let expected = naive(&frame.particles, &space, table.as_ref());
+            assert!(
+                found == expected,
+                "call {k} of {}: {} pairs and not {} of {} spheres",
+                frames.len(),
+                found.len(),
+                expected.len(),
+                frame.particles.len()
+            );
+        }
+    }
+}
+
+fn owner(placement: Placement, id: u64, ranks: u32) -> u32 {
+    match placement {
+        Placement::Spread | Placement::Settled => (id % u64::from(ranks)) as u32,
+        Placement::Single(rank) => rank % ranks,
+    }
+}
+
+fn has_spheres(frame: &Frame, rank: u32, ranks: u32) -> bool {
+    frame.particles.iter().any(|one| owner(frame.placement, one.id, ranks) == rank)
+}
+
+/// A rank with what it keeps from call to call.
+struct Rank<C> {
+    carrier: C,
+    bodies: Bodies,
+    parting: Parting,
+    search: Search,
+}
+
+impl<C: Carrier<Error = String>> Rank<C> {
+    fn new(scene: &Scene, carrier: C) -> Self {
+        let (space, table) = (scene.space(), scene.table());
+        let config =
+            Config::default().space(space).interactions(table.clone()).threads(1).order(Order::Unordered);
+        let detector =
+            |algorithm| Detector::new(config.clone().algorithm(algorithm).skin(scene.skin)).unwrap();
+        let within = detector(scene.algorithm);
+        let across = (scene.algorithm == Algorithm::RecursiveGrid).then(|| detector(Algorithm::Auto));
+        let bodies = Bodies::new(space, table.as_ref());
+        let place = (carrier.rank(), carrier.ranks());
+        let search = Search::new(within, across, bodies.clone(), place);
+        Self { carrier, bodies, parting: Parting::default(), search }
+    }
+
+    /// The pairs that this rank reports, as ids, the smaller one first.
+    fn call(&mut self, frame: &Frame) -> Result<Vec<[u64; 2]>, String> {
+        let (rank, ranks) = (self.carrier.rank(), self.carrier.ranks());
+        let mine = |one: &&Particle| owner(frame.placement, one.id, ranks) == rank;
+        let mut own: Vec<Particle> = frame.particles.iter().filter(mine).copied().collect();
+        if let (Placement::Settled, None) = (frame.placement, frame.fails) {
+            let ids: Vec<u64> = own.iter().map(|one| one.id).collect();
+            let assigned = self.parting.assign(&mut self.carrier, (&self.bodies.of(&own), &ids), 1.2)?;
+            let migration = Migration::to(&assigned.ranks, ranks);
+            own = migration.carry(&mut self.carrier, "spheres", |k| own[k as usize])?;
+        }
+        let bodies = self.bodies.of(&own);
+        let published = Published::by(&mut self.carrier, &bodies)?;
+        let leaving = published.ghosts(rank, &bodies, &self.bodies.space());
+        let ghosts = Ghosts::trade(&mut self.carrier, &leaving, |k| own[k as usize])?;
+        let mut spheres: Vec<Sphere> = own.iter().map(|one| one.sphere).collect();
+        if let (Some(fail), Some(sphere)) = (frame.fails, spheres.last_mut())
+            && fail.rank % ranks == rank
+        {
+            if fail.radius { sphere.radius = -1.0 } else { sphere.center.y = f32::NAN }
+        }
+        let species: Vec<u32> = own.iter().map(|one| one.species).collect();
+        let with = Spheres::from(&spheres).with_species(&species).unwrap();
+        let mut pairs = Vec::new();
+        let found = self.search.run(with, &ghosts, |found, places| {
+            pairs.extend(places.iter().map(|&[i, j]| {
+                let other = match found {
+                    Found::Within => own[j as usize].id,
+                    Found::Across => ghosts.particles()[j as usize].id,
+                };
+                let one = own[i as usize].id;
+                [one.min(other), one.max(other)]
+            }));
+            ControlFlow::Continue(())
+        });
+        let found = found.and_then(|tally| Ok((tally, self.search.count(with, &ghosts)?)));
+        let (tally, counted) =
+            self.carrier.agree(found.map_err(|error| self.carrier.failure(error.to_string())))?;
+        assert_eq!((tally.reported(), counted.reported()), (pairs.len() as u64, pairs.len() as u64));
+        Ok(pairs)
+    }
+}
+
+fn change() -> impl Strategy<Value = Change> {
+    let placement = prop_oneof![
+        Just(Placement::Spread),
+        any::<u32>().prop_map(Placement::Single),
+        Just(Placement::Settled)
+    ];
+    let factor = select(vec![1e-3, 0.2, 0.99, 1.01, 2.0, 4.0, 1e3]);
+    prop_oneof![
+        3 => (1_u8..6).prop_map(Change::Repeat),
+        3 => (1_u8..6, select(vec![1e-4_f32, 1e-2, 0.3])).prop_map(|(calls, by)| Change::Drift(calls, by)),
+        3 => (factor, any::<bool>()).prop_map(|(factor, all)| Change::Radii { factor, all }),
+        2 => select(vec![0, 1, 299, 420, 501, 620, 900, 1500, 1500]).prop_map(Change::Resize),
+        1 => (1_u64..9).prop_map(Change::Teleport),
+        1 => Just(Change::Species),
+        1 => placement.prop_map(Change::Place),
+    ]
+}
+
+fn scene() -> impl Strategy<Value = Scene> {
+    let fail = (any::<u32>(), any::<bool>()).prop_map(|(rank, radius)| Fail { rank, radius });
+    let changes = prop::collection::vec((change(), prop::option::weighted(0.4, fail)), 1..16);
+    let algorithm =
+        select(vec![Algorithm::Auto, Algorithm::Auto, Algorithm::CellList, Algorithm::RecursiveGrid]);
+    let skin = select(vec![Skin::Auto, Skin::Auto, Skin::Fixed(0.2), Skin::Off]);
+    (changes, select(vec![1, 1, 2, 3, 5]), any::<bool>(), any::<bool>(), algorithm, skin).prop_map(
+        |(changes, ranks, is_periodic, interactions, algorithm, skin)| Scene {
+            changes,
+            ranks,
+            is_periodic,
+            interactions,
+            algorithm,
+            // The paper's grids keep no candidates.
+            skin: if algorithm == Algorithm::RecursiveGrid { Skin::Off } else { skin },
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(32) })]
+
+    #[test]
+    fn each_call_of_a_sequence_gives_the_pairs_of_its_spheres(scene in scene()) {
+        scene.check();
+    }
+}
+
+/// Radii that are tiny for several calls, so that candidates are few and kept, and then large.
+#[test]
+fn candidates_of_tiny_spheres_do_not_outlive_a_jump_of_radii() {
+    for (ranks, skin) in [(1, Skin::Auto), (3, Skin::Auto), (2, Skin::Fixed(0.2))] {
+        for n in [420, 900] {
+            let radii = |factor| Change::Radii { factor, all: true };
+            let fail = Some(Fail { rank: 0, radius: false });
+            let changes = vec![
+                (Change::Resize(n), None),
+                (radii(1e-3), None),
+                (Change::Drift(8, 1e-4), None),
+                (radii(1e3), fail),
+                (Change::Repeat(4), None),
+                (radii(1e-3), fail),
+                (Change::Drift(8, 1e-4), fail),
+                (radii(1e3), None),
+                (Change::Repeat(2), None),
+            ];
+            let algorithm = Algorithm::Auto;
+            Scene { changes, ranks, is_periodic: false, interactions: false, algorithm, skin }.check();
+        }
+    }
+}
