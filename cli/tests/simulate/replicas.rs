@@ -107,13 +107,13 @@ fn replicas_are_resumed_replaced_and_refused() {
     }
     assert_eq!(files(&out), before);
     let table = out.clone() + "/replicas.csv";
-    let whole = fs::read_to_string(&table).unwrap();
-    for damaged in ["", &whole[..whole.len() - 4], &whole.replacen("0,", "4,", 1)] {
+    let seeds = fs::read_to_string(&table).unwrap();
+    for damaged in ["", &seeds[..seeds.len() - 4], &seeds.replacen("0,", "4,", 1)] {
         fs::write(&table, damaged).unwrap();
         let run = simulate(&out, &["--replicas", "2", "--resume"]).fails();
         assert!(run.err.contains("replicas.csv: ") && run.err.contains("it is damaged"), "{}", run.err);
     }
-    fs::write(&table, &whole).unwrap();
+    fs::write(&table, &seeds).unwrap();
     let run = simulate(&out, &["--replicas", "2", "--resume", "--steps", "5"]).fails();
     assert!(run.err.contains("replica 0: ") && run.err.contains("17 steps are done"), "{}", run.err);
     simulate(&out, &["--replicas", "4", "--resume"]).succeeds();
