@@ -1,15 +1,30 @@
 //! A run on disk, to go on from.
+//!
+//! # Correctness
+//!
+//! A resumed run is the run without a break, or it is refused with [`Error::Damaged`]:
+//!
+//! 1. The file `checkpoint` has its own length and checksum in its header (`sealed.rs`). Both are checked before its content
+//!    is decoded.
+//! 2. It has the checksum of the part of each rank ([`PartRecord`]). A part is checked against its own header and against
+//!    that record, so that whole parts of different checkpoints are not mixed. Each part that has particles is read by the
+//!    ranks that take them, and each that has none by the first rank.
+//! 3. It has the length and the checksum of each file that the run appends to ([`FileRecord`]). All of them are read and
+//!    checked before any of them is cut to its length.
+//!
+//! Files that a run writes once and never reads again, `frame-STEP.npy`, are not checked.
 
-use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use serde::de::DeserializeOwned;
+use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 use crate::binding::Bound;
+use crate::error::Damage;
 use crate::ranks::Share;
-use crate::{Error, Particles, State, output};
+use crate::sealed::{self, Kind};
+use crate::{Error, Particles, State};
 
 /// Everything that is needed to continue a run bit for bit.
 ///
@@ -24,16 +39,38 @@ pub struct Checkpoint {
     pub backend: String,
     /// Steps between rows, between frames, and between those of the animation, 0 where there is none.
     pub every: [u32; 3],
-    /// The length of each file that the run appends to.
-    pub lengths: Vec<u64>,
-    /// How many particles, and how many that receptors hold, are in the file of each rank; nothing where the state has them
-    /// itself.
-    pub parts: Vec<[u64; 2]>,
+    /// The files that the run appends to.
+    pub files: Vec<FileRecord>,
+    /// The file of each rank; nothing where the state has the particles itself.
+    pub parts: Vec<PartRecord>,
     /// Where the run stands.
     pub state: State,
 }
 
-/// What a rank has of a checkpoint.
+/// A file that the run appends to, as it was at the checkpoint. Bytes after `length` are not part of the checkpoint.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileRecord {
+    /// The name of the file in the directory of the run.
+    pub name: String,
+    /// The number of bytes.
+    pub length: u64,
+    /// The XXH64 of these bytes.
+    pub checksum: u64,
+}
+
+/// The file of a rank.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, Serialize, Deserialize)]
+#[repr(C)]
+pub struct PartRecord {
+    /// The number of particles in the file.
+    pub particles: u64,
+    /// The number of particles in the file that receptors hold.
+    pub bound: u64,
+    /// The checksum in the header of the file.
+    pub checksum: u64,
+}
+
+/// The content of the file of a rank. The first four numbers make the files of any two ranks or steps differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Part {
     seed: u64,
@@ -44,9 +81,11 @@ struct Part {
     bound: Vec<Bound>,
 }
 
-/// The first bytes of a file: what it is, and the version of its layout.
-const MAGIC: &[u8] = b"lazygrid checkpoint 4\n";
-const MAGIC_OF_PART: &[u8] = b"lazygrid checkpoint 4, part\n";
+impl PartRecord {
+    fn counts(self) -> [u64; 2] {
+        [self.particles, self.bound]
+    }
+}
 
 impl Checkpoint {
     /// Writes a checkpoint in place of the one before, which is untouched until this one is complete. Parts are to be there
@@ -55,35 +94,35 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Write`].
     pub fn write(&self, path: &Path) -> Result<(), Error> {
-        write(path, MAGIC, self)?;
+        sealed::write(path, Kind::Whole, self)?;
         forget_parts(path, (self.state.step, self.parts.len() as u32));
         Ok(())
     }
 
-    /// Writes what a rank, of so many, has of the checkpoint at `path`, and returns how many particles that are and how many
-    /// are bound. `state` is that of the rank.
+    /// Writes what a rank, of so many, has of the checkpoint at `path`, and returns the record of that file. `state` is that
+    /// of the rank.
     pub(crate) fn write_part(
         path: &Path,
         seed: u64,
         (rank, ranks): (u32, u32),
         state: &State,
-    ) -> Result<[u64; 2], Error> {
+    ) -> Result<PartRecord, Error> {
         let State { particles, bound, step, .. } = state;
         let counts = [particles.len() as u64, bound.len() as u64];
         let (particles, bound) = (particles.clone(), bound.clone());
         let part = Part { seed, step: *step, rank, ranks, particles, bound };
-        write(&part_of(path, *step, rank), MAGIC_OF_PART, &part).map(|()| counts)
+        let checksum = sealed::write(&part_of(path, *step, rank), Kind::Part, &part)?;
+        Ok(PartRecord { particles: counts[0], bound: counts[1], checksum })
     }
 
     /// Reads a checkpoint; where it is in parts, without them.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Checkpoint`] for a file that is not a whole checkpoint of this version.
+    /// [`Error::Read`]; [`Error::CheckpointVersion`] for a file of another version; [`Error::Damaged`] for a file that is not
+    /// as it was written.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let checkpoint: Self = read(path, MAGIC)?;
-        if !is_whole(&checkpoint.state.particles) {
-            return Err(damaged(path));
-        }
+        let (checkpoint, _): (Self, _) = sealed::read(path, Kind::Whole)?;
+        check_columns(path, &checkpoint.state.particles)?;
         Ok(checkpoint)
     }
 
@@ -97,10 +136,14 @@ impl Checkpoint {
 
     /// The same with a share of the particles and of what is bound.
     pub(crate) fn into_share(self, path: &Path, share: Share) -> Result<State, Error> {
-        let Self { seed, parts, mut state, .. } = self;
+        let Self { parts, mut state, .. } = self;
         let wanted = |k: usize| {
             let own = if k == 0 { state.particles.len() } else { state.bound.len() };
-            share.of(if parts.is_empty() { own as u64 } else { parts.iter().map(|part| part[k]).sum() })
+            share.of(if parts.is_empty() {
+                own as u64
+            } else {
+                parts.iter().map(|part| part.counts()[k]).sum()
+            })
         };
         let wanted = [0, 1].map(wanted);
         if parts.is_empty() {
@@ -109,25 +152,39 @@ impl Checkpoint {
             state.bound = state.bound[bound].to_vec();
             return Ok(state);
         }
-        let (ranks, mut before) = (parts.len() as u32, [0; 2]);
-        for (rank, counts) in (0..).zip(parts) {
+        let mut before = [0; 2];
+        for (rank, record) in (0..).zip(parts) {
+            let counts = record.counts();
             let ranges = [0, 1].map(|k| within(&wanted[k], before[k], counts[k]));
             before = [0, 1].map(|k| before[k] + counts[k]);
-            if ranges.iter().all(Range::is_empty) {
+            // A part that no rank needs is checked all the same.
+            let is_idle = share.is_first() && counts == [0; 2];
+            if ranges.iter().all(Range::is_empty) && !is_idle {
                 continue;
             }
-            let path = part_of(path, state.step, rank);
-            let part: Part = read(&path, MAGIC_OF_PART)?;
-            let is_it = (part.seed, part.step, part.rank, part.ranks) == (seed, state.step, rank, ranks)
-                && [part.particles.len() as u64, part.bound.len() as u64] == counts;
-            if !is_it || !is_whole(&part.particles) {
-                return Err(damaged(&path));
-            }
+            let part = read_part(&part_of(path, state.step, rank), record)?;
             let [particles, bound] = ranges;
             state.particles.append(part.particles.range(particles));
             state.bound.extend(&part.bound[bound]);
         }
         Ok(state)
+    }
+}
+
+/// Reads the file of a rank, which has to be the one that the checkpoint names.
+fn read_part(path: &Path, record: PartRecord) -> Result<Part, Error> {
+    let (part, found): (Part, _) = sealed::read(path, Kind::Part)?;
+    let damaged = |damage| Err(Error::Damaged { path: path.to_owned(), damage });
+    let expected = record.checksum;
+    if found != expected {
+        return damaged(Damage::Foreign { found, expected });
+    }
+    check_columns(path, &part.particles)?;
+    match [part.particles.len() as u64, part.bound.len() as u64] == record.counts() {
+        true => Ok(part),
+        false => {
+            damaged(Damage::Content("it has another number of particles than the checkpoint says".to_owned()))
+        }
     }
 }
 
@@ -161,37 +218,16 @@ fn forget_parts(path: &Path, (step, parts): (u32, u32)) {
     }
 }
 
-fn write(path: &Path, magic: &[u8], content: &impl Serialize) -> Result<(), Error> {
-    output::replace(path, |out| {
-        let bytes = postcard::to_extend(content, magic.to_vec()).map_err(std::io::Error::other)?;
-        out.write_all(&bytes)
-    })
-}
-
-fn read<T: DeserializeOwned>(path: &Path, magic: &[u8]) -> Result<T, Error> {
-    let bytes = std::fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
-    let refused = |message: String| Error::Checkpoint { path: path.to_owned(), message };
-    let Some(body) = bytes.strip_prefix(magic) else {
-        return Err(refused("this is no checkpoint of this version; start the run anew".to_owned()));
-    };
-    let (content, rest) = postcard::take_from_bytes::<T>(body)
-        .map_err(|error| refused(format!("the checkpoint is damaged ({error}); start the run anew")))?;
-    if rest.is_empty() { Ok(content) } else { Err(damaged(path)) }
-}
-
-fn damaged(path: &Path) -> Error {
-    let message = "the checkpoint is damaged; start the run anew".to_owned();
-    Error::Checkpoint { path: path.to_owned(), message }
-}
-
-/// Whether all columns are of one length.
-fn is_whole(particles: &Particles) -> bool {
+/// Checks that all columns have one length.
+fn check_columns(path: &Path, particles: &Particles) -> Result<(), Error> {
     let n = particles.len();
     let velocities = particles.velocity.each_ref().map(Vec::len);
-    particles.position.iter().all(|column| column.len() == n)
+    let is_whole = particles.position.iter().all(|column| column.len() == n)
         && (velocities == [n; 3] || velocities == [0; 3])
         && particles.radius.len() == n
-        && particles.species.len() == n
+        && particles.species.len() == n;
+    let damage = || Damage::Content("its columns have different lengths".to_owned());
+    is_whole.then_some(()).ok_or_else(|| Error::Damaged { path: path.to_owned(), damage: damage() })
 }
 
 #[cfg(test)]
@@ -213,16 +249,16 @@ mod tests {
                 state.particles.push(Particle { id, ..Particle::default() }, true);
                 state.bound.push(Bound { id: 100 + id, species: 0, receiver: 0, direction: [0.0; 3] });
             }
-            let counts = Checkpoint::write_part(&path, 5, (rank, 4), &state).expect("is written");
-            assert_eq!(counts, [count as u64; 2]);
-            parts.push(counts);
+            let record = Checkpoint::write_part(&path, 5, (rank, 4), &state).expect("is written");
+            assert_eq!(record.counts(), [count as u64; 2]);
+            parts.push(record);
         }
         let checkpoint = Checkpoint {
             scenario: String::new(),
             seed: 5,
             backend: "cpu".to_owned(),
             every: [1, 1, 0],
-            lengths: Vec::new(),
+            files: Vec::new(),
             parts,
             state: State { step: 3, totals: Totals::default(), ..State::default() },
         };
@@ -239,6 +275,12 @@ mod tests {
             let even = |share: &State| share.particles.len().abs_diff(13 / ranks as usize) <= 1;
             assert!(shares.iter().all(even), "{ranks}");
         }
+        // The part without particles counts, too.
+        let idle = part_of(&path, 3, 1);
+        let whole = std::fs::read(&idle).expect("is there");
+        std::fs::write(&idle, &whole[1..]).expect("is written");
+        let refused = |rank| read.clone().into_share(&path, Share::new(rank, 2)).is_err();
+        assert_eq!([0, 1].map(refused), [true, false]);
         // A checkpoint without parts takes those of this one away.
         Checkpoint { parts: Vec::new(), ..checkpoint }.write(&path).expect("is written");
         assert_eq!(std::fs::read_dir(directory.path()).expect("is there").count(), 1);

@@ -107,7 +107,32 @@ pub enum Error {
         /// Why.
         source: Box<Error>,
     },
-    /// A file that is no checkpoint, or one of another scenario or version.
+    /// A checkpoint of another version of the layout.
+    #[error(
+        "{}: the checkpoint has version {found} and this build reads version {expected}; resume it with the build that \
+         wrote it, or start over with --overwrite in place of --resume",
+        path.display()
+    )]
+    CheckpointVersion {
+        /// The file.
+        path: PathBuf,
+        /// The version of the file.
+        found: u32,
+        /// The version that this build reads.
+        expected: u32,
+    },
+    /// A file that a run was to resume from and that is not as it was written. The run has changed no file.
+    #[error(
+        "{}: the file is damaged: {damage}; restore it from a copy, or start over with --overwrite in place of --resume",
+        path.display()
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// The difference from the file that was written.
+        damage: Damage,
+    },
+    /// A checkpoint of another run, such as one of another scenario.
     #[error("{}: {message}", path.display())]
     Checkpoint {
         /// The file.
@@ -115,4 +140,43 @@ pub enum Error {
         /// Why it cannot be continued from.
         message: String,
     },
+}
+
+/// The difference of a damaged file from the file that was written.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum Damage {
+    /// The first line is not that of such a file.
+    #[error("it does not begin with the line '{expected}'")]
+    Header {
+        /// The line that it must begin with.
+        expected: String,
+    },
+    /// The file has another length, or is shorter than the part of it that the checkpoint names.
+    #[error("it has {found} bytes instead of {expected}")]
+    Length {
+        /// The length of the file.
+        found: u64,
+        /// The length that was written.
+        expected: u64,
+    },
+    /// The bytes are not those that were written.
+    #[error("its checksum is {found:016x} instead of {expected:016x}")]
+    Checksum {
+        /// The checksum of the bytes.
+        found: u64,
+        /// The checksum that was written.
+        expected: u64,
+    },
+    /// The file is whole, and is not the one that the checkpoint names.
+    #[error("it belongs to another checkpoint, since its checksum is {found:016x} and not {expected:016x}")]
+    Foreign {
+        /// The checksum of the file.
+        found: u64,
+        /// The checksum in the checkpoint.
+        expected: u64,
+    },
+    /// The checksum is right, and the content makes no sense.
+    #[error("its content cannot be decoded ({0})")]
+    Content(String),
 }

@@ -5,12 +5,13 @@ use std::fs;
 use std::io::Write;
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use lazygrid::Backend;
 
+use crate::checkpoint::Checkpoint;
 use crate::output::{self, Lock};
 use crate::philox::{Key, Purpose};
 use crate::results::mean::MeanSeries;
@@ -123,11 +124,15 @@ impl Replicas {
             true => {
                 let read = |source| Error::Read { path: path.clone(), source };
                 let before = fs::read_to_string(&path).map_err(read)?;
-                if !table.starts_with(&before) {
+                // What it has to be follows from the seed, so that it needs no checksum.
+                let is_whole = before.ends_with('\n') && table.starts_with(&before);
+                if !is_whole {
                     let message = if before.starts_with(&table) {
                         format!("there are {} replicas; give as many or more", before.lines().count() - 1)
                     } else {
-                        "its replicas have other seeds; give the --seed that they were begun with".to_owned()
+                        "its replicas have other seeds, or it is damaged; give the --seed that they were begun with, \
+                         restore it from a copy, or start over with --overwrite in place of --resume"
+                            .to_owned()
                     };
                     return Err(Error::Checkpoint { path, message });
                 }
@@ -143,21 +148,39 @@ impl Replicas {
         let (mut mean, mut done) = (MeanSeries::default(), Vec::new());
         let last = self.run.scenario.steps - self.run.scenario.steps % self.run.scenario.output.every;
         for replica in 0..self.count.get() {
-            let path = self.directory_of(replica).join("series.csv");
-            match Series::read(&path) {
-                Ok(series) if series.steps.last() == Some(&last) => {
-                    mean.add(&series, &path)?;
-                    done.push(replica);
-                }
-                Err(error) if ended.contains(&replica) => return Err(error),
-                // It was not begun, or not ended in order.
-                _ => {}
+            let directory = self.directory_of(replica);
+            // Those of this call were checked when they were resumed.
+            if !ended.contains(&replica) && !is_done(&directory, self.run.scenario.steps)? {
+                continue;
+            }
+            let path = directory.join("series.csv");
+            let series = Series::read(&path)?;
+            if series.steps.last() == Some(&last) {
+                mean.add(&series, &path)?;
+                done.push(replica);
             }
         }
         output::replace(&self.run.directory.join("mean.csv"), |out| mean.write(out))?;
         let end = if ended.len() == self.count.get() as usize { End::Finished } else { End::Stopped };
         Ok(Replicated { end, done, mean })
     }
+}
+
+/// Returns `true` if the checkpoint in a directory has all steps.
+///
+/// # Errors
+/// Those of [`Checkpoint::read`] if there is a checkpoint, and [`Error::Damaged`] if the series is not the one that it names.
+fn is_done(directory: &Path, steps: u32) -> Result<bool, Error> {
+    let path = directory.join("checkpoint");
+    if !path.exists() {
+        return Ok(false);
+    }
+    let checkpoint = Checkpoint::read(&path)?;
+    if checkpoint.state.step < steps {
+        return Ok(false);
+    }
+    output::check(directory, &checkpoint.files)?;
+    Ok(true)
 }
 
 /// What the workers share.

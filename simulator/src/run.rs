@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use lazygrid::{Algorithm, Backend};
 
-use crate::checkpoint::Checkpoint;
+use crate::checkpoint::{Checkpoint, FileRecord};
 use crate::output::{self, Files, Forecast, Lock};
 use crate::pace::Pace;
 use crate::scenario::{Output, Scenario};
@@ -68,8 +68,8 @@ impl Run {
     ///
     /// # Errors
     /// [`Error::Write`] before anything is computed where the directory cannot be written or the disk is too small,
-    /// and at any time where the system refuses to write; [`Error::Checkpoint`] where there is nothing to go on from;
-    /// and whatever [`Simulator::advance`] says.
+    /// and at any time where the system refuses to write; [`Error::Read`], [`Error::Checkpoint`],
+    /// [`Error::CheckpointVersion`] or [`Error::Damaged`] where there is nothing to go on from; and whatever [`Simulator::advance`] says.
     pub fn run(
         &self,
         watch: impl FnMut(&Simulator) -> ControlFlow<()> + Send,
@@ -240,8 +240,7 @@ impl Run {
         let lock = self.lock()?;
         let checkpoint = Checkpoint::read(&path)?;
         self.check_continues(&path, &checkpoint)?;
-        let (own, backend, lengths) =
-            (&self.scenario, checkpoint.backend.clone(), checkpoint.lengths.clone());
+        let (own, backend, records) = (&self.scenario, checkpoint.backend.clone(), checkpoint.files.clone());
         let state = checkpoint.into_state(&path)?;
         let done = state.step;
         let simulation = Simulator::begin(&own.model, own.seed, self.backend, self.algorithm, Some(state))?;
@@ -249,7 +248,7 @@ impl Run {
             self.warn_of_backends(done, &backend, simulation.backend());
         }
         self.foretell(&simulation, beside)?;
-        let files = Files::reopen(&self.directory, own.output, (&own.model, own.seed), &lengths, lock)?;
+        let files = Files::reopen(&self.directory, own.output, (&own.model, own.seed), &records, lock)?;
         Ok((simulation, files))
     }
 
@@ -311,14 +310,14 @@ impl Run {
     }
 
     /// A checkpoint of this run, not in parts.
-    pub(crate) fn checkpoint(&self, backend: Backend, lengths: Vec<u64>, state: State) -> Checkpoint {
+    pub(crate) fn checkpoint(&self, backend: Backend, files: Vec<FileRecord>, state: State) -> Checkpoint {
         let Scenario { text, seed, output, .. } = &self.scenario;
         Checkpoint {
             scenario: text.clone(),
             seed: *seed,
             backend: backend.name().to_owned(),
             every: intervals(*output),
-            lengths,
+            files,
             parts: Vec::new(),
             state,
         }

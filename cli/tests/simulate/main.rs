@@ -233,17 +233,34 @@ fn a_run_is_replaced_only_when_that_is_asked_for() {
 }
 
 #[test]
-fn a_damaged_checkpoint_is_refused() {
+fn damaged_file_is_refused_with_its_name_and_a_remedy() {
     let scratch = Scratch::new();
     let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
     lazygrid(["simulate", &scenario, "--output", &out, "--steps", "5"]).succeeds();
-    let checkpoint = out.clone() + "/checkpoint";
-    let whole = fs::read(&checkpoint).unwrap();
-    for damaged in [&whole[..whole.len() / 2], &whole[..10], &[], &[&whole[..], b"more"].concat()] {
-        fs::write(&checkpoint, damaged).unwrap();
+    let refused = |name: &str, bytes: &[u8]| {
+        let path = format!("{out}/{name}");
+        let whole = fs::read(&path).unwrap();
+        fs::write(&path, bytes).unwrap();
         let run = lazygrid(["simulate", &scenario, "--output", &out, "--resume"]).fails();
-        assert!(run.err.contains("start the run anew"), "{}", run.err);
+        fs::write(&path, whole).unwrap();
+        assert!(
+            run.err.contains(&format!("{path}: ")) && run.err.contains("with --overwrite"),
+            "{}",
+            run.err
+        );
+        run.err
+    };
+    let whole = fs::read(out.clone() + "/checkpoint").unwrap();
+    let mut flipped = whole.clone();
+    flipped[whole.len() - 100] ^= 1;
+    for damaged in [&whole[..whole.len() / 2], &whole[..10], &[], &[&whole[..], b"more"].concat(), &flipped] {
+        assert!(refused("checkpoint", damaged).contains("the file is damaged: it"));
     }
+    let older = refused("checkpoint", b"lazygrid checkpoint 4\n\x07");
+    assert!(older.contains("the checkpoint has version 4 and this build reads version 5"), "{older}");
+    let series = fs::read_to_string(out.clone() + "/series.csv").unwrap();
+    refused("series.csv", series.replacen("200", "201", 1).as_bytes());
+    lazygrid(["simulate", &scenario, "--output", &out, "--resume"]).succeeds();
 }
 
 #[test]

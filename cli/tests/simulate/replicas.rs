@@ -106,6 +106,14 @@ fn replicas_are_resumed_replaced_and_refused() {
         assert!(run.err.contains(message), "{more:?}: {}", run.err);
     }
     assert_eq!(files(&out), before);
+    let table = out.clone() + "/replicas.csv";
+    let seeds = fs::read_to_string(&table).unwrap();
+    for damaged in ["", &seeds[..seeds.len() - 4], &seeds.replacen("0,", "4,", 1)] {
+        fs::write(&table, damaged).unwrap();
+        let run = simulate(&out, &["--replicas", "2", "--resume"]).fails();
+        assert!(run.err.contains("replicas.csv: ") && run.err.contains("it is damaged"), "{}", run.err);
+    }
+    fs::write(&table, &seeds).unwrap();
     let run = simulate(&out, &["--replicas", "2", "--resume", "--steps", "5"]).fails();
     assert!(run.err.contains("replica 0: ") && run.err.contains("17 steps are done"), "{}", run.err);
     simulate(&out, &["--replicas", "4", "--resume"]).succeeds();

@@ -7,22 +7,31 @@ mod arrivals;
 mod arrow;
 mod forecast;
 mod frames;
+mod growing;
 mod lock;
 pub mod series;
 mod symbols;
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::fs;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 pub(crate) use forecast::{Forecast, next};
 pub(crate) use lock::Lock;
 
+use growing::Growing;
+
 use crate::animation;
+use crate::checkpoint::FileRecord;
 use crate::results::series::Series;
 use crate::scenario::Output;
 use crate::{Error, Model, Standing};
 
+const SERIES: &str = "series.csv";
+const SYMBOLS: &str = "symbols.csv";
+const XYZ: &str = "frames.xyz";
+const ARRIVALS: &str = "arrivals.csv";
+const RELEASES: &str = "releases.csv";
 /// The frames from which the animation is made.
 const ANIMATED: &str = "animation.frames";
 
@@ -32,6 +41,8 @@ pub(crate) struct Files {
     directory: PathBuf,
     output: Output,
     series: Growing,
+    /// Written once, and checked like the others.
+    symbols: Option<Growing>,
     xyz: Option<Growing>,
     logs: Option<Logs>,
     animation: Option<Growing>,
@@ -54,14 +65,12 @@ impl Files {
         (model, seed): (&Model, u64),
         lock: Lock,
     ) -> Result<Self, Error> {
-        let series = Growing::create(directory.join("series.csv"))?;
-        let xyz = output.xyz.then(|| Growing::create(directory.join("frames.xyz"))).transpose()?;
+        let series = Growing::create(directory.join(SERIES))?;
+        let xyz = output.xyz.then(|| Growing::create(directory.join(XYZ))).transpose()?;
         let mut logs = None;
         if model.logs_arrivals {
-            let [mut arrivals, mut releases] = [
-                Growing::create(directory.join("arrivals.csv"))?,
-                Growing::create(directory.join("releases.csv"))?,
-            ];
+            let [mut arrivals, mut releases] =
+                [Growing::create(directory.join(ARRIVALS))?, Growing::create(directory.join(RELEASES))?];
             arrivals.put(arrivals::header)?;
             releases.put(arrivals::header_of_releases)?;
             logs = Some(Logs { arrivals, releases, seed });
@@ -69,36 +78,52 @@ impl Files {
         let animated = output.animation.is_some();
         let animation = animated.then(|| Growing::create(directory.join(ANIMATED))).transpose()?;
         let directory = directory.to_owned();
-        let mut files = Self { directory, output, series, xyz, logs, animation, _lock: lock };
+        let symbols = symbols::any(model).then(|| Growing::create(directory.join(SYMBOLS))).transpose()?;
+        let mut files = Self { directory, output, series, symbols, xyz, logs, animation, _lock: lock };
         files.series.put(|out| series::header(out, model))?;
-        if symbols::any(model) {
-            let mut sent = Growing::create(files.directory.join("symbols.csv"))?;
-            sent.put(|out| symbols::write(out, model, seed))?;
-            sent.sync()?;
+        if let Some(symbols) = &mut files.symbols {
+            symbols.put(|out| symbols::write(out, model, seed))?;
         }
         Ok(files)
     }
 
-    /// The files of a run that goes on, as long as they were at the checkpoint.
+    /// The files of a run that goes on, as they were at the checkpoint. None is changed unless all of them begin with what
+    /// was written until then.
     pub(crate) fn reopen(
         directory: &Path,
         output: Output,
         (model, seed): (&Model, u64),
-        lengths: &[u64],
+        records: &[FileRecord],
         lock: Lock,
     ) -> Result<Self, Error> {
-        let mut lengths = lengths.iter().copied();
-        let mut reopen =
-            |name: &str| Growing::reopen(directory.join(name), lengths.next().unwrap_or_default());
-        let series = reopen("series.csv")?;
-        let xyz = output.xyz.then(|| reopen("frames.xyz")).transpose()?;
+        let reopen = |name: &str| {
+            let Some(record) = records.iter().find(|record| record.name == name) else {
+                let message =
+                    format!("it is of a run without {name}; resume with the output that the run began with");
+                return Err(Error::Checkpoint { path: directory.join("checkpoint"), message });
+            };
+            Growing::reopen(directory, record)
+        };
+        let series = reopen(SERIES)?;
+        let symbols = symbols::any(model).then(|| reopen(SYMBOLS)).transpose()?;
+        let xyz = output.xyz.then(|| reopen(XYZ)).transpose()?;
         let mut logs = None;
         if model.logs_arrivals {
-            let [arrivals, releases] = [reopen("arrivals.csv")?, reopen("releases.csv")?];
+            let [arrivals, releases] = [reopen(ARRIVALS)?, reopen(RELEASES)?];
             logs = Some(Logs { arrivals, releases, seed });
         }
         let animation = output.animation.is_some().then(|| reopen(ANIMATED)).transpose()?;
-        Ok(Self { directory: directory.to_owned(), output, series, xyz, logs, animation, _lock: lock })
+        let directory = directory.to_owned();
+        let mut files = Self { directory, output, series, symbols, xyz, logs, animation, _lock: lock };
+        files.growing().try_for_each(Growing::cut)?;
+        Ok(files)
+    }
+
+    /// All files that a checkpoint records.
+    fn growing(&mut self) -> impl Iterator<Item = &mut Growing> {
+        let Self { series, symbols, xyz, logs, animation, .. } = self;
+        let logs = logs.iter_mut().flat_map(|Logs { arrivals, releases, .. }| [arrivals, releases]);
+        [series].into_iter().chain(symbols).chain(xyz).chain(logs).chain(animation)
     }
 
     /// Writes what is due after the steps done so far.
@@ -130,15 +155,9 @@ impl Files {
         Ok(())
     }
 
-    /// Sees to it that all is on the disk, and says how long each file is.
-    pub(crate) fn sync(&mut self) -> Result<Vec<u64>, Error> {
-        let mut lengths = vec![self.series.sync()?];
-        lengths.extend(self.xyz.as_mut().map(Growing::sync).transpose()?);
-        if let Some(Logs { arrivals, releases, .. }) = &mut self.logs {
-            lengths.extend([arrivals.sync()?, releases.sync()?]);
-        }
-        lengths.extend(self.animation.as_mut().map(Growing::sync).transpose()?);
-        Ok(lengths)
+    /// Sees to it that all is on the disk, and returns the record of each file.
+    pub(crate) fn sync(&mut self) -> Result<Vec<FileRecord>, Error> {
+        self.growing().map(Growing::sync).collect()
     }
 
     /// Makes Arrow files of the log so far, where they are asked for.
@@ -159,50 +178,17 @@ impl Files {
     pub(crate) fn animate(&self, model: &Model, title: &str) -> Result<(), Error> {
         let Some(frames) = &self.animation else { return Ok(()) };
         let path = self.directory.join("animation.html");
-        let series = Series::read(&self.series.path)?;
-        replace(&path, |out| animation::page(out, (model, title), &frames.path, &series))
+        let series = Series::read(self.series.path())?;
+        replace(&path, |out| animation::page(out, (model, title), frames.path(), &series))
     }
 }
 
-/// A file that grows.
-#[derive(Debug)]
-struct Growing {
-    path: PathBuf,
-    out: BufWriter<File>,
-}
-
-impl Growing {
-    fn create(path: PathBuf) -> Result<Self, Error> {
-        let file = File::create(&path).map_err(|source| Error::Write { path: path.clone(), source })?;
-        Ok(Self { path, out: BufWriter::new(file) })
-    }
-
-    /// A file that exists, cut to a length.
-    fn reopen(path: PathBuf, length: u64) -> Result<Self, Error> {
-        let cut = || -> io::Result<File> {
-            let mut file = OpenOptions::new().write(true).open(&path)?;
-            if file.metadata()?.len() < length {
-                let message =
-                    format!("it is shorter than the {length} bytes that the checkpoint goes on from");
-                return Err(io::Error::new(io::ErrorKind::InvalidData, message));
-            }
-            file.set_len(length)?;
-            file.seek(SeekFrom::End(0))?;
-            Ok(file)
-        };
-        let file = cut().map_err(|source| Error::Write { path: path.clone(), source })?;
-        Ok(Self { path, out: BufWriter::new(file) })
-    }
-
-    fn put(&mut self, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), Error> {
-        write(&mut self.out).map_err(|source| Error::Write { path: self.path.clone(), source })
-    }
-
-    fn sync(&mut self) -> Result<u64, Error> {
-        let length = self.out.flush().and_then(|()| self.out.get_ref().sync_data());
-        let length = length.and_then(|()| self.out.get_ref().metadata()).map(|metadata| metadata.len());
-        length.map_err(|source| Error::Write { path: self.path.clone(), source })
-    }
+/// Checks the files of a run against a checkpoint, and changes nothing.
+///
+/// # Errors
+/// [`Error::Damaged`], [`Error::Read`] and [`Error::Write`], each if a file cannot be resumed.
+pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Error> {
+    records.iter().try_for_each(|record| Growing::reopen(directory, record).map(drop))
 }
 
 /// A directory for a new run, locked. One that holds a run already is refused.

@@ -113,17 +113,17 @@ impl Run {
                 let done = checkpoint.state.step;
                 self.warn_of_backends(done, &checkpoint.backend, Backend::Cpu);
             }
-            let lengths = checkpoint.lengths.clone();
-            Ok((lengths, checkpoint.into_share(&path, share)?))
+            let records = checkpoint.files.clone();
+            Ok((records, checkpoint.into_share(&path, share)?))
         };
         let read = read().map_err(|error: Error| carrier.failure(error.to_string()));
-        let (lengths, state) = carrier.agree(read)?;
+        let (records, state) = carrier.agree(read)?;
         let mut simulation =
             RankSimulation::resume(carrier, own.model.clone(), (own.seed, self.algorithm), state)?;
         let standing = simulation.look(Wanted::default())?;
         let reopen = |lock: Lock| {
             self.foretell(&standing, Beside::NONE)?;
-            Files::reopen(&self.directory, own.output, (&own.model, own.seed), &lengths, lock)
+            Files::reopen(&self.directory, own.output, (&own.model, own.seed), &records, lock)
         };
         let files = lock.map(reopen).transpose();
         let files = simulation.agree(files)?;
@@ -182,7 +182,7 @@ impl Run {
         let place = (simulation.carrier().rank(), simulation.carrier().ranks());
         let part = Checkpoint::write_part(&path, self.scenario.seed, place, simulation.part());
         let part = simulation.agree(part)?;
-        let parts = gather(simulation.carrier(), "the sizes of checkpoints", &[part])?;
+        let parts = gather(simulation.carrier(), "the records of checkpoints", &[part])?;
         let state = simulation.part().without_particles(simulation.totals().clone());
         let write = |files: &mut Files| {
             let mut checkpoint = self.checkpoint(Backend::Cpu, files.sync()?, state);

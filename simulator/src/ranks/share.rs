@@ -16,6 +16,11 @@ impl Share {
         Self { rank, ranks }
     }
 
+    /// Returns `true` if it is that of the first rank.
+    pub(crate) fn is_first(self) -> bool {
+        self.rank == 0
+    }
+
     /// The part of a list of this length.
     pub(crate) fn of(self, length: u64) -> Range<u64> {
         let start = |rank: u32| (u128::from(length) * u128::from(rank) / u128::from(self.ranks)) as u64;

@@ -1,0 +1,122 @@
+//! XXH64, the checksum of all files that a run resumes from.
+//!
+//! It has 64 bits, because a checkpoint must also tell apart whole files of different checkpoints: two of a million
+//! distinct files have equal checksums of 32 bits almost surely, and of 64 bits with a probability of 3 × 10⁻⁸. It is no
+//! protection against a forger.
+
+use std::hash::Hasher;
+use std::io::{self, BufReader, Read, Write};
+
+use twox_hash::XxHash64;
+
+/// The bytes that are read from a file at once.
+const BUFFER_BYTES: usize = 1 << 16;
+
+/// Returns the checksum of `bytes`.
+pub(crate) fn of_bytes(bytes: &[u8]) -> u64 {
+    XxHash64::oneshot(0, bytes)
+}
+
+/// The length and the checksum of bytes that come piece by piece.
+#[derive(Clone, Debug)]
+pub(crate) struct Digest {
+    length: u64,
+    hasher: XxHash64,
+}
+
+impl Digest {
+    /// The digest of no bytes.
+    pub(crate) fn new() -> Self {
+        Self { length: 0, hasher: XxHash64::with_seed(0) }
+    }
+
+    /// The digest of the next bytes of a reader, `length` of them, or fewer if the reader ends before.
+    ///
+    /// # Errors
+    /// Those of the reader.
+    pub(crate) fn of_next(reader: impl Read, length: u64) -> io::Result<Self> {
+        let mut sink = DigestWriter::new(io::sink(), Self::new());
+        io::copy(&mut BufReader::with_capacity(BUFFER_BYTES, reader.take(length)), &mut sink)?;
+        Ok(sink.digest)
+    }
+
+    /// The number of bytes.
+    pub(crate) fn length(&self) -> u64 {
+        self.length
+    }
+
+    /// The checksum of all bytes so far.
+    pub(crate) fn checksum(&self) -> u64 {
+        self.hasher.finish()
+    }
+
+    fn add(&mut self, bytes: &[u8]) {
+        self.length += bytes.len() as u64;
+        self.hasher.write(bytes);
+    }
+}
+
+/// A writer that passes bytes on and digests them. It belongs after a buffer, since short writes are slow to digest.
+#[derive(Debug)]
+pub(crate) struct DigestWriter<W> {
+    inner: W,
+    digest: Digest,
+}
+
+impl<W> DigestWriter<W> {
+    /// A writer to `inner`, in which the bytes of `digest` are already.
+    pub(crate) fn new(inner: W, digest: Digest) -> Self {
+        Self { inner, digest }
+    }
+
+    /// The destination of the bytes.
+    pub(crate) fn inner(&self) -> &W {
+        &self.inner
+    }
+
+    /// The digest of all bytes that the destination has taken.
+    pub(crate) fn digest(&self) -> &Digest {
+        &self.digest
+    }
+}
+
+impl<W: Write> Write for DigestWriter<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let taken = self.inner.write(bytes)?;
+        self.digest.add(&bytes[..taken]);
+        Ok(taken)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The layout of checkpoints depends on the algorithm and its seed. The expected value is that of `xxhsum -H64`.
+    #[test]
+    fn checksum_of_known_text_is_xxh64() {
+        assert_eq!(of_bytes(b""), 0xef46_db37_51d8_e999);
+        assert_eq!(of_bytes(b"abc"), 0x44bc_2cf5_ad77_0999);
+    }
+
+    #[test]
+    fn digest_in_pieces_equals_digest_at_once() {
+        let bytes: Vec<u8> = (0..1000_u32).flat_map(|k| (k * k).to_le_bytes()).collect();
+        let mut writer = DigestWriter::new(Vec::new(), Digest::new());
+        for piece in bytes.chunks(37) {
+            writer.write_all(piece).expect("memory takes all");
+        }
+        assert_eq!(writer.digest().checksum(), of_bytes(&bytes));
+        assert_eq!(writer.digest().length(), 4000);
+        let head = Digest::of_next(&bytes[..], 1500).expect("memory is read");
+        assert_eq!((head.length(), head.checksum()), (1500, of_bytes(&bytes[..1500])));
+        // A file that goes on has the digest of both pieces.
+        let mut writer = DigestWriter::new(Vec::new(), head);
+        writer.write_all(&bytes[1500..]).expect("memory takes all");
+        assert_eq!(writer.digest().checksum(), of_bytes(&bytes));
+    }
+}

@@ -1,0 +1,78 @@
+//! Files that a run appends to, and that it goes on appending to when it is resumed.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use crate::Error;
+use crate::checkpoint::FileRecord;
+use crate::checksum::{Digest, DigestWriter};
+use crate::error::Damage;
+
+/// Buffers, digests, and writes to a file.
+type Out = BufWriter<DigestWriter<File>>;
+
+/// A file that grows.
+#[derive(Debug)]
+pub(super) struct Growing {
+    path: PathBuf,
+    out: Out,
+}
+
+impl Growing {
+    /// An empty file, in place of one that is there.
+    pub(super) fn create(path: PathBuf) -> Result<Self, Error> {
+        let file = File::create(&path).map_err(|source| Error::Write { path: path.clone(), source })?;
+        Ok(Self { path, out: BufWriter::new(DigestWriter::new(file, Digest::new())) })
+    }
+
+    /// A file that exists, and that has to begin with what it had at a checkpoint. Changes nothing:
+    /// [`cut`](Self::cut) comes before the first write.
+    pub(super) fn reopen(directory: &Path, record: &FileRecord) -> Result<Self, Error> {
+        let path = directory.join(&record.name);
+        let mut file = OpenOptions::new().read(true).write(true).open(&path).map_err(|source| {
+            let path = path.clone();
+            match source.kind() {
+                io::ErrorKind::NotFound => Error::Read { path, source },
+                _ => Error::Write { path, source },
+            }
+        })?;
+        let read = Digest::of_next(&mut file, record.length);
+        let digest = read.map_err(|source| Error::Read { path: path.clone(), source })?;
+        let damage = match (digest.length(), digest.checksum()) {
+            (found, _) if found != record.length => Damage::Length { found, expected: record.length },
+            (_, found) if found != record.checksum => Damage::Checksum { found, expected: record.checksum },
+            _ => return Ok(Self { path, out: BufWriter::new(DigestWriter::new(file, digest)) }),
+        };
+        Err(Error::Damaged { path, damage })
+    }
+
+    /// Takes away what was written after the checkpoint.
+    pub(super) fn cut(&mut self) -> Result<(), Error> {
+        let out = self.out.get_ref();
+        out.inner().set_len(out.digest().length()).map_err(|source| self.refused(source))
+    }
+
+    /// The path of the file.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Appends to the file.
+    pub(super) fn put(&mut self, write: impl FnOnce(&mut Out) -> io::Result<()>) -> Result<(), Error> {
+        write(&mut self.out).map_err(|source| self.refused(source))
+    }
+
+    /// Sees to it that all is on the disk, and returns the record of the file.
+    pub(super) fn sync(&mut self) -> Result<FileRecord, Error> {
+        let synced = self.out.flush().and_then(|()| self.out.get_ref().inner().sync_data());
+        synced.map_err(|source| self.refused(source))?;
+        let digest = self.out.get_ref().digest();
+        let name = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(FileRecord { name, length: digest.length(), checksum: digest.checksum() })
+    }
+
+    fn refused(&self, source: io::Error) -> Error {
+        Error::Write { path: self.path.clone(), source }
+    }
+}
