@@ -122,7 +122,7 @@ fn skin(args: &Args) -> Result<(), Box<dyn Error>> {
     let mut contenders =
         vec![Contender::list("off", config(Skin::Off)), Contender::list("auto", config(Skin::Auto))];
     // The largest radius of the scenes is 1.
-    let fixed = |&part: &f32| Contender::list(part.to_string(), config(Skin::Fixed(2.0 * part)));
+    let fixed = |&part: &f32| Contender::list(part.to_string(), config(Skin::Fixed(f64::from(2.0 * part))));
     contenders.extend(args.skin.iter().map(fixed));
     let moves = args.options.moves;
     println!("### skins, moves of {moves} radii, ns per sphere and step\n\n{}", table(args, &contenders)?);

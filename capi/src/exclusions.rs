@@ -66,7 +66,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_between(
     let list = || {
         let (first, second) = (first, second);
         // SAFETY: this function's own condition.
-        Ok(Exclusions::between(first, second, unsafe { pairs(pairs_at, count) }?)?)
+        Ok(Exclusions::across(first, second, unsafe { pairs(pairs_at, count) }?)?)
     };
     // SAFETY: this function's own condition.
     unsafe { create(exclusions, list) }

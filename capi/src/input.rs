@@ -1,6 +1,6 @@
 use std::slice;
 
-use engine::{InputError, MAX_SPHERES, Sphere, Spheres};
+use engine::{Exclusions, InputError, MAX_SPHERES, Query, Sphere, Spheres};
 
 use crate::Failure;
 use crate::exclusions::{self, List};
@@ -31,7 +31,20 @@ impl SpheresOfC {
     /// # Safety
     /// By the header: `spheres` is NULL or points to such a structure, whose pointers are NULL or point to as many
     /// values as it says, which nobody changes for as long as the result lives.
-    pub unsafe fn borrow<'a>(spheres: *const Self) -> Result<Spheres<'a>, Failure> {
+    pub unsafe fn borrow<'a>(spheres: *const Self) -> Result<Query<'a>, Failure> {
+        // SAFETY: this function's own condition.
+        let (spheres, exclusions) = unsafe { Self::borrow_set(spheres) }?;
+        Ok(query(Query::new(spheres), exclusions))
+    }
+
+    /// The spheres at `spheres` and the exclusions that come with them.
+    ///
+    /// # Errors
+    /// As [`borrow`](Self::borrow).
+    ///
+    /// # Safety
+    /// As [`borrow`](Self::borrow).
+    unsafe fn borrow_set<'a>(spheres: *const Self) -> Result<(Spheres<'a>, Option<&'a Exclusions>), Failure> {
         check(spheres, "spheres")?;
         // SAFETY: not NULL and aligned, as was checked, and the rest is this function's own condition. Any bits are
         // values of its fields.
@@ -64,10 +77,7 @@ impl SpheresOfC {
             spheres = spheres.with_groups(unsafe { array(groups, count, "groups") }?)?;
         }
         // SAFETY: a list or NULL, by this function's condition.
-        match unsafe { exclusions::borrow(exclusions) }? {
-            None => Ok(spheres),
-            Some(list) => Ok(spheres.with_exclusions(list)?),
-        }
+        Ok((spheres, unsafe { exclusions::borrow(exclusions) }?))
     }
 
     /// Two sets of spheres, not copied.
@@ -77,22 +87,29 @@ impl SpheresOfC {
     ///
     /// # Safety
     /// As [`borrow`](Self::borrow), for both.
-    pub unsafe fn borrow_two<'a>(
-        a: *const Self,
-        b: *const Self,
-    ) -> Result<(Spheres<'a>, Spheres<'a>), Failure> {
+    pub unsafe fn borrow_two<'a>(a: *const Self, b: *const Self) -> Result<Query<'a>, Failure> {
         check(a, "a")?;
         check(b, "b")?;
         // SAFETY: this function's own condition.
-        let first = unsafe { Self::borrow(a) }?;
+        let (first, exclusions) = unsafe { Self::borrow_set(a) }?;
         // SAFETY: this function's own condition.
-        let second = unsafe { Self::borrow(b) };
+        let second = unsafe { Self::borrow_set(b) };
         let of_second = |Failure { status, message }| {
             let message = format!("of the second set, {message}");
             Failure { status, message }
         };
-        Ok((first, second.map_err(of_second)?))
+        let (second, others) = second.map_err(of_second)?;
+        if others.is_some() {
+            let message = "pairs between two sets are excluded with the first set; leave `exclusions` of the \
+                           second one NULL";
+            return Err(of_second(Failure::argument(message.to_owned())));
+        }
+        Ok(query(Query::new((first, second)), exclusions))
     }
+}
+
+fn query<'a>(query: Query<'a>, exclusions: Option<&'a Exclusions>) -> Query<'a> {
+    exclusions.map_or(query, |exclusions| query.without(exclusions))
 }
 
 /// `count` values at `at`; none where `count` is 0, wherever `at` points.

@@ -13,7 +13,7 @@ fn interaction(kind: i32, distance: f32) -> Result<Interaction, Failure> {
     match kind {
         0 => Ok(Interaction::Never),
         1 => Ok(Interaction::Touch),
-        2 => Ok(Interaction::Within(distance)),
+        2 => Ok(Interaction::Within(distance.into())),
         _ => Err(Failure::argument(format!(
             "{kind} is no kind of interaction; choose LAZYGRID_NEVER, LAZYGRID_TOUCH or LAZYGRID_WITHIN"
         ))),

@@ -68,8 +68,8 @@ pub unsafe extern "C" fn lazygrid_between(
     let work = |kept: &mut Kept| {
         let (pairs, count) = (pairs?, count?);
         // SAFETY: this function's own condition.
-        let (a, b) = unsafe { SpheresOfC::borrow_two(a, b) }?;
-        put_pairs(kept.detector.between(a, b), &pairs, &count)
+        let query = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        put_pairs(kept.detector.pairs(query), &pairs, &count)
     };
     // SAFETY: this function's own condition.
     unsafe { search(detector, work) }
@@ -130,8 +130,8 @@ pub unsafe extern "C" fn lazygrid_count_between(
     let work = |kept: &mut Kept| {
         let count = count?;
         // SAFETY: this function's own condition.
-        let (a, b) = unsafe { SpheresOfC::borrow_two(a, b) }?;
-        count.put(kept.detector.count_between(a, b)?);
+        let query = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        count.put(kept.detector.count(query)?);
         Ok(())
     };
     // SAFETY: this function's own condition.
@@ -181,8 +181,8 @@ pub unsafe extern "C" fn lazygrid_neighbors_between(
     let work = |kept: &mut Kept| {
         let (offsets, indices) = (offsets?, indices?);
         // SAFETY: this function's own condition.
-        let (a, b) = unsafe { SpheresOfC::borrow_two(a, b) }?;
-        put_lists(&kept.detector.neighbors_between(a, b)?, &offsets, &indices);
+        let query = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        put_lists(&kept.detector.neighbors(query)?, &offsets, &indices);
         Ok(())
     };
     // SAFETY: this function's own condition.
@@ -191,8 +191,8 @@ pub unsafe extern "C" fn lazygrid_neighbors_between(
 
 /// Writes where the lists are.
 fn put_lists(lists: &Neighbors<'_>, offsets: &Out<*const u64>, indices: &Out<*const u32>) {
-    offsets.put(lists.offsets.as_ptr());
-    indices.put(lists.indices.as_ptr());
+    offsets.put(lists.offsets().as_ptr());
+    indices.put(lists.indices().as_ptr());
 }
 
 /// `lazygrid_consume`: takes pairs, and returns 0 to go on.
@@ -279,9 +279,9 @@ pub unsafe extern "C" fn lazygrid_stream_between(
     let work = |kept: &mut Kept| {
         let handed = handed?;
         // SAFETY: this function's own condition.
-        let (a, b) = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        let query = unsafe { SpheresOfC::borrow_two(a, b) }?;
         let mut consumer = Consumer::new(consume, context, chunk)?;
-        handed.put(kept.detector.stream_between(a, b, chunk, move |pairs| consumer.take(pairs))?);
+        handed.put(kept.detector.stream(query, chunk, move |pairs| consumer.take(pairs))?);
         Ok(())
     };
     // SAFETY: this function's own condition.

@@ -48,7 +48,8 @@ pub const ALGORITHMS: [Algorithm; 8] = [
 pub const ORDERS: [Order; 2] = [Order::Canonical, Order::Unordered];
 
 /// The skins by their number, each with what a distance makes of it.
-pub const SKINS: [fn(f32) -> Skin; 3] = [|_| Skin::Auto, |_| Skin::Off, Skin::Fixed];
+pub const SKINS: [fn(f32) -> Skin; 3] =
+    [|_| Skin::Auto, |_| Skin::Off, |distance| Skin::Fixed(distance.into())];
 
 impl SettingsOfC {
     /// All fields 0, which is their default.
@@ -147,7 +148,9 @@ impl SettingsOfC {
     /// The edges are NULL or nine floats.
     unsafe fn space(&self) -> Result<Space, Failure> {
         if self.edges.is_null() {
-            return Ok(Space::periodic(self.periodic.map(|length| (length != 0.0).then_some(length)))?);
+            return Ok(Space::periodic(
+                self.periodic.map(|length| (length != 0.0).then_some(length.into())),
+            )?);
         }
         if self.periodic != [0.0; 3] {
             return Err(Failure::argument(
@@ -158,7 +161,8 @@ impl SettingsOfC {
         // SAFETY: nine floats by this function's condition.
         let numbers = unsafe { array(self.edges, 9, "settings.edges") }?;
         let edge = |axis: usize| Vec3::from_slice(&numbers[3 * axis..]);
-        Ok(Space::sheared([0, 1, 2].map(|axis| (edge(axis) != Vec3::ZERO).then(|| edge(axis))))?)
+        let edge = |axis| (edge(axis) != Vec3::ZERO).then(|| edge(axis).as_dvec3().to_array());
+        Ok(Space::sheared([0, 1, 2].map(edge))?)
     }
 
     /// The skin; a distance that would go unheard is refused.

@@ -220,10 +220,10 @@ pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> M
             0 => Interaction::Never,
             1 => Interaction::Touch,
             2 => Interaction::Within(0.0),
-            _ if spheres.is_empty() => Interaction::Within(factor),
+            _ if spheres.is_empty() => Interaction::Within(factor.into()),
             _ => {
                 let [a, b] = [i, j].map(|k| spheres[k as usize].center.as_dvec3());
-                Interaction::Within((a.distance(b) as f32 * factor).min(f32::MAX))
+                Interaction::Within((a.distance(b) as f32 * factor).min(f32::MAX).into())
             }
         }
     };

@@ -97,7 +97,7 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
             let x = if x.is_finite() { x } else { f32::MAX };
             [x, x, x.next_up(), x.next_down()][random.below(4) as usize].clamp(f32::MIN, f32::MAX)
         };
-        Sphere::new(space.lengths().map(&mut place), k as f32)
+        Sphere::new(space.lengths_f32().map(&mut place), k as f32)
     }));
     spheres
 }

@@ -99,7 +99,7 @@ pub fn expected(scenario: &Scenario) -> Result<Vec<Pair>, String> {
     let config = Config::default().backend(Backend::Cpu).algorithm(Algorithm::CellList);
     guarded(|| {
         let mut detector = Detector::new(scenario.config(config).map_err(text)?).map_err(text)?;
-        detector.pairs(scenario.view()).map_err(text)?;
+        detector.pairs(scenario.query()).map_err(text)?;
         Ok(detector.into_pairs())
     })
 }

@@ -10,7 +10,7 @@ use crate::motion::skin_of;
 use crate::way::text;
 use crate::{Gpu, Scenario, Tolerance, Way, difference, guarded, shrink};
 
-mod draw;
+pub(crate) mod draw;
 
 /// What one detector is asked, call by call.
 #[derive(Clone, Debug)]
@@ -148,7 +148,7 @@ impl std::fmt::Display for Round {
 }
 
 /// The fewest and the most pairs that are right.
-fn counts(scenario: &Scenario, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
+pub(crate) fn counts(scenario: &Scenario, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     if tolerance == Tolerance::Exact {
         return [expected.len() as u64; 2];
     }
@@ -170,7 +170,7 @@ fn answer(detector: &mut Detector, call: Call, scenario: &Scenario) -> Result<An
         TooManyPairs { found, .. } => Ok(Answer::TooMany(found)),
         other => Err(other.to_string()),
     };
-    let view = scenario.view();
+    let view = scenario.query();
     match call {
         Call::List => detector.pairs(view).map(|pairs| Answer::Pairs(pairs.to_vec())).or_else(refused),
         Call::Count => detector.count(view).map(Answer::Count).or_else(refused),
@@ -198,7 +198,7 @@ fn answer(detector: &mut Detector, call: Call, scenario: &Scenario) -> Result<An
 }
 
 /// The pairs of neighbour lists, each of which has to be in two of them.
-fn pairs_of<'a>(spheres: usize, list: impl Fn(usize) -> &'a [u32]) -> Result<Vec<Pair>, String> {
+pub(crate) fn pairs_of<'a>(spheres: usize, list: impl Fn(usize) -> &'a [u32]) -> Result<Vec<Pair>, String> {
     let mut pairs = Vec::new();
     for i in 0..spheres {
         if !list(i).windows(2).all(|two| two[0] < two[1]) {

@@ -82,7 +82,7 @@ fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), Fault> {
             // Before this many quanta are no whole number of 32 bits.
             same(what, &(f32::from_bits(own.far) * own.scale), &((1_u32 << 30) as f32))?;
             for (length, cells) in scenario.space.lengths().into_iter().zip(own.cells.to_array()) {
-                let is_wide = length.is_none_or(|length| f64::from(length) / f64::from(cells) >= edge.into());
+                let is_wide = length.is_none_or(|length| length / f64::from(cells) >= edge.into());
                 same(what, &(is_wide || cells == 1), &true)?;
             }
             base += own.cells.element_product();

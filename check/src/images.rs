@@ -5,18 +5,27 @@ use lazygrid::Space;
 
 /// The edges of a space as they were given, and nothing that the library makes of them.
 pub(crate) struct Images {
-    /// The longest first. Along the last one no loop is needed.
-    edges: Vec<DVec3>,
+    given: [Option<[f64; 3]>; 3],
+    /// The edges with their places among those given, the longest first. Along the last one no loop is needed.
+    edges: Vec<(usize, DVec3)>,
     /// For each edge what gives the part of it that a vector has.
     fractions: Vec<DVec3>,
 }
 
 impl Images {
     pub(crate) fn of(space: &Space) -> Self {
-        let mut edges: Vec<DVec3> = space.edges().into_iter().flatten().map(|edge| edge.as_dvec3()).collect();
-        edges.sort_by(|a, b| b.length_squared().total_cmp(&a.length_squared()));
-        let fractions = fractions(&edges);
-        Self { edges, fractions }
+        let given = space.edges();
+        let numbered = given.into_iter().enumerate();
+        let mut edges: Vec<_> =
+            numbered.filter_map(|(k, edge)| edge.map(|edge| (k, DVec3::from(edge)))).collect();
+        edges.sort_by(|(_, a), (_, b)| b.length_squared().total_cmp(&a.length_squared()));
+        let fractions = fractions(&edges.iter().map(|(_, edge)| *edge).collect::<Vec<_>>());
+        Self { given, edges, fractions }
+    }
+
+    /// For each edge the vector whose product with another is the part of the edge that the other has.
+    pub(crate) fn fractions(&self) -> &[DVec3] {
+        &self.fractions
     }
 
     /// The least squared length of this vector and all its images, with an infinite `reach`. With another it may be that of any
@@ -24,40 +33,60 @@ impl Images {
     ///
     /// What is in reach has no more of an edge than as many times the height across the other edges as fit the reach.
     pub(crate) fn distance_squared(&self, apart: DVec3, reach: f64) -> f64 {
-        let turns = self.edges.iter().zip(&self.fractions).map(|(edge, row)| *edge * row.dot(apart).round());
-        // All turns at once, between which the last bits of a small distance would be lost.
-        let folded = apart - turns.sum::<DVec3>();
+        let mut shift = [0.0; 3];
+        for ((k, _), row) in self.edges.iter().zip(&self.fractions) {
+            shift[*k] = -row.dot(apart).round();
+        }
+        let folded = self.image(apart, shift);
         // With a reach beyond that, one look is enough.
         if reach.is_finite() && folded.length() <= reach {
-            return folded.length_squared();
+            return squared(folded);
         }
         // No image is farther away along the edges than this one is.
-        let along = self.edges.iter().zip(&self.fractions).map(|(edge, row)| *edge * row.dot(folded));
+        let along = self.edges.iter().zip(&self.fractions).map(|((_, edge), row)| *edge * row.dot(folded));
         let looked_at = reach.min(along.sum::<DVec3>().length());
         let turns = self.fractions.iter().map(|row| {
             let (part, most) = (row.dot(folded), looked_at * row.length() + 1e-6);
             [(-part - most).ceil() as i32, (-part + most).floor() as i32]
         });
-        nearest(folded, &self.edges, &turns.collect::<Vec<_>>())
+        self.nearest((apart, shift), folded, &turns.collect::<Vec<_>>())
+    }
+
+    /// The image of a vector by numbers of edges, as the contract computes it.
+    fn image(&self, vector: DVec3, shift: [f64; 3]) -> DVec3 {
+        let component = |axis: usize| {
+            let terms = [0, 1, 2].map(|k| self.given[k].map_or(0.0, |edge| shift[k] * edge[axis]));
+            vector[axis] + (terms[0] + terms[1] + terms[2])
+        };
+        DVec3::new(component(0), component(1), component(2))
+    }
+
+    /// The least squared length of the image of a vector and those that are these turns of each remaining edge from it, where
+    /// `near` is about that image. Along the last edge that is where the parabola has its least, or beside it.
+    fn nearest(&self, (vector, shift): (DVec3, [f64; 3]), near: DVec3, turns: &[[i32; 2]]) -> f64 {
+        let at = self.edges.len() - turns.len();
+        let Some((k, edge)) = self.edges.get(at) else { return squared(self.image(vector, shift)) };
+        let turned = |turn: f64| {
+            let mut shift = shift;
+            shift[*k] += turn;
+            shift
+        };
+        match turns {
+            [[from, to], turns @ ..] if !turns.is_empty() => (*from..=*to)
+                .map(f64::from)
+                .map(|turn| self.nearest((vector, turned(turn)), near + *edge * turn, turns))
+                .fold(f64::INFINITY, f64::min),
+            _ => {
+                let least = (-near.dot(*edge) / edge.length_squared()).round();
+                let beside = [-1.0, 0.0, 1.0].map(|beside| self.image(vector, turned(least + beside)));
+                beside.into_iter().map(squared).fold(f64::INFINITY, f64::min)
+            }
+        }
     }
 }
 
-/// The least squared length of the vector and these turns of each edge. Along the last edge that is where the parabola has
-/// its least, or beside it.
-fn nearest(vector: DVec3, edges: &[DVec3], turns: &[[i32; 2]]) -> f64 {
-    match (edges, turns) {
-        ([edge], [_]) => {
-            let least = (-vector.dot(*edge) / edge.length_squared()).round();
-            [-1.0, 0.0, 1.0]
-                .map(|beside| (vector + *edge * (least + beside)).length_squared())
-                .into_iter()
-                .fold(f64::INFINITY, f64::min)
-        }
-        ([edge, edges @ ..], [[from, to], turns @ ..]) => (*from..=*to)
-            .map(|turn| nearest(vector + *edge * f64::from(turn), edges, turns))
-            .fold(f64::INFINITY, f64::min),
-        _ => vector.length_squared(),
-    }
+fn squared(vector: DVec3) -> f64 {
+    vector.x * vector.x + vector.y * vector.y + vector.z * vector.z
 }
 
 /// For each edge what gives the part of it that a vector has: across the other edges, and within the plane or the line of
@@ -80,32 +109,32 @@ fn fractions(edges: &[DVec3]) -> Vec<DVec3> {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
 
     #[test]
     fn distances_by_hand() {
-        let of =
-            |edges: [Option<Vec3>; 3]| Images::of(&Space::sheared(edges).expect("edges that span a box"));
+        let of = |edges: [Option<DVec3>; 3]| {
+            let edges = edges.map(|edge| edge.map(|edge| edge.to_array()));
+            Images::of(&Space::sheared(edges).expect("edges that span a box"))
+        };
         let at = |images: &Images, x, y, z| images.distance_squared(DVec3::new(x, y, z), 1.5);
-        let leaning = of([Some(Vec3::X * 4.0), Some(Vec3::new(1.5, 3.0, 0.0)), None]);
+        let leaning = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5, 3.0, 0.0)), None]);
         assert_eq!(at(&leaning, 1.5, 3.0, 0.0), 0.0);
         assert_eq!(at(&leaning, 1.5, 2.0, 0.5), 1.25);
         assert_eq!(at(&leaning, 4000.0 - 15.0, -30.0 + 1.0, 0.0), 1.0);
         assert!(at(&leaning, 0.0, 0.0, 3.0) > 2.25);
         // A box that leans by more than it is long has the images of one that leans less.
-        let far = of([Some(Vec3::X * 4.0), Some(Vec3::new(1.5 + 40.0, 3.0, 0.0)), None]);
+        let far = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5 + 40.0, 3.0, 0.0)), None]);
         for k in 0..50 {
             let [x, y] = [0.61 * f64::from(k), 0.37 * f64::from(k)];
             let [one, other] = [&leaning, &far].map(|images| at(images, x, y, 0.0));
             assert!((one - other).abs() < 1e-9 || one.min(other) > 2.25, "{one} {other}");
         }
         // The nearest of all, not only the first look.
-        let flat = of([Some(Vec3::X * 0.5), Some(Vec3::new(1.375, 1.0, 0.0)), None]);
+        let flat = of([Some(DVec3::X * 0.5), Some(DVec3::new(1.375, 1.0, 0.0)), None]);
         let apart = DVec3::new(-0.25, 2.75, 0.25);
         assert_eq!(flat.distance_squared(apart, f64::INFINITY), 0.140625);
-        let line = of([None, Some(Vec3::new(3.0, 4.0, 0.0)), None]);
+        let line = of([None, Some(DVec3::new(3.0, 4.0, 0.0)), None]);
         assert_eq!(at(&line, 6.0, 8.0, 1.0), 1.0);
     }
 }

@@ -102,7 +102,7 @@ mod tests {
         assert_eq!(kept.view().groups(), Some(&[7, Spheres::NO_GROUP, 3][..]));
         assert_eq!(kept.excluded.unwrap().pairs().collect::<Vec<_>>(), [(0, 2)]);
         let one = scenario.only(|k| k == 4);
-        assert_eq!((one.oracle(), one.view().exclusions().map(Exclusions::len)), (vec![], Some(0)));
+        assert_eq!((one.oracle(), one.query().exclusions().map(Exclusions::len)), (vec![], Some(0)));
     }
 
     #[test]

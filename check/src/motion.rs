@@ -11,7 +11,7 @@ pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     // A distance may be more than `f32` holds.
     match part * radius.or(distance).unwrap_or(1.0).min(f32::MAX) {
         0.0 => Skin::Auto,
-        distance => Skin::Fixed(distance.clamp(1e-14, 1e17)),
+        distance => Skin::Fixed(distance.clamp(1e-14, 1e17).into()),
     }
 }
 

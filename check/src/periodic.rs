@@ -36,7 +36,7 @@ pub fn lengths(of: &mut Choices<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
 
 /// The space of these lengths, which are finite and above zero.
 pub fn space(lengths: [Option<f32>; 3]) -> Space {
-    Space::periodic(lengths).unwrap_or_default()
+    Space::periodic(lengths.map(|length| length.map(f64::from))).unwrap_or_default()
 }
 
 fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> Scenario {

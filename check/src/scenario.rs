@@ -1,4 +1,4 @@
-use lazygrid::{Config, InputError, Interaction, Interactions, Pair, Space, Sphere, Spheres};
+use lazygrid::{Config, InputError, Interaction, Interactions, Pair, Query, Space, Sphere, Spheres};
 
 use crate::Excluded;
 use crate::images::Images;
@@ -55,7 +55,13 @@ impl From<Vec<Sphere>> for Scenario {
 }
 
 impl Scenario {
-    /// The input of a detector.
+    /// The question that a detector answers.
+    pub fn query(&self) -> Query<'_> {
+        let query = Query::new(self.view());
+        self.excluded.as_ref().map_or(query, |excluded| query.without(excluded.list()))
+    }
+
+    /// The spheres with species and groups.
     pub fn view(&self) -> Spheres<'_> {
         let mut spheres = Spheres::from(&self.spheres);
         if let Some(mixture) = &self.mixture {
@@ -63,9 +69,6 @@ impl Scenario {
         }
         if let Some(groups) = &self.groups {
             spheres = spheres.with_groups(groups).unwrap_or(spheres);
-        }
-        if let Some(excluded) = &self.excluded {
-            spheres = spheres.with_exclusions(excluded.list()).unwrap_or(spheres);
         }
         spheres
     }
@@ -130,7 +133,7 @@ impl Scenario {
         match interaction {
             Interaction::Never => None,
             Interaction::Touch => Some(f64::from(self.spheres[i].radius) + f64::from(self.spheres[j].radius)),
-            Interaction::Within(distance) => Some(f64::from(distance)),
+            Interaction::Within(distance) => Some(distance),
         }
     }
 

@@ -28,7 +28,7 @@ pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3
 
 /// The space of these edges, which span a box.
 pub fn space(edges: [Option<Vec3>; 3]) -> Space {
-    Space::sheared(edges).unwrap_or_default()
+    Space::sheared(edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()))).unwrap_or_default()
 }
 
 fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> Scenario {

@@ -139,9 +139,9 @@ impl Way {
                 let config = scenario.config(self.config(gpu).skin(skin)).map_err(text)?;
                 let mut detector = Detector::new(config).map_err(text)?;
                 if self.skin > 0.0 {
-                    detector.count(self.before(scenario).view()).map_err(text)?;
+                    detector.count(self.before(scenario).query()).map_err(text)?;
                 }
-                detector.pairs(scenario.view()).map_err(text)?;
+                detector.pairs(scenario.query()).map_err(text)?;
                 Ok(detector.into_pairs())
             }
         })
@@ -184,7 +184,7 @@ impl Way {
         let mut session = GpuSession::new(gpu.own.clone(), settings).map_err(text)?;
         session.set_timeout(PATIENCE);
         if let Skin::Fixed(distance) = skin_of(&scenario.spheres, self.skin) {
-            session.set_skin(Some(distance)).map_err(text)?;
+            session.set_skin(Some(distance as f32)).map_err(text)?;
             let ticket = session.begin(self.before(scenario).view()).map_err(text)?;
             session.finish_count(ticket).map_err(text)?;
         }

@@ -137,7 +137,7 @@ fn the_number_of_spheres_may_come_from_a_buffer() {
         for n in [0_u32, 1, 257, 3000] {
             let count = upload(&own, &[n]);
             let count = Count::Buffer { buffer: &count, at_most: 3000 };
-            let input = GpuSpheres { count, ..GpuSpheres::new(&buffer, n) };
+            let input = GpuSpheres::new(&buffer, count);
             let found = detect_with(&own, &mut detector, &input);
             let part = &spheres[..n as usize];
             judge("count from a buffer", part, &found.pairs, touching(part));
@@ -145,7 +145,7 @@ fn the_number_of_spheres_may_come_from_a_buffer() {
         }
         let count = upload(&own, &[4000_u32]);
         let count = Count::Buffer { buffer: &count, at_most: 3000 };
-        let input = GpuSpheres { count, ..GpuSpheres::new(&buffer, 3000) };
+        let input = GpuSpheres::new(&buffer, count);
         let found = detect_with(&own, &mut detector, &input);
         assert_eq!((found.outcome.spheres, found.outcome.overflow), (4000, Outcome::SPHERES));
     }
@@ -162,7 +162,7 @@ fn interactions_decide_what_is_a_pair() {
     table.set(2, 2, Interaction::Touch).expect("in range");
     table.set(2, 1, Interaction::Within(0.01)).expect("in range");
     let buffers = (upload(&own, &spheres), upload(&own, &species));
-    let input = GpuSpheres { species: Some(&buffers.1), ..GpuSpheres::new(&buffers.0, 2500) };
+    let input = GpuSpheres::new(&buffers.0, 2500).with_species(&buffers.1);
     for algorithm in ALGORITHMS {
         for subgroups in [false, true] {
             let settings =
@@ -173,7 +173,7 @@ fn interactions_decide_what_is_a_pair() {
             judge("interactions", &spheres, &found.pairs, |i, j| match table.get(species[i], species[j]) {
                 Interaction::Never => None,
                 Interaction::Touch => Some(f64::from(spheres[i].radius) + f64::from(spheres[j].radius)),
-                Interaction::Within(distance) => Some(distance.into()),
+                Interaction::Within(distance) => Some(distance),
             });
         }
     }
@@ -203,11 +203,11 @@ fn the_sign_of_zero_says_nothing() {
             let species = upload(&own, &alike);
             let settings = GpuSettings { interactions: Some(table.clone()), ..settings(algorithm, true) };
             let mut detector = GpuDetector::new(&own.device, settings).expect("made");
-            let input = GpuSpheres { species: Some(&species), ..GpuSpheres::new(&buffer, 1501) };
+            let input = GpuSpheres::new(&buffer, 1501).with_species(&species);
             let found = detect_with(&own, &mut detector, &input);
             let scene = format!("zeroes, {algorithm}, the last of species {last}");
             judge(&scene, &spheres, &found.pairs, |i, j| match table.get(alike[i], alike[j]) {
-                Interaction::Within(distance) => Some(distance.into()),
+                Interaction::Within(distance) => Some(distance),
                 _ => Some(f64::from(spheres[i].radius) + f64::from(spheres[j].radius)),
             });
         }
@@ -249,7 +249,7 @@ fn what_does_not_fit_is_refused_with_the_remedy() {
     let too_short = GpuSpheres::new(&buffer, 11);
     let error = detector.encode(&mut encoder, &too_short).expect_err("11 do not fit into 10");
     assert_eq!(error, Error::Buffer { what: "spheres", size: 160, needed: 176, usage: "" });
-    let with_species = GpuSpheres { species: Some(&buffer), ..GpuSpheres::new(&buffer, 2) };
+    let with_species = GpuSpheres::new(&buffer, 2).with_species(&buffer);
     assert_eq!(detector.encode(&mut encoder, &with_species), Err(Error::SpeciesBuffer));
     let limit = own.device.limits().max_storage_buffer_binding_size;
     let beyond = u32::try_from(limit / 16 + 1).unwrap_or(u32::MAX);
@@ -272,7 +272,7 @@ fn windows_part_the_result() {
         let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
         let mut all = Vec::new();
         for window in [0..1, 1..900, 900..2500, 2500..n] {
-            let input = GpuSpheres { window: window.clone(), ..GpuSpheres::new(&buffer, n) };
+            let input = GpuSpheres::new(&buffer, n).in_window(window.clone());
             let found = detect_with(&own, &mut detector, &input);
             assert!(found.pairs.iter().all(|pair| window.contains(&pair.i)));
             all.extend(found.pairs);
@@ -291,7 +291,7 @@ fn species_outside_the_table_are_quarantined() {
     for algorithm in ALGORITHMS {
         let settings = GpuSettings { interactions: Some(table.clone()), ..settings(algorithm, true) };
         let mut detector = GpuDetector::new(&own.device, settings).expect("made");
-        let input = GpuSpheres { species: Some(&buffers.1), ..GpuSpheres::new(&buffers.0, 400) };
+        let input = GpuSpheres::new(&buffers.0, 400).with_species(&buffers.1);
         let found = detect_with(&own, &mut detector, &input);
         assert_eq!((found.outcome.quarantined, found.outcome.found()), (200, 200 * 199 / 2), "{algorithm}");
     }
@@ -347,8 +347,10 @@ fn a_caller_may_take_the_sorted_order_over() {
         let mut ids: Vec<u32> = (0..4000).map(|k| k % 2).collect();
         for step in 0..3 {
             let (given, of_species) = (upload(&own, &spheres), upload(&own, &ids));
-            let input =
-                GpuSpheres { species: species.then_some(&of_species), ..GpuSpheres::new(&given, 4000) };
+            let input = {
+                let input = GpuSpheres::new(&given, 4000);
+                if species { input.with_species(&of_species) } else { input }
+            };
             let found = detect_with(&own, &mut detector, &input);
             assert_eq!(found.outcome.is_sorted, 1);
             let sorted = detector.reserve(4000).expect("reserved").sorted.expect("a cell list");

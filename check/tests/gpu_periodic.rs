@@ -20,7 +20,7 @@ impl Scene {
     }
 
     fn space(&self) -> Space {
-        Space::periodic(self.lengths).expect("lengths")
+        Space::periodic(self.lengths.map(|length| length.map(f64::from))).expect("lengths")
     }
 
     /// The largest distance at which two are a pair.
@@ -30,7 +30,7 @@ impl Scene {
         match table.get(species[i], species[j]) {
             Interaction::Never => None,
             Interaction::Touch => Some(touch()),
-            Interaction::Within(distance) => Some(distance.into()),
+            Interaction::Within(distance) => Some(distance),
         }
     }
 

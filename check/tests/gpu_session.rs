@@ -48,7 +48,7 @@ fn lists_counts_neighbours_and_streams_agree_with_the_cpu() {
                         .map(move |&j| Pair { i: k as u32, j })
                 })
                 .collect();
-            assert!(of_each == wanted && lists.indices.len() == 2 * wanted.len());
+            assert!(of_each == wanted && lists.indices().len() == 2 * wanted.len());
             let mut streamed = Vec::new();
             let handed = detector.stream(&spheres, 1000, |pairs| {
                 assert!(pairs.len() <= 1000);

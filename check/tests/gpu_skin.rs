@@ -22,7 +22,8 @@ fn ask(
     let known = upload(own, &[n]);
     // Of every second call the device alone knows how many spheres it has.
     let count = if n.is_multiple_of(2) { Count::Host(n) } else { Count::Buffer { buffer: &known, at_most } };
-    let spheres = GpuSpheres { count, species: species.as_ref(), ..GpuSpheres::new(&input, at_most) };
+    let spheres = GpuSpheres::new(&input, count);
+    let spheres = species.iter().fold(spheres, |spheres, species| spheres.with_species(species));
     let output = submit(own, |encoder| detector.encode(encoder, &spheres)).expect("recorded");
     let outcome = download::<Outcome>(own, &output.outcome, 1)[0];
     let state = download::<SkinState>(own, detector.state().expect("after a call"), 1)[0];

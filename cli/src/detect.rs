@@ -38,11 +38,11 @@ pub(crate) fn run(args: &Detect) -> Result<(), Failure> {
             frame.sort_by_id().map_err(|id| Failure::IdTwice { path: path(), frame: number, id })?;
         }
         let exclusions = excluded.as_ref().map(|excluded| excluded.of(&frame, number)).transpose()?;
-        let spheres = exclusions::spheres(&frame, exclusions.as_ref());
+        let query = exclusions::query(&frame, exclusions.as_ref());
         let mut search = Search {
             args,
             frame: number,
-            spheres: spheres.map_err(|error| Failure::Setting(error.into()))?,
+            query: query.map_err(|error| Failure::Setting(error.into()))?,
             ids: frame.ids.as_deref(),
             detector: engine.detector(frame.space)?,
             progress: &input.progress,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use lazygrid::{Error, Exclusions, InputError, Spheres};
+use lazygrid::{Error, Exclusions, InputError, Query, Spheres};
 use lazygrid_io::read::{self, Frame};
 
 use crate::args::Detect;
@@ -45,12 +45,13 @@ impl Excluded {
     }
 }
 
-/// The spheres of a frame, with what is left out of their pairs.
-pub(crate) fn spheres<'a>(
+/// The query of a frame: its spheres with their groups, without the excluded pairs.
+pub(crate) fn query<'a>(
     frame: &'a Frame,
     exclusions: Option<&'a Exclusions>,
-) -> Result<Spheres<'a>, InputError> {
+) -> Result<Query<'a>, InputError> {
     let spheres = Spheres::from(&frame.spheres);
     let spheres = frame.groups.as_ref().map_or(Ok(spheres), |groups| spheres.with_groups(groups))?;
-    exclusions.map_or(Ok(spheres), |exclusions| spheres.with_exclusions(exclusions))
+    let query = Query::new(spheres);
+    Ok(exclusions.map_or(query, |exclusions| query.without(exclusions)))
 }

@@ -2,7 +2,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use lazygrid::{Config, Detector, Space, Spheres};
+use lazygrid::{Config, Detector, Query, Space};
 use lazygrid_io::write::{self, Draft, Output, PairFile};
 
 use crate::args::Detect;
@@ -40,7 +40,7 @@ impl Engine {
 pub(crate) struct Search<'a> {
     pub(crate) args: &'a Detect,
     pub(crate) frame: usize,
-    pub(crate) spheres: Spheres<'a>,
+    pub(crate) query: Query<'a>,
     /// What the spheres are called in the result.
     pub(crate) ids: Option<&'a [i64]>,
     pub(crate) detector: &'a mut Detector,
@@ -53,19 +53,19 @@ impl Search<'_> {
     /// Finds what is asked for and writes it to `output`; the files are yet to be published.
     pub(crate) fn run(&mut self, output: Option<&Output>) -> Result<Vec<Draft>, Failure> {
         let failure = failure_in(&self.args.file, self.frame);
-        self.progress.say(format!("searching {} spheres", self.spheres.len()));
+        self.progress.say(format!("searching {} spheres", self.query.len()));
         match output {
-            None if self.args.count => drop(self.detector.count(self.spheres).map_err(failure)?),
-            None if self.args.neighbors => drop(self.detector.neighbors(self.spheres).map_err(failure)?),
-            None => drop(self.detector.pairs(self.spheres).map_err(failure)?),
+            None if self.args.count => drop(self.detector.count(self.query).map_err(failure)?),
+            None if self.args.neighbors => drop(self.detector.neighbors(self.query).map_err(failure)?),
+            None => drop(self.detector.pairs(self.query).map_err(failure)?),
             Some(output) if self.args.neighbors => {
-                let lists = self.detector.neighbors(self.spheres).map_err(failure)?;
+                let lists = self.detector.neighbors(self.query).map_err(failure)?;
                 self.progress.say("writing");
                 return timed(&mut self.writing, || Ok(write::neighbors(output, lists, self.ids)?));
             }
             Some(output) => {
                 let create = |pairs: u64| PairFile::create(output, pairs, self.ids);
-                let file = match self.detector.pairs(self.spheres) {
+                let file = match self.detector.pairs(self.query) {
                     Ok(pairs) => {
                         self.progress.say(format!("writing {} pairs", pairs.len()));
                         timed(&mut self.writing, || {
@@ -89,18 +89,17 @@ impl Search<'_> {
     fn stream<'f>(&mut self, mut file: PairFile<'f>, found: u64) -> Result<PairFile<'f>, Failure> {
         let Self { detector, writing, progress, .. } = self;
         let (mut failed, mut written) = (None, 0);
-        let streamed =
-            detector.stream(self.spheres, CHUNK, |pairs| match timed(writing, || file.add(pairs)) {
-                Ok(()) => {
-                    written += pairs.len();
-                    progress.say(format!("writing, {written} of {found} pairs"));
-                    ControlFlow::Continue(())
-                }
-                Err(error) => {
-                    failed = Some(error);
-                    ControlFlow::Break(())
-                }
-            });
+        let streamed = detector.stream(self.query, CHUNK, |pairs| match timed(writing, || file.add(pairs)) {
+            Ok(()) => {
+                written += pairs.len();
+                progress.say(format!("writing, {written} of {found} pairs"));
+                ControlFlow::Continue(())
+            }
+            Err(error) => {
+                failed = Some(error);
+                ControlFlow::Break(())
+            }
+        });
         streamed.map_err(failure_in(&self.args.file, self.frame))?;
         failed.map_or(Ok(file), |error| Err(error.into()))
     }

@@ -54,8 +54,11 @@ impl Summary {
         let object = Object {
             frame: self.frame,
             step: self.step,
-            periodic: self.space.is_periodic().then(|| self.space.lengths()),
-            edges: self.space.shear().map(|_| self.space.edges().map(|edge| edge.map(Into::into))),
+            periodic: self.space.is_periodic().then(|| self.space.lengths_f32()),
+            edges: self
+                .space
+                .shear()
+                .map(|_| self.space.edges().map(|edge| edge.map(|edge| edge.map(|number| number as f32)))),
             periodic_from: self.space_said().then_some(if self.space_given { "option" } else { "file" }),
             spheres: report.spheres,
             pairs: report.pairs,
@@ -155,14 +158,17 @@ pub(crate) fn cost_text(cost: &gpu::Cost) -> String {
 /// The lengths of a space as `--periodic` takes them, or its edges.
 fn lengths(space: Space) -> String {
     if space.shear().is_some() {
-        let edges = space.edges().map(|edge| match edge.map(|edge| edge.to_array()) {
+        let edges = space.edges().map(|edge| match edge {
             None => "-".to_owned(),
-            Some([x, y, z]) => format!("({x},{y},{z})"),
+            Some(edge) => {
+                let [x, y, z] = edge.map(|number| number as f32);
+                format!("({x},{y},{z})")
+            }
         });
         return format!("along {}", edges.join(" "));
     }
     if !space.is_periodic() {
         return "none".to_owned();
     }
-    space.lengths().map(|length| length.map_or("-".to_owned(), |length| length.to_string())).join(",")
+    space.lengths_f32().map(|length| length.map_or("-".to_owned(), |length| length.to_string())).join(",")
 }

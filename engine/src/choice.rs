@@ -105,17 +105,25 @@ pub(crate) fn known(calibrations: &[Calibration], adapter: &crate::gpu::AdapterS
     }
 }
 
-/// The algorithm of a call on a GPU where `asked` leaves it open, and why. `known` says how the crossover is known.
+/// The algorithm of a call on a GPU where `asked` leaves it open, and why, by the numbers of spheres, of those of the first
+/// of two sets, and of size classes. `known` says how the crossover is known.
 #[cfg(feature = "gpu")]
 pub(crate) fn algorithm(
     asked: Algorithm,
-    (spheres, classes): (u32, usize),
+    (spheres, split, classes): (u32, Option<u32>, usize),
     (crossover, known): (Crossover, &str),
 ) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return (asked, format!("{asked}: asked for"));
     }
     let at = crossover.of(classes);
+    if let Some(split) = split {
+        let [a, b] = [split, spheres - split].map(u64::from);
+        // Where both cost the same, the grid costs as much for each of `at` spheres as comparing it with half of them.
+        let is_few = 2 * a * b < (a + b) * u64::from(at);
+        let (chosen, few) = if is_few { (Algorithm::Naive, "few") } else { (GRID, "many") };
+        return (chosen, format!("{chosen}: {a} times {b} comparisons are {few} ({known})"));
+    }
     let sizes = if classes == 1 { "1 size class" } else { &format!("{classes} size classes") };
     let (chosen, relation) = if spheres < at { (Algorithm::Naive, "fewer than") } else { (GRID, "at least") };
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({known})"))
@@ -250,16 +258,36 @@ mod tests {
             (Algorithm::Naive, 1_000_000, 1, Algorithm::Naive),
             (Algorithm::ArrayGrid, 1, 1, Algorithm::ArrayGrid),
         ] {
-            let (chosen, reason) = algorithm(asked, (spheres, classes), (crossover, "measured"));
+            let (chosen, reason) = algorithm(asked, (spheres, None, classes), (crossover, "measured"));
             assert_eq!(chosen, expected, "{asked}, {spheres} spheres, {classes} classes: {reason}");
             assert!(reason.starts_with(chosen.name()), "{reason}");
             assert_eq!(reason.contains("measured"), asked == Algorithm::Auto, "{reason}");
         }
-        let (_, reason) = algorithm(Algorithm::Auto, (3000, 1), (crossover, "measured on this adapter"));
+        let (_, reason) =
+            algorithm(Algorithm::Auto, (3000, None, 1), (crossover, "measured on this adapter"));
         assert_eq!(
             reason,
             "naive: 3000 spheres in 1 size class are fewer than 10000 (measured on this adapter)"
         );
+    }
+
+    #[test]
+    fn two_sets_are_compared_all_with_all_if_that_costs_less() {
+        let crossover = Crossover { naive_below: 10_000, per_class: 0 };
+        for (first, second, expected) in [
+            (1, 10_000_000, Algorithm::Naive),
+            (4_999, 10_000_000, Algorithm::Naive),
+            (5_004, 10_000_000, GRID),
+            (9_999, 9_999, Algorithm::Naive),
+            (10_000, 10_000, GRID),
+        ] {
+            for (a, b) in [(first, second), (second, first)] {
+                let (chosen, reason) =
+                    algorithm(Algorithm::Auto, (a + b, Some(a), 1), (crossover, "measured"));
+                assert_eq!(chosen, expected, "{a} and {b}: {reason}");
+            }
+        }
+        assert_eq!(algorithm(GRID, (2, Some(1), 1), (crossover, "measured")).0, GRID);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid_host::{HostDetector, Neighbors};
-use lazygrid_kernels::{MAX_SPHERES, Pair, Spheres};
+use lazygrid_kernels::{MAX_SPHERES, Pair, Query};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceDetector, GpuDevice};
@@ -13,9 +13,9 @@ use crate::{Backend, Config, Error, Report, choice};
 ///
 /// # Errors
 /// As [`Detector::pairs`].
-pub fn detect<'a>(spheres: impl Into<Spheres<'a>>) -> Result<Vec<Pair>, Error> {
+pub fn detect<'a>(query: impl Into<Query<'a>>) -> Result<Vec<Pair>, Error> {
     let mut detector = Detector::new(Config::default())?;
-    detector.pairs(spheres)?;
+    detector.pairs(query)?;
     Ok(detector.into_pairs())
 }
 
@@ -78,21 +78,8 @@ impl Detector {
 
     /// The overlapping pairs, each once, in the order that was asked for. The slice lives until the next call.
     ///
-    /// # Errors
-    /// [`Error::Input`] for spheres that are not finite, negative radii or unknown species, naming the first;
-    /// [`Error::TooManyPairs`] for more than [`Config::max_pairs`], with the exact number; [`Error::OutOfMemory`]. On a GPU also
-    /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Timeout`].
-    pub fn pairs<'a>(&mut self, spheres: impl Into<Spheres<'a>>) -> Result<&[Pair], Error> {
-        match &mut self.engine {
-            Engine::Host(host) => Ok(host.pairs(spheres.into())?),
-            #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.pairs(spheres.into()),
-        }
-    }
-
-    /// The overlapping pairs of one sphere of each set, in the order that was asked for: `i` is the index of the one in
-    /// `a`, `j` that of the other in `b`. No two spheres of one set are ever compared: particles against receivers, say, or
-    /// those that are owned against ghosts. The slice lives until the next call.
+    /// Of two sets, pairs of one sphere of each count: `i` is the index of the one in the first set, `j` that of the other
+    /// in the second. On the CPU the cell list and naive compare spheres of different sets only.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, Pair, Sphere};
@@ -100,88 +87,34 @@ impl Detector {
     /// let carriers = [0.0, 0.1, 9.0].map(|x| Sphere::new([x, 0.0, 0.0], 0.05));
     /// let receivers = [8.0, 0.0].map(|x| Sphere::new([x, 0.0, 0.0], 0.1));
     /// let mut detector = Detector::new(Config::default())?;
-    /// assert_eq!(detector.between(&carriers, &receivers)?, [Pair { i: 0, j: 1 }, Pair { i: 1, j: 1 }]);
+    /// assert_eq!(detector.pairs(&carriers)?, [Pair { i: 0, j: 1 }]);
+    /// assert_eq!(detector.pairs((&carriers, &receivers))?, [Pair { i: 0, j: 1 }, Pair { i: 1, j: 1 }]);
     /// # Ok::<(), lazygrid::Error>(())
     /// ```
     ///
     /// # Errors
-    /// As [`pairs`](Self::pairs), [`InputError::Second`](crate::InputError::Second) for what is wrong with `b`;
-    /// [`Error::Setting`] on the CPU for an algorithm other than the cell list, naive and `Auto`, and on a GPU for more than
-    /// 2048 species.
-    pub fn between<'a, 'b>(
-        &mut self,
-        a: impl Into<Spheres<'a>>,
-        b: impl Into<Spheres<'b>>,
-    ) -> Result<&[Pair], Error> {
+    /// [`Error::Input`] for spheres that are not finite, negative radii or unknown species, naming the first, and with
+    /// [`InputError::Second`](crate::InputError::Second) for those of a second set;
+    /// [`Error::TooManyPairs`] for more than [`Config::max_pairs`], with the exact number; [`Error::OutOfMemory`]. On a GPU also
+    /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Timeout`].
+    pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {
         match &mut self.engine {
-            Engine::Host(host) => host.between(a.into(), b.into()),
+            Engine::Host(host) => host.pairs(query.into()),
             #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.between(a.into(), b.into()),
+            Engine::Device(device) => device.pairs(query.into()),
         }
     }
 
-    /// How many pairs of one sphere of each set there are.
-    ///
-    /// # Errors
-    /// As [`between`](Self::between), but for [`Error::TooManyPairs`]: any number can be counted.
-    pub fn count_between<'a, 'b>(
-        &mut self,
-        a: impl Into<Spheres<'a>>,
-        b: impl Into<Spheres<'b>>,
-    ) -> Result<u64, Error> {
-        match &mut self.engine {
-            Engine::Host(host) => host.count_between(a.into(), b.into()),
-            #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.count_between(a.into(), b.into()),
-        }
-    }
-
-    /// For every sphere of `a` those of `b` that it overlaps, ascending.
-    ///
-    /// # Errors
-    /// As [`between`](Self::between).
-    pub fn neighbors_between<'a, 'b>(
-        &mut self,
-        a: impl Into<Spheres<'a>>,
-        b: impl Into<Spheres<'b>>,
-    ) -> Result<Neighbors<'_>, Error> {
-        match &mut self.engine {
-            Engine::Host(host) => host.neighbors_between(a.into(), b.into()),
-            #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.neighbors_between(a.into(), b.into()),
-        }
-    }
-
-    /// Hands the pairs of one sphere of each set to `consume`, as [`stream`](Self::stream) does.
-    ///
-    /// # Errors
-    /// As [`count_between`](Self::count_between).
-    pub fn stream_between<'a, 'b, F>(
-        &mut self,
-        a: impl Into<Spheres<'a>>,
-        b: impl Into<Spheres<'b>>,
-        chunk: usize,
-        consume: F,
-    ) -> Result<u64, Error>
-    where
-        F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
-    {
-        match &mut self.engine {
-            Engine::Host(host) => host.stream_between((a.into(), b.into()), chunk, consume),
-            #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.stream_between((a.into(), b.into()), chunk, consume),
-        }
-    }
-
-    /// The pairs as neighbour lists: for every sphere all it overlaps, ascending, each pair in both lists.
+    /// The pairs as neighbor lists: for every sphere all it overlaps, ascending, each pair in both lists. Of two sets, for
+    /// every sphere of the first one those of the second.
     ///
     /// # Errors
     /// As [`pairs`](Self::pairs).
-    pub fn neighbors<'a>(&mut self, spheres: impl Into<Spheres<'a>>) -> Result<Neighbors<'_>, Error> {
+    pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
         match &mut self.engine {
-            Engine::Host(host) => Ok(host.neighbors(spheres.into())?),
+            Engine::Host(host) => host.neighbors(query.into()),
             #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.neighbors(spheres.into()),
+            Engine::Device(device) => device.neighbors(query.into()),
         }
     }
 
@@ -189,11 +122,11 @@ impl Detector {
     ///
     /// # Errors
     /// As [`pairs`](Self::pairs), but for [`Error::TooManyPairs`]: any number can be counted.
-    pub fn count<'a>(&mut self, spheres: impl Into<Spheres<'a>>) -> Result<u64, Error> {
+    pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
         match &mut self.engine {
-            Engine::Host(host) => Ok(host.count(spheres.into())?),
+            Engine::Host(host) => host.count(query.into()),
             #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.count(spheres.into()),
+            Engine::Device(device) => device.count(query.into()),
         }
     }
 
@@ -209,7 +142,7 @@ impl Detector {
     /// As [`count`](Self::count).
     pub fn stream<'a, F>(
         &mut self,
-        spheres: impl Into<Spheres<'a>>,
+        query: impl Into<Query<'a>>,
         chunk: usize,
         consume: F,
     ) -> Result<u64, Error>
@@ -217,9 +150,9 @@ impl Detector {
         F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
     {
         match &mut self.engine {
-            Engine::Host(host) => Ok(host.stream(spheres.into(), chunk, consume)?),
+            Engine::Host(host) => host.stream(query.into(), chunk, consume),
             #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.stream(spheres.into(), chunk, consume),
+            Engine::Device(device) => device.stream(query.into(), chunk, consume),
         }
     }
 

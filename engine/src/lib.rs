@@ -58,8 +58,8 @@ pub use detector::{Detector, detect};
 pub use glam;
 pub use lazygrid_host::{Kept, Neighbors, Order, Phase, Rebuilt, Simd, Skin};
 pub use lazygrid_kernels::{
-    Algorithm, Backend, Error, Exclusions, InputError, Interaction, Interactions, MAX_SPHERES, Pair, Reach,
-    Shear, Space, Sphere, Spheres, UnknownName,
+    Algorithm, Backend, Bond, Error, Exclusions, InputError, Interaction, Interactions, MAX_SPHERES, Pair,
+    Query, Radii, Reach, Real, Shear, Space, Sphere, Spheres, Straight, Strided, UnknownName,
 };
 pub use report::Report;
 

@@ -27,3 +27,13 @@ pub struct Report {
     /// Time of each phase, in the order they ran. A call that takes a GPU several submissions has the sum of all.
     pub phases: Vec<Phase>,
 }
+
+#[cfg(feature = "gpu")]
+impl Report {
+    /// Starts the report of a call.
+    pub(crate) fn begin(&mut self, spheres: usize) {
+        self.phases.clear();
+        (self.spheres, self.pairs) = (spheres as u64, 0);
+        (self.cost, self.candidates) = (None, None);
+    }
+}

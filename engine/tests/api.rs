@@ -12,8 +12,8 @@ use std::time::Duration;
 
 use lazygrid::glam::Vec3;
 use lazygrid::{
-    Algorithm, Backend, Config, Detector, Error, Exclusions, InputError, Interaction, Interactions,
-    Neighbors, Order, Pair, Phase, Reach, Report, Shear, Simd, Space, Sphere, Spheres, UnknownName, detect,
+    Algorithm, Backend, Bond, Config, Detector, Error, Exclusions, InputError, Interaction, Interactions,
+    Neighbors, Order, Pair, Phase, Reach, Report, Simd, Space, Sphere, Spheres, UnknownName, detect,
 };
 
 const fn crosses_threads<T: Send + Sync>() {}
@@ -71,11 +71,15 @@ fn every_setting() -> Result<Config, Error> {
     let _: (f32, Interaction, u32) = (reach.effective_radius(1.0), reactions.get(0, 1), reactions.species());
     let space: Space = Space::periodic([Some(10.0), None, None])?;
     let _: (Vec3, f64) = (space.wrap(Vec3::ONE), space.distance_squared(Vec3::ZERO, Vec3::ONE));
-    let sheared: Space = Space::sheared([Some(Vec3::ONE), None, None])?;
-    let _: ([Option<Vec3>; 3], Option<&Shear>) = (sheared.edges(), sheared.shear());
+    let sheared: Space = Space::sheared([Some([1.0; 3]), None, None])?;
+    let _: ([Option<[f64; 3]>; 3], [Option<f64>; 3]) = (sheared.edges(), sheared.lengths());
+    let _: ([i32; 3], [f64; 3]) = {
+        let bond: Bond = space.bond([0.0; 3], [1.0; 3]);
+        (bond.shift, bond.vector)
+    };
     let _: [Exclusions; 3] = [
         Exclusions::new(2, [(0, 1)])?,
-        Exclusions::between(2, 3, [(0, 2)])?,
+        Exclusions::across(2, 3, [(0, 2)])?,
         Exclusions::from_rows(&[0, 1, 1], &[1])?,
     ];
     Ok(Config::default()

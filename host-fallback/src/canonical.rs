@@ -117,12 +117,7 @@ impl Canonical {
     ///
     /// # Panics
     /// Where an `i` is far from below `spheres`.
-    pub fn order(&mut self, chunks: &[&[Pair]], spheres: usize, out: &mut Vec<Pair>) -> Result<(), Error> {
-        self.order_with(Threads::here()?, chunks, spheres, out)
-    }
-
-    /// The same with these threads.
-    pub(crate) fn order_with(
+    pub fn order(
         &mut self,
         threads: Threads,
         chunks: &[&[Pair]],
@@ -263,7 +258,7 @@ mod tests {
         expected.sort_unstable();
         let (mut canonical, mut out) = (Canonical::default(), Vec::new());
         for _ in 0..2 {
-            canonical.order(&chunks, spheres as usize, &mut out).expect("there is memory");
+            canonical.order(Threads::Pool, &chunks, spheres as usize, &mut out).expect("there is memory");
             assert_eq!(out, expected);
         }
     }

@@ -1,19 +1,18 @@
 use std::ops::ControlFlow;
 
-use lazygrid_kernels::{Pair, Sphere, Spheres};
-use rayon::ThreadPool;
+use lazygrid_kernels::{Pair, Query, Sphere};
 
 use crate::cell_list::CellList;
 use crate::choice::Structure;
 use crate::compare::{Columns, Count, Rule};
-use crate::given::Given;
 use crate::input::Input;
 use crate::memory::{resize, with_growth};
 use crate::paper::{ArrayGrid, HashGrid, RecursiveGrid};
+use crate::place::Places;
 use crate::skin::Candidates;
 use crate::state::State;
-use crate::survey::Survey;
-use crate::threads::{self, Threads};
+use crate::survey::{Survey, check_valid};
+use crate::threads::{MANY, Team, Threads};
 use crate::{Error, Neighbors, Order, Rebuilt, Report, Settings};
 
 /// Pairs per chunk of a stream between two sets at most, 8 MiB.
@@ -25,7 +24,8 @@ pub struct HostDetector {
     settings: Settings,
     /// What its calls build, at most.
     structure: Structure,
-    pool: Option<ThreadPool>,
+    team: Team,
+    places: Places,
     state: State,
 }
 
@@ -37,36 +37,20 @@ impl HostDetector {
     /// [`Error::Threads`] where the system refuses the threads.
     pub fn new(settings: Settings) -> Result<Self, Error> {
         let structure = settings.check()?;
-        let pool = match settings.threads {
-            // One thread is the calling one.
-            None | Some(1) => None,
-            Some(threads) => Some(threads::pool(threads)?),
-        };
+        let team = Team::new(settings.threads)?;
         log::debug!("vector code: {:?}", settings.simd);
         let mut state = State::default();
         state.report.algorithm = settings.algorithm;
-        Ok(Self { settings, structure, pool, state })
+        Ok(Self { settings, structure, team, places: Places::default(), state })
     }
 
     /// The overlapping pairs, each once, in the order of the settings.
     ///
     /// # Errors
     /// [`Error::Input`] for a bad input, [`Error::TooManyPairs`] above the limit, [`Error::OutOfMemory`].
-    pub fn pairs(&mut self, spheres: Spheres<'_>) -> Result<&[Pair], Error> {
+    pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {
         let order = self.settings.order;
-        self.run(Given::One(spheres), |state, input| state.list(input, order))?;
-        Ok(&self.state.pairs)
-    }
-
-    /// The overlapping pairs of one sphere of each set, in the order of the settings: `i` is the index of the one in `a`,
-    /// `j` that of the other in `b`. No two spheres of one set are ever compared.
-    ///
-    /// # Errors
-    /// As [`pairs`](Self::pairs), [`InputError::Second`](lazygrid_kernels::InputError::Second) for what is wrong with `b`;
-    /// [`Error::Setting`] for an algorithm other than the cell list, naive and `Auto`.
-    pub fn between(&mut self, a: Spheres<'_>, b: Spheres<'_>) -> Result<&[Pair], Error> {
-        let order = self.settings.order;
-        self.run(self.two(a, b)?, |state, input| state.list(input, order))?;
+        self.run(query.into(), |state, input| state.list(input, order))?;
         Ok(&self.state.pairs)
     }
 
@@ -74,40 +58,19 @@ impl HostDetector {
     ///
     /// # Errors
     /// As [`pairs`](Self::pairs).
-    pub fn neighbors(&mut self, spheres: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
-        self.run(Given::One(spheres), |state, input| state.list(input, Order::Canonical))?;
+    pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
+        let query = query.into();
+        self.run(query, |state, input| state.list(input, Order::Canonical))?;
         let State { report, lists, pairs, .. } = &mut self.state;
-        report.time("neighbors", || lists.fill(pairs, spheres.len()))
+        report.time("neighbors", || lists.of_query(pairs, &query))
     }
 
-    /// For every sphere of `a` those of `b` that it overlaps, ascending.
-    ///
-    /// # Errors
-    /// As [`between`](Self::between).
-    pub fn neighbors_between(&mut self, a: Spheres<'_>, b: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
-        self.run(self.two(a, b)?, |state, input| state.list(input, Order::Canonical))?;
-        let State { report, lists, pairs, .. } = &mut self.state;
-        report.time("neighbors", || lists.fill_forward(pairs, a.len()))
-    }
-
-    /// How many pairs there are.
+    /// The number of pairs.
     ///
     /// # Errors
     /// [`Error::Input`] for a bad input, [`Error::OutOfMemory`].
-    pub fn count(&mut self, spheres: Spheres<'_>) -> Result<u64, Error> {
-        self.count_of(Given::One(spheres))
-    }
-
-    /// How many pairs of one sphere of each set there are.
-    ///
-    /// # Errors
-    /// As [`between`](Self::between).
-    pub fn count_between(&mut self, a: Spheres<'_>, b: Spheres<'_>) -> Result<u64, Error> {
-        self.count_of(self.two(a, b)?)
-    }
-
-    fn count_of(&mut self, given: Given<'_>) -> Result<u64, Error> {
-        self.run(given, |state, input| {
+    pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
+        self.run(query.into(), |state, input| {
             state.report.pairs = state.search(input, &Count)?.0;
             Ok(())
         })?;
@@ -118,69 +81,32 @@ impl HostDetector {
     ///
     /// # Errors
     /// As [`count`](Self::count).
-    pub fn stream<F>(&mut self, spheres: Spheres<'_>, chunk: usize, consume: F) -> Result<u64, Error>
-    where
-        F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
-    {
-        self.stream_of(Given::One(spheres), chunk, consume)
-    }
-
-    /// Hands the pairs of one sphere of each set over in chunks of at most `chunk` and returns how many there were.
-    ///
-    /// # Errors
-    /// As [`between`](Self::between).
-    pub fn stream_between<F>(
+    pub fn stream<'a, F>(
         &mut self,
-        (a, b): (Spheres<'_>, Spheres<'_>),
+        query: impl Into<Query<'a>>,
         chunk: usize,
         mut consume: F,
     ) -> Result<u64, Error>
     where
         F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
     {
-        let (given, first) = (self.two(a, b)?, a.len() as u32);
-        let mut part = Vec::new();
-        let chunk = chunk.clamp(1, PART);
-        resize(&mut part, chunk, "a chunk of pairs")?;
-        self.stream_of(given, chunk, move |pairs| {
-            let own = &mut part[..pairs.len()];
-            own.iter_mut().zip(pairs).for_each(|(own, pair)| *own = Pair { i: pair.i, j: pair.j - first });
-            consume(own)
-        })
-    }
-
-    fn stream_of<F>(&mut self, given: Given<'_>, chunk: usize, mut consume: F) -> Result<u64, Error>
-    where
-        F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
-    {
-        let (order, limit, chunk) = (self.settings.order, self.settings.max_pairs, chunk.max(1));
+        let query = query.into();
+        let (order, limit) = (self.settings.order, self.settings.max_pairs);
+        let (chunk, mut numbering) = Numbering::new(chunk, query.split())?;
         let mut handed = 0;
         let mut consume = |pairs: &[Pair]| {
             for part in pairs.chunks(chunk) {
                 handed += part.len() as u64;
-                consume(part)?;
+                consume(numbering.of_second(part))?;
             }
             ControlFlow::Continue(())
         };
-        self.run(given, |state, input| match order {
+        self.run(query, |state, input| match order {
             Order::Unordered => state.hand_over(input, &mut consume),
             Order::Canonical => state.stream_in_order(input, limit, &mut consume),
         })?;
         self.state.report.pairs = handed;
         Ok(handed)
-    }
-
-    /// Two sets, for algorithms that can keep them apart.
-    fn two<'a>(&self, a: Spheres<'a>, b: Spheres<'a>) -> Result<Given<'a>, Error> {
-        match self.structure {
-            Structure::CellList | Structure::Naive => Ok(Given::Two(a, b)),
-            Structure::HashGrid | Structure::ArrayGrid | Structure::RecursiveGrid => {
-                let range =
-                    "pairs between two sets are found by `CellList`, `Naive` and `Auto`: choose one of them";
-                let value = self.settings.algorithm.to_string();
-                Err(Error::Setting { name: "algorithm", value, range })
-            }
-        }
     }
 
     /// What the last call did and why.
@@ -196,7 +122,7 @@ impl HostDetector {
     /// bytes for each of its spheres. The candidates that a skin keeps are included, as many as it may keep: up to 96 of
     /// 8 bytes for each sphere, although few scenes have more than ten. [`Skin::Off`](crate::Skin::Off) keeps none.
     pub fn memory_for(&self, spheres: u64) -> u64 {
-        let (ratio, threads) = (self.settings.raster_ratio, self.threads() as u64);
+        let (ratio, threads) = (self.settings.raster_ratio, self.team.count() as u64);
         let wrapped = match self.settings.space.is_periodic() {
             true => with_growth(spheres * size_of::<Sphere>() as u64),
             false => 0,
@@ -215,15 +141,6 @@ impl HostDetector {
         own.saturating_add(wrapped).saturating_add(kept)
     }
 
-    /// How many threads a call from here has.
-    fn threads(&self) -> usize {
-        match (&self.pool, self.settings.threads) {
-            (Some(pool), _) => pool.current_num_threads(),
-            (None, Some(threads)) => threads,
-            (None, None) => threads::count(),
-        }
-    }
-
     /// The pairs of the last list, without a copy.
     pub fn into_pairs(self) -> Vec<Pair> {
         self.state.pairs
@@ -233,67 +150,75 @@ impl HostDetector {
     /// spheres only what takes long.
     fn run(
         &mut self,
-        given: Given<'_>,
+        query: Query<'_>,
         work: impl FnOnce(&mut State, &Input<'_>) -> Result<(), Error> + Send,
     ) -> Result<(), Error> {
-        let Self { settings, structure, pool, state } = self;
-        let pool = pool.as_ref();
-        // Of the paper's grids nothing tells how long they take.
-        let is_large =
-            given.len() >= threads::MANY || !matches!(structure, Structure::Naive | Structure::CellList);
-        let here = || match settings.threads {
-            Some(1) => Ok(Threads::Calling),
-            _ => Threads::here(),
-        };
+        let Self { settings, structure, team, places, state } = self;
+        let settings = &*settings;
+        // The time that the paper's grids take cannot be told beforehand.
+        let is_large = query.len() >= MANY || !matches!(structure, Structure::Naive | Structure::CellList);
         let task = || {
-            state.report = Report { spheres: given.len() as u64, ..Report::default() };
-            let threads = if is_large { here()? } else { Threads::Calling };
-            let interactions = settings.interactions.as_ref();
-            given.check_species(interactions, threads)?;
-            let refinement = given.refinement(interactions, &settings.space)?;
-            let mut near = std::mem::take(&mut state.near);
-            let report = &mut state.report;
-            let rule = match (settings.space.shear(), &refinement) {
-                (Some(shear), Some(refinement)) => {
-                    let spheres = report.time("copy", || near.straight(refinement, given.len(), threads))?;
-                    Rule::new(spheres, None).in_space(shear.straight())
-                }
-                _ => {
-                    let spheres = match given.as_they_are(&settings.space) {
-                        Some(spheres) => spheres,
-                        None => report.time("copy", || given.near(&settings.space, &mut near, threads))?,
-                    };
-                    Rule::new(spheres, interactions).in_space(settings.space)
-                }
-            };
-            let rule = rule.refined(refinement.as_ref());
-            let lapsed = match given {
-                Given::One(_) => state.advance(settings, &rule, threads)?,
-                Given::Two(..) => Some(Rebuilt::First),
+            state.report = Report { spheres: query.len() as u64, ..Report::default() };
+            let threads = if is_large { team.here()? } else { Threads::Calling };
+            let placed = places.place(&query, (settings, true), threads, &mut state.report.phases)?;
+            // The cell list and naive compare spheres of different sets only.
+            let finds_all = !matches!(structure, Structure::Naive | Structure::CellList);
+            let rule = Rule::of_placed(&placed, settings).across(placed.split.filter(|_| finds_all));
+            let lapsed = match placed.split {
+                None => state.advance(settings, &rule, threads)?,
+                Some(_) => Some(Rebuilt::First),
             };
             let survey = match (lapsed, state.course.candidates.survey()) {
                 (None, Some(survey)) => survey.clone(),
                 _ => {
                     let survey = state.report.time("survey", || Survey::of(&rule, threads));
-                    // What is wrong is said of the spheres as they were given.
-                    survey.or_else(|error| given.check(threads).and(Err(error)))?
+                    // An error names the spheres as they were given.
+                    survey.or_else(|error| check_valid(&query, threads).and(Err(error)))?
                 }
             };
             let mut input =
-                Input { rule, survey, settings, simd: settings.simd, threads, split: given.split() };
+                Input { rule, survey, settings, simd: settings.simd, threads, split: placed.split };
             state.build(&input, lapsed)?;
             if is_large || state.is_short(&input) {
-                work(state, &input)?;
+                work(state, &input)
             } else {
-                threads::within(pool, || {
-                    input.threads = here()?;
+                team.within(|| {
+                    input.threads = team.here()?;
                     work(state, &input)
-                })?;
+                })
             }
-            state.near = near;
-            Ok(())
         };
-        if is_large { threads::within(pool, task) } else { task() }
+        if is_large { team.within(task) } else { task() }
+    }
+}
+
+/// How a stream names spheres: those of the second of two sets by their index there.
+struct Numbering {
+    split: u32,
+    /// Room for a chunk of a stream across two sets.
+    part: Vec<Pair>,
+}
+
+impl Numbering {
+    /// For chunks of at most `chunk` pairs; also returns how many pairs a chunk has.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    fn new(chunk: usize, split: Option<usize>) -> Result<(usize, Self), Error> {
+        let mut part = Vec::new();
+        let Some(split) = split else { return Ok((chunk.max(1), Self { split: 0, part })) };
+        let chunk = chunk.clamp(1, PART);
+        resize(&mut part, chunk, "a chunk of pairs")?;
+        Ok((chunk, Self { split: split as u32, part }))
+    }
+
+    fn of_second<'p>(&'p mut self, pairs: &'p [Pair]) -> &'p [Pair] {
+        if self.part.is_empty() {
+            return pairs;
+        }
+        let part = &mut self.part[..pairs.len()];
+        part.iter_mut().zip(pairs).for_each(|(own, pair)| *own = Pair { i: pair.i, j: pair.j - self.split });
+        part
     }
 }
 
@@ -313,7 +238,7 @@ mod tests {
             Settings { threads: Some(2), algorithm, order: Order::Unordered, ..Settings::default() };
         let mut detector = HostDetector::new(settings).expect("the settings are in range");
         let (caller, mut are_here) = (thread::current().id(), Vec::new());
-        let found = detector.stream((&spheres).into(), 1 << 20, |_| {
+        let found = detector.stream(&spheres, 1 << 20, |_| {
             are_here.push(thread::current().id() == caller);
             ControlFlow::Continue(())
         });
@@ -341,12 +266,8 @@ mod tests {
             let at = |k: u32| [7, 11, 13].map(|step| 5.0 + width * ((k * step) % 101) as f32 / 101.0);
             let inner = (0..500).map(|k| Sphere::new(at(k), radii[k as usize % 2]));
             let spheres: Vec<_> = corners.into_iter().chain(inner).collect();
-            let expected = naive.pairs((&spheres).into()).expect("the spheres are valid");
-            assert_eq!(
-                detector.pairs((&spheres).into()).expect("the spheres are valid"),
-                expected,
-                "{width}"
-            );
+            let expected = naive.pairs(&spheres).expect("the spheres are valid");
+            assert_eq!(detector.pairs(&spheres).expect("the spheres are valid"), expected, "{width}");
         }
     }
 }

@@ -113,7 +113,8 @@ fn spaces(spheres: &[Sphere]) -> Vec<Space> {
     let (min, max) = spheres.iter().fold(corners, |(a, b), s| (a.min(s.center), b.max(s.center)));
     let extent = (max.as_dvec3() - min.as_dvec3()).max_element().max(1e-44);
     let space = |shares: [f64; 3]| {
-        let length = |share: f64| (share > 0.0).then_some((share * extent).min(f64::from(f32::MAX)) as f32);
+        let length =
+            |share: f64| (share > 0.0).then_some(f64::from((share * extent).min(f64::from(f32::MAX)) as f32));
         Space::periodic(shares.map(length)).unwrap_or_default()
     };
     [[1.0, 1.0, 1.0], [0.37, 0.0, 0.81], [0.0, 0.0, 0.11], [3.0, 1.7, 0.02]].map(space).into()

@@ -1,19 +1,35 @@
-use lazygrid_kernels::Pair;
+use lazygrid_kernels::{Pair, Query};
 
 use crate::Error;
 use crate::memory::resize;
 
-/// Neighbour lists in compressed sparse rows: the neighbours of sphere `k` are
-/// `indices[offsets[k]..offsets[k + 1]]`, ascending. Every pair stands in both lists.
-#[derive(Clone, Copy, Debug)]
+/// Neighbor lists in compressed sparse rows: the neighbors of sphere `k` are `indices()[offsets()[k]..offsets()[k + 1]]`,
+/// ascending. Every pair stands in the lists of both spheres; of two sets only spheres of the first have a list, with
+/// indices in the second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Neighbors<'a> {
-    /// Where each sphere's list starts; one more than there are spheres, the last the length of `indices`.
-    pub offsets: &'a [u64],
-    /// The neighbours' indices, list after list.
-    pub indices: &'a [u32],
+    offsets: &'a [u64],
+    indices: &'a [u32],
 }
 
 impl<'a> Neighbors<'a> {
+    /// Where the list of each sphere starts: one more number than there are lists, the last the length of
+    /// [`indices`](Self::indices).
+    pub fn offsets(&self) -> &'a [u64] {
+        self.offsets
+    }
+
+    /// The indices of the neighbors, list after list.
+    pub fn indices(&self) -> &'a [u32] {
+        self.indices
+    }
+
+    /// The lists in order of their spheres.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = &'a [u32]> + use<'a> {
+        let (offsets, indices) = (self.offsets, self.indices);
+        offsets.windows(2).map(move |ends| &indices[ends[0] as usize..ends[1] as usize])
+    }
+
     /// The neighbours of sphere `k`.
     ///
     /// # Panics
@@ -33,7 +49,16 @@ impl<'a> Neighbors<'a> {
     }
 }
 
-/// Turns pairs into neighbour lists, in buffers that survive between calls.
+impl<'a> IntoIterator for Neighbors<'a> {
+    type Item = &'a [u32];
+    type IntoIter = Box<dyn ExactSizeIterator<Item = &'a [u32]> + 'a>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        Box::new(self.iter())
+    }
+}
+
+/// Turns pairs into neighbor lists, in buffers that survive between calls.
 #[derive(Debug, Default)]
 pub struct Lists {
     offsets: Vec<u64>,
@@ -42,6 +67,17 @@ pub struct Lists {
 }
 
 impl Lists {
+    /// Builds the lists of a query from its pairs in canonical order.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn of_query(&mut self, pairs: &[Pair], query: &Query<'_>) -> Result<Neighbors<'_>, Error> {
+        match query.split() {
+            None => self.fill(pairs, query.len()),
+            Some(rows) => self.fill_forward(pairs, rows),
+        }
+    }
+
     /// The lists of `spheres` spheres from their pairs in canonical order.
     ///
     /// For each sphere the pairs in which it comes second are met before those in which it comes first, each kind
@@ -52,7 +88,7 @@ impl Lists {
     ///
     /// # Panics
     /// Where an index is not below `spheres`.
-    pub fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Result<Neighbors<'_>, Error> {
+    fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Result<Neighbors<'_>, Error> {
         let Self { offsets, next, indices } = self;
         resize(offsets, spheres + 1, "neighbour lists")?;
         resize(next, spheres, "neighbour lists")?;
@@ -82,7 +118,7 @@ impl Lists {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub fn fill_forward(&mut self, pairs: &[Pair], rows: usize) -> Result<Neighbors<'_>, Error> {
+    fn fill_forward(&mut self, pairs: &[Pair], rows: usize) -> Result<Neighbors<'_>, Error> {
         let Self { offsets, indices, .. } = self;
         resize(offsets, rows + 1, "neighbour lists")?;
         resize(indices, pairs.len(), "neighbour lists")?;

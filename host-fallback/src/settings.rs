@@ -34,7 +34,7 @@ pub enum Skin {
     Auto,
     /// Candidates are the pairs whose spheres are up to this much too far apart to touch. They are kept until some
     /// sphere has moved by half of it.
-    Fixed(f32),
+    Fixed(f64),
 }
 
 /// What the CPU path is asked to do. Made once, kept for the life of a detector.
@@ -91,9 +91,9 @@ impl Settings {
     }
 
     /// Refuses a skin that no arithmetic can follow, and one for an algorithm that keeps nothing.
-    fn check_skin(&self, distance: f32) -> Result<(), Error> {
+    fn check_skin(&self, distance: f64) -> Result<(), Error> {
         let value = distance.to_string();
-        if !skin::SKINS.contains(&distance) {
+        if !skin::SKINS.contains(&(distance as f32)) {
             return Err(Error::Setting {
                 name: "skin",
                 value,

@@ -8,7 +8,6 @@ use crate::canonical::Canonical;
 use crate::cell_list::CellList;
 use crate::choice::Structure;
 use crate::compare::{Columns, Consume, Output, Rule, To, Written};
-use crate::given::Near;
 use crate::input::Input;
 use crate::memory::{collect, extend, resize};
 use crate::neighbors::Lists;
@@ -22,7 +21,6 @@ use crate::{Error, Kept, Order, Rebuilt, Report, Settings, choice, naive};
 #[derive(Debug, Default)]
 pub(crate) struct State {
     pub(crate) report: Report,
-    pub(crate) near: Near,
     columns: Columns,
     cell_list: CellList,
     pub(crate) course: Course,
@@ -162,7 +160,7 @@ impl State {
         report.time("order", || match order {
             Order::Canonical => {
                 let chunks = collect(chunks.iter().map(Vec::as_slice), "chunks of pairs")?;
-                canonical.order_with(input.threads, &chunks, input.survey.spheres, pairs)
+                canonical.order(input.threads, &chunks, input.survey.spheres, pairs)
             }
             Order::Unordered => {
                 let mut end = 0;

@@ -2,9 +2,8 @@
 
 use bytemuck::cast;
 use glam::Vec3;
-use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Spheres};
+use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Query, Spheres};
 
-use crate::Error;
 use crate::classes::{CLASSES, class_of};
 use crate::compare::Rule;
 use crate::threads::Threads;
@@ -53,16 +52,16 @@ impl Survey {
         self.classes.iter().copied().enumerate().rev().filter(|(_, class)| class.count > 0)
     }
 
-    /// Checks and surveys the spheres.
+    /// Checks and surveys spheres whose species ids are checked already.
     ///
     /// # Errors
-    /// [`InputError::TooManySpheres`], [`InputError::SpeciesMissing`], [`InputError::SpeciesId`] for the first species
-    /// outside the table, and [`InputError::Sphere`] for the first sphere that is not finite or has a negative radius;
-    /// [`Error::Threads`].
-    pub fn new(spheres: Spheres<'_>, interactions: Option<&Interactions>) -> Result<Self, Error> {
-        let threads = Threads::here()?;
-        check_species(spheres, interactions, threads)?;
-        Ok(Self::of(&Rule::new(spheres, interactions), threads)?)
+    /// [`InputError::Sphere`] for the first sphere that is not finite or has a negative radius.
+    pub fn new(
+        spheres: Spheres<'_>,
+        interactions: Option<&Interactions>,
+        threads: Threads,
+    ) -> Result<Self, InputError> {
+        Self::of(&Rule::new(spheres, interactions), threads)
     }
 
     /// Checks and surveys the spheres of `rule`, whose species ids are checked already.
@@ -132,15 +131,24 @@ impl Survey {
     }
 }
 
+/// Refuses a query with spheres that are not valid.
+///
+/// # Errors
+/// [`InputError::Sphere`] for the first set, [`InputError::Second`] for the second.
+pub fn check_valid(query: &Query<'_>, threads: Threads) -> Result<(), InputError> {
+    query.check_each(|spheres| check(spheres, threads))
+}
+
 /// Refuses spheres that are not valid.
 ///
 /// # Errors
 /// [`InputError::Sphere`], which names the first and counts all.
-pub(crate) fn check(spheres: Spheres<'_>, threads: Threads) -> Result<(), InputError> {
+fn check(spheres: Spheres<'_>, threads: Threads) -> Result<(), InputError> {
     let total = spheres.len() as u64;
-    match find(spheres.len(), threads, |i| !spheres.get(i).is_valid())? {
+    match find(spheres.len(), threads, |i| !spheres.is_valid(i))? {
         (Some(index), count) => {
-            Err(InputError::Sphere { index, sphere: spheres.get(index as usize), count, total })
+            let [x, y, z, radius] = spheres.get_f64(index as usize);
+            Err(InputError::Sphere { index, center: [x, y, z], radius, count, total })
         }
         (None, _) => Ok(()),
     }

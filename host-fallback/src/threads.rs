@@ -25,7 +25,7 @@ const SHORT: f32 = 300_000.0;
 
 /// Which threads work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Threads {
+pub enum Threads {
     /// The calling thread, which wakes nobody.
     Calling,
     /// Those of the pool that the calling thread belongs to, or of rayon's global one.
@@ -101,8 +101,67 @@ impl Threads {
     }
 }
 
+/// The threads of a detector: those of a pool of its own, or of the caller's.
+#[derive(Debug)]
+pub struct Team {
+    pool: Option<ThreadPool>,
+    asked: Option<usize>,
+}
+
+impl Team {
+    /// A team of `asked` threads; `None` for the rayon pool that each call comes from.
+    ///
+    /// # Errors
+    /// [`Error::Threads`] if the system refuses the threads.
+    pub fn new(asked: Option<usize>) -> Result<Self, Error> {
+        let pool = match asked {
+            // One thread is the calling one.
+            None | Some(1) => None,
+            Some(threads) => Some(pool(threads)?),
+        };
+        Ok(Self { pool, asked })
+    }
+
+    /// Passes over `count` items with the threads that are worth it: few are left to the calling one.
+    ///
+    /// # Errors
+    /// Those of `task`, and [`Error::Threads`].
+    pub fn pass<R: Send>(
+        &self,
+        count: usize,
+        task: impl FnOnce(Threads) -> Result<R, Error> + Send,
+    ) -> Result<R, Error> {
+        match count < MANY {
+            true => task(Threads::Calling),
+            false => self.within(|| task(self.here()?)),
+        }
+    }
+
+    /// Runs `task` in the pool.
+    pub(crate) fn within<R: Send>(&self, task: impl FnOnce() -> R + Send) -> R {
+        within(self.pool.as_ref(), task)
+    }
+
+    /// Those that a call from here has.
+    ///
+    /// # Errors
+    /// As [`Threads::here`].
+    pub(crate) fn here(&self) -> Result<Threads, Error> {
+        if self.asked == Some(1) { Ok(Threads::Calling) } else { Threads::here() }
+    }
+
+    /// How many they are in a call from here.
+    pub(crate) fn count(&self) -> usize {
+        match (&self.pool, self.asked) {
+            (Some(pool), _) => pool.current_num_threads(),
+            (None, Some(threads)) => threads,
+            (None, None) => count(),
+        }
+    }
+}
+
 /// Runs `task` in this pool, or in that of whoever calls where there is none.
-pub(crate) fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> R + Send) -> R {
+fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> R + Send) -> R {
     match pool {
         Some(pool) => pool.install(task),
         None => task(),
@@ -110,7 +169,7 @@ pub(crate) fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> 
 }
 
 /// How many threads the pool of a caller from here has, or would have.
-pub(crate) fn count() -> usize {
+fn count() -> usize {
     if rayon::current_thread_index().is_some() { rayon::current_num_threads() } else { cores() }
 }
 
@@ -118,7 +177,7 @@ pub(crate) fn count() -> usize {
 ///
 /// # Errors
 /// [`Error::Threads`] where the system refuses the threads.
-pub(crate) fn pool(asked: usize) -> Result<ThreadPool, Error> {
+fn pool(asked: usize) -> Result<ThreadPool, Error> {
     let cores = cores();
     let threads = useful(asked, cores);
     if threads < asked {

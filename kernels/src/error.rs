@@ -1,6 +1,6 @@
 use thiserror::Error;
 
-use crate::{Algorithm, Backend, MAX_SPHERES, Sphere};
+use crate::{Algorithm, Backend, MAX_SPHERES};
 
 /// What can be wrong with an input. Every message names the value, the limit and the remedy.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -10,13 +10,15 @@ pub enum InputError {
     #[error(
         "sphere {index} has centre ({x}, {y}, {z}) and radius {r}: {count} of {total} spheres are not finite \
          or have a negative radius; remove or mend them",
-        x = .sphere.center.x, y = .sphere.center.y, z = .sphere.center.z, r = .sphere.radius
+        x = .center[0], y = .center[1], z = .center[2], r = .radius
     )]
     Sphere {
         /// Index of the first such sphere.
         index: u32,
-        /// Its value.
-        sphere: Sphere,
+        /// Its center.
+        center: [f64; 3],
+        /// Its radius.
+        radius: f64,
         /// How many such spheres there are.
         count: u64,
         /// How many spheres there are in all.
@@ -75,7 +77,7 @@ pub enum InputError {
         /// Which axis: `x`, `y` or `z`.
         axis: char,
         /// The length given.
-        length: f32,
+        length: f64,
     },
     /// Edges of a sheared space that span no box.
     #[error(
@@ -85,7 +87,7 @@ pub enum InputError {
     )]
     Edges {
         /// The edges given.
-        edges: [Option<[f32; 3]>; 3],
+        edges: Box<[Option<[f64; 3]>; 3]>,
     },
     /// A pair is to be left out of which there is no sphere.
     #[error(
@@ -128,11 +130,6 @@ pub enum InputError {
         /// How many there are.
         given: (usize, Option<usize>),
     },
-    /// Excluded pairs came with the second of two sets.
-    #[error(
-        "pairs between two sets are excluded with the first set, not with this one: make them with `Exclusions::between`"
-    )]
-    ExclusionsOfSecond,
     /// An interaction distance that is negative or not finite.
     #[error("the interaction distance {distance} of species {a} and {b} must be finite and not negative")]
     Distance {
@@ -141,7 +138,7 @@ pub enum InputError {
         /// The other.
         b: u32,
         /// The distance given.
-        distance: f32,
+        distance: f64,
     },
 }
 

@@ -3,9 +3,9 @@ use crate::{Error, InputError, MAX_SPHERES, make_room};
 /// What memory is asked for.
 const WHAT: &str = "excluded pairs";
 
-/// Pairs that are none, whatever their spheres: bonds, neighbours along a chain, what was settled elsewhere.
+/// Pairs that a search never reports, such as bonds.
 ///
-/// Given with the spheres ([`Spheres::with_exclusions`](crate::Spheres::with_exclusions)). A pair may be named in either
+/// Given with a query ([`Query::without`](crate::Query::without)). A pair may be named in either
 /// order, or in both, and more than once. Looking one up takes a binary search in a row, and only pairs that touch are
 /// looked up; where whole molecules are to be left out, [groups](crate::Spheres::with_groups) cost less.
 ///
@@ -43,7 +43,7 @@ impl Exclusions {
     ///
     /// # Errors
     /// As [`new`](Self::new).
-    pub fn between(
+    pub fn across(
         first: usize,
         second: usize,
         pairs: impl IntoIterator<Item = (u32, u32)>,
@@ -158,7 +158,7 @@ mod tests {
         assert_eq!(named, [(0, 1), (0, 4), (1, 0), (2, 4), (4, 0), (4, 2)]);
         assert_eq!((bonds.len(), bonds.spheres()), (3, (5, None)));
         assert!(Exclusions::new(0, []).unwrap().is_empty());
-        let across = Exclusions::between(2, 9, [(0, 8), (1, 0)]).unwrap();
+        let across = Exclusions::across(2, 9, [(0, 8), (1, 0)]).unwrap();
         assert!(across.contains(0, 8) && across.contains(1, 0) && !across.contains(0, 1));
     }
 
@@ -169,7 +169,7 @@ mod tests {
             matches!(error, Error::Input(InputError::Excluded { i: 2, j: 3, first: 3, second: 3 })),
             "{error}"
         );
-        assert!(Exclusions::between(3, 1, [(2, 1)]).is_err());
+        assert!(Exclusions::across(3, 1, [(2, 1)]).is_err());
         for (offsets, at) in [(&[][..], 0), (&[1, 2], 0), (&[0, 2, 1, 2], 2), (&[0, 1], 1), (&[0, 3], 1)] {
             let error = Exclusions::from_rows(offsets, &[0, 0]).unwrap_err();
             let is_told =

@@ -9,7 +9,7 @@ pub enum Interaction {
     #[default]
     Touch,
     /// A pair when their centres are at most this far apart, whatever the radii: a reaction's binding radius.
-    Within(f32),
+    Within(f64),
 }
 
 /// A symmetric table: for any two species, what makes them a pair.
@@ -29,6 +29,8 @@ pub enum Interaction {
 pub struct Interactions {
     species: u32,
     table: Vec<Interaction>,
+    /// Whether all distances that it ever had are `f32` numbers.
+    is_narrow: bool,
 }
 
 impl Interactions {
@@ -44,7 +46,8 @@ impl Interactions {
             return Err(InputError::SpeciesCount { count: species, limit: Self::MAX_SPECIES });
         }
         check(0, 0, all)?;
-        Ok(Self { species, table: vec![all; species as usize * species as usize] })
+        let table = vec![all; species as usize * species as usize];
+        Ok(Self { species, table, is_narrow: is_narrow(all) })
     }
 
     /// Sets the interaction of species `a` with species `b`, and of `b` with `a`.
@@ -59,6 +62,7 @@ impl Interactions {
             }
         }
         check(a, b, interaction)?;
+        self.is_narrow &= is_narrow(interaction);
         let n = self.species as usize;
         self.table[a as usize * n + b as usize] = interaction;
         self.table[b as usize * n + a as usize] = interaction;
@@ -81,12 +85,29 @@ impl Interactions {
             Interaction::Never => Interaction::Never,
             Interaction::Touch | Interaction::Within(_) => Interaction::Touch,
         };
-        Self { species: self.species, table: self.table.iter().map(touching).collect() }
+        Self { species: self.species, table: self.table.iter().map(touching).collect(), is_narrow: true }
+    }
+
+    /// Returns `true` if all distances are `f32` numbers, as a device compares them.
+    #[inline]
+    pub fn is_narrow(&self) -> bool {
+        self.is_narrow
     }
 
     /// How many species the table has.
     pub fn species(&self) -> u32 {
         self.species
+    }
+
+    /// Half the largest distance of this species with any other, if it pairs by distance; and whether it ever pairs by
+    /// touching.
+    pub fn largest_half(&self, species: u32) -> (f64, bool) {
+        let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
+        row.iter().fold((0.0, false), |(half, touches), with| match *with {
+            Interaction::Never => (half, touches),
+            Interaction::Touch => (half, true),
+            Interaction::Within(distance) => (half.max(0.5 * distance), touches),
+        })
     }
 
     /// What the culling of this species' spheres must respect; see [`Reach`].
@@ -118,10 +139,18 @@ impl Reach {
     }
 }
 
-/// Half of `distance`, rounded up: halving the smallest subnormal would give zero.
-fn half_up(distance: f32) -> f32 {
-    let half = distance * 0.5;
-    if half + half < distance { half.next_up() } else { half }
+/// Half of `distance`, rounded up to `f32`, or its largest finite number.
+fn half_up(distance: f64) -> f32 {
+    let half = (0.5 * distance) as f32;
+    let half = if 2.0 * f64::from(half) < distance { half.next_up() } else { half };
+    half.min(f32::MAX)
+}
+
+fn is_narrow(interaction: Interaction) -> bool {
+    match interaction {
+        Interaction::Within(distance) => f64::from(distance as f32) == distance,
+        Interaction::Never | Interaction::Touch => true,
+    }
 }
 
 fn check(a: u32, b: u32, interaction: Interaction) -> Result<(), InputError> {

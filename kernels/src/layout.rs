@@ -54,7 +54,8 @@ pub struct Call {
     pub cells: u32,
     /// Counters in that table: two more.
     pub counters: u32,
-    /// Only pairs of one sphere with an index below this and one with an index from it on are found; 0 finds all.
+    /// The number of spheres of the first of two sets, which come before those of the second: only pairs of one of each are
+    /// found. 0 finds all pairs.
     pub split: u32,
     /// Keys of a tile where a cell list is sorted by radix; 0 where it is sorted by counting.
     pub tile: u32,
@@ -84,7 +85,7 @@ impl Call {
 
     /// The same call in this space.
     pub fn in_space(self, space: Space) -> Self {
-        let [period_x, period_y, period_z] = space.lengths().map(|length| length.unwrap_or(0.0));
+        let [period_x, period_y, period_z] = space.lengths_f32().map(|length| length.unwrap_or(0.0));
         Self { period_x, period_y, period_z, ..self }
     }
 }

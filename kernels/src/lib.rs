@@ -4,6 +4,7 @@
 //! detectors, the GPU kernels and the bindings agree on.
 //!
 //! * [`Sphere`], [`Spheres`] — input, as rows or as columns, without copying;
+//! * [`Query`] — one set of spheres or two, and the pairs that are excluded;
 //! * [`Interactions`] — which species may pair, and at which distance;
 //! * [`Exclusions`] — pairs that are none, such as bonds;
 //! * [`Space`] — unbounded, or periodic along some axes or edges;
@@ -15,6 +16,7 @@
 
 mod algorithm;
 mod backend;
+mod bond;
 mod error;
 mod exclusions;
 mod interactions;
@@ -22,18 +24,23 @@ pub mod kernel;
 pub mod layout;
 mod memory;
 mod pair;
+mod query;
 mod shear;
 mod space;
 mod sphere;
 pub mod wgsl;
+mod wide;
 
 pub use algorithm::Algorithm;
 pub use backend::Backend;
+pub use bond::Bond;
 pub use error::{Error, InputError, UnknownName};
 pub use exclusions::Exclusions;
 pub use interactions::{Interaction, Interactions, Reach};
 pub use memory::make_room;
 pub use pair::Pair;
-pub use shear::Shear;
+pub use query::Query;
+pub use shear::{Shear, Straight};
 pub use space::Space;
 pub use sphere::{MAX_SPHERES, Sphere, Spheres};
+pub use wide::{Radii, Real, Strided};

@@ -9,6 +9,8 @@ use crate::{InputError, Space, Sphere};
 const THINNEST: f64 = 1.0 / (1 << 24) as f64;
 /// Swaps and steps of the reduction at most. Boxes that are no thinner than allowed take some hundreds.
 const TURNS: usize = 1 << 16;
+/// Steps in which a vector is folded: each leaves about 2⁻⁵⁰ of what it had.
+const FOLDS: usize = 4;
 /// What a swap of the reduction has to gain, so that rounding cannot make it go round for ever.
 const GAIN: f64 = 0.99;
 /// The part of its coordinates by which a straightened sphere grows: four times what rounding them to `f32` takes, on
@@ -23,39 +25,42 @@ const SPARE: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 ///
 /// All images of a sphere are at whole numbers of *basis* vectors from it. The basis is reduced (Lenstra, Lenstra and
 /// Lovász), so that its vectors are about as short, and as orthogonal, as those images allow, however far the edges
-/// lean. *Straight* coordinates are the distances from the planes that two of the vectors span: in them space repeats
-/// along the axes, and two spheres are nowhere farther apart than [`stretch`](Self::straighten) times their distance.
+/// lean.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shear {
-    edges: [Option<Vec3>; 3],
+    edges: [Option<[f64; 3]>; 3],
     /// How many edges there are.
     rank: usize,
+    /// A power of two by which numbers are multiplied before they meet the basis, so that no product overflows.
+    unit: f64,
     /// As many vectors, and behind them such of length 1 that are orthogonal to all before.
     basis: [DVec3; 3],
+    /// How many of each edge the vectors of the basis are.
+    turns: [[f64; 3]; 3],
     /// What is orthogonal in each vector to those before it, divided by its squared length.
     steps: [DVec3; 3],
     /// The fractions of the basis that a vector has: rows of the inverse.
     inverse: [DVec3; 3],
-    /// How long each straight axis is; for one that does not repeat, its scale.
-    straight: [f32; 3],
-    /// How much longer than in space a straight distance may be.
-    stretch: f64,
 }
 
 impl Shear {
-    /// The scale of straight coordinates, which are up to √3 times as far apart: so that none exceeds what `f32` holds.
-    pub const SCALE: f32 = 0.25;
-
     /// The shear of these edges.
     ///
     /// # Errors
     /// [`InputError::Edges`] for edges that are not finite, or span a box far thinner than it is long.
-    pub(crate) fn new(edges: [Option<Vec3>; 3]) -> Result<Self, InputError> {
-        let refused = || InputError::Edges { edges: edges.map(|edge| edge.map(|edge| edge.to_array())) };
-        let mut basis = [DVec3::ZERO; 3];
+    pub(crate) fn new(edges: [Option<[f64; 3]>; 3]) -> Result<Self, InputError> {
+        let refused = || InputError::Edges { edges: Box::new(edges) };
+        let largest = edges.iter().flatten().flatten().fold(0.0_f64, |most, number| most.max(number.abs()));
+        if !(largest.is_finite() && largest > 0.0) {
+            return Err(refused());
+        }
+        let unit = power_of_two_below(largest.recip().min(f64::MAX));
+        let (mut basis, mut turns) = ([DVec3::ZERO; 3], [[0.0; 3]; 3]);
         let mut rank = 0;
-        for edge in edges.iter().flatten() {
-            basis[rank] = edge.as_dvec3();
+        for (k, edge) in edges.iter().enumerate() {
+            let Some(edge) = edge else { continue };
+            basis[rank] = DVec3::from(*edge) * unit;
+            turns[rank][k] = 1.0;
             rank += 1;
         }
         let longest = basis.iter().fold(0.0, |longest, edge| edge.length().max(longest));
@@ -63,86 +68,177 @@ impl Shear {
         if !(longest.is_finite() && heights[..rank].iter().all(|&height| height >= THINNEST * longest)) {
             return Err(refused());
         }
-        reduce(&mut basis[..rank]);
+        reduce(&mut basis[..rank], &mut turns);
         let basis = completed(basis, rank);
-        let inverse = inverse(&basis);
-        let heights = self::heights(&inverse);
-        let straight = heights.map(|height| height as f32 * Self::SCALE);
-        if !straight.iter().all(|length| length.is_normal()) {
-            return Err(refused());
-        }
         let across = [0, 1, 2].map(|k| across(&basis, k));
         let steps = across.map(|across| across / across.length_squared());
-        let rows = [0, 1, 2].map(|k| inverse[k] * f64::from(straight[k]));
-        Ok(Self { edges, rank, basis, steps, inverse, straight, stretch: stretch(rows) })
+        Ok(Self { edges, rank, unit, basis, turns, steps, inverse: inverse(&basis) })
     }
 
     /// The edges as they were given.
-    pub(crate) fn edges(&self) -> [Option<Vec3>; 3] {
+    pub(crate) fn edges(&self) -> [Option<[f64; 3]>; 3] {
         self.edges
     }
 
-    /// The space of straight coordinates.
-    pub fn straight(&self) -> Space {
-        let length = |k: usize| (k < self.rank).then_some(self.straight[k]);
-        Space::of_lengths([0, 1, 2].map(length))
+    /// The orthogonal space with straight coordinates of this scale.
+    pub fn straight(&self, scale: f64) -> Straight {
+        let heights = heights(&self.inverse);
+        // In a unit that is a power of two too, so that nothing is rounded twice.
+        let factor = scale / self.unit;
+        let lengths = [0, 1, 2].map(|k| match k < self.rank {
+            true => f64::from(((heights[k] * factor) as f32).max(f32::MIN_POSITIVE)),
+            false => heights[k] * factor,
+        });
+        let rows = [0, 1, 2].map(|k| self.inverse[k] * lengths[k]);
+        let stretch = stretch(rows) * self.unit;
+        Straight { rank: self.rank, unit: self.unit, inverse: self.inverse, lengths, stretch }
     }
 
-    /// The vector less whole numbers of the basis, so that it has at most half of each.
-    fn folded(&self, vector: DVec3) -> DVec3 {
-        let turn = |(row, along): (&DVec3, &DVec3)| *along * row.dot(vector).round();
-        // Summed before they are taken away: a vector next to an image of the origin would lose its last bits between the turns.
-        vector - self.inverse.iter().zip(&self.basis[..self.rank]).map(turn).sum::<DVec3>()
+    /// The same edges in a unit that is `1 / scale` of this one's.
+    pub(crate) fn scaled(self, scale: f64) -> Self {
+        let edges = self.edges.map(|edge| edge.map(|edge| edge.map(|number| number * scale)));
+        Self { edges, unit: self.unit / scale, ..self }
     }
 
-    /// The image of a point near the origin, rounded to `f32`.
-    pub(crate) fn wrap(&self, point: Vec3) -> Vec3 {
-        self.folded(point.as_dvec3()).as_vec3()
+    /// The longest edge.
+    pub fn longest(&self) -> f64 {
+        self.edges.iter().flatten().map(|edge| (DVec3::from(*edge) * self.unit).length()).fold(0.0, f64::max)
+            / self.unit
     }
 
-    /// The squared distance of the nearest images of two points, in `f64`. The same for both orders of the points, to the
-    /// last bit.
+    /// How many edges there are.
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// The numbers of edges that, added to a vector, give its nearest image, and that image.
     ///
     /// Why nine images are enough: a vector that has at most half of each basis vector is at most
     /// `ρ = ½√(r₁² + r₂² + r₃²)` from one that stands for the nearest image, where `rₖ` is the part of the `k`-th basis
     /// vector that is orthogonal to those before it. In a reduced basis `rₖ² ≥ 0.74 rₖ₋₁²`, hence `ρ < 1.1 r₃`, and only
     /// −1, 0 and 1 times the third vector can lead there from at most half of it. In each of these three planes the
     /// same holds of the second vector, and along the first one the nearest image is found by rounding.
-    pub fn distance_squared(&self, a: Vec3, b: Vec3) -> f64 {
-        let apart = self.folded(a.as_dvec3() - b.as_dvec3());
-        let [first, second, third] = self.basis;
-        let (planes, lines) = (self.rank > 2, self.rank > 1);
-        let mut nearest = f64::INFINITY;
-        for plane in tries(planes) {
-            let in_plane = apart + third * plane;
-            let middle = if lines { -self.steps[1].dot(in_plane).round() } else { 0.0 };
-            for line in tries(lines) {
-                let on_line = in_plane + second * (middle + line);
-                let image = on_line - first * self.steps[0].dot(on_line).round();
-                nearest = image.length_squared().min(nearest);
+    pub(crate) fn nearest(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let scaled = DVec3::from(vector) * self.unit;
+        let mut counts = [0.0; 3];
+        let mut apart = scaled;
+        // Far away the first division leaves more than half of a vector.
+        for _ in 0..FOLDS {
+            let parts =
+                [0, 1, 2].map(|k| if k < self.rank { -self.inverse[k].dot(apart).round() } else { 0.0 });
+            if parts == [0.0; 3] {
+                break;
+            }
+            (0..3).for_each(|k| counts[k] += parts[k]);
+            apart = scaled + combination(&self.basis, counts);
+        }
+        let mut best: Option<(f64, [f64; 3], [f64; 3])> = None;
+        for image in self.images(apart, counts) {
+            let (shift, image) = self.image(vector, image);
+            let [x, y, z] = image.map(|number| number * self.unit);
+            let squared = x * x + y * y + z * z;
+            if best.is_none_or(|(least, ..)| squared < least) {
+                best = Some((squared, shift, image));
             }
         }
-        nearest
+        best.map_or(([0.0; 3], vector), |(_, shift, image)| (shift, image))
     }
 
-    /// A sphere in straight coordinates, as its image nearest to the origin. Any two spheres whose nearest images touch,
-    /// by [`distance_squared`](Self::distance_squared), touch there too: radii grow by the stretch, and by more than
-    /// coordinates lose to rounding. By how much hardly depends on where the sphere is, so that one that moves keeps its
-    /// radius. A sphere that is not valid gives one that is not.
-    pub fn straighten(&self, sphere: Sphere) -> Sphere {
-        if !sphere.is_valid() {
-            return Sphere { center: Vec3::NAN, radius: sphere.radius };
+    /// The numbers of basis vectors of the images that may be nearest, from a folded vector.
+    fn images(&self, apart: DVec3, counts: [f64; 3]) -> impl Iterator<Item = [f64; 3]> {
+        let Self { basis: [_, second, third], steps, rank, .. } = *self;
+        let (planes, lines) = (rank > 2, rank > 1);
+        tries(planes).flat_map(move |plane| {
+            let in_plane = apart + third * *plane;
+            let middle = if lines { -steps[1].dot(in_plane).round() } else { 0.0 };
+            tries(lines).map(move |line| {
+                let along_second = middle + line;
+                let on_line = in_plane + second * along_second;
+                let along_first = -steps[0].dot(on_line).round();
+                [counts[0] + along_first, counts[1] + along_second, counts[2] + plane]
+            })
+        })
+    }
+
+    /// The image of a vector by numbers of basis vectors: the numbers of edges, and `vector + (S₁e₁ + S₂e₂ + S₃e₃)`.
+    fn image(&self, vector: [f64; 3], counts: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let mut shift = [0.0; 3];
+        for (count, turns) in counts.iter().zip(&self.turns) {
+            (0..3).for_each(|edge| shift[edge] += count * turns[edge]);
         }
-        let center = sphere.center.as_dvec3();
+        (shift, shifted(vector, shift, &self.edges))
+    }
+}
+
+/// `vector + (S₁e₁ + S₂e₂ + S₃e₃)`, component by component from left to right, never fused. What decides on pairs.
+pub(crate) fn shifted(vector: [f64; 3], shift: [f64; 3], edges: &[Option<[f64; 3]>; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|axis| {
+        let terms = [0, 1, 2].map(|k| edges[k].map(|edge| shift[k] * edge[axis]));
+        match terms.into_iter().flatten().reduce(|sum, term| sum + term) {
+            Some(sum) => vector[axis] + sum,
+            None => vector[axis],
+        }
+    })
+}
+
+fn combination(basis: &[DVec3; 3], counts: [f64; 3]) -> DVec3 {
+    basis[0] * counts[0] + basis[1] * counts[1] + basis[2] * counts[2]
+}
+
+/// The largest power of two not above a positive number.
+pub(crate) fn power_of_two_below(number: f64) -> f64 {
+    const FRACTION: u64 = (1 << 52) - 1;
+    if number < f64::MIN_POSITIVE {
+        return f64::MIN_POSITIVE;
+    }
+    f64::from_bits(number.to_bits() & !FRACTION)
+}
+
+/// Straight coordinates: the distances from the planes that two of the basis vectors span. In them space repeats along the
+/// axes, and two spheres are nowhere farther apart than `stretch` times their distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Straight {
+    rank: usize,
+    unit: f64,
+    inverse: [DVec3; 3],
+    /// How long each axis is, an `f32` number; for one that does not repeat, its scale.
+    lengths: [f64; 3],
+    /// How much longer than in space a straight distance may be.
+    stretch: f64,
+}
+
+impl Straight {
+    /// The scale of straight coordinates of `f32` spheres, which are up to √3 times as far apart: so that none exceeds what
+    /// `f32` holds.
+    pub const SCALE: f64 = 0.25;
+
+    /// The space of these coordinates.
+    pub fn space(&self) -> Space {
+        let length = |k: usize| (k < self.rank).then_some(self.lengths[k] as f32);
+        Space::of_lengths([0, 1, 2].map(length))
+    }
+
+    /// Returns `true` if the lengths are `f32` numbers of full precision, as `f32` spheres need.
+    pub fn is_normal(&self) -> bool {
+        let is_normal = |length: &f64| (*length as f32).is_normal() && *length > f64::from(f32::MIN_POSITIVE);
+        self.lengths[..self.rank].iter().all(is_normal)
+    }
+
+    /// A valid sphere in straight coordinates, as its image nearest to the origin. Any two spheres whose nearest images touch
+    /// touch there too: radii grow by the stretch, and by more than coordinates lose to rounding. By how much hardly
+    /// depends on where the sphere is, so that one that moves keeps its radius. A radius above `limit` is cut there; it must
+    /// be so large that the sphere touches all others.
+    pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
+        let center = DVec3::from(center) * self.unit;
         let mut straight = Vec3::ZERO;
         // The length scale of all roundings: that of the box, or where the sphere is far away, more.
         let mut scale = 0.0_f64;
         for k in 0..3 {
-            let length = f64::from(self.straight[k]);
+            let length = self.lengths[k];
             let part = self.inverse[k].dot(center);
             let from_origin = length * self.inverse[k].abs().dot(center.abs());
             if k < self.rank {
-                let half = 0.5 * self.straight[k];
+                let half = 0.5 * length as f32;
                 straight[k] = ((length * (part - part.round())) as f32).clamp(-half, half);
                 scale = scale.max(length);
             } else {
@@ -150,13 +246,16 @@ impl Shear {
             }
             scale = scale.max(if k < self.rank { FAR * from_origin } else { from_origin });
         }
-        let base = self.straight[..self.rank].iter().fold(0.0, |longest, &length| length.max(longest));
-        let mut rounding = f64::from(base);
+        if !(scale.is_finite() && straight.is_finite()) {
+            return Sphere { center: Vec3::ZERO, radius: limit as f32 };
+        }
+        let base = self.lengths[..self.rank].iter().fold(0.0, |longest, &length| length.max(longest));
+        let mut rounding = base;
         while rounding < scale {
             rounding *= 16.0;
         }
-        let radius = (self.stretch * f64::from(sphere.radius) + ROUNDING * rounding) * SPARE;
-        Sphere { center: straight, radius: (radius as f32).next_up() }
+        let radius = (self.stretch * radius + ROUNDING * rounding) * SPARE;
+        Sphere { center: straight, radius: (radius.min(limit) as f32).next_up() }
     }
 }
 
@@ -175,8 +274,8 @@ fn across(basis: &[DVec3], k: usize) -> DVec3 {
     rest
 }
 
-/// Replaces vectors by shorter ones that lead to the same images.
-fn reduce(basis: &mut [DVec3]) {
+/// Replaces vectors by shorter ones that lead to the same images. `turns` says how many of each edge they are.
+fn reduce(basis: &mut [DVec3], turns: &mut [[f64; 3]; 3]) {
     let mut k = 1;
     for _ in 0..TURNS {
         if k >= basis.len() {
@@ -184,7 +283,10 @@ fn reduce(basis: &mut [DVec3]) {
         }
         for before in (0..k).rev() {
             let orthogonal = across(basis, before);
-            basis[k] -= basis[before] * (basis[k].dot(orthogonal) / orthogonal.length_squared()).round();
+            let count = (basis[k].dot(orthogonal) / orthogonal.length_squared()).round();
+            basis[k] -= basis[before] * count;
+            let taken = turns[before];
+            (0..3).for_each(|edge| turns[k][edge] -= count * taken[edge]);
         }
         let before = across(basis, k - 1);
         let along = basis[k].dot(before) / before.length_squared();
@@ -192,6 +294,7 @@ fn reduce(basis: &mut [DVec3]) {
             k += 1;
         } else {
             basis.swap(k, k - 1);
+            turns.swap(k, k - 1);
             k = (k - 1).max(1);
         }
     }

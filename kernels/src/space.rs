@@ -1,7 +1,7 @@
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::InputError;
-use crate::shear::Shear;
+use crate::shear::{Shear, Straight};
 
 /// The space that spheres live in: along each axis unbounded, or periodic with some length; or periodic along up to three
 /// edges of any direction, as those of a triclinic cell.
@@ -30,7 +30,7 @@ use crate::shear::Shear;
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Space {
-    lengths: [Option<f32>; 3],
+    lengths: [Option<f64>; 3],
     shear: Option<Shear>,
 }
 
@@ -42,18 +42,18 @@ impl Space {
     ///
     /// # Errors
     /// [`InputError::Period`] for a length that is not finite or not above zero.
-    pub fn periodic(lengths: [Option<f32>; 3]) -> Result<Self, InputError> {
+    pub fn periodic(lengths: [Option<f64>; 3]) -> Result<Self, InputError> {
         for (axis, length) in ['x', 'y', 'z'].into_iter().zip(lengths) {
             if let Some(length) = length.filter(|length| !(length.is_finite() && *length > 0.0)) {
                 return Err(InputError::Period { axis, length });
             }
         }
-        Ok(Self::of_lengths(lengths))
+        Ok(Self { lengths, shear: None })
     }
 
     /// The same of lengths that are known to be valid.
     pub(crate) fn of_lengths(lengths: [Option<f32>; 3]) -> Self {
-        Self { lengths, shear: None }
+        Self { lengths: lengths.map(|length| length.map(f64::from)), shear: None }
     }
 
     /// Periodic along up to three edges, which may have any direction, in the length unit of the spheres. It repeats along
@@ -66,24 +66,50 @@ impl Space {
     /// # Errors
     /// [`InputError::Edges`] for edges that are not finite, zero, or so nearly in one line or plane that the box is thinner
     /// than 2⁻²⁴ of its longest edge; also for boxes thinner than what `f32` can hold.
-    pub fn sheared(edges: [Option<Vec3>; 3]) -> Result<Self, InputError> {
+    pub fn sheared(edges: [Option<[f64; 3]>; 3]) -> Result<Self, InputError> {
         if let Some(lengths) = along_axes(&edges) {
             return Self::periodic(lengths);
         }
         let shear = Shear::new(edges)?;
-        Ok(Self { lengths: edges.map(|edge| edge.map(Vec3::length)), shear: Some(shear) })
+        Ok(Self {
+            lengths: edges.map(|edge| edge.map(|edge| DVec3::from(edge).length())),
+            shear: Some(shear),
+        })
     }
 
     /// The length of each periodic axis; of a [sheared](Self::shear) space the length of each edge.
-    pub fn lengths(&self) -> [Option<f32>; 3] {
+    pub fn lengths(&self) -> [Option<f64>; 3] {
         self.lengths
     }
 
+    /// The lengths rounded to `f32`; exact if the space [is narrow](Self::is_narrow).
+    pub fn lengths_f32(&self) -> [Option<f32>; 3] {
+        self.lengths.map(|length| length.map(|length| length as f32))
+    }
+
+    /// The same space in a unit that is `1 / scale` of this one's.
+    pub(crate) fn scaled(&self, scale: f64) -> Self {
+        let lengths = self.lengths.map(|length| length.map(|length| length * scale));
+        Self { lengths, shear: self.shear.map(|shear| shear.scaled(scale)) }
+    }
+
+    /// Returns `true` if all lengths are `f32` numbers, as those of a space must be in which `f32` spheres are searched
+    /// where they are.
+    pub fn is_narrow(&self) -> bool {
+        match &self.shear {
+            None => self.lengths.iter().flatten().all(|&length| f64::from(length as f32) == length),
+            // Pairs are decided on in `f64`, whatever the numbers of the edges.
+            Some(shear) => shear.straight(Straight::SCALE).is_normal(),
+        }
+    }
+
     /// The edges along which space repeats.
-    pub fn edges(&self) -> [Option<Vec3>; 3] {
+    pub fn edges(&self) -> [Option<[f64; 3]>; 3] {
         match &self.shear {
             Some(shear) => shear.edges(),
-            None => [0, 1, 2].map(|axis| self.lengths[axis].map(|length| Vec3::AXES[axis] * length)),
+            None => {
+                [0, 1, 2].map(|axis| self.lengths[axis].map(|length| (DVec3::AXES[axis] * length).to_array()))
+            }
         }
     }
 
@@ -103,10 +129,11 @@ impl Space {
     /// not finite give NaN. In a sheared space it is the image with at most half of each edge of a reduced box, rounded.
     pub fn wrap(&self, point: Vec3) -> Vec3 {
         if let Some(shear) = &self.shear {
-            return shear.wrap(point);
+            let (_, [x, y, z]) = shear.nearest(point.as_dvec3().to_array());
+            return DVec3::new(x, y, z).as_vec3();
         }
         let mut wrapped = point;
-        for (axis, length) in self.lengths.into_iter().enumerate() {
+        for (axis, length) in self.lengths_f32().into_iter().enumerate() {
             if let Some(length) = length {
                 wrapped[axis] = wrap(point[axis], length);
             }
@@ -118,8 +145,9 @@ impl Space {
     /// space differences of coordinates are folded in `f64`, which for points up to 2²⁰ boxes away is as exact as their
     /// coordinates are.
     pub fn distance_squared(&self, a: Vec3, b: Vec3) -> f64 {
-        if let Some(shear) = &self.shear {
-            return shear.distance_squared(a, b);
+        if self.shear.is_some() || !self.is_narrow() {
+            let [x, y, z] = self.bond(a.as_dvec3().to_array(), b.as_dvec3().to_array()).vector;
+            return x * x + y * y + z * z;
         }
         let (a, b) = (self.wrap(a), self.wrap(b));
         let mut d = [0.0; 3];
@@ -127,7 +155,7 @@ impl Space {
             d[axis] = (f64::from(a[axis]) - f64::from(b[axis])).abs();
             if let Some(length) = length {
                 // Both lie within half a length of the origin, hence within one length of each other.
-                d[axis] = d[axis].min(f64::from(length) - d[axis]);
+                d[axis] = d[axis].min(length - d[axis]);
             }
         }
         d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
@@ -135,7 +163,7 @@ impl Space {
 }
 
 /// The length of each axis, where every edge lies along one of its own.
-fn along_axes(edges: &[Option<Vec3>; 3]) -> Option<[Option<f32>; 3]> {
+fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
     let mut lengths = [None; 3];
     for edge in edges.iter().flatten() {
         let axis = (0..3).find(|&axis| edge[axis] != 0.0)?;
@@ -224,7 +252,7 @@ mod tests {
 
     #[test]
     fn lengths_that_are_none_are_refused_by_axis() {
-        for length in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        for length in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let Err(InputError::Period { axis, .. }) = Space::periodic([None, Some(length), Some(0.0)])
             else {
                 panic!("a box of length {length} was accepted")

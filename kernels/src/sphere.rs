@@ -1,7 +1,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use crate::{Exclusions, InputError};
+use crate::InputError;
+use crate::wide::{Radii, Real, Strided, Wide};
 
 /// The most spheres one call can name: indices are `u32` and the last two values are reserved.
 pub const MAX_SPHERES: u64 = u32::MAX as u64 - 1;
@@ -38,8 +39,8 @@ impl From<[f32; 4]> for Sphere {
     }
 }
 
-/// A borrowed set of spheres: rows (`&[Sphere]`, `&[[f32; 4]]`) or columns (four `&[f32]`), never copied here,
-/// and optionally a species id and a group per sphere, and pairs that are to be left out.
+/// A borrowed set of spheres, never copied here: rows (`&[Sphere]`, `&[[T; 4]]`), columns (four `&[T]`) or points with radii,
+/// where `T` is `f32` or `f64`; and optionally a species id and a group per sphere. No number is rounded.
 ///
 /// ```
 /// # use lazygrid_kernels::{Sphere, Spheres};
@@ -52,13 +53,13 @@ pub struct Spheres<'a> {
     layout: Layout<'a>,
     species: Option<&'a [u32]>,
     groups: Option<&'a [u32]>,
-    exclusions: Option<&'a Exclusions>,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Layout<'a> {
     Rows(&'a [Sphere]),
     Columns([&'a [f32]; 4]),
+    Wide(Wide<'a>),
 }
 
 impl<'a> Spheres<'a> {
@@ -66,20 +67,37 @@ impl<'a> Spheres<'a> {
     pub const NO_GROUP: u32 = u32::MAX;
 
     fn of(layout: Layout<'a>) -> Self {
-        Self { layout, species: None, groups: None, exclusions: None }
+        Self { layout, species: None, groups: None }
     }
 
     /// Spheres stored as structure of arrays: `x`, `y`, `z` and `r`, all of one length.
     ///
     /// # Errors
     /// [`InputError::Lengths`] where the lengths differ.
-    pub fn columns(x: &'a [f32], y: &'a [f32], z: &'a [f32], r: &'a [f32]) -> Result<Self, InputError> {
+    pub fn columns<T: Real>(x: &'a [T], y: &'a [T], z: &'a [T], r: &'a [T]) -> Result<Self, InputError> {
         for (what, column) in [("y", y), ("z", z), ("r", r)] {
             if column.len() != x.len() {
                 return Err(InputError::Lengths { what, length: column.len(), expected: x.len() });
             }
         }
-        Ok(Self::of(Layout::Columns([x, y, z, r])))
+        let columns = [x, y, z, r];
+        Ok(Self::of(match T::narrow(columns) {
+            Some(columns) => Layout::Columns(columns),
+            None => Layout::Wide(T::wide(Strided::of_columns(columns))),
+        }))
+    }
+
+    /// Points with one radius for all, or one each.
+    ///
+    /// # Errors
+    /// [`InputError::Lengths`] unless there is one radius per point.
+    pub fn points<T: Real>(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
+        Ok(Self::strided(Strided::of_points(centers, radii)?))
+    }
+
+    /// Spheres in strided memory.
+    pub fn strided<T: Real>(strided: Strided<'a, T>) -> Self {
+        Self::of(Layout::Wide(T::wide(strided)))
     }
 
     /// Adds a species id per sphere, for [`Interactions`](crate::Interactions).
@@ -109,26 +127,13 @@ impl<'a> Spheres<'a> {
         Ok(self)
     }
 
-    /// Adds pairs that are to be left out, such as bonds. In a search between two sets they come with the first one and are
-    /// made by [`Exclusions::between`].
-    ///
-    /// # Errors
-    /// [`InputError::ExclusionsOfOthers`] where they were made for another number of spheres.
-    pub fn with_exclusions(mut self, exclusions: &'a Exclusions) -> Result<Self, InputError> {
-        let (made_for, given) = (exclusions.spheres(), self.len());
-        if made_for.0 != given {
-            return Err(InputError::ExclusionsOfOthers { made_for, given: (given, made_for.1) });
-        }
-        self.exclusions = Some(exclusions);
-        Ok(self)
-    }
-
     /// How many spheres there are.
     #[inline]
     pub fn len(&self) -> usize {
         match self.layout {
             Layout::Rows(rows) => rows.len(),
             Layout::Columns([x, ..]) => x.len(),
+            Layout::Wide(wide) => wide.len(),
         }
     }
 
@@ -137,16 +142,48 @@ impl<'a> Spheres<'a> {
         self.len() == 0
     }
 
-    /// Sphere `i`.
+    /// Sphere `i`, rounded to `f32`: see [`get_f64`](Self::get_f64).
     ///
     /// # Panics
-    /// Where `i` is not below [`len`](Self::len), as indexing a slice does.
+    /// If `i` is not below [`len`](Self::len), as indexing a slice does.
     #[inline]
     pub fn get(&self, i: usize) -> Sphere {
         match self.layout {
             Layout::Rows(rows) => rows[i],
             Layout::Columns([x, y, z, r]) => Sphere::new([x[i], y[i], z[i]], r[i]),
+            Layout::Wide(wide) => rounded(&wide, i),
         }
+    }
+
+    /// The numbers `x, y, z, r` of sphere `i` as given.
+    ///
+    /// # Panics
+    /// As [`get`](Self::get).
+    #[inline]
+    pub fn get_f64(&self, i: usize) -> [f64; 4] {
+        match self.layout {
+            Layout::Wide(wide) => wide.get(i),
+            Layout::Rows(_) | Layout::Columns(_) => {
+                let Sphere { center, radius } = self.get(i);
+                [center.x, center.y, center.z, radius].map(f64::from)
+            }
+        }
+    }
+
+    /// Returns `true` if the detectors accept sphere `i`, as given.
+    pub fn is_valid(&self, i: usize) -> bool {
+        let numbers = self.get_f64(i);
+        numbers.iter().all(|number| number.is_finite()) && numbers[3] >= 0.0
+    }
+
+    /// Returns `true` if the numbers are `f64`.
+    pub fn is_f64(&self) -> bool {
+        matches!(self.layout, Layout::Wide(Wide::F64(_)))
+    }
+
+    /// Returns `true` if the spheres lie in memory as rows or columns of `f32`, as searches read them.
+    pub fn is_narrow(&self) -> bool {
+        !matches!(self.layout, Layout::Wide(_))
     }
 
     /// The spheres as one slice where they are stored as rows.
@@ -154,7 +191,7 @@ impl<'a> Spheres<'a> {
     pub fn as_rows(&self) -> Option<&'a [Sphere]> {
         match self.layout {
             Layout::Rows(rows) => Some(rows),
-            Layout::Columns(_) => None,
+            Layout::Columns(_) | Layout::Wide(_) => None,
         }
     }
 
@@ -170,21 +207,22 @@ impl<'a> Spheres<'a> {
         self.groups
     }
 
-    /// The pairs that are to be left out, if any were given.
-    #[inline]
-    pub fn exclusions(&self) -> Option<&'a Exclusions> {
-        self.exclusions
-    }
-
-    /// The same without groups and without pairs to be left out.
-    pub fn without_exclusions(self) -> Self {
-        Self { groups: None, exclusions: None, ..self }
+    /// The same spheres without groups.
+    pub fn without_groups(self) -> Self {
+        Self { groups: None, ..self }
     }
 
     /// All spheres in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Sphere> + '_ {
         (0..self.len()).map(|i| self.get(i))
     }
+}
+
+/// Sphere `i`, rounded. Kept out of line: searches read rows and columns, whose loops it would make longer.
+#[cold]
+#[inline(never)]
+fn rounded(wide: &Wide<'_>, i: usize) -> Sphere {
+    Sphere::from(wide.get(i).map(|number| number as f32))
 }
 
 impl<'a> From<&'a [Sphere]> for Spheres<'a> {
@@ -211,8 +249,26 @@ impl<'a> From<&'a [[f32; 4]]> for Spheres<'a> {
     }
 }
 
-impl<'a> From<&'a Vec<[f32; 4]>> for Spheres<'a> {
-    fn from(rows: &'a Vec<[f32; 4]>) -> Self {
+impl<'a> From<&'a [[f64; 4]]> for Spheres<'a> {
+    fn from(rows: &'a [[f64; 4]]) -> Self {
+        Self::strided(Strided::of_rows(rows))
+    }
+}
+
+impl<'a, T: Real> From<&'a Vec<[T; 4]>> for Spheres<'a>
+where
+    Self: From<&'a [[T; 4]]>,
+{
+    fn from(rows: &'a Vec<[T; 4]>) -> Self {
+        Self::from(rows.as_slice())
+    }
+}
+
+impl<'a, T: Real, const N: usize> From<&'a [[T; 4]; N]> for Spheres<'a>
+where
+    Self: From<&'a [[T; 4]]>,
+{
+    fn from(rows: &'a [[T; 4]; N]) -> Self {
         Self::from(rows.as_slice())
     }
 }

@@ -134,7 +134,7 @@ impl Boundary {
     /// [`Error::Detection`] for a box without extent.
     pub fn space(&self) -> Result<Space, Error> {
         let lengths = self.axes.map(|axis| match axis {
-            Axis::Periodic { low, high } => Some(high - low),
+            Axis::Periodic { low, high } => Some(f64::from(high - low)),
             _ => None,
         });
         Ok(Space::periodic(lengths).map_err(lazygrid::Error::from)?)

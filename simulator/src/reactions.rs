@@ -260,7 +260,7 @@ pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
         let same = |other: &&Reaction| other.reactants == [a, b] || other.reactants == [b, a];
         let radii = model.reactions.iter().filter(same).map(|reaction| reaction.binding_radius);
         let distance = radii.fold(reach(model, a, b), f32::max);
-        table.set(a, b, Interaction::Within(distance)).map_err(refused)?;
+        table.set(a, b, Interaction::Within(distance.into())).map_err(refused)?;
     }
     Ok(Some(table))
 }

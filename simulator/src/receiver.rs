@@ -158,7 +158,7 @@ fn found_inside(
     let points = vec![0.0; particles.len()];
     let [x, y, z] = &particles.position;
     let points = Spheres::columns(x, y, z, &points).map_err(lazygrid::Error::from)?;
-    finder(boundary)?.stream_between(&spheres, points, CHUNK, |pairs| {
+    finder(boundary)?.stream((&spheres, points), CHUNK, |pairs| {
         for pair in pairs {
             let k = looking[pair.i as usize];
             receivers[k].count(centers[k], boundary, (particles, pair.j as usize), &mut counts[k]);

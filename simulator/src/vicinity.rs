@@ -157,7 +157,7 @@ impl Vicinity {
             let radius = *factor * reach + 1e-3 * bodies.largest;
             Sphere::new(before, radius + slack(before, radius, bodies, *travelled))
         }));
-        let near = detector.neighbors_between(&*queries, &*receivers)?;
+        let near = detector.neighbors((&*queries, &*receivers))?;
         let found: usize = (0..near.len()).map(|k| near.of(k).len()).sum();
         worth.see([queries.len(), found], balls.len() * receivers.len());
         let [_, least, most] = FACTORS;

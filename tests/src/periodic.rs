@@ -16,7 +16,7 @@ pub fn oracle(scenario: &Scenario) -> Vec<Pair> {
         let (a, b) = (scenario.spheres[i].center, scenario.spheres[j].center);
         (0..3).fold(0.0, |sum, axis| {
             let (a, b) = (f64::from(a[axis]), f64::from(b[axis]));
-            let d = match lengths[axis].map(f64::from) {
+            let d = match lengths[axis] {
                 Some(length) => {
                     let d = a % length - b % length;
                     d - length * (d / length).round()
@@ -38,7 +38,7 @@ pub fn oracle_of_images(scenario: &Scenario) -> Vec<Pair> {
             let step = |axis: u32| f64::from(image / 3_i32.pow(axis) % 3 - 1);
             let along = |axis: usize| {
                 let d = f64::from(a[axis]) - f64::from(b[axis]);
-                d + lengths[axis].map_or(0.0, |length| f64::from(length) * step(axis as u32))
+                d + lengths[axis].map_or(0.0, |length| length * step(axis as u32))
             };
             let [x, y, z] = [along(0), along(1), along(2)];
             nearest = f64::min(nearest, x * x + y * y + z * z);
@@ -51,7 +51,7 @@ pub fn oracle_of_images(scenario: &Scenario) -> Vec<Pair> {
 /// 2²⁰: right at any distance.
 pub fn oracle_of_integers(scenario: &Scenario) -> Vec<Pair> {
     let whole = |x: f64| (x * f64::from(1 << 30)) as i128;
-    let lengths = scenario.space.lengths().map(|length| length.map(|length| whole(length.into())));
+    let lengths = scenario.space.lengths().map(|length| length.map(whole));
     let spheres: Vec<[i128; 4]> = scenario
         .spheres
         .iter()

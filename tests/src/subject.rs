@@ -95,7 +95,7 @@ impl Subject {
         let config = config.backend(self.backend).algorithm(self.algorithm);
         self.run(|| {
             let mut detector = Detector::new(config).map_err(|e| e.to_string())?;
-            detector.pairs(scenario.view()).map_err(|e| e.to_string())?;
+            detector.pairs(scenario.query()).map_err(|e| e.to_string())?;
             Ok(detector.into_pairs())
         })
     }

@@ -43,13 +43,15 @@ fn spheres_that_are_not_finite_or_negative() {
         for (n, places) in [(1, &[0][..]), (2, &[1]), (300, &[299]), (70_000, &[40_000, 40_001, 69_999])] {
             let mut spheres = vec![good; n];
             places.iter().for_each(|&at| spheres[at] = wrong);
-            let Error::Input(InputError::Sphere { index, sphere, count, total }) =
+            let Error::Input(InputError::Sphere { index, center, radius, count, total }) =
                 refusal(&Config::default(), (&spheres).into())
             else {
                 panic!("another error")
             };
             assert_eq!((index, count, total), (places[0] as u32, places.len() as u64, n as u64));
-            assert_eq!(format!("{sphere:?}"), format!("{wrong:?}"));
+            let numbers = [wrong.center.x, wrong.center.y, wrong.center.z, wrong.radius].map(f64::from);
+            let [x, y, z] = center;
+            assert_eq!(format!("{:?}", [x, y, z, radius]), format!("{numbers:?}"));
         }
     }
 }
@@ -94,7 +96,7 @@ fn tables_that_make_no_sense() {
     let outside = InputError::SpeciesId { index: None, id: 3, count: 3 };
     assert_eq!(table.set(1, 3, Interaction::Touch), Err(outside.clone()));
     assert_eq!(table.set(3, 1, Interaction::Touch), Err(outside));
-    for distance in [-1.0, f32::NAN, f32::INFINITY] {
+    for distance in [-1.0, f64::NAN, f64::INFINITY] {
         let refused = table.set(1, 2, Interaction::Within(distance));
         assert!(matches!(refused, Err(InputError::Distance { a: 1, b: 2, .. })), "{refused:?}");
         assert!(Interactions::new(1, Interaction::Within(distance)).is_err());

@@ -4,7 +4,8 @@ use std::ops::ControlFlow;
 
 use lazygrid::gpu::{GpuSession, GpuSettings};
 use lazygrid::{
-    Algorithm, Backend, Config, Detector, Error, Exclusions, InputError, Order, Pair, Space, Sphere, Spheres,
+    Algorithm, Backend, Config, Detector, Error, Exclusions, InputError, Order, Pair, Query, Space, Sphere,
+    Spheres,
 };
 use lazygrid_check::motion::{skin_of, walk};
 use lazygrid_check::{Excluded, LEFT_OUT_WORDS};
@@ -42,14 +43,14 @@ fn same(subject: Subject, scenario: &Scenario, found: &[Pair], expected: &[Pair]
 #[test]
 fn groups_and_lists_on_any_spheres() {
     check(150, cases(), |scenario| {
-        let (expected, view) = (scenario.oracle(), scenario.view());
+        let (expected, query) = (scenario.oracle(), scenario.query());
         Subject::in_turn(&scenario).into_iter().try_for_each(|subject| {
             let config = scenario.config(subject.config()).map_err(|error| error.to_string())?;
             subject.run(|| {
                 let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
-                let found = detector.pairs(view).map_err(|error| error.to_string())?.to_vec();
+                let found = detector.pairs(query).map_err(|error| error.to_string())?.to_vec();
                 same(subject, &scenario, &found, &expected)?;
-                let count = detector.count(view).map_err(|error| error.to_string())?;
+                let count = detector.count(query).map_err(|error| error.to_string())?;
                 if count == found.len() as u64 {
                     Ok(())
                 } else {
@@ -66,25 +67,25 @@ fn every_kind_of_result() {
     let groups = (0..2000).map(|k| if k % 3 == 0 { Spheres::NO_GROUP } else { k % 11 }).collect();
     let pairs: Vec<_> = scenario.oracle().iter().step_by(3).map(|pair| (pair.j, pair.i)).collect();
     let all = scenario.oracle().len();
-    let without = scenario.view();
+    let without = scenario.query();
     let excluded = Some(Excluded::new(2000, pairs).expect("of spheres"));
     let with = Scenario { groups: Some(groups), excluded, ..scenario.clone() };
-    let (expected, view) = (with.oracle(), with.view());
+    let (expected, query) = (with.oracle(), with.query());
     assert!(expected.len() > 30 && expected.len() < all / 2 + all / 4, "{} of {all}", expected.len());
     let most = expected.len() as u64;
     for subject in Subject::each_algorithm() {
         // What is left out needs no room in a list.
         let mut detector = Detector::new(subject.config().max_pairs(most)).expect("made");
-        let found = detector.pairs(view).expect("as many as fit").to_vec();
+        let found = detector.pairs(query).expect("as many as fit").to_vec();
         same(subject, &with, &found, &expected).unwrap_or_else(|text| panic!("{text}"));
         assert_eq!(found.len() as u64, most, "{subject}");
         let mut limited = Detector::new(subject.config().max_pairs(most - 1)).expect("made");
-        let error = limited.pairs(view).expect_err("one too many");
+        let error = limited.pairs(query).expect_err("one too many");
         assert_eq!(error, Error::TooManyPairs { found: most, limit: most - 1 }, "{subject}");
         for (order, limit) in [(Order::Canonical, 1 << 20), (Order::Canonical, 7), (Order::Unordered, 7)] {
             let mut detector = Detector::new(subject.config().order(order).max_pairs(limit)).expect("made");
             let mut streamed = Vec::new();
-            let handed = detector.stream(view, 5, |pairs| {
+            let handed = detector.stream(query, 5, |pairs| {
                 streamed.extend_from_slice(pairs);
                 ControlFlow::Continue(())
             });
@@ -93,7 +94,7 @@ fn every_kind_of_result() {
             }
             assert!(handed == Ok(most) && streamed == found, "{subject}: the stream differs");
         }
-        let lists = detector.neighbors(view).expect("neighbours");
+        let lists = detector.neighbors(query).expect("neighbours");
         let listed: usize = (0..2000).map(|i| lists.of(i).len()).sum();
         assert_eq!(listed, 2 * found.len(), "{subject}");
         // The same detector, and nothing left out.
@@ -102,11 +103,8 @@ fn every_kind_of_result() {
 }
 
 #[test]
-fn pairs_between_two_sets() {
-    let mut subjects = Subject::all();
-    let on_cpu = [Algorithm::CellList, Algorithm::Naive, Algorithm::Auto];
-    subjects.retain(|subject| subject.backend == Backend::Gpu || on_cpu.contains(&subject.algorithm));
-    let with = (cases(), 0.0..=1.0_f32, select(subjects));
+fn pairs_across_two_sets() {
+    let with = (cases(), 0.0..=1.0_f32, select(Subject::all()));
     check(150, with, |(scenario, part, subject)| {
         let split = (part * scenario.spheres.len() as f32).round() as usize;
         let [a, b] = [scenario.only(|k| k < split), scenario.only(|k| k >= split)];
@@ -115,21 +113,19 @@ fn pairs_between_two_sets() {
         let list = scenario.excluded.as_ref().map(|excluded| {
             let across = excluded.pairs().filter(|&(i, j)| (i as usize) < split && j as usize >= split);
             let pairs = across.map(|(i, j)| (i, j - split as u32));
-            Exclusions::between(split, scenario.spheres.len() - split, pairs).expect("of both sets")
+            Exclusions::across(split, scenario.spheres.len() - split, pairs).expect("of both sets")
         });
         let [a, b] = [a, b].map(|set| Scenario { excluded: None, ..set });
-        let (mut first, second) = (a.view(), b.view());
-        if let Some(list) = &list {
-            first = first.with_exclusions(list).map_err(|error| error.to_string())?;
-        }
+        let query = Query::new((a.view(), b.view()));
+        let query = list.as_ref().map_or(query, |list| query.without(list));
         let config = scenario.config(subject.config()).map_err(|error| error.to_string())?;
         in_pool(subject.threads, || {
             let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
-            let found = detector.between(first, second).map_err(|error| error.to_string())?;
+            let found = detector.pairs(query).map_err(|error| error.to_string())?;
             let found: Vec<Pair> =
                 found.iter().map(|pair| Pair { i: pair.i, j: pair.j + split as u32 }).collect();
             same(subject, &scenario, &found, &expected)?;
-            let count = detector.count_between(first, second).map_err(|error| error.to_string())?;
+            let count = detector.count(query).map_err(|error| error.to_string())?;
             if count == found.len() as u64 { Ok(()) } else { Err(format!("{subject}: {count} are counted")) }
         })
     });
@@ -147,7 +143,7 @@ fn candidates_that_are_kept() {
         in_pool(subject.threads, || {
             let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
             for step in 0..4 {
-                let found = detector.pairs(scenario.view()).map_err(|error| error.to_string())?.to_vec();
+                let found = detector.pairs(scenario.query()).map_err(|error| error.to_string())?.to_vec();
                 same(subject, &scenario, &found, &scenario.oracle())?;
                 walk(&mut scenario.spheres, moves, step);
                 if let Some(groups) = &mut scenario.groups {
@@ -167,26 +163,22 @@ fn what_does_not_fit_is_refused() {
     let error = view.with_groups(&[1, 2]).expect_err("too few");
     assert_eq!(error, InputError::Lengths { what: "groups", length: 2, expected: 4 });
     let of_three = Exclusions::new(3, [(0, 1)]).expect("of three");
-    assert!(matches!(view.with_exclusions(&of_three), Err(InputError::ExclusionsOfOthers { .. })));
     let of_four = Exclusions::new(4, [(0, 1)]).expect("of four");
-    let across = Exclusions::between(4, 4, [(0, 1)]).expect("of both");
-    let listed = |list| view.with_exclusions(list).expect("rows for four");
+    let across = Exclusions::across(4, 4, [(0, 1)]).expect("of both");
+    let among = Query::new(view);
+    let both = Query::new((view, view));
     for subject in Subject::each_algorithm() {
         let mut detector = Detector::new(subject.config()).expect("a detector");
-        assert_eq!(detector.count(listed(&of_four)), Ok(5), "{subject}");
-        let error = detector.count(listed(&across)).expect_err("made for two sets");
+        assert_eq!(detector.count(among.without(&of_four)), Ok(5), "{subject}");
+        let error = detector.count(among.without(&of_three)).expect_err("made for three");
+        assert!(matches!(error, Error::Input(InputError::ExclusionsOfOthers { .. })), "{error}");
+        let error = detector.count(among.without(&across)).expect_err("made for two sets");
         assert!(
             error.to_string().contains("sets of 4 and 4 spheres where the call has 4 spheres"),
             "{error}"
         );
-        if subject.backend == Backend::Cpu && subject.algorithm != Algorithm::CellList {
-            continue;
-        }
-        assert_eq!(detector.count_between(listed(&across), view), Ok(15), "{subject}");
-        assert!(detector.count_between(listed(&of_four), view).is_err(), "{subject}");
-        let error = detector.count_between(view, listed(&across)).expect_err("with the second");
-        let of_second = InputError::Second(Box::new(InputError::ExclusionsOfSecond));
-        assert_eq!(error, Error::Input(of_second), "{subject}");
+        assert_eq!(detector.count(both.without(&across)), Ok(15), "{subject}");
+        assert!(detector.count(both.without(&of_four)).is_err(), "{subject}");
     }
 }
 
@@ -200,7 +192,7 @@ fn sessions_refuse_by_name() {
     let grouped = Spheres::from(&spheres).with_groups(&[1, 1]).expect("two");
     let error = session.begin(grouped).expect_err("groups");
     assert!(error.to_string().contains("Detector"), "{error}");
-    let space = Space::sheared([Some([1.0, 1.0, 0.0].into()), None, None]).expect("an edge");
+    let space = Space::sheared([Some([1.0, 1.0, 0.0]), None, None]).expect("an edge");
     let error = GpuSession::new(own(), GpuSettings { space, ..GpuSettings::default() }).expect_err("sheared");
     assert!(error.to_string().contains("Detector"), "{error}");
     assert!(Detector::new(Config::default().backend(Backend::Cpu).space(space)).is_ok());

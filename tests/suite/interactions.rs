@@ -37,7 +37,7 @@ fn small_radii_with_large_distances() {
                 spheres.into_iter().map(|s| lazygrid::Sphere::new(s.center, s.radius * 1e-6)).collect();
             let rows = vec![
                 vec![Interaction::Never],
-                vec![Interaction::Within(spacings * spacing), Interaction::Touch],
+                vec![Interaction::Within((spacings * spacing).into()), Interaction::Touch],
             ];
             let species = (0..n).map(|k| u32::from(k % period == 0)).collect();
             Scenario { spheres, mixture: Some(Mixture { species, rows }), ..Scenario::default() }
@@ -81,8 +81,8 @@ fn effective_radii_reach_every_distance() {
     for (k, &far) in distances.iter().enumerate() {
         for &near in &distances[..=k] {
             let mut table = Interactions::new(3, Interaction::Never).expect("a table");
-            table.set(0, 1, Interaction::Within(near)).expect("a distance");
-            table.set(0, 2, Interaction::Within(far)).expect("a distance");
+            table.set(0, 1, Interaction::Within(near.into())).expect("a distance");
+            table.set(0, 2, Interaction::Within(far.into())).expect("a distance");
             table.set(1, 1, Interaction::Touch).expect("two species");
             let [a, b, c] = [0, 1, 2].map(|species| f64::from(table.reach(species).effective_radius(0.25)));
             assert!(a + b >= f64::from(near) && a + c >= f64::from(far) && b >= 0.25, "{near:e}, {far:e}");

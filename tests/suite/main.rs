@@ -1,7 +1,7 @@
 //! Every detector × scenario × threads × order against the oracle.
 
 mod bad_input;
-mod between;
+mod doubles;
 mod exclusions;
 mod expected;
 mod files;
@@ -16,3 +16,4 @@ mod scenes;
 mod sheared;
 mod skin;
 mod structure;
+mod two_sets;

@@ -53,7 +53,7 @@ impl Measurement {
         static ALONE: Mutex<()> = Mutex::new(());
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         // The pools and the vector code are nobody's in particular.
-        in_pool(1, || lazygrid::detect(&[]).is_ok());
+        in_pool(1, || lazygrid::detect(&[] as &[Sphere]).is_ok());
         Self { live: 0, _alone: alone }
     }
 

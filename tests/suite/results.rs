@@ -16,7 +16,7 @@ fn detector(subject: Subject, config: Config) -> Result<Detector, String> {
 /// What a stream hands over, and the lengths of its chunks.
 fn streamed(detector: &mut Detector, scenario: &Scenario, chunk: usize) -> Result<Vec<Pair>, String> {
     let (mut all, mut longest) = (Vec::new(), 0);
-    let handed = detector.stream(scenario.view(), chunk, |pairs| {
+    let handed = detector.stream(scenario.query(), chunk, |pairs| {
         longest = longest.max(pairs.len());
         all.extend_from_slice(pairs);
         ControlFlow::Continue(())
@@ -46,7 +46,7 @@ fn count_equals_the_list() {
         for subject in Subject::in_turn(&scenario) {
             let expected = subject.own_pairs(&scenario, &oracle)?.len() as u64;
             let mut detector = detector(subject, Config::default().max_pairs(0))?;
-            let count = subject.run(|| detector.count(scenario.view())).map_err(|e| e.to_string())?;
+            let count = subject.run(|| detector.count(scenario.query())).map_err(|e| e.to_string())?;
             let report = detector.report();
             let reported = (report.spheres, report.pairs);
             if count != expected || reported != (scenario.spheres.len() as u64, expected) {
@@ -67,12 +67,12 @@ fn too_many_pairs_names_the_exact_number() {
         for (subject, order) in subjects_and_orders(&scenario) {
             let found = subject.own_pairs(&scenario, &oracle)?.len() as u64;
             let mut detector = detector(subject, Config::default().max_pairs(limit).order(order))?;
-            let list = subject.run(|| detector.pairs(scenario.view()).map(<[Pair]>::len));
+            let list = subject.run(|| detector.pairs(scenario.query()).map(<[Pair]>::len));
             let expected = match found > limit {
                 true => Err(Error::TooManyPairs { found, limit }),
                 false => Ok(found as usize),
             };
-            let neighbors = detector.neighbors(scenario.view()).map(|n| n.indices.len() / 2);
+            let neighbors = detector.neighbors(scenario.query()).map(|n| n.indices().len() / 2);
             if list != expected || neighbors != expected {
                 return Err(format!("{subject}: {list:?} and {neighbors:?} instead of {expected:?}"));
             }
@@ -115,7 +115,7 @@ fn break_stops_a_stream() {
             let mut detector = detector(subject, Config::default().max_pairs(limit).order(order))?;
             let (mut calls, mut pairs) = (0, Vec::new());
             let handed = subject.run(|| {
-                detector.stream(scenario.view(), chunk, |chunk| {
+                detector.stream(scenario.query(), chunk, |chunk| {
                     calls += 1;
                     pairs.extend_from_slice(chunk);
                     if calls == stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -145,7 +145,7 @@ fn break_stops_a_long_stream() {
                 detector(subject, Config::default().max_pairs(limit).order(order)).expect("a detector");
             let mut calls = 0;
             let handed = subject.run(|| {
-                detector.stream(scenario.view(), 1000, |_| {
+                detector.stream(scenario.query(), 1000, |_| {
                     calls += 1;
                     if calls == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
                 })
@@ -178,7 +178,7 @@ fn neighbors_equal_the_pairs() {
             let mut detector = detector(subject, Config::default().order(order))?;
             let lists =
                 |n: Neighbors<'_>| -> Vec<Vec<u32>> { (0..n.len()).map(|k| n.of(k).to_vec()).collect() };
-            let found = subject.run(|| detector.neighbors(scenario.view()).map(lists));
+            let found = subject.run(|| detector.neighbors(scenario.query()).map(lists));
             if found.as_ref() != Ok(&expected) {
                 return Err(format!("{subject}: {found:?}, expected {expected:?}"));
             }
@@ -217,8 +217,8 @@ fn threads_of_its_own_or_of_the_caller() {
         for threads in THREADS {
             let own = Config::default().algorithm(algorithm).threads(threads);
             let mut detector = Detector::new(own).expect("threads");
-            assert_eq!(detector.pairs(scenario.view()).expect("pairs"), expected, "{algorithm}, {threads}");
-            let found = in_pool(1, || detector.count(scenario.view()));
+            assert_eq!(detector.pairs(scenario.query()).expect("pairs"), expected, "{algorithm}, {threads}");
+            let found = in_pool(1, || detector.count(scenario.query()));
             assert_eq!(found, Ok(expected.len() as u64), "{algorithm}, {threads}, called from another pool");
         }
     }

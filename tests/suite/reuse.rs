@@ -23,7 +23,7 @@ fn call() -> impl Strategy<Value = Call> {
 }
 
 fn ask(subject: Subject, detector: &mut Detector, call: Call, scenario: &Scenario) -> Result<(), String> {
-    let (view, expected) = (scenario.view(), subject.own_pairs(scenario, &scenario.oracle())?);
+    let (view, expected) = (scenario.query(), subject.own_pairs(scenario, &scenario.oracle())?);
     let found = match call {
         Call::Pairs => detector.pairs(view).map(|pairs| Some(pairs.to_vec())),
         Call::Count => detector.count(view).map(|_| None),
@@ -73,8 +73,8 @@ fn after_errors() {
         let limit = subject.own_pairs(&good, &good.oracle()).expect("its list").len() as u64;
         let mut detector = Detector::new(subject.config().max_pairs(limit)).expect("a detector");
         for _ in 0..2 {
-            assert!(detector.pairs(bad.view()).is_err(), "{subject}");
-            assert!(detector.pairs(dense.view()).is_err(), "{subject}");
+            assert!(detector.pairs(bad.query()).is_err(), "{subject}");
+            assert!(detector.pairs(dense.query()).is_err(), "{subject}");
             for call in [Call::Pairs, Call::Neighbors, Call::Stream, Call::Count] {
                 ask(subject, &mut detector, call, &good)
                     .unwrap_or_else(|text| panic!("{subject}, {call:?}: {text}"));
@@ -96,7 +96,7 @@ fn a_running_simulation() {
         for step in 0..6 {
             let expected = scenario.oracle();
             for (subject, detector) in &mut detectors {
-                let found = detector.pairs(scenario.view()).expect("the scene is valid").to_vec();
+                let found = detector.pairs(scenario.query()).expect("the scene is valid").to_vec();
                 assert_eq!(detector.report().pairs, found.len() as u64, "{subject}, {scene}, step {step}");
                 difference(&scenario, &found, &expected, subject.tolerance())
                     .unwrap_or_else(|text| panic!("{subject}, {scene}, step {step}: {text}"));

@@ -30,7 +30,7 @@ fn follows(scenario: &Scenario, part: f32, moves: f32, subject: Subject) -> Resu
                 true => periodic::oracle(&scenario),
                 false => scenario.oracle(),
             };
-            let found = detector.pairs(scenario.view()).map_err(|error| error.to_string())?.to_vec();
+            let found = detector.pairs(scenario.query()).map_err(|error| error.to_string())?.to_vec();
             let why = detector.report().reason;
             difference(&scenario, &found, &expected, subject.tolerance()).map_err(|text| {
                 format!("{subject}, {skin:?}, moves of {moves}, step {step}, {why}: {text}")
@@ -90,7 +90,7 @@ fn running_simulations() {
         for step in 0..12 {
             let expected = scenario.oracle();
             for ((subject, skin), detector, served) in &mut detectors {
-                let found = detector.pairs(scenario.view()).expect("the scene is valid").to_vec();
+                let found = detector.pairs(scenario.query()).expect("the scene is valid").to_vec();
                 difference(&scenario, &found, &expected, subject.tolerance())
                     .unwrap_or_else(|text| panic!("{scene}, {subject}, {skin:?}, step {step}: {text}"));
                 *served += u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));

@@ -1,5 +1,6 @@
 //! What rounds are drawn from.
 
+use glam::DVec3;
 use lazygrid::{Algorithm, Order, Simd};
 
 use super::{Call, Round};
@@ -59,14 +60,14 @@ impl Leaning {
 fn stays_near(scenario: &Scenario) -> bool {
     let least = 1e-6 * f64::from(stride(&scenario.spheres));
     let mut edges = scenario.space.edges().into_iter().flatten();
-    scenario.space.shear().is_none() || edges.all(|edge| edge.as_dvec3().length() > least)
+    scenario.space.shear().is_none() || edges.all(|edge| DVec3::from(edge).length() > least)
 }
 
 fn one_of<T: Copy>(random: &mut Random, values: &[T]) -> T {
     values[random.below(values.len() as u32) as usize]
 }
 
-fn way(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Way {
+pub(crate) fn way(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Way {
     let is_on_gpu = on_gpu && (!on_cpu || random.below(2) == 0);
     let simd = [Simd::Avx512, Simd::Avx2, Simd::Portable][random.below(3) as usize];
     let threads = [None, Some(1), Some(2), Some(7)][random.below(4) as usize];

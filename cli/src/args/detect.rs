@@ -32,8 +32,9 @@ impl Detect {
     fn space(&self) -> Result<Option<Space>, Failure> {
         let (Some(space), Some([xy, xz, yz])) = (self.periodic, self.tilt) else { return Ok(self.periodic) };
         let [x, y, z] = space.lengths();
+        let [xy, xz, yz] = [xy, xz, yz].map(f64::from);
         let edges = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
-        let sheared = Space::sheared(edges.map(|edge| edge.map(Into::into)));
+        let sheared = Space::sheared(edges);
         sheared.map(Some).map_err(|error| Failure::Setting(error.into()))
     }
 

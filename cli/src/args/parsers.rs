@@ -28,7 +28,8 @@ pub(super) fn space(text: &str) -> Result<Space, String> {
     let length = |text: &str| match text.trim() {
         "-" => Ok(None),
         number => match f32::from_str(number) {
-            Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(length)),
+            // As coordinates are read.
+            Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(f64::from(length))),
             Ok(_) => Err(format!(
                 "the length {number} is not a finite number above zero; write - for an axis that is unbounded"
             )),
@@ -67,7 +68,8 @@ pub(super) fn raster_ratio(text: &str) -> Result<f32, String> {
 }
 
 pub(super) fn skin(text: &str) -> Result<Skin, String> {
-    let distance = || f32::from_str(text).ok().filter(|distance| *distance > 0.0).map(Skin::Fixed);
+    let distance =
+        || f32::from_str(text).ok().filter(|distance| *distance > 0.0).map(f64::from).map(Skin::Fixed);
     match text {
         "off" => Ok(Skin::Off),
         "auto" => Ok(Skin::Auto),

@@ -167,6 +167,15 @@ impl Config {
                 format!("choose between {least} (64 for each of {ranks} ranks) and {} bytes", i32::MAX);
             return refuse("message_limit", self.message_limit.to_string(), range);
         }
+        // Ghosts and hulls are computed in f32.
+        if !self.space.is_narrow() {
+            let value = format!("{:?}", self.space.lengths());
+            return refuse("space", value, "round its lengths to f32, or use one process".to_owned());
+        }
+        if self.interactions.as_ref().is_some_and(|table| !table.is_narrow()) {
+            let range = "round distances to f32, or use one process".to_owned();
+            return refuse("interactions", "distances in f64".to_owned(), range);
+        }
         match self.ownership {
             Ownership::Balance { bound } if !(bound.is_finite() && bound >= 1.0) => {
                 refuse("bound", bound.to_string(), "choose a finite number from 1 on".to_owned())

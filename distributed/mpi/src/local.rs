@@ -29,14 +29,22 @@ impl<'a> Local<'a> {
         if expected as u64 > MAX_SPHERES {
             return refuse(None, InputError::TooManySpheres { count: expected as u64 });
         }
-        if self.spheres.groups().is_some() || self.spheres.exclusions().is_some() {
-            let message = "groups and exclusions are known within one process only; leave pairs out when they have come";
+        if self.spheres.groups().is_some() {
+            let message = "groups are known within one process only; filter the pairs that are reported";
+            return Err(Error::Input { rank, index: None, message: message.to_owned() });
+        }
+        if self.spheres.is_f64() {
+            let message = "ranks compute with f32 numbers; convert the spheres, or use one process";
             return Err(Error::Input { rank, index: None, message: message.to_owned() });
         }
         let mut bad = (0..).zip(self.spheres.iter()).filter(|(_, sphere)| !sphere.is_valid());
         if let Some((index, sphere)) = bad.next() {
             let count = 1 + bad.count() as u64;
-            return refuse(Some(index), InputError::Sphere { index, sphere, count, total: expected as u64 });
+            let (center, radius) = (sphere.center.to_array().map(f64::from), f64::from(sphere.radius));
+            return refuse(
+                Some(index),
+                InputError::Sphere { index, center, radius, count, total: expected as u64 },
+            );
         }
         match (species, self.spheres.species()) {
             (Some(_), None) if expected > 0 => refuse(None, InputError::SpeciesMissing),

@@ -1,5 +1,5 @@
 use glam::Vec3;
-use lazygrid::{Interactions, Reach, Space, Sphere};
+use lazygrid::{Interactions, Reach, Space, Sphere, Straight};
 
 use crate::{Class, Particle};
 
@@ -25,6 +25,8 @@ impl Body {
 #[derive(Clone, Debug, Default)]
 pub struct Bodies {
     space: Space,
+    /// The coordinates of a triclinic space.
+    straight: Option<Straight>,
     /// By species; `None` where all that touch pair.
     reach: Option<Vec<Reach>>,
 }
@@ -33,12 +35,13 @@ impl Bodies {
     /// In this space, with these interactions.
     pub fn new(space: Space, interactions: Option<&Interactions>) -> Self {
         let reach = interactions.map(|table| (0..table.species()).map(|s| table.reach(s)).collect());
-        Self { space, reach }
+        let straight = space.shear().map(|shear| shear.straight(Straight::SCALE));
+        Self { space, straight, reach }
     }
 
     /// The space of the bodies: of a sheared one that of straight coordinates.
     pub fn space(&self) -> Space {
-        self.space.shear().map_or(self.space, |shear| shear.straight())
+        self.straight.map_or(self.space, |straight| straight.space())
     }
 
     /// The body of a sphere. A species that is not in the table reaches as far as its radius.
@@ -46,10 +49,11 @@ impl Bodies {
     pub fn body(&self, sphere: Sphere, species: u32) -> Body {
         let reach = self.reach.as_ref().and_then(|reach| reach.get(species as usize));
         let radius = reach.map_or(sphere.radius, |reach| reach.effective_radius(sphere.radius));
-        match self.space.shear() {
+        match &self.straight {
             None => Body { center: self.space.wrap(sphere.center), radius },
-            Some(shear) => {
-                let Sphere { center, radius } = shear.straighten(Sphere { radius, ..sphere });
+            Some(straight) => {
+                let center = sphere.center.to_array().map(f64::from);
+                let Sphere { center, radius } = straight.sphere(center, radius.into(), f64::from(f32::MAX));
                 Body { center, radius }
             }
         }

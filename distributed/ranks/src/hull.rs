@@ -61,7 +61,7 @@ impl Hull {
     /// of the hulls undercut and for radii that none exceed. Every operation is monotone, rounded or not.
     #[inline]
     pub fn meets_hull(&self, space: &Space, other: &Self) -> bool {
-        let lengths = space.lengths();
+        let lengths = space.lengths_f32();
         let gap = |axis: usize| {
             let ours = [self.low[axis], self.high[axis]].map(f64::from);
             gap(ours, [other.low[axis], other.high[axis]].map(f64::from), lengths[axis])

@@ -18,7 +18,7 @@
 //! owner, by a rule that looks at their classes and ranks alone, so both ranks agree on it without a word. Why none is
 //! lost: a hull is met by every sphere that overlaps one of the spheres in it, roundings included.
 
-mod between;
+mod across;
 mod body;
 mod carrier;
 mod census;

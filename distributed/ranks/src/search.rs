@@ -2,7 +2,7 @@ use std::ops::ControlFlow;
 
 use lazygrid::{Detector, Error, Spheres};
 
-use crate::between::{between, count_between};
+use crate::across::{count_across, pairs_across};
 use crate::rule::{Side, travels};
 use crate::{Bodies, Class, Particle};
 
@@ -119,7 +119,7 @@ impl Search {
         let sides = Sides::new(self, owned, ghosts);
         let mut kept = Vec::new();
         let across = self.across.as_mut().unwrap_or(&mut self.detector);
-        between(across, owned, ghosts.particles(), |pairs| {
+        pairs_across(across, owned, ghosts.particles(), |pairs| {
             kept.clear();
             kept.extend(pairs.iter().filter(|&&pair| sides.reports(pair)));
             tally.across += kept.len() as u64;
@@ -143,7 +143,7 @@ impl Search {
         }
         let within = self.detector.count(owned)?;
         let across = self.across.as_mut().unwrap_or(&mut self.detector);
-        Ok(Tally { within, across: count_between(across, owned, ghosts.particles())?, elsewhere: 0 })
+        Ok(Tally { within, across: count_across(across, owned, ghosts.particles())?, elsewhere: 0 })
     }
 }
 

@@ -181,7 +181,7 @@ fn entry(interaction: Interaction) -> [u64; 2] {
     match interaction {
         Interaction::Never => [0, 0],
         Interaction::Touch => [1, 0],
-        Interaction::Within(distance) => [2, f64::from(distance + 0.0).to_bits()],
+        Interaction::Within(distance) => [2, (distance + 0.0).to_bits()],
     }
 }
 
@@ -193,7 +193,7 @@ fn describe(space: &Space) -> String {
     let mut text = "periodic along".to_owned();
     for edge in space.edges() {
         // Writing to a string does not fail.
-        let _ = match edge.map(|edge| edge.to_array().map(|length| length + 0.0)) {
+        let _ = match edge.map(|edge| edge.map(|length| length + 0.0)) {
             Some([x, y, z]) => write!(text, " ({x}, {y}, {z})"),
             None => write!(text, " -"),
         };
@@ -222,18 +222,18 @@ mod tests {
 
     #[test]
     fn equal_settings_have_equal_digests() {
-        let sheared = |tilt: f32| {
+        let sheared = |tilt: f64| {
             let edges = [[4.0, 0.0, 0.0], [tilt, 4.0, 0.0], [1.0, 0.0, 4.0]];
-            Settings::new("1").with_space(&Space::sheared(edges.map(|edge| Some(edge.into()))).unwrap())
+            Settings::new("1").with_space(&Space::sheared(edges.map(Some)).unwrap())
         };
         assert_eq!(digest(sheared(0.0)), digest(sheared(-0.0)));
-        assert_ne!(digest(sheared(0.0)), digest(sheared(f32::from_bits(1))));
-        let within = |distance: f32| {
+        assert_ne!(digest(sheared(0.0)), digest(sheared(f64::from_bits(1))));
+        let within = |distance: f64| {
             let table = Interactions::new(1, Interaction::Within(distance)).unwrap();
             digest(Settings::new("1").with_interactions(Some(&table)))
         };
         assert_eq!(within(0.0), within(-0.0));
-        assert_ne!(within(1.0), within(1.0_f32.next_up()));
+        assert_ne!(within(1.0), within(1.0_f64.next_up()));
     }
 
     #[test]

@@ -134,7 +134,7 @@ impl Scene {
     }
 
     fn space(&self) -> Space {
-        if self.is_periodic { Space::periodic([Some(EDGE); 3]).unwrap() } else { Space::UNBOUNDED }
+        if self.is_periodic { Space::periodic([Some(f64::from(EDGE)); 3]).unwrap() } else { Space::UNBOUNDED }
     }
 
     fn table(&self) -> Option<Interactions> {

@@ -23,9 +23,9 @@ fn table(entries: &[(u32, u32, Interaction)]) -> Interactions {
     table
 }
 
-fn sheared(tilt: f32) -> Space {
+fn sheared(tilt: f64) -> Space {
     let edges = [[10.0, 0.0, 0.0], [tilt, 10.0, 0.0], [0.0, 0.0, 10.0]];
-    Space::sheared(edges.map(|edge| Some(edge.into()))).unwrap()
+    Space::sheared(edges.map(Some)).unwrap()
 }
 
 #[test]
@@ -74,9 +74,9 @@ fn any_difference_of_spaces_is_found() {
         Space::periodic([Some(10.0); 3]).unwrap(),
         Space::periodic([Some(10.0), Some(10.0), None]).unwrap(),
         Space::periodic([None, Some(10.0), Some(10.0)]).unwrap(),
-        Space::periodic([Some(10.0), Some(10.0_f32.next_up()), Some(10.0)]).unwrap(),
+        Space::periodic([Some(10.0), Some(10.0_f64.next_up()), Some(10.0)]).unwrap(),
         sheared(1.0),
-        sheared(1.0_f32.next_down()),
+        sheared(1.0_f64.next_down()),
     ];
     for (k, one) in spaces.iter().enumerate() {
         for other in &spaces[..k] {
@@ -95,7 +95,7 @@ fn any_difference_of_interactions_is_found() {
         Some(table(&[(0, 1, Interaction::Never)])),
         Some(table(&[(0, 2, Interaction::Never)])),
         Some(table(&[(2, 2, Interaction::Within(0.0))])),
-        Some(table(&[(2, 2, Interaction::Within(f32::from_bits(1)))])),
+        Some(table(&[(2, 2, Interaction::Within(f64::from_bits(1)))])),
     ];
     for (k, one) in tables.iter().enumerate() {
         for other in &tables[..k] {

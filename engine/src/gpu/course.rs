@@ -83,7 +83,8 @@ mod tests {
             let all: Vec<_> = (0..n).map(place).map(|[x, y, z]| Sphere::new([x + at, y, z], 0.5)).collect();
             let (algorithm, space) = (Algorithm::CellList, Space::UNBOUNDED);
             let spheres = (&all).into();
-            let given = Given { spheres, interactions: None, space, algorithm, refinement: None };
+            let given =
+                Given { spheres, split: None, interactions: None, space, algorithm, refinement: None };
             let skin = course.next(&given, &costs).expect("valid");
             let Some(distance) = skin.filter(|_| fits) else {
                 (held, found) = (None, found + u32::from(skin.is_some()));

@@ -3,11 +3,9 @@ mod room;
 mod tables;
 mod timer;
 
-use std::ops::Range;
-
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Call, Outcome};
-use lazygrid_kernels::{Algorithm, Interactions};
+use lazygrid_kernels::{Algorithm, Interactions, Space};
 
 pub(crate) use prepared::Key;
 use prepared::Prepared;
@@ -131,7 +129,16 @@ impl GpuDetector {
     }
 
     fn chosen(&self, algorithm: Algorithm, spheres: u32) -> (Algorithm, String) {
-        choice::algorithm(algorithm, (spheres, 1), (self.settings.crossover, "given"))
+        choice::algorithm(algorithm, (spheres, None, 1), (self.settings.crossover, "given"))
+    }
+
+    /// Changes the space, which must repeat along the same axes.
+    pub(super) fn set_space(&mut self, space: Space) {
+        debug_assert_eq!(
+            self.settings.space.lengths().map(|l| l.is_some()),
+            space.lengths().map(|l| l.is_some())
+        );
+        self.settings.space = space;
     }
 
     /// How calls run by the settings.
@@ -311,7 +318,7 @@ impl GpuDetector {
     }
 
     /// What the kernels read of a call.
-    fn call(&self, plan: &Plan, way: Way, window: &Range<u32>) -> Call {
+    fn call(&self, plan: &Plan, way: Way, input: &GpuSpheres<'_>) -> Call {
         Call {
             entry_capacity: plan.entries,
             key_bits: plan.key_bits,
@@ -325,12 +332,12 @@ impl GpuDetector {
             tile: plan.tile,
             share: plan.share,
             further_shares: plan.further_shares,
-            ..self.settings.call(plan.spheres, window)
+            ..self.settings.call(plan.spheres, input)
         }
     }
 
     fn bind(&self, prepared: &mut Prepared, way: Way, input: &GpuSpheres<'_>) -> Result<(), Error> {
-        let key = Key::of(input, self.call(&prepared.plan, way, &input.window));
+        let key = Key::of(input, self.call(&prepared.plan, way, input));
         prepared.bind(&self.device, &self.pipelines, key, self.tables.as_ref())
     }
 }

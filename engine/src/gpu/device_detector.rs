@@ -1,16 +1,16 @@
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
 
-use lazygrid_host::{Canonical, Kept, Lists, Neighbors, Order, Phase, Refinement, Settings, Skin, Survey};
-use lazygrid_kernels::{
-    InputError, Interactions, MAX_SPHERES, Pair, Shear, Space, Sphere, Spheres, make_room,
+use lazygrid_host::{
+    Canonical, Frame, Kept, Lists, Neighbors, Order, Phase, Places, SKINS, Settings, Skin, Survey, Team,
+    check_valid,
 };
+use lazygrid_kernels::{Interactions, Pair, Query, Space};
 
-use super::asked::Asked;
 use super::course::Course;
 use super::device_search::{Given, Search};
 use super::plan::DeviceLimits;
-use super::two_sets::TwoSets;
 use super::{GpuDevice, GpuSession, GpuSettings};
 use crate::choice::{self, Known};
 use crate::{Backend, Config, Error, Report};
@@ -22,17 +22,19 @@ const PARTS: usize = 128;
 #[derive(Debug)]
 pub(crate) struct DeviceDetector {
     settings: Settings,
-    /// The space and the table with which the device searches.
-    searched: (Space, Option<Interactions>),
     known: Known,
-    one: Search,
-    two: Option<Box<TwoSets>>,
+    device: Device,
+    /// Whether every call is searched in a frame, as the space or a distance needs one.
+    is_framed: bool,
+    /// What searches in frames, if only some calls need one.
+    framed: Option<Box<Device>>,
+    /// The host's threads.
+    team: Arc<Team>,
+    places: Places,
     /// Where it is for the detector to choose a skin.
     course: Option<Course>,
     canonical: Canonical,
     lists: Lists,
-    /// The spheres of a sheared space, as they are searched.
-    straight: Vec<Sphere>,
     /// As they came; its memory serves the next call.
     found: Vec<Pair>,
     pairs: Vec<Pair>,
@@ -42,7 +44,8 @@ pub(crate) struct DeviceDetector {
 impl DeviceDetector {
     pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
         let settings = config.settings;
-        let searched = searched(&settings);
+        let is_framed = !is_narrow(&settings) || settings.space.shear().is_some();
+        let interactions = searched_table(&settings, is_framed);
         let known = choice::known(&config.calibrations, &own.adapter);
         let most_pairs = DeviceLimits::of(&own.device).bytes() / size_of::<Pair>() as u64;
         let defaults = GpuSettings::default();
@@ -53,8 +56,8 @@ impl DeviceDetector {
             radix_from: known.radix_from,
             raster_ratio: raster_ratio(config.raster_ratio)?,
             tau: config.tau.unwrap_or(GpuSettings::TAU),
-            interactions: searched.1.clone(),
-            space: searched.0,
+            interactions: interactions.clone(),
+            space: searched_space(&settings.space),
             timed: true,
             ..defaults
         };
@@ -70,101 +73,56 @@ impl DeviceDetector {
             phases: Vec::new(),
         };
         let mut session = GpuSession::new(own, gpu)?;
-        if let Skin::Fixed(distance) = settings.skin {
-            let scale = settings.space.shear().map_or(1.0, |_| Shear::SCALE);
-            session.set_skin(Some(distance * scale))?;
-        }
         let chooses = settings.skin == Skin::Auto && settings.keeps_candidates();
         let course = chooses.then(Course::default);
         if let Some(timeout) = config.timeout {
             session.set_timeout(timeout);
         }
-        let (one, two) = (Search::new(session), None);
-        let (canonical, lists, straight, found, pairs) = Default::default();
+        let team = Arc::new(Team::new(settings.threads)?);
+        let (places, canonical, lists, found, pairs) = Default::default();
+        let mut device = Device { search: Search::new(session), interactions };
+        if let Skin::Fixed(distance) = settings.skin {
+            device.search.session.set_skin(Some(distance as f32))?;
+        }
         Ok(Self {
             settings,
-            searched,
             known,
-            one,
-            two,
+            device,
+            is_framed,
+            framed: None,
+            team,
+            places,
             course,
             canonical,
             lists,
-            straight,
             found,
             pairs,
             report,
         })
     }
 
-    pub(crate) fn pairs(&mut self, spheres: Spheres<'_>) -> Result<&[Pair], Error> {
-        self.list(Asked::One(spheres), self.settings.order)?;
+    pub(crate) fn pairs(&mut self, query: Query<'_>) -> Result<&[Pair], Error> {
+        self.list(&query, self.settings.order)?;
         Ok(&self.pairs)
     }
 
-    pub(crate) fn between(&mut self, a: Spheres<'_>, b: Spheres<'_>) -> Result<&[Pair], Error> {
-        self.list(Asked::Two(a, b), self.settings.order)?;
-        Ok(&self.pairs)
-    }
-
-    pub(crate) fn neighbors(&mut self, spheres: Spheres<'_>) -> Result<Neighbors<'_>, Error> {
-        self.neighbors_of(Asked::One(spheres))
-    }
-
-    pub(crate) fn neighbors_between(
-        &mut self,
-        a: Spheres<'_>,
-        b: Spheres<'_>,
-    ) -> Result<Neighbors<'_>, Error> {
-        self.neighbors_of(Asked::Two(a, b))
-    }
-
-    fn neighbors_of(&mut self, asked: Asked<'_>) -> Result<Neighbors<'_>, Error> {
-        self.list(asked, Order::Canonical)?;
+    pub(crate) fn neighbors(&mut self, query: Query<'_>) -> Result<Neighbors<'_>, Error> {
+        self.list(&query, Order::Canonical)?;
         let start = Instant::now();
-        let neighbors = match asked {
-            Asked::One(all) => self.lists.fill(&self.pairs, all.len())?,
-            Asked::Two(a, _) => self.lists.fill_forward(&self.pairs, a.len())?,
-        };
+        let neighbors = self.lists.of_query(&self.pairs, &query)?;
         self.report.phases.push(Phase { name: "neighbors", time: start.elapsed() });
         Ok(neighbors)
     }
 
-    pub(crate) fn count(&mut self, spheres: Spheres<'_>) -> Result<u64, Error> {
-        self.count_of(Asked::One(spheres))
-    }
-
-    pub(crate) fn count_between(&mut self, a: Spheres<'_>, b: Spheres<'_>) -> Result<u64, Error> {
-        self.count_of(Asked::Two(a, b))
-    }
-
-    fn count_of(&mut self, asked: Asked<'_>) -> Result<u64, Error> {
-        let found = self.search(asked, |search, given| search.count(given))?;
+    pub(crate) fn count(&mut self, query: Query<'_>) -> Result<u64, Error> {
+        let found = self.search(&query, |search, given| search.count(given))?;
         self.report.pairs = found;
         Ok(found)
     }
 
     pub(crate) fn stream(
         &mut self,
-        spheres: Spheres<'_>,
-        chunk: usize,
-        consume: impl FnMut(&[Pair]) -> ControlFlow<()>,
-    ) -> Result<u64, Error> {
-        self.stream_of(Asked::One(spheres), chunk, consume)
-    }
-
-    pub(crate) fn stream_between(
-        &mut self,
-        (a, b): (Spheres<'_>, Spheres<'_>),
-        chunk: usize,
-        consume: impl FnMut(&[Pair]) -> ControlFlow<()>,
-    ) -> Result<u64, Error> {
-        self.stream_of(Asked::Two(a, b), chunk, consume)
-    }
-
-    fn stream_of(
-        &mut self,
-        asked: Asked<'_>,
+        query: Query<'_>,
         chunk: usize,
         mut consume: impl FnMut(&[Pair]) -> ControlFlow<()>,
     ) -> Result<u64, Error> {
@@ -173,16 +131,17 @@ impl DeviceDetector {
         let in_order = self.settings.order == Order::Canonical;
         let most = in_order.then_some(self.settings.max_pairs);
         let (mut handed, mut refused) = (0, None);
-        let result = self.search(asked, |search, given| {
+        let team = self.team.clone();
+        let result = self.search(&query, |search, given| {
             search.parts(given, most, |pairs| {
                 if in_order {
-                    refused = canonical.order(&parts(pairs), asked.len(), &mut ordered).err();
+                    refused = order(&team, (&mut canonical, pairs), query.len(), &mut ordered).err();
                     std::mem::swap(pairs, &mut ordered);
                 }
                 if refused.is_some() {
                     return ControlFlow::Break(());
                 }
-                from_first(pairs, asked.first());
+                number_second(pairs, query.split());
                 for part in pairs.chunks(chunk.max(1)) {
                     handed += part.len() as u64;
                     consume(part)?;
@@ -200,7 +159,7 @@ impl DeviceDetector {
     }
 
     pub(crate) fn memory_for(&self, spheres: u64) -> u64 {
-        let session = &self.one.session;
+        let session = &self.device.search.session;
         // More are searched in slabs. What cannot be held at all is refused when it is tried.
         let keeps = self.course.is_some() || matches!(self.settings.skin, Skin::Fixed(_));
         let memory = |n| if keeps { session.memory_with_candidates(n) } else { session.memory_for(n) };
@@ -212,127 +171,149 @@ impl DeviceDetector {
         self.pairs
     }
 
-    fn list(&mut self, asked: Asked<'_>, order: Order) -> Result<(), Error> {
+    fn list(&mut self, query: &Query<'_>, by: Order) -> Result<(), Error> {
         let limit = self.settings.max_pairs;
         let mut found = std::mem::take(&mut self.found);
-        self.search(asked, |search, given| search.list(given, limit, &mut found))?;
+        self.search(query, |search, given| search.list(given, limit, &mut found))?;
         self.report.pairs = found.len() as u64;
         let start = Instant::now();
-        if order == Order::Canonical {
-            self.canonical.order(&parts(&found), asked.len(), &mut self.pairs)?;
+        if by == Order::Canonical {
+            order(&self.team, (&mut self.canonical, &found), query.len(), &mut self.pairs)?;
             self.report.phases.push(Phase { name: "order", time: start.elapsed() });
         } else {
             std::mem::swap(&mut found, &mut self.pairs);
         }
         self.found = found;
-        from_first(&mut self.pairs, asked.first());
+        number_second(&mut self.pairs, query.split());
         Ok(())
     }
 
     /// Checks and chooses, has `work` search, and reports.
     fn search<R>(
         &mut self,
-        asked: Asked<'_>,
+        query: &Query<'_>,
         work: impl FnOnce(&mut Search, &Given<'_>) -> Result<R, Error>,
     ) -> Result<R, Error> {
-        self.report.phases.clear();
-        self.report.spheres = asked.len() as u64;
-        self.report.pairs = 0;
-        self.report.cost = None;
-        self.report.candidates = None;
-        let start = Instant::now();
-        let classes = self.check(asked)?;
-        self.report.phases.push(Phase { name: "check", time: start.elapsed() });
-        // Below 2³² by the check.
-        let load = (asked.len() as u32, classes);
-        let asked_for = self.settings.algorithm;
-        let (algorithm, reason) = choice::algorithm(asked_for, load, (self.known.crossover, self.known.how));
-        log::debug!("{reason}");
-        self.report.algorithm = algorithm;
-        self.report.reason = reason;
-        let Settings { space, interactions, .. } = &self.settings;
-        let (first, second) = asked.parts();
-        let refinement = Refinement::new(first, second, interactions.as_ref(), space)?;
-        if let Some(refinement) = refinement.as_ref().filter(|refinement| refinement.is_sheared()) {
+        let Self { settings, known, device, is_framed, framed, course, team, places, report, .. } = self;
+        report.begin(query.len());
+        let (placed, survey) = team.pass(query.len(), |threads| {
+            let placed = places.place(query, (settings, false), threads, &mut report.phases)?;
             let start = Instant::now();
-            self.straight.clear();
-            make_room(&mut self.straight, asked.len(), "straight spheres")?;
-            self.straight.extend((0..asked.len()).map(|k| refinement.searched(k)));
-            self.report.phases.push(Phase { name: "copy", time: start.elapsed() });
+            let table = settings.interactions.as_ref().filter(|_| placed.frame.is_none());
+            let survey = Survey::new(placed.spheres, table, threads)
+                .or_else(|error| check_valid(query, threads).and(Err(error)))?;
+            report.phases.push(Phase { name: "survey", time: start.elapsed() });
+            Ok((placed, survey))
+        })?;
+        let asked_for = settings.algorithm;
+        let classes = survey.occupied().count();
+        // Below 2³² by the check.
+        let (spheres, split) = (query.len() as u32, placed.split.map(|split| split as u32));
+        let (algorithm, reason) =
+            choice::algorithm(asked_for, (spheres, split, classes), (known.crossover, known.how));
+        log::debug!("{reason}");
+        (report.algorithm, report.reason) = (algorithm, reason);
+        let device = match placed.frame {
+            Some(_) if !*is_framed => Device::framed(framed, device, settings)?,
+            _ => device,
+        };
+        let space = placed.frame.map_or(settings.space, Frame::space);
+        let Device { search, interactions } = device;
+        search.session.set_space(space)?;
+        if let Skin::Fixed(distance) = settings.skin {
+            let distance = distance * placed.frame.map_or(1.0, Frame::scale);
+            search.session.change_skin(Some(distance as f32).filter(|skin| SKINS.contains(skin)))?;
         }
-        let is_sheared = space.shear().is_some();
-        let (space, interactions) = (self.searched.0, self.searched.1.as_ref());
-        let refinement = refinement.as_ref();
-        match asked.searched(is_sheared.then_some(&self.straight))? {
-            Asked::One(spheres) => {
-                let given = Given { spheres, interactions, space, algorithm, refinement };
-                let course = self.course.as_mut().filter(|_| self.one.is_bound_at_once(&given));
-                if let Some(course) = course {
-                    let skin = match choice::may_keep(asked_for, algorithm, load.0, &self.known.skin) {
-                        Ok(()) => course.next(&given, &self.known.skin.into())?,
-                        Err(why) => {
-                            log::debug!("no candidates: {why}");
-                            course.restart();
-                            None
-                        }
-                    };
-                    self.one.session.change_skin(skin)?;
+        let given = Given {
+            spheres: placed.spheres.without_groups(),
+            split,
+            interactions: interactions.as_ref(),
+            space,
+            algorithm,
+            refinement: placed.refinement.as_ref(),
+        };
+        let mut course = course.as_mut().filter(|_| split.is_none());
+        if let Some(course) = course.as_deref_mut().filter(|_| search.is_bound_at_once(&given)) {
+            let skin = match choice::may_keep(asked_for, algorithm, spheres, &known.skin) {
+                Ok(()) => course.next(&given, &known.skin.into())?,
+                Err(why) => {
+                    log::debug!("no candidates: {why}");
+                    course.restart();
+                    None
                 }
-                let result = work(&mut self.one, &given)?;
-                conclude(&mut self.report, &self.one);
-                if let Some(course) = &mut self.course {
-                    course.note(spheres.len(), self.report.candidates, self.one.session.went());
-                }
-                Ok(result)
-            }
-            Asked::Two(a, b) => {
-                let two = match &mut self.two {
-                    Some(two) => two,
-                    none => none.insert(Box::new(TwoSets::new(&self.one.session, interactions)?)),
-                };
-                let result = two.search((a, b), (space, algorithm), refinement, work)?;
-                conclude(&mut self.report, &two.search);
-                Ok(result)
-            }
+            };
+            search.session.change_skin(skin)?;
         }
+        let result = work(search, &given)?;
+        conclude(report, search);
+        if let Some(course) = course {
+            course.note(query.len(), report.candidates, search.session.went());
+        }
+        Ok(result)
     }
+}
 
-    /// Refuses what is not valid; how many size classes there are.
-    fn check(&self, asked: Asked<'_>) -> Result<usize, Error> {
-        let survey = |spheres| Survey::new(spheres, self.settings.interactions.as_ref());
-        match asked {
-            Asked::One(spheres) => Ok(survey(spheres)?.occupied().count()),
-            Asked::Two(..) if asked.len() as u64 > MAX_SPHERES => {
-                Err(InputError::TooManySpheres { count: asked.len() as u64 }.into())
-            }
-            Asked::Two(a, b) => {
-                let a = survey(a)?;
-                let b = survey(b).map_err(|error| match error {
-                    Error::Input(error) => Error::Input(InputError::Second(Box::new(error))),
-                    other => other,
-                })?;
-                let of_a: Vec<usize> = a.occupied().map(|(class, _)| class).collect();
-                Ok(of_a.len() + b.occupied().filter(|(class, _)| !of_a.contains(class)).count())
+/// A search on a device, and the table with which it searches.
+#[derive(Debug)]
+struct Device {
+    search: Search,
+    interactions: Option<Interactions>,
+}
+
+impl Device {
+    /// The search in frames, made beside another one at the first call that needs it.
+    fn framed<'d>(
+        framed: &'d mut Option<Box<Self>>,
+        beside: &Self,
+        settings: &Settings,
+    ) -> Result<&'d mut Self, Error> {
+        match framed {
+            Some(framed) => Ok(framed),
+            none => {
+                let interactions = searched_table(settings, true);
+                let session = beside.search.session.beside(interactions.clone())?;
+                Ok(none.insert(Box::new(Self { search: Search::new(session), interactions })))
             }
         }
     }
 }
 
-/// The space and the table with which a device searches: those of the settings, or where space is sheared that of straight
-/// coordinates, in which species pair that ever do, when their spheres, as large as the species reach, touch.
-fn searched(settings: &Settings) -> (Space, Option<Interactions>) {
-    let Settings { space, interactions, .. } = settings;
-    match space.shear() {
-        None => (*space, interactions.clone()),
-        Some(shear) => (shear.straight(), interactions.as_ref().map(Interactions::touching)),
-    }
+/// Whether the space and all distances are `f32` numbers.
+fn is_narrow(settings: &Settings) -> bool {
+    settings.space.is_narrow() && settings.interactions.as_ref().is_none_or(Interactions::is_narrow)
+}
+
+/// The table with which a device searches. In a frame spheres are as large as the reach of their species: they are
+/// candidates if they touch and their species ever pair.
+fn searched_table(settings: &Settings, is_framed: bool) -> Option<Interactions> {
+    settings.interactions.as_ref().map(|table| if is_framed { table.touching() } else { table.clone() })
+}
+
+/// A space as a device searches it, which repeats along the same axes as that of every frame.
+fn searched_space(space: &Space) -> Space {
+    let lengths = match space.shear() {
+        None => space.lengths_f32(),
+        Some(shear) => [0, 1, 2].map(|axis| (axis < shear.rank()).then_some(1.0)),
+    };
+    let in_range = |length: f32| f64::from(length.clamp(f32::MIN_POSITIVE, f32::MAX));
+    Space::periodic(lengths.map(|length| length.map(in_range))).unwrap_or_default()
 }
 
 /// Has pairs of two sets name the second sphere by its index in the second set.
-fn from_first(pairs: &mut [Pair], first: usize) {
-    if first > 0 {
-        pairs.iter_mut().for_each(|pair| pair.j -= first as u32);
+fn number_second(pairs: &mut [Pair], split: Option<usize>) {
+    if let Some(split) = split {
+        pairs.iter_mut().for_each(|pair| pair.j -= split as u32);
     }
+}
+
+/// Writes pairs in canonical order.
+fn order(
+    team: &Team,
+    (canonical, pairs): (&mut Canonical, &[Pair]),
+    spheres: usize,
+    ordered: &mut Vec<Pair>,
+) -> Result<(), Error> {
+    team.pass(pairs.len(), |threads| canonical.order(threads, &parts(pairs), spheres, ordered))
 }
 
 /// Says what a search did.

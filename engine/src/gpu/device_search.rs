@@ -13,11 +13,20 @@ use crate::Error;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Given<'a> {
     pub(super) spheres: Spheres<'a>,
+    /// The number of spheres of the first of two sets.
+    pub(super) split: Option<u32>,
     pub(super) interactions: Option<&'a Interactions>,
     pub(super) space: Space,
     pub(super) algorithm: Algorithm,
     /// What is asked of pairs besides, once they have come back.
     pub(super) refinement: Option<&'a Refinement<'a>>,
+}
+
+impl Given<'_> {
+    /// Whether one of two sets is empty.
+    fn has_no_pairs(&self) -> bool {
+        self.split.is_some_and(|split| split == 0 || split as usize == self.spheres.len())
+    }
 }
 
 /// A call that is cut.
@@ -58,6 +67,10 @@ impl Search {
 
     /// Puts all that the device finds into `list`.
     fn list_found(&mut self, given: &Given<'_>, limit: u64, list: &mut Vec<Pair>) -> Result<(), Error> {
+        if given.has_no_pairs() {
+            list.clear();
+            return Ok(());
+        }
         let Some((whole, slabs)) = self.cut(given)? else {
             let ticket = self.begin(given)?;
             self.session.finish(ticket, limit)?;
@@ -124,6 +137,9 @@ impl Search {
     /// # Errors
     /// Where the device fails.
     pub(super) fn count(&mut self, given: &Given<'_>) -> Result<u64, Error> {
+        if given.has_no_pairs() {
+            return Ok(0);
+        }
         if given.refinement.is_some() {
             let mut found = 0;
             self.parts(given, None, |pairs| {
@@ -162,6 +178,9 @@ impl Search {
         in_order: Option<u64>,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
+        if given.has_no_pairs() {
+            return Ok(());
+        }
         let Some((whole, slabs)) = self.cut(given)? else {
             let ticket = self.begin(given)?;
             self.session.finish_in_parts(ticket, |pairs| {
@@ -278,7 +297,7 @@ impl Search {
         }
         let most = self.session.most_spheres();
         let start = Instant::now();
-        let whole = Whole::new(spheres, given.interactions, given.space);
+        let whole = Whole::new(spheres, given.interactions, given.space).across(given.split.unwrap_or(0));
         let Some(slabs) = Slabs::new(&whole, most as usize) else {
             let what = "the sphere buffer, which overlaps too much to be cut into several,";
             let remedy = "split the spheres or take a device with a larger limit";
@@ -291,7 +310,13 @@ impl Search {
 
     fn begin(&mut self, given: &Given<'_>) -> Result<Ticket, Error> {
         let start = Instant::now();
-        let ticket = self.session.begin_as(self.session.call(given.algorithm), given.spheres)?;
+        let call = self.session.call(given.algorithm);
+        let call = match given.split {
+            None => call,
+            // Candidates are kept of one set.
+            Some(split) => Call { split, keeps: false, ..call },
+        };
+        let ticket = self.session.begin_as(call, given.spheres)?;
         self.time("upload", start);
         Ok(ticket)
     }
@@ -311,7 +336,8 @@ impl Search {
             return Ok(None);
         }
         let start = Instant::now();
-        let call = Call { window: self.slab.window(), keeps: false, ..self.session.call(algorithm) };
+        let (window, split) = (self.slab.window(), self.slab.split());
+        let call = Call { window, split, keeps: false, ..self.session.call(algorithm) };
         let ticket = self.session.begin_as(call, self.slab.spheres()?)?;
         self.time("upload", start);
         Ok(Some(ticket))

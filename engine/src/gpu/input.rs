@@ -70,15 +70,16 @@ impl GpuSettings {
 }
 
 impl GpuSettings {
-    /// What all kernels read of a call of up to so many spheres, whatever finds its pairs.
-    pub(super) fn call(&self, spheres: u32, window: &Range<u32>) -> Call {
+    /// What all kernels read of a call of up to `spheres` spheres, whatever finds its pairs.
+    pub(super) fn call(&self, spheres: u32, input: &GpuSpheres<'_>) -> Call {
         let call = Call {
             spheres,
             pair_capacity: self.pair_capacity,
             species: self.interactions.as_ref().map_or(0, Interactions::species),
             consumer_group: self.consumer_group,
-            window_begin: window.start,
-            window_end: window.end,
+            window_begin: input.window.start,
+            window_end: input.window.end,
+            split: input.split,
             tau: self.tau,
             sorted_pairs: u32::from(self.sorted_pairs),
             ..Call::default()
@@ -106,8 +107,9 @@ impl Default for GpuSettings {
     }
 }
 
-/// How many spheres a call has.
+/// The number of spheres of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Count<'a> {
     /// Known to the host.
     Host(u32),
@@ -120,24 +122,51 @@ pub enum Count<'a> {
     },
 }
 
+impl From<u32> for Count<'_> {
+    fn from(count: u32) -> Self {
+        Self::Host(count)
+    }
+}
+
 /// Spheres that are on the GPU already.
 #[derive(Clone, Debug)]
 pub struct GpuSpheres<'a> {
     /// `x, y, z, r` as four `f32` per sphere; `STORAGE` usage.
-    pub spheres: &'a wgpu::Buffer,
+    pub(super) spheres: &'a wgpu::Buffer,
     /// How many there are.
-    pub count: Count<'a>,
+    pub(super) count: Count<'a>,
     /// A `u32` species id per sphere, where the settings have interactions; `STORAGE` usage.
-    pub species: Option<&'a wgpu::Buffer>,
-    /// Only pairs whose smaller index lies in here are counted and written; [`GpuSpheres::ALL`] for all of them.
-    /// So a result larger than the output can be taken in parts.
-    pub window: Range<u32>,
+    pub(super) species: Option<&'a wgpu::Buffer>,
+    /// Only pairs whose smaller index lies in here are counted and written.
+    pub(super) window: Range<u32>,
+    /// The number of spheres of the first of two sets, before those of the second; 0 for one set.
+    pub(super) split: u32,
 }
 
 impl<'a> GpuSpheres<'a> {
-    /// The first `count` spheres of a buffer: all their pairs, whatever their species.
-    pub fn new(spheres: &'a wgpu::Buffer, count: u32) -> Self {
-        Self { spheres, count: Count::Host(count), species: None, window: Self::ALL }
+    /// The first `count` spheres of a buffer, a number or a [`Count`]: all their pairs, whatever their species.
+    pub fn new(spheres: &'a wgpu::Buffer, count: impl Into<Count<'a>>) -> Self {
+        Self { spheres, count: count.into(), species: None, window: Self::ALL, split: 0 }
+    }
+
+    /// Adds a `u32` species id per sphere, needed if the settings have interactions; `STORAGE` usage.
+    pub fn with_species(self, species: &'a wgpu::Buffer) -> Self {
+        Self { species: Some(species), ..self }
+    }
+
+    /// Asks for pairs whose smaller index is in `window` only, so that a result larger than the output can be taken in
+    /// parts. Default: [`ALL`](Self::ALL).
+    pub fn in_window(self, window: Range<u32>) -> Self {
+        Self { window, ..self }
+    }
+
+    /// Asks for pairs of one of the first `first` spheres and one of the others only.
+    pub fn across(self, first: u32) -> Self {
+        match first {
+            // In a call 0 stands for one set.
+            0 => Self { window: 0..0, split: 0, ..self },
+            split => Self { split, ..self },
+        }
     }
 
     /// The window that every pair is in.
@@ -170,6 +199,16 @@ pub(super) fn check(settings: &GpuSettings) -> Result<(), Error> {
         let range =
             "what stays on the GPU has edges along the axes only: choose `Detector`, which takes any edges";
         return Err(Error::Setting { name: "space", value: "sheared".into(), range });
+    }
+    if !settings.space.is_narrow() {
+        let value = format!("{:?}", settings.space.lengths());
+        let range = "what stays on the GPU has f32 lengths: round them to f32, or use `Detector`";
+        return Err(Error::Setting { name: "space", value, range });
+    }
+    if settings.interactions.as_ref().is_some_and(|table| !table.is_narrow()) {
+        let value = "distances in f64".into();
+        let range = "what stays on the GPU has f32 distances: round them to f32, or use `Detector`";
+        return Err(Error::Setting { name: "interactions", value, range });
     }
     if !(GpuSettings::MIN_RASTER_RATIO..=GpuSettings::MAX_RASTER_RATIO).contains(&settings.raster_ratio) {
         let value = settings.raster_ratio.to_string();

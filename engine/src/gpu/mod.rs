@@ -5,7 +5,6 @@
 //! blocks. [`GpuSession`] carries spheres and pairs between host and device. [`Cost`] says before a call what it takes.
 
 pub(crate) mod adapter;
-mod asked;
 mod calibration;
 mod course;
 mod detector;
@@ -22,7 +21,6 @@ mod session;
 mod skin;
 mod slabs;
 mod slot;
-mod two_sets;
 
 pub use adapter::{AdapterId, AdapterSummary, GpuDevice, adapters, wanted_features};
 pub use calibration::{Calibration, Crossover, Sample, SkinCosts, calibrate};

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use lazygrid_host::{Kept, Phase as Timing};
 use lazygrid_kernels::layout::Outcome;
-use lazygrid_kernels::{Algorithm, Interactions, Pair, Spheres, make_room};
+use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, make_room};
 
 use super::adapter::{AdapterSummary, GpuDevice};
 use super::detector::{GpuDetector, Way};
@@ -65,8 +65,17 @@ pub(super) struct Call {
     pub(super) way: Way,
     /// Pairs are asked for whose smaller index is in this window.
     pub(super) window: Range<u32>,
+    /// The number of spheres of the first of two sets; 0 for one set.
+    pub(super) split: u32,
     /// Whether candidates that are kept may serve it.
     pub(super) keeps: bool,
+}
+
+impl Call {
+    /// All pairs of one set.
+    fn new(way: Way) -> Self {
+        Self { way, window: GpuSpheres::ALL, split: 0, keeps: true }
+    }
 }
 
 /// A call that was begun and is to be finished. Dropping it gives the call up and makes room for another.
@@ -99,7 +108,7 @@ impl GpuSession {
             own,
             timeout: Duration::from_secs(600),
             slots: Default::default(),
-            calls: [(); SLOTS].map(|()| Call { way: asked, window: GpuSpheres::ALL, keeps: true }),
+            calls: [(); SLOTS].map(|()| Call::new(asked)),
             begun: 0,
             launched: None,
             flights: Default::default(),
@@ -112,12 +121,26 @@ impl GpuSession {
         })
     }
 
-    /// Another session on the same device, that differs in its table of interactions and keeps no candidates.
-    pub(super) fn with_interactions(&self, table: Interactions) -> Result<Self, Error> {
-        let settings = GpuSettings { interactions: Some(table), ..self.detector.settings().clone() };
+    /// Another session on the same device that differs in its table of interactions and keeps no candidates.
+    pub(super) fn beside(&self, interactions: Option<Interactions>) -> Result<Self, Error> {
+        let settings = GpuSettings { interactions, ..self.detector.settings().clone() };
         let mut session = Self::new(self.own.clone(), settings)?;
         session.timeout = self.timeout;
         Ok(session)
+    }
+
+    /// Changes the space of later calls, which must repeat along the same axes. Candidates of another space are given up.
+    ///
+    /// # Errors
+    /// As [`set_skin`](Self::set_skin).
+    pub(super) fn set_space(&mut self, space: Space) -> Result<(), Error> {
+        if self.detector.settings().space != space {
+            self.detector.set_space(space);
+            if let Some(distance) = self.skin.as_ref().map(|skin| skin.detector.skin()) {
+                self.set_skin(Some(distance))?;
+            }
+        }
+        Ok(())
     }
 
     /// How long a call may take before it is given up with [`Error::Timeout`]. Default: ten minutes.
@@ -208,20 +231,24 @@ impl GpuSession {
     /// Uploads the spheres and starts the detection; does not wait.
     ///
     /// # Errors
-    /// [`Error::Busy`] with two calls in flight already; [`Error::Setting`] for spheres with groups or exclusions, which only
-    /// [`Detector`](crate::Detector) knows; otherwise as [`GpuDetector::encode`].
+    /// [`Error::Busy`] with two calls in flight already; [`Error::Setting`] for spheres with groups, which only
+    /// [`Detector`](crate::Detector) excludes; otherwise as [`GpuDetector::encode`].
     pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, Error> {
-        if spheres.groups().is_some() || spheres.exclusions().is_some() {
+        if spheres.is_f64() {
+            let range = "a session searches f32 numbers: use `Detector`, or convert the spheres";
+            return Err(Error::Setting { name: "spheres", value: "f64".into(), range });
+        }
+        if spheres.groups().is_some() {
             let range =
-                "a session reports all that touch: choose `Detector`, or leave pairs out when they have come";
-            return Err(Error::Setting { name: "exclusions", value: "given".into(), range });
+                "a session reports all pairs that touch: use `Detector`, or filter the pairs after readback";
+            return Err(Error::Setting { name: "groups", value: "given".into(), range });
         }
         self.begin_as(self.call(self.asked.algorithm), spheres)
     }
 
     /// How a call runs with this algorithm, if nothing else is asked for.
     pub(super) fn call(&self, algorithm: Algorithm) -> Call {
-        Call { way: Way { algorithm, ..self.asked }, window: GpuSpheres::ALL, keeps: true }
+        Call::new(Way { algorithm, ..self.asked })
     }
 
     /// As [`begin`](Self::begin), with another way for this call.

@@ -191,11 +191,13 @@ impl GpuSkinDetector {
             None => self.allocate([spheres, pairs])?,
         };
         let Resident { buffers, candidates, .. } = &mut resident;
+        // Candidates serve any window, and one set as well as two.
         let kept = GpuSpheres {
             spheres: buffers.get(Slot::Kept),
             count: input.count,
             species: buffers.find(Slot::KeptSpecies),
             window: GpuSpheres::ALL,
+            split: 0,
         };
         let found = self.search.bind_as(way, &kept)?;
         // With other buffers of the search those that there were are gone.
@@ -206,7 +208,7 @@ impl GpuSkinDetector {
                 candidates.insert(Candidates { found, state, parts: Recent::NONE })
             }
         };
-        let key = Key::of(input, self.settings.call(spheres, &input.window));
+        let key = Key::of(input, self.settings.call(spheres, input));
         self.record(buffers, candidates, key)?;
         if let (Some(Parts { before, gate, behind }), Some(search)) =
             (candidates.parts.current(), self.search.recording())
@@ -303,7 +305,8 @@ fn widened(table: &Interactions, skin: f32) -> Result<Interactions, Error> {
     for (a, b) in (0..table.species()).flat_map(|a| (a..table.species()).map(move |b| (a, b))) {
         let interaction = match table.get(a, b) {
             Interaction::Within(distance) => {
-                Interaction::Within(((distance + skin) * ROUNDING).min(f32::MAX))
+                let wide = (distance as f32 + skin) * ROUNDING;
+                Interaction::Within(f64::from(wide.min(f32::MAX)))
             }
             other => other,
         };

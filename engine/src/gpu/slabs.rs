@@ -8,6 +8,9 @@
 //! A slab can also be gathered for a *range* of indices: then only pairs are found whose smaller index is in it. Spheres of
 //! smaller indices are left out, those of the range stand first, and the search's window ends with them. As some of those are
 //! lent, the search also finds pairs of two that are lent, which the slab that owns one of them has as well, and drops them.
+//!
+//! Of two sets the first one's indices are the smaller ones, and no range goes beyond them. Spheres of the first set outside
+//! the range are left out, so that in a slab too the first set comes before the second.
 
 use std::ops::Range;
 
@@ -29,6 +32,8 @@ const FEW: usize = 16;
 #[derive(Debug)]
 pub(crate) struct Whole<'a> {
     spheres: Spheres<'a>,
+    /// The number of spheres of the first of two sets; 0 for one set.
+    split: u32,
     reaches: Vec<Reach>,
     space: Space,
 }
@@ -53,12 +58,24 @@ pub(crate) struct Slab {
     later: [Vec<u32>; 3],
     /// Where the first three of these groups end.
     ends: [u32; 3],
+    /// Whether the first two of these groups are the first set, and the others the second.
+    has_two_sets: bool,
 }
 
 impl<'a> Whole<'a> {
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&Interactions>, space: Space) -> Self {
         let reach = |table: &Interactions| (0..table.species()).map(|of| table.reach(of)).collect();
-        Self { spheres, reaches: interactions.map_or_else(Vec::new, reach), space }
+        Self { spheres, split: 0, reaches: interactions.map_or_else(Vec::new, reach), space }
+    }
+
+    /// The same spheres as two sets, of which the first one has `split` spheres; 0 for one set.
+    pub(crate) fn across(self, split: u32) -> Self {
+        Self { split, ..self }
+    }
+
+    /// The part of `range` in which pairs have their smaller index.
+    fn first_indices(&self, range: &Range<u32>) -> Range<u32> {
+        if self.split == 0 { range.clone() } else { range.start..range.end.min(self.split) }
     }
 
     /// Both ends of a sphere along an axis; on a periodic one the lower end is in the box and the upper one maybe beyond.
@@ -71,7 +88,7 @@ impl<'a> Whole<'a> {
             _ => radius,
         };
         let half = f64::from(radius) * (1.0 + MARGIN);
-        match self.space.lengths()[axis].map(f64::from) {
+        match self.space.lengths()[axis] {
             None => {
                 let at = f64::from(center[axis]);
                 [at - half, at + half]
@@ -86,7 +103,7 @@ impl<'a> Whole<'a> {
     }
 
     fn period(&self, axis: usize) -> Option<f64> {
-        self.space.lengths()[axis].map(f64::from)
+        self.space.lengths()[axis]
     }
 
     /// Places to cut this axis at, so that there are about as many spheres between any two; the first is before all.
@@ -181,7 +198,9 @@ impl Slabs {
         let (from, count) = self.slabs[number];
         let to = self.slabs.get(number + 1).map_or(f64::INFINITY, |slab| slab.0);
         let period = whole.period(self.axis);
-        let Slab { spheres, species, indices, later, ends } = slab;
+        let range = whole.first_indices(range);
+        slab.has_two_sets = whole.split != 0;
+        let Slab { spheres, species, indices, later, ends, .. } = slab;
         indices.clear();
         make_room(indices, count, "the spheres of a slab")?;
         later.iter_mut().for_each(Vec::clear);
@@ -189,7 +208,11 @@ impl Slabs {
         let is_lent = |[begin, end]: [f64; 2]| {
             begin < from && from <= end || period.is_some_and(|length| from <= end - length)
         };
+        let left_out = range.end..whole.split;
         for k in range.start as usize..whole.spheres.len() {
+            if left_out.contains(&(k as u32)) {
+                continue;
+            }
             let ends = whole.ends(k, self.axis);
             let group = match (range.contains(&(k as u32)), is_owned(ends)) {
                 (_, false) if !is_lent(ends) => continue,
@@ -226,6 +249,12 @@ impl Slab {
     pub(crate) fn spheres(&self) -> Result<Spheres<'_>, Error> {
         let spheres = Spheres::from(&self.spheres);
         Ok(if self.species.is_empty() { spheres } else { spheres.with_species(&self.species)? })
+    }
+
+    /// The number of its spheres that are of the first of two sets; 0 for one set. Not 0 for two sets unless the
+    /// [window](Self::window) is empty.
+    pub(crate) fn split(&self) -> u32 {
+        if self.has_two_sets { self.ends[1] } else { 0 }
     }
 
     /// The pairs to be found have their smaller index in here.
@@ -287,6 +316,8 @@ mod tests {
     fn agrees(whole: &Whole<'_>, most: usize) -> usize {
         let all = 0..whole.spheres.len();
         let pairs = all.clone().flat_map(|i| (i + 1..all.end).map(move |j| (i, j)));
+        let split = whole.split as usize;
+        let pairs = pairs.filter(|&(i, j)| split == 0 || (i < split && j >= split));
         let pairs = pairs.filter(|&(i, j)| overlaps(whole, i, j));
         let expected: Vec<Pair> = pairs.map(|(i, j)| Pair { i: i as u32, j: j as u32 }).collect();
         let slabs = Slabs::new(whole, most).expect("few overlap");
@@ -301,7 +332,9 @@ mod tests {
                     assert!(count <= most, "{count} spheres in a slab of {most}");
                     let of = |k: u32| slab.indices[k as usize] as usize;
                     let window = slab.window();
-                    let in_slab = window.flat_map(|i| (i + 1..count as u32).map(move |j| Pair { i, j }));
+                    let from = slab.split();
+                    let in_slab =
+                        window.flat_map(|i| (from.max(i + 1)..count as u32).map(move |j| Pair { i, j }));
                     let mut own: Vec<Pair> =
                         in_slab.filter(|pair| overlaps(whole, of(pair.i), of(pair.j))).collect();
                     slab.name(&mut own);
@@ -329,8 +362,11 @@ mod tests {
         for (space, far) in [(Space::UNBOUNDED, 6.0), (boxed, 6.0), (narrow, 30.0), (Space::UNBOUNDED, 1e6)] {
             for most in [80, 150, 333] {
                 let spheres = cloud(&mut random, 400, far);
-                let slabs = agrees(&Whole::new(Spheres::from(&spheres), None, space), most);
-                assert!(slabs > 1, "{space:?}, {most}");
+                for split in [0, 1, 130, 399, 400] {
+                    let whole = Whole::new(Spheres::from(&spheres), None, space).across(split);
+                    let slabs = agrees(&whole, most);
+                    assert!(slabs > 1, "{space:?}, {most}, {split}");
+                }
             }
         }
     }

@@ -234,7 +234,7 @@ mod tests {
     fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
         let settings = Settings { algorithm, simd, order: Order::Canonical, ..Settings::default() };
         let mut detector = HostDetector::new(settings).expect("the settings are in range");
-        detector.pairs(spheres.into()).expect("the spheres are valid").to_vec()
+        detector.pairs(spheres).expect("the spheres are valid").to_vec()
     }
 
     /// Spheres of sizes down to `2^-sizes` with edges of the scene at `spread`, from a fixed sequence.
@@ -281,7 +281,7 @@ mod tests {
             let pairs = |algorithm, simd| {
                 let settings = Settings { algorithm, simd, space, ..Settings::default() };
                 let mut detector = HostDetector::new(settings).expect("the settings are in range");
-                detector.pairs((&spheres).into()).expect("the spheres are valid").to_vec()
+                detector.pairs(&spheres).expect("the spheres are valid").to_vec()
             };
             let expected = pairs(Algorithm::Naive, Simd::Portable);
             for simd in [Simd::Portable, Simd::Avx2, Simd::Avx512] {

@@ -1,10 +1,13 @@
 //! What makes two spheres a pair: the one exact test behind every filter.
 
 use glam::{DVec3, Vec3};
-use lazygrid_kernels::{Interaction, Interactions, Reach, Shear, Space, Sphere, Spheres};
+use lazygrid_kernels::{Interaction, Interactions, Reach, Space, Sphere, Spheres};
 
 use super::Row;
+use crate::Settings;
 use crate::classes::{CLASSES, class_of};
+use crate::frame::Frame;
+use crate::place::Placed;
 use crate::refinement::Refinement;
 
 /// Whether two centres are at most `reach` apart, evaluated in `f64`: there differences of `f32` coordinates
@@ -32,6 +35,10 @@ pub(crate) struct Rule<'a> {
     widening: Option<Widening<'a>>,
     /// What is asked besides.
     refinement: Option<&'a Refinement<'a>>,
+    /// The number of spheres of the first of two sets, for a search that finds pairs within a set too.
+    split: Option<u32>,
+    /// By which distances are multiplied where they are searched.
+    scale: f64,
 }
 
 /// What makes candidates of spheres instead of pairs.
@@ -59,18 +66,38 @@ impl<'a> Rule<'a> {
             let reach = (0..table.species()).map(|s| table.reach(s)).collect();
             Species { table, ids, reach }
         });
-        Self { spheres, species, space: Space::UNBOUNDED, lengths: None, widening: None, refinement: None }
+        Self {
+            spheres,
+            species,
+            space: Space::UNBOUNDED,
+            lengths: None,
+            widening: None,
+            refinement: None,
+            split: None,
+            scale: 1.0,
+        }
+    }
+
+    /// The rule of a query in place. In a frame spheres have the reach of their species as their radius.
+    pub(crate) fn of_placed(placed: &'a Placed<'a>, settings: &'a Settings) -> Self {
+        let rule = match placed.frame {
+            Some(frame) => Self::new(placed.spheres, None).in_space(frame.space()),
+            None => Self::new(placed.spheres, settings.interactions.as_ref()).in_space(settings.space),
+        };
+        let scale = placed.frame.map_or(1.0, Frame::scale);
+        Self { refinement: placed.refinement.as_ref(), scale, ..rule }
     }
 
     /// The same in a space in which the spheres are already wrapped.
     pub(crate) fn in_space(self, space: Space) -> Self {
-        let lengths = space.lengths().map(|length| length.map_or(f64::INFINITY, f64::from));
+        let lengths = space.lengths().map(|length| length.unwrap_or(f64::INFINITY));
         Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
     }
 
-    /// The same for pairs of which more is asked.
-    pub(crate) fn refined(self, refinement: Option<&'a Refinement<'a>>) -> Self {
-        Self { refinement, ..self }
+    /// The same for pairs of one of the first `split` spheres and one of the others.
+    pub(crate) fn across(self, split: Option<usize>) -> Self {
+        // Below 2³² by the number of spheres.
+        Self { split: split.map(|split| split as u32), ..self }
     }
 
     /// The same for candidates.
@@ -84,14 +111,13 @@ impl<'a> Rule<'a> {
     }
 
     /// A distance as it is where pairs are searched.
-    pub(crate) fn searched(&self, distance: f32) -> f32 {
-        let is_sheared = self.refinement.is_some_and(Refinement::is_sheared);
-        if is_sheared { distance * Shear::SCALE } else { distance }
+    pub(crate) fn searched(&self, distance: f64) -> f32 {
+        (distance * self.scale) as f32
     }
 
     /// The length of each periodic axis.
     pub(crate) fn lengths(&self) -> [Option<f32>; 3] {
-        self.space.lengths()
+        self.space.lengths_f32()
     }
 
     pub(crate) fn spheres(&self) -> Spheres<'a> {
@@ -108,7 +134,7 @@ impl<'a> Rule<'a> {
     /// Whether touching alone decides, so that a certain contact needs no further question.
     #[inline(always)]
     pub(crate) fn is_plain(&self) -> bool {
-        self.species.is_none() && self.refinement.is_none()
+        self.species.is_none() && self.refinement.is_none() && self.split.is_none()
     }
 
     /// Centre and effective radius of sphere `id`.
@@ -148,9 +174,12 @@ impl<'a> Rule<'a> {
 
     /// The exact test.
     pub(crate) fn pairs(&self, i: u32, j: u32) -> bool {
+        if self.split.is_some_and(|split| (i < split) == (j < split)) {
+            return false;
+        }
         match self.refinement {
             None => self.touch(i, j),
-            Some(refinement) if refinement.is_sheared() => refinement.keeps(i, j),
+            Some(refinement) if refinement.decides() => refinement.keeps(i, j),
             Some(refinement) => self.touch(i, j) && refinement.keeps(i, j),
         }
     }
@@ -167,7 +196,7 @@ impl<'a> Rule<'a> {
             Interaction::Touch => {
                 within(self.lengths, a.center, b.center, f64::from(a.radius) + f64::from(b.radius))
             }
-            Interaction::Within(distance) => within(self.lengths, a.center, b.center, f64::from(distance)),
+            Interaction::Within(distance) => within(self.lengths, a.center, b.center, distance),
         }
     }
 }

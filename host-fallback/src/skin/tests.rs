@@ -77,16 +77,16 @@ fn all_results_come_from_candidates() {
         HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
     let (mut spheres, mut random) = (gas(2000, 2, 16.0), Random(5));
     for _ in 0..4 {
-        let all = off.pairs((&spheres).into()).expect("the spheres are valid").to_vec();
+        let all = off.pairs(&spheres).expect("the spheres are valid").to_vec();
         assert!(all.len() > 600, "streams take several searches");
-        assert_eq!(kept.count((&spheres).into()).expect("valid"), all.len() as u64);
-        assert!(matches!(kept.pairs((&spheres).into()), Err(Error::TooManyPairs { .. })));
+        assert_eq!(kept.count(&spheres).expect("valid"), all.len() as u64);
+        assert!(matches!(kept.pairs(&spheres), Err(Error::TooManyPairs { .. })));
         let mut streamed = Vec::new();
         let mut consume = |pairs: &[Pair]| {
             streamed.extend_from_slice(pairs);
             std::ops::ControlFlow::Continue(())
         };
-        kept.stream((&spheres).into(), 77, &mut consume).expect("valid");
+        kept.stream(&spheres, 77, &mut consume).expect("valid");
         assert_eq!(streamed, all);
         step(&mut spheres, 0.02, &mut random);
     }
@@ -101,8 +101,8 @@ fn spheres_that_change_are_searched_anew() {
         HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
     let mut spheres = gas(3000, 2, 20.0);
     let mut judge = |spheres: &[Sphere], why: Option<Rebuilt>| {
-        let found = kept.count(spheres.into()).expect("valid");
-        assert_eq!(found, off.count(spheres.into()).expect("valid"));
+        let found = kept.count(spheres).expect("valid");
+        assert_eq!(found, off.count(spheres).expect("valid"));
         assert_eq!(kept.report().candidates.expect("there is a skin").rebuilt, why);
     };
     judge(&spheres, Some(Rebuilt::First));
@@ -122,7 +122,7 @@ fn bad_spheres_are_refused_and_forgotten() {
     let mut kept =
         HostDetector::new(Settings { skin: Skin::Fixed(1.0), ..Settings::default() }).expect("good settings");
     let spheres = gas(3000, 2, 20.0);
-    let expected = kept.count((&spheres).into()).expect("valid");
+    let expected = kept.count(&spheres).expect("valid");
     for bad in [
         Sphere::new([f32::NAN, 0.0, 0.0], 1.0),
         Sphere::new([0.0; 3], -1.0),
@@ -130,14 +130,14 @@ fn bad_spheres_are_refused_and_forgotten() {
     ] {
         let mut wrong = spheres.clone();
         wrong[1234] = bad;
-        assert!(matches!(kept.count((&wrong).into()), Err(Error::Input(_))), "{bad:?}");
-        assert_eq!(kept.count((&spheres).into()).expect("valid"), expected);
+        assert!(matches!(kept.count(&wrong), Err(Error::Input(_))), "{bad:?}");
+        assert_eq!(kept.count(&spheres).expect("valid"), expected);
     }
 }
 
 #[test]
 fn skins_that_no_arithmetic_can_follow_are_refused() {
-    for distance in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20] {
+    for distance in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-20, 1e20] {
         let settings = Settings { skin: Skin::Fixed(distance), ..Settings::default() };
         assert!(
             matches!(HostDetector::new(settings), Err(Error::Setting { name: "skin", .. })),
@@ -157,11 +157,11 @@ fn where_candidates_cannot_be_kept_every_call_searches() {
     let spheres = gas(3000, 2, 60.0);
     let expected = HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() })
         .expect("good")
-        .count((&spheres).into())
+        .count(&spheres)
         .expect("valid");
     let mut kept = HostDetector::new(settings(1e4)).expect("good settings");
     for _ in 0..2 {
-        assert_eq!(kept.count((&spheres).into()).expect("valid"), expected);
+        assert_eq!(kept.count(&spheres).expect("valid"), expected);
         assert_eq!(kept.report().candidates, None);
     }
 }
@@ -184,8 +184,8 @@ fn spheres_that_meet_head_on_are_found_as_they_touch() {
             let spheres: Vec<_> = (0..1000).flat_map(|k| place(k, by)).collect();
             let expected = HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() })
                 .expect("good settings")
-                .count((&spheres).into());
-            assert_eq!(kept.count((&spheres).into()), expected, "{skin:?}, step {step}");
+                .count(&spheres);
+            assert_eq!(kept.count(&spheres), expected, "{skin:?}, step {step}");
             served += usize::from(kept.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
         }
         assert!((20..60).contains(&served), "{skin:?}: {served} of 60 calls were served");
@@ -207,9 +207,9 @@ fn radii_that_change_while_candidates_are_kept_lose_no_pair() {
         let mut off = HostDetector::new(settings(Skin::Off)).expect("good settings");
         for call in 0..9 {
             let spheres = frame(call);
-            let expected = off.count((&spheres).into());
+            let expected = off.count(&spheres);
             assert_eq!(expected, Ok(if call < 6 { 0 } else { 2193 }));
-            assert_eq!(kept.count((&spheres).into()), expected, "{skin:?}, call {call}");
+            assert_eq!(kept.count(&spheres), expected, "{skin:?}, call {call}");
         }
     }
 }
@@ -222,20 +222,19 @@ fn candidates_that_expired_in_a_refused_call_are_given_up() {
     let lattice = |radius: f32| (0..1000).map(|k| Sphere::new(at(k), radius)).collect::<Vec<_>>();
     let (small, large) = (lattice(0.1), lattice(0.5));
     for _ in 0..2 {
-        assert_eq!(kept.count((&small).into()), Ok(0));
+        assert_eq!(kept.count(&small), Ok(0));
     }
     let mut wrong = large.clone();
     wrong[500].center.x = f32::NAN;
-    assert!(matches!(kept.count((&wrong).into()), Err(Error::Input(_))));
-    assert_eq!(kept.count((&large).into()), Ok(2700));
+    assert!(matches!(kept.count(&wrong), Err(Error::Input(_))));
+    assert_eq!(kept.count(&large), Ok(2700));
 }
 
 /// The radius of a species whose pairs depend on a distance alone is checked in every call.
 #[test]
 fn radii_without_effect_are_checked_while_candidates_serve() {
     let table = Interactions::new(1, Interaction::Within(1.0)).expect("one species");
-    let sheared = Space::sheared([Some([40.0, 0.0, 0.0].into()), Some([9.0, 40.0, 0.0].into()), None])
-        .expect("a space");
+    let sheared = Space::sheared([Some([40.0, 0.0, 0.0]), Some([9.0, 40.0, 0.0]), None]).expect("a space");
     for space in [Space::UNBOUNDED, Space::periodic([Some(40.0); 3]).expect("a box"), sheared] {
         let interactions = Some(table.clone());
         let settings = Settings { skin: Skin::Fixed(0.5), interactions, space, ..Settings::default() };
@@ -267,7 +266,7 @@ fn candidates_too_many_to_keep_cost_no_memory_and_no_error() {
     let settings = Settings { skin: Skin::Fixed(0.003), threads: Some(1), ..Settings::default() };
     let mut kept = HostDetector::new(settings).expect("good settings");
     for _ in 0..3 {
-        assert_eq!(kept.count((&spheres).into()), Ok(5000 * 4999 / 2));
+        assert_eq!(kept.count(&spheres), Ok(5000 * 4999 / 2));
         assert_eq!(kept.report().candidates, None);
     }
 }

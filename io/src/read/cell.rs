@@ -31,14 +31,15 @@ impl Cell {
             if !(narrow.is_finite() && narrow > 0.0) {
                 return Err(Error::BoxLength { place: place.clone(), axis: AXES[axis], length });
             }
-            lengths[axis] = Some(narrow);
+            // As coordinates are read.
+            lengths[axis] = Some(f64::from(narrow));
         }
         // The lengths are checked above.
         Ok(Space::periodic(lengths).unwrap_or_default())
     }
 
     fn sheared(&self, place: &Place) -> Result<Space, Error> {
-        let repeats = |k: usize| self.periodic[k].then(|| self.edges[k].map(|x| x as f32).into());
+        let repeats = |k: usize| self.periodic[k].then(|| self.edges[k].map(|x| f64::from(x as f32)));
         Space::sheared([0, 1, 2].map(repeats))
             .map_err(|reason| Error::BoxEdges { place: place.clone(), reason: Box::new(reason) })
     }
@@ -61,7 +62,7 @@ mod tests {
     use super::*;
     use crate::error::At;
 
-    fn space(edges: [[f64; 3]; 3], periodic: [bool; 3]) -> Result<[Option<f32>; 3], String> {
+    fn space(edges: [[f64; 3]; 3], periodic: [bool; 3]) -> Result<[Option<f64>; 3], String> {
         let place = Place { path: Path::new("a.xyz").into(), at: At::Line(2) };
         let space = Cell { edges, periodic }.space(&place);
         space.map(|space| space.lengths()).map_err(|error| error.to_string())
@@ -87,7 +88,7 @@ mod tests {
         let place = Place { path: Path::new("a.xyz").into(), at: At::Line(2) };
         let edges = [[4.0, 0.0, 0.0], [1.5, 5.0, 0.0], [0.0, 1.0, 6.0]];
         let space = |periodic| Cell { edges, periodic }.space(&place).unwrap();
-        let taken = edges.map(|edge| Some(edge.map(|x| x as f32).into()));
+        let taken = edges.map(Some);
         assert_eq!(space([true; 3]).edges(), taken);
         assert_eq!(space([false, true, true]).edges(), [None, taken[1], taken[2]]);
         // What leans does not repeat.

@@ -131,11 +131,11 @@ pub fn neighbors(output: &Output, lists: Neighbors<'_>, ids: Option<&[i64]>) -> 
     let files = output.files(true, ids.is_some());
     match (files.as_slice(), output.format, ids) {
         ([offsets, indices], TableFormat::Npy, _) => {
-            Ok(vec![array(offsets, "u8", lists.offsets)?, array(indices, "u4", lists.indices)?])
+            Ok(vec![array(offsets, "u8", lists.offsets())?, array(indices, "u4", lists.indices())?])
         }
         ([offsets, indices, names], TableFormat::Npy, Some(ids)) => Ok(vec![
-            array(offsets, "u8", lists.offsets)?,
-            array(indices, "u4", lists.indices)?,
+            array(offsets, "u8", lists.offsets())?,
+            array(indices, "u4", lists.indices())?,
             array(names, "i8", ids)?,
         ]),
         _ => Ok(vec![table(output, lists, ids)?]),

@@ -43,7 +43,7 @@ fn candidates_test(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups
     var before = 0u;
     if (number < state.candidates) {
         candidate = candidates[number];
-        hit = is_in_window(candidate.x) && is_hit(candidate);
+        hit = is_asked_for(candidate.x, candidate.y) && is_hit(candidate);
     }
     if (hit) {
         before = atomicAdd(&group_hits, 1u);

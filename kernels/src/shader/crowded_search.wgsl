@@ -75,7 +75,7 @@ fn crowded_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups)
     row.species = species[index_of(row.object)];
 #endif
     // A row that begins here on every axis makes this cell the owner of all its pairs.
-    let owns_all = is_owned(row.object, 0u) && call.window_begin == 0u && call.window_end >= grid.spheres;
+    let owns_all = is_owned(row.object, 0u) && asks_for_all(grid.spheres);
     for (var turn = 0u; turn < per_share; turn++) {
         let column = share + turn * GROUP;
         if (column >= end) {

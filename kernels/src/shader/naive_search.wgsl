@@ -1,5 +1,6 @@
-// All pairs: each workgroup takes 256 spheres and a share of the tiles of those with larger indices. There are so
-// many workgroups that no invocation takes more turns than some devices allow.
+// All pairs: each workgroup takes 256 spheres and a share of the tiles of those with larger indices, or of two sets 256
+// spheres of the first and a share of the tiles of the second. There are so many workgroups that no invocation takes more
+// turns than some devices allow.
 #include layout
 #include place
 #include sphere
@@ -28,16 +29,20 @@ fn naive_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) g
     let group = number_of_group(id, groups);
     let count = grid.spheres;
     let blocks = (count + GROUP - 1u) / GROUP;
-    let splits = clamp(call.search_groups / max(blocks, 1u), 1u, max(blocks, 1u));
-    let block = group / splits;
+    // Of two sets the first has the rows and the second the columns.
+    let rows = select(count, min(call.split, count), call.split != 0u);
+    let row_blocks = (rows + GROUP - 1u) / GROUP;
+    let shares = clamp(call.search_groups / max(row_blocks, 1u), 1u, max(blocks, 1u));
+    let block = group / shares;
     let first_row = block * GROUP;
-    if (block >= blocks || first_row >= call.window_end || first_row + (GROUP - 1u) < call.window_begin) {
+    if (block >= row_blocks || first_row >= call.window_end || first_row + (GROUP - 1u) < call.window_begin) {
         return;
     }
+    let first_column = max(block, call.split / GROUP);
     var row: Row;
     row.object = first_row + place.lane;
     var row_used = false;
-    if (row.object < count && is_in_window(row.object)) {
+    if (row.object < rows && is_in_window(row.object)) {
         row.sphere = spheres[row.object];
         row_used = is_accepted(row.object, row.sphere);
 #ifdef SPECIES
@@ -45,7 +50,7 @@ fn naive_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) g
 #endif
     }
     for (var turn = 0u; turn < blocks; turn++) {
-        let column = block + group % splits + turn * splits;
+        let column = first_column + group % shares + turn * shares;
         if (column >= blocks) {
             break;
         }
@@ -66,8 +71,9 @@ fn naive_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) g
             }
         }
         workgroupBarrier();
-        // In the block's own tile only larger indices.
-        let begin = select(0u, place.lane + 1u, column == block);
+        // In the block's own tile only larger indices, in the first tile of the second set only spheres of that set.
+        let of_second = max(call.split, column * GROUP) - column * GROUP;
+        let begin = max(select(0u, place.lane + 1u, column == block), of_second);
         for (var first = 0u; first < GROUP; first += 32u) {
             let window = tile_window(first, begin, GROUP) & atomicLoad(&tile_valid[first / 32u]);
             var hits = 0u;

@@ -107,11 +107,11 @@ impl Listing {
         let mut words = vec![0; self.kinds.len() * (cells + 1)];
         let most = words.len() + ENTRIES * self.receivers();
         for (k, (kind, sets)) in self.kinds.iter().zip(around.iter().zip(receivers)).enumerate() {
-            let found = detector.count_between(sets.0, sets.1)?;
+            let found = detector.count(sets)?;
             if words.len() as u64 + found > most as u64 {
                 return Ok(None);
             }
-            let near = detector.neighbors_between(sets.0, sets.1)?;
+            let near = detector.neighbors(sets)?;
             for at in 0..cells {
                 words[k * (cells + 1) + at] = words.len() as u32;
                 words.extend(near.of(at).iter().map(|&receiver| kind.fates_begin + receiver));

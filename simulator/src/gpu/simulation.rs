@@ -246,12 +246,9 @@ impl GpuSimulation {
             self.steps.encode_before(&mut encoder, burst.as_ref(), particles);
             if let Some(detector) = &mut self.detector {
                 let at_most = self.steps.sizes.particles;
-                let input = GpuSpheres {
-                    spheres: self.steps.buffer("moved"),
-                    count: Count::Buffer { buffer: self.base.buffer("control"), at_most },
-                    species: Some(self.steps.buffer("species")),
-                    window: GpuSpheres::ALL,
-                };
+                let count = Count::Buffer { buffer: self.base.buffer("control"), at_most };
+                let input = GpuSpheres::new(self.steps.buffer("moved"), count)
+                    .with_species(self.steps.buffer("species"));
                 detector.encode(&mut encoder, &input).map_err(refused)?;
             }
             self.steps.encode_after(&mut encoder, particles);

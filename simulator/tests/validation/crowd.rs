@@ -138,8 +138,7 @@ const WIDTH: f64 = 0.025;
 impl Shells {
     fn new(model: &Model) -> Self {
         let space = model.boundary.space().expect("a box");
-        let volume =
-            space.lengths().map(|length| f64::from(length.expect("a periodic axis"))).iter().product();
+        let volume = space.lengths().map(|length| length.expect("a periodic axis")).iter().product();
         let detector = Detector::new(Config::default().space(space)).expect("a detector");
         Self { space, volume, detector, counts: [0; SHELLS], frames: 0, particles: 0 }
     }

@@ -29,7 +29,8 @@ fn excluded(path: &Path) -> PathBuf {
 }
 
 fn of_space(space: &Space) -> Option<String> {
-    let edges = space.edges();
+    // As the option is read.
+    let edges = space.edges().map(|edge| edge.map(|edge| edge.map(|number| number as f32)));
     if !space.is_periodic() {
         return Some(" --periodic none".to_owned());
     }
@@ -53,8 +54,8 @@ pub(super) fn write(path: &Path, scenario: &Scenario, comments: &str) -> Result<
     comments.lines().for_each(&mut comment);
     if options(path, scenario).is_none() && scenario.space.is_periodic() {
         comment("Space repeats along these edges:");
-        for edge in scenario.space.edges().into_iter().flatten() {
-            comment(&format!("  {:?} {:?} {:?}", edge.x, edge.y, edge.z));
+        for [x, y, z] in scenario.space.edges().into_iter().flatten() {
+            comment(&format!("  {:?} {:?} {:?}", x as f32, y as f32, z as f32));
         }
     }
     if let Some(mixture) = &scenario.mixture {

@@ -227,7 +227,7 @@ fn space(text: &str) -> Result<Space, String> {
     let length = |text: &str| match text.trim() {
         "-" => Ok(None),
         number => match f32::from_str(number) {
-            Ok(length) => Ok(Some(length)),
+            Ok(length) => Ok(Some(f64::from(length))),
             Err(_) => Err(format!("'{number}' is neither a length nor -")),
         },
     };

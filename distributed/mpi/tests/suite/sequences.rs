@@ -4,9 +4,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid::glam::Vec3;
-use lazygrid::{
-    Algorithm, Backend, Detector, Exclusions, Interaction, Interactions, Skin, Space, Sphere, Spheres,
-};
+use lazygrid::{Algorithm, Backend, Detector, Interaction, Interactions, Skin, Space, Sphere, Spheres};
 use lazygrid_mpi::{Config, Distributed, Error, Local, Ownership, Particles};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
@@ -142,10 +140,8 @@ fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, k
         None => spheres,
     };
     let groups = vec![1; bad.spheres.len()];
-    let exclusions = Exclusions::new(bad.spheres.len(), []).unwrap();
     let spheres = match kind {
         3 if is_odd => spheres.with_groups(&groups).unwrap(),
-        4 if is_odd => spheres.with_exclusions(&exclusions).unwrap(),
         _ => spheres,
     };
     let local = Local::new(spheres, &bad.ids);
@@ -214,7 +210,7 @@ pub(crate) fn random_calls(world: &SimpleCommunicator) {
     let mut table = Interactions::new(3, Interaction::Touch).unwrap();
     table.set(0, 1, Interaction::Within(0.7)).unwrap();
     table.set(1, 2, Interaction::Never).unwrap();
-    let periodic = Space::periodic([Some(EDGE), None, Some(EDGE)]).unwrap();
+    let periodic = Space::periodic([Some(f64::from(EDGE)), None, Some(f64::from(EDGE))]).unwrap();
     for seed in 0..8 {
         let space = if seed % 2 == 0 { Space::UNBOUNDED } else { periodic };
         let table = (seed % 4 > 1).then_some(&table);

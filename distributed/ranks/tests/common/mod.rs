@@ -13,7 +13,7 @@ pub(crate) fn naive(particles: &[Particle], space: &Space, table: Option<&Intera
             let reach = match table.map_or(Interaction::Touch, |table| table.get(a.species, b.species)) {
                 Interaction::Never => continue,
                 Interaction::Touch => f64::from(a.sphere.radius) + f64::from(b.sphere.radius),
-                Interaction::Within(distance) => distance.into(),
+                Interaction::Within(distance) => distance,
             };
             if space.distance_squared(a.sphere.center, b.sphere.center) <= reach * reach {
                 pairs.push([a.id.min(b.id), a.id.max(b.id)]);

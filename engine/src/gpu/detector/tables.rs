@@ -32,7 +32,7 @@ impl Tables {
             .map(|interaction| match interaction {
                 Interaction::Never => -1.0,
                 Interaction::Touch => -2.0,
-                Interaction::Within(distance) => distance,
+                Interaction::Within(distance) => distance as f32,
             })
             .collect();
         Ok(Self {

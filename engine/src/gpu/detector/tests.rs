@@ -67,7 +67,8 @@ fn the_kernel_wraps_as_the_host_does() {
         [1.0, 0.1, 3.0, 1.0 / 3.0, 16_777_215.0, 1e-30, 1e30, f32::MAX, f32::MIN_POSITIVE, 3.0 * tiny, tiny];
     let mut state = 1_u64;
     for length in lengths {
-        let space = Space::periodic([Some(length), None, Some(length)]).expect("a length");
+        let both = Some(f64::from(length));
+        let space = Space::periodic([both, None, both]).expect("a length");
         let mut coordinates = vec![0.0, -0.0, length, tiny, f32::MAX, f32::NAN, f32::INFINITY];
         for k in 0..3000 {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

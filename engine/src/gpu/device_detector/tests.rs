@@ -1,4 +1,4 @@
-use lazygrid_kernels::{Algorithm, Sphere};
+use lazygrid_kernels::{Algorithm, Sphere, Spheres};
 
 use super::*;
 use crate::Detector;
@@ -35,14 +35,14 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     let expected = host.pairs(&spheres).expect("valid").to_vec();
     let mut detector = DeviceDetector::new(own.clone(), config.clone()).expect("made");
     let all = Spheres::from(&spheres);
-    assert_eq!(detector.count(all), Ok(expected.len() as u64));
+    assert_eq!(detector.count(all.into()), Ok(expected.len() as u64));
     let reason = &detector.report().reason;
     assert!(reason.contains("in 2 slabs"), "{reason}");
-    assert!(detector.pairs(all).expect("found") == expected);
+    assert!(detector.pairs(all.into()).expect("found") == expected);
     let (first, second) = spheres.split_at(1000);
     let across = |pair: &&Pair| pair.i < 1000 && pair.j >= 1000;
     let across: Vec<_> = expected.iter().filter(across).map(|p| Pair { i: p.i, j: p.j - 1000 }).collect();
-    assert!(detector.between(first.into(), second.into()).expect("found") == across);
+    assert!(detector.pairs(Query::new((first, second))).expect("found") == across);
     // In order, whether or not all pairs may be held at once.
     let all_pairs = expected.len() as u64;
     for limit in [all_pairs, all_pairs - 1, all_pairs / 7] {
@@ -53,7 +53,7 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
             streamed.extend_from_slice(pairs);
             ControlFlow::Continue(())
         };
-        let handed = detector.stream(all, usize::MAX, &mut keep).expect("in order");
+        let handed = detector.stream(all.into(), usize::MAX, &mut keep).expect("in order");
         assert!(streamed == expected && handed == all_pairs, "up to {limit}");
         assert!(largest <= limit, "{largest} pairs at once, not {limit}");
         let mut taken = 0;
@@ -61,14 +61,14 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
             taken += pairs.len();
             ControlFlow::Break(())
         };
-        assert_eq!(detector.stream(all, 5, stop), Ok(5), "up to {limit}");
+        assert_eq!(detector.stream(all.into(), 5, stop), Ok(5), "up to {limit}");
         assert_eq!(taken, 5);
     }
     // Too many already in the first slab, and only in the last.
     for limit in [all_pairs / 7, all_pairs - 1] {
         let mut detector = DeviceDetector::new(own.clone(), config.clone().max_pairs(limit)).expect("made");
         let found = all_pairs;
-        assert_eq!(detector.pairs(all), Err(Error::TooManyPairs { found, limit }));
+        assert_eq!(detector.pairs(all.into()), Err(Error::TooManyPairs { found, limit }));
     }
     // What is left out is left out of every slab.
     let groups: Vec<u32> = (0..75_000).map(|k| k % 7).collect();
@@ -76,8 +76,8 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     let mut kept = expected.clone();
     kept.retain(|pair| pair.i % 7 != pair.j % 7);
     let mut detector = DeviceDetector::new(own.clone(), config.clone()).expect("made");
-    assert_eq!(detector.count(grouped), Ok(kept.len() as u64));
-    assert!(detector.pairs(grouped).expect("found") == kept);
+    assert_eq!(detector.count(grouped.into()), Ok(kept.len() as u64));
+    assert!(detector.pairs(grouped.into()).expect("found") == kept);
     let limited = config.max_pairs(all_pairs - 1);
     let mut detector = DeviceDetector::new(own, limited.order(Order::Unordered)).expect("made");
     let mut streamed = Vec::new();
@@ -85,12 +85,12 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
         streamed.extend_from_slice(pairs);
         ControlFlow::Continue(())
     };
-    detector.stream(all, 1 << 16, &mut keep).expect("streamed");
+    detector.stream(all.into(), 1 << 16, &mut keep).expect("streamed");
     streamed.sort_unstable();
     assert!(streamed == expected);
     // All at one point: there is nowhere to cut.
     let crowd = vec![Sphere::new([0.0; 3], 1.0); 600_000];
-    let refused = detector.count(Spheres::from(&crowd)).expect_err("too many");
+    let refused = detector.count((&crowd).into()).expect_err("too many");
     assert!(refused.to_string().contains("overlaps too much"), "{refused}");
 }
 
@@ -101,7 +101,7 @@ fn a_report_says_why_one_level_had_to_do() {
     let spheres: Vec<_> = (0..3300).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
     let config = Config::default().backend(Backend::Gpu).algorithm(Algorithm::LazyGrid);
     let mut detector = DeviceDetector::new(with_small_bindings(&own), config).expect("made");
-    assert_eq!(detector.count(Spheres::from(&spheres)), Ok(3300 * 3299 / 2));
+    assert_eq!(detector.count((&spheres).into()), Ok(3300 * 3299 / 2));
     let report = detector.report();
     assert_eq!(report.algorithm, Algorithm::ArrayGrid);
     assert!(report.reason.contains("array-grid instead of lazy-grid: the entries"), "{}", report.reason);
@@ -126,7 +126,10 @@ fn a_skin_of_its_own_choice_never_shows() {
     let mut served = 0;
     for step in 0..24 {
         let all = Spheres::from(&spheres);
-        assert!(detector.pairs(all).expect("found") == host.pairs(&spheres).expect("valid"), "step {step}");
+        assert!(
+            detector.pairs(all.into()).expect("found") == host.pairs(&spheres).expect("valid"),
+            "step {step}"
+        );
         served += u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
         let scale = [0.004, 0.5, 0.0][step / 12 + step / 20];
         for sphere in &mut spheres {

@@ -66,7 +66,7 @@ impl GpuSession {
         let at = number as usize % SLOTS;
         let keeps = self.keeps(number);
         let Self { own, detector, skin, slots, calls, expected, .. } = self;
-        let way = calls[at].way;
+        let (way, split) = (calls[at].way, calls[at].split);
         let slot = &mut slots[at];
         let capacity = detector.pair_capacity();
         let staged = (*expected).min(capacity.into());
@@ -86,7 +86,7 @@ impl GpuSession {
         let (found, beside) = match (work, skin) {
             (Work::Call(window), skin) => {
                 let species = slot.species.as_ref().filter(|_| detector.has_interactions());
-                let input = GpuSpheres { species, window, ..GpuSpheres::new(&spheres, slot.count) };
+                let input = GpuSpheres { species, window, split, ..GpuSpheres::new(&spheres, slot.count) };
                 match skin {
                     Some(skin) => {
                         skin.set_pair_capacity(capacity);

@@ -17,7 +17,7 @@ pub(crate) struct Images {
 impl Images {
     /// Those of a periodic space; `None` where it is unbounded.
     pub(crate) fn of(space: &Space) -> Option<Self> {
-        let lengths = space.lengths();
+        let lengths = space.lengths_f32();
         let longest = lengths.into_iter().flatten().fold(0.0, f32::max);
         let images = Self {
             lengths: lengths.map(|length| length.unwrap_or(f32::INFINITY)),

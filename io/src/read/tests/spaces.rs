@@ -4,7 +4,7 @@ use super::*;
 
 fn spaces(name: &str, text: impl Into<Vec<u8>>) -> Vec<[Option<f32>; 3]> {
     let frames = frames(name, text, Options::default()).unwrap();
-    frames.iter().map(|frame| frame.space.lengths()).collect()
+    frames.iter().map(|frame| frame.space.lengths_f32()).collect()
 }
 
 fn xyz(comment: &str) -> String {
@@ -35,7 +35,7 @@ fn xyz_lattices() {
     // Plain XYZ may have a lattice too.
     let plain = format!("1\n{BOX}\nA 1 2 3\n");
     let frames = frames("a.xyz", plain, options(None, &[("A", 1.0)])).unwrap();
-    assert_eq!(frames[0].space.lengths(), all);
+    assert_eq!(frames[0].space.lengths_f32(), all);
 }
 
 #[test]
@@ -63,7 +63,7 @@ fn lammps_bounds() {
 #[test]
 fn boxes_that_lean() {
     let leaning = |name: &str, text: String| frames(name, text, Options::default()).unwrap()[0].space.edges();
-    let edges = [[10.0, 0.0, 0.0], [2.0, 20.0, 0.0], [-1.0, 3.0, 30.0]].map(|edge| Some(edge.into()));
+    let edges = [[10.0, 0.0, 0.0], [2.0, 20.0, 0.0], [-1.0, 3.0, 30.0]].map(Some);
     // LAMMPS writes the bounds of all corners.
     let bounds = "xy xz yz pp pp pp\n-1 12 2\n-5 18 -1\n0 30 3";
     let dump_of = |bounds: &str| dump(bounds, "x y z radius", "1 2 3 0.5");
@@ -72,7 +72,7 @@ fn boxes_that_lean() {
     assert_eq!(leaning("a.dump", slab), [edges[0], edges[1], None]);
     assert_eq!(leaning("a.dump", dump_of("abc origin pp pp pp\n10 0 0 1\n2 20 0 2\n-1 3 30 3")), edges);
     assert_eq!(leaning("a.xyz", xyz("Lattice=\"10 0 0 2 20 0 -1 3 30\"")), edges);
-    let turned = [None, Some([1.0, 2.0, 3.0].into()), Some([0.0, 0.0, 5.0].into())];
+    let turned = [None, Some([1.0, 2.0, 3.0]), Some([0.0, 0.0, 5.0])];
     assert_eq!(leaning("a.xyz", xyz("Lattice=\"9 9 9 1 2 3 0 0 5\" pbc=\"F T T\"")), turned);
 }
 

@@ -76,14 +76,11 @@ fn candidate_hits(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
 
 // Those of the hits that the call asks for: within its window, and across its split.
 fn asked_for(row: Row, stretches: Stretches, first: u32, found: u32) -> u32 {
-    let asks_for_all = call.window_begin == 0u && call.window_end >= list.spheres && call.split == 0u;
     var bits = found;
-    for (var left = select(found, 0u, asks_for_all); left != 0u; left &= left - 1u) {
+    for (var left = select(found, 0u, asks_for_all(list.spheres)); left != 0u; left &= left - 1u) {
         let bit = firstTrailingBit(left);
-        let own = order[row.position];
         let other = order[candidate_at(stretches, first + bit)];
-        let crosses = call.split == 0u || (min(own, other) < call.split && max(own, other) >= call.split);
-        bits &= ~select(1u << bit, 0u, crosses && is_in_window(min(own, other)));
+        bits &= ~select(1u << bit, 0u, is_asked_for(order[row.position], other));
     }
     return bits;
 }

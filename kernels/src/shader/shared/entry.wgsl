@@ -12,9 +12,9 @@ fn is_owned(object: u32, other: u32) -> bool {
     return ((object | other) >> 29u) == 7u;
 }
 
-// Whether the pair is among those asked for.
+// Whether the call asks for the pair of two entries.
 fn is_wanted(object: u32, other: u32) -> bool {
-    return is_in_window(min(index_of(object), index_of(other)));
+    return is_asked_for(index_of(object), index_of(other));
 }
 
 // What the keys of one cell's entries have in common.

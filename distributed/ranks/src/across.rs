@@ -10,7 +10,7 @@ use crate::Particle;
 const CHUNK: usize = 1 << 14;
 
 /// Hands over the pairs of one owned sphere and one ghost, by their places, in chunks and in any order.
-pub(crate) fn between<F>(
+pub(crate) fn pairs_across<F>(
     detector: &mut Detector,
     owned: Spheres<'_>,
     ghosts: &[Particle],
@@ -20,17 +20,17 @@ where
     F: FnMut(&[[u32; 2]]) -> ControlFlow<()> + Send,
 {
     let ghosts = Columns::of(owned, ghosts);
-    detector.stream_between(owned, ghosts.spheres()?, CHUNK, |pairs| consume(bytemuck::cast_slice(pairs)))?;
+    detector.stream((owned, ghosts.spheres()?), CHUNK, |pairs| consume(bytemuck::cast_slice(pairs)))?;
     Ok(())
 }
 
 /// How many such pairs there are.
-pub(crate) fn count_between(
+pub(crate) fn count_across(
     detector: &mut Detector,
     owned: Spheres<'_>,
     ghosts: &[Particle],
 ) -> Result<u64, Error> {
-    detector.count_between(owned, Columns::of(owned, ghosts).spheres()?)
+    detector.count((owned, Columns::of(owned, ghosts).spheres()?))
 }
 
 /// Ghosts as a detector takes them.

@@ -2,9 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use lazygrid::{
-    Algorithm, Backend, Config, Detector, Error, InputError, Interaction, Order, Pair, Sphere, Spheres,
-};
+use lazygrid::{Algorithm, Backend, Detector, Error, InputError, Interaction, Order, Pair, Sphere, Spheres};
 use lazygrid_check::Mixture;
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{Scenario, Subject, adversary, difference, in_pool, periodic};
@@ -25,14 +23,6 @@ fn across(scenario: &Scenario, split: usize) -> Vec<Pair> {
     pairs.map(|pair| Pair { i: pair.i, j: pair.j - split }).collect()
 }
 
-/// Who finds pairs between two sets: on the CPU the cell list, naive and `Auto`, on the GPU every algorithm.
-fn subjects() -> Vec<Subject> {
-    let mut subjects = Subject::all();
-    let on_cpu = [Algorithm::CellList, Algorithm::Naive, Algorithm::Auto];
-    subjects.retain(|subject| subject.backend == Backend::Gpu || on_cpu.contains(&subject.algorithm));
-    subjects
-}
-
 /// Asks for all results; they are those of the definition.
 fn agrees(scenario: &Scenario, split: usize, subject: Subject) -> Result<(), String> {
     let expected = across(scenario, split);
@@ -45,14 +35,14 @@ fn agrees(scenario: &Scenario, split: usize, subject: Subject) -> Result<(), Str
     };
     in_pool(subject.threads, || {
         let mut detector = Detector::new(config.clone().max_pairs(1 << 20)).map_err(works)?;
-        let found = detector.between(a.view(), b.view()).map_err(works)?.to_vec();
+        let found = detector.pairs((a.view(), b.view())).map_err(works)?.to_vec();
         difference(scenario, &of_all(&found), &of_all(&expected), subject.tolerance())
             .map_err(|text| complain(&text))?;
         if !found.is_sorted() || found.iter().any(|pair| pair.i as usize >= split) {
             return Err(complain("pairs of other sets, or in no order"));
         }
-        let count = detector.count_between(a.view(), b.view()).map_err(works)?;
-        let lists = detector.neighbors_between(a.view(), b.view()).map_err(works)?;
+        let count = detector.count((a.view(), b.view())).map_err(works)?;
+        let lists = detector.neighbors((a.view(), b.view())).map_err(works)?;
         let listed = (0..lists.len()).flat_map(|i| lists.of(i).iter().map(move |&j| Pair { i: i as u32, j }));
         if count != found.len() as u64 || lists.len() != a.spheres.len() || !listed.eq(found.iter().copied())
         {
@@ -66,7 +56,7 @@ fn agrees(scenario: &Scenario, split: usize, subject: Subject) -> Result<(), Str
                 streamed.extend_from_slice(pairs);
                 ControlFlow::Continue(())
             };
-            let handed = detector.stream_between(a.view(), b.view(), 5, consume).map_err(works)?;
+            let handed = detector.stream((a.view(), b.view()), 5, consume).map_err(works)?;
             if order == Order::Unordered {
                 streamed.sort_unstable();
             }
@@ -88,7 +78,7 @@ fn arbitrary_sets() {
         1 => periodic::giant(),
         1 => periodic::mixture(),
     ];
-    check(300, (scenarios, 0.0..=1.0_f32, select(subjects())), |(scenario, part, subject)| {
+    check(300, (scenarios, 0.0..=1.0_f32, select(Subject::all())), |(scenario, part, subject)| {
         let split = (part * scenario.spheres.len() as f32).round() as usize;
         agrees(&scenario, split, subject)
     });
@@ -99,7 +89,7 @@ fn arbitrary_sets() {
 fn scenes_and_giants() {
     let giants =
         (0..20_u8).map(|k| Sphere::new([f32::from(k % 4), f32::from(k / 4), 0.0].map(|x| 9.0 * x), 8.0));
-    let mut subjects = subjects();
+    let mut subjects = Subject::all();
     subjects.retain(|subject| subject.algorithm == Algorithm::CellList && subject.threads < 7);
     for scene in Scene::ALL {
         let mut spheres = scene.spheres(1500, 5);
@@ -125,7 +115,7 @@ fn species_of_either_set() {
     let mixture = Some(Mixture { species: species.clone(), rows });
     let with_table = Scenario { mixture, ..Scenario::from(spheres.clone()) };
     let without = Scenario::from(spheres);
-    let mut subjects = subjects();
+    let mut subjects = Subject::all();
     subjects.retain(|subject| subject.algorithm == Algorithm::CellList && subject.threads < 7);
     for subject in subjects {
         agrees(&with_table, 250, subject).unwrap_or_else(|text| panic!("{text}"));
@@ -134,14 +124,14 @@ fn species_of_either_set() {
         let a = Spheres::from(a).with_species(ids_a).expect("one each");
         let b = Spheres::from(b).with_species(ids_b).expect("one each");
         let mut detector = Detector::new(subject.config()).expect("made");
-        let count = detector.count_between(a, b);
+        let count = detector.count((a, b));
         assert_eq!(count, Ok(across(&without, 250).len() as u64), "{subject}");
     }
 }
 
 #[test]
 fn what_is_wrong_is_said_of_the_set_that_has_it() {
-    let mut subjects = subjects();
+    let mut subjects = Subject::all();
     subjects.retain(|subject| subject.algorithm == Algorithm::CellList && subject.threads == 1);
     subjects.into_iter().for_each(says_what_is_wrong);
 }
@@ -150,12 +140,12 @@ fn says_what_is_wrong(subject: Subject) {
     let good = [Sphere::new([0.0; 3], 1.0); 3];
     let bad = [good[0], Sphere::new([f32::NAN, 0.0, 0.0], 1.0)];
     let mut detector = Detector::new(subject.config()).expect("a detector");
-    let error = detector.count_between(&bad, &good).expect_err("a bad sphere");
+    let error = detector.count((&bad, &good)).expect_err("a bad sphere");
     assert!(
         matches!(error, Error::Input(InputError::Sphere { index: 1, count: 1, total: 2, .. })),
         "{error}"
     );
-    let error = detector.count_between(&good, &bad).expect_err("a bad sphere");
+    let error = detector.count((&good, &bad)).expect_err("a bad sphere");
     assert!(
         matches!(&error, Error::Input(InputError::Second(within))
         if matches!(**within, InputError::Sphere { index: 1, total: 2, .. })),
@@ -163,20 +153,9 @@ fn says_what_is_wrong(subject: Subject) {
     );
     assert!(error.to_string().starts_with("of the second set, sphere 1 has centre (NaN"), "{error}");
     let none: [Sphere; 0] = [];
-    assert_eq!(detector.count_between(&none, &good).expect("no sphere is none too many"), 0);
+    assert_eq!(detector.count((&none, &good)).expect("no sphere is none too many"), 0);
 
     let mut limited = Detector::new(subject.config().max_pairs(8)).expect("a detector");
-    let error = limited.between(&good, Spheres::from(&good)).expect_err("nine pairs");
+    let error = limited.pairs((&good, Spheres::from(&good))).expect_err("nine pairs");
     assert!(matches!(error, Error::TooManyPairs { found: 9, limit: 8 }), "{error}");
-}
-
-#[test]
-fn the_papers_grids_of_the_cpu_have_one_set() {
-    let good = [Sphere::new([0.0; 3], 1.0); 3];
-    for algorithm in [Algorithm::HashGrid, Algorithm::ArrayGrid, Algorithm::RecursiveGrid] {
-        let config = Config::default().backend(Backend::Cpu).algorithm(algorithm);
-        let error =
-            Detector::new(config).expect("a detector").count_between(&good, &good).expect_err("its cells");
-        assert!(matches!(error, Error::Setting { name: "algorithm", .. }), "{error}");
-    }
 }

@@ -1,0 +1,253 @@
+//! The frame in which spheres are searched whose numbers `f32` does not hold: `f64` spheres, and boxes and distances in
+//! `f64`. What a search in a frame finds are candidates; [`Space::touch`] decides on the numbers as given.
+//!
+//! # Correctness
+//!
+//! A frame has an origin `o` and a power of two `s`. A sphere `c, r` is searched as `u = f32((c − o)·s)` with the radius
+//! `R = r·s·(1 + 2⁻²⁰) + 2⁻²³`, rounded up.
+//!
+//! 1. `s` makes all `|c − o|·s` less than 1 along axes that do not repeat, and all lengths `L·s`. Rounding `u` moves a center
+//!    by up to 2⁻²⁵ along an axis, so that two centers seem at most √3·2⁻²⁴ farther apart than they are, and rounding
+//!    `L·s` to a period adds 2⁻²⁵. The radii of two spheres make up for 4·2⁻²⁴.
+//! 2. Their relative part makes up for rounding of the radii, for the 5 ulp that a GPU may be wrong by, and for the roundings
+//!    of the decision in `f64`.
+//! 3. The decision rounds `cⱼ − cᵢ` by 2⁻⁵³ of itself. Along axes that repeat, `s` makes it less than 2²⁰, and the rounding
+//!    less than 2⁻³³.
+//! 4. A radius of more than 4 touches everything in the frame: it is cut there.
+//!
+//! So every pair that touches in space touches in the frame too.
+
+use lazygrid_kernels::{Query, Shear, Space, Sphere, Straight};
+
+use crate::threads::Threads;
+
+/// Spheres per piece of the pass over them.
+const PIECE: usize = 1 << 13;
+/// The relative and the absolute part by which radii grow.
+const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
+/// The largest radius in a frame.
+const LIMIT: f64 = 4.0;
+/// The part of the distance between spheres along a periodic axis that a frame is no smaller than.
+const SPREAD: f64 = 1.0 / (1 << 20) as f64;
+/// The part of a frame that spheres fill at least: a frame is kept while they do, so that those that move keep their radii.
+const FILLED: f64 = 1.0 / 8.0;
+
+/// Where spheres lie: the smallest and the largest coordinates; and whether all are valid.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bounds {
+    min: [f64; 3],
+    max: [f64; 3],
+    pub(crate) are_valid: bool,
+}
+
+/// How spheres are placed in front of a search.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    origin: [f64; 3],
+    scale: f64,
+    axes: Axes,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Axes {
+    /// The length of each axis as given, and its period in the frame.
+    Orthogonal([Option<(f64, f32)>; 3]),
+    Triclinic(Straight),
+    /// The same for `f32` spheres, of which no frame is needed to tell the rounding.
+    Narrow(Straight),
+}
+
+impl Bounds {
+    const EMPTY: Self = Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], are_valid: true };
+
+    /// The bounds of all spheres of a query.
+    pub(crate) fn of(query: &Query<'_>, threads: Threads) -> Self {
+        let sets = [Some(query.first()), query.second()];
+        sets.into_iter().flatten().fold(Self::EMPTY, |bounds, set| {
+            let count = set.len();
+            let piece = |bounds: Self, piece: usize| {
+                let range = piece * PIECE..count.min((piece + 1) * PIECE);
+                Ok(range.fold(bounds, |bounds, k| bounds.with(set.get_f64(k))))
+            };
+            let merge = |a: Self, b: Self| Ok::<_, std::convert::Infallible>(a.merge(b));
+            let pieces = (count.div_ceil(PIECE), usize::MAX);
+            let Ok(of_set) = threads.passing(count).fold(pieces, || Self::EMPTY, piece, merge);
+            bounds.merge(of_set)
+        })
+    }
+
+    #[inline]
+    fn with(mut self, [x, y, z, r]: [f64; 4]) -> Self {
+        for (axis, number) in [x, y, z].into_iter().enumerate() {
+            self.min[axis] = if number < self.min[axis] { number } else { self.min[axis] };
+            self.max[axis] = if number > self.max[axis] { number } else { self.max[axis] };
+        }
+        // Not zero, and no number, for what is not finite.
+        self.are_valid &= (x * 0.0 + y * 0.0 + z * 0.0 + r * 0.0 == 0.0) & (r >= 0.0);
+        self
+    }
+
+    fn merge(mut self, other: Self) -> Self {
+        for axis in 0..3 {
+            self.min[axis] = self.min[axis].min(other.min[axis]);
+            self.max[axis] = self.max[axis].max(other.max[axis]);
+        }
+        self.are_valid &= other.are_valid;
+        self
+    }
+
+    fn middle(&self, axis: usize) -> f64 {
+        0.5 * self.min[axis] + 0.5 * self.max[axis]
+    }
+
+    /// The largest distance from `origin` along an axis.
+    fn reach(&self, axis: usize, origin: f64) -> f64 {
+        (self.max[axis] - origin).max(origin - self.min[axis])
+    }
+}
+
+impl Frame {
+    /// The frame of spheres within these bounds. The `last` one stays if they suit it.
+    pub(crate) fn of(bounds: &Bounds, space: &Space, last: Option<Frame>) -> Self {
+        let periodic = space.shear().map_or(space.lengths().map(|length| length.is_some()), |_| [false; 3]);
+        let size = |origin: &[f64; 3]| {
+            let free = |axis: &usize| !periodic[*axis] && space.shear().is_none_or(|shear| shear.rank() < 3);
+            let extent = (0..3).filter(free).map(|axis| bounds.reach(axis, origin[axis])).fold(0.0, f64::max);
+            let spread =
+                (0..3).map(|axis| 0.5 * bounds.max[axis] - 0.5 * bounds.min[axis]).fold(0.0, f64::max);
+            let box_size = space.shear().map_or(0.0, Shear::longest);
+            let lengths = space.lengths().into_iter().flatten().fold(box_size, f64::max);
+            let spread = if space.is_periodic() { 2.0 * SPREAD * spread } else { 0.0 };
+            extent.max(lengths).max(spread)
+        };
+        if let Some(last) = last {
+            let filled = size(&last.origin) * last.scale;
+            if (FILLED..1.0).contains(&filled) {
+                return last;
+            }
+        }
+        let origin = [0, 1, 2].map(|axis| if periodic[axis] { 0.0 } else { bounds.middle(axis) });
+        Self::at(origin, scale_of(size(&origin)), space)
+    }
+
+    /// The frame of `f32` spheres in a triclinic space.
+    pub(crate) fn narrow(shear: &Shear) -> Self {
+        let axes = Axes::Narrow(shear.straight(Straight::SCALE));
+        Self { origin: [0.0; 3], scale: Straight::SCALE, axes }
+    }
+
+    fn at(origin: [f64; 3], scale: f64, space: &Space) -> Self {
+        let period = |length: f64| ((length * scale) as f32).max(f32::MIN_POSITIVE);
+        let axes = match space.shear() {
+            Some(shear) => Axes::Triclinic(shear.straight(scale)),
+            None => {
+                Axes::Orthogonal(space.lengths().map(|length| length.map(|length| (length, period(length)))))
+            }
+        };
+        Self { origin, scale, axes }
+    }
+
+    /// The space that is searched.
+    pub fn space(&self) -> Space {
+        match &self.axes {
+            Axes::Orthogonal(axes) => {
+                let lengths = axes.map(|axis| axis.map(|(_, period)| f64::from(period)));
+                Space::periodic(lengths).unwrap_or_default()
+            }
+            Axes::Triclinic(straight) | Axes::Narrow(straight) => straight.space(),
+        }
+    }
+
+    /// A distance as it is in the frame.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// A sphere as it is searched, from its center and the radius that is to be searched. One that is not valid gives one
+    /// that is not.
+    #[inline]
+    pub(crate) fn sphere(&self, [x, y, z, radius]: [f64; 4]) -> Sphere {
+        let [x0, y0, z0] = self.origin;
+        let center = [x - x0, y - y0, z - z0];
+        match &self.axes {
+            Axes::Orthogonal(axes) => {
+                let place = |axis: usize| match axes[axis] {
+                    None => (center[axis] * self.scale) as f32,
+                    Some((length, period)) => {
+                        let half = 0.5 * period;
+                        ((wrap(center[axis], length) * self.scale) as f32).clamp(-half, half)
+                    }
+                };
+                let [relative, absolute] = GROWTH;
+                let radius = (radius * self.scale).min(LIMIT) * relative + absolute;
+                Sphere::new([0, 1, 2].map(place), (radius as f32).next_up())
+            }
+            Axes::Triclinic(straight) => straight.sphere(center, radius, 2.0 * LIMIT),
+            Axes::Narrow(straight) => {
+                // The spheres of the other frames are checked for their bounds.
+                let is_valid = (x + y + z).is_finite() && radius.is_finite() && radius >= 0.0;
+                match is_valid {
+                    true => straight.sphere(center, radius, f64::from(f32::MAX)),
+                    false => Sphere::new([f32::NAN; 3], f32::NAN),
+                }
+            }
+        }
+    }
+}
+
+/// The power of two that brings a size to between one half and 1.
+fn scale_of(size: f64) -> f64 {
+    const FRACTION: u64 = (1 << 52) - 1;
+    const EXPONENTS: u64 = 2047;
+    if size == 0.0 {
+        return 1.0;
+    }
+    // The smallest sizes stay below one half, as no number is one over them.
+    let exponent = (size.max(4.0 * f64::MIN_POSITIVE).to_bits() & !FRACTION) >> 52;
+    // A quarter of twice one over the power of two below; of the largest sizes that is subnormal.
+    0.25 * f64::from_bits((EXPONENTS - exponent) << 52)
+}
+
+/// The image of a coordinate within half a length of the origin. Nothing is rounded.
+#[inline]
+fn wrap(x: f64, length: f64) -> f64 {
+    let half = 0.5 * length;
+    if x.abs() <= half {
+        return x;
+    }
+    let rest = x % length;
+    if rest.abs() > half { rest - length.copysign(rest) } else { rest }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_bring_sizes_to_between_one_half_and_one() {
+        for exponent in -1019..1024 {
+            let size = 2.0_f64.powi(exponent / 2) * 2.0_f64.powi(exponent - exponent / 2);
+            for size in [size, 1.3 * size, size.next_down()] {
+                let filled = size * scale_of(size);
+                assert!((0.5..1.0).contains(&filled), "{size:e}: {filled}");
+            }
+        }
+        assert!((0.5..1.0).contains(&(f64::MAX * scale_of(f64::MAX))));
+        assert!(f64::from_bits(1) * scale_of(f64::from_bits(1)) < 1.0);
+    }
+
+    #[test]
+    fn wrapping_rounds_nothing() {
+        for (x, length, expected) in [
+            (0.3, 1.0, 0.3),
+            (0.75, 1.0, -0.25),
+            (-7.5, 10.0, 2.5),
+            (1e300, 0.1, 1e300 % 0.1),
+            (10.1 * 3.0, 10.1, 10.1 * 3.0 % 10.1),
+        ] {
+            let wrapped = wrap(x, length);
+            let is_image = wrapped == expected || wrapped == expected - length;
+            assert!(is_image && wrapped.abs() <= 0.5 * length, "{x} in {length}: {wrapped}");
+        }
+    }
+}

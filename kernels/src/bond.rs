@@ -1,0 +1,152 @@
+//! From one point to the nearest image of another, and the contact test that decides on pairs.
+
+use crate::Space;
+
+/// The way from one point to the nearest image of another.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Bond {
+    /// The numbers of edges `S` that lead to the image.
+    pub shift: [i32; 3],
+    /// `(to − from) + (S₁e₁ + S₂e₂ + S₃e₃)`, in the length unit of the spheres.
+    pub vector: [f64; 3],
+}
+
+/// Lengths whose squares, and the roundings of these, are normal numbers.
+const PLAIN: std::ops::RangeInclusive<f64> = 3.2e-145..=3.1e144;
+/// Powers of two that bring other lengths there.
+const DOWN: f64 = f64::from_bits((1023 - 600) << 52);
+const UP: f64 = f64::from_bits((1023 + 600) << 52);
+
+impl Space {
+    /// The way from a point to the nearest image of another, by the expression with which detectors decide on pairs.
+    ///
+    /// ```
+    /// # use lazygrid_kernels::Space;
+    /// let space = Space::periodic([Some(10.0), None, None])?;
+    /// let bond = space.bond([0.5, 0.0, 0.0], [9.5, 1.0, 0.0]);
+    /// assert_eq!((bond.shift, bond.vector), ([-1, 0, 0], [-1.0, 1.0, 0.0]));
+    /// # Ok::<(), lazygrid_kernels::InputError>(())
+    /// ```
+    pub fn bond(&self, from: [f64; 3], to: [f64; 3]) -> Bond {
+        let (shift, vector) = self.nearest(from, to);
+        Bond { shift: shift.map(|count| count as i32), vector }
+    }
+
+    /// The exact contact test of the contract: whether nearest images of spheres `a` and `b`, given as `x, y, z, r`, touch,
+    /// or are within a `distance` if there is one. Nothing overflows or underflows.
+    #[inline]
+    pub fn touch(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
+        let (vector, reach) = (self.nearest(center(a), center(b)).1, distance.unwrap_or(a[3] + b[3]));
+        let largest = largest(vector, reach);
+        if PLAIN.contains(&largest) {
+            is_within(vector, reach)
+        } else if largest < *PLAIN.start() {
+            // Differences of numbers are whole numbers of the smallest one, so that nothing is lost yet.
+            is_within(vector.map(|number| number * UP), reach * UP)
+        } else {
+            self.touch_scaled(a, b, distance)
+        }
+    }
+
+    /// The same of numbers all of which are divided by a power of two, so that no difference or sum overflows.
+    #[cold]
+    fn touch_scaled(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
+        let [a, b] = [a, b].map(|numbers| numbers.map(|number| number * DOWN));
+        let reach = distance.map_or(a[3] + b[3], |distance| distance * DOWN);
+        is_within(self.scaled(DOWN).nearest(center(a), center(b)).1, reach)
+    }
+
+    /// The numbers of edges that lead to the nearest image, and the vector to it.
+    #[inline]
+    fn nearest(&self, from: [f64; 3], to: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let apart = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+        if let Some(shear) = self.shear() {
+            return shear.nearest(apart);
+        }
+        let lengths = self.lengths();
+        let mut shift = [0.0; 3];
+        for (axis, length) in lengths.into_iter().enumerate() {
+            if let Some(length) = length {
+                let turns = -(apart[axis] / length).round();
+                let far = |turns: f64| (apart[axis] + turns * length).abs();
+                let other = turns + if apart[axis] + turns * length < 0.0 { 1.0 } else { -1.0 };
+                shift[axis] = if far(other) < far(turns) { other } else { turns };
+            }
+        }
+        let vector = [0, 1, 2].map(|axis| match lengths[axis] {
+            Some(length) => apart[axis] + shift[axis] * length,
+            None => apart[axis],
+        });
+        (shift, vector)
+    }
+}
+
+fn center([x, y, z, _]: [f64; 4]) -> [f64; 3] {
+    [x, y, z]
+}
+
+/// The largest of the numbers that are squared, or infinity if one of them is no number.
+fn largest(vector: [f64; 3], reach: f64) -> f64 {
+    let [x, y, z] = vector.map(f64::abs);
+    let largest = x.max(y).max(z).max(reach);
+    if (x + y + z).is_nan() { f64::INFINITY } else { largest }
+}
+
+fn is_within([x, y, z]: [f64; 3], reach: f64) -> bool {
+    x * x + y * y + z * z <= reach * reach
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shear::shifted;
+
+    #[test]
+    fn contact_is_exact_at_any_magnitude() {
+        for exponent in [-1060, -900, -500, -300, 0, 300, 480, 1010] {
+            let unit = 2.0_f64.powi(exponent / 2) * 2.0_f64.powi(exponent - exponent / 2);
+            let a = [0.0, 0.0, 0.0, 2.0 * unit];
+            let touching = [3.0 * unit, 4.0 * unit, 0.0, 3.0 * unit];
+            let [x, y, z, r] = touching;
+            assert!(Space::UNBOUNDED.touch(a, touching, None), "2^{exponent}");
+            assert!(!Space::UNBOUNDED.touch(a, [x, y.next_up(), z, r], None), "2^{exponent}");
+            assert!(!Space::UNBOUNDED.touch(a, [x, y, z, r.next_down().next_down()], None), "2^{exponent}");
+            assert!(Space::UNBOUNDED.touch(a, touching, Some(5.0 * unit)), "2^{exponent}");
+        }
+        let [left, right] = [[-f64::MAX, 0.0, 0.0, 1.0], [f64::MAX, 0.0, 0.0, 1.0]];
+        assert!(!Space::UNBOUNDED.touch(left, right, None));
+        assert!(Space::UNBOUNDED.touch(left, right, Some(f64::MAX)) == (2.0 * f64::MAX <= f64::MAX));
+        let [left, right] = [left, right].map(|[x, y, z, _]| [x, y, z, f64::MAX]);
+        assert!(Space::UNBOUNDED.touch(left, right, None));
+        for far in [[0.0; 4], [1e300, -1e300, 1e200, 0.0], [1e-300, 0.0, 0.0, 0.0]] {
+            assert!(Space::UNBOUNDED.touch(far, far, None), "{far:?}");
+        }
+    }
+
+    #[test]
+    fn shifts_and_edges_make_the_vector() {
+        let edges = [Some([4.0, 0.0, 0.0]), Some([11.5, 5.0, 0.0]), Some([0.3, -7.1, 6.0])];
+        let space = Space::sheared(edges).expect("a box");
+        let mut state = 1_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            40.0 * ((state >> 11) as f64 / (1_u64 << 53) as f64) - 20.0
+        };
+        for _ in 0..2000 {
+            let [from, to] = [(); 2].map(|()| [(); 3].map(|()| random()));
+            let Bond { shift, vector, .. } = space.bond(from, to);
+            let expected = [0, 1, 2].map(|axis| {
+                let along = |k: usize| f64::from(shift[k]) * edges[k].expect("an edge")[axis];
+                (to[axis] - from[axis]) + (along(0) + along(1) + along(2))
+            });
+            assert_eq!(vector, expected);
+            let squared = |v: [f64; 3]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+            for k in 0..125 {
+                let beside = [k % 5, k / 5 % 5, k / 25].map(|count| f64::from(count) - 2.0);
+                let image = shifted(vector, beside, &edges);
+                assert!(squared(image) >= squared(vector) * (1.0 - 1e-12), "{from:?}, {to:?}, {beside:?}");
+            }
+        }
+    }
+}

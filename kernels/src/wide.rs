@@ -1,0 +1,172 @@
+//! Spheres that lie in memory in another form than rows or columns of `f32`: in `f64`, or at regular distances.
+
+use std::mem::MaybeUninit;
+
+use crate::InputError;
+
+/// A coordinate type: `f32` or `f64`.
+pub trait Real: sealed::Sealed {}
+
+impl Real for f32 {}
+impl Real for f64 {}
+
+pub(crate) mod sealed {
+    use super::{Strided, Wide};
+
+    /// What a coordinate type does behind the API.
+    #[expect(unnameable_types, reason = "nothing else is a coordinate type")]
+    pub trait Sealed: Copy + Into<f64> + Send + Sync + 'static {
+        /// The columns, if they are of `f32`.
+        fn narrow(columns: [&[Self]; 4]) -> Option<[&[f32]; 4]>;
+        fn wide(strided: Strided<'_, Self>) -> Wide<'_>;
+    }
+
+    impl Sealed for f32 {
+        fn narrow(columns: [&[Self]; 4]) -> Option<[&[f32]; 4]> {
+            Some(columns)
+        }
+
+        fn wide(strided: Strided<'_, Self>) -> Wide<'_> {
+            Wide::F32(strided)
+        }
+    }
+
+    impl Sealed for f64 {
+        fn narrow(_: [&[Self]; 4]) -> Option<[&[f32]; 4]> {
+            None
+        }
+
+        fn wide(strided: Strided<'_, Self>) -> Wide<'_> {
+            Wide::F64(strided)
+        }
+    }
+}
+
+/// The radii of points: one for all, or one each.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub enum Radii<'a, T> {
+    /// The same radius for all. Half a cutoff makes pairs of points that are within the cutoff.
+    All(T),
+    /// One radius per point.
+    Each(&'a [T]),
+}
+
+/// Columns with regular distances between values.
+#[derive(Clone, Copy, Debug)]
+pub struct Strided<'a, T> {
+    /// Each from the value of the first sphere. Between values that are read there may be anything, also padding.
+    axes: [&'a [MaybeUninit<T>]; 3],
+    /// Values from one center to the next.
+    step: usize,
+    radii: Source<'a, T>,
+    count: usize,
+}
+
+/// Where radii come from.
+#[derive(Clone, Copy, Debug)]
+enum Source<'a, T> {
+    All(T),
+    /// As `axes`, with the values from one radius to the next.
+    Each(&'a [MaybeUninit<T>], usize),
+}
+
+/// Spheres in such memory, of either type.
+#[derive(Clone, Copy, Debug)]
+#[expect(unnameable_types, reason = "behind the sealed `Real`")]
+pub enum Wide<'a> {
+    F32(Strided<'a, f32>),
+    F64(Strided<'a, f64>),
+}
+
+/// Initialized values as such that need not be.
+fn maybe<T>(values: &[T]) -> &[MaybeUninit<T>] {
+    // SAFETY: `MaybeUninit<T>` has the layout of `T`, and a shared slice of it cannot be written through.
+    unsafe { &*(std::ptr::from_ref(values) as *const [MaybeUninit<T>]) }
+}
+
+/// The columns of rows, each from its first value.
+fn columns_of<T, const N: usize>(rows: &[[T; N]]) -> [&[MaybeUninit<T>]; N] {
+    let values = rows.as_flattened();
+    std::array::from_fn(|column| maybe(values.get(column..).unwrap_or(&[])))
+}
+
+impl<'a, T: Copy> Strided<'a, T> {
+    /// Columns of one length.
+    pub(crate) fn of_columns([x, y, z, r]: [&'a [T]; 4]) -> Self {
+        Self { axes: [x, y, z].map(maybe), step: 1, radii: Source::Each(maybe(r), 1), count: x.len() }
+    }
+
+    /// Rows `x, y, z, r`.
+    pub(crate) fn of_rows(rows: &'a [[T; 4]]) -> Self {
+        let [x, y, z, r] = columns_of(rows);
+        Self { axes: [x, y, z], step: 4, radii: Source::Each(r, 4), count: rows.len() }
+    }
+
+    /// Centers `x, y, z`.
+    ///
+    /// # Errors
+    /// [`InputError::Lengths`] unless there is one radius per center.
+    pub(crate) fn of_points(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
+        let radii = match radii {
+            Radii::All(radius) => Source::All(radius),
+            Radii::Each(radii) if radii.len() != centers.len() => {
+                let (length, expected) = (radii.len(), centers.len());
+                return Err(InputError::Lengths { what: "radii", length, expected });
+            }
+            Radii::Each(radii) => Source::Each(maybe(radii), 1),
+        };
+        Ok(Self { axes: columns_of(centers), step: 3, radii, count: centers.len() })
+    }
+
+    /// Columns `x, y, z, r` of `count` spheres in memory with gaps: `steps` are the numbers of values from one center and one
+    /// radius to the next; step 0 gives all spheres one radius.
+    ///
+    /// # Safety
+    /// For every `k` below `count`, value `k * steps[0]` of the first three columns and value `k * steps[1]` of the last one
+    /// are inside the column and initialized.
+    pub unsafe fn from_parts(columns: [&'a [MaybeUninit<T>]; 4], steps: [usize; 2], count: usize) -> Self {
+        let ([x, y, z, r], [step, radius_step]) = (columns, steps);
+        Self { axes: [x, y, z], step, radii: Source::Each(r, radius_step), count }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.count
+    }
+
+    /// The numbers of sphere `i`.
+    ///
+    /// # Panics
+    /// If `i` is not below the number of spheres.
+    #[inline]
+    pub(crate) fn get(&self, i: usize) -> [T; 4] {
+        assert!(i < self.count, "sphere {i} of {}", self.count);
+        // SAFETY: `i` is below the number of spheres, whose values are initialized: they are of initialized slices, or by the
+        // promise of `from_parts`.
+        let value = |values: &[MaybeUninit<T>], step: usize| unsafe { values[i * step].assume_init() };
+        let [x, y, z] = self.axes.map(|axis| value(axis, self.step));
+        let radius = match self.radii {
+            Source::All(radius) => radius,
+            Source::Each(radii, step) => value(radii, step),
+        };
+        [x, y, z, radius]
+    }
+}
+
+impl Wide<'_> {
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::F32(spheres) => spheres.len(),
+            Self::F64(spheres) => spheres.len(),
+        }
+    }
+
+    /// The numbers of sphere `i`, not rounded.
+    #[inline]
+    pub(crate) fn get(&self, i: usize) -> [f64; 4] {
+        match self {
+            Self::F32(spheres) => spheres.get(i).map(f64::from),
+            Self::F64(spheres) => spheres.get(i),
+        }
+    }
+}

@@ -1,0 +1,283 @@
+//! Spheres, lengths and distances in `f64`: every algorithm gives the pairs of the contract's expression, to the last bit.
+
+use std::ops::ControlFlow;
+
+use lazygrid::{
+    Config, Detector, Error, Exclusions, InputError, Interaction, Interactions, Order, Pair, Query, Radii,
+    Skin, Space, Sphere, Spheres,
+};
+use lazygrid_io::scenes::Scene;
+use lazygrid_tests::{Subject, in_pool};
+
+/// The words of a linear congruential generator.
+struct Random(u64);
+
+impl Random {
+    /// Between −1 and 1, with all bits of an `f64`.
+    fn signed(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+}
+
+/// Spheres of some sizes around `offset`, of which every second one touches the one before it, give or take 2 ulp.
+fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Vec<[f64; 4]> {
+    let mut spheres: Vec<[f64; 4]> = Vec::new();
+    for k in 0..count {
+        let radius = [0.3, 0.017, 0.11, 0.0][k / 2 % 4] * (1.0 + 0.1 * random.signed());
+        let [x, y, z] = [0, 1, 2].map(|axis: usize| offset[axis] + extent * random.signed());
+        spheres.push(match spheres.last() {
+            Some(&[a, b, c, r]) if k % 2 == 1 => {
+                let apart = [random.signed(), random.signed(), random.signed()];
+                let length = (apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2]).sqrt();
+                let reach = (r + radius) / length;
+                let center = [a + apart[0] * reach, b + apart[1] * reach, c + apart[2] * reach];
+                let off = (k / 2 % 5) as i64 - 2;
+                let radius = f64::from_bits((radius.to_bits() as i64 + off).max(0) as u64);
+                [center[0], center[1], center[2], radius]
+            }
+            _ => [x, y, z, radius],
+        });
+    }
+    spheres
+}
+
+/// The images that a plain loop looks at along each edge.
+const NEAR: std::ops::RangeInclusive<i32> = -2..=2;
+
+/// The least squared length of an image of `to − from`, by the contract's expression.
+fn distance_squared(space: &Space, from: [f64; 4], to: [f64; 4]) -> f64 {
+    let edges = space.edges();
+    let apart = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+    // The spheres of these scenes are no farther apart than some edges.
+    let counts = edges.map(|edge| if edge.is_some() { NEAR } else { 0..=0 });
+    let mut least = f64::INFINITY;
+    for a in counts[0].clone() {
+        for b in counts[1].clone() {
+            for c in counts[2].clone() {
+                let terms = [a, b, c].map(f64::from);
+                let [x, y, z] = [0, 1, 2].map(|axis| {
+                    let term = |k: usize| edges[k].map_or(0.0, |edge| terms[k] * edge[axis]);
+                    apart[axis] + (term(0) + term(1) + term(2))
+                });
+                least = least.min(x * x + y * y + z * z);
+            }
+        }
+    }
+    least
+}
+
+/// The pairs of the contract, where species `k % 2` pair by `table`.
+fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interactions>) -> Vec<Pair> {
+    let mut pairs = Vec::new();
+    for (j, b) in spheres.iter().enumerate() {
+        for (i, a) in spheres[..j].iter().enumerate() {
+            let reach = match table.map(|table| table.get(i as u32 % 2, j as u32 % 2)) {
+                None | Some(Interaction::Touch) => a[3] + b[3],
+                Some(Interaction::Within(distance)) => distance,
+                Some(Interaction::Never) => continue,
+            };
+            if distance_squared(space, *a, *b) <= reach * reach {
+                pairs.push(Pair { i: i as u32, j: j as u32 });
+            }
+        }
+    }
+    pairs.sort_unstable();
+    pairs
+}
+
+fn spaces() -> [Space; 5] {
+    let lean = [Some([7.3, 0.0, 0.0]), Some([2.9, 6.1, 0.0]), Some([-1.7, 0.4, 5.9])];
+    [
+        Space::UNBOUNDED,
+        Space::periodic([Some(10.1), Some(8.0 / 3.0), None]).expect("lengths"),
+        Space::periodic([Some(10.0), Some(7.0), Some(6.5)]).expect("lengths"),
+        Space::sheared(lean).expect("edges"),
+        Space::sheared([lean[0], None, lean[2]]).expect("edges"),
+    ]
+}
+
+/// Asks one detector for all results.
+fn agrees(detector: &mut Detector, query: Query<'_>, expected: &[Pair]) -> Result<(), String> {
+    let text = |error: Error| error.to_string();
+    let found = detector.pairs(query).map_err(text)?;
+    if found != expected {
+        let (extra, missing) = (
+            found.iter().filter(|pair| !expected.contains(pair)).count(),
+            expected.iter().filter(|pair| !found.contains(pair)).count(),
+        );
+        return Err(format!("{extra} of {} pairs are extra, {missing} are missing", found.len()));
+    }
+    let count = detector.count(query).map_err(text)?;
+    let lists: usize = detector.neighbors(query).map_err(text)?.iter().map(<[u32]>::len).sum();
+    let mut streamed = Vec::new();
+    let handed = detector.stream(query, 7, |pairs| {
+        streamed.extend_from_slice(pairs);
+        ControlFlow::Continue(())
+    });
+    let both = if query.second().is_some() { 1 } else { 2 };
+    let is_same = count == expected.len() as u64
+        && lists == both * expected.len()
+        && handed.map_err(text)? == count
+        && streamed == expected;
+    if is_same { Ok(()) } else { Err("counted, listed or streamed otherwise".to_owned()) }
+}
+
+#[test]
+fn every_space_and_magnitude_gives_the_pairs_of_the_contract() {
+    let mut random = Random(7);
+    for (number, space) in spaces().into_iter().enumerate() {
+        for offset in [[0.0; 3], [1e3, -2e3, 5e2], [1e9, 1e9, -1e9]] {
+            let spheres = scene(240, 2.4, offset, &mut random);
+            let expected = oracle(&spheres, &space, None);
+            assert!(expected.len() > 60, "{}", expected.len());
+            for subject in Subject::each_algorithm() {
+                subject.run(|| {
+                    let config = subject.config().space(space).skin(Skin::Off);
+                    let mut detector = Detector::new(config).expect("a detector");
+                    agrees(&mut detector, Query::new(&spheres), &expected)
+                        .unwrap_or_else(|text| panic!("{subject}, space {number}, {offset:?}: {text}"));
+                });
+            }
+        }
+    }
+}
+
+/// Multiplied by a power of two, all pairs stay what they are.
+#[test]
+fn no_magnitude_overflows_or_underflows() {
+    let mut random = Random(11);
+    let base = scene(160, 2.0, [0.3, 0.1, -0.2], &mut random);
+    let expected = oracle(&base, &Space::UNBOUNDED, None);
+    for exponent in [-1020, -700, -150, 150, 700, 1015] {
+        let unit = 2.0_f64.powi(exponent / 2) * 2.0_f64.powi(exponent - exponent / 2);
+        let spheres: Vec<_> = base.iter().map(|sphere| sphere.map(|number| number * unit)).collect();
+        let is_exact = spheres.iter().zip(&base).all(|(scaled, sphere)| {
+            scaled.iter().zip(sphere).all(|(scaled, number)| scaled / unit == *number)
+        });
+        for subject in Subject::each_algorithm().into_iter().filter(|_| is_exact) {
+            let mut detector = Detector::new(subject.config()).expect("a detector");
+            let found = subject.run(|| detector.pairs(&spheres).map(<[Pair]>::to_vec));
+            assert!(found.as_ref() == Ok(&expected), "{subject}, 2^{exponent}: {:?}", found.map(|f| f.len()));
+        }
+    }
+}
+
+/// Spheres in `f32` and the same numbers in `f64` give the same bytes, also as columns and as points.
+#[test]
+fn the_same_numbers_in_both_precisions_give_the_same_pairs() {
+    for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
+        let narrow = scene.spheres(1500, 3);
+        let row = |sphere: &Sphere| {
+            let [x, y, z] = sphere.center.to_array();
+            [x, y, z, sphere.radius].map(f64::from)
+        };
+        let rows: Vec<_> = narrow.iter().map(row).collect();
+        let column = |k: usize| rows.iter().map(|row| row[k]).collect::<Vec<_>>();
+        let [x, y, z, r] = [0, 1, 2, 3].map(column);
+        let centers: Vec<_> = rows.iter().map(|[x, y, z, _]| [*x, *y, *z]).collect();
+        for subject in Subject::each_algorithm() {
+            let mut detector = Detector::new(subject.config()).expect("a detector");
+            let mut cpu =
+                Detector::new(Config::default().backend(lazygrid::Backend::Cpu)).expect("a detector");
+            let expected = cpu.pairs(&narrow).expect("valid");
+            let columns = Spheres::columns(&x, &y, &z, &r).expect("one length");
+            let points = Spheres::points(&centers, Radii::Each(&r)).expect("one length");
+            for spheres in [Spheres::from(&rows), columns, points] {
+                let found = subject.run(|| detector.pairs(spheres).map(<[Pair]>::to_vec));
+                assert!(found.as_ref().is_ok_and(|found| found == expected), "{scene}, {subject}");
+            }
+        }
+    }
+}
+
+#[test]
+fn two_sets_species_and_exclusions_are_decided_in_f64() {
+    let mut random = Random(13);
+    let mut table = Interactions::new(2, Interaction::Touch).expect("few species");
+    table.set(0, 1, Interaction::Within(0.1)).expect("a distance");
+    table.set(1, 1, Interaction::Never).expect("known species");
+    for space in spaces() {
+        let spheres = scene(200, 1.5, [0.0; 3], &mut random);
+        let species: Vec<u32> = (0..200).map(|k| k % 2).collect();
+        let all = oracle(&spheres, &space, Some(&table));
+        let excluded: Vec<_> = all.iter().step_by(3).map(|pair| (pair.i, pair.j)).collect();
+        let exclusions = Exclusions::new(200, excluded.iter().copied()).expect("of spheres");
+        let kept: Vec<Pair> =
+            all.iter().filter(|pair| !excluded.contains(&(pair.i, pair.j))).copied().collect();
+        let across: Vec<Pair> = all
+            .iter()
+            .filter(|pair| pair.i < 80 && pair.j >= 80)
+            .map(|pair| Pair { i: pair.i, j: pair.j - 80 })
+            .collect();
+        let one = Spheres::from(&spheres).with_species(&species).expect("one each");
+        let [a, b] = [0..80, 80..200].map(|range| {
+            Spheres::from(&spheres[range.clone()]).with_species(&species[range]).expect("one each")
+        });
+        for subject in Subject::each_algorithm() {
+            let config = subject.config().space(space).interactions(table.clone());
+            let mut detector = Detector::new(config).expect("a detector");
+            subject.run(|| {
+                let among = agrees(&mut detector, Query::new(one).without(&exclusions), &kept);
+                let across = agrees(&mut detector, Query::new((a, b)), &across);
+                among.and(across).unwrap_or_else(|text| panic!("{subject}, {space:?}: {text}"));
+            });
+        }
+    }
+}
+
+/// Spheres that move a little from call to call, so that candidates serve; the frame may change on the way.
+#[test]
+fn candidates_of_f64_spheres_lose_no_pair() {
+    for space in [spaces()[0], spaces()[1], spaces()[3]] {
+        for subject in Subject::each_algorithm() {
+            if !matches!(subject.algorithm, lazygrid::Algorithm::CellList | lazygrid::Algorithm::Auto) {
+                continue;
+            }
+            let mut random = Random(17);
+            let mut spheres = scene(900, 2.4, [1e7, 0.0, -1e7], &mut random);
+            let config = subject.config().space(space).skin(Skin::Fixed(0.05)).order(Order::Canonical);
+            let mut detector = Detector::new(config).expect("a detector");
+            let mut served = 0;
+            in_pool(subject.threads, || {
+                for step in 0..9 {
+                    let expected = oracle(&spheres, &space, None);
+                    let found = detector.pairs(&spheres).expect("valid");
+                    assert!(
+                        found == expected,
+                        "{subject}, step {step}: {} of {}",
+                        found.len(),
+                        expected.len()
+                    );
+                    served +=
+                        u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+                    let far = if step == 5 { 0.2 } else { 0.002 };
+                    for sphere in &mut spheres {
+                        (0..3).for_each(|axis| sphere[axis] += far * random.signed());
+                    }
+                }
+            });
+            assert!(served > 4, "{subject}: {served} of 9 calls were served");
+        }
+    }
+}
+
+#[test]
+fn bad_f64_spheres_are_named_with_their_numbers() {
+    let good = [0.1, 0.2, 0.3, 1.0];
+    for bad in [[f64::NAN, 0.0, 0.0, 1.0], [0.0, f64::INFINITY, 0.0, 1.0], [0.0, 0.0, 0.0, -1e-320]] {
+        let spheres = [good, good, bad, good];
+        for subject in Subject::each_algorithm() {
+            let mut detector = Detector::new(subject.config()).expect("a detector");
+            for query in [Query::new(&spheres), Query::new((&spheres, &[good]))] {
+                let error = detector.count(query).expect_err("a bad sphere");
+                let Error::Input(InputError::Sphere { index: 2, radius, count: 1, total: 4, .. }) = error
+                else {
+                    panic!("{subject}: {error}")
+                };
+                assert_eq!(radius.to_bits(), bad[3].to_bits(), "{subject}");
+            }
+            assert_eq!(detector.count(&[good, good]), Ok(1), "{subject}");
+        }
+    }
+}
