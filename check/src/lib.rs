@@ -19,6 +19,7 @@ pub mod kernels;
 pub mod periodic;
 pub mod primitives;
 pub mod scenes;
+pub mod sequence;
 pub mod sheared;
 pub mod speed;
 

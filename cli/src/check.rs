@@ -11,6 +11,7 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid_check::compare::{self, Case, Failure as Fault, Pace};
 use lazygrid_check::fuzz::Round;
 use lazygrid_check::kernels::CHECKS;
+use lazygrid_check::sequence::{Sequence, Tally};
 use lazygrid_check::{Gpu, Way, guarded};
 
 use self::report::Report;
@@ -215,30 +216,32 @@ impl Work<'_> {
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         // Short enough to be typed.
         let first = u64::from(since.subsec_nanos()) * 1000;
-        let (mut rounds, mut wrong) = (0, 0);
+        let (mut rounds, mut wrong, mut tally) = (0, 0, Tally::default());
         while start.elapsed() < time && wrong < ENOUGH {
             self.bar.set_position(from + start.elapsed().as_secs());
             self.bar.set_message(format!("fuzz: {rounds} rounds"));
-            wrong += usize::from(self.round(first + rounds, report)?);
+            wrong += self.round(first + rounds, &mut tally, report)?;
             rounds += 1;
         }
-        self.tell(|| report.fuzz(first, rounds, start.elapsed()))
+        self.tell(|| report.fuzz((first, rounds), &tally, start.elapsed()))
     }
 
-    /// Whether something was wrong.
-    fn round(&self, seed: u64, report: &mut Report) -> Result<bool, Failure> {
-        let round = Round::drawn(seed, self.on_cpu, self.gpu.is_some());
-        match round.check(self.gpu.as_ref(), TRIES) {
-            None => Ok(false),
-            Some(fault) => self.tell(|| report.failure(fault)).map(|()| true),
-        }
+    /// Runs the round and the sequence of calls of a seed. Returns how many of them were wrong.
+    fn round(&self, seed: u64, tally: &mut Tally, report: &mut Report) -> Result<usize, Failure> {
+        let (gpu, has_gpu) = (self.gpu.as_ref(), self.gpu.is_some());
+        let round = Round::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES);
+        let sequence = Sequence::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES, tally);
+        let faults: Vec<_> = round.into_iter().chain(sequence).collect();
+        let wrong = faults.len();
+        faults.into_iter().try_for_each(|fault| self.tell(|| report.failure(fault)))?;
+        Ok(wrong)
     }
 
     /// Only one round.
     fn repeat(&self, seed: u64, report: &mut Report) -> Result<(), Failure> {
-        let start = Instant::now();
-        self.round(seed, report)?;
-        self.tell(|| report.fuzz(seed, 1, start.elapsed()))
+        let (start, mut tally) = (Instant::now(), Tally::default());
+        self.round(seed, &mut tally, report)?;
+        self.tell(|| report.fuzz((seed, 1), &tally, start.elapsed()))
     }
 
     /// Says something beside the progress.

@@ -13,6 +13,7 @@ mod properties;
 mod results;
 mod reuse;
 mod scenes;
+mod sequences;
 mod sheared;
 mod skin;
 mod structure;

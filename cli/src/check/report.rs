@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use lazygrid::{Algorithm, Backend};
 use lazygrid_check::compare::Failure as Fault;
+use lazygrid_check::sequence::Tally;
 use lazygrid_check::speed::Speed;
 use lazygrid_check::{Gpu, Scenario};
 use lazygrid_io::scenes::Scene;
@@ -148,9 +149,24 @@ impl Report {
         self.say(&format!("scenes     {scenes} {}, {time:.1?}{left_out}\n", ways.join(" and ")))
     }
 
-    pub(super) fn fuzz(&mut self, seed: u64, rounds: u64, time: Duration) -> Result<(), Failure> {
-        self.keep("fuzz", json!({ "first_seed": seed, "rounds": rounds, "seconds": time.as_secs_f64() }));
-        self.say(&format!("\nfuzz       {rounds} rounds from seed {seed} on, {time:.1?}\n"))
+    pub(super) fn fuzz(
+        &mut self,
+        (seed, rounds): (u64, u64),
+        tally: &Tally,
+        time: Duration,
+    ) -> Result<(), Failure> {
+        let Tally { sequences, calls, served, refused } = *tally;
+        let of_sequences =
+            json!({ "number": sequences, "calls": calls, "served": served, "refused": refused });
+        let seconds = time.as_secs_f64();
+        self.keep(
+            "fuzz",
+            json!({ "first_seed": seed, "rounds": rounds, "sequences": of_sequences, "seconds": seconds }),
+        );
+        self.say(&format!(
+            "\nfuzz       {rounds} rounds and {sequences} sequences of {calls} calls, {served} of them answered from \
+             candidates, from seed {seed} on, {time:.1?}\n"
+        ))
     }
 
     pub(super) fn primitives(&mut self, own_clock: bool, rows: Vec<Primitive>) -> Result<(), Failure> {

@@ -1,0 +1,192 @@
+//! Sequences of calls of one detector, drawn at random. A sequence depends on its seed alone.
+//!
+//! A detector keeps candidates, plans, samples, forecasts and buffers from call to call. None of these may show in an
+//! answer. A sequence therefore mostly keeps its spheres, so that candidates serve calls, and in between changes radii,
+//! numbers, species, groups and places, and makes calls that fail, stop, break off or panic. Every answer must be that of
+//! the definition and that of a new detector.
+
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use lazygrid::{Config, Detector, Interaction, Interactions, Order, Skin, Space};
+
+use crate::compare::Failure;
+use crate::way::{Place, text};
+use crate::{Gpu, Scenario, Way, guarded};
+
+mod ask;
+mod definition;
+mod draw;
+mod events;
+mod faults;
+mod judge;
+mod reduce;
+#[cfg(test)]
+mod tests;
+
+use ask::{Answer, Ask};
+use judge::Judge;
+
+/// Settings of a detector, and the calls that it is asked to answer.
+#[derive(Clone, Debug)]
+pub struct Sequence {
+    seed: u64,
+    settings: Settings,
+    steps: Vec<Step>,
+}
+
+/// The settings of the detector.
+#[derive(Clone, Debug)]
+struct Settings {
+    way: Way,
+    skin: Skin,
+    order: Order,
+    max_pairs: u64,
+    space: Space,
+    /// The lower triangle of the interaction table, as a [`Mixture`](crate::Mixture) has it.
+    rows: Option<Vec<Vec<Interaction>>>,
+}
+
+/// One call.
+#[derive(Clone, Debug)]
+struct Step {
+    /// The input. It may be invalid.
+    scenario: Scenario,
+    /// What differs from the call before.
+    changes: Vec<&'static str>,
+    ask: Ask,
+}
+
+/// The number of calls that sequences made, and what became of the calls.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Sequences that were run.
+    pub sequences: u64,
+    /// Calls of all sequences.
+    pub calls: u64,
+    /// Calls that candidates of an earlier call answered.
+    pub served: u64,
+    /// Calls that an error ended.
+    pub refused: u64,
+}
+
+/// A wrong answer: the index of its call, and what is wrong.
+type Wrong = (usize, String);
+
+impl Sequence {
+    /// Draws the sequence of this seed, on the CPU unless a GPU is checked.
+    pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
+        draw::sequence(seed, |random| draw::way(random, on_cpu, on_gpu))
+    }
+
+    /// Draws the sequence of this seed for a given algorithm and place. The skin of `way` is not used: the seed decides
+    /// on the skin.
+    pub fn drawn_for(seed: u64, way: Way) -> Self {
+        draw::sequence(seed, |_| way)
+    }
+
+    /// Runs the sequence with a new detector. Returns what is wrong, if anything, with as few calls and spheres as show
+    /// it, found in at most `tries` further runs.
+    pub fn check(self, gpu: Option<&Gpu>, tries: usize, tally: &mut Tally) -> Option<Failure> {
+        let first = self.run_guarded(gpu, tally);
+        tally.sequences += 1;
+        let wrong = first.err()?;
+        let again = |sequence: &Self| sequence.run_guarded(gpu, &mut Tally::default());
+        let (sequence, (_, what)) = reduce::reduce(self, wrong, tries, again);
+        let scenario = sequence.steps.last().map(|step| step.scenario.clone());
+        Some(Failure { name: sequence.to_string(), what, scenario, options: String::new() })
+    }
+
+    fn run_guarded(&self, gpu: Option<&Gpu>, tally: &mut Tally) -> Result<(), Wrong> {
+        let mut at = 0;
+        let run = guarded(|| self.run(gpu, &mut at, tally));
+        run.map_err(|what| (at, format!("call {} of {}: {what}", at + 1, self.steps.len())))
+    }
+
+    /// Runs all calls. `at` is the index of the present one.
+    fn run(&self, gpu: Option<&Gpu>, at: &mut usize, tally: &mut Tally) -> Result<(), String> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let config = self.settings.config(gpu)?.stop(stop.clone());
+        let mut detector = Detector::new(config.clone()).map_err(text)?;
+        for (k, step) in self.steps.iter().enumerate() {
+            *at = k;
+            let judge = Judge::new(&self.settings, step);
+            let answer = step.ask.answer(&mut detector, &step.scenario, &stop)?;
+            tally.calls += 1;
+            tally.refused += u64::from(matches!(answer, Answer::Refused(_)));
+            let report = detector.report();
+            tally.served += u64::from(report.candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+            let verdict = judge.verdict(&answer).and_then(|()| judge.report(&answer, &report));
+            let fresh = || {
+                let mut fresh = Detector::new(self.settings.fresh(config.clone())).map_err(text)?;
+                step.ask.answer(&mut fresh, &step.scenario, &stop)
+            };
+            if let Err(what) = verdict {
+                let of_new = match fresh().and_then(|answer| judge.verdict(&answer)) {
+                    Ok(()) => "a new detector is right".to_owned(),
+                    Err(what) => format!("a new detector is wrong as well: {what}"),
+                };
+                return Err(format!("{what}; {of_new}; {}", report.reason));
+            }
+            if self.settings.compares_with_new(k, &answer) {
+                judge.alike(&answer, &fresh()?)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Settings {
+    fn config(&self, gpu: Option<&Gpu>) -> Result<Config, String> {
+        let config = self.way.config(gpu).skin(self.skin).order(self.order).max_pairs(self.max_pairs);
+        let config = if self.space.is_periodic() { config.space(self.space) } else { config };
+        let Some(rows) = &self.rows else { return Ok(config) };
+        let mut table = Interactions::new(rows.len() as u32, Interaction::Never).map_err(text)?;
+        for (a, row) in rows.iter().enumerate() {
+            for (b, &interaction) in row.iter().enumerate() {
+                table.set(a as u32, b as u32, interaction).map_err(text)?;
+            }
+        }
+        Ok(config.interactions(table))
+    }
+
+    /// The same for a detector that answers one call. Threads change no answer, and a pool of its own would take longer than
+    /// the call.
+    fn fresh(&self, config: Config) -> Config {
+        match self.way.place {
+            Place::Cpu { .. } => config.threads(1),
+            Place::Gpu { .. } => config,
+        }
+    }
+
+    /// Returns `true` if the answer to call `k` is compared with that of a new detector. On a GPU a new detector takes longer
+    /// than many calls, so that only errors and every eighth call are compared.
+    fn compares_with_new(&self, k: usize, answer: &Answer) -> bool {
+        let is_on_cpu = matches!(self.way.place, Place::Cpu { .. });
+        is_on_cpu || k % 8 == 7 || matches!(answer, Answer::Refused(_))
+    }
+}
+
+impl fmt::Display for Sequence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Settings { way, skin, order, max_pairs, space, rows } = &self.settings;
+        let space = match (space.is_periodic(), space.shear().is_some()) {
+            (_, true) => "triclinic",
+            (true, false) => "periodic",
+            (false, _) => "unbounded",
+        };
+        write!(
+            f,
+            "fuzz seed {}: sequence, {way}, {skin:?}, {order:?}, at most {max_pairs} pairs, ",
+            self.seed
+        )?;
+        write!(f, "{space} space")?;
+        rows.as_ref().map_or(Ok(()), |rows| write!(f, ", interactions {rows:?}"))?;
+        for (k, Step { scenario, changes, ask }) in self.steps.iter().enumerate() {
+            let with = if changes.is_empty() { String::new() } else { format!(" ({})", changes.join(", ")) };
+            write!(f, "; {}. {ask} of {}{with}", k + 1, scenario.spheres.len())?;
+        }
+        Ok(())
+    }
+}

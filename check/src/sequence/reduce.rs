@@ -1,0 +1,87 @@
+//! Makes a sequence that fails shorter, and its scenes smaller.
+
+use super::{Sequence, Step, Wrong};
+use crate::Scenario;
+
+/// Leaves out calls and spheres without which `run` still fails, with at most `tries` runs. Returns the smallest sequence that
+/// fails, and what is wrong with it.
+pub(super) fn reduce(
+    sequence: Sequence,
+    wrong: Wrong,
+    tries: usize,
+    run: impl Fn(&Sequence) -> Result<(), Wrong>,
+) -> (Sequence, Wrong) {
+    let mut best = Best { sequence, wrong, left: tries, run };
+    best.cut();
+    for k in (0..best.sequence.steps.len()).rev() {
+        let mut fewer = best.sequence.clone();
+        if k < fewer.steps.len() && fewer.steps.len() > 1 {
+            fewer.steps.remove(k);
+            best.attempt(fewer);
+        }
+    }
+    best.attempt_each(|step| {
+        step.scenario.groups = None;
+        step.scenario.excluded = None;
+    });
+    best.attempt_each(|step| step.ask.in_columns = false);
+    best.drop_spheres();
+    (best.sequence, best.wrong)
+}
+
+struct Best<R> {
+    sequence: Sequence,
+    wrong: Wrong,
+    left: usize,
+    run: R,
+}
+
+impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
+    /// Leaves out the calls after the wrong one.
+    fn cut(&mut self) {
+        self.sequence.steps.truncate(self.wrong.0 + 1);
+    }
+
+    /// Takes `smaller` if it fails as well.
+    fn attempt(&mut self, smaller: Sequence) -> bool {
+        if self.left == 0 {
+            return false;
+        }
+        self.left -= 1;
+        let Err(wrong) = (self.run)(&smaller) else { return false };
+        (self.sequence, self.wrong) = (smaller, wrong);
+        self.cut();
+        true
+    }
+
+    fn attempt_each(&mut self, change: impl Fn(&mut Step)) {
+        let mut smaller = self.sequence.clone();
+        smaller.steps.iter_mut().for_each(change);
+        self.attempt(smaller);
+    }
+
+    /// Leaves out spheres in ever smaller groups, the same indices in all calls.
+    fn drop_spheres(&mut self) {
+        let most = |sequence: &Sequence| sequence.steps.iter().map(|step| step.scenario.spheres.len()).max();
+        let mut group = most(&self.sequence).unwrap_or(0).div_ceil(2);
+        while group > 0 {
+            let mut from = 0;
+            while from < most(&self.sequence).unwrap_or(0) && self.left > 0 {
+                let gone = from..from + group;
+                let mut smaller = self.sequence.clone();
+                for Step { scenario, ask, .. } in &mut smaller.steps {
+                    *scenario = without(scenario, &gone);
+                    ask.split = ask.split.map(|split| split - split.min(gone.end).saturating_sub(gone.start));
+                }
+                if !self.attempt(smaller) {
+                    from += group;
+                }
+            }
+            group /= 2;
+        }
+    }
+}
+
+fn without(scenario: &Scenario, gone: &std::ops::Range<usize>) -> Scenario {
+    scenario.only(|k| !gone.contains(&k))
+}

@@ -1,0 +1,43 @@
+//! One detector through sequences of calls: radii, numbers, species, groups and places change, and calls fail in between.
+
+use lazygrid::Backend;
+use lazygrid_check::sequence::{Sequence, Tally};
+use lazygrid_check::{Extent, Gpu, Way};
+use lazygrid_tests::Subject;
+
+/// Sequences for each way on the CPU, and for each way on a GPU, by default.
+const COUNTS: [u64; 2] = [40, 8];
+
+/// The part of the sequences that is run, as `PROPTEST_CASES` says for properties.
+fn share(count: u64) -> u64 {
+    let cases = std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse::<u64>().ok());
+    cases.map_or(count, |cases| (count * cases / 256).max(2))
+}
+
+fn check(ways: &[Way], gpu: Option<&Gpu>, count: u64) {
+    let mut tally = Tally::default();
+    for (k, &way) in ways.iter().enumerate() {
+        for seed in 0..share(count) {
+            let sequence = Sequence::drawn_for(1000 * k as u64 + seed, way);
+            if let Some(failure) = sequence.check(gpu, 300, &mut tally) {
+                panic!("{}: {}", failure.name, failure.what);
+            }
+        }
+    }
+    assert!(tally.calls > 0 && tally.refused > 0, "{tally:?}");
+}
+
+#[test]
+fn cpu_answers_do_not_depend_on_earlier_calls() {
+    if Subject::all().iter().any(|subject| subject.backend == Backend::Cpu) {
+        check(&Way::on_cpu(), None, COUNTS[0]);
+    }
+}
+
+#[test]
+fn gpu_answers_do_not_depend_on_earlier_calls() {
+    let has_gpu = Subject::all().iter().any(|subject| subject.backend == Backend::Gpu);
+    let Some(own) = lazygrid_tests::device().filter(|_| has_gpu) else { return };
+    let gpu = Gpu { own, adapter: None };
+    check(&Way::on_gpu(&gpu.own, Extent::Quick), Some(&gpu), COUNTS[1]);
+}
