@@ -18,7 +18,7 @@ def main(count: int = 3_000) -> None:
     spheres[:, 3] = 0.5
     neighbors = np.zeros(count, dtype=np.int64)
     detector = lazygrid.Detector(order="unordered")
-    for pairs in detector.stream(spheres, 100_000):
+    for pairs in detector.stream(spheres, chunk=100_000):
         neighbors += np.bincount(pairs.ravel(), minlength=count)
     print(f"{neighbors.sum() // 2} pairs; {neighbors.min()} to {neighbors.max()} neighbours")
 

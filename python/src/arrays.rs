@@ -1,9 +1,9 @@
-//! NumPy arrays: those that are given, read where they lie, and those that are returned.
+//! NumPy arrays of whole numbers, read where they lie, and arrays that calls return.
 
-use std::sync::Arc;
+use std::fmt::Display;
 
 use bytemuck::NoUninit;
-use lazygrid::{InputError, Pair, Spheres};
+use lazygrid::{InputError, Pair};
 use numpy::ndarray::{Dimension, Ix1, Ix2};
 use numpy::{
     Element, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadonlyArray1,
@@ -12,208 +12,82 @@ use numpy::{
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyModule, PyTuple};
+use pyo3::types::PyModule;
 
 use crate::error;
-use crate::exclusions::Exclusions;
 
-/// What is said of spheres besides where they are.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct Said<'a, 'py> {
-    pub(crate) species: Option<&'a Bound<'py, PyAny>>,
-    pub(crate) groups: Option<&'a Bound<'py, PyAny>>,
-    pub(crate) exclusions: Option<&'a Bound<'py, Exclusions>>,
-}
-
-/// The spheres of a call, borrowed from the arrays that were given.
-pub(crate) struct Given<'py> {
-    spheres: Layout<'py>,
-    species: Option<PyReadonlyArray1<'py, u32>>,
-    groups: Option<PyReadonlyArray1<'py, u32>>,
-    exclusions: Option<Arc<lazygrid::Exclusions>>,
-}
-
-enum Layout<'py> {
-    Rows(PyReadonlyArray2<'py, f32>),
-    Columns([PyReadonlyArray1<'py, f32>; 4]),
-}
-
-impl<'py> Given<'py> {
-    /// Rows of shape `(n, 4)`, or a tuple of four columns; and what is said of each.
-    ///
-    /// # Errors
-    /// `TypeError` for values that would have to be rounded where `cast` does not say so; `InputError` for another
-    /// shape.
-    pub(crate) fn new(spheres: &Bound<'py, PyAny>, said: Said<'_, 'py>, cast: bool) -> PyResult<Self> {
-        Self::named(spheres, said, cast, ["spheres", "x", "y", "z", "r", "species", "groups"])
-    }
-
-    /// The first of two sets, and the second, as [`new`](Self::new); messages name the set.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub(crate) fn two(
-        [given_a, given_b]: [&Bound<'py, PyAny>; 2],
-        [of_a, of_b]: [Said<'_, 'py>; 2],
-        cast: bool,
-    ) -> PyResult<[Self; 2]> {
-        let a = ["a", "a[0]", "a[1]", "a[2]", "a[3]", "species_a", "groups_a"];
-        let b = ["b", "b[0]", "b[1]", "b[2]", "b[3]", "species_b", "groups_b"];
-        Ok([Self::named(given_a, of_a, cast, a)?, Self::named(given_b, of_b, cast, b)?])
-    }
-
-    fn named(
-        spheres: &Bound<'py, PyAny>,
-        said: Said<'_, 'py>,
-        cast: bool,
-        [all, x, y, z, r, ids, groups]: [&str; 7],
-    ) -> PyResult<Self> {
-        let layout = match spheres.cast::<PyTuple>() {
-            Ok(columns) if columns.len() == 4 => {
-                let column = |k: usize, name| floats::<Ix1>(&columns.get_item(k)?, name, cast);
-                Layout::Columns([column(0, x)?, column(1, y)?, column(2, z)?, column(3, r)?])
-            }
-            _ => {
-                let rows = floats::<Ix2>(spheres, all, cast)?;
-                let width = rows.shape()[1];
-                if width != 4 {
-                    let message = format!(
-                        "`{all}` has {width} columns where 4 are needed: x, y, z and r; for points of one radius see \
-                         lazygrid.pairs"
-                    );
-                    return Err(error::array(message));
-                }
-                Layout::Rows(rows)
-            }
-        };
-        let species = said.species.map(|given| whole(given, ids)).transpose()?;
-        let groups = said.groups.map(|given| whole(given, groups)).transpose()?;
-        let exclusions = said.exclusions.map(|given| given.get().list());
-        Ok(Self { spheres: layout, species, groups, exclusions })
-    }
-
-    /// The pairs that are left out, for as long as they are needed.
-    pub(crate) fn exclusions(&self) -> Option<Arc<lazygrid::Exclusions>> {
-        self.exclusions.clone()
-    }
-
-    /// The spheres where they lie.
-    ///
-    /// # Errors
-    /// `InputError` for columns or ids of different lengths.
-    pub(crate) fn spheres(&self) -> PyResult<Spheres<'_>> {
-        self.borrowed()?.map_err(error::input)
-    }
-
-    /// The same of the second of two sets, which is named.
-    ///
-    /// # Errors
-    /// As [`spheres`](Self::spheres).
-    pub(crate) fn second(&self) -> PyResult<Spheres<'_>> {
-        self.borrowed()?.map_err(|wrong| error::input(InputError::Second(Box::new(wrong))))
-    }
-
-    fn borrowed(&self) -> PyResult<Result<Spheres<'_>, InputError>> {
-        let spheres = match &self.spheres {
-            Layout::Rows(rows) => Ok(Spheres::from(rows.as_slice()?.as_chunks::<4>().0)),
-            Layout::Columns([x, y, z, r]) => {
-                Spheres::columns(x.as_slice()?, y.as_slice()?, z.as_slice()?, r.as_slice()?)
-            }
-        };
-        let species = self.species.as_ref().map(|ids| ids.as_slice()).transpose()?;
-        let groups = self.groups.as_ref().map(|ids| ids.as_slice()).transpose()?;
-        let labelled = || {
-            let spheres = spheres?;
-            let spheres = species.map_or(Ok(spheres), |ids| spheres.with_species(ids))?;
-            let spheres = groups.map_or(Ok(spheres), |ids| spheres.with_groups(ids))?;
-            self.exclusions.as_deref().map_or(Ok(spheres), |pairs| spheres.with_exclusions(pairs))
-        };
-        Ok(labelled())
-    }
-}
-
-/// An array of `f32` in one piece: the one that is given if it is such, else a copy.
-fn floats<'py, D: Dimension>(
-    given: &Bound<'py, PyAny>,
-    what: &str,
-    cast: bool,
-) -> PyResult<PyReadonlyArray<'py, f32, D>> {
-    if let Ok(array) = given.cast::<PyArray<f32, D>>()
-        && in_one_piece(array)
-    {
-        return readable(array, what);
-    }
-    let dimensions = D::NDIM.unwrap_or_default();
-    let copied = of_package(given.py())?
-        .call_method1(intern!(given.py(), "floats"), (given, what, dimensions, cast))?;
-    readable(copied.cast::<PyArray<f32, D>>()?, what)
-}
-
-/// An array of `u32` in one piece: the one that is given if it is such, else a copy.
+/// Borrows an array of `u32` in one piece: the given one if it is such, else a copy.
 ///
 /// # Errors
-/// `TypeError` for what are no whole numbers; `InputError` for those that do not fit, and for another shape.
-pub(crate) fn whole<'py>(given: &Bound<'py, PyAny>, what: &str) -> PyResult<PyReadonlyArray1<'py, u32>> {
-    of_type(given, what, "whole")
+/// `TypeError` for values that are not whole numbers; `InputError` for values out of range, and for another shape.
+pub(crate) fn whole<'py>(
+    given: &Bound<'py, PyAny>,
+    name: impl Display,
+) -> PyResult<PyReadonlyArray1<'py, u32>> {
+    of_type(given, name, "whole")
 }
 
-/// The same of shape `(m, 2)`.
+/// Borrows an array of `u32` of shape `(m, 2)` in one piece.
 ///
 /// # Errors
 /// As [`whole`].
 pub(crate) fn whole_pairs<'py>(
     given: &Bound<'py, PyAny>,
-    what: &str,
+    name: &str,
 ) -> PyResult<PyReadonlyArray2<'py, u32>> {
-    // The package looks at the shape.
-    let checked = of_package(given.py())?.call_method1(intern!(given.py(), "pairs"), (given, what))?;
-    readable(checked.cast::<PyArray2<u32>>()?, what)
+    // The package checks the shape.
+    let checked = package(given.py())?.call_method1(intern!(given.py(), "pairs"), (given, name))?;
+    readable(checked.cast::<PyArray2<u32>>()?, name)
 }
 
-/// An array of `u64` in one piece: the one that is given if it is such, else a copy.
+/// Borrows an array of `u64` in one piece: the given one if it is such, else a copy.
 ///
 /// # Errors
 /// As [`whole`].
-pub(crate) fn offsets<'py>(given: &Bound<'py, PyAny>, what: &str) -> PyResult<PyReadonlyArray1<'py, u64>> {
-    of_type(given, what, "offsets")
+pub(crate) fn offsets<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArray1<'py, u64>> {
+    of_type(given, name, "offsets")
 }
 
-/// An array of one type, in one piece; `copy` is the function of the package that makes one.
+/// Borrows an array of one type, in one piece; `copy` is the function of the package that makes one.
 fn of_type<'py, T: Element>(
     given: &Bound<'py, PyAny>,
-    what: &str,
+    name: impl Display,
     copy: &str,
 ) -> PyResult<PyReadonlyArray1<'py, T>> {
     if let Ok(array) = given.cast::<PyArray1<T>>()
         && in_one_piece(array)
     {
-        return readable(array, what);
+        return readable(array, name);
     }
-    let copied = of_package(given.py())?.call_method1(copy, (given, what))?;
-    readable(copied.cast::<PyArray1<T>>()?, what)
+    let copied = package(given.py())?.call_method1(copy, (given, name.to_string()))?;
+    readable(copied.cast::<PyArray1<T>>()?, name)
 }
 
-/// Whether an array can be read as a slice.
+/// Returns `true` if an array can be read as a slice.
 fn in_one_piece<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> bool {
     array.is_c_contiguous() && array.is_aligned()
 }
 
-fn readable<'py, T: Element, D: Dimension>(
+/// Borrows an array for reading.
+///
+/// # Errors
+/// `InputError` if another call is writing to it.
+pub(crate) fn readable<'py, T: Element, D: Dimension>(
     array: &Bound<'py, PyArray<T, D>>,
-    what: &str,
+    name: impl Display,
 ) -> PyResult<PyReadonlyArray<'py, T, D>> {
-    array.try_readonly().map_err(|_| error::array(format!("`{what}` is being written to by another call")))
+    array.try_readonly().map_err(|_| error::array(format!("`{name}` is being written to by another call")))
 }
 
-/// What Python says better about arrays.
-fn of_package(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
+/// The module `lazygrid._arrays`, which converts what cannot be read in place.
+pub(crate) fn package(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     static MODULE: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
     let module =
         MODULE.get_or_try_init(py, || PyModule::import(py, "lazygrid._arrays").map(Bound::unbind))?;
     Ok(module.bind(py))
 }
 
-/// An array that is made here, with nothing in it yet.
+/// Creates an array with uninitialized values.
 ///
 /// # Errors
 /// `MemoryError`.
@@ -227,7 +101,7 @@ pub(crate) fn empty<'py, T: Element, D: Dimension>(
     Ok(empty.bind(py).call1((shape, numpy::dtype::<T>(py)))?.cast_into()?)
 }
 
-/// A copy of values as an array.
+/// Copies values into a new array.
 ///
 /// # Errors
 /// `MemoryError`.
@@ -240,7 +114,7 @@ pub(crate) fn copied<'py, T: Element + Copy>(
     Ok(array)
 }
 
-/// Pairs as an array of shape `(m, 2)`: a new one, or the first rows of `out`.
+/// Returns pairs as an array of shape `(m, 2)`: a new one, or the first rows of `out`.
 ///
 /// # Errors
 /// `MemoryError`; `InputError` for an `out` that cannot be written to, `TooManyPairs` for one that is too small.
@@ -271,7 +145,7 @@ pub(crate) fn pairs<'py>(
     out.get_item(pyo3::types::PySlice::new(py, 0, found.len() as isize, 1))
 }
 
-/// Records of `width` numbers each as an array with a row for each, without a copy where their memory can be taken over.
+/// Returns records of `width` numbers as an array with a row for each, without a copy if the array can own their memory.
 ///
 /// # Errors
 /// `MemoryError`.
@@ -288,7 +162,10 @@ pub(crate) fn rows<'py, S: NoUninit + bytemuck::AnyBitPattern, T: Element + byte
     flat.reshape([count, width])
 }
 
-/// Whether the lengths of `columns` are those of the spheres; for messages that name the column.
+/// Checks the length of a column.
+///
+/// # Errors
+/// `InputError`, which names the column.
 pub(crate) fn same_length(what: &'static str, length: usize, expected: usize) -> PyResult<()> {
     match length == expected {
         true => Ok(()),

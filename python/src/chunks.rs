@@ -1,19 +1,19 @@
 //! The class `Chunks`: the pairs of a stream, a chunk at a time.
 //!
 //! A thread searches and sends chunks through a channel that holds two; when it is full the search waits. The thread
-//! works on a copy of the spheres, since whoever takes the chunks may move the spheres meanwhile.
+//! works on a copy of the spheres, since the caller may move the spheres between two chunks.
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
-use lazygrid::{Error, Exclusions, Pair, Sphere, Spheres};
+use lazygrid::{Error, Exclusions, Pair, Query, Sphere, Spheres};
 use pyo3::prelude::*;
 
-use crate::arrays::Given;
 use crate::call::GLANCE;
 use crate::engines::{Lease, Stopper};
+use crate::spheres::BorrowedQuery;
 use crate::{arrays, error};
 
 /// Chunks that wait to be taken.
@@ -21,7 +21,7 @@ const AHEAD: usize = 2;
 
 type Sent = Result<Vec<Pair>, Error>;
 
-/// An iterator over chunks of pairs, uint32 of shape ``(k, 2)``, from :meth:`Detector.stream` and its like.
+/// An iterator over chunks of pairs, uint32 of shape ``(k, 2)``, from :meth:`Detector.stream`.
 ///
 /// A thread searches ahead by some chunks. ``close``, the end of a ``with`` block, and dropping the iterator end it.
 #[pyclass(frozen, module = "lazygrid")]
@@ -32,21 +32,15 @@ pub(crate) struct Chunks {
 }
 
 impl Chunks {
-    /// Begins the search, of one set or between two.
-    pub(crate) fn start(
-        lease: Lease,
-        given: &Given<'_>,
-        second: Option<&Given<'_>>,
-        chunk: usize,
-    ) -> PyResult<Self> {
-        let copied = Copied::new(given.spheres()?, given.exclusions()).map_err(error::engine)?;
-        let copy = |given: &Given<'_>| Copied::new(given.second()?, None).map_err(error::engine);
-        let second = second.map(copy).transpose()?;
+    /// Begins the search.
+    pub(crate) fn start(lease: Lease, borrowed: &BorrowedQuery<'_>, chunk: usize) -> PyResult<Self> {
+        let query = borrowed.query()?;
+        let owned = OwnedQuery::new(&query, borrowed.exclusions()).map_err(error::engine)?;
         lease.keep_report();
         let stopper = lease.stopper();
         let (to, chunks) = sync_channel(AHEAD);
         let thread = thread::Builder::new().name("lazygrid stream".into());
-        let spawned = thread.spawn(move || search(lease, &copied, second.as_ref(), chunk, &to));
+        let spawned = thread.spawn(move || search(lease, &owned, chunk, &to));
         spawned
             .map_err(|refused| error::engine(Error::Threads { threads: 1, reason: refused.to_string() }))?;
         Ok(Self { chunks: Mutex::new(Some(chunks)), stopper })
@@ -67,7 +61,7 @@ impl Chunks {
     }
 
     fn end(&self) {
-        // First the channel: who waits for room in it sees that nobody wants more.
+        // The channel first: a search that waits to send then ends.
         drop(self.chunks.lock().unwrap_or_else(PoisonError::into_inner).take());
         self.stopper.stop();
     }
@@ -114,59 +108,85 @@ impl Drop for Chunks {
     }
 }
 
-/// Spheres of one's own.
-struct Copied {
-    rows: Vec<Sphere>,
-    species: Option<Vec<u32>>,
-    groups: Option<Vec<u32>>,
+/// A query that a thread owns.
+struct OwnedQuery {
+    first: OwnedSpheres,
+    second: Option<OwnedSpheres>,
     exclusions: Option<Arc<Exclusions>>,
 }
 
-impl Copied {
-    fn new(spheres: Spheres<'_>, exclusions: Option<Arc<Exclusions>>) -> Result<Self, Error> {
-        let mut rows = room(spheres.len(), "copied spheres")?;
-        match spheres.as_rows() {
-            Some(given) => rows.extend_from_slice(given),
-            None => rows.extend(spheres.iter()),
-        }
-        let copy = |ids: &[u32]| {
-            let mut copied = room(ids.len(), "copied species and groups")?;
-            copied.extend_from_slice(ids);
-            Ok::<_, Error>(copied)
+impl OwnedQuery {
+    /// Copies the spheres of a query.
+    fn new(query: &Query<'_>, exclusions: Option<Arc<Exclusions>>) -> Result<Self, Error> {
+        let first = OwnedSpheres::new(query.first())?;
+        Ok(Self { first, second: query.second().map(OwnedSpheres::new).transpose()?, exclusions })
+    }
+
+    fn query(&self) -> Result<Query<'_>, Error> {
+        let first = self.first.spheres()?;
+        let query = match &self.second {
+            None => Query::new(first),
+            Some(second) => Query::new((first, second.spheres()?)),
         };
+        Ok(self.exclusions.as_deref().map_or(query, |pairs| query.without(pairs)))
+    }
+}
+
+/// A set of spheres that a thread owns.
+struct OwnedSpheres {
+    rows: Rows,
+    species: Option<Vec<u32>>,
+    groups: Option<Vec<u32>>,
+}
+
+enum Rows {
+    F32(Vec<Sphere>),
+    F64(Vec<[f64; 4]>),
+}
+
+impl OwnedSpheres {
+    /// Copies spheres, in their precision.
+    fn new(spheres: Spheres<'_>) -> Result<Self, Error> {
+        const WHAT: &str = "copied spheres";
+        let rows = match spheres.is_f64() {
+            true => Rows::F64(collected((0..spheres.len()).map(|i| spheres.get_f64(i)), WHAT)?),
+            false => Rows::F32(collected(spheres.iter(), WHAT)?),
+        };
+        let copy = |ids: &[u32]| collected(ids.iter().copied(), "copied species and groups");
         let species = spheres.species().map(copy).transpose()?;
-        let groups = spheres.groups().map(copy).transpose()?;
-        Ok(Self { rows, species, groups, exclusions })
+        Ok(Self { rows, species, groups: spheres.groups().map(copy).transpose()? })
     }
 
     fn spheres(&self) -> Result<Spheres<'_>, Error> {
-        let spheres = Spheres::from(&self.rows);
+        let spheres = match &self.rows {
+            Rows::F32(rows) => Spheres::from(rows),
+            Rows::F64(rows) => Spheres::from(rows),
+        };
         let spheres = self.species.as_ref().map_or(Ok(spheres), |ids| spheres.with_species(ids))?;
-        let spheres = self.groups.as_ref().map_or(Ok(spheres), |ids| spheres.with_groups(ids))?;
-        Ok(self.exclusions.as_ref().map_or(Ok(spheres), |pairs| spheres.with_exclusions(pairs))?)
+        Ok(self.groups.as_ref().map_or(Ok(spheres), |ids| spheres.with_groups(ids))?)
     }
 }
 
-/// Room for so many values.
-fn room<T>(count: usize, what: &'static str) -> Result<Vec<T>, Error> {
-    let mut values = Vec::new();
-    let bytes = (count * size_of::<T>()) as u64;
-    values.try_reserve_exact(count).map_err(|_| Error::OutOfMemory { what, bytes })?;
-    Ok(values)
+/// Collects values.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+fn collected<T>(values: impl ExactSizeIterator<Item = T>, what: &'static str) -> Result<Vec<T>, Error> {
+    let mut all = Vec::new();
+    let bytes = (values.len() * size_of::<T>()) as u64;
+    all.try_reserve_exact(values.len()).map_err(|_| Error::OutOfMemory { what, bytes })?;
+    all.extend(values);
+    Ok(all)
 }
 
-/// Sends the pairs, and last of all why there are no more if that is an error.
-fn search(mut lease: Lease, copied: &Copied, second: Option<&Copied>, chunk: usize, to: &SyncSender<Sent>) {
+/// Sends the pairs, and at the end the error if there is one.
+fn search(mut lease: Lease, owned: &OwnedQuery, chunk: usize, to: &SyncSender<Sent>) {
     let mut refused = None;
     let send = |pairs: &[Pair]| {
-        let own = room(pairs.len(), "a chunk of pairs").map(|mut own| {
-            own.extend_from_slice(pairs);
-            own
-        });
-        let sent = own.map(|own| to.send(Ok(own)).is_ok());
+        let sent = collected(pairs.iter().copied(), "a chunk of pairs").map(|own| to.send(Ok(own)).is_ok());
         match sent {
             Ok(true) => ControlFlow::Continue(()),
-            // Nobody wants more.
+            // The iterator was closed.
             Ok(false) => ControlFlow::Break(()),
             Err(error) => {
                 refused = Some(error);
@@ -175,16 +195,11 @@ fn search(mut lease: Lease, copied: &Copied, second: Option<&Copied>, chunk: usi
         }
     };
     let detector = lease.parts().0;
-    let streamed = match second {
-        None => copied.spheres().and_then(|spheres| detector.stream(spheres, chunk, send)),
-        Some(second) => {
-            copied.spheres().and_then(|a| detector.stream_between(a, second.spheres()?, chunk, send))
-        }
-    };
-    // Whoever sees the end can use the engine again, and read its report.
+    let streamed = owned.query().and_then(|query| detector.stream(query, chunk, send));
+    // Before the caller sees the end, so that it can use the engine again, and read its report.
     drop(lease);
     if let Some(error) = refused.or(streamed.err()) {
-        // Where nobody listens nobody wants to know.
+        // A closed iterator receives no error.
         let _ = to.send(Err(error));
     }
 }

@@ -5,60 +5,64 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{self, Given, Said};
+use crate::arrays;
 use crate::call::call;
 use crate::chunks::Chunks;
 use crate::engines::Engines;
 use crate::exclusions::Exclusions;
 use crate::interactions::Interactions;
 use crate::settings::Settings;
+use crate::spheres::{Arguments, BorrowedQuery};
 use crate::{error, report};
 
-/// Finds all pairs of overlapping spheres, call after call, reusing its buffers.
+/// Finds all pairs of overlapping spheres, call after call, and reuses its buffers.
 ///
-/// Two spheres are a pair where their centres are at most ``ri + rj`` apart; touching counts. Spheres are
+/// Two spheres are a pair if their centers are at most ``ri + rj`` apart; touching counts. A set of spheres is
 ///
-/// - an array of float32 and of shape ``(n, 4)``, with rows ``x, y, z, r``; or
-/// - a tuple of four arrays of float32, of shape ``(n,)``: ``x``, ``y``, ``z`` and ``r``,
+/// - an array of shape ``(n, 4)`` with rows ``x, y, z, r``; or
+/// - a tuple of four arrays of shape ``(n,)``: ``(x, y, z, r)``; or
+/// - a tuple ``(positions, radii)`` of an array of shape ``(n, 3)``, and an array of shape ``(n,)`` or one number. For all
+///   pairs of points within a distance ``d``, give the radius ``d / 2``.
 ///
-/// all in one length unit, anywhere in space. Arrays in one piece are read where they lie; others are copied first.
-/// Whatever float32 cannot hold, such as float64, is a ``TypeError``, unless ``cast=True`` has it rounded.
+/// Arrays are float32 or float64, in one length unit, anywhere in space. No number is rounded. Arrays in native byte order
+/// with strides that are multiples of the item size are read in place, such as columns of a larger array; others are
+/// copied. Of two types in one set, float32 values are copied to float64. float32 is faster. Other types are a
+/// ``TypeError``.
 ///
-/// Any number of threads may use one detector at a time: while a call runs the interpreter's lock is released. The
-/// arrays of a call must not be written to before it returns. Ctrl-C ends a long call on the CPU.
+/// Any number of threads may use one detector at a time: a call releases the interpreter's lock while it runs. The arrays
+/// of a call must not be written to before it returns. Ctrl-C ends a long call on the CPU.
 ///
 /// Parameters
 /// ----------
 /// backend
-///     Where to run. ``"auto"`` takes a GPU where there is one; ``"cpu"`` and ``"gpu"`` never fall back.
+///     Where to run. ``"auto"`` takes a GPU if there is one; ``"cpu"`` and ``"gpu"`` never fall back.
 /// algorithm
-///     How to search; all find the same pairs.
+///     How to search; all algorithms find the same pairs.
 /// threads
-///     Threads of the CPU; by default all.
+///     The number of CPU threads; by default all.
 /// periodic
-///     The length of each periodic axis, in the unit of the spheres, as float32; ``None`` for one that is unbounded:
-///     ``(10.0, 10.0, None)``. Coordinates need not lie in the box. Of a box that leans, the edges:
-///     ``((10.0, 0.0, 0.0), (4.0, 10.0, 0.0), None)``, or the cell of ASE as it is where it is periodic along all edges.
+///     The length of each periodic axis, in the unit of the spheres, as float64; ``None`` for an unbounded axis:
+///     ``(10.0, 10.0, None)``. Coordinates need not lie in the box. For a triclinic box, its cell vectors:
+///     ``((10.0, 0.0, 0.0), (4.0, 10.0, 0.0), None)``, or the cell of ASE if it is periodic along all vectors.
 /// order
-///     ``"canonical"``: by ``i``, then ``j``. ``"unordered"`` spares the ordering.
+///     ``"canonical"``: by ``i``, then ``j``. ``"unordered"`` omits the sort.
 /// interactions
 ///     Which species pair, and at which distance; spheres then need species ids.
 /// max_pairs
-///     The most pairs a list may hold, by default 2**29 (4 GiB); more are an error with the exact number.
+///     The most pairs a list may hold, by default 2**29 (4 GiB). More are an error with the exact number.
 /// adapter
-///     On which GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
+///     The GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
 /// skin
-///     Whether candidates, pairs that may soon overlap, are kept from call to call; an answer never depends
-///     on it. ``"auto"`` keeps them where spheres move so little that it is expected to take less time;
-///     ``"off"`` never. A number keeps the pairs that are up to this distance too far apart, until some sphere has
-///     moved by half of it.
+///     Whether a candidate list is kept from call to call; no answer depends on it. ``"auto"`` keeps one if spheres move
+///     so little that this is expected to take less time; ``"off"`` never does. A number keeps the pairs that are up to
+///     this distance, float64, too far apart, until a sphere has moved by half of it.
 ///
 /// Raises
 /// ------
 /// SettingError
-///     For a setting outside its range; for an algorithm that does not run on the backend.
+///     For a setting out of range, and for an algorithm that does not run on the backend.
 /// Error
-///     Where a GPU is asked for and cannot be used.
+///     If ``backend="gpu"`` and no GPU can be used.
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Detector {
     engines: Arc<Engines>,
@@ -93,28 +97,36 @@ impl Detector {
             None => config,
             Some(adapter) => config.adapter(crate::settings::adapter(adapter)?),
         };
-        // The backend is decided here, which may take a driver some time.
+        // Here the backend is chosen, for which a driver may need some time.
         let engines = py.detach(|| Engines::new(config, threads == Some(1))).map_err(error::engine)?;
         Ok(Self { engines })
     }
 
-    /// Return the overlapping pairs, each once, ``i < j``, in the order that was asked for.
+    /// Return the overlapping pairs, each once, in the order of the detector.
+    ///
+    /// Among one set ``i < j``. Of two sets ``i`` is an index in the first and ``j`` one in the second, and only pairs of one
+    /// sphere of each count.
+    ///
+    /// >>> detector.pairs(spheres)
+    /// >>> detector.pairs(carriers, receivers, species=(of_carriers, None))
     ///
     /// Parameters
     /// ----------
     /// spheres
-    ///     Rows of shape ``(n, 4)``, or four columns; see the class.
+    ///     The spheres, or the first of two sets; see the class for their forms.
+    /// second
+    ///     The second of two sets.
     /// species
-    ///     Where the detector has interactions: a species id per sphere, uint32 of shape ``(n,)``.
-    /// out
-    ///     Where to write the pairs: uint32 in one piece, of shape ``(k, 2)``, with room for all of them.
+    ///     If the detector has interactions: a species id per sphere, whole numbers of shape ``(n,)``. For two sets a tuple of
+    ///     two such arrays.
     /// groups
-    ///     A number per sphere, uint32 of shape ``(n,)``, such as that of its molecule: two spheres of one group are
-    ///     never a pair, but for those of ``lazygrid.NO_GROUP``.
+    ///     A number per sphere, such as that of its molecule: two spheres of one group are never a pair, unless the group is
+    ///     ``lazygrid.NO_GROUP``. Whole numbers of shape ``(n,)``. For two sets a tuple of two, either of which may be
+    ///     ``None``; equal numbers are one group.
     /// exclusions
-    ///     Pairs that are never reported, such as bonds.
-    /// cast
-    ///     Whether values of another type may be rounded to float32.
+    ///     Pairs that are never reported, such as bonds; for two sets from :meth:`Exclusions.across`.
+    /// out
+    ///     Where to write the pairs: a contiguous uint32 array of shape ``(k, 2)`` with ``k`` at least the number of pairs.
     ///
     /// Returns
     /// -------
@@ -124,287 +136,152 @@ impl Detector {
     /// Raises
     /// ------
     /// InputError
-    ///     For values that are not finite and negative radii, with the ``index``, ``value`` and ``count``; for other
-    ///     shapes and unknown species.
+    ///     For values that are not finite and for negative radii, with ``index``, ``value`` and ``count``; for other shapes
+    ///     and unknown species. ``second`` is set if the second set is at fault.
     /// TypeError
-    ///     For values that are not float32 where ``cast`` is not set.
+    ///     For arrays that are neither float32 nor float64, and for labels that are not whole numbers.
     /// TooManyPairs
-    ///     For more than ``max_pairs``, or than ``out`` has room for, with the exact number as ``found``.
+    ///     For more than ``max_pairs`` pairs, or more than ``out`` holds, with the exact number as ``found``.
     /// OutOfMemory, MemoryError
-    ///     Where memory is refused.
+    ///     If memory is refused.
     /// KeyboardInterrupt
     ///     After Ctrl-C.
-    #[pyo3(signature = (spheres, species=None, out=None, *, groups=None, exclusions=None, cast=false))]
+    #[pyo3(signature = (spheres, second=None, *, species=None, groups=None, exclusions=None, out=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn pairs<'py>(
         &self,
         spheres: &Bound<'py, PyAny>,
+        second: Option<&Bound<'py, PyAny>>,
         species: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
         groups: Option<&Bound<'py, PyAny>>,
         exclusions: Option<&Bound<'py, Exclusions>>,
-        cast: bool,
+        out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = spheres.py();
-        let given = Given::new(spheres, Said { species, groups, exclusions }, cast)?;
-        let spheres = given.spheres()?;
+        let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
+        let query = borrowed.query()?;
         let mut lease = self.engines.lease()?;
         let (detector, stop) = lease.parts();
-        let found = call(py, spheres.len(), stop, || detector.pairs(spheres))?.map_err(error::engine)?;
+        let found = call(py, query.len(), stop, || detector.pairs(query))?.map_err(error::engine)?;
         arrays::pairs(py, found, out)
     }
 
-    /// Return neighbour lists: for every sphere all that it overlaps, ascending; each pair stands in both lists.
+    /// Return neighbor lists: for every sphere all that it overlaps, ascending; each pair is in both lists.
+    ///
+    /// Of two sets, only the spheres of the first have a list, with indices in the second.
+    ///
+    /// Parameters
+    /// ----------
+    /// spheres, second, species, groups, exclusions
+    ///     As in :meth:`pairs`.
     ///
     /// Returns
     /// -------
     /// offsets
     ///     uint64 of shape ``(n + 1,)``.
     /// indices
-    ///     uint32 of shape ``(2 * m,)``. The neighbours of sphere ``k`` are ``indices[offsets[k]:offsets[k + 1]]``.
+    ///     uint32. The neighbors of sphere ``k`` are ``indices[offsets[k]:offsets[k + 1]]``.
     ///
     /// Raises
     /// ------
     /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
     ///     As :meth:`pairs`.
-    #[pyo3(signature = (spheres, species=None, *, groups=None, exclusions=None, cast=false))]
+    #[pyo3(signature = (spheres, second=None, *, species=None, groups=None, exclusions=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn neighbors<'py>(
         &self,
         spheres: &Bound<'py, PyAny>,
+        second: Option<&Bound<'py, PyAny>>,
         species: Option<&Bound<'py, PyAny>>,
         groups: Option<&Bound<'py, PyAny>>,
         exclusions: Option<&Bound<'py, Exclusions>>,
-        cast: bool,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let py = spheres.py();
-        let given = Given::new(spheres, Said { species, groups, exclusions }, cast)?;
-        let spheres = given.spheres()?;
+        let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
+        let query = borrowed.query()?;
         let mut lease = self.engines.lease()?;
         let (detector, stop) = lease.parts();
-        let lists = call(py, spheres.len(), stop, || detector.neighbors(spheres))?.map_err(error::engine)?;
-        let (offsets, indices) = (arrays::copied(py, lists.offsets)?, arrays::copied(py, lists.indices)?);
+        let lists = call(py, query.len(), stop, || detector.neighbors(query))?.map_err(error::engine)?;
+        let (offsets, indices) = (arrays::copied(py, lists.offsets())?, arrays::copied(py, lists.indices())?);
         Ok((offsets.into_any(), indices.into_any()))
     }
 
-    /// Return how many pairs there are, in memory that does not depend on their number.
+    /// Return the number of pairs. The memory it takes does not depend on that number.
+    ///
+    /// Parameters
+    /// ----------
+    /// spheres, second, species, groups, exclusions
+    ///     As in :meth:`pairs`.
     ///
     /// Raises
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
     ///     As :meth:`pairs`.
-    #[pyo3(signature = (spheres, species=None, *, groups=None, exclusions=None, cast=false))]
+    #[pyo3(signature = (spheres, second=None, *, species=None, groups=None, exclusions=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
-    fn count(
+    fn count<'py>(
         &self,
-        spheres: &Bound<'_, PyAny>,
-        species: Option<&Bound<'_, PyAny>>,
-        groups: Option<&Bound<'_, PyAny>>,
-        exclusions: Option<&Bound<'_, Exclusions>>,
-        cast: bool,
+        spheres: &Bound<'py, PyAny>,
+        second: Option<&Bound<'py, PyAny>>,
+        species: Option<&Bound<'py, PyAny>>,
+        groups: Option<&Bound<'py, PyAny>>,
+        exclusions: Option<&Bound<'py, Exclusions>>,
     ) -> PyResult<u64> {
         let py = spheres.py();
-        let given = Given::new(spheres, Said { species, groups, exclusions }, cast)?;
-        let spheres = given.spheres()?;
+        let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
+        let query = borrowed.query()?;
         let mut lease = self.engines.lease()?;
         let (detector, stop) = lease.parts();
-        call(py, spheres.len(), stop, || detector.count(spheres))?.map_err(error::engine)
+        call(py, query.len(), stop, || detector.count(query))?.map_err(error::engine)
     }
 
     /// Iterate over the pairs in arrays of at most ``chunk`` pairs, however many there are.
     ///
-    /// The spheres are copied first, so that they may be moved meanwhile, and the detector may be called. In canonical
-    /// order the detector holds up to ``max_pairs`` pairs, and searches once more for every so many; unordered chunks
-    /// come as they are found, and no more than four are in memory.
+    /// The spheres are copied first, so that you may move them meanwhile, and call the detector. In canonical order the
+    /// detector holds up to ``max_pairs`` pairs, and searches again for every further ``max_pairs``. Unordered chunks come as
+    /// they are found, with at most four in memory.
     ///
     /// >>> detector = lazygrid.Detector(order="unordered")
-    /// >>> for pairs in detector.stream(spheres, 1_000_000):
+    /// >>> for pairs in detector.stream(spheres, chunk=1_000_000):
     /// ...     histogram += numpy.bincount(pairs[:, 0], minlength=n)
+    ///
+    /// Parameters
+    /// ----------
+    /// chunk
+    ///     The most pairs per array.
+    /// spheres, second, species, groups, exclusions
+    ///     As in :meth:`pairs`.
     ///
     /// Raises
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
-    ///     As :meth:`pairs`; what is wrong with values is raised by the first ``next``.
-    #[pyo3(signature = (spheres, chunk=65536, species=None, *, groups=None, exclusions=None, cast=false))]
+    ///     As :meth:`pairs`. The first ``next`` raises errors about values.
+    #[pyo3(signature = (spheres, second=None, *, chunk=65536, species=None, groups=None, exclusions=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
-    fn stream(
+    fn stream<'py>(
         &self,
-        spheres: &Bound<'_, PyAny>,
+        spheres: &Bound<'py, PyAny>,
+        second: Option<&Bound<'py, PyAny>>,
         chunk: usize,
-        species: Option<&Bound<'_, PyAny>>,
-        groups: Option<&Bound<'_, PyAny>>,
-        exclusions: Option<&Bound<'_, Exclusions>>,
-        cast: bool,
+        species: Option<&Bound<'py, PyAny>>,
+        groups: Option<&Bound<'py, PyAny>>,
+        exclusions: Option<&Bound<'py, Exclusions>>,
     ) -> PyResult<Chunks> {
-        check_chunk(chunk)?;
-        let given = Given::new(spheres, Said { species, groups, exclusions }, cast)?;
+        if chunk == 0 {
+            return Err(error::setting("chunk = 0 is out of range; choose at least one pair per chunk"));
+        }
+        let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
         let lease = self.engines.lease()?;
-        Chunks::start(lease, &given, None, chunk)
+        Chunks::start(lease, &borrowed, chunk)
     }
 
-    /// Return the pairs of one sphere of ``a`` and one of ``b``, in the order that was asked for.
-    ///
-    /// No two spheres of one set are ever compared: particles against receivers, say. On the CPU only with
-    /// the algorithms ``"auto"``, ``"cell-list"`` and ``"naive"``.
-    ///
-    /// Parameters
-    /// ----------
-    /// a, b
-    ///     The two sets, each as the spheres of :meth:`pairs`.
-    /// species_a, species_b
-    ///     Where the detector has interactions: a species id per sphere of each set.
-    /// groups_a, groups_b
-    ///     A group per sphere of each set; the groups of both are the same where their numbers are.
-    /// exclusions
-    ///     Pairs that are never reported, made by :meth:`Exclusions.between`.
-    /// out, cast
-    ///     As in :meth:`pairs`.
-    ///
-    /// Returns
-    /// -------
-    /// numpy.ndarray
-    ///     uint32 of shape ``(m, 2)``: an index in ``a`` and one in ``b``. With ``out`` a view of its first ``m`` rows.
-    ///
-    /// Raises
-    /// ------
-    /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
-    ///     As :meth:`pairs`; an ``InputError`` about values of ``b`` has ``second`` set.
-    /// SettingError
-    ///     On the CPU for another algorithm.
-    #[pyo3(signature = (a, b, species_a=None, species_b=None, out=None, *, groups_a=None, groups_b=None,
-                        exclusions=None, cast=false))]
-    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
-    fn between<'py>(
-        &self,
-        a: &Bound<'py, PyAny>,
-        b: &Bound<'py, PyAny>,
-        species_a: Option<&Bound<'py, PyAny>>,
-        species_b: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
-        groups_a: Option<&Bound<'py, PyAny>>,
-        groups_b: Option<&Bound<'py, PyAny>>,
-        exclusions: Option<&Bound<'py, Exclusions>>,
-        cast: bool,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let py = a.py();
-        let of_a = Said { species: species_a, groups: groups_a, exclusions };
-        let of_b = Said { species: species_b, groups: groups_b, exclusions: None };
-        let [first, second] = Given::two([a, b], [of_a, of_b], cast)?;
-        let (a, b) = (first.spheres()?, second.second()?);
-        let mut lease = self.engines.lease()?;
-        let (detector, stop) = lease.parts();
-        let count = a.len() + b.len();
-        let found = call(py, count, stop, || detector.between(a, b))?.map_err(error::engine)?;
-        arrays::pairs(py, found, out)
-    }
-
-    /// Return for every sphere of ``a`` those of ``b`` that it overlaps, ascending.
-    ///
-    /// Returns
-    /// -------
-    /// offsets
-    ///     uint64 of shape ``(len(a) + 1,)``.
-    /// indices
-    ///     uint32 of shape ``(m,)``. The neighbours of sphere ``k`` are ``indices[offsets[k]:offsets[k + 1]]``.
-    ///
-    /// Raises
-    /// ------
-    /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt, SettingError
-    ///     As :meth:`between`.
-    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, groups_a=None, groups_b=None, exclusions=None,
-                        cast=false))]
-    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
-    fn neighbors_between<'py>(
-        &self,
-        a: &Bound<'py, PyAny>,
-        b: &Bound<'py, PyAny>,
-        species_a: Option<&Bound<'py, PyAny>>,
-        species_b: Option<&Bound<'py, PyAny>>,
-        groups_a: Option<&Bound<'py, PyAny>>,
-        groups_b: Option<&Bound<'py, PyAny>>,
-        exclusions: Option<&Bound<'py, Exclusions>>,
-        cast: bool,
-    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let py = a.py();
-        let of_a = Said { species: species_a, groups: groups_a, exclusions };
-        let of_b = Said { species: species_b, groups: groups_b, exclusions: None };
-        let [first, second] = Given::two([a, b], [of_a, of_b], cast)?;
-        let (a, b) = (first.spheres()?, second.second()?);
-        let mut lease = self.engines.lease()?;
-        let (detector, stop) = lease.parts();
-        let count = a.len() + b.len();
-        let lists = call(py, count, stop, || detector.neighbors_between(a, b))?.map_err(error::engine)?;
-        let (offsets, indices) = (arrays::copied(py, lists.offsets)?, arrays::copied(py, lists.indices)?);
-        Ok((offsets.into_any(), indices.into_any()))
-    }
-
-    /// Return how many pairs of one sphere of ``a`` and one of ``b`` there are.
-    ///
-    /// Raises
-    /// ------
-    /// InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
-    ///     As :meth:`between`.
-    #[pyo3(signature = (a, b, species_a=None, species_b=None, *, groups_a=None, groups_b=None, exclusions=None,
-                        cast=false))]
-    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
-    fn count_between<'py>(
-        &self,
-        a: &Bound<'py, PyAny>,
-        b: &Bound<'py, PyAny>,
-        species_a: Option<&Bound<'py, PyAny>>,
-        species_b: Option<&Bound<'py, PyAny>>,
-        groups_a: Option<&Bound<'py, PyAny>>,
-        groups_b: Option<&Bound<'py, PyAny>>,
-        exclusions: Option<&Bound<'py, Exclusions>>,
-        cast: bool,
-    ) -> PyResult<u64> {
-        let py = a.py();
-        let of_a = Said { species: species_a, groups: groups_a, exclusions };
-        let of_b = Said { species: species_b, groups: groups_b, exclusions: None };
-        let [first, second] = Given::two([a, b], [of_a, of_b], cast)?;
-        let (a, b) = (first.spheres()?, second.second()?);
-        let mut lease = self.engines.lease()?;
-        let (detector, stop) = lease.parts();
-        let count = a.len() + b.len();
-        call(py, count, stop, || detector.count_between(a, b))?.map_err(error::engine)
-    }
-
-    /// Iterate over the pairs of one sphere of ``a`` and one of ``b``, as :meth:`stream` does. Both are copied.
-    ///
-    /// Raises
-    /// ------
-    /// InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
-    ///     As :meth:`between`; what is wrong with values or the algorithm is raised by the first ``next``.
-    #[pyo3(signature = (a, b, chunk=65536, species_a=None, species_b=None, *, groups_a=None, groups_b=None,
-                        exclusions=None, cast=false))]
-    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
-    fn stream_between<'py>(
-        &self,
-        a: &Bound<'py, PyAny>,
-        b: &Bound<'py, PyAny>,
-        chunk: usize,
-        species_a: Option<&Bound<'py, PyAny>>,
-        species_b: Option<&Bound<'py, PyAny>>,
-        groups_a: Option<&Bound<'py, PyAny>>,
-        groups_b: Option<&Bound<'py, PyAny>>,
-        exclusions: Option<&Bound<'py, Exclusions>>,
-        cast: bool,
-    ) -> PyResult<Chunks> {
-        check_chunk(chunk)?;
-        let of_a = Said { species: species_a, groups: groups_a, exclusions };
-        let of_b = Said { species: species_b, groups: groups_b, exclusions: None };
-        let [first, second] = Given::two([a, b], [of_a, of_b], cast)?;
-        let lease = self.engines.lease()?;
-        Chunks::start(lease, &first, Some(&second), chunk)
-    }
-
-    /// Return an estimate of the bytes that the detector holds for so many spheres, besides the result.
+    /// Return an estimate of the bytes that the detector holds for this number of spheres, besides the result.
     fn memory_for(&self, spheres: u64) -> PyResult<u64> {
         let mut lease = self.engines.lease()?;
         Ok(lease.parts().0.memory_for(spheres))
     }
 
-    /// What the call that ended last did and why; before the first, what is known by then. Times in seconds.
+    /// What the call that ended last did and why; before the first call, what is known by then. Times are in seconds.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         report::dict(py, &self.engines.report())
@@ -413,13 +290,5 @@ impl Detector {
     fn __repr__(&self) -> String {
         let report = self.engines.report();
         format!("<lazygrid.Detector: {} on {}>", report.algorithm, report.adapter.as_deref().unwrap_or("cpu"))
-    }
-}
-
-/// Refuses chunks without pairs.
-fn check_chunk(chunk: usize) -> PyResult<()> {
-    match chunk {
-        0 => Err(error::setting("chunk = 0 is out of range; choose at least one pair per chunk")),
-        _ => Ok(()),
     }
 }

@@ -19,7 +19,7 @@ fn exception(class: &str, message: String, attributes: &[(&str, Attribute)]) -> 
                     Attribute::Whole(value) => raised.setattr(*name, value)?,
                     Attribute::Truth(value) => raised.setattr(*name, value)?,
                     Attribute::Numbers(values) => {
-                        raised.setattr(*name, values.as_slice().into_pyobject(py)?)?
+                        raised.setattr(*name, values.to_vec().into_pyobject(py)?)?
                     }
                 }
             }
@@ -33,7 +33,7 @@ fn exception(class: &str, message: String, attributes: &[(&str, Attribute)]) -> 
 enum Attribute {
     Whole(u64),
     Truth(bool),
-    Numbers(Vec<f32>),
+    Numbers([f64; 4]),
 }
 
 /// What the engine says, as an exception.
@@ -76,21 +76,18 @@ pub(crate) fn input(error: InputError) -> PyErr {
 fn described(error: InputError) -> (String, Vec<(&'static str, Attribute)>) {
     let message = match error {
         InputError::SpeciesMissing => {
-            "interactions are set but the spheres have no species ids; give them as species=, those of two sets as \
-             species_a= and species_b="
+            "interactions are set but the spheres have no species ids; add species=ids, for two sets \
+             species=(ids, ids_of_second)"
                 .to_owned()
         }
         ref error => error.to_string(),
     };
     let attributes = match error {
-        InputError::Sphere { index, sphere, count, .. } => {
-            let value = vec![sphere.center.x, sphere.center.y, sphere.center.z, sphere.radius];
-            vec![
-                ("index", Attribute::Whole(index.into())),
-                ("value", Attribute::Numbers(value)),
-                ("count", Attribute::Whole(count)),
-            ]
-        }
+        InputError::Sphere { index, center: [x, y, z], radius, count, .. } => vec![
+            ("index", Attribute::Whole(index.into())),
+            ("value", Attribute::Numbers([x, y, z, radius])),
+            ("count", Attribute::Whole(count)),
+        ],
         InputError::SpeciesId { index: Some(index), id, .. } => {
             vec![("index", Attribute::Whole(index.into())), ("value", Attribute::Whole(id.into()))]
         }

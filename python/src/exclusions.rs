@@ -7,24 +7,24 @@ use pyo3::prelude::*;
 
 use crate::{arrays, error};
 
-/// Pairs that are never reported, whatever their spheres: bonds, say.
+/// Pairs that a search never reports, such as bonds.
 ///
-/// They are given with the spheres, ``detector.pairs(spheres, exclusions=bonds)``, and serve all calls with as many of
-/// them; when spheres come or go, make them anew. Where whole molecules are left out, ``groups`` cost less.
+/// Pass them to a search, ``detector.pairs(spheres, exclusions=bonds)``. They serve all calls with the same number of
+/// spheres; make new ones when the number changes. To exclude whole molecules, ``groups`` cost less.
 ///
 /// >>> bonds = lazygrid.Exclusions(len(spheres), [(0, 1), (1, 2)])
 ///
 /// Parameters
 /// ----------
 /// spheres
-///     How many spheres there are.
+///     The number of spheres.
 /// pairs
-///     Indices of spheres, whole numbers of shape ``(m, 2)``; in either order, or both, and more than once.
+///     Indices of spheres, whole numbers of shape ``(m, 2)``, in any order. A pair may repeat.
 ///
 /// Raises
 /// ------
 /// InputError
-///     For an index that is of no sphere, and another shape.
+///     For an index out of range, and for another shape.
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Exclusions {
     list: Arc<lazygrid::Exclusions>,
@@ -54,24 +54,24 @@ impl Exclusions {
         Self::made(py, || lazygrid::Exclusions::new(spheres as usize, pairs.iter().map(|&[i, j]| (i, j))))
     }
 
-    /// Return pairs of one sphere of each of two sets, for :meth:`Detector.between` and its like.
+    /// Return exclusions for searches of two sets: pairs of one sphere of each.
     ///
     /// Parameters
     /// ----------
     /// first, second
-    ///     How many spheres the two sets have.
+    ///     The numbers of spheres of the two sets.
     /// pairs
-    ///     An index in the first and one in the second, whole numbers of shape ``(m, 2)``.
+    ///     An index in the first set and one in the second, whole numbers of shape ``(m, 2)``.
     ///
     /// Raises
     /// ------
     /// InputError
     ///     As the class.
     #[staticmethod]
-    fn between(py: Python<'_>, first: u32, second: u32, pairs: &Bound<'_, PyAny>) -> PyResult<Self> {
+    fn across(py: Python<'_>, first: u32, second: u32, pairs: &Bound<'_, PyAny>) -> PyResult<Self> {
         let given = arrays::whole_pairs(pairs, "pairs")?;
         let pairs = given.as_slice()?.as_chunks::<2>().0.iter().map(|&[i, j]| (i, j));
-        Self::made(py, || lazygrid::Exclusions::between(first as usize, second as usize, pairs))
+        Self::made(py, || lazygrid::Exclusions::across(first as usize, second as usize, pairs))
     }
 
     /// Return the pairs of compressed rows, as :meth:`Detector.neighbors` returns them.

@@ -1,4 +1,4 @@
-//! Images of atoms in a periodic cell of any shape: which one is near enough, in `f64`, and which one is near the origin.
+//! Images of atoms in a periodic cell of any shape: the nearest one, in `f64`.
 
 use pyo3::prelude::*;
 
@@ -14,7 +14,6 @@ pub(crate) struct Images {
 pub(crate) struct Edge {
     /// How many of each vector of the cell it is.
     of_cell: [i64; 3],
-    edge: [f64; 3],
     /// How many of this edge lie between two points: the scalar product of their difference with this.
     dual: [f64; 3],
     /// How many of this edge, at most, lie between points that are nearer than the cutoff.
@@ -26,8 +25,8 @@ impl<'py> FromPyObject<'_, 'py> for Edge {
     type Error = PyErr;
 
     fn extract(given: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let (of_cell, edge, dual) = given.extract()?;
-        Ok(Self { of_cell, edge, dual, reach: 0.0 })
+        let (of_cell, dual) = given.extract()?;
+        Ok(Self { of_cell, dual, reach: 0.0 })
     }
 }
 
@@ -85,29 +84,12 @@ impl Images {
         let vector: [f64; 3] = std::array::from_fn(|axis| difference[axis] + moved(axis));
         Bond { shift, vector, distance: length(vector) }
     }
-
-    /// The image of a point that is near the origin, as far as there are edges.
-    pub(crate) fn wrap(&self, mut position: [f64; 3]) -> [f64; 3] {
-        for Edge { edge, dual, .. } in &self.edges {
-            // To other edges this dual is orthogonal, so that none disturbs what the ones before did.
-            let turns = dot(*dual, position).round();
-            for axis in 0..3 {
-                position[axis] -= turns * edge[axis];
-            }
-        }
-        position
-    }
-
-    /// The edges of the reduced cell.
-    pub(crate) fn edges(&self) -> impl Iterator<Item = [f64; 3]> {
-        self.edges.iter().map(|edge| edge.edge)
-    }
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-pub(crate) fn length(vector: [f64; 3]) -> f64 {
+fn length(vector: [f64; 3]) -> f64 {
     dot(vector, vector).sqrt()
 }

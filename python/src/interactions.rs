@@ -88,7 +88,7 @@ fn interaction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Interaction> {
     if given.extract::<&str>().is_ok_and(|word| word == "touch") {
         return Ok(Interaction::Touch);
     }
-    let distance = given.extract::<f32>();
+    let distance = given.extract::<f64>();
     distance.map(Interaction::Within).map_err(|_| {
         PyTypeError::new_err("an interaction is None (never), \"touch\" (within ri + rj) or a distance")
     })

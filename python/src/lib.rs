@@ -11,6 +11,7 @@ mod detector;
 mod engines;
 mod error;
 mod exclusions;
+mod floats;
 mod fork;
 mod images;
 mod interactions;
@@ -19,6 +20,7 @@ mod read;
 mod report;
 mod settings;
 mod simulate;
+mod spheres;
 
 #[pyo3::pymodule(name = "_lazygrid", gil_used = false)]
 mod module {

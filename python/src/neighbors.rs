@@ -1,14 +1,22 @@
-//! Neighbour lists in double precision, as ASE has them.
+//! Neighbor lists in double precision, as ASE has them.
 //!
-//! The search runs in `f32`, with reaches that are wider than all its rounding can be; what it finds is then decided in
-//! `f64`, with the operations of ASE in their order, so that the results are the same to the last bit.
+//! The search finds all pairs of atoms at most the cutoff apart, in `f64`. The operations of ASE, in their order, then decide,
+//! so that the results are the same to the last bit.
+//!
+//! # Correctness
+//!
+//! 1. With a cutoff `c`, ASE keeps atoms if `√d < c` for the sum of squares `d` of the vector `v` between them. The search
+//!    keeps them if `d ≤ c·c`, and computes `v` from the given cell by the same expression.
+//! 2. The root is rounded to nearest. If it is below `c`, so is the exact root, hence `d < c²`. Rounding `c²` to nearest does
+//!    not take it below `d`, which is a number of the same type.
+//! 3. No image of an atom is nearer to another one than two cutoffs. So both expressions choose the same image of a pair that
+//!    ASE keeps, or two images that are equally far apart.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use lazygrid::glam::Vec3;
 use lazygrid::{
-    Backend, Config, Detector, Error, Interaction, Interactions, Neighbors, Space, Sphere, Spheres,
+    Backend, Config, Detector, Error, InputError, Interaction, Interactions, Neighbors, Radii, Space, Spheres,
 };
 use numpy::ndarray::{Dimension, Ix1, Ix2};
 use numpy::{
@@ -21,27 +29,17 @@ use rayon::prelude::*;
 
 use crate::arrays::{empty, same_length};
 use crate::call::call;
-use crate::images::{Bond, Edge, Images, length};
+use crate::images::{Bond, Edge, Images};
 use crate::{error, fork};
 
 /// Atoms per piece of work.
 const PIECE: usize = 1 << 10;
-
-/// How far `f32` may be off, per length of the largest coordinate or of all edges: on each of three axes two coordinates
-/// are rounded by 2⁻²⁴ of theirs or less, and so is each edge, of which no more than one lies between atoms that were
-/// brought near the origin; this is more than twice their sum.
-const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
-
-/// The same of `f64`, for bringing atoms there, per length of the largest coordinate they had.
-const ROUNDING_OF_FAR: f64 = 1.0 / (1_u64 << 48) as f64;
 
 /// Atoms, the box they are in, and who is whose neighbour.
 struct Atoms<'a> {
     positions: &'a [[f64; 3]],
     images: Images,
     cutoffs: Cutoffs<'a>,
-    /// The largest cutoff, of any atom with itself included.
-    largest: f64,
     /// Whether every atom is its own neighbour.
     with_itself: bool,
 }
@@ -92,47 +90,17 @@ impl Atoms<'_> {
         }
     }
 
-    /// The atoms as spheres around the origin that overlap wherever atoms are neighbours, and the space they are in.
-    fn spheres(&self) -> Result<(Vec<Sphere>, Space, f64), Error> {
-        let ([mut low, mut high], mut far) = ([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], 0.0_f64);
-        for &position in self.positions {
-            let wrapped = self.images.wrap(position);
-            // What is not finite is refused by the search, and must not make others look so.
-            for axis in (0..3).filter(|&axis| wrapped[axis].is_finite()) {
-                low[axis] = low[axis].min(wrapped[axis]);
-                high[axis] = high[axis].max(wrapped[axis]);
-                far = far.max(position[axis].abs());
-            }
+    /// Spheres that touch if atoms are at most their cutoff apart.
+    fn spheres(&self) -> Result<Spheres<'_>, InputError> {
+        match self.cutoffs {
+            Cutoffs::One(cutoff) => Spheres::points(self.positions, Radii::All(0.5 * cutoff)),
+            Cutoffs::Radii(radii) => Spheres::points(self.positions, Radii::Each(radii)),
+            Cutoffs::Kinds { of, .. } => Spheres::points(self.positions, Radii::All(0.0))?.with_species(of),
         }
-        let middle: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
-        let half = (0..3).map(|axis| 0.5 * (high[axis] - low[axis]));
-        let edges: f64 = self.images.edges().map(length).sum();
-        let size = half.fold(self.largest.max(edges), f64::max);
-        let slack = ROUNDING * size + ROUNDING_OF_FAR * far;
-        let bytes = size_of_val(self.positions) as u64;
-        let mut spheres = Vec::new();
-        spheres
-            .try_reserve_exact(self.positions.len())
-            .map_err(|_| Error::OutOfMemory { what: "spheres", bytes })?;
-        spheres.extend(self.positions.iter().enumerate().map(|(i, position)| {
-            let radius = match self.cutoffs {
-                Cutoffs::One(cutoff) => 0.5 * (cutoff + slack),
-                Cutoffs::Radii(radii) => radii[i] + 0.5 * slack,
-                Cutoffs::Kinds { .. } => 0.0,
-            };
-            let wrapped = self.images.wrap(*position);
-            let near = [0, 1, 2].map(|axis| (wrapped[axis] - middle[axis]) as f32);
-            Sphere::new(near, (radius as f32).next_up())
-        }));
-        let mut edges = [None; 3];
-        for (slot, edge) in edges.iter_mut().zip(self.images.edges()) {
-            *slot = Some(Vec3::from(edge.map(|x| x as f32)));
-        }
-        Ok((spheres, Space::sheared(edges)?, slack))
     }
 
-    /// A detector that finds all neighbours, and some that are none.
-    fn detector(&self, space: Space, slack: f64, stop: Arc<AtomicBool>) -> Result<Detector, Error> {
+    /// A detector that finds all atoms at most their cutoff apart.
+    fn detector(&self, space: Space, stop: Arc<AtomicBool>) -> Result<Detector, Error> {
         let config = Config::default().backend(Backend::Cpu).space(space).stop(stop);
         let Cutoffs::Kinds { table, count, .. } = self.cutoffs else { return Detector::new(config) };
         let mut interactions = Interactions::new(count as u32, Interaction::Never)?;
@@ -140,8 +108,7 @@ impl Atoms<'_> {
             for b in 0..=a {
                 let cutoff = table[a * count + b];
                 if cutoff > 0.0 {
-                    let reach = ((cutoff + slack) as f32).next_up();
-                    interactions.set(a as u32, b as u32, Interaction::Within(reach))?;
+                    interactions.set(a as u32, b as u32, Interaction::Within(cutoff))?;
                 }
             }
         }
@@ -326,17 +293,14 @@ pub(crate) fn neighbors_within<'py>(
     fork::use_threads()?;
     let positions = positions.as_slice()?.as_chunks::<3>().0;
     let cutoffs = cutoffs.cutoffs(positions.len())?;
-    let largest = cutoffs.largest();
-    let images = Images::new(cell, edges, largest);
-    let atoms = Atoms { positions, images, cutoffs, largest, with_itself };
+    let images = Images::new(cell, edges, cutoffs.largest());
+    let atoms = Atoms { positions, images, cutoffs, with_itself };
     let stop = Arc::new(AtomicBool::new(false));
     let count = positions.len();
-    let (spheres, space, slack) = atoms.spheres().map_err(error::engine)?;
-    let spheres = match atoms.cutoffs {
-        Cutoffs::Kinds { of, .. } => Spheres::from(&spheres).with_species(of).map_err(error::input)?,
-        _ => Spheres::from(&spheres),
-    };
-    let mut detector = atoms.detector(space, slack, stop.clone()).map_err(error::engine)?;
+    let repeats = |edge: &[f64; 3]| (*edge != [0.0; 3]).then_some(*edge);
+    let space = Space::sheared(cell.each_ref().map(repeats)).map_err(error::input)?;
+    let spheres = atoms.spheres().map_err(error::input)?;
+    let mut detector = atoms.detector(space, stop.clone()).map_err(error::engine)?;
     let candidates = call(py, count, &stop, || detector.neighbors(spheres))?.map_err(error::engine)?;
     let counts = call(py, count, &stop, || tally(&atoms, &candidates))?;
     let found = counts.iter().sum();

@@ -45,11 +45,11 @@ pub(crate) struct Frame {
     periodic: Option<(Option<Edge>, Option<Edge>, Option<Edge>)>,
 }
 
-/// Along what space repeats: an axis, after a length, or an edge.
+/// A period of space: a length along an axis, or a cell vector.
 #[derive(Clone, Copy, IntoPyObject, IntoPyObjectRef)]
 enum Edge {
-    Length(f32),
-    Edge((f32, f32, f32)),
+    Length(f64),
+    Edge((f64, f64, f64)),
 }
 
 #[pymethods]

@@ -1,6 +1,5 @@
 //! The keywords of a detector as the engine's settings.
 
-use lazygrid::glam::Vec3;
 use lazygrid::gpu::AdapterId;
 use lazygrid::{Config, Order, Skin, Space};
 use pyo3::exceptions::PyTypeError;
@@ -45,7 +44,7 @@ fn order(name: &str) -> PyResult<Order> {
     }
 }
 
-/// `"auto"`, `"off"` or a distance, rounded to `f32`.
+/// Reads `"auto"`, `"off"` or a distance.
 ///
 /// # Errors
 /// `SettingError` for another word; `TypeError` for what is neither a word nor a number.
@@ -59,18 +58,17 @@ fn skin(given: &Bound<'_, PyAny>) -> PyResult<Skin> {
             ))),
         };
     }
-    // A truth is a number to Python, and says nothing of a distance.
+    // Python takes `True` for the number 1.
     match given.extract::<f64>() {
-        Ok(distance) if !given.is_instance_of::<PyBool>() => Ok(Skin::Fixed(distance as f32)),
+        Ok(distance) if !given.is_instance_of::<PyBool>() => Ok(Skin::Fixed(distance)),
         _ => Err(PyTypeError::new_err("a skin is \"auto\", \"off\" or a distance")),
     }
 }
 
-/// A space with the length of each periodic axis, or the edge along which it repeats, rounded to `f32`; `None` for an axis
-/// that is unbounded.
+/// Reads a space from the length of each periodic axis, or from cell vectors; `None` for an unbounded axis.
 ///
 /// # Errors
-/// `TypeError` for what is no three lengths or edges; `InputError` for a length that is none, and edges that span no box.
+/// `TypeError` unless there are three lengths or vectors; `InputError` for lengths and vectors that make no box.
 pub(crate) fn space(periodic: Option<&Bound<'_, PyAny>>) -> PyResult<Space> {
     let Some(given) = periodic else { return Ok(Space::UNBOUNDED) };
     let items = given.try_iter()?.collect::<PyResult<Vec<_>>>()?;
@@ -80,15 +78,14 @@ pub(crate) fn space(periodic: Option<&Bound<'_, PyAny>>) -> PyResult<Space> {
     })?;
     let lengths = items.iter().map(|item| item.extract::<Option<f64>>()).collect::<PyResult<Vec<_>>>();
     if let Ok(&[x, y, z]) = lengths.as_deref() {
-        let lengths = [x, y, z].map(|length| length.map(|length| length as f32));
-        return Space::periodic(lengths).map_err(error::input);
+        return Space::periodic([x, y, z]).map_err(error::input);
     }
     let mut edges = [None; 3];
     for (axis, (edge, item)) in edges.iter_mut().zip(&items).enumerate() {
         *edge = match item.extract::<f64>() {
             _ if item.is_none() => None,
-            Ok(length) => Some(Vec3::AXES[axis] * length as f32),
-            Err(_) => Some(Vec3::from(item.extract::<[f64; 3]>()?.map(|x| x as f32))),
+            Ok(length) => Some([0, 1, 2].map(|k| if k == axis { length } else { 0.0 })),
+            Err(_) => Some(item.extract::<[f64; 3]>()?),
         };
     }
     Space::sheared(edges).map_err(error::input)

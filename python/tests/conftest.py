@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+from typing import Union
+
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 Rows = npt.NDArray[np.float32]
+Doubles = npt.NDArray[np.float64]
+Box = tuple[Union[float, None], ...]
+OPEN: Box = (None, None, None)
 
 
-def brute_force(
-    rows: Rows, periodic: tuple[float | None, ...] = (None, None, None)
-) -> npt.NDArray[np.uint32]:
+def brute_force(rows: Rows | Doubles, periodic: Box = OPEN) -> npt.NDArray[np.uint32]:
     """All pairs by the definition, in float64, in canonical order."""
-    wide = rows.astype(np.float64)
-    difference = wide[:, None, :3] - wide[None, :, :3]
+    found = brute_force_across(rows, rows, periodic)
+    return found[found[:, 0] < found[:, 1]]
+
+
+def brute_force_across(a: Rows | Doubles, b: Rows | Doubles, periodic: Box = OPEN) -> npt.NDArray[np.uint32]:
+    """All pairs of one sphere of each set by the definition, in float64, in canonical order."""
+    first, second = a.astype(np.float64), b.astype(np.float64)
+    difference = second[None, :, :3] - first[:, None, :3]
     for axis, length in enumerate(periodic):
         if length is not None:
-            box = float(np.float32(length))
-            difference[..., axis] -= box * np.round(difference[..., axis] / box)
-    reach = wide[:, None, 3] + wide[None, :, 3]
-    found = np.argwhere((difference**2).sum(axis=2) <= reach**2)
-    return found[found[:, 0] < found[:, 1]].astype(np.uint32)
+            difference[..., axis] -= length * np.round(difference[..., axis] / length)
+    x, y, z = np.moveaxis(difference, 2, 0)
+    reach = first[:, None, 3] + second[None, :, 3]
+    return np.argwhere(x * x + y * y + z * z <= reach * reach).astype(np.uint32)
 
 
-def brute_force_of_edges(rows: Rows, edges: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
+def brute_force_of_edges(rows: Rows | Doubles, edges: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
     """All pairs of spheres any of whose images, up to three edges away, are in reach; in canonical order."""
     wide = rows.astype(np.float64)
     turns = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)

@@ -33,7 +33,7 @@ def each_result_is(detector: Detector, rows: Rows, expected: Pairs, **said: Any)
     np.testing.assert_array_equal(detector.pairs(tuple(rows.T), **said), expected)
     assert detector.count(rows, **said) == len(expected)
     assert len(detector.neighbors(rows, **said)[1]) == 2 * len(expected)
-    chunks = list(detector.stream(rows, 16, **said))
+    chunks = list(detector.stream(rows, chunk=16, **said))
     np.testing.assert_array_equal(np.concatenate([np.empty((0, 2), np.uint32), *chunks]), expected)
 
 
@@ -61,7 +61,7 @@ def test_what_is_left_out_is_no_pair(algorithm: Any, periodic: Any) -> None:
 
 
 @pytest.mark.parametrize("periodic", [None, EDGES])
-def test_between_two_sets(periodic: Any) -> None:
+def test_two_sets_leave_out_groups_and_lists(periodic: Any) -> None:
     rows, split = scene(9, 250, box=5.0), 100
     groups = np.arange(len(rows), dtype=np.uint32) % 4
     groups[groups == 3] = NO_GROUP
@@ -71,16 +71,17 @@ def test_between_two_sets(periodic: Any) -> None:
     expected = without(across[apart(across, groups[:split], groups[split:])], set(map(tuple, listed.tolist())))
     a, b = rows[:split], rows[split:]
     said: dict[str, Any] = {
-        "groups_a": groups[:split],
-        "groups_b": groups[split:],
-        "exclusions": Exclusions.between(split, len(b), listed),
+        "groups": (groups[:split], groups[split:]),
+        "exclusions": Exclusions.across(split, len(b), listed),
     }
     detector = Detector(backend="cpu", periodic=periodic)
     assert 10 < len(expected) < len(across)
-    np.testing.assert_array_equal(detector.between(a, b, **said), expected)
-    assert detector.count_between(a, b, **said) == len(expected)
-    assert len(detector.neighbors_between(a, b, **said)[1]) == len(expected)
-    np.testing.assert_array_equal(np.concatenate(list(detector.stream_between(a, b, 9, **said))), expected)
+    for sets in ((a, b), (a.astype(np.float64), (b[:, :3], b[:, 3]))):
+        np.testing.assert_array_equal(detector.pairs(*sets, **said), expected)
+        assert detector.count(*sets, **said) == len(expected)
+        assert len(detector.neighbors(*sets, **said)[1]) == len(expected)
+        np.testing.assert_array_equal(np.concatenate(list(detector.stream(*sets, chunk=9, **said))), expected)
+    detector.count(a, b, groups=(None, groups[split:]))
 
 
 @given(
@@ -117,7 +118,7 @@ def test_a_stream_keeps_its_own() -> None:
     rows = np.zeros((200, 4), dtype=np.float32)
     groups = np.arange(200, dtype=np.uint32) % 2
     chunks = Detector(backend="cpu", order="unordered").stream(
-        rows, 100, groups=groups, exclusions=Exclusions(200, [(0, 1)])
+        rows, chunk=100, groups=groups, exclusions=Exclusions(200, [(0, 1)])
     )
     groups[:] = 0
     assert sum(map(len, chunks)) == 100 * 100 - 1
@@ -142,8 +143,8 @@ def test_what_is_wrong_is_named(spheres: Rows) -> None:
     with pytest.raises(lazygrid.InputError, match="199"):
         detector.pairs(spheres, exclusions=bonds)
     with pytest.raises(lazygrid.InputError, match="199"):
-        detector.between(spheres, spheres, exclusions=bonds)
+        detector.pairs(spheres, spheres, exclusions=bonds)
     with pytest.raises(lazygrid.InputError, match="`groups` has 2 values|groups"):
         detector.count(spheres, groups=[1, 2])
     with pytest.raises(lazygrid.InputError, match="of the second set, .*groups"):
-        detector.count_between(spheres, spheres, groups_b=[1, 2])
+        detector.count(spheres, spheres, groups=(None, [1, 2]))

@@ -41,7 +41,7 @@ def test_a_search_ends_and_the_detector_can_be_used_again() -> None:
     detector = lazygrid.Detector(backend="cpu", algorithm="naive")
     interrupted(lambda: detector.count(ROWS))
     interrupted(lambda: detector.pairs(ROWS))
-    interrupted(lambda: detector.count_between(ROWS, ROWS))
+    interrupted(lambda: detector.count(ROWS, ROWS))
     assert detector.count(np.zeros((2, 4), dtype=np.float32)) == 1
 
 

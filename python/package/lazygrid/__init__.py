@@ -1,11 +1,11 @@
 """All pairs of overlapping spheres, at every step of a simulation.
 
 >>> import numpy, lazygrid
->>> spheres = numpy.array([[0, 0, 0, 1], [1.5, 0, 0, 1], [9, 0, 0, 0.1]], dtype=numpy.float32)
+>>> spheres = numpy.array([[0, 0, 0, 1], [1.5, 0, 0, 1], [9, 0, 0, 0.1]])
 >>> lazygrid.Detector().pairs(spheres).tolist()
 [[0, 1]]
 
-A simulation keeps one :class:`Detector`, whose buffers survive from step to step. Lengths are in any one unit.
+A simulation keeps one :class:`Detector`, which reuses its buffers from step to step. Lengths are in any one unit.
 """
 
 from ._atoms import neighbor_list
@@ -13,7 +13,7 @@ from ._errors import Error, FileError, InputError, OutOfMemory, SettingError, To
 from ._files import read
 from ._lazygrid import NO_GROUP, Chunks, Detector, Exclusions, Frame, Frames, Interactions
 from ._lazygrid import VERSION as __version__
-from ._points import pairs
+from ._once import pairs
 from ._simulation import Particles, Simulation, simulate
 
 __all__ = [

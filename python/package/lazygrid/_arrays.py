@@ -1,4 +1,4 @@
-"""Arrays that cannot be read where they lie. Called from Rust, for whatever is no plain array of the right type."""
+"""Conversion of arrays that Rust cannot read in place. Called from Rust."""
 
 from __future__ import annotations
 
@@ -9,36 +9,79 @@ import numpy.typing as npt
 
 from ._errors import InputError
 
-SHAPES = {1: "(n,)", 2: "(n, 4)"}
+Floats = npt.NDArray[Any]
+"""An array of float32 or float64."""
 
 
-def _array(given: Any) -> npt.NDArray[Any]:
-    """``given`` as an array, without a copy where its memory can be shared: by NumPy's protocols, else by DLPack."""
+def _array(given: Any, what: str) -> npt.NDArray[Any]:
+    """``given`` as an array, without a copy if its memory can be shared: by NumPy's protocols, else by DLPack."""
     if not hasattr(given, "__array__") and hasattr(given, "__dlpack__"):
         return np.from_dlpack(given)
-    return np.asarray(given)
+    try:
+        return np.asarray(given)
+    except ValueError as error:
+        raise InputError(f"`{what}` is not an array: {error}") from None
 
 
-def floats(given: Any, what: str, dimensions: int, cast: bool) -> npt.NDArray[np.float32]:
-    """``given`` as float32 in one piece. Values are rounded only if ``cast`` says so."""
-    array = _array(given)
-    if array.ndim != dimensions:
-        raise InputError(f"`{what}` has shape {array.shape} where {SHAPES[dimensions]} is needed")
+def floats(given: Any, what: str, width: int) -> Floats:
+    """``given``, of shape ``(n, width)`` or, if the width is 0, ``(n,)``, in a layout that Rust can read. Rounds nothing."""
+    array = _array(given, what)
+    shape = f"(n, {width})" if width else "(n,)"
+    if array.ndim != (2 if width else 1) or (width and array.shape[1] != width):
+        points = width == 4 and array.ndim == 2 and array.shape[1] == 3
+        remedy = "; give points as a tuple (positions, radii)" if points else ""
+        raise InputError(f"`{what}` has shape {array.shape} where {shape} is needed{remedy}")
+    _check_type(array.dtype, what)
+    size = array.dtype.itemsize
+    if array.flags.aligned and all(stride >= 0 and stride % size == 0 for stride in array.strides):
+        return array
+    return np.array(array, order="C")
+
+
+def _check_type(given: np.dtype[Any], what: str) -> None:
+    """Refuse all types but float32 and float64."""
+    if given in (np.float32, np.float64):
+        return
+    if given.kind not in "iuf":
+        remedy = "give real numbers"
+    elif given.newbyteorder("=") in (np.float32, np.float64):
+        remedy = f"give array.astype(numpy.{given.newbyteorder('=')})"
+    elif given.itemsize > 8:
+        remedy = "give array.astype(numpy.float64), which rounds"
+    else:
+        remedy = "give array.astype(numpy.float64)"
+    raise TypeError(
+        f"`{what}` has values of type {given}, and lazygrid reads float32 and float64 in native byte order; {remedy}"
+    )
+
+
+def radii(given: Any, what: str) -> float | Floats:
+    """``given`` as one number, or as ``floats`` of shape ``(n,)``."""
+    array = _array(given, what)
+    if array.ndim > 0:
+        return floats(array, what, 0)
     if array.dtype.kind not in "iuf":
-        raise TypeError(f"`{what}` has values of type {array.dtype}, which are no real numbers")
-    if not cast and not np.can_cast(array.dtype, np.float32, "safe"):
-        raise TypeError(
-            f"`{what}` has values of type {array.dtype}, and lazygrid computes with float32; give "
-            "array.astype(numpy.float32), or say cast=True to have it rounded at each call"
-        )
-    with np.errstate(over="ignore"):
-        # What overflows is refused as infinite, by its index.
-        return np.require(array, np.float32, ["C", "A"])
+        raise TypeError(f"`{what}` is {given!r}; give a number, or an array of shape (n,)")
+    number = float(array)
+    # As a number of Python, which compares whole numbers exactly.
+    if number != array.item() and not np.isnan(number):
+        raise TypeError(f"`{what}` is {given!r}, which float64 cannot hold; give float({what})")
+    return number
+
+
+def widened(array: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+    """The values as float64, in one piece."""
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def in_one_piece(array: Floats) -> Floats:
+    """The same values, one after the other."""
+    return np.ascontiguousarray(array)
 
 
 def whole(given: Any, what: str) -> npt.NDArray[np.uint32]:
     """``given`` as uint32 in one piece; values that do not fit are refused by index."""
-    array = _array(given)
+    array = _array(given, what)
     if array.ndim != 1:
         raise InputError(f"`{what}` has shape {array.shape} where (n,) is needed")
     return np.require(_within(array, what, np.uint32), np.uint32, ["C", "A"])
@@ -46,7 +89,7 @@ def whole(given: Any, what: str) -> npt.NDArray[np.uint32]:
 
 def pairs(given: Any, what: str) -> npt.NDArray[np.uint32]:
     """``given`` as uint32 of shape ``(m, 2)``, in one piece; values that do not fit are refused by index."""
-    array = _array(given)
+    array = _array(given, what)
     if array.size == 0:
         array = array.reshape(0, 2)
     if array.ndim != 2 or array.shape[1] != 2:
@@ -56,7 +99,7 @@ def pairs(given: Any, what: str) -> npt.NDArray[np.uint32]:
 
 def offsets(given: Any, what: str) -> npt.NDArray[np.uint64]:
     """``given`` as uint64 in one piece; values that do not fit are refused by index."""
-    array = _array(given)
+    array = _array(given, what)
     if array.ndim != 1:
         raise InputError(f"`{what}` has shape {array.shape} where (n + 1,) is needed")
     return np.require(_within(array, what, np.uint64), np.uint64, ["C", "A"])

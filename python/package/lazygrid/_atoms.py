@@ -16,8 +16,8 @@ QUANTITIES = "ijdDS"
 AXES = "xyz"
 
 Vectors = npt.NDArray[np.float64]
-Edge = tuple[tuple[int, ...], tuple[float, ...], tuple[float, ...]]
-"""How many of each vector of the cell it is, itself, and its dual: edges between two points by their difference."""
+Edge = tuple[tuple[int, ...], tuple[float, ...]]
+"""How many of each vector of the cell it is, and its dual: edges between two points by their difference."""
 Cutoff = float | Mapping[tuple[int | str, int | str], float] | npt.ArrayLike
 
 
@@ -119,10 +119,7 @@ def _edges(cell: Vectors, periodic: list[bool], largest: float) -> list[Edge]:
             "(atoms.repeat), or use ase.neighborlist.neighbor_list, which looks at all"
         )
     duals = np.linalg.pinv(edges).T
-    return [
-        (tuple(whole), tuple(edge), tuple(dual))
-        for whole, edge, dual in zip(of_cell.tolist(), edges.tolist(), duals.tolist())
-    ]
+    return [(tuple(whole), tuple(dual)) for whole, dual in zip(of_cell.tolist(), duals.tolist())]
 
 
 def _reduced(cell: Vectors, periodic: list[bool]) -> npt.NDArray[np.int64]:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from typing_extensions import Self
 
-from .types import Algorithm, Backend, Order, Periodic, Report, Skin, Spheres
+from .types import Algorithm, Backend, Labels, Order, Periodic, Report, Skin, Spheres
 
 __all__ = [
     "Chunks",
@@ -32,51 +32,54 @@ _Edge = float | tuple[float, float, float]
 
 @final
 class Detector:
-    """Finds all pairs of overlapping spheres, call after call, reusing its buffers.
+    """Finds all pairs of overlapping spheres, call after call, and reuses its buffers.
 
-    Two spheres are a pair where their centres are at most ``ri + rj`` apart; touching counts. Spheres are
+    Two spheres are a pair if their centers are at most ``ri + rj`` apart; touching counts. A set of spheres is
 
-    - an array of float32 and of shape ``(n, 4)``, with rows ``x, y, z, r``; or
-    - a tuple of four arrays of float32, of shape ``(n,)``: ``x``, ``y``, ``z`` and ``r``,
+    - an array of shape ``(n, 4)`` with rows ``x, y, z, r``; or
+    - a tuple of four arrays of shape ``(n,)``: ``(x, y, z, r)``; or
+    - a tuple ``(positions, radii)`` of an array of shape ``(n, 3)``, and an array of shape ``(n,)`` or one number. For all
+      pairs of points within a distance ``d``, give the radius ``d / 2``.
 
-    all in one length unit, anywhere in space. Arrays in one piece are read where they lie; others are copied first.
-    Whatever float32 cannot hold, such as float64, is a ``TypeError``, unless ``cast=True`` has it rounded.
+    Arrays are float32 or float64, in one length unit, anywhere in space. No number is rounded. Arrays in native byte order
+    with strides that are multiples of the item size are read in place, such as columns of a larger array; others are
+    copied. Of two types in one set, float32 values are copied to float64. float32 is faster. Other types are a
+    ``TypeError``.
 
-    Any number of threads may use one detector at a time: while a call runs the interpreter's lock is released. The
-    arrays of a call must not be written to before it returns. Ctrl-C ends a long call on the CPU.
+    Any number of threads may use one detector at a time: a call releases the interpreter's lock while it runs. The arrays
+    of a call must not be written to before it returns. Ctrl-C ends a long call on the CPU.
 
     Parameters
     ----------
     backend
-        Where to run. ``"auto"`` takes a GPU where there is one; ``"cpu"`` and ``"gpu"`` never fall back.
+        Where to run. ``"auto"`` takes a GPU if there is one; ``"cpu"`` and ``"gpu"`` never fall back.
     algorithm
-        How to search; all find the same pairs.
+        How to search; all algorithms find the same pairs.
     threads
-        Threads of the CPU; by default all.
+        The number of CPU threads; by default all.
     periodic
-        The length of each periodic axis, in the unit of the spheres, as float32; ``None`` for one that is unbounded:
-        ``(10.0, 10.0, None)``. Coordinates need not lie in the box. Of a box that leans, the edges:
-        ``((10.0, 0.0, 0.0), (4.0, 10.0, 0.0), None)``, or the cell of ASE as it is where it is periodic along all edges.
+        The length of each periodic axis, in the unit of the spheres, as float64; ``None`` for an unbounded axis:
+        ``(10.0, 10.0, None)``. Coordinates need not lie in the box. For a triclinic box, its cell vectors:
+        ``((10.0, 0.0, 0.0), (4.0, 10.0, 0.0), None)``, or the cell of ASE if it is periodic along all vectors.
     order
-        ``"canonical"``: by ``i``, then ``j``. ``"unordered"`` spares the ordering.
+        ``"canonical"``: by ``i``, then ``j``. ``"unordered"`` omits the sort.
     interactions
         Which species pair, and at which distance; spheres then need species ids.
     max_pairs
-        The most pairs a list may hold, by default 2**29 (4 GiB); more are an error with the exact number.
+        The most pairs a list may hold, by default 2**29 (4 GiB). More are an error with the exact number.
     adapter
-        On which GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
+        The GPU: its index, or a part of its name, as ``python -m lazygrid devices`` lists them.
     skin
-        Whether candidates, pairs that may soon overlap, are kept from call to call; an answer never depends
-        on it. ``"auto"`` keeps them where spheres move so little that it is expected to take less time;
-        ``"off"`` never. A number keeps the pairs that are up to this distance too far apart, until some sphere has
-        moved by half of it.
+        Whether a candidate list is kept from call to call; no answer depends on it. ``"auto"`` keeps one if spheres move
+        so little that this is expected to take less time; ``"off"`` never does. A number keeps the pairs that are up to
+        this distance, float64, too far apart, until a sphere has moved by half of it.
 
     Raises
     ------
     SettingError
-        For a setting outside its range; for an algorithm that does not run on the backend.
+        For a setting out of range, and for an algorithm that does not run on the backend.
     Error
-        Where a GPU is asked for and cannot be used.
+        If ``backend="gpu"`` and no GPU can be used.
     """
 
     def __new__(
@@ -95,30 +98,38 @@ class Detector:
     def pairs(
         self,
         spheres: Spheres,
-        species: npt.ArrayLike | None = None,
-        out: npt.NDArray[np.uint32] | None = None,
+        second: Spheres | None = None,
         *,
-        groups: npt.ArrayLike | None = None,
+        species: Labels | None = None,
+        groups: Labels | None = None,
         exclusions: Exclusions | None = None,
-        cast: bool = False,
+        out: npt.NDArray[np.uint32] | None = None,
     ) -> npt.NDArray[np.uint32]:
-        """Return the overlapping pairs, each once, ``i < j``, in the order that was asked for.
+        """Return the overlapping pairs, each once, in the order of the detector.
+
+        Among one set ``i < j``. Of two sets ``i`` is an index in the first and ``j`` one in the second, and only pairs of one
+        sphere of each count.
+
+        >>> detector.pairs(spheres)
+        >>> detector.pairs(carriers, receivers, species=(of_carriers, None))
 
         Parameters
         ----------
         spheres
-            Rows of shape ``(n, 4)``, or four columns; see the class.
+            The spheres, or the first of two sets; see the class for their forms.
+        second
+            The second of two sets.
         species
-            Where the detector has interactions: a species id per sphere, uint32 of shape ``(n,)``.
-        out
-            Where to write the pairs: uint32 in one piece, of shape ``(k, 2)``, with room for all of them.
+            If the detector has interactions: a species id per sphere, whole numbers of shape ``(n,)``. For two sets a tuple of
+            two such arrays.
         groups
-            A number per sphere, uint32 of shape ``(n,)``, such as that of its molecule: two spheres of one group are
-            never a pair, but for those of ``lazygrid.NO_GROUP``.
+            A number per sphere, such as that of its molecule: two spheres of one group are never a pair, unless the group is
+            ``lazygrid.NO_GROUP``. Whole numbers of shape ``(n,)``. For two sets a tuple of two, either of which may be
+            ``None``; equal numbers are one group.
         exclusions
-            Pairs that are never reported, such as bonds.
-        cast
-            Whether values of another type may be rounded to float32.
+            Pairs that are never reported, such as bonds; for two sets from :meth:`Exclusions.across`.
+        out
+            Where to write the pairs: a contiguous uint32 array of shape ``(k, 2)`` with ``k`` at least the number of pairs.
 
         Returns
         -------
@@ -128,14 +139,14 @@ class Detector:
         Raises
         ------
         InputError
-            For values that are not finite and negative radii, with the ``index``, ``value`` and ``count``; for other
-            shapes and unknown species.
+            For values that are not finite and for negative radii, with ``index``, ``value`` and ``count``; for other shapes
+            and unknown species. ``second`` is set if the second set is at fault.
         TypeError
-            For values that are not float32 where ``cast`` is not set.
+            For arrays that are neither float32 nor float64, and for labels that are not whole numbers.
         TooManyPairs
-            For more than ``max_pairs``, or than ``out`` has room for, with the exact number as ``found``.
+            For more than ``max_pairs`` pairs, or more than ``out`` holds, with the exact number as ``found``.
         OutOfMemory, MemoryError
-            Where memory is refused.
+            If memory is refused.
         KeyboardInterrupt
             After Ctrl-C.
         """
@@ -143,20 +154,27 @@ class Detector:
     def neighbors(
         self,
         spheres: Spheres,
-        species: npt.ArrayLike | None = None,
+        second: Spheres | None = None,
         *,
-        groups: npt.ArrayLike | None = None,
+        species: Labels | None = None,
+        groups: Labels | None = None,
         exclusions: Exclusions | None = None,
-        cast: bool = False,
     ) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32]]:
-        """Return neighbour lists: for every sphere all that it overlaps, ascending; each pair stands in both lists.
+        """Return neighbor lists: for every sphere all that it overlaps, ascending; each pair is in both lists.
+
+        Of two sets, only the spheres of the first have a list, with indices in the second.
+
+        Parameters
+        ----------
+        spheres, second, species, groups, exclusions
+            As in :meth:`pairs`.
 
         Returns
         -------
         offsets
             uint64 of shape ``(n + 1,)``.
         indices
-            uint32 of shape ``(2 * m,)``. The neighbours of sphere ``k`` are ``indices[offsets[k]:offsets[k + 1]]``.
+            uint32. The neighbors of sphere ``k`` are ``indices[offsets[k]:offsets[k + 1]]``.
 
         Raises
         ------
@@ -167,13 +185,18 @@ class Detector:
     def count(
         self,
         spheres: Spheres,
-        species: npt.ArrayLike | None = None,
+        second: Spheres | None = None,
         *,
-        groups: npt.ArrayLike | None = None,
+        species: Labels | None = None,
+        groups: Labels | None = None,
         exclusions: Exclusions | None = None,
-        cast: bool = False,
     ) -> int:
-        """Return how many pairs there are, in memory that does not depend on their number.
+        """Return the number of pairs. The memory it takes does not depend on that number.
+
+        Parameters
+        ----------
+        spheres, second, species, groups, exclusions
+            As in :meth:`pairs`.
 
         Raises
         ------
@@ -184,151 +207,46 @@ class Detector:
     def stream(
         self,
         spheres: Spheres,
-        chunk: int = 65536,
-        species: npt.ArrayLike | None = None,
+        second: Spheres | None = None,
         *,
-        groups: npt.ArrayLike | None = None,
+        chunk: int = 65536,
+        species: Labels | None = None,
+        groups: Labels | None = None,
         exclusions: Exclusions | None = None,
-        cast: bool = False,
     ) -> Chunks:
         """Iterate over the pairs in arrays of at most ``chunk`` pairs, however many there are.
 
-        The spheres are copied first, so that they may be moved meanwhile, and the detector may be called. In canonical
-        order the detector holds up to ``max_pairs`` pairs, and searches once more for every so many; unordered chunks
-        come as they are found, and no more than four are in memory.
+        The spheres are copied first, so that you may move them meanwhile, and call the detector. In canonical order the
+        detector holds up to ``max_pairs`` pairs, and searches again for every further ``max_pairs``. Unordered chunks come as
+        they are found, with at most four in memory.
 
         >>> detector = lazygrid.Detector(order="unordered")
-        >>> for pairs in detector.stream(spheres, 1_000_000):
+        >>> for pairs in detector.stream(spheres, chunk=1_000_000):
         ...     histogram += numpy.bincount(pairs[:, 0], minlength=n)
+
+        Parameters
+        ----------
+        chunk
+            The most pairs per array.
+        spheres, second, species, groups, exclusions
+            As in :meth:`pairs`.
 
         Raises
         ------
         InputError, TypeError, OutOfMemory, KeyboardInterrupt
-            As :meth:`pairs`; what is wrong with values is raised by the first ``next``.
-        """
-
-    def between(
-        self,
-        a: Spheres,
-        b: Spheres,
-        species_a: npt.ArrayLike | None = None,
-        species_b: npt.ArrayLike | None = None,
-        out: npt.NDArray[np.uint32] | None = None,
-        *,
-        groups_a: npt.ArrayLike | None = None,
-        groups_b: npt.ArrayLike | None = None,
-        exclusions: Exclusions | None = None,
-        cast: bool = False,
-    ) -> npt.NDArray[np.uint32]:
-        """Return the pairs of one sphere of ``a`` and one of ``b``, in the order that was asked for.
-
-        No two spheres of one set are ever compared: particles against receivers, say. On the CPU only with
-        the algorithms ``"auto"``, ``"cell-list"`` and ``"naive"``.
-
-        Parameters
-        ----------
-        a, b
-            The two sets, each as the spheres of :meth:`pairs`.
-        species_a, species_b
-            Where the detector has interactions: a species id per sphere of each set.
-        groups_a, groups_b
-            A group per sphere of each set; the groups of both are the same where their numbers are.
-        exclusions
-            Pairs that are never reported, made by :meth:`Exclusions.between`.
-        out, cast
-            As in :meth:`pairs`.
-
-        Returns
-        -------
-        numpy.ndarray
-            uint32 of shape ``(m, 2)``: an index in ``a`` and one in ``b``. With ``out`` a view of its first ``m`` rows.
-
-        Raises
-        ------
-        InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
-            As :meth:`pairs`; an ``InputError`` about values of ``b`` has ``second`` set.
-        SettingError
-            On the CPU for another algorithm.
-        """
-
-    def neighbors_between(
-        self,
-        a: Spheres,
-        b: Spheres,
-        species_a: npt.ArrayLike | None = None,
-        species_b: npt.ArrayLike | None = None,
-        *,
-        groups_a: npt.ArrayLike | None = None,
-        groups_b: npt.ArrayLike | None = None,
-        exclusions: Exclusions | None = None,
-        cast: bool = False,
-    ) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32]]:
-        """Return for every sphere of ``a`` those of ``b`` that it overlaps, ascending.
-
-        Returns
-        -------
-        offsets
-            uint64 of shape ``(len(a) + 1,)``.
-        indices
-            uint32 of shape ``(m,)``. The neighbours of sphere ``k`` are ``indices[offsets[k]:offsets[k + 1]]``.
-
-        Raises
-        ------
-        InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt, SettingError
-            As :meth:`between`.
-        """
-
-    def count_between(
-        self,
-        a: Spheres,
-        b: Spheres,
-        species_a: npt.ArrayLike | None = None,
-        species_b: npt.ArrayLike | None = None,
-        *,
-        groups_a: npt.ArrayLike | None = None,
-        groups_b: npt.ArrayLike | None = None,
-        exclusions: Exclusions | None = None,
-        cast: bool = False,
-    ) -> int:
-        """Return how many pairs of one sphere of ``a`` and one of ``b`` there are.
-
-        Raises
-        ------
-        InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
-            As :meth:`between`.
-        """
-
-    def stream_between(
-        self,
-        a: Spheres,
-        b: Spheres,
-        chunk: int = 65536,
-        species_a: npt.ArrayLike | None = None,
-        species_b: npt.ArrayLike | None = None,
-        *,
-        groups_a: npt.ArrayLike | None = None,
-        groups_b: npt.ArrayLike | None = None,
-        exclusions: Exclusions | None = None,
-        cast: bool = False,
-    ) -> Chunks:
-        """Iterate over the pairs of one sphere of ``a`` and one of ``b``, as :meth:`stream` does. Both are copied.
-
-        Raises
-        ------
-        InputError, TypeError, OutOfMemory, KeyboardInterrupt, SettingError
-            As :meth:`between`; what is wrong with values or the algorithm is raised by the first ``next``.
+            As :meth:`pairs`. The first ``next`` raises errors about values.
         """
 
     def memory_for(self, spheres: int) -> int:
-        """Return an estimate of the bytes that the detector holds for so many spheres, besides the result."""
+        """Return an estimate of the bytes that the detector holds for this number of spheres, besides the result."""
 
     @property
     def report(self) -> Report:
-        """What the call that ended last did and why; before the first, what is known by then. Times in seconds."""
+        """What the call that ended last did and why; before the first call, what is known by then. Times are in seconds."""
 
 @final
 class Chunks:
-    """An iterator over chunks of pairs, uint32 of shape ``(k, 2)``, from :meth:`Detector.stream` and its like.
+    """An iterator over chunks of pairs, uint32 of shape ``(k, 2)``, from :meth:`Detector.stream`.
 
     A thread searches ahead by some chunks. ``close``, the end of a ``with`` block, and dropping the iterator end it.
     """
@@ -346,37 +264,37 @@ class Chunks:
 
 @final
 class Exclusions:
-    """Pairs that are never reported, whatever their spheres: bonds, say.
+    """Pairs that a search never reports, such as bonds.
 
-    They are given with the spheres, ``detector.pairs(spheres, exclusions=bonds)``, and serve all calls with as many of
-    them; when spheres come or go, make them anew. Where whole molecules are left out, ``groups`` cost less.
+    Pass them to a search, ``detector.pairs(spheres, exclusions=bonds)``. They serve all calls with the same number of
+    spheres; make new ones when the number changes. To exclude whole molecules, ``groups`` cost less.
 
     >>> bonds = lazygrid.Exclusions(len(spheres), [(0, 1), (1, 2)])
 
     Parameters
     ----------
     spheres
-        How many spheres there are.
+        The number of spheres.
     pairs
-        Indices of spheres, whole numbers of shape ``(m, 2)``; in either order, or both, and more than once.
+        Indices of spheres, whole numbers of shape ``(m, 2)``, in any order. A pair may repeat.
 
     Raises
     ------
     InputError
-        For an index that is of no sphere, and another shape.
+        For an index out of range, and for another shape.
     """
 
     def __new__(cls, spheres: int, pairs: npt.ArrayLike) -> Self: ...
     @staticmethod
-    def between(first: int, second: int, pairs: npt.ArrayLike) -> Exclusions:
-        """Return pairs of one sphere of each of two sets, for :meth:`Detector.between` and its like.
+    def across(first: int, second: int, pairs: npt.ArrayLike) -> Exclusions:
+        """Return exclusions for searches of two sets: pairs of one sphere of each.
 
         Parameters
         ----------
         first, second
-            How many spheres the two sets have.
+            The numbers of spheres of the two sets.
         pairs
-            An index in the first and one in the second, whole numbers of shape ``(m, 2)``.
+            An index in the first set and one in the second, whole numbers of shape ``(m, 2)``.
 
         Raises
         ------
@@ -504,7 +422,7 @@ def neighbors_within(
     cutoffs: float | npt.NDArray[np.float64] | tuple[npt.NDArray[np.uint32], npt.NDArray[np.float64]],
     *,
     cell: list[list[float]],
-    edges: list[tuple[tuple[int, ...], tuple[float, ...], tuple[float, ...]]],
+    edges: list[tuple[tuple[int, ...], tuple[float, ...]]],
     with_itself: bool,
 ) -> dict[str, npt.NDArray[Any]]:
     """Return the neighbours of atoms by quantity. See :func:`lazygrid.neighbor_list`."""

@@ -10,10 +10,14 @@ import numpy.typing as npt
 
 Columns = tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]
 """``x``, ``y``, ``z`` and ``r``, each of shape ``(n,)``."""
-Spheres = Union[npt.ArrayLike, Columns]
-"""Rows ``x, y, z, r`` of shape ``(n, 4)``, or columns."""
+Points = tuple[npt.ArrayLike, npt.ArrayLike]
+"""Positions of shape ``(n, 3)``, and radii: an array of shape ``(n,)`` or one number."""
+Spheres = Union[npt.ArrayLike, Columns, Points]
+"""Rows ``x, y, z, r`` of shape ``(n, 4)``, columns, or points with radii; float32 or float64."""
+Labels = Union[npt.ArrayLike, tuple[Union[npt.ArrayLike, None], Union[npt.ArrayLike, None]]]
+"""A whole number per sphere, of shape ``(n,)``; for two sets a tuple of two, either of which may be ``None``."""
 Periodic = Union[Sequence[Union[float, Sequence[float], None]], npt.NDArray[np.floating[Any]]]
-"""The length of each of three axes, or three edges of a box that leans; ``None`` for one that is unbounded."""
+"""The length of each of three axes, or three cell vectors of a triclinic box; ``None`` for an unbounded axis."""
 Backend = Literal["auto", "cpu", "gpu"]
 """Where to run."""
 Algorithm = Literal[

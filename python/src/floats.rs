@@ -1,0 +1,183 @@
+//! Arrays of `float32` and `float64`, read where they lie.
+
+use std::fmt;
+use std::mem::MaybeUninit;
+
+use lazygrid::Real;
+use numpy::ndarray::{Dimension, Ix1};
+use numpy::{
+    Element, PyArray, PyArrayMethods, PyReadonlyArray, PyReadonlyArray1, PyReadonlyArray2,
+    PyUntypedArrayMethods,
+};
+use pyo3::intern;
+use pyo3::prelude::*;
+use pyo3::types::PyFloat;
+
+use crate::arrays::{package, readable};
+
+/// The name of an array in messages: an argument, or a member of a tuple.
+#[derive(Clone, Copy)]
+pub(crate) struct Name(pub(crate) &'static str, pub(crate) Option<usize>);
+
+impl Name {
+    /// The name of member `part` of this tuple.
+    pub(crate) fn member(self, part: usize) -> Self {
+        Self(self.0, Some(part))
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.1 {
+            None => to.write_str(self.0),
+            Some(part) => write!(to, "{}[{part}]", self.0),
+        }
+    }
+}
+
+/// A coordinate type and its layouts in memory.
+pub(crate) trait Number: Element + Real + Copy {}
+
+impl Number for f32 {}
+impl Number for f64 {}
+
+/// An array of either coordinate type, borrowed for reading. Its strides are whole numbers of values, and not negative.
+pub(crate) enum Floats<'py, D: Dimension> {
+    F32(PyReadonlyArray<'py, f32, D>),
+    F64(PyReadonlyArray<'py, f64, D>),
+}
+
+impl<'py, D: Dimension> Floats<'py, D> {
+    /// Borrows an array of shape `(n, width)`, or `(n,)` if the width is 0. Copies an array only if its layout cannot be read
+    /// in place.
+    ///
+    /// # Errors
+    /// `TypeError` for values that are not `float32` or `float64`; `InputError` for another shape.
+    pub(crate) fn new(given: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Self> {
+        if let Some(array) = Self::in_place(given, name, width)? {
+            return Ok(array);
+        }
+        let py = given.py();
+        let read = package(py)?.call_method1(intern!(py, "floats"), (given, name.to_string(), width))?;
+        Self::of_package(&read, name, width)
+    }
+
+    /// Borrows what the package made of an array.
+    fn of_package(read: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Self> {
+        let array = Self::in_place(read, name, width)?;
+        array.ok_or_else(|| crate::error::array(format!("`{name}` cannot be read as an array")))
+    }
+
+    /// Borrows an array if its type, shape and layout can be read.
+    fn in_place(given: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Option<Self>> {
+        if let Ok(array) = given.cast::<PyArray<f32, D>>() {
+            if is_readable(array, width) {
+                return Ok(Some(Self::F32(readable(array, name)?)));
+            }
+        } else if let Ok(array) = given.cast::<PyArray<f64, D>>()
+            && is_readable(array, width)
+        {
+            return Ok(Some(Self::F64(readable(array, name)?)));
+        }
+        Ok(None)
+    }
+
+    /// The array as `float64`: a copy, without loss, of one of `float32`.
+    ///
+    /// # Errors
+    /// `MemoryError`.
+    pub(crate) fn widened(self, name: Name) -> PyResult<PyReadonlyArray<'py, f64, D>> {
+        match self {
+            Self::F64(array) => Ok(array),
+            Self::F32(array) => {
+                let py = array.py();
+                let wide = package(py)?.call_method1(intern!(py, "widened"), (&*array,))?;
+                readable(wide.cast::<PyArray<f64, D>>()?, name)
+            }
+        }
+    }
+}
+
+/// Returns `true` if the array has this width and a layout that [`Floats`] promises.
+fn is_readable<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>, width: usize) -> bool {
+    let is_whole = |&stride: &isize| stride >= 0 && stride as usize % size_of::<T>() == 0;
+    (width == 0 || array.shape()[1] == width)
+        && array.is_aligned()
+        && (array.is_c_contiguous() || array.strides().iter().all(is_whole))
+}
+
+/// The radii of points.
+pub(crate) enum RadiiArg<'py> {
+    One(f64),
+    Each(Floats<'py, Ix1>),
+}
+
+impl<'py> RadiiArg<'py> {
+    /// Reads a number or an array of shape `(n,)`.
+    ///
+    /// # Errors
+    /// As [`Floats::new`]; also `TypeError` for a number that `float64` cannot hold.
+    pub(crate) fn new(given: &Bound<'py, PyAny>, name: Name) -> PyResult<Self> {
+        if let Ok(number) = given.cast::<PyFloat>() {
+            return Ok(Self::One(number.extract()?));
+        }
+        if let Some(array) = Floats::in_place(given, name, 0)? {
+            return Ok(Self::Each(array));
+        }
+        let py = given.py();
+        let read = package(py)?.call_method1(intern!(py, "radii"), (given, name.to_string()))?;
+        match read.cast::<PyFloat>() {
+            Ok(number) => Ok(Self::One(number.extract()?)),
+            Err(_) => Ok(Self::Each(Floats::of_package(&read, name, 0)?)),
+        }
+    }
+}
+
+/// A column of an array: its memory from the first value to the last, the number of values from one to the next, and the
+/// number of rows.
+#[derive(Clone, Copy)]
+pub(crate) struct Column<'a, T> {
+    pub(crate) memory: &'a [MaybeUninit<T>],
+    pub(crate) step: usize,
+    pub(crate) rows: usize,
+}
+
+impl<'a, T: Number> Column<'a, T> {
+    /// The values of an array of one dimension.
+    pub(crate) fn of_array(array: &'a PyReadonlyArray1<'_, T>) -> Self {
+        Self::new(array, 0)
+    }
+
+    /// The first `N` columns of an array that has at least as many.
+    pub(crate) fn of_table<const N: usize>(array: &'a PyReadonlyArray2<'_, T>) -> [Self; N] {
+        let stride = array.strides()[1] as usize / size_of::<T>();
+        std::array::from_fn(|k| {
+            assert!(k < array.shape()[1], "column {k} of {}", array.shape()[1]);
+            Self::new(array, k * stride)
+        })
+    }
+
+    /// The values of an array that was made by [`Floats`], along its first axis, from the value at `offset` of its memory,
+    /// which is in the first row.
+    fn new<D: Dimension>(array: &'a PyReadonlyArray<'_, T, D>, offset: usize) -> Self {
+        let rows = array.shape()[0];
+        if rows == 0 {
+            return Self { memory: &[], step: 1, rows };
+        }
+        // An array with one row may have any stride.
+        let step = if rows == 1 { 1 } else { array.strides()[0] as usize / size_of::<T>() };
+        // SAFETY: the array is aligned, its strides are not negative, and `offset` is in the first row, so that the slice
+        // begins at a value of the array and ends with one, within one allocation. The values between them need not be
+        // initialized, which `MaybeUninit` allows. The array is borrowed for `'a`, and nothing writes to it meanwhile:
+        // of this module by `PyReadonlyArray`, of other threads by the contract of the package.
+        let memory =
+            unsafe { std::slice::from_raw_parts(array.data().add(offset).cast(), (rows - 1) * step + 1) };
+        Self { memory, step, rows }
+    }
+
+    /// The values, if they lie one after the other.
+    pub(crate) fn as_slice(&self) -> Option<&'a [T]> {
+        // SAFETY: without gaps all values are of the array, hence initialized.
+        (self.step == 1).then(|| unsafe { &*(std::ptr::from_ref(self.memory) as *const [T]) })
+    }
+}
