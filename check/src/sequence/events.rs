@@ -38,9 +38,11 @@ impl World {
     /// Draws spheres of one kind of radii.
     pub(super) fn new_spheres(&self, random: &mut Random, n: usize) -> Vec<Sphere> {
         let kind = if random.below(2) == 0 { 0 } else { random.below(10) };
+        // Small ones have few pairs until they grow.
+        let unit = if random.below(3) == 0 { 0.2 * self.radius } else { self.radius };
         let sphere = |k| {
             let center = place(random, self.extent);
-            Sphere::new(center, radius(random, kind, k, self.radius))
+            Sphere::new(center, radius(random, kind, k, unit))
         };
         (0..n).map(sphere).collect()
     }
@@ -86,9 +88,11 @@ impl World {
     }
 
     fn radii(&mut self, random: &mut Random) -> &'static str {
-        let (one, unit) = (self.one(random), self.radius);
+        // Pairs are lost when radii grow while candidates are kept.
+        let grown = [0.5, 1.0, 2.0, 3.0][random.below(4) as usize];
+        let (one, unit) = (self.one(random), self.radius * grown);
         let classes = 1 + random.below(9) as i32;
-        let factor = [0.5, 2.0, 0.9, 1.1, 0.01, 1.0 + f32::EPSILON, 4.0][random.below(7) as usize];
+        let factor = [0.5, 2.0, 2.0, 0.9, 1.1, 0.01, 1.0 + f32::EPSILON, 4.0][random.below(8) as usize];
         let kind = random.below(10);
         let spheres = &mut self.scenario.spheres;
         let of_one = |spheres: &mut Vec<Sphere>, change: &dyn Fn(f32) -> f32| {

@@ -172,10 +172,6 @@ impl Config {
             let value = format!("{:?}", self.space.lengths());
             return refuse("space", value, "round its lengths to f32, or use one process".to_owned());
         }
-        if self.interactions.as_ref().is_some_and(|table| !table.is_narrow()) {
-            let range = "round distances to f32, or use one process".to_owned();
-            return refuse("interactions", "distances in f64".to_owned(), range);
-        }
         match self.ownership {
             Ownership::Balance { bound } if !(bound.is_finite() && bound >= 1.0) => {
                 refuse("bound", bound.to_string(), "choose a finite number from 1 on".to_owned())

@@ -29,7 +29,7 @@ pub struct GpuSettings {
     /// From how many spheres on a cell list is sorted by radix instead of by counting. Default: [`GpuSettings::RADIX_FROM`];
     /// [`calibrate`](super::calibrate) measures it.
     pub radix_from: u32,
-    /// Which species pair, and at which distance; `None`: all that touch.
+    /// Which species pair, and at which distance, rounded to `f32` as all numbers on the GPU; `None`: all that touch.
     pub interactions: Option<Interactions>,
     /// The space the spheres live in, which is not [sheared](Space::sheared). Default: [`Space::UNBOUNDED`]. In a periodic one spheres are copied to their
     /// nearest images first, which takes 16 bytes for each; pairs within 5 ulp of
@@ -199,16 +199,6 @@ pub(super) fn check(settings: &GpuSettings) -> Result<(), Error> {
         let range =
             "what stays on the GPU has edges along the axes only: choose `Detector`, which takes any edges";
         return Err(Error::Setting { name: "space", value: "sheared".into(), range });
-    }
-    if !settings.space.is_narrow() {
-        let value = format!("{:?}", settings.space.lengths());
-        let range = "what stays on the GPU has f32 lengths: round them to f32, or use `Detector`";
-        return Err(Error::Setting { name: "space", value, range });
-    }
-    if settings.interactions.as_ref().is_some_and(|table| !table.is_narrow()) {
-        let value = "distances in f64".into();
-        let range = "what stays on the GPU has f32 distances: round them to f32, or use `Detector`";
-        return Err(Error::Setting { name: "interactions", value, range });
     }
     if !(GpuSettings::MIN_RASTER_RATIO..=GpuSettings::MAX_RASTER_RATIO).contains(&settings.raster_ratio) {
         let value = settings.raster_ratio.to_string();

@@ -173,12 +173,15 @@ impl<'c> Written<'c> {
                     return Ok(Some(chunk));
                 }
             }
-            To::Consumer(consume) => {
-                let mut consume = lock(consume);
-                if !self.stop.load(Relaxed) && consume(&chunk).is_break() {
-                    self.stop.store(true, Relaxed);
+            To::Consumer(consume) => match consume.lock() {
+                Ok(mut consume) => {
+                    if !self.stop.load(Relaxed) && consume(&chunk).is_break() {
+                        self.stop.store(true, Relaxed);
+                    }
                 }
-            }
+                // The consumer has panicked in another thread: it must not be called again.
+                Err(_) => self.stop.store(true, Relaxed),
+            },
             To::Tally(counts) => {
                 for pair in &chunk {
                     counts[pair.i as usize].fetch_add(1, Relaxed);
