@@ -5,6 +5,7 @@ use engine::{Exclusions, InputError, MAX_SPHERES, Query, Sphere, Spheres};
 use crate::Failure;
 use crate::exclusions::{self, List};
 use crate::out::check;
+use crate::status::INPUT;
 
 /// `lazygrid_spheres`: spheres as rows or as columns, and what is said of each.
 #[derive(Clone, Copy, Debug)]
@@ -102,7 +103,7 @@ impl SpheresOfC {
         if others.is_some() {
             let message = "pairs between two sets are excluded with the first set; leave `exclusions` of the \
                            second one NULL";
-            return Err(of_second(Failure::argument(message.to_owned())));
+            return Err(of_second(Failure { status: INPUT, message: message.to_owned() }));
         }
         Ok(query(Query::new((first, second)), exclusions))
     }

@@ -104,7 +104,7 @@ final class SetsAndSkins {
         detector.close();
         throwing(IllegalStateException.class, e -> true, () -> detector.countBetween(good, good), "closed");
         try (Detector grid = new Detector(onCpu().algorithm(Algorithm.HASH_GRID))) {
-            failing(Status.SETTING, "hash-grid", () -> grid.countBetween(good, good));
+            check(grid.countBetween(good, good) == 298, "hash-grid");
         }
     }
 
