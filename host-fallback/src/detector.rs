@@ -253,6 +253,24 @@ mod tests {
         assert!(!is_done_here(6000, 0.0, Algorithm::CellList), "few spheres that all touch");
     }
 
+    /// Threads that find more pairs meanwhile must not call it either.
+    #[test]
+    fn consumer_that_panicked_is_not_called_again() {
+        let spheres = vec![Sphere::new([0.0; 3], 1.0); 4000];
+        let settings = Settings { threads: Some(2), order: Order::Unordered, ..Settings::default() };
+        let mut detector = HostDetector::new(settings).expect("the settings are in range");
+        let mut calls = 0;
+        let streamed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            detector.stream(&spheres, 1 << 10, |_| {
+                calls += 1;
+                panic!("a consumer's own");
+            })
+        }));
+        assert!(streamed.is_err());
+        assert_eq!(calls, 1);
+        assert_eq!(detector.count(&spheres), Ok(4000 * 3999 / 2));
+    }
+
     #[test]
     fn a_plan_of_an_earlier_call_loses_no_pair() {
         let settings = |algorithm| Settings { algorithm, ..Settings::default() };

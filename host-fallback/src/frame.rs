@@ -120,7 +120,8 @@ impl Frame {
             let spread = if space.is_periodic() { 2.0 * SPREAD * spread } else { 0.0 };
             extent.max(lengths).max(spread)
         };
-        if let Some(last) = last {
+        // Radii of `f64` spheres may be more than a narrow frame holds.
+        if let Some(last) = last.filter(|last| !last.is_narrow()) {
             let filled = size(&last.origin) * last.scale;
             if (FILLED..1.0).contains(&filled) {
                 return last;
@@ -134,6 +135,11 @@ impl Frame {
     pub(crate) fn narrow(shear: &Shear) -> Self {
         let axes = Axes::Narrow(shear.straight(Straight::SCALE));
         Self { origin: [0.0; 3], scale: Straight::SCALE, axes }
+    }
+
+    /// Returns `true` if it is that of `f32` spheres in a triclinic space, which does not depend on them.
+    pub(crate) fn is_narrow(&self) -> bool {
+        matches!(self.axes, Axes::Narrow(_))
     }
 
     fn at(origin: [f64; 3], scale: f64, space: &Space) -> Self {

@@ -58,8 +58,8 @@ impl Places {
         check_query(query, interactions, threads)?;
         query.check_exclusions()?;
         let split = query.split();
-        let is_narrow = is_narrow(query, settings);
-        let is_framed = !is_narrow || space.shear().is_some();
+        let is_f64 = query.first().is_f64() || query.second().is_some_and(|set| set.is_f64());
+        let is_framed = is_f64 || settings.is_framed();
         let refinement = Refinement::new(*query, is_framed.then_some((space, interactions)));
         let is_wrapped = wraps && space.is_periodic();
         let are_in_place = query.first().is_narrow() && split.is_none();
@@ -69,7 +69,7 @@ impl Places {
         let start = Instant::now();
         resize(&mut self.spheres, query.len(), "copies of spheres")?;
         if is_framed {
-            self.choose_frame(query, (space, is_narrow), threads)?;
+            self.choose_frame(query, (space, !is_f64 && settings.is_narrow()), threads)?;
             self.fill_frame(query, interactions, threads)?;
         } else {
             self.copy(query, is_wrapped.then_some(space), threads);
@@ -92,7 +92,10 @@ impl Places {
         threads: Threads,
     ) -> Result<(), Error> {
         self.frame = Some(match space.shear().filter(|_| is_narrow) {
-            Some(shear) => Frame::narrow(shear),
+            Some(shear) => {
+                let last = self.frame.take().filter(Frame::is_narrow);
+                last.unwrap_or_else(|| Frame::narrow(shear))
+            }
             None => {
                 let bounds = Bounds::of(query, threads);
                 if !bounds.are_valid {
@@ -153,14 +156,6 @@ fn with_species<'a>(
     of_first.copy_from_slice(ids);
     of_second.copy_from_slice(others);
     Ok(all.with_species(species)?)
-}
-
-/// Whether all numbers of a query are `f32` numbers, so that a search decides on the spheres as they are.
-fn is_narrow(query: &Query<'_>, settings: &Settings) -> bool {
-    let is_f64 = query.first().is_f64() || query.second().is_some_and(|set| set.is_f64());
-    !is_f64
-        && settings.space.is_narrow()
-        && settings.interactions.as_ref().is_none_or(Interactions::is_narrow)
 }
 
 /// Refuses more spheres than indices, and species outside the table.

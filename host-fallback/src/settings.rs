@@ -108,6 +108,17 @@ impl Settings {
         Ok(())
     }
 
+    /// Returns `true` if every call is searched in a frame, whatever its spheres: in a triclinic space, and if a length or a
+    /// distance is no `f32` number.
+    pub fn is_framed(&self) -> bool {
+        self.space.shear().is_some() || !self.is_narrow()
+    }
+
+    /// Returns `true` if the space and all distances are such that `f32` spheres need no bounds for their frame, if any.
+    pub(crate) fn is_narrow(&self) -> bool {
+        self.space.is_narrow() && self.interactions.as_ref().is_none_or(Interactions::is_narrow)
+    }
+
     /// Whether a detector may keep candidates from call to call.
     pub fn keeps_candidates(&self) -> bool {
         self.skin != Skin::Off && matches!(self.algorithm, Algorithm::Auto | Algorithm::CellList)

@@ -41,6 +41,8 @@ pub struct Shear {
     steps: [DVec3; 3],
     /// The fractions of the basis that a vector has: rows of the inverse.
     inverse: [DVec3; 3],
+    /// Whether its straight coordinates at [`Straight::SCALE`] suit `f32` spheres. Asked in every call, so found once.
+    is_narrow: bool,
 }
 
 impl Shear {
@@ -72,7 +74,10 @@ impl Shear {
         let basis = completed(basis, rank);
         let across = [0, 1, 2].map(|k| across(&basis, k));
         let steps = across.map(|across| across / across.length_squared());
-        Ok(Self { edges, rank, unit, basis, turns, steps, inverse: inverse(&basis) })
+        let inverse = inverse(&basis);
+        let mut shear = Self { edges, rank, unit, basis, turns, steps, inverse, is_narrow: false };
+        shear.is_narrow = shear.straight(Straight::SCALE).is_normal();
+        Ok(shear)
     }
 
     /// The edges as they were given.
@@ -98,6 +103,11 @@ impl Shear {
     pub(crate) fn scaled(self, scale: f64) -> Self {
         let edges = self.edges.map(|edge| edge.map(|edge| edge.map(|number| number * scale)));
         Self { edges, unit: self.unit / scale, ..self }
+    }
+
+    /// Returns `true` if `f32` spheres can be searched in its straight coordinates at [`Straight::SCALE`].
+    pub(crate) fn is_narrow(&self) -> bool {
+        self.is_narrow
     }
 
     /// The longest edge.
@@ -219,7 +229,7 @@ impl Straight {
     }
 
     /// Returns `true` if the lengths are `f32` numbers of full precision, as `f32` spheres need.
-    pub fn is_normal(&self) -> bool {
+    fn is_normal(&self) -> bool {
         let is_normal = |length: &f64| (*length as f32).is_normal() && *length > f64::from(f32::MIN_POSITIVE);
         self.lengths[..self.rank].iter().all(is_normal)
     }

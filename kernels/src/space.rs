@@ -1,7 +1,7 @@
 use glam::{DVec3, Vec3};
 
 use crate::InputError;
-use crate::shear::{Shear, Straight};
+use crate::shear::Shear;
 
 /// The space that spheres live in: along each axis unbounded, or periodic with some length; or periodic along up to three
 /// edges of any direction, as those of a triclinic cell.
@@ -99,7 +99,7 @@ impl Space {
         match &self.shear {
             None => self.lengths.iter().flatten().all(|&length| f64::from(length as f32) == length),
             // Pairs are decided on in `f64`, whatever the numbers of the edges.
-            Some(shear) => shear.straight(Straight::SCALE).is_normal(),
+            Some(shear) => shear.is_narrow(),
         }
     }
 

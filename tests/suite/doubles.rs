@@ -262,6 +262,22 @@ fn candidates_of_f64_spheres_lose_no_pair() {
     }
 }
 
+/// The frame of a call with `f32` spheres holds no radii as large as those of the next call.
+#[test]
+fn calls_of_both_precisions_take_turns() {
+    let edges = [Some([4.0, 0.0, 0.0]), Some([1.0, 4.0, 0.0]), Some([0.0, 1.0, 4.0])];
+    let space = Space::sheared(edges).expect("edges");
+    let narrow = [[0.0_f32, 0.0, 0.0, 0.5], [0.9, 0.0, 0.0, 0.5], [2.0, 2.0, 0.0, 0.1]];
+    let wide = [[0.0_f64, 0.0, 0.0, 1e300], [0.9, 0.0, 0.0, 0.5], [2.0, 2.0, 0.0, 0.1]];
+    for subject in Subject::each_algorithm() {
+        let mut detector = Detector::new(subject.config().space(space)).expect("a detector");
+        for _ in 0..2 {
+            assert_eq!(detector.count(&narrow), Ok(1), "{subject}");
+            assert_eq!(detector.count(&wide), Ok(2), "{subject}");
+        }
+    }
+}
+
 #[test]
 fn bad_f64_spheres_are_named_with_their_numbers() {
     let good = [0.1, 0.2, 0.3, 1.0];

@@ -249,6 +249,9 @@ fn a_report_says_what_ran_and_why() {
             assert_eq!(report.backend, subject.backend);
             assert!(report.reason.contains(report.algorithm.name()), "{subject}: {}", report.reason);
             assert!(!report.phases.is_empty(), "{subject}");
+            let mut names: Vec<&str> = report.phases.iter().map(|phase| phase.name).collect();
+            names.sort_unstable();
+            assert!(names.is_sorted_by(|a, b| a < b), "{subject}: {names:?}");
         }
     }
 }

@@ -24,8 +24,6 @@ pub(crate) struct DeviceDetector {
     settings: Settings,
     known: Known,
     device: Device,
-    /// Whether every call is searched in a frame, as the space or a distance needs one.
-    is_framed: bool,
     /// What searches in frames, if only some calls need one.
     framed: Option<Box<Device>>,
     /// The host's threads.
@@ -44,8 +42,7 @@ pub(crate) struct DeviceDetector {
 impl DeviceDetector {
     pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
         let settings = config.settings;
-        let is_framed = !is_narrow(&settings) || settings.space.shear().is_some();
-        let interactions = searched_table(&settings, is_framed);
+        let interactions = searched_table(&settings, settings.is_framed());
         let known = choice::known(&config.calibrations, &own.adapter);
         let most_pairs = DeviceLimits::of(&own.device).bytes() / size_of::<Pair>() as u64;
         let defaults = GpuSettings::default();
@@ -88,7 +85,6 @@ impl DeviceDetector {
             settings,
             known,
             device,
-            is_framed,
             framed: None,
             team,
             places,
@@ -194,7 +190,7 @@ impl DeviceDetector {
         query: &Query<'_>,
         work: impl FnOnce(&mut Search, &Given<'_>) -> Result<R, Error>,
     ) -> Result<R, Error> {
-        let Self { settings, known, device, is_framed, framed, course, team, places, report, .. } = self;
+        let Self { settings, known, device, framed, course, team, places, report, .. } = self;
         report.begin(query.len());
         let (placed, survey) = team.pass(query.len(), |threads| {
             let placed = places.place(query, (settings, false), threads, &mut report.phases)?;
@@ -202,7 +198,7 @@ impl DeviceDetector {
             let table = settings.interactions.as_ref().filter(|_| placed.frame.is_none());
             let survey = Survey::new(placed.spheres, table, threads)
                 .or_else(|error| check_valid(query, threads).and(Err(error)))?;
-            report.phases.push(Phase { name: "survey", time: start.elapsed() });
+            report.phases.push(Phase { name: "choice", time: start.elapsed() });
             Ok((placed, survey))
         })?;
         let asked_for = settings.algorithm;
@@ -214,7 +210,7 @@ impl DeviceDetector {
         log::debug!("{reason}");
         (report.algorithm, report.reason) = (algorithm, reason);
         let device = match placed.frame {
-            Some(_) if !*is_framed => Device::framed(framed, device, settings)?,
+            Some(_) if !settings.is_framed() => Device::framed(framed, device, settings)?,
             _ => device,
         };
         let space = placed.frame.map_or(settings.space, Frame::space);
@@ -276,11 +272,6 @@ impl Device {
             }
         }
     }
-}
-
-/// Whether the space and all distances are `f32` numbers.
-fn is_narrow(settings: &Settings) -> bool {
-    settings.space.is_narrow() && settings.interactions.as_ref().is_none_or(Interactions::is_narrow)
 }
 
 /// The table with which a device searches. In a frame spheres are as large as the reach of their species: they are

@@ -31,7 +31,8 @@ pub struct GpuSettings {
     pub radix_from: u32,
     /// Which species pair, and at which distance, rounded to `f32` as all numbers on the GPU; `None`: all that touch.
     pub interactions: Option<Interactions>,
-    /// The space the spheres live in, which is not [sheared](Space::sheared). Default: [`Space::UNBOUNDED`]. In a periodic one spheres are copied to their
+    /// The space the spheres live in, which is not [sheared](Space::sheared). Its lengths are rounded to `f32`. Default:
+    /// [`Space::UNBOUNDED`]. In a periodic one spheres are copied to their
     /// nearest images first, which takes 16 bytes for each; pairs within 5 ulp of
     /// exact tangency, relative to the squared reach, may fall either way, where it is 4 ulp in an unbounded one.
     pub space: Space,
