@@ -1,11 +1,12 @@
 use std::ops::ControlFlow;
 
-use lazygrid_host::{HostDetector, Neighbors};
+use lazygrid_host::{HostDetector, Neighbors, Order, Phase, Settings, Team};
 use lazygrid_kernels::{MAX_SPHERES, Pair, Query};
 
+use crate::geometry::Geometry;
 #[cfg(feature = "gpu")]
 use crate::gpu::{DeviceDetector, GpuDevice};
-use crate::{Backend, Config, Error, Report, choice};
+use crate::{Config, Error, ListOptions, NeighborList, Report, choice};
 
 /// All pairs of overlapping spheres, in canonical order, with default settings.
 ///
@@ -25,10 +26,11 @@ pub fn detect<'a>(query: impl Into<Query<'a>>) -> Result<Vec<Pair>, Error> {
 pub struct Detector {
     engine: Engine,
     backend_reason: String,
+    geometry: Box<Geometry>,
 }
 
 #[derive(Debug)]
-enum Engine {
+pub(crate) enum Engine {
     Host(Box<HostDetector>),
     #[cfg(feature = "gpu")]
     Device(Box<DeviceDetector>),
@@ -63,6 +65,49 @@ impl Engine {
     }
 }
 
+impl Engine {
+    pub(crate) fn settings(&self) -> &Settings {
+        match self {
+            Self::Host(host) => host.settings(),
+            #[cfg(feature = "gpu")]
+            Self::Device(device) => device.settings(),
+        }
+    }
+
+    pub(crate) fn team(&self) -> &Team {
+        match self {
+            Self::Host(host) => host.team(),
+            #[cfg(feature = "gpu")]
+            Self::Device(device) => device.team(),
+        }
+    }
+
+    /// Finds the pairs in canonical order; [`found`](Self::found) has them.
+    pub(crate) fn list(&mut self, query: &Query<'_>) -> Result<(), Error> {
+        match self {
+            Self::Host(host) => host.list(query, Order::Canonical),
+            #[cfg(feature = "gpu")]
+            Self::Device(device) => device.list(query, Order::Canonical),
+        }
+    }
+
+    pub(crate) fn found(&self) -> &[Pair] {
+        match self {
+            Self::Host(host) => host.found(),
+            #[cfg(feature = "gpu")]
+            Self::Device(device) => device.found(),
+        }
+    }
+
+    pub(crate) fn phases_mut(&mut self) -> &mut Vec<Phase> {
+        match self {
+            Self::Host(host) => host.phases_mut(),
+            #[cfg(feature = "gpu")]
+            Self::Device(device) => device.phases_mut(),
+        }
+    }
+}
+
 impl Detector {
     /// A detector with these settings. The backend is decided here, once, and logged.
     ///
@@ -73,7 +118,7 @@ impl Detector {
     pub fn new(config: Config) -> Result<Self, Error> {
         let (engine, backend_reason) = Engine::new(config)?;
         log::info!("{backend_reason}");
-        Ok(Self { engine, backend_reason })
+        Ok(Self { engine, backend_reason, geometry: Box::default() })
     }
 
     /// The overlapping pairs, each once, in the order that was asked for. The slice lives until the next call.
@@ -98,7 +143,7 @@ impl Detector {
     /// [`Error::TooManyPairs`] for more than [`Config::max_pairs`], with the exact number; [`Error::OutOfMemory`]. On a GPU also
     /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Timeout`].
     pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {
-        match &mut self.engine {
+        match self.engine() {
             Engine::Host(host) => host.pairs(query.into()),
             #[cfg(feature = "gpu")]
             Engine::Device(device) => device.pairs(query.into()),
@@ -111,11 +156,44 @@ impl Detector {
     /// # Errors
     /// As [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
-        match &mut self.engine {
+        match self.engine() {
             Engine::Host(host) => host.neighbors(query.into()),
             #[cfg(feature = "gpu")]
             Engine::Device(device) => device.neighbors(query.into()),
         }
+    }
+
+    /// Neighbor lists with geometry: for every sphere those within reach, with the shifts of their images, the vectors to them
+    /// and their distances, as far as `options` ask for them.
+    ///
+    /// Where the other searches look at the nearest images only, this one finds all images within reach, also in a box that is
+    /// smaller than the reach, where a sphere may be the neighbor of its own images. Excluded pairs, and spheres of one group,
+    /// are left out with all their images. `i` and `j` are neighbors at shift `S` if the vector
+    /// `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)` is no longer than their reach, as in the contact test of a pair, in `f64`
+    /// on any backend. The order is canonical.
+    ///
+    /// ```
+    /// use lazygrid::{Config, Detector, ListOptions, Radii, Space, Spheres};
+    ///
+    /// // One atom of a cubic crystal with 6 neighbors, all of which are its own images.
+    /// let mut detector = Detector::new(Config::default().space(Space::periodic([Some(2.5); 3])?))?;
+    /// let atom = [[0.0_f64; 3]];
+    /// let within_3 = Spheres::points(&atom, Radii::All(1.5))?;
+    /// let list = detector.neighbor_list(within_3, ListOptions::full().shifts().distances())?;
+    /// assert_eq!((list.shifts()[0], list.distances()), ([-1, 0, 0], &[2.5; 6][..]));
+    /// # Ok::<(), lazygrid::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`pairs`](Self::pairs), where [`Config::max_pairs`] also limits the pairs of a sphere and an image that are looked at.
+    /// [`InputError::Images`](crate::InputError::Images) and [`InputError::Shift`](crate::InputError::Shift) for reaches and
+    /// coordinates that are too large for the box.
+    pub fn neighbor_list<'a>(
+        &mut self,
+        query: impl Into<Query<'a>>,
+        options: ListOptions,
+    ) -> Result<NeighborList<'_>, Error> {
+        self.geometry.neighbor_list(&mut self.engine, &query.into(), options)
     }
 
     /// How many pairs there are. Needs no memory for them, so any number can be counted.
@@ -123,7 +201,7 @@ impl Detector {
     /// # Errors
     /// As [`pairs`](Self::pairs), but for [`Error::TooManyPairs`]: any number can be counted.
     pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
-        match &mut self.engine {
+        match self.engine() {
             Engine::Host(host) => host.count(query.into()),
             #[cfg(feature = "gpu")]
             Engine::Device(device) => device.count(query.into()),
@@ -149,7 +227,7 @@ impl Detector {
     where
         F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
     {
-        match &mut self.engine {
+        match self.engine() {
             Engine::Host(host) => host.stream(query.into(), chunk, consume),
             #[cfg(feature = "gpu")]
             Engine::Device(device) => device.stream(query.into(), chunk, consume),
@@ -158,30 +236,23 @@ impl Detector {
 
     /// What the last call did and why; before the first call, what is known by then.
     pub fn report(&self) -> Report {
-        let mut report = match &self.engine {
+        let mut report = match (self.geometry.report(), &self.engine) {
+            (Some(report), _) => report.clone(),
             #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.report().clone(),
-            Engine::Host(host) => {
-                let host = host.report();
-                Report {
-                    spheres: host.spheres,
-                    pairs: host.pairs,
-                    backend: Backend::Cpu,
-                    adapter: None,
-                    algorithm: host.algorithm,
-                    reason: host.reason.clone(),
-                    #[cfg(feature = "gpu")]
-                    cost: None,
-                    candidates: host.candidates,
-                    phases: host.phases.clone(),
-                }
-            }
+            (None, Engine::Device(device)) => device.report().clone(),
+            (None, Engine::Host(host)) => host.report().into(),
         };
         report.reason = match report.reason.as_str() {
             "" => self.backend_reason.clone(),
             reason => format!("{}; {reason}", self.backend_reason),
         };
         report
+    }
+
+    /// What searches, with a report of its own.
+    fn engine(&mut self) -> &mut Engine {
+        self.geometry.end();
+        &mut self.engine
     }
 
     /// Estimates the bytes that this detector holds for `spheres` spheres, besides the result. On the CPU the estimate is an

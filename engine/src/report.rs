@@ -28,6 +28,23 @@ pub struct Report {
     pub phases: Vec<Phase>,
 }
 
+impl From<&lazygrid_host::Report> for Report {
+    fn from(host: &lazygrid_host::Report) -> Self {
+        Self {
+            spheres: host.spheres,
+            pairs: host.pairs,
+            backend: Backend::Cpu,
+            adapter: None,
+            algorithm: host.algorithm,
+            reason: host.reason.clone(),
+            #[cfg(feature = "gpu")]
+            cost: None,
+            candidates: host.candidates,
+            phases: host.phases.clone(),
+        }
+    }
+}
+
 #[cfg(feature = "gpu")]
 impl Report {
     /// Starts the report of a call.

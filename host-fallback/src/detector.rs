@@ -13,7 +13,7 @@ use crate::skin::Candidates;
 use crate::state::State;
 use crate::survey::{Survey, check_valid};
 use crate::threads::{MANY, Team, Threads};
-use crate::{Error, Neighbors, Order, Rebuilt, Report, Settings};
+use crate::{Error, Neighbors, Order, Phase, Rebuilt, Report, Settings};
 
 /// Pairs per chunk of a stream between two sets at most, 8 MiB.
 const PART: usize = 1 << 20;
@@ -49,9 +49,36 @@ impl HostDetector {
     /// # Errors
     /// [`Error::Input`] for a bad input, [`Error::TooManyPairs`] above the limit, [`Error::OutOfMemory`].
     pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {
-        let order = self.settings.order;
-        self.run(query.into(), |state, input| state.list(input, order))?;
+        self.list(&query.into(), self.settings.order)?;
         Ok(&self.state.pairs)
+    }
+
+    /// Finds the pairs, in this order; [`found`](Self::found) has them.
+    ///
+    /// # Errors
+    /// As [`pairs`](Self::pairs).
+    pub fn list(&mut self, query: &Query<'_>, order: Order) -> Result<(), Error> {
+        self.run(*query, |state, input| state.list(input, order))
+    }
+
+    /// The pairs of the last list.
+    pub fn found(&self) -> &[Pair] {
+        &self.state.pairs
+    }
+
+    /// The settings it was made with.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Its threads.
+    pub fn team(&self) -> &Team {
+        &self.team
+    }
+
+    /// The phases of the last call, to which a caller that goes on with its pairs adds its own.
+    pub fn phases_mut(&mut self) -> &mut Vec<Phase> {
+        &mut self.state.report.phases
     }
 
     /// The pairs as neighbour lists.
@@ -60,7 +87,7 @@ impl HostDetector {
     /// As [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
         let query = query.into();
-        self.run(query, |state, input| state.list(input, Order::Canonical))?;
+        self.list(&query, Order::Canonical)?;
         let State { report, lists, pairs, .. } = &mut self.state;
         report.time("neighbors", || lists.of_query(pairs, &query))
     }

@@ -17,6 +17,7 @@ mod frame;
 mod input;
 #[cfg(test)]
 mod judged;
+mod list;
 mod memory;
 mod naive;
 mod neighbors;
@@ -38,8 +39,9 @@ pub use compare::Simd;
 pub use detector::HostDetector;
 pub use frame::Frame;
 pub use lazygrid_kernels::{Error, InputError};
+pub use list::{Contact, Images, ListOptions, NeighborList, NeighborListBuilder};
 pub use neighbors::{Lists, Neighbors};
-pub use place::{Placed, Places};
+pub use place::{Placed, Places, check};
 pub use refinement::Refinement;
 pub use report::{Kept, Phase, Rebuilt, Report};
 pub use settings::{Order, Settings, Skin};

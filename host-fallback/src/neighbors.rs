@@ -72,10 +72,21 @@ impl Lists {
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn of_query(&mut self, pairs: &[Pair], query: &Query<'_>) -> Result<Neighbors<'_>, Error> {
-        match query.split() {
-            None => self.fill(pairs, query.len()),
-            Some(rows) => self.fill_forward(pairs, rows),
-        }
+        self.rows(pairs, query.first().len(), query.split().is_none())
+    }
+
+    /// Builds the lists of the first `rows` spheres from pairs in canonical order; if they are mirrored, the second sphere of
+    /// a pair has the first one in its list too.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn rows(
+        &mut self,
+        pairs: &[Pair],
+        rows: usize,
+        is_mirrored: bool,
+    ) -> Result<Neighbors<'_>, Error> {
+        if is_mirrored { self.fill(pairs, rows) } else { self.fill_forward(pairs, rows) }
     }
 
     /// The lists of `spheres` spheres from their pairs in canonical order.

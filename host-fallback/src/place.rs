@@ -166,6 +166,16 @@ fn check_query(query: &Query<'_>, table: Option<&Interactions>, threads: Threads
     query.check_each(|spheres| check_species(spheres, table, threads))
 }
 
+/// Refuses what a search refuses of a query.
+///
+/// # Errors
+/// Those of a search: [`InputError`].
+pub fn check(query: &Query<'_>, table: Option<&Interactions>, threads: Threads) -> Result<(), InputError> {
+    check_query(query, table, threads)?;
+    query.check_exclusions()?;
+    check_valid(query, threads)
+}
+
 /// Writes spheres, as their images nearest to the origin if a space is given.
 fn copy(spheres: Spheres<'_>, space: Option<&Space>, targets: &mut [Sphere], threads: Threads) {
     threads.each_stretch(targets, PIECE, |piece, targets| {

@@ -1,6 +1,7 @@
 //! From one point to the nearest image of another, and the contact test that decides on pairs.
 
 use crate::Space;
+use crate::shear::shifted;
 
 /// The way from one point to the nearest image of another.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -10,6 +11,19 @@ pub struct Bond {
     pub shift: [i32; 3],
     /// `(to − from) + (S₁e₁ + S₂e₂ + S₃e₃)`, in the length unit of the spheres.
     pub vector: [f64; 3],
+}
+
+impl Bond {
+    /// The length of the vector. Nothing overflows or underflows.
+    pub fn length(&self) -> f64 {
+        let root = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt();
+        match largest(self.vector, 0.0) {
+            0.0 => 0.0,
+            size if size < *PLAIN.start() => root(self.vector.map(|number| number * UP)) / UP,
+            size if size > *PLAIN.end() => root(self.vector.map(|number| number * DOWN)) / DOWN,
+            _ => root(self.vector),
+        }
+    }
 }
 
 /// Lengths whose squares, and the roundings of these, are normal numbers.
@@ -37,7 +51,28 @@ impl Space {
     /// or are within a `distance` if there is one. Nothing overflows or underflows.
     #[inline]
     pub fn touch(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
-        let (vector, reach) = (self.nearest(center(a), center(b)).1, distance.unwrap_or(a[3] + b[3]));
+        self.decide(a, b, distance, |space, from, to| space.nearest(from, to).1)
+    }
+
+    /// The same test of sphere `a` and one image of `b`, the one that this many edges lead to.
+    pub fn touch_image(&self, a: [f64; 4], b: [f64; 4], shift: [f64; 3], distance: Option<f64>) -> bool {
+        self.decide(a, b, distance, |space, from, to| space.image(apart(from, to), shift))
+    }
+
+    /// `vector + (S₁e₁ + S₂e₂ + S₃e₃)` for the shift `S` and the edges `e`.
+    pub fn image(&self, vector: [f64; 3], shift: [f64; 3]) -> [f64; 3] {
+        shifted(vector, shift, &self.edges())
+    }
+
+    #[inline]
+    fn decide(
+        &self,
+        a: [f64; 4],
+        b: [f64; 4],
+        distance: Option<f64>,
+        way: impl Fn(&Self, [f64; 3], [f64; 3]) -> [f64; 3],
+    ) -> bool {
+        let (vector, reach) = (way(self, center(a), center(b)), distance.unwrap_or(a[3] + b[3]));
         let largest = largest(vector, reach);
         if PLAIN.contains(&largest) {
             is_within(vector, reach)
@@ -45,22 +80,27 @@ impl Space {
             // Differences of numbers are whole numbers of the smallest one, so that nothing is lost yet.
             is_within(vector.map(|number| number * UP), reach * UP)
         } else {
-            self.touch_scaled(a, b, distance)
+            self.decide_scaled([a, b], distance, way)
         }
     }
 
     /// The same of numbers all of which are divided by a power of two, so that no difference or sum overflows.
     #[cold]
-    fn touch_scaled(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
-        let [a, b] = [a, b].map(|numbers| numbers.map(|number| number * DOWN));
+    fn decide_scaled(
+        &self,
+        spheres: [[f64; 4]; 2],
+        distance: Option<f64>,
+        way: impl Fn(&Self, [f64; 3], [f64; 3]) -> [f64; 3],
+    ) -> bool {
+        let [a, b] = spheres.map(|numbers| numbers.map(|number| number * DOWN));
         let reach = distance.map_or(a[3] + b[3], |distance| distance * DOWN);
-        is_within(self.scaled(DOWN).nearest(center(a), center(b)).1, reach)
+        is_within(way(&self.scaled(DOWN), center(a), center(b)), reach)
     }
 
     /// The numbers of edges that lead to the nearest image, and the vector to it.
     #[inline]
     fn nearest(&self, from: [f64; 3], to: [f64; 3]) -> ([f64; 3], [f64; 3]) {
-        let apart = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+        let apart = apart(from, to);
         if let Some(shear) = self.shear() {
             return shear.nearest(apart);
         }
@@ -82,6 +122,10 @@ impl Space {
     }
 }
 
+fn apart(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|axis| to[axis] - from[axis])
+}
+
 fn center([x, y, z, _]: [f64; 4]) -> [f64; 3] {
     [x, y, z]
 }
@@ -100,7 +144,6 @@ fn is_within([x, y, z]: [f64; 3], reach: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shear::shifted;
 
     #[test]
     fn contact_is_exact_at_any_magnitude() {

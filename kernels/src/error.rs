@@ -89,6 +89,28 @@ pub enum InputError {
         /// The edges given.
         edges: Box<[Option<[f64; 3]>; 3]>,
     },
+    /// Too many images of spheres are within reach of another.
+    #[error(
+        "{images} images of spheres are within the reach {reach} of others, more than the {MAX_SPHERES} that 32-bit indices can \
+         name; make the reach smaller, or the box larger"
+    )]
+    Images {
+        /// The number of images, as far as `f64` can tell it.
+        images: f64,
+        /// The largest reach of two spheres.
+        reach: f64,
+    },
+    /// A shift that 32 bits do not hold.
+    #[error(
+        "spheres {i} and {j} are 2^31 or more edges of the space apart, which no 32-bit shift can tell; bring the coordinates \
+         nearer to the box"
+    )]
+    Shift {
+        /// The sphere.
+        i: u32,
+        /// Its neighbor.
+        j: u32,
+    },
     /// A pair is to be left out of which there is no sphere.
     #[error(
         "the excluded pair ({i}, {j}) names a sphere that is none of the {first} and {second} there are; give indices of \

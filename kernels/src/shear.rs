@@ -3,6 +3,7 @@
 
 use glam::{DVec3, Vec3};
 
+use crate::lattice::Lattice;
 use crate::{InputError, Space, Sphere};
 
 /// How much thinner than its longest edge a box may be: less, and `f64` would no longer tell its images apart.
@@ -110,6 +111,16 @@ impl Shear {
         self.is_narrow
     }
 
+    /// The reduced basis as a lattice.
+    pub(crate) fn lattice(&self) -> Lattice {
+        let mut basis = self.basis;
+        for (vector, turns) in basis.iter_mut().zip(&self.turns).take(self.rank) {
+            // Without the roundings of the reduction.
+            *vector = DVec3::from(shifted([0.0; 3], *turns, &self.edges)) * self.unit;
+        }
+        Lattice::from_parts(self.rank, self.unit, basis, self.turns)
+    }
+
     /// The longest edge.
     pub fn longest(&self) -> f64 {
         self.edges.iter().flatten().map(|edge| (DVec3::from(*edge) * self.unit).length()).fold(0.0, f64::max)
@@ -191,7 +202,7 @@ pub(crate) fn shifted(vector: [f64; 3], shift: [f64; 3], edges: &[Option<[f64; 3
     })
 }
 
-fn combination(basis: &[DVec3; 3], counts: [f64; 3]) -> DVec3 {
+pub(crate) fn combination(basis: &[DVec3; 3], counts: [f64; 3]) -> DVec3 {
     basis[0] * counts[0] + basis[1] * counts[1] + basis[2] * counts[2]
 }
 
@@ -321,7 +332,7 @@ fn completed(mut basis: [DVec3; 3], rank: usize) -> [DVec3; 3] {
 }
 
 /// The rows of the inverse of the matrix that has these columns.
-fn inverse([a, b, c]: &[DVec3; 3]) -> [DVec3; 3] {
+pub(crate) fn inverse([a, b, c]: &[DVec3; 3]) -> [DVec3; 3] {
     let volume = a.dot(b.cross(*c));
     [b.cross(*c) / volume, c.cross(*a) / volume, a.cross(*b) / volume]
 }

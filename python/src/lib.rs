@@ -13,7 +13,6 @@ mod error;
 mod exclusions;
 mod floats;
 mod fork;
-mod images;
 mod interactions;
 mod neighbors;
 mod read;

@@ -14,7 +14,9 @@ import lazygrid
 
 ase = pytest.importorskip("ase")
 from ase import Atoms  # noqa: E402
+from ase import build  # noqa: E402
 from ase.build import bulk, molecule  # noqa: E402
+from ase.data import chemical_symbols, reference_states  # noqa: E402
 from ase.neighborlist import natural_cutoffs, neighbor_list  # noqa: E402
 
 
@@ -129,12 +131,8 @@ def test_quantities_come_as_they_are_asked_for() -> None:
         lazygrid.neighbor_list("ijx", atoms, 3.0)
 
 
-def test_what_nearest_images_cannot_do_is_refused() -> None:
-    with pytest.raises(lazygrid.InputError, match=r"repeat after 3.61, along \[.*up to 1.805"):
-        lazygrid.neighbor_list("ij", bulk("Cu", cubic=True), 3.0)
-    with pytest.raises(lazygrid.InputError, match="repeat after 2.55265548"):
-        lazygrid.neighbor_list("ij", bulk("Cu"), 3.0)
-    with pytest.raises(lazygrid.InputError, match="in one line or plane"):
+def test_bad_cells_cutoffs_and_positions_are_refused() -> None:
+    with pytest.raises(lazygrid.InputError, match="must be finite and independent"):
         lazygrid.neighbor_list("ij", Atoms("H", cell=[[9, 0, 0], [3, 9, 0], [6, 9, 0]], pbc=True), 3.0)
     with pytest.raises(lazygrid.InputError, match="periodic along x"):
         lazygrid.neighbor_list("ij", Atoms("H", pbc=True), 3.0)
@@ -215,13 +213,51 @@ def test_any_cell(
     cell = cell @ np.linalg.qr(random.normal(size=(3, 3)))[0]
     positions = random.uniform(-1, 2, (count, 3)) @ cell
     atoms = Atoms(random.choice(["H", "O"], count), positions=positions, cell=cell, pbc=pbc)
-    # The shortest way to an image, among more of them than can be it.
-    turns = np.stack(np.meshgrid(*[np.arange(-9, 10) if axis else [0] for axis in pbc]), axis=-1).reshape(-1, 3)
-    ways = np.linalg.norm(turns @ cell, axis=1)
-    shortest = ways[ways > 0].min(initial=8.0)
-    leaning(atoms, 0.499 * shortest)
-    leaning(atoms, {("H", "O"): 0.4 * shortest, ("H", "H"): 0.2 * shortest})
-    leaning(atoms, random.uniform(0, 0.24 * shortest, count))
-    if shortest < 8.0:
-        with pytest.raises(lazygrid.InputError, match="atoms repeat after"):
-            lazygrid.neighbor_list("ij", atoms, 0.501 * shortest)
+    for cutoff in (0.3, 2.0, 7.0):
+        leaning(atoms, cutoff)
+        leaning(atoms, {("H", "O"): 0.8 * cutoff, ("H", "H"): 0.4 * cutoff})
+        leaning(atoms, random.uniform(0, cutoff / 2, count))
+
+
+def crystals() -> list[Any]:
+    """The element crystals, bulk cells and slabs of ASE."""
+    atoms = []
+    for number, state in enumerate(reference_states):
+        if number > 0 and state is not None:
+            is_cubic = state["symmetry"] in ("sc", "fcc", "bcc", "diamond")
+            for cubic in (False, True) if is_cubic else (False,):
+                try:
+                    atoms.append(bulk(chemical_symbols[number], cubic=cubic))
+                except (ValueError, RuntimeError, NotImplementedError, KeyError):
+                    # ASE has no lattice for it.
+                    continue
+    for name, structure, a in (("NaCl", "rocksalt", 5.64), ("GaAs", "zincblende", 5.65), ("CsCl", "cesiumchloride", 4.12)):
+        atoms.append(bulk(name, structure, a=a))
+    atoms.append(bulk("ZnO", "wurtzite", a=3.25, c=5.2))
+    atoms.append(bulk("CaF2", "fluorite", a=5.46))
+    for make in (build.fcc111, build.fcc100, build.fcc110):
+        atoms.append(make("Pt", (1, 1, 3), vacuum=8.0))
+        atoms.append(make("Pt", (2, 2, 3), vacuum=8.0))
+    atoms += [build.bcc110("Fe", (1, 1, 4), vacuum=7.0), build.hcp0001("Ru", (1, 1, 4), vacuum=7.0)]
+    atoms += [build.graphene(vacuum=6.0), build.mx2(vacuum=6.0), build.nanotube(3, 0, length=1)]
+    return atoms
+
+
+def test_cells_smaller_than_the_cutoff() -> None:
+    found = 0
+    all_crystals = crystals()
+    assert len(all_crystals) > 100
+    for atoms in all_crystals:
+        for cutoff in (3.0, 5.0, 6.0):
+            found += leaning(atoms, cutoff)
+        symbols = sorted(set(atoms.symbols))
+        leaning(atoms, {(a, b): 3.1 + 0.4 * k for k, a in enumerate(symbols) for b in symbols})
+        leaning(atoms, natural_cutoffs(atoms, mult=1.3), self_interaction=True)
+    assert found > 20_000
+    assert leaning(Atoms("H", cell=(0.5, 0.6, 30), pbc=(True, True, False)), 4.0, self_interaction=True) > 150
+
+
+def test_molecules() -> None:
+    for name in ("H2O", "C60", "CH3CH2OH", "C6H6"):
+        for cutoff in (3.0, 5.0, 6.0):
+            assert same(molecule(name), cutoff) > 0

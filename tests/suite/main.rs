@@ -8,6 +8,7 @@ mod files;
 mod interactions;
 mod lazy;
 mod limits;
+mod neighbor_lists;
 mod periodic;
 mod properties;
 mod results;

@@ -167,7 +167,25 @@ impl DeviceDetector {
         self.pairs
     }
 
-    fn list(&mut self, query: &Query<'_>, by: Order) -> Result<(), Error> {
+    /// The pairs of the last list.
+    pub(crate) fn found(&self) -> &[Pair] {
+        &self.pairs
+    }
+
+    pub(crate) fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    pub(crate) fn team(&self) -> &Team {
+        &self.team
+    }
+
+    pub(crate) fn phases_mut(&mut self) -> &mut Vec<Phase> {
+        &mut self.report.phases
+    }
+
+    /// Finds the pairs, in this order; [`found`](Self::found) has them.
+    pub(crate) fn list(&mut self, query: &Query<'_>, by: Order) -> Result<(), Error> {
         let limit = self.settings.max_pairs;
         let mut found = std::mem::take(&mut self.found);
         self.search(query, |search, given| search.list(given, limit, &mut found))?;

@@ -1,9 +1,8 @@
-"""Neighbour lists of atoms as ASE and matscipy have them."""
+"""Neighbor lists of atoms as ASE and matscipy have them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import product
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,8 +15,6 @@ QUANTITIES = "ijdDS"
 AXES = "xyz"
 
 Vectors = npt.NDArray[np.float64]
-Edge = tuple[tuple[int, ...], tuple[float, ...]]
-"""How many of each vector of the cell it is, and its dual: edges between two points by their difference."""
 Cutoff = float | Mapping[tuple[int | str, int | str], float] | npt.ArrayLike
 
 
@@ -35,38 +32,37 @@ class Atoms(Protocol):
 
 
 def neighbor_list(quantities: str, a: Atoms, cutoff: Cutoff, self_interaction: bool = False) -> Any:
-    """Return the neighbours of atoms, as ``ase.neighborlist.neighbor_list`` does, to the last bit.
+    """Return the neighbors of atoms, as ``ase.neighborlist.neighbor_list`` does, to the last bit.
 
-    Every pair stands twice, as ``(i, j)`` and as ``(j, i)``. Atoms are neighbours where they are nearer than the
-    cutoff. The list is sorted by ``i``, then ``j``. Cells may lean; there distances may differ from those of ASE by the
-    rounding of a sum in float64.
+    Atoms are neighbors if they are nearer to each other than the cutoff, with all their periodic images, however small the
+    cell is. Every pair is in the list twice, as ``(i, j)`` and as ``(j, i)``. The list is sorted by ``i``, then ``j``, then
+    ``S``. In a triclinic cell distances may differ from those of ASE by the rounding of a sum in float64.
 
     Parameters
     ----------
     quantities
         Which arrays are returned, in this order: ``i`` and ``j``, indices of the atoms, int64 of shape ``(m,)``;
         ``d``, distances, float64 of shape ``(m,)``; ``D``, vectors from ``i`` to ``j``, float64 of shape ``(m, 3)``;
-        ``S``, how many cells lie between, int64 of shape ``(m, 3)``, so that
+        ``S``, the number of cell vectors between the two, int64 of shape ``(m, 3)``, so that
         ``D = a.positions[j] - a.positions[i] + S @ a.cell``.
     a
         The atoms: ``ase.Atoms``, or anything with ``positions``, ``cell``, ``pbc`` and ``numbers``. Nothing is
         rounded: distances are decided in float64.
     cutoff
         A distance; or a dictionary of distances by two symbols or atomic numbers, ``{("H", "O"): 1.2}``, where pairs
-        that are not in it are no neighbours; or a radius for each atom, whose sums count.
+        that are not in it are not neighbors; or a radius for each atom: the cutoff of two atoms is the sum of theirs.
     self_interaction
-        Whether every atom is its own neighbour, too.
+        Whether every atom is its own neighbor at distance zero.
 
     Returns
     -------
     numpy.ndarray or tuple of numpy.ndarray
-        One array where one quantity is asked for.
+        One array if ``quantities`` is one letter.
 
     Raises
     ------
     InputError
-        Where nearest images do not do: a vector of the cell, or a sum of such, along which atoms repeat is shorter than
-        twice the largest cutoff; positions or cutoffs that are not finite; unknown quantities.
+        For positions or cutoffs that are not finite, cell vectors in one plane, and unknown quantities.
     """
     unknown = [quantity for quantity in quantities if quantity not in QUANTITIES]
     if unknown or not quantities:
@@ -74,16 +70,13 @@ def neighbor_list(quantities: str, a: Atoms, cutoff: Cutoff, self_interaction: b
     positions = np.require(a.positions, np.float64, ["C", "A"])
     if positions.ndim != 2 or positions.shape[1] != 3:
         raise InputError(f"positions have shape {positions.shape} where (n, 3) is needed")
-    said, largest = _cutoffs(cutoff, a, len(positions))
+    cutoffs, largest = _cutoffs(cutoff, a, len(positions))
     periodic = [bool(axis) for axis in np.broadcast_to(np.asarray(a.pbc), 3)]
     cell = _cell(a.cell, periodic)
-    edges = _edges(cell, periodic, largest)
     if largest <= 0:
         # Nothing is nearer than that, not even an atom to itself.
-        positions, said = positions[:0], 0.0
-    found = neighbors_within(
-        quantities, positions, said, cell=cell.tolist(), edges=edges, with_itself=self_interaction
-    )
+        positions, cutoffs = positions[:0], 0.0
+    found = neighbors_within(quantities, positions, cutoffs, cell=cell.tolist(), with_itself=self_interaction)
     arrays = tuple(found[quantity] for quantity in quantities)
     return arrays[0] if len(arrays) == 1 else arrays
 
@@ -102,49 +95,6 @@ def _cell(given: Any, periodic: list[bool]) -> Vectors:
         elif not np.isfinite(cell[axis]).all() or not cell[axis].any():
             raise InputError(f"the cell is periodic along {AXES[axis]} and its vector there is {cell[axis].tolist()}")
     return cell
-
-
-def _edges(cell: Vectors, periodic: list[bool], largest: float) -> list[Edge]:
-    """The edges of the reduced cell, if nearest images do for all that is nearer than ``largest``."""
-    of_cell = _reduced(cell, periodic)
-    edges = of_cell @ cell
-    lengths = np.linalg.norm(edges, axis=1)
-    if len(edges) > 0 and np.linalg.matrix_rank(edges / lengths.max()) < len(edges):
-        raise InputError(f"the periodic vectors of the cell lie in one line or plane: {cell[periodic].tolist()}")
-    if len(edges) > 0 and lengths.min() < 2.0 * largest:
-        shortest = int(lengths.argmin())
-        raise InputError(
-            f"atoms repeat after {lengths[shortest]:.9g}, along {edges[shortest].tolist()}, and the largest cutoff is "
-            f"{largest}; only nearest images are looked at, which do up to {lengths[shortest] / 2.0:.9g}: repeat the atoms "
-            "(atoms.repeat), or use ase.neighborlist.neighbor_list, which looks at all"
-        )
-    duals = np.linalg.pinv(edges).T
-    return [(tuple(whole), tuple(dual)) for whole, dual in zip(of_cell.tolist(), duals.tolist())]
-
-
-def _reduced(cell: Vectors, periodic: list[bool]) -> npt.NDArray[np.int64]:
-    """How many of each vector of the cell the edges of its reduced one are: the shortest that lead to the same images.
-
-    The greedy reduction of Nguyen and Stehlé, after which the first edge is a shortest way to an image.
-    """
-    of_cell = np.eye(3, dtype=np.int64)[periodic]
-    while True:
-        lengths = np.linalg.norm(of_cell @ cell, axis=1)
-        of_cell = of_cell[np.argsort(lengths, kind="stable")]
-        for last in range(1, len(of_cell)):
-            shorter = _nearer(cell, of_cell[:last], of_cell[last])
-            if np.linalg.norm(shorter @ cell) < (1.0 - 1e-12) * np.linalg.norm(of_cell[last] @ cell):
-                of_cell[last] = shorter
-                break
-        else:
-            return of_cell
-
-
-def _nearer(cell: Vectors, others: npt.NDArray[np.int64], edge: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """The shortest of what ``edge`` and whole numbers of ``others`` add up to."""
-    turns = np.round(np.linalg.lstsq((others @ cell).T, edge @ cell, rcond=None)[0]).astype(np.int64)
-    around = [edge - (turns + off) @ others for off in product((-1, 0, 1), repeat=len(others))]
-    return min(around, key=lambda one: float(np.linalg.norm(one @ cell)))
 
 
 def _cutoffs(cutoff: Cutoff, a: Atoms, atoms: int) -> tuple[Any, float]:

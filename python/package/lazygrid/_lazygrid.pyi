@@ -422,10 +422,9 @@ def neighbors_within(
     cutoffs: float | npt.NDArray[np.float64] | tuple[npt.NDArray[np.uint32], npt.NDArray[np.float64]],
     *,
     cell: list[list[float]],
-    edges: list[tuple[tuple[int, ...], tuple[float, ...]]],
     with_itself: bool,
 ) -> dict[str, npt.NDArray[Any]]:
-    """Return the neighbours of atoms by quantity. See :func:`lazygrid.neighbor_list`."""
+    """Return the neighbors of atoms by quantity. See :func:`lazygrid.neighbor_list`."""
 
 def simulate(source: Any, options: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Return what came of a run, and advice. See :func:`lazygrid.simulate`."""

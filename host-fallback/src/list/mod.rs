@@ -1,0 +1,177 @@
+//! Neighbor lists with geometry: shifts, vectors and distances, of all images within reach.
+//!
+//! A search finds the pairs. If no two images of a sphere are within reach of another, the nearest images are all there are;
+//! else the search is one between the spheres and [their images](Images). The lists are then filled by pieces of rows.
+
+mod fill;
+mod images;
+mod options;
+
+use lazygrid_kernels::{Error, InputError, Interactions, Pair, Query, Space};
+
+pub use images::Images;
+pub use options::ListOptions;
+
+use crate::memory::resize;
+use crate::neighbors::Lists;
+use crate::refinement::Refinement;
+use crate::threads::Team;
+use fill::{Fill, Neighbor, Piece, Slots};
+
+/// Spheres per piece of a list.
+const PIECE: usize = 1 << 9;
+
+/// A neighbor list with geometry, in compressed sparse rows: the neighbors of sphere `k` are the entries
+/// `offsets()[k]..offsets()[k + 1]`, in order of their indices, and those of one index in order of their shifts.
+///
+/// Arrays of quantities that were not asked for are empty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NeighborList<'a> {
+    offsets: &'a [u64],
+    pairs: &'a [Pair],
+    shifts: &'a [[i32; 3]],
+    vectors: &'a [[f64; 3]],
+    distances: &'a [f64],
+}
+
+impl<'a> NeighborList<'a> {
+    /// Where the neighbors of each sphere start: one more number than there are rows, the last the number of entries.
+    pub fn offsets(&self) -> &'a [u64] {
+        self.offsets
+    }
+
+    /// For each entry the sphere and its neighbor. In a full list `i` may be larger than `j`, and equal to it if an image of a
+    /// sphere is its own neighbor.
+    pub fn pairs(&self) -> &'a [Pair] {
+        self.pairs
+    }
+
+    /// For each entry the number of each edge of the space that leads to the image of the neighbor.
+    pub fn shifts(&self) -> &'a [[i32; 3]] {
+        self.shifts
+    }
+
+    /// For each entry the vector from sphere `i` to the image of its neighbor, `(cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`.
+    pub fn vectors(&self) -> &'a [[f64; 3]] {
+        self.vectors
+    }
+
+    /// For each entry the length of the vector.
+    pub fn distances(&self) -> &'a [f64] {
+        self.distances
+    }
+
+    /// The number of entries.
+    pub fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Returns `true` if there is no entry.
+    pub fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+}
+
+/// What decides which spheres of a query are neighbors.
+#[derive(Clone, Copy, Debug)]
+pub struct Contact<'a> {
+    /// The spheres and the excluded pairs.
+    pub query: &'a Query<'a>,
+    /// The space they are in.
+    pub space: &'a Space,
+    /// Which species pair, and at which distance.
+    pub table: Option<&'a Interactions>,
+}
+
+/// Builds neighbor lists, in buffers that survive between calls.
+#[derive(Debug, Default)]
+pub struct NeighborListBuilder {
+    lists: Lists,
+    offsets: Vec<u64>,
+    pairs: Vec<Pair>,
+    shifts: Vec<[i32; 3]>,
+    vectors: Vec<[f64; 3]>,
+    distances: Vec<f64>,
+}
+
+impl NeighborListBuilder {
+    /// Builds the list from the pairs of a query in canonical order, where nearest images are all within reach; or from
+    /// those between the spheres and their `images`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`], [`Error::Threads`], and [`InputError::Shift`] for a shift beyond 32 bits.
+    pub fn build(
+        &mut self,
+        contact: Contact<'_>,
+        (pairs, images): (&[Pair], Option<&Images>),
+        options: ListOptions,
+        team: &Team,
+    ) -> Result<NeighborList<'_>, Error> {
+        let rows = contact.query.first().len();
+        let is_mirrored = images.is_none() && contact.query.second().is_none() && !options.is_half;
+        let candidates = self.lists.rows(pairs, rows, is_mirrored)?;
+        let entries = candidates.indices().len() + if options.has_self { rows } else { 0 };
+        const WHAT: &str = "a neighbor list";
+        resize(&mut self.offsets, rows + 1, WHAT)?;
+        resize(&mut self.pairs, entries, WHAT)?;
+        resize(&mut self.shifts, if options.shifts { entries } else { 0 }, WHAT)?;
+        resize(&mut self.vectors, if options.vectors { entries } else { 0 }, WHAT)?;
+        resize(&mut self.distances, if options.distances { entries } else { 0 }, WHAT)?;
+        let refinement = images.and_then(|_| Refinement::new(*contact.query, None));
+        let fill = Fill { contact, images, options, refinement, candidates };
+        let all = Slots {
+            pairs: &mut self.pairs,
+            shifts: &mut self.shifts,
+            vectors: &mut self.vectors,
+            distances: &mut self.distances,
+        };
+        self.offsets[0] = 0;
+        let (_, counts) = self.offsets.split_at_mut(1);
+        let mut pieces = Piece::all(&fill, all, counts)?;
+        team.pass(entries, |threads| {
+            threads.each(&mut pieces, |_, piece| piece.fill(&fill));
+            Ok(())
+        })?;
+        if options.shifts
+            && let Some(Neighbor { i, j }) = pieces.iter().find_map(|piece| piece.too_far)
+        {
+            return Err(InputError::Shift { i, j }.into());
+        }
+        let filled = pieces.iter().map(|piece| (piece.start, piece.filled));
+        let filled = crate::memory::collect(filled, WHAT)?;
+        drop(pieces);
+        self.close(&filled);
+        Ok(NeighborList {
+            offsets: &self.offsets,
+            pairs: &self.pairs,
+            shifts: &self.shifts,
+            vectors: &self.vectors,
+            distances: &self.distances,
+        })
+    }
+
+    /// Closes the gaps that pieces have left, given where each starts and how many entries it has; and sums up the counts of
+    /// rows.
+    fn close(&mut self, filled: &[(usize, usize)]) {
+        fn moved<T: Copy>(values: &mut Vec<T>, filled: &[(usize, usize)]) {
+            if values.is_empty() {
+                return;
+            }
+            let mut end = 0;
+            for &(start, count) in filled {
+                if start != end {
+                    values.copy_within(start..start + count, end);
+                }
+                end += count;
+            }
+            values.truncate(end);
+        }
+        moved(&mut self.pairs, filled);
+        moved(&mut self.shifts, filled);
+        moved(&mut self.vectors, filled);
+        moved(&mut self.distances, filled);
+        for k in 1..self.offsets.len() {
+            self.offsets[k] += self.offsets[k - 1];
+        }
+    }
+}

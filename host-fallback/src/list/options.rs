@@ -1,0 +1,54 @@
+/// What a neighbor list holds.
+///
+/// ```
+/// # use lazygrid_host::ListOptions;
+/// let as_ase_has_it = ListOptions::full().open().shifts().vectors().distances();
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct ListOptions {
+    pub(super) is_half: bool,
+    pub(super) is_open: bool,
+    pub(super) has_self: bool,
+    pub(super) shifts: bool,
+    pub(super) vectors: bool,
+    pub(super) distances: bool,
+}
+
+impl ListOptions {
+    /// Every pair twice: `j` is a neighbor of `i`, and `i` one of `j`. This is the default.
+    pub fn full() -> Self {
+        Self::default()
+    }
+
+    /// Every pair once: `i < j`, and of the two images of a sphere that lie opposite each other the one whose shift is positive
+    /// at the first edge where it is not zero. Between two sets this is the same as [`full`](Self::full).
+    pub fn half() -> Self {
+        Self { is_half: true, ..Self::default() }
+    }
+
+    /// Leaves out neighbors whose distance, rounded, is not less than their reach, as ASE and matscipy do. Without it, touching
+    /// counts.
+    pub fn open(self) -> Self {
+        Self { is_open: true, ..self }
+    }
+
+    /// Makes every sphere whose reach with itself is not zero its own neighbor, at distance zero. Of two sets it has no effect.
+    pub fn with_self(self) -> Self {
+        Self { has_self: true, ..self }
+    }
+
+    /// Fills [`NeighborList::shifts`](super::NeighborList::shifts).
+    pub fn shifts(self) -> Self {
+        Self { shifts: true, ..self }
+    }
+
+    /// Fills [`NeighborList::vectors`](super::NeighborList::vectors).
+    pub fn vectors(self) -> Self {
+        Self { vectors: true, ..self }
+    }
+
+    /// Fills [`NeighborList::distances`](super::NeighborList::distances).
+    pub fn distances(self) -> Self {
+        Self { distances: true, ..self }
+    }
+}
