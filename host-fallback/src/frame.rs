@@ -15,7 +15,15 @@
 //!    less than 2⁻³³.
 //! 4. A radius of more than 4 touches everything in the frame: it is cut there.
 //!
-//! So every pair that touches in space touches in the frame too.
+//! So every pair that touches in space touches in the frame too. Conversely a pair touches in space, and needs no decision, if in
+//! an orthogonal frame it touches by more than the [slack](Frame::slack):
+//!
+//! 5. By 1. a distance in the frame is at most √3·3·2⁻²⁵ less than the distance in space. The filter of the search, of which the
+//!    slack of a periodic space is 2⁻²² of the longest axis, is wrong by less than that.
+//! 6. Two radii together have grown by at most 2⁻²⁰ + 2⁻²² of the reach `ρ`, where the second term is that of the roundings
+//!    upward, and 1.01·2⁻²².
+//! 7. All absolute parts together are 2.7·2⁻²² at most; the slack has 2⁻²⁰, and for the relative ones 2⁻¹⁹ of the largest reach,
+//!    of which the decision's own rounding takes less than 2⁻⁴⁹.
 
 use lazygrid_kernels::{Query, Shear, Space, Sphere, Straight};
 
@@ -29,6 +37,8 @@ const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
 const LIMIT: f64 = 4.0;
 /// The part of the distance between spheres along a periodic axis that a frame is no smaller than.
 const SPREAD: f64 = 1.0 / (1 << 20) as f64;
+/// The absolute part of the slack, and the part of the largest radius.
+const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
 /// The part of a frame that spheres fill at least: a frame is kept while they do, so that those that move keep their radii.
 const FILLED: f64 = 1.0 / 8.0;
 
@@ -164,9 +174,20 @@ impl Frame {
         }
     }
 
+    /// Returns `true` if distances in the frame are those in space, up to its scale and to rounding.
+    pub(crate) fn is_orthogonal(&self) -> bool {
+        matches!(self.axes, Axes::Orthogonal(_))
+    }
+
     /// A distance as it is in the frame.
     pub fn scale(&self) -> f64 {
         self.scale
+    }
+
+    /// By how much spheres up to this radius must touch in an orthogonal frame to touch in space without doubt.
+    pub(crate) fn slack(largest: f32) -> f32 {
+        let [absolute, relative] = SLACK;
+        absolute + relative * largest
     }
 
     /// A sphere as it is searched, from its center and the radius that is to be searched. One that is not valid gives one

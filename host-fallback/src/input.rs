@@ -1,6 +1,6 @@
 use std::sync::atomic::Ordering::Relaxed;
 
-use crate::compare::{Images, Output, Rule, Sink, Task};
+use crate::compare::{Output, Rule, Sink, Task};
 use crate::survey::Survey;
 use crate::threads::Threads;
 use crate::{Error, Settings, Simd};
@@ -17,9 +17,9 @@ pub(crate) struct Input<'a> {
 }
 
 impl Input<'_> {
-    /// Runs comparisons in the vector code of the settings, between nearest images where space is periodic.
+    /// Runs comparisons in the vector code of the settings, between nearest images in a periodic space.
     pub(crate) fn run<T: Task>(&self, task: T) -> T::Result {
-        self.simd.run(task, Images::of(self.rule.space()))
+        self.simd.run(task, self.rule.images(self.survey.largest_radius()))
     }
 
     /// Whether the caller wants the search to end; asked before each piece of work.

@@ -31,6 +31,12 @@ impl<'a> Refinement<'a> {
         self.contact.is_some()
     }
 
+    /// Returns `true` if it decides on nothing but whether spheres touch by their radii.
+    pub(crate) fn is_contact_of_radii(&self) -> bool {
+        let is_by_radii = matches!(self.contact, Some((_, None)));
+        is_by_radii && !self.has_groups && self.query.exclusions().is_none()
+    }
+
     /// Returns `true` if two spheres that the search has found are a pair.
     pub fn keeps(&self, i: u32, j: u32) -> bool {
         // The exclusion lookup is the slowest test, so it comes last.

@@ -20,7 +20,8 @@ impl Random {
     }
 }
 
-/// Spheres of some sizes around `offset`, of which every second one touches the one before it, give or take 2 ulp.
+/// Spheres of some sizes around `offset`, of which every second one touches the one before it, give or take up to 2 ulp, or 2⁻¹⁶ to
+/// 2⁻²⁷ of its radius.
 fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Vec<[f64; 4]> {
     let mut spheres: Vec<[f64; 4]> = Vec::new();
     for k in 0..count {
@@ -33,7 +34,11 @@ fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Ve
                 let reach = (r + radius) / length;
                 let center = [a + apart[0] * reach, b + apart[1] * reach, c + apart[2] * reach];
                 let off = (k / 2 % 5) as i64 - 2;
-                let radius = f64::from_bits((radius.to_bits() as i64 + off).max(0) as u64);
+                let part = 1.0 + (off.signum() as f64) * 0.5_f64.powi(16 + (k / 20 % 12) as i32);
+                let radius = match k / 10 % 2 {
+                    0 => f64::from_bits((radius.to_bits() as i64 + off).max(0) as u64),
+                    _ => radius * part,
+                };
                 [center[0], center[1], center[2], radius]
             }
             _ => [x, y, z, radius],

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Interaction, Interactions, Reach, Space, Sphere, Spheres};
 
-use super::Row;
+use super::{Images, Row};
 use crate::Settings;
 use crate::classes::{CLASSES, class_of};
 use crate::frame::Frame;
@@ -37,8 +37,10 @@ pub(crate) struct Rule<'a> {
     refinement: Option<&'a Refinement<'a>>,
     /// The number of spheres of the first of two sets, for a search that finds pairs within a set too.
     split: Option<u32>,
-    /// By which distances are multiplied where they are searched.
-    scale: f64,
+    /// The frame in which the spheres are searched.
+    frame: Option<&'a Frame>,
+    /// Whether spheres that touch without doubt are a pair, so that nothing else is asked.
+    is_plain: bool,
 }
 
 /// What makes candidates of spheres instead of pairs.
@@ -66,6 +68,7 @@ impl<'a> Rule<'a> {
             let reach = (0..table.species()).map(|s| table.reach(s)).collect();
             Species { table, ids, reach }
         });
+        let is_plain = species.is_none();
         Self {
             spheres,
             species,
@@ -74,7 +77,8 @@ impl<'a> Rule<'a> {
             widening: None,
             refinement: None,
             split: None,
-            scale: 1.0,
+            frame: None,
+            is_plain,
         }
     }
 
@@ -84,8 +88,11 @@ impl<'a> Rule<'a> {
             Some(frame) => Self::new(placed.spheres, None).in_space(frame.space()),
             None => Self::new(placed.spheres, settings.interactions.as_ref()).in_space(settings.space),
         };
-        let scale = placed.frame.map_or(1.0, Frame::scale);
-        Self { refinement: placed.refinement.as_ref(), scale, ..rule }
+        let refinement = placed.refinement.as_ref();
+        // In straight coordinates, and of reaches of species, no contact is without doubt.
+        let is_certain = placed.frame.is_none_or(Frame::is_orthogonal)
+            && refinement.is_none_or(Refinement::is_contact_of_radii);
+        Self { refinement, frame: placed.frame, is_plain: rule.is_plain && is_certain, ..rule }
     }
 
     /// The same in a space in which the spheres are already wrapped.
@@ -97,7 +104,8 @@ impl<'a> Rule<'a> {
     /// The same for pairs of one of the first `split` spheres and one of the others.
     pub(crate) fn across(self, split: Option<usize>) -> Self {
         // Below 2³² by the number of spheres.
-        Self { split: split.map(|split| split as u32), ..self }
+        let split = split.map(|split| split as u32);
+        Self { split, is_plain: self.is_plain && split.is_none(), ..self }
     }
 
     /// The same for candidates.
@@ -110,9 +118,18 @@ impl<'a> Rule<'a> {
         &self.space
     }
 
+    /// The space as the filter sees it, for spheres up to this radius; `None` if it is unbounded and contact needs no slack.
+    pub(crate) fn images(&self, largest: f32) -> Option<Images> {
+        match self.frame.is_some_and(Frame::is_orthogonal) {
+            true => Some(Images::of_frame(&self.space, largest)),
+            // No contact in straight coordinates is without doubt.
+            false => Images::of(&self.space),
+        }
+    }
+
     /// A distance as it is where pairs are searched.
     pub(crate) fn searched(&self, distance: f64) -> f32 {
-        (distance * self.scale) as f32
+        (distance * self.frame.map_or(1.0, Frame::scale)) as f32
     }
 
     /// The length of each periodic axis.
@@ -134,7 +151,7 @@ impl<'a> Rule<'a> {
     /// Whether touching alone decides, so that a certain contact needs no further question.
     #[inline(always)]
     pub(crate) fn is_plain(&self) -> bool {
-        self.species.is_none() && self.refinement.is_none() && self.split.is_none()
+        self.is_plain
     }
 
     /// Centre and effective radius of sphere `id`.

@@ -2,6 +2,7 @@ use lazygrid_kernels::{Pair, Space};
 
 use super::super::columns::Columns;
 use super::{Around, Axes, Jobs, MAX_LANES, Row, Vector, Width, rows};
+use crate::frame::Frame;
 
 /// A periodic space as the filter sees it.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +25,12 @@ impl Images {
             slack: longest / (1 << 22) as f32,
         };
         space.is_periodic().then_some(images)
+    }
+
+    /// Those of the space of a frame, unbounded or periodic, for spheres up to this radius.
+    pub(crate) fn of_frame(space: &Space, largest: f32) -> Self {
+        let lengths = space.lengths_f32().map(|length| length.unwrap_or(f32::INFINITY));
+        Self { lengths, slack: Frame::slack(largest) }
     }
 }
 
