@@ -131,6 +131,7 @@ fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, (particles, k
             0 => bad.spheres[0].radius = -1.0,
             1 => bad.spheres[0].center.y = f32::NAN,
             2 => drop(bad.ids.pop()),
+            // Groups, below.
             _ => {}
         }
     }
@@ -183,7 +184,7 @@ fn run(
         let calls = all.change();
         let expected = all.expected(space, table);
         if all.choose(5) < 2 {
-            let kind = all.choose(5);
+            let kind = all.choose(4);
             fail(world, &mut distributed, (&all.part(rank, table.is_some()), kind));
         }
         for repeat in 0..calls {
