@@ -36,7 +36,7 @@ pub(crate) fn settings(world: &SimpleCommunicator) {
     let balance = |bound| config().ownership(Ownership::Balance { bound });
     let cases = [
         ("space", config(), config().space(space(44.0))),
-        ("space", config().space(space(44.0)), config().space(space(44.000_004))),
+        ("space", config().space(space(44.0)), config().space(space(44.0_f32.next_up().into()))),
         ("interactions", config(), config().interactions(table(1.0))),
         ("interactions", config().interactions(table(1.0)), config().interactions(table(2.0))),
         ("ownership", config(), balance(1.2)),
