@@ -196,7 +196,7 @@ impl Fill<'_> {
     fn entry(&self, i: u32, j: u32, bond: Bond) -> Option<Entry> {
         let ListOptions { is_open, distances, .. } = self.options;
         let distance = if is_open || distances { bond.length() } else { 0.0 };
-        let is_out = is_open && !(distance < self.reach(i, j)?);
+        let is_out = is_open && distance >= self.reach(i, j)?;
         (!is_out).then_some(Entry { pair: Pair { i, j }, bond, distance })
     }
 
