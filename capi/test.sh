@@ -36,7 +36,7 @@ mv "$work/first" "$work/prefix"
 prefix=$work/prefix
 
 exported() { nm -D --defined-only "$prefix/lib/liblazygrid.so" | awk '$2 == "T" { print $3 }' | sort; }
-declared() { grep -o 'lazygrid_[a-z_]*(' capi/include/lazygrid.h | tr -d '(' | grep -v spheres_of | sort -u; }
+declared() { sed -n "s/^LAZYGRID_API.*[ *]\(lazygrid_[a-z0-9_]*\)(.*/\1/p" capi/include/lazygrid.h | sort -u; }
 symbols() { diff <(exported) <(declared); }
 soname() { readelf -d "$prefix/lib/liblazygrid.so" | grep -q 'soname: \[liblazygrid.so.[0-9]'; }
 if [ "$(uname)" = Linux ] && have readelf binutils; then
@@ -73,6 +73,7 @@ if have pkg-config pkg-config; then
     passes "C" build_and_run contract c99 capi/tests/contract.c
     passes "C, newest standard" build_and_run contract-c17 c17 capi/tests/contract.c
     passes "C, two sets and skins" build_and_run sets c99 capi/tests/sets.c
+    passes "C, doubles and layouts" build_and_run doubles c99 capi/tests/doubles.c
     passes "C, boxes that lean and what is left out" build_and_run exclusions c99 capi/tests/exclusions.c
     passes "C++17" build_and_run wrapper c++17 capi/tests/wrapper.cpp
     passes "C++20, with std::span" build_and_run wrapper-20 c++20 capi/tests/wrapper.cpp
@@ -107,6 +108,7 @@ if have pkg-config pkg-config; then
         export ASAN_OPTIONS=detect_leaks=1
         passes "C, AddressSanitizer" build_and_run contract-asan c99 capi/tests/contract.c "${sanitizers[@]}"
         passes "C, two sets, AddressSanitizer" build_and_run sets-asan c99 capi/tests/sets.c "${sanitizers[@]}"
+        passes "C, doubles, AddressSanitizer" build_and_run doubles-asan c99 capi/tests/doubles.c "${sanitizers[@]}"
         passes "C, what is left out, AddressSanitizer" \
             build_and_run exclusions-asan c99 capi/tests/exclusions.c "${sanitizers[@]}"
         passes "C++, AddressSanitizer" build_and_run wrapper-asan c++17 capi/tests/wrapper.cpp "${sanitizers[@]}"
@@ -122,6 +124,7 @@ if have pkg-config pkg-config; then
     }
     if have valgrind valgrind; then
         passes "C under valgrind" watched "$work/contract"
+        passes "C, doubles, under valgrind" watched "$work/doubles"
         passes "C++ under valgrind" watched "$work/wrapper"
     else
         skip "valgrind is not installed"

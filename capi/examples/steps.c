@@ -38,10 +38,11 @@ int main(void) {
     if (lazygrid_create(&settings, &detector) != LAZYGRID_OK) fail("no detector", lazygrid_last_error(NULL));
 
     for (step = 0; step < STEPS; step++) {
-        const lazygrid_spheres spheres = lazygrid_spheres_of_rows(SPHERES, rows);
+        const lazygrid_spheres spheres = lazygrid_rows(SPHERES, rows);
+        const lazygrid_query query = lazygrid_among(&spheres);
         const lazygrid_pair *pairs;
         uint64_t count;
-        if (lazygrid_pairs(detector, &spheres, &pairs, &count) != LAZYGRID_OK) {
+        if (lazygrid_pairs(detector, &query, &pairs, &count) != LAZYGRID_OK) {
             fail("no pairs", lazygrid_last_error(detector));
         }
         /* Here a simulator would let pairs[0] to pairs[count - 1] collide or react. They live until the next search. */

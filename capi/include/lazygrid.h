@@ -4,18 +4,23 @@
  *     lazygrid_detector *detector;
  *     if (lazygrid_create(NULL, &detector) != LAZYGRID_OK) { puts(lazygrid_last_error(NULL)); exit(1); }
  *     for (step = 0; step < steps; step++) {
- *         lazygrid_spheres spheres = lazygrid_spheres_of_rows(n, rows);     x, y, z, r of each sphere
+ *         lazygrid_spheres spheres = lazygrid_rows(n, rows);     x, y, z, r of each sphere
+ *         lazygrid_query query = lazygrid_among(&spheres);
  *         const lazygrid_pair *pairs;
  *         uint64_t count;
- *         if (lazygrid_pairs(detector, &spheres, &pairs, &count) != LAZYGRID_OK) { ... }
+ *         if (lazygrid_pairs(detector, &query, &pairs, &count) != LAZYGRID_OK) { ... }
  *         for (k = 0; k < count; k++) collide(pairs[k].i, pairs[k].j);
  *     }
  *     lazygrid_destroy(detector);
  *
  * WHAT A PAIR IS. (i, j) with i < j and (xi-xj)^2 + (yi-yj)^2 + (zi-zj)^2 <= (ri+rj)^2. Touching counts, coincident
- * centres count, each pair once. Space is unbounded unless it is said to be periodic. Lengths are in one unit, the
- * caller's. Radius 0 is a point. Zero and one sphere are ordinary inputs. Spheres of one group, and pairs that are listed
- * as excluded, are no pairs.
+ * centers count, each pair once. Numbers are floats or doubles, and none is rounded: of doubles the expression is evaluated
+ * in double precision. Space is unbounded unless it is said to be periodic. Lengths are in one unit, the caller's. Radius 0
+ * is a point. Zero and one sphere are ordinary inputs. Spheres of one group, and excluded pairs, are never reported.
+ *
+ * A QUERY is a set of spheres, whose pairs are asked for, or two sets, of which each pair has one sphere of each; and pairs
+ * that are excluded. All four searches take one: lazygrid_pairs, lazygrid_count, lazygrid_neighbors, lazygrid_stream.
+ * Two sets work with every algorithm.
  *
  * ERRORS. Functions that can fail return a lazygrid_status, LAZYGRID_OK being 0. lazygrid_last_error tells in words
  * what was wrong, with the value, the limit and the remedy. Nothing is truncated, nothing unwinds into the caller,
@@ -23,20 +28,18 @@
  * returns LAZYGRID_ERROR_INTERNAL. Where a function fails, the results it was to write are NULL and 0, unless it
  * says otherwise.
  *
- * LIFETIMES. Inputs are read during the call, never copied first and never kept; they must not change meanwhile. The
- * arrays that a search hands out belong to the detector and live until the next search with it (lazygrid_pairs,
- * lazygrid_neighbors, lazygrid_count, lazygrid_stream, and the same between two sets) or until it is destroyed,
- * whichever is first, also where that search fails. They must not be written to, nor given to the same detector as an
- * input.
+ * LIFETIMES. Inputs are read during the call and never kept; they must not change meanwhile. The arrays that a search
+ * hands out belong to the detector and live until the next search with it, even if that search fails, or until the
+ * detector is destroyed. They must not be written to, nor given to the same detector as an input.
  *
  * THREADS. Any thread may call with any detector, one at a time. A detector that is used by two threads at once, or
  * from its own callback, answers LAZYGRID_ERROR_BUSY to the second and is not harmed. Different detectors are
  * independent. Searches use the threads of one pool that the process shares, unless `threads` is set. A process that
  * forks must not use the library in the child if the parent has used it.
  *
- * GROWTH. lazygrid_settings begins with its own size; later versions append fields, and 0 always means the default, so
- * that programs compiled with an older header go on working. The other structures do not change within versions that
- * share a SONAME.
+ * GROWTH. lazygrid_settings, lazygrid_spheres and lazygrid_query begin with their own size; later versions append fields,
+ * and 0 always means the default, so that programs compiled with an older header go on working. All bytes of such a
+ * structure, up to its size, must be initialized. The other structures do not change within versions that share a SONAME.
  */
 #ifndef LAZYGRID_H
 #define LAZYGRID_H
@@ -64,7 +67,7 @@ extern "C" {
 typedef int32_t lazygrid_status;
 enum {
     LAZYGRID_OK = 0,
-    /* A pointer is NULL or not aligned, a size is wrong, or a number is none of those listed here. */
+    /* A pointer is NULL or not aligned, a size or a step is wrong, or a number is none of those listed here. */
     LAZYGRID_ERROR_ARGUMENT = 1,
     /* An input is refused: NaN, infinity, a negative radius, a species that the table does not have, too many spheres,
        a periodic length, an edge or a distance that is none, excluded pairs of other spheres. The message names the first
@@ -154,50 +157,125 @@ typedef struct lazygrid_settings {
     int32_t order;            /* LAZYGRID_ORDER_... */
     uint32_t threads;         /* on the CPU; 0: as many as the process may use, shared by all detectors */
     uint64_t max_pairs;       /* the most a list may hold, 8 bytes each; 0: 2^29. Counts and streams have no limit */
-    float periodic[3];        /* the length of each periodic axis x, y, z; 0: unbounded */
+    double periodic[3];       /* the length of each periodic axis x, y, z; 0: unbounded */
     uint32_t timeout_seconds; /* how long a call may take a GPU; 0: ten minutes */
+    int32_t skin;             /* LAZYGRID_SKIN_... */
+    double skin_distance;     /* for LAZYGRID_SKIN_FIXED, 1e-14 to 1e17, in the unit of the spheres; else 0 */
     const char *adapter;      /* a GPU by its number, or by a part of its name that no other has, in UTF-8; or NULL */
     const lazygrid_interactions *interactions; /* copied when the detector is made; NULL: all that touch are pairs */
-    int32_t skin;             /* LAZYGRID_SKIN_... */
-    float skin_distance;      /* for LAZYGRID_SKIN_FIXED, 1e-14 to 1e17, in the unit of the spheres; else 0 */
-    const float *edges;       /* 9 floats: three edges x, y, z of any direction along which space repeats, as those of a
+    const double *edges;      /* 9 doubles: three edges x, y, z of any direction along which space repeats, as those of a
                                  triclinic cell; 0, 0, 0: one along which it does not. Read when the detector is made.
                                  NULL: see `periodic`, which must else be 0 */
 } lazygrid_settings;
 
+/* The type of the numbers of spheres. */
+enum {
+    LAZYGRID_F32 = 0, /* float */
+    LAZYGRID_F64 = 1  /* double */
+};
+
 /*
- * Spheres, as rows or as columns, of 32-bit floats. Either `rows` is set, to 4 * count floats x, y, z, r, x, y, ..., or
- * x, y, z and r are, each to `count` floats; what is not set is NULL. With count 0 all may be NULL. `species` has
- * `count` ids below the number of species of the table, where the detector has one; else it may be NULL.
+ * A set of spheres, read where it lies: rows, columns, points with one radius, arrays of structures, `x[0]` of a `double **`.
+ * Make it by lazygrid_rows or its like below, then set `species` and `groups` if needed.
  *
- * `groups` has `count` numbers, or is NULL: two spheres of one group, a molecule or a rigid body, are never a pair, but
- * for those of LAZYGRID_NO_GROUP. Between two sets groups of both are the same where their numbers are. `exclusions` are
- * pairs that are never reported, or NULL; between two sets they come with the first one. What is left out is neither
- * counted nor given room, and may change from call to call.
+ * Number k of x is the one at `x` plus k * `step` bytes; so are y and z, and r with `r_step`. Both steps are multiples of
+ * the size of a number. `step` is not 0 if there are two spheres or more; `r_step` 0 gives all spheres the radius at `r`.
+ * Pointers are aligned as numbers are. From the first to the last number that it leads to, the memory at each pointer is
+ * part of one array and does not change during a call, gaps included; these may hold anything. With count 0 no pointer is
+ * read, and all may be NULL.
+ *
+ * `species` has `count` ids below the number of species of the table, if the detector has one; else it may be NULL.
+ * `groups` has `count` numbers, or is NULL: two spheres of one group, such as a molecule or a rigid body, are never a pair,
+ * except those of LAZYGRID_NO_GROUP. Two spheres of two sets are of one group if their numbers are equal.
  */
 typedef struct lazygrid_spheres {
-    size_t count;
-    const float *rows;
-    const float *x;
-    const float *y;
-    const float *z;
-    const float *r;
+    size_t size;   /* sizeof(lazygrid_spheres) */
+    size_t count;  /* the number of spheres */
+    const void *x; /* the coordinates of the first center */
+    const void *y;
+    const void *z;
+    const void *r; /* the first radius, or the only one */
+    size_t step;   /* bytes from one center to the next */
+    size_t r_step; /* bytes from one radius to the next; 0: one radius for all */
+    int32_t type;  /* LAZYGRID_F32 or LAZYGRID_F64, of all numbers */
+    int32_t zero;  /* 0 */
     const uint32_t *species;
     const uint32_t *groups;
-    const lazygrid_exclusions *exclusions;
 } lazygrid_spheres;
 
-/* `count` spheres as rows x, y, z, r, without anything else. */
-static inline lazygrid_spheres lazygrid_spheres_of_rows(size_t count, const float *rows) {
-    lazygrid_spheres spheres = {count, rows, NULL, NULL, NULL, NULL, NULL, NULL, NULL};
+/* A question to a detector. Make it by lazygrid_among or lazygrid_across, then set `exclusions` if needed. */
+typedef struct lazygrid_query {
+    size_t size;                    /* sizeof(lazygrid_query) */
+    const lazygrid_spheres *first;  /* the only set, or the first of two */
+    const lazygrid_spheres *second; /* the second set; NULL: the pairs among `first` */
+    const lazygrid_exclusions *exclusions; /* made for these numbers of spheres, or NULL. What is excluded is neither
+                                              counted nor given room. It may change from call to call */
+} lazygrid_query;
+
+/* `count` spheres in memory of any layout: see lazygrid_spheres. */
+static inline lazygrid_spheres lazygrid_strided(int32_t type, size_t count, const void *x, const void *y, const void *z,
+                                                size_t step, const void *r, size_t r_step) {
+    lazygrid_spheres spheres = {sizeof(lazygrid_spheres), count, x, y, z, r, step, r_step, type, 0, NULL, NULL};
     return spheres;
 }
 
-/* `count` spheres as four columns, without anything else. */
-static inline lazygrid_spheres lazygrid_spheres_of_columns(size_t count, const float *x, const float *y, const float *z,
-                                                           const float *r) {
-    lazygrid_spheres spheres = {count, NULL, x, y, z, r, NULL, NULL, NULL};
-    return spheres;
+/* `count` spheres as rows: 4 * `count` floats x, y, z, r, x, y, ... */
+static inline lazygrid_spheres lazygrid_rows(size_t count, const float *rows) {
+    const size_t step = 4 * sizeof(float);
+    if (rows == NULL) return lazygrid_strided(LAZYGRID_F32, count, NULL, NULL, NULL, step, NULL, step);
+    return lazygrid_strided(LAZYGRID_F32, count, rows, rows + 1, rows + 2, step, rows + 3, step);
+}
+
+/* The same of doubles. */
+static inline lazygrid_spheres lazygrid_rows_f64(size_t count, const double *rows) {
+    const size_t step = 4 * sizeof(double);
+    if (rows == NULL) return lazygrid_strided(LAZYGRID_F64, count, NULL, NULL, NULL, step, NULL, step);
+    return lazygrid_strided(LAZYGRID_F64, count, rows, rows + 1, rows + 2, step, rows + 3, step);
+}
+
+/* `count` spheres as four columns of `count` floats each. */
+static inline lazygrid_spheres lazygrid_columns(size_t count, const float *x, const float *y, const float *z,
+                                                const float *r) {
+    return lazygrid_strided(LAZYGRID_F32, count, x, y, z, sizeof(float), r, sizeof(float));
+}
+
+/* The same of doubles. */
+static inline lazygrid_spheres lazygrid_columns_f64(size_t count, const double *x, const double *y, const double *z,
+                                                    const double *r) {
+    return lazygrid_strided(LAZYGRID_F64, count, x, y, z, sizeof(double), r, sizeof(double));
+}
+
+/*
+ * `count` points, 3 * `count` floats x, y, z, x, y, ..., all of the radius at `radius`, which lives as long as the spheres
+ * are used. Half a cutoff makes pairs of points that are within the cutoff.
+ */
+static inline lazygrid_spheres lazygrid_points(size_t count, const float *centers, const float *radius) {
+    const size_t step = 3 * sizeof(float);
+    if (centers == NULL) return lazygrid_strided(LAZYGRID_F32, count, NULL, NULL, NULL, step, radius, 0);
+    return lazygrid_strided(LAZYGRID_F32, count, centers, centers + 1, centers + 2, step, radius, 0);
+}
+
+/* The same of doubles. */
+static inline lazygrid_spheres lazygrid_points_f64(size_t count, const double *centers, const double *radius) {
+    const size_t step = 3 * sizeof(double);
+    if (centers == NULL) return lazygrid_strided(LAZYGRID_F64, count, NULL, NULL, NULL, step, radius, 0);
+    return lazygrid_strided(LAZYGRID_F64, count, centers, centers + 1, centers + 2, step, radius, 0);
+}
+
+/* A query for the pairs among `spheres`, which it points to. */
+static inline lazygrid_query lazygrid_among(const lazygrid_spheres *spheres) {
+    lazygrid_query query = {sizeof(lazygrid_query), spheres, NULL, NULL};
+    return query;
+}
+
+/*
+ * A query for the pairs of one sphere of `first` and one of `second`, which it points to: particles and receivers, say, or
+ * the spheres of a process and ghosts. If the detector has a table, both sets need species. Both may be the same spheres;
+ * each is then a pair with itself. A message about `second` begins with "of the second set, ".
+ */
+static inline lazygrid_query lazygrid_across(const lazygrid_spheres *first, const lazygrid_spheres *second) {
+    lazygrid_query query = {sizeof(lazygrid_query), first, second, NULL};
+    return query;
 }
 
 /*
@@ -230,26 +308,26 @@ LAZYGRID_API lazygrid_status lazygrid_settings_init(lazygrid_settings *settings,
  * A table for species 0 to `species` - 1, at most 4096, in which every two species have the interaction `kind`
  * (LAZYGRID_NEVER, _TOUCH or _WITHIN). `distance` counts for LAZYGRID_WITHIN only. Used by one thread at a time.
  */
-LAZYGRID_API lazygrid_status lazygrid_interactions_create(uint32_t species, int32_t kind, float distance,
+LAZYGRID_API lazygrid_status lazygrid_interactions_create(uint32_t species, int32_t kind, double distance,
                                                           lazygrid_interactions **interactions);
 
 /* Sets the interaction of species `a` with `b`, and of `b` with `a`. Where it fails, the table is as it was. */
 LAZYGRID_API lazygrid_status lazygrid_interactions_set(lazygrid_interactions *interactions, uint32_t a, uint32_t b,
-                                                       int32_t kind, float distance);
+                                                       int32_t kind, double distance);
 
 /* Frees a table. Detectors made with it keep their copies. NULL is left alone. */
 LAZYGRID_API void lazygrid_interactions_destroy(lazygrid_interactions *interactions);
 
 /*
  * A list of `count` pairs among so many spheres, in either order, or both, and more than once. It never changes, so that
- * any threads may use it at once, and it must live as long as spheres name it. It serves all calls with as many spheres;
+ * any threads may use it at once, and it must live as long as queries name it. It serves all calls with as many spheres;
  * when spheres come or go, make another. A sphere with itself is no pair, and may be named.
  */
 LAZYGRID_API lazygrid_status lazygrid_exclusions_create(size_t spheres, const lazygrid_pair *pairs, size_t count,
                                                         lazygrid_exclusions **exclusions);
 
 /* The same for searches between two sets, of so many spheres each: `i` is an index in the first, `j` one in the second. */
-LAZYGRID_API lazygrid_status lazygrid_exclusions_between(size_t first, size_t second, const lazygrid_pair *pairs,
+LAZYGRID_API lazygrid_status lazygrid_exclusions_across(size_t first, size_t second, const lazygrid_pair *pairs,
                                                          size_t count, lazygrid_exclusions **exclusions);
 
 /*
@@ -276,19 +354,19 @@ LAZYGRID_API lazygrid_status lazygrid_destroy(lazygrid_detector *detector);
  * The overlapping pairs, `count` of them at `*pairs`. With LAZYGRID_ERROR_TOO_MANY_PAIRS `*count` is how many there
  * are, exactly.
  */
-LAZYGRID_API lazygrid_status lazygrid_pairs(lazygrid_detector *detector, const lazygrid_spheres *spheres,
+LAZYGRID_API lazygrid_status lazygrid_pairs(lazygrid_detector *detector, const lazygrid_query *query,
                                             const lazygrid_pair **pairs, uint64_t *count);
 
-/* How many pairs there are. Needs no memory for them, so that any number can be counted. */
-LAZYGRID_API lazygrid_status lazygrid_count(lazygrid_detector *detector, const lazygrid_spheres *spheres,
-                                            uint64_t *count);
+/* The number of pairs. Needs no memory for them, so that any number can be counted. */
+LAZYGRID_API lazygrid_status lazygrid_count(lazygrid_detector *detector, const lazygrid_query *query, uint64_t *count);
 
 /*
- * The pairs as neighbour lists in compressed sparse rows: those of sphere k are `indices[offsets[k]]` to
- * `indices[offsets[k + 1] - 1]`, ascending, every pair in both lists. `*offsets` has one more than there are spheres;
- * the last is the length of `*indices`.
+ * The pairs as neighbor lists in compressed sparse rows: the neighbors of sphere k are `indices[offsets[k]]` to
+ * `indices[offsets[k + 1] - 1]`, ascending. Of one set every pair is in both lists. Of two sets there is a list for each
+ * sphere of the first one, with its neighbors in the second. `*offsets` has one more value than there are lists; the last
+ * is the length of `*indices`.
  */
-LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, const lazygrid_spheres *spheres,
+LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, const lazygrid_query *query,
                                                 const uint64_t **offsets, const uint32_t **indices);
 
 /*
@@ -296,36 +374,8 @@ LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, con
  * stays bounded whatever their number. In canonical order a result of more than `max_pairs` pairs takes a further
  * search per that many. `context` is passed on as it is.
  */
-LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const lazygrid_spheres *spheres, size_t chunk,
+LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const lazygrid_query *query, size_t chunk,
                                              lazygrid_consume consume, void *context, uint64_t *handed);
-
-/*
- * The pairs of one sphere of `a` and one of `b`, as lazygrid_pairs. No two spheres of one set are ever compared:
- * particles against receivers, say, or those that a process owns against ghosts. With interactions both sets need
- * species. Both may be the same spheres; each is then a pair with itself.
- *
- * On the CPU only with LAZYGRID_ALGORITHM_AUTO, _CELL_LIST or _NAIVE; else it is LAZYGRID_ERROR_SETTING. What is wrong
- * with `b` begins with "of the second set, ". All four functions between two sets have this in common.
- */
-LAZYGRID_API lazygrid_status lazygrid_between(lazygrid_detector *detector, const lazygrid_spheres *a,
-                                              const lazygrid_spheres *b, const lazygrid_pair **pairs, uint64_t *count);
-
-/* How many pairs of one sphere of `a` and one of `b` there are, as lazygrid_count. */
-LAZYGRID_API lazygrid_status lazygrid_count_between(lazygrid_detector *detector, const lazygrid_spheres *a,
-                                                    const lazygrid_spheres *b, uint64_t *count);
-
-/*
- * For every sphere of `a` those of `b` that it overlaps, ascending, laid out as by lazygrid_neighbors: `*offsets` has one
- * more than there are spheres in `a`, and every pair stands in one list.
- */
-LAZYGRID_API lazygrid_status lazygrid_neighbors_between(lazygrid_detector *detector, const lazygrid_spheres *a,
-                                                        const lazygrid_spheres *b, const uint64_t **offsets,
-                                                        const uint32_t **indices);
-
-/* Hands the pairs of one sphere of `a` and one of `b` to `consume`, as lazygrid_stream. */
-LAZYGRID_API lazygrid_status lazygrid_stream_between(lazygrid_detector *detector, const lazygrid_spheres *a,
-                                                     const lazygrid_spheres *b, size_t chunk, lazygrid_consume consume,
-                                                     void *context, uint64_t *handed);
 
 /*
  * What the last search did and why, as one JSON object: "spheres" and "pairs" (how many; of two sets the spheres of

@@ -59,14 +59,20 @@ private:
     std::uint64_t found_;
 };
 
-// Two spheres by their indices; i < j, or, between two sets, i in the first and j in the second.
+// Two spheres by their indices; i < j, or, of two sets, i in the first and j in the second.
 using Pair = lazygrid_pair;
 
-// Centre and radius in the caller's length unit, as one row of the input.
+// Center and radius in the caller's length unit, as one row of the input.
 struct Sphere {
     float x, y, z, r;
 };
 static_assert(sizeof(Sphere) == 4 * sizeof(float), "rows are four floats");
+
+// The same in double precision.
+struct SphereF64 {
+    double x, y, z, r;
+};
+static_assert(sizeof(SphereF64) == 4 * sizeof(double), "rows are four doubles");
 
 // Values that belong to somebody else. A std::span can be made of it.
 template <class T> class View {
@@ -88,9 +94,9 @@ private:
     std::size_t size_ = 0;
 };
 
-// The neighbours of each sphere, ascending; every pair in both lists.
+// The neighbors of each sphere, ascending; of one set every pair is in both lists, of two sets in that of its first sphere.
 struct Neighbors {
-    // Where each list starts in `indices`; one more than there are spheres.
+    // Where each list starts in `indices`; one more than there are lists.
     View<std::uint64_t> offsets;
     View<std::uint32_t> indices;
 
@@ -119,6 +125,15 @@ inline void check(lazygrid_status status, const lazygrid_detector *detector) {
 template <class Rows>
 using Row = std::remove_cv_t<std::remove_pointer_t<decltype(std::declval<const Rows &>().data())>>;
 
+// LAZYGRID_F32 or LAZYGRID_F64.
+template <class T> constexpr std::int32_t type_of() {
+    static_assert(std::is_same_v<T, float> || std::is_same_v<T, double>, "numbers are float or double");
+    return std::is_same_v<T, float> ? LAZYGRID_F32 : LAZYGRID_F64;
+}
+
+// The number `k` places behind `first`, and nothing behind nothing.
+template <class T> const T *behind(const T *first, std::size_t k) { return first == nullptr ? nullptr : first + k; }
+
 } // namespace detail
 
 // Pairs that are never reported, whatever their spheres: bonds, say. Never changed once it is made; copies share it.
@@ -128,10 +143,10 @@ public:
     template <class Pairs> Exclusions(std::size_t spheres, const Pairs &pairs) {
         take([&](auto **made) { return lazygrid_exclusions_create(spheres, pairs.data(), pairs.size(), made); });
     }
-    // Pairs of one sphere of each of two sets, of so many spheres.
-    template <class Pairs> static Exclusions between(std::size_t first, std::size_t second, const Pairs &pairs) {
+    // Pairs of one sphere of each of two sets, of `first` and `second` spheres.
+    template <class Pairs> static Exclusions across(std::size_t first, std::size_t second, const Pairs &pairs) {
         return Exclusions([&](auto **made) {
-            return lazygrid_exclusions_between(first, second, pairs.data(), pairs.size(), made);
+            return lazygrid_exclusions_across(first, second, pairs.data(), pairs.size(), made);
         });
     }
     // The pairs of neighbour lists, such as those that Detector::neighbors finds.
@@ -159,48 +174,58 @@ private:
 // The group of spheres that are in none.
 inline constexpr std::uint32_t no_group = LAZYGRID_NO_GROUP;
 
-// Spheres that belong to somebody else, as rows or columns, with or without species, groups and exclusions. Nothing is
-// copied; what it is made of must outlive it.
+// Spheres in memory of the caller, of float or double, with or without species and groups. Nothing is copied; what it is made
+// of must outlive it.
 class Spheres {
 public:
-    // Rows in anything contiguous that has data() and size(), as std::vector<Sphere>.
-    template <class Rows, class = std::enable_if_t<std::is_same_v<detail::Row<Rows>, Sphere>>>
+    // Rows in anything contiguous that has data() and size(), as std::vector<Sphere> or std::vector<SphereF64>.
+    template <class Rows, class = std::enable_if_t<std::is_same_v<detail::Row<Rows>, Sphere>
+                                                   || std::is_same_v<detail::Row<Rows>, SphereF64>>>
     Spheres(const Rows &rows) : Spheres(rows.data(), rows.size()) {}
-    Spheres(const Sphere *rows, std::size_t count)
-        : given_(lazygrid_spheres_of_rows(count, count == 0 ? nullptr : &rows->x)) {}
-    // Rows as 4 * count floats x, y, z, r.
-    static Spheres rows(const float *rows, std::size_t count) { return Spheres(lazygrid_spheres_of_rows(count, rows)); }
+    Spheres(const Sphere *rows, std::size_t count) : Spheres(lazygrid_rows(count, count == 0 ? nullptr : &rows->x)) {}
+    Spheres(const SphereF64 *rows, std::size_t count)
+        : Spheres(lazygrid_rows_f64(count, count == 0 ? nullptr : &rows->x)) {}
+    // Rows as 4 * count numbers x, y, z, r.
+    static Spheres rows(const float *rows, std::size_t count) { return Spheres(lazygrid_rows(count, rows)); }
+    static Spheres rows(const double *rows, std::size_t count) { return Spheres(lazygrid_rows_f64(count, rows)); }
     // Four columns of `count` values each.
-    static Spheres columns(const float *x, const float *y, const float *z, const float *r, std::size_t count) {
-        return Spheres(lazygrid_spheres_of_columns(count, x, y, z, r));
+    template <class T>
+    static Spheres columns(const T *x, const T *y, const T *z, const T *r, std::size_t count) {
+        return strided(x, y, z, sizeof(T), r, sizeof(T), count);
     }
-    // Four columns of one length, as std::vector<float>. Throws InputError where the lengths differ.
+    // Four columns of one length, as std::vector<float>. Throws InputError if the lengths differ.
     template <class Column> static Spheres columns(const Column &x, const Column &y, const Column &z, const Column &r) {
         if (x.size() != y.size() || x.size() != z.size() || x.size() != r.size()) {
             detail::fail(LAZYGRID_ERROR_INPUT, "the columns x, y, z and r differ in length");
         }
         return columns(x.data(), y.data(), z.data(), r.data(), x.size());
     }
-    // The same spheres with an id each. Throws InputError where there is not one per sphere.
+    // Points, as 3 * count numbers x, y, z, all of one radius, which must outlive this. Half a cutoff makes pairs of points that
+    // are within the cutoff.
+    template <class T> static Spheres points(const T *centers, std::size_t count, const T &radius) {
+        return strided(centers, detail::behind(centers, 1), detail::behind(centers, 2), 3 * sizeof(T), &radius, 0, count);
+    }
+    template <class T> static Spheres points(const T *centers, std::size_t count, const T &&radius) = delete;
+    // Numbers at regular distances: from each center to the next `step` bytes, from each radius to the next `r_step`, 0 for one
+    // radius. So members of an array of structures: strided(&p->x, &p->y, &p->z, sizeof *p, &p->r, sizeof *p, count).
+    template <class T>
+    static Spheres strided(const T *x, const T *y, const T *z, std::size_t step, const T *r, std::size_t r_step,
+                           std::size_t count) {
+        return Spheres(lazygrid_strided(detail::type_of<T>(), count, x, y, z, step, r, r_step));
+    }
+    // The same spheres with an id each. Throws InputError unless there is one per sphere.
     template <class Ids> Spheres with_species(const Ids &ids) const {
         Spheres with = *this;
         with.given_.species = one_each(ids, "species ids");
         return with;
     }
-    // The same spheres with a group each: two of one group are never a pair, but for those of no_group. Throws InputError
-    // where there is not one per sphere.
+    // The same spheres with a group each: two of one group are never a pair, except those of no_group. Throws InputError
+    // unless there is one per sphere.
     template <class Groups> Spheres with_groups(const Groups &groups) const {
         Spheres with = *this;
         with.given_.groups = one_each(groups, "groups");
         return with;
     }
-    // The same spheres, of which these pairs are never reported. Between two sets they come with the first one.
-    Spheres with_exclusions(const Exclusions &exclusions) const {
-        Spheres with = *this;
-        with.given_.exclusions = exclusions.get();
-        return with;
-    }
-    // What the C functions take.
     const lazygrid_spheres *get() const noexcept { return &given_; }
     std::size_t size() const noexcept { return given_.count; }
 
@@ -216,6 +241,39 @@ private:
     lazygrid_spheres given_;
 };
 
+// A question to a detector: the pairs among one set of spheres, or those of one sphere of each of two sets, without the
+// excluded ones. Searches take spheres as they are, and two sets as {a, b}. What it is made of must outlive it.
+class Query {
+public:
+    Query(const Spheres &of) : first_(*of.get()) {}
+    // Anything that makes spheres, as std::vector<Sphere>.
+    template <class Rows, class = std::enable_if_t<!std::is_same_v<Rows, Spheres> && !std::is_same_v<Rows, Query>
+                                                   && std::is_convertible_v<const Rows &, Spheres>>>
+    Query(const Rows &rows) : Query(Spheres(rows)) {}
+    // Pairs of one sphere of `first` and one of `second`.
+    Query(const Spheres &first, const Spheres &second) : first_(*first.get()), second_(*second.get()), is_across_(true) {}
+    // The same query, of which these pairs are never reported.
+    Query without(const Exclusions &exclusions) const {
+        Query with = *this;
+        with.exclusions_ = exclusions.get();
+        return with;
+    }
+    // What the C functions take; valid as long as this, and not after a copy has taken its place.
+    lazygrid_query get() const noexcept {
+        lazygrid_query query = is_across_ ? lazygrid_across(&first_, &second_) : lazygrid_among(&first_);
+        query.exclusions = exclusions_;
+        return query;
+    }
+    // The number of spheres of the only set, or of the first one: as many as there are neighbor lists.
+    std::size_t size() const noexcept { return first_.count; }
+
+private:
+    lazygrid_spheres first_;
+    lazygrid_spheres second_ = {};
+    bool is_across_ = false;
+    const lazygrid_exclusions *exclusions_ = nullptr;
+};
+
 // What makes two spheres of given species a pair.
 class Interaction {
 public:
@@ -223,13 +281,13 @@ public:
     // Centres at most ri + rj apart.
     static Interaction touch() { return {LAZYGRID_TOUCH, 0}; }
     // Centres at most `distance` apart, whatever the radii.
-    static Interaction within(float distance) { return {LAZYGRID_WITHIN, distance}; }
+    static Interaction within(double distance) { return {LAZYGRID_WITHIN, distance}; }
 
 private:
     friend class Interactions;
-    Interaction(std::int32_t kind, float distance) : kind(kind), distance(distance) {}
+    Interaction(std::int32_t kind, double distance) : kind(kind), distance(distance) {}
     std::int32_t kind;
-    float distance;
+    double distance;
 };
 
 // A table: for any two species, what makes them a pair.
@@ -281,13 +339,13 @@ public:
     static Skin automatic() { return {LAZYGRID_SKIN_AUTO, 0}; }
     static Skin off() { return {LAZYGRID_SKIN_OFF, 0}; }
     // Pairs that are up to `distance` too far apart to touch, until a sphere has moved by half of it.
-    static Skin fixed(float distance) { return {LAZYGRID_SKIN_FIXED, distance}; }
+    static Skin fixed(double distance) { return {LAZYGRID_SKIN_FIXED, distance}; }
 
 private:
     friend class Detector;
-    Skin(std::int32_t kind, float distance) : kind(kind), distance(distance) {}
+    Skin(std::int32_t kind, double distance) : kind(kind), distance(distance) {}
     std::int32_t kind;
-    float distance;
+    double distance;
 };
 
 // What a detector is asked to do; the fields are those of lazygrid_settings.
@@ -298,9 +356,9 @@ struct Settings {
     std::uint32_t threads = 0;
     std::uint64_t max_pairs = 0;
     // The length of each periodic axis; 0: unbounded.
-    std::array<float, 3> periodic = {0, 0, 0};
+    std::array<double, 3> periodic = {0, 0, 0};
     // In place of `periodic`: up to three edges of any direction along which space repeats; those left 0 do not count.
-    std::array<std::array<float, 3>, 3> edges = {};
+    std::array<std::array<double, 3>, 3> edges = {};
     std::chrono::duration<std::uint32_t> timeout = {};
     // A GPU by its number or a part of its name; empty: the best one.
     std::string adapter = {};
@@ -326,8 +384,8 @@ public:
         given.interactions = settings.interactions == nullptr ? nullptr : settings.interactions->get();
         given.skin = settings.skin.kind;
         given.skin_distance = settings.skin.distance;
-        static_assert(sizeof settings.edges == 9 * sizeof(float), "edges are nine floats");
-        const std::array<std::array<float, 3>, 3> none = {};
+        static_assert(sizeof settings.edges == 9 * sizeof(double), "edges are nine doubles");
+        const std::array<std::array<double, 3>, 3> none = {};
         given.edges = settings.edges == none ? nullptr : settings.edges[0].data();
         lazygrid_detector *made = nullptr;
         detail::check(lazygrid_create(&given, &made), nullptr);
@@ -335,66 +393,45 @@ public:
     }
 
     // The overlapping pairs. Throws TooManyPairs above Settings::max_pairs, with their exact number.
-    View<Pair> pairs(const Spheres &spheres) {
+    View<Pair> pairs(const Query &of) {
+        const lazygrid_query query = of.get();
         const Pair *found = nullptr;
         std::uint64_t count = 0;
-        const auto status = lazygrid_pairs(get(), spheres.get(), &found, &count);
-        return view(status, found, count);
+        const auto status = lazygrid_pairs(get(), &query, &found, &count);
+        if (status == LAZYGRID_ERROR_TOO_MANY_PAIRS) throw TooManyPairs(lazygrid_last_error(get()), count);
+        detail::check(status, get());
+        return {found, static_cast<std::size_t>(count)};
     }
 
-    // The pairs of one sphere of `a` and one of `b`: i is an index in a, j one in b.
-    View<Pair> between(const Spheres &a, const Spheres &b) {
-        const Pair *found = nullptr;
+    // The number of pairs; any number can be counted.
+    std::uint64_t count(const Query &of) {
+        const lazygrid_query query = of.get();
         std::uint64_t count = 0;
-        const auto status = lazygrid_between(get(), a.get(), b.get(), &found, &count);
-        return view(status, found, count);
-    }
-
-    // How many pairs there are; any number can be counted.
-    std::uint64_t count(const Spheres &spheres) {
-        std::uint64_t count = 0;
-        detail::check(lazygrid_count(get(), spheres.get(), &count), get());
+        detail::check(lazygrid_count(get(), &query, &count), get());
         return count;
     }
 
-    // How many pairs of one sphere of `a` and one of `b` there are.
-    std::uint64_t count_between(const Spheres &a, const Spheres &b) {
-        std::uint64_t count = 0;
-        detail::check(lazygrid_count_between(get(), a.get(), b.get(), &count), get());
-        return count;
-    }
-
-    // The pairs as neighbour lists.
-    Neighbors neighbors(const Spheres &spheres) {
+    // The pairs as neighbor lists, one for each sphere of the only set, or of the first one.
+    Neighbors neighbors(const Query &of) {
+        const lazygrid_query query = of.get();
         const std::uint64_t *offsets = nullptr;
         const std::uint32_t *indices = nullptr;
-        detail::check(lazygrid_neighbors(get(), spheres.get(), &offsets, &indices), get());
-        return lists(spheres.size(), offsets, indices);
-    }
-
-    // For every sphere of `a` those of `b` that it overlaps.
-    Neighbors neighbors_between(const Spheres &a, const Spheres &b) {
-        const std::uint64_t *offsets = nullptr;
-        const std::uint32_t *indices = nullptr;
-        detail::check(lazygrid_neighbors_between(get(), a.get(), b.get(), &offsets, &indices), get());
-        return lists(a.size(), offsets, indices);
+        detail::check(lazygrid_neighbors(get(), &query, &offsets, &indices), get());
+        const std::size_t count = of.size();
+        return {{offsets, count + 1}, {indices, static_cast<std::size_t>(offsets[count])}};
     }
 
     // Hands the pairs to `consume` as View<Pair> of at most `chunk`, and returns how many it got. `consume` returns
     // nothing, or false to end the search. What it throws ends the search and comes out here. It runs in any thread, in
     // one at a time, and must not search.
-    template <class F> std::uint64_t stream(const Spheres &spheres, std::size_t chunk, F &&consume) {
-        return streamed(consume, [&](lazygrid_consume take, void *context, std::uint64_t *handed) {
-            return lazygrid_stream(get(), spheres.get(), chunk, take, context, handed);
-        });
-    }
-
-    // Hands the pairs of one sphere of `a` and one of `b` to `consume`, as stream does.
-    template <class F>
-    std::uint64_t stream_between(const Spheres &a, const Spheres &b, std::size_t chunk, F &&consume) {
-        return streamed(consume, [&](lazygrid_consume take, void *context, std::uint64_t *handed) {
-            return lazygrid_stream_between(get(), a.get(), b.get(), chunk, take, context, handed);
-        });
+    template <class F> std::uint64_t stream(const Query &of, std::size_t chunk, F &&consume) {
+        const lazygrid_query query = of.get();
+        Consuming<std::remove_reference_t<F>> consumer{consume, nullptr};
+        std::uint64_t handed = 0;
+        const auto status = lazygrid_stream(get(), &query, chunk, &decltype(consumer)::take, &consumer, &handed);
+        if (consumer.thrown) std::rethrow_exception(consumer.thrown);
+        detail::check(status, get());
+        return handed;
     }
 
     // What the last search did and why, as JSON.
@@ -435,22 +472,6 @@ private:
             }
         }
     };
-    View<Pair> view(lazygrid_status status, const Pair *found, std::uint64_t count) const {
-        if (status == LAZYGRID_ERROR_TOO_MANY_PAIRS) throw TooManyPairs(lazygrid_last_error(get()), count);
-        detail::check(status, get());
-        return {found, static_cast<std::size_t>(count)};
-    }
-    static Neighbors lists(std::size_t count, const std::uint64_t *offsets, const std::uint32_t *indices) {
-        return {{offsets, count + 1}, {indices, static_cast<std::size_t>(offsets[count])}};
-    }
-    template <class F, class Search> std::uint64_t streamed(F &consume, const Search &search) const {
-        Consuming<F> consumer{consume, nullptr};
-        std::uint64_t handed = 0;
-        const lazygrid_status status = search(&Consuming<F>::take, static_cast<void *>(&consumer), &handed);
-        if (consumer.thrown) std::rethrow_exception(consumer.thrown);
-        detail::check(status, get());
-        return handed;
-    }
     struct Destroy {
         void operator()(lazygrid_detector *detector) const noexcept { lazygrid_destroy(detector); }
     };

@@ -1,4 +1,4 @@
-use engine::{Exclusions, Pair};
+use engine::{Exclusions, InputError, Pair};
 
 use crate::input::array;
 use crate::out::check;
@@ -56,7 +56,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_create(
 /// # Safety
 /// As [`lazygrid_exclusions_create`].
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_exclusions_between(
+pub unsafe extern "C" fn lazygrid_exclusions_across(
     first: usize,
     second: usize,
     pairs_at: *const Pair,
@@ -85,6 +85,9 @@ pub unsafe extern "C" fn lazygrid_exclusions_of_rows(
     exclusions: *mut *mut List,
 ) -> Status {
     let list = || {
+        if count_of_spheres >= isize::MAX as usize / size_of::<u64>() {
+            return Err(InputError::TooManySpheres { count: count_of_spheres as u64 }.into());
+        }
         // SAFETY: so many values by this function's condition, and no larger than an `isize`.
         let offsets = unsafe { array(offsets, count_of_spheres + 1, "offsets") }?;
         let starts: Vec<usize> =
@@ -128,7 +131,7 @@ pub unsafe fn borrow<'a>(exclusions: *const List) -> Result<Option<&'a Exclusion
     if exclusions.is_null() {
         return Ok(None);
     }
-    check(exclusions, "exclusions")?;
+    check(exclusions, "query.exclusions")?;
     // SAFETY: `create` made it, nobody changes it, and it lives by this function's condition.
     Ok(Some(unsafe { &(*exclusions).0 }))
 }

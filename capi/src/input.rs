@@ -1,74 +1,113 @@
+use std::ffi::c_void;
+use std::mem::MaybeUninit;
 use std::slice;
 
-use engine::{Exclusions, InputError, MAX_SPHERES, Query, Sphere, Spheres};
+use engine::{InputError, MAX_SPHERES, Query, Real, Sphere, Spheres, Strided};
 
 use crate::Failure;
 use crate::exclusions::{self, List};
 use crate::out::check;
-use crate::status::INPUT;
+use crate::sized::{self, Growing};
 
-/// `lazygrid_spheres`: spheres as rows or as columns, and what is said of each.
+/// `LAZYGRID_F32`.
+pub const F32: i32 = 0;
+/// `LAZYGRID_F64`.
+pub const F64: i32 = 1;
+
+/// `lazygrid_spheres`: a set of spheres in memory of the caller.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct SpheresOfC {
+    pub size: usize,
     pub count: usize,
-    pub rows: *const f32,
-    pub x: *const f32,
-    pub y: *const f32,
-    pub z: *const f32,
-    pub r: *const f32,
+    pub x: *const c_void,
+    pub y: *const c_void,
+    pub z: *const c_void,
+    pub r: *const c_void,
+    pub step: usize,
+    pub r_step: usize,
+    pub r#type: i32,
+    pub zero: i32,
     pub species: *const u32,
     pub groups: *const u32,
+}
+
+// SAFETY: the size is the first field, and all are numbers and pointers, which any bits are.
+unsafe impl Growing for SpheresOfC {
+    const FIRST_SIZE: usize = size_of::<Self>();
+    const REMEDY: &'static str =
+        "set it to sizeof(lazygrid_spheres), or make the spheres by lazygrid_rows or its like";
+}
+
+/// `lazygrid_query`: one set or two, and the pairs that are excluded.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct QueryOfC {
+    pub size: usize,
+    pub first: *const SpheresOfC,
+    pub second: *const SpheresOfC,
     pub exclusions: *const List,
 }
 
-impl SpheresOfC {
-    /// The spheres at `spheres`, not copied.
-    ///
-    /// # Errors
-    /// Where a pointer is NULL that must not be, or not aligned, where rows and columns are both given, and for too
-    /// many spheres.
-    ///
-    /// # Safety
-    /// By the header: `spheres` is NULL or points to such a structure, whose pointers are NULL or point to as many
-    /// values as it says, which nobody changes for as long as the result lives.
-    pub unsafe fn borrow<'a>(spheres: *const Self) -> Result<Query<'a>, Failure> {
-        // SAFETY: this function's own condition.
-        let (spheres, exclusions) = unsafe { Self::borrow_set(spheres) }?;
-        Ok(query(Query::new(spheres), exclusions))
-    }
+// SAFETY: the size is the first field, and all others are pointers, which any bits are.
+unsafe impl Growing for QueryOfC {
+    const FIRST_SIZE: usize = size_of::<Self>();
+    const REMEDY: &'static str =
+        "set it to sizeof(lazygrid_query), or make the query by lazygrid_among or lazygrid_across";
+}
 
-    /// The spheres at `spheres` and the exclusions that come with them.
+/// The query at `query`. Nothing is copied but the structures.
+///
+/// # Errors
+/// If a pointer is NULL that must not be, or misaligned, if a size, a type or a step is wrong, or there are too many spheres.
+/// An error of the second set says so.
+///
+/// # Safety
+/// By the header: `query` is NULL or points to such a structure, whose pointers are NULL or point to what it says, which
+/// does not change for as long as the result lives.
+pub unsafe fn borrow<'a>(query: *const QueryOfC) -> Result<Query<'a>, Failure> {
+    // SAFETY: this function's own condition.
+    let QueryOfC { first, second, exclusions, .. } = unsafe { sized::read(query, "query") }?;
+    // SAFETY: this function's own condition.
+    let first = unsafe { SpheresOfC::borrow(first, "query.first") }?;
+    let query = if second.is_null() {
+        Query::new(first)
+    } else {
+        // SAFETY: this function's own condition.
+        let second = unsafe { SpheresOfC::borrow(second, "query.second") }.map_err(of_second)?;
+        Query::new((first, second))
+    };
+    // SAFETY: a list or NULL, by this function's condition.
+    let exclusions = unsafe { exclusions::borrow(exclusions) }?;
+    Ok(exclusions.map_or(query, |exclusions| query.without(exclusions)))
+}
+
+/// A failure of the second set, in the words of the engine.
+fn of_second(Failure { status, message }: Failure) -> Failure {
+    Failure { status, message: format!("of the second set, {message}") }
+}
+
+impl SpheresOfC {
+    /// The spheres at `at`, which messages call `name`.
     ///
     /// # Errors
-    /// As [`borrow`](Self::borrow).
+    /// As [`borrow`].
     ///
     /// # Safety
-    /// As [`borrow`](Self::borrow).
-    unsafe fn borrow_set<'a>(spheres: *const Self) -> Result<(Spheres<'a>, Option<&'a Exclusions>), Failure> {
-        check(spheres, "spheres")?;
-        // SAFETY: not NULL and aligned, as was checked, and the rest is this function's own condition. Any bits are
-        // values of its fields.
-        let Self { count, rows, x, y, z, r, species, groups, exclusions } = unsafe { *spheres };
-        // So that no slice is longer than slices can be, also where addresses have 32 bits.
+    /// As [`borrow`], for these spheres.
+    unsafe fn borrow<'a>(at: *const Self, name: &str) -> Result<Spheres<'a>, Failure> {
+        // SAFETY: this function's own condition.
+        let set = unsafe { sized::read(at, name) }?;
+        let Self { count, species, groups, zero, .. } = set;
+        if zero != 0 {
+            return Err(Failure::argument(format!("`zero` is {zero}; it must be 0")));
+        }
+        // No array of ids is larger than memory can be, also with addresses of 32 bits.
         if count as u64 > MAX_SPHERES || count > isize::MAX as usize / size_of::<Sphere>() {
             return Err(InputError::TooManySpheres { count: count as u64 }.into());
         }
-        let columns = [("x", x), ("y", y), ("z", z), ("r", r)];
-        let by_rows = !rows.is_null();
-        if let (true, Some((name, _))) = (by_rows, columns.iter().find(|(_, column)| !column.is_null())) {
-            let message = format!("`rows` and `{name}` are both given; leave one of them NULL");
-            return Err(Failure::argument(message));
-        }
-        let mut spheres = if by_rows {
-            // SAFETY: 4 floats for each sphere by this function's condition; `Sphere` is laid out as 4 floats, is
-            // aligned as they are, and any bits are one.
-            Spheres::from(unsafe { array(rows.cast::<Sphere>(), count, "rows") }?)
-        } else {
-            // SAFETY: `count` floats each, by this function's condition.
-            let [x, y, z, r] = columns.map(|(name, column)| unsafe { array(column, count, name) });
-            Spheres::columns(x?, y?, z?, r?)?
-        };
+        // SAFETY: this function's own condition.
+        let mut spheres = unsafe { set.numbers() }?;
         if !species.is_null() {
             // SAFETY: `count` ids, by this function's condition.
             spheres = spheres.with_species(unsafe { array(species, count, "species") }?)?;
@@ -77,40 +116,102 @@ impl SpheresOfC {
             // SAFETY: `count` groups, by this function's condition.
             spheres = spheres.with_groups(unsafe { array(groups, count, "groups") }?)?;
         }
-        // SAFETY: a list or NULL, by this function's condition.
-        Ok((spheres, unsafe { exclusions::borrow(exclusions) }?))
+        Ok(spheres)
     }
 
-    /// Two sets of spheres, not copied.
-    ///
-    /// # Errors
-    /// As [`borrow`](Self::borrow); what is wrong with the second set says so, as the engine does.
+    /// The spheres without ids.
     ///
     /// # Safety
-    /// As [`borrow`](Self::borrow), for both.
-    pub unsafe fn borrow_two<'a>(a: *const Self, b: *const Self) -> Result<Query<'a>, Failure> {
-        check(a, "a")?;
-        check(b, "b")?;
-        // SAFETY: this function's own condition.
-        let (first, exclusions) = unsafe { Self::borrow_set(a) }?;
-        // SAFETY: this function's own condition.
-        let second = unsafe { Self::borrow_set(b) };
-        let of_second = |Failure { status, message }| {
-            let message = format!("of the second set, {message}");
-            Failure { status, message }
-        };
-        let (second, others) = second.map_err(of_second)?;
-        if others.is_some() {
-            let message = "pairs between two sets are excluded with the first set; leave `exclusions` of the \
-                           second one NULL";
-            return Err(of_second(Failure { status: INPUT, message: message.to_owned() }));
+    /// As [`borrow`](Self::borrow); `count` is at most the number of spheres that fit in memory.
+    unsafe fn numbers<'a>(&self) -> Result<Spheres<'a>, Failure> {
+        match self.r#type {
+            F32 if self.is_rows() => {
+                // SAFETY: 4 floats for each sphere by this function's condition; `Sphere` is laid out as 4 floats, is
+                // aligned as they are, and any bits are one.
+                Ok(Spheres::from(unsafe { array(self.x.cast::<Sphere>(), self.count, "x") }?))
+            }
+            // SAFETY: this function's own condition.
+            F32 => unsafe { self.strided::<f32>() },
+            // SAFETY: this function's own condition.
+            F64 => unsafe { self.strided::<f64>() },
+            other => {
+                let message = format!("`type` is {other}; choose LAZYGRID_F32 or LAZYGRID_F64");
+                Err(Failure::argument(message))
+            }
         }
-        Ok(query(Query::new((first, second)), exclusions))
+    }
+
+    /// Returns `true` if the numbers, of `f32`, lie in rows `x, y, z, r` without gaps.
+    fn is_rows(&self) -> bool {
+        let is_at = |place: *const c_void, k: usize| place == self.x.wrapping_byte_add(k * size_of::<f32>());
+        let row = size_of::<Sphere>();
+        let are_steps = self.step == row && self.r_step == row;
+        are_steps && !self.x.is_null() && is_at(self.y, 1) && is_at(self.z, 2) && is_at(self.r, 3)
+    }
+
+    /// Spheres of numbers of type `T`, at any distance from one another.
+    ///
+    /// # Safety
+    /// As [`numbers`](Self::numbers); the numbers are of type `T`.
+    unsafe fn strided<'a, T: Real>(&self) -> Result<Spheres<'a>, Failure> {
+        let (step, step_values) = (self.step, values_of::<T>(self.step, "step")?);
+        let (r_step, r_step_values) = (self.r_step, values_of::<T>(self.r_step, "r_step")?);
+        let count = self.count;
+        if count > 1 && step == 0 {
+            return Err(Failure::argument(format!(
+                "`step` is 0 for {count} spheres; give the number of bytes from one center to the next"
+            )));
+        }
+        let columns = [("x", self.x), ("y", self.y), ("z", self.z), ("r", self.r)];
+        if step == size_of::<T>() && r_step == step {
+            // SAFETY: `count` values each, by this function's condition.
+            let [x, y, z, r] = columns.map(|(name, at)| unsafe { array(at.cast::<T>(), count, name) });
+            return Ok(Spheres::columns(x?, y?, z?, r?)?);
+        }
+        let lengths =
+            [extent::<T>(count, step_values, "step")?, extent::<T>(count, r_step_values, "r_step")?];
+        let [x, y, z, r] = columns.map(|(name, at)| {
+            let length = lengths[usize::from(name == "r")];
+            // SAFETY: the value of the last sphere is the last one of the slice, so that all are in the memory that the
+            // header asks for, which is no larger than an `isize`, as `extent` has checked; any bits are a `MaybeUninit`.
+            unsafe { array(at.cast::<MaybeUninit<T>>(), length, name) }
+        });
+        // SAFETY: `extent` gives each column the value of the last sphere, and those before it. That of each sphere is
+        // initialized by the header.
+        Ok(Spheres::strided(unsafe {
+            Strided::from_parts([x?, y?, z?, r?], [step_values, r_step_values], count)
+        }))
     }
 }
 
-fn query<'a>(query: Query<'a>, exclusions: Option<&'a Exclusions>) -> Query<'a> {
-    exclusions.map_or(query, |exclusions| query.without(exclusions))
+/// A step in bytes as a number of values of type `T`.
+///
+/// # Errors
+/// If it is not a multiple of their size.
+fn values_of<T>(step: usize, name: &str) -> Result<usize, Failure> {
+    let size = size_of::<T>();
+    if !step.is_multiple_of(size) {
+        let message = format!("`{name}` is {step}; it must be a multiple of {size}, the size of a number");
+        return Err(Failure::argument(message));
+    }
+    Ok(step / size)
+}
+
+/// The number of values of type `T` from the first sphere's to the last sphere's, both included; 0 without spheres.
+///
+/// # Errors
+/// If they are more than memory can hold.
+fn extent<T>(count: usize, step: usize, name: &str) -> Result<usize, Failure> {
+    let Some(last) = count.checked_sub(1) else { return Ok(0) };
+    let most = isize::MAX as usize / size_of::<T>();
+    let length = last.checked_mul(step).and_then(|last| last.checked_add(1));
+    length.filter(|length| *length <= most).ok_or_else(|| {
+        let bytes = step * size_of::<T>();
+        Failure::argument(format!(
+            "`{name}` is {bytes} for {count} spheres, more than memory can hold; give the number of bytes from one sphere \
+             to the next"
+        ))
+    })
 }
 
 /// `count` values at `at`; none where `count` is 0, wherever `at` points.

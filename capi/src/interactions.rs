@@ -9,11 +9,11 @@ use crate::{Failure, Out};
 pub struct Table(pub Interactions);
 
 /// The interaction that C means by a kind and a distance.
-fn interaction(kind: i32, distance: f32) -> Result<Interaction, Failure> {
+fn interaction(kind: i32, distance: f64) -> Result<Interaction, Failure> {
     match kind {
         0 => Ok(Interaction::Never),
         1 => Ok(Interaction::Touch),
-        2 => Ok(Interaction::Within(distance.into())),
+        2 => Ok(Interaction::Within(distance)),
         _ => Err(Failure::argument(format!(
             "{kind} is no kind of interaction; choose LAZYGRID_NEVER, LAZYGRID_TOUCH or LAZYGRID_WITHIN"
         ))),
@@ -28,7 +28,7 @@ fn interaction(kind: i32, distance: f32) -> Result<Interaction, Failure> {
 pub unsafe extern "C" fn lazygrid_interactions_create(
     species: u32,
     kind: i32,
-    distance: f32,
+    distance: f64,
     interactions: *mut *mut Table,
 ) -> Status {
     without_detector(|| {
@@ -50,7 +50,7 @@ pub unsafe extern "C" fn lazygrid_interactions_set(
     a: u32,
     b: u32,
     kind: i32,
-    distance: f32,
+    distance: f64,
 ) -> Status {
     without_detector(|| {
         check(interactions, "interactions")?;

@@ -20,6 +20,7 @@ mod out;
 mod report;
 mod search;
 mod settings;
+mod sized;
 mod status;
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use std::ptr;
 use engine::{Error, Neighbors, Pair};
 
 use crate::detector::{Handle, Kept, with_detector};
-use crate::input::SpheresOfC;
+use crate::input::{self, QueryOfC};
 use crate::status::{BUSY, Status};
 use crate::{Failure, Out};
 
@@ -28,14 +28,14 @@ unsafe fn search(detector: *const Handle, work: impl FnOnce(&mut Kept) -> Result
     unsafe { with_detector(detector, work) }
 }
 
-/// The overlapping pairs.
+/// The overlapping pairs, of one set or between two.
 ///
 /// # Safety
-/// By the header: `detector` and `spheres` are what they are called or NULL, the others NULL or can be written to.
+/// By the header: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_pairs(
     detector: *mut Handle,
-    spheres: *const SpheresOfC,
+    query: *const QueryOfC,
     pairs: *mut *const Pair,
     count: *mut u64,
 ) -> Status {
@@ -44,31 +44,7 @@ pub unsafe extern "C" fn lazygrid_pairs(
     let work = |kept: &mut Kept| {
         let (pairs, count) = (pairs?, count?);
         // SAFETY: this function's own condition.
-        let spheres = unsafe { SpheresOfC::borrow(spheres) }?;
-        put_pairs(kept.detector.pairs(spheres), &pairs, &count)
-    };
-    // SAFETY: this function's own condition.
-    unsafe { search(detector, work) }
-}
-
-/// The pairs of one sphere of each set.
-///
-/// # Safety
-/// By the header: `detector`, `a` and `b` are what they are called or NULL, the others NULL or can be written to.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_between(
-    detector: *mut Handle,
-    a: *const SpheresOfC,
-    b: *const SpheresOfC,
-    pairs: *mut *const Pair,
-    count: *mut u64,
-) -> Status {
-    // SAFETY: this function's own condition, for both.
-    let (pairs, count) = unsafe { (Out::new(pairs, "pairs", ptr::null()), Out::new(count, "count", 0)) };
-    let work = |kept: &mut Kept| {
-        let (pairs, count) = (pairs?, count?);
-        // SAFETY: this function's own condition.
-        let query = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        let query = unsafe { input::borrow(query) }?;
         put_pairs(kept.detector.pairs(query), &pairs, &count)
     };
     // SAFETY: this function's own condition.
@@ -94,11 +70,11 @@ fn put_pairs(
 /// How many pairs there are.
 ///
 /// # Safety
-/// By the header: `detector` and `spheres` are what they are called or NULL, `count` is NULL or can be written to.
+/// By the header: `detector` and `query` are what they are called or NULL, `count` is NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_count(
     detector: *mut Handle,
-    spheres: *const SpheresOfC,
+    query: *const QueryOfC,
     count: *mut u64,
 ) -> Status {
     // SAFETY: this function's own condition.
@@ -106,31 +82,7 @@ pub unsafe extern "C" fn lazygrid_count(
     let work = |kept: &mut Kept| {
         let count = count?;
         // SAFETY: this function's own condition.
-        let spheres = unsafe { SpheresOfC::borrow(spheres) }?;
-        count.put(kept.detector.count(spheres)?);
-        Ok(())
-    };
-    // SAFETY: this function's own condition.
-    unsafe { search(detector, work) }
-}
-
-/// How many pairs of one sphere of each set there are.
-///
-/// # Safety
-/// By the header: `detector`, `a` and `b` are what they are called or NULL, `count` is NULL or can be written to.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_count_between(
-    detector: *mut Handle,
-    a: *const SpheresOfC,
-    b: *const SpheresOfC,
-    count: *mut u64,
-) -> Status {
-    // SAFETY: this function's own condition.
-    let count = unsafe { Out::new(count, "count", 0) };
-    let work = |kept: &mut Kept| {
-        let count = count?;
-        // SAFETY: this function's own condition.
-        let query = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        let query = unsafe { input::borrow(query) }?;
         count.put(kept.detector.count(query)?);
         Ok(())
     };
@@ -141,11 +93,11 @@ pub unsafe extern "C" fn lazygrid_count_between(
 /// The pairs as neighbour lists.
 ///
 /// # Safety
-/// By the header: `detector` and `spheres` are what they are called or NULL, the others NULL or can be written to.
+/// By the header: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_neighbors(
     detector: *mut Handle,
-    spheres: *const SpheresOfC,
+    query: *const QueryOfC,
     offsets: *mut *const u64,
     indices: *mut *const u32,
 ) -> Status {
@@ -155,33 +107,7 @@ pub unsafe extern "C" fn lazygrid_neighbors(
     let work = |kept: &mut Kept| {
         let (offsets, indices) = (offsets?, indices?);
         // SAFETY: this function's own condition.
-        let spheres = unsafe { SpheresOfC::borrow(spheres) }?;
-        put_lists(&kept.detector.neighbors(spheres)?, &offsets, &indices);
-        Ok(())
-    };
-    // SAFETY: this function's own condition.
-    unsafe { search(detector, work) }
-}
-
-/// For each sphere of the first set its neighbours in the second.
-///
-/// # Safety
-/// By the header: `detector`, `a` and `b` are what they are called or NULL, the others NULL or can be written to.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_neighbors_between(
-    detector: *mut Handle,
-    a: *const SpheresOfC,
-    b: *const SpheresOfC,
-    offsets: *mut *const u64,
-    indices: *mut *const u32,
-) -> Status {
-    // SAFETY: this function's own condition, for both.
-    let (offsets, indices) =
-        unsafe { (Out::new(offsets, "offsets", ptr::null()), Out::new(indices, "indices", ptr::null())) };
-    let work = |kept: &mut Kept| {
-        let (offsets, indices) = (offsets?, indices?);
-        // SAFETY: this function's own condition.
-        let query = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        let query = unsafe { input::borrow(query) }?;
         put_lists(&kept.detector.neighbors(query)?, &offsets, &indices);
         Ok(())
     };
@@ -234,12 +160,12 @@ impl Consumer {
 /// Hands the pairs over in chunks.
 ///
 /// # Safety
-/// By the header: `detector` and `spheres` are what they are called or NULL, `handed` is NULL or can be written to,
+/// By the header: `detector` and `query` are what they are called or NULL, `handed` is NULL or can be written to,
 /// `consume` is NULL or may be called with `context` from any thread, and returns.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_stream(
     detector: *mut Handle,
-    spheres: *const SpheresOfC,
+    query: *const QueryOfC,
     chunk: usize,
     consume: Option<Consume>,
     context: *mut c_void,
@@ -250,36 +176,7 @@ pub unsafe extern "C" fn lazygrid_stream(
     let work = |kept: &mut Kept| {
         let handed = handed?;
         // SAFETY: this function's own condition.
-        let spheres = unsafe { SpheresOfC::borrow(spheres) }?;
-        let mut consumer = Consumer::new(consume, context, chunk)?;
-        handed.put(kept.detector.stream(spheres, chunk, move |pairs| consumer.take(pairs))?);
-        Ok(())
-    };
-    // SAFETY: this function's own condition.
-    unsafe { search(detector, work) }
-}
-
-/// Hands the pairs of one sphere of each set over in chunks.
-///
-/// # Safety
-/// By the header: `detector`, `a` and `b` are what they are called or NULL, `handed` is NULL or can be written to,
-/// `consume` is NULL or may be called with `context` from any thread, and returns.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn lazygrid_stream_between(
-    detector: *mut Handle,
-    a: *const SpheresOfC,
-    b: *const SpheresOfC,
-    chunk: usize,
-    consume: Option<Consume>,
-    context: *mut c_void,
-    handed: *mut u64,
-) -> Status {
-    // SAFETY: this function's own condition.
-    let handed = unsafe { Out::new(handed, "handed", 0) };
-    let work = |kept: &mut Kept| {
-        let handed = handed?;
-        // SAFETY: this function's own condition.
-        let query = unsafe { SpheresOfC::borrow_two(a, b) }?;
+        let query = unsafe { input::borrow(query) }?;
         let mut consumer = Consumer::new(consume, context, chunk)?;
         handed.put(kept.detector.stream(query, chunk, move |pairs| consumer.take(pairs))?);
         Ok(())

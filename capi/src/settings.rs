@@ -1,13 +1,13 @@
 use std::ffi::{CStr, c_char};
-use std::{ptr, slice};
+use std::ptr;
 
-use engine::glam::Vec3;
 use engine::{Algorithm, Backend, Config, Order, Skin, Space};
 
 use crate::Failure;
 use crate::input::array;
 use crate::interactions::Table;
 use crate::out::check;
+use crate::sized::{self, Growing};
 use crate::status::{Status, without_detector};
 
 /// `lazygrid_settings`. New fields come at the end, and 0 means their default.
@@ -20,17 +20,20 @@ pub struct SettingsOfC {
     pub order: i32,
     pub threads: u32,
     pub max_pairs: u64,
-    pub periodic: [f32; 3],
+    pub periodic: [f64; 3],
     pub timeout_seconds: u32,
+    pub skin: i32,
+    pub skin_distance: f64,
     pub adapter: *const c_char,
     pub interactions: *const Table,
-    pub skin: i32,
-    pub skin_distance: f32,
-    pub edges: *const f32,
+    pub edges: *const f64,
 }
 
-/// The size of the first version, below which none can be.
-const FIRST_SIZE: usize = std::mem::offset_of!(SettingsOfC, interactions) + size_of::<*const Table>();
+// SAFETY: the size is the first field, and all are numbers and pointers, which any bits are.
+unsafe impl Growing for SettingsOfC {
+    const FIRST_SIZE: usize = size_of::<Self>();
+    const REMEDY: &'static str = "set it by lazygrid_settings_init";
+}
 
 pub const BACKENDS: [Backend; 3] = [Backend::Auto, Backend::Cpu, Backend::Gpu];
 
@@ -48,11 +51,11 @@ pub const ALGORITHMS: [Algorithm; 8] = [
 pub const ORDERS: [Order; 2] = [Order::Canonical, Order::Unordered];
 
 /// The skins by their number, each with what a distance makes of it.
-pub const SKINS: [fn(f32) -> Skin; 3] =
-    [|_| Skin::Auto, |_| Skin::Off, |distance| Skin::Fixed(distance.into())];
+pub const SKINS: [fn(f64) -> Skin; 3] = [|_| Skin::Auto, |_| Skin::Off, Skin::Fixed];
 
 impl SettingsOfC {
     /// All fields 0, which is their default.
+    #[cfg(test)]
     pub const fn defaults() -> Self {
         Self {
             size: size_of::<Self>(),
@@ -63,63 +66,28 @@ impl SettingsOfC {
             max_pairs: 0,
             periodic: [0.0; 3],
             timeout_seconds: 0,
-            adapter: ptr::null(),
-            interactions: ptr::null(),
             skin: 0,
             skin_distance: 0.0,
+            adapter: ptr::null(),
+            interactions: ptr::null(),
             edges: ptr::null(),
         }
-    }
-
-    /// The settings at `settings`, of a program that may know fewer fields, or more.
-    ///
-    /// # Errors
-    /// Where the size is wrong, or a field is set that this library does not have.
-    ///
-    /// # Safety
-    /// By the header: `settings` is NULL or begins with a size, and so many bytes are there.
-    unsafe fn read(settings: *const Self) -> Result<Self, Failure> {
-        check(settings, "settings")?;
-        // SAFETY: a size is there, by this function's condition; NULL and misaligned pointers were refused.
-        let size = unsafe { settings.cast::<usize>().read() };
-        let known = size_of::<Self>();
-        if !(FIRST_SIZE..=1 << 16).contains(&size) {
-            return Err(Failure::argument(format!(
-                "settings.size is {size}, less than {FIRST_SIZE} or far too much; set it by lazygrid_settings_init"
-            )));
-        }
-        if size > known {
-            // SAFETY: `size` bytes are there, and `lazygrid_settings_init`, which set the size, gave each a value.
-            let newer = unsafe { slice::from_raw_parts(settings.cast::<u8>().add(known), size - known) };
-            if newer.iter().any(|byte| *byte != 0) {
-                return Err(Failure::argument(format!(
-                    "settings has {size} bytes of which this library knows {known}, and one of the others is set; \
-                     take the library of the header's version"
-                )));
-            }
-        }
-        let mut read = Self::defaults();
-        // SAFETY: both have as many bytes, they do not overlap, and any bits are values of the fields.
-        unsafe {
-            ptr::copy_nonoverlapping(settings.cast::<u8>(), (&raw mut read).cast::<u8>(), size.min(known));
-        }
-        Ok(read)
     }
 
     /// What the settings at `settings` mean; NULL means the defaults.
     ///
     /// # Errors
-    /// As [`read`](Self::read), and for numbers that mean nothing.
+    /// As [`sized::read`], and for numbers that mean nothing.
     ///
     /// # Safety
-    /// As [`read`](Self::read); and the adapter is NULL or a text that ends with a zero byte, the table is NULL or one
-    /// that no other thread changes meanwhile, and the edges are NULL or nine floats.
+    /// As [`sized::read`]; and the adapter is NULL or a text that ends with a zero byte, the table is NULL or one
+    /// that no other thread changes meanwhile, and the edges are NULL or nine numbers.
     pub unsafe fn config(settings: *const Self) -> Result<Config, Failure> {
         if settings.is_null() {
             return Ok(Config::default());
         }
         // SAFETY: this function's own condition.
-        let settings = unsafe { Self::read(settings) }?;
+        let settings = unsafe { sized::read(settings, "settings") }?;
         let mut config = Config::default()
             .backend(meant(&BACKENDS, settings.backend, "backend")?)
             .algorithm(meant(&ALGORITHMS, settings.algorithm, "algorithm")?)
@@ -145,12 +113,10 @@ impl SettingsOfC {
     /// The space: periodic along axes, or along edges of any direction.
     ///
     /// # Safety
-    /// The edges are NULL or nine floats.
+    /// The edges are NULL or nine numbers.
     unsafe fn space(&self) -> Result<Space, Failure> {
         if self.edges.is_null() {
-            return Ok(Space::periodic(
-                self.periodic.map(|length| (length != 0.0).then_some(length.into())),
-            )?);
+            return Ok(Space::periodic(self.periodic.map(|length| (length != 0.0).then_some(length)))?);
         }
         if self.periodic != [0.0; 3] {
             return Err(Failure::argument(
@@ -158,10 +124,10 @@ impl SettingsOfC {
                  axis as an edge along it",
             ));
         }
-        // SAFETY: nine floats by this function's condition.
+        // SAFETY: nine numbers by this function's condition.
         let numbers = unsafe { array(self.edges, 9, "settings.edges") }?;
-        let edge = |axis: usize| Vec3::from_slice(&numbers[3 * axis..]);
-        let edge = |axis| (edge(axis) != Vec3::ZERO).then(|| edge(axis).as_dvec3().to_array());
+        let edge = |axis: usize| [numbers[3 * axis], numbers[3 * axis + 1], numbers[3 * axis + 2]];
+        let edge = |axis| (edge(axis) != [0.0; 3]).then(|| edge(axis));
         Ok(Space::sheared([0, 1, 2].map(edge))?)
     }
 
@@ -222,9 +188,9 @@ fn meant<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure> 
 pub unsafe extern "C" fn lazygrid_settings_init(settings: *mut SettingsOfC, size: usize) -> Status {
     without_detector(|| {
         check(settings, "settings")?;
-        if size < FIRST_SIZE {
-            let message =
-                format!("a size of {size} is less than {FIRST_SIZE}; give sizeof(lazygrid_settings)");
+        let first = SettingsOfC::FIRST_SIZE;
+        if size < first {
+            let message = format!("a size of {size} is less than {first}; give sizeof(lazygrid_settings)");
             return Err(Failure::argument(message));
         }
         // SAFETY: `size` bytes are there, and they hold a size, both by this function's condition and the check above.

@@ -10,18 +10,15 @@ use engine::{Pair, Spheres};
 
 use crate::detector::{Handle, lazygrid_create, lazygrid_destroy, lazygrid_last_error, with_detector};
 use crate::exclusions::{
-    List, lazygrid_exclusions_between, lazygrid_exclusions_create, lazygrid_exclusions_destroy,
+    List, lazygrid_exclusions_across, lazygrid_exclusions_create, lazygrid_exclusions_destroy,
     lazygrid_exclusions_of_rows,
 };
-use crate::input::SpheresOfC;
+use crate::input::{F32, F64, QueryOfC, SpheresOfC};
 use crate::interactions::{
     Table, lazygrid_interactions_create, lazygrid_interactions_destroy, lazygrid_interactions_set,
 };
 use crate::report::{lazygrid_memory_for, lazygrid_report_json};
-use crate::search::{
-    Consume, lazygrid_between, lazygrid_count, lazygrid_count_between, lazygrid_neighbors,
-    lazygrid_neighbors_between, lazygrid_pairs, lazygrid_stream, lazygrid_stream_between,
-};
+use crate::search::{Consume, lazygrid_count, lazygrid_neighbors, lazygrid_pairs, lazygrid_stream};
 use crate::settings::{ALGORITHMS, BACKENDS, ORDERS, SKINS, SettingsOfC, lazygrid_settings_init};
 use crate::status::{INTERNAL, NAMES, OK, PANICKED, lazygrid_status_name, lazygrid_version};
 
@@ -38,8 +35,8 @@ macro_rules! in_c {
 
 in_c! {
     () => "void", c_void => "void", c_char => "char", i32 => "int32_t", u32 => "uint32_t", u64 => "uint64_t",
-    usize => "size_t", f32 => "float", Pair => "lazygrid_pair", Handle => "lazygrid_detector",
-    Table => "lazygrid_interactions", SettingsOfC => "lazygrid_settings", SpheresOfC => "lazygrid_spheres",
+    usize => "size_t", f64 => "double", Pair => "lazygrid_pair", Handle => "lazygrid_detector",
+    Table => "lazygrid_interactions", SettingsOfC => "lazygrid_settings", QueryOfC => "lazygrid_query",
     List => "lazygrid_exclusions", Option<Consume> => "lazygrid_consume",
 }
 
@@ -72,7 +69,7 @@ macro_rules! declared {
     )* };
 }
 
-declared! { () (A) (A B) (A B C) (A B C D) (A B C D E) (A B C D E F) (A B C D E F G) }
+declared! { () (A) (A B) (A B C) (A B C D) (A B C D E) (A B C D E F) }
 
 /// Name and declaration of each function that is listed.
 macro_rules! declarations {
@@ -91,7 +88,7 @@ fn declarations() -> Vec<(&'static str, String)> {
         lazygrid_interactions_set: unsafe extern "C" fn(_, _, _, _, _) -> _,
         lazygrid_interactions_destroy: unsafe extern "C" fn(_) -> _,
         lazygrid_exclusions_create: unsafe extern "C" fn(_, _, _, _) -> _,
-        lazygrid_exclusions_between: unsafe extern "C" fn(_, _, _, _, _) -> _,
+        lazygrid_exclusions_across: unsafe extern "C" fn(_, _, _, _, _) -> _,
         lazygrid_exclusions_of_rows: unsafe extern "C" fn(_, _, _, _) -> _,
         lazygrid_exclusions_destroy: unsafe extern "C" fn(_) -> _,
         lazygrid_create: unsafe extern "C" fn(_, _) -> _,
@@ -100,10 +97,6 @@ fn declarations() -> Vec<(&'static str, String)> {
         lazygrid_count: unsafe extern "C" fn(_, _, _) -> _,
         lazygrid_neighbors: unsafe extern "C" fn(_, _, _, _) -> _,
         lazygrid_stream: unsafe extern "C" fn(_, _, _, _, _, _) -> _,
-        lazygrid_between: unsafe extern "C" fn(_, _, _, _, _) -> _,
-        lazygrid_count_between: unsafe extern "C" fn(_, _, _, _) -> _,
-        lazygrid_neighbors_between: unsafe extern "C" fn(_, _, _, _, _) -> _,
-        lazygrid_stream_between: unsafe extern "C" fn(_, _, _, _, _, _, _) -> _,
         lazygrid_report_json: unsafe extern "C" fn(_, _) -> _,
         lazygrid_memory_for: unsafe extern "C" fn(_, _, _) -> _,
     }
@@ -116,7 +109,11 @@ macro_rules! layout {
         // Every field is named, or this does not compile.
         let _ = |$rust { $($field: _),* }: $rust| ();
         let mut text = equal(concat!("sizeof(", $c, ")"), size_of::<$rust>());
-        $(text += &equal(concat!("offsetof(", $c, ", ", stringify!($field), ")"), offset_of!($rust, $field));)*
+        $(
+            // A field that is a keyword in Rust is not one in C.
+            let field = stringify!($field).trim_start_matches("r#");
+            text += &equal(&format!("offsetof({}, {field})", $c), offset_of!($rust, $field));
+        )*
         text
     }};
 }
@@ -127,11 +124,12 @@ fn equal(what: &str, number: usize) -> String {
 
 fn layouts() -> String {
     layout!(Pair as "lazygrid_pair", i, j)
-        + &layout!(SpheresOfC as "lazygrid_spheres", count, rows, x, y, z, r, species, groups, exclusions)
+        + &layout!(SpheresOfC as "lazygrid_spheres", size, count, x, y, z, r, step, r_step, r#type, zero, species, groups)
+        + &layout!(QueryOfC as "lazygrid_query", size, first, second, exclusions)
         + &layout!(
             SettingsOfC as "lazygrid_settings",
-            size, backend, algorithm, order, threads, max_pairs, periodic, timeout_seconds, adapter, interactions,
-            skin, skin_distance, edges
+            size, backend, algorithm, order, threads, max_pairs, periodic, timeout_seconds, skin, skin_distance, adapter,
+            interactions, edges
         )
 }
 
@@ -153,6 +151,8 @@ fn numbers() -> Vec<(String, usize)> {
         of("SKIN_", &skins.each_ref().map(String::as_str)),
         of("", &["never", "touch", "within"]),
         vec![
+            ("LAZYGRID_F32".to_owned(), F32 as usize),
+            ("LAZYGRID_F64".to_owned(), F64 as usize),
             ("LAZYGRID_NO_GROUP".to_owned(), Spheres::NO_GROUP as usize),
             ("LAZYGRID_VERSION_MAJOR".to_owned(), env!("CARGO_PKG_VERSION_MAJOR").parse().expect("a number")),
             ("LAZYGRID_VERSION_MINOR".to_owned(), env!("CARGO_PKG_VERSION_MINOR").parse().expect("a number")),
@@ -187,9 +187,19 @@ fn the_header_declares_what_the_library_has() {
 #[test]
 fn nothing_in_the_header_is_left_out() {
     let functions: BTreeSet<&str> = declarations().iter().map(|(name, _)| *name).collect();
-    let types =
-        ["status", "detector", "interactions", "exclusions", "pair", "settings", "spheres", "consume"];
-    let inline = ["spheres_of_rows", "spheres_of_columns"];
+    let types = [
+        "status",
+        "detector",
+        "interactions",
+        "exclusions",
+        "pair",
+        "settings",
+        "spheres",
+        "query",
+        "consume",
+    ];
+    let inline =
+        ["strided", "rows", "rows_f64", "columns", "columns_f64", "points", "points_f64", "among", "across"];
     let others: BTreeSet<String> =
         types.iter().chain(&inline).map(|name| format!("lazygrid_{name}")).collect();
     let declared: BTreeSet<&str> =

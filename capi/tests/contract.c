@@ -26,14 +26,15 @@ static void rows_and_columns_give_the_same(void) {
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector = detector_of(&settings);
     int k;
-    given[0] = lazygrid_spheres_of_rows(3, rows);
-    given[1] = lazygrid_spheres_of_columns(3, x, zero, zero, r);
+    given[0] = lazygrid_rows(3, rows);
+    given[1] = lazygrid_columns(3, x, zero, zero, r);
     for (k = 0; k < 2; k++) {
+        const lazygrid_query query = lazygrid_among(&given[k]);
         const lazygrid_pair *pairs = NULL;
         uint64_t count = 0;
-        CHECK(lazygrid_pairs(detector, &given[k], &pairs, &count) == LAZYGRID_OK);
+        CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_OK);
         CHECK(count == 1 && pairs[0].i == 0 && pairs[0].j == 1);
-        CHECK(lazygrid_count(detector, &given[k], &count) == LAZYGRID_OK && count == 1);
+        CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK && count == 1);
     }
     CHECK(strcmp(lazygrid_last_error(detector), "") == 0);
     CHECK(lazygrid_destroy(detector) == LAZYGRID_OK);
@@ -43,28 +44,30 @@ static void none_and_one_are_ordinary(void) {
     static const float one[] = {0, 0, 0, 1};
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector = detector_of(&settings);
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(0, NULL);
+    lazygrid_spheres spheres = lazygrid_rows(0, NULL);
+    lazygrid_query query = lazygrid_among(&spheres);
     const lazygrid_pair *pairs;
     const uint64_t *offsets;
     const uint32_t *indices;
     uint64_t count = 7;
-    CHECK(lazygrid_pairs(detector, &spheres, &pairs, &count) == LAZYGRID_OK && count == 0);
-    CHECK(lazygrid_neighbors(detector, &spheres, &offsets, &indices) == LAZYGRID_OK && offsets[0] == 0);
-    spheres = lazygrid_spheres_of_rows(1, one);
-    CHECK(lazygrid_pairs(detector, &spheres, &pairs, &count) == LAZYGRID_OK && count == 0);
-    CHECK(lazygrid_neighbors(detector, &spheres, &offsets, &indices) == LAZYGRID_OK && offsets[1] == 0);
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_OK && count == 0);
+    CHECK(lazygrid_neighbors(detector, &query, &offsets, &indices) == LAZYGRID_OK && offsets[0] == 0);
+    spheres = lazygrid_rows(1, one);
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_OK && count == 0);
+    CHECK(lazygrid_neighbors(detector, &query, &offsets, &indices) == LAZYGRID_OK && offsets[1] == 0);
     lazygrid_destroy(detector);
 }
 
 static void neighbors_are_in_both_lists(void) {
     enum { COUNT = 1000 };
     float *rows = line(COUNT);
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(COUNT, rows);
+    lazygrid_spheres spheres = lazygrid_rows(COUNT, rows);
+    lazygrid_query query = lazygrid_among(&spheres);
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector = detector_of(&settings);
     const uint64_t *offsets;
     const uint32_t *indices;
-    CHECK(lazygrid_neighbors(detector, &spheres, &offsets, &indices) == LAZYGRID_OK);
+    CHECK(lazygrid_neighbors(detector, &query, &offsets, &indices) == LAZYGRID_OK);
     CHECK(offsets[0] == 0 && offsets[1] == 1 && offsets[2] == 3 && offsets[COUNT] == 2 * (COUNT - 1));
     CHECK(indices[0] == 1 && indices[1] == 0 && indices[2] == 2);
     lazygrid_destroy(detector);
@@ -81,14 +84,15 @@ typedef struct {
 
 static int32_t take(void *context, const lazygrid_pair *pairs, size_t count) {
     taker *own = context;
-    lazygrid_spheres none = lazygrid_spheres_of_rows(0, NULL);
+    lazygrid_spheres none = lazygrid_rows(0, NULL);
+    lazygrid_query query = lazygrid_among(&none);
     uint64_t found;
     own->calls++;
     own->pairs += count;
     if (count > own->largest) own->largest = count;
     if (count > 0 && pairs[0].i >= pairs[0].j) own->pairs = 1000000;
-    own->is_refused = lazygrid_count(own->detector, &none, &found) == LAZYGRID_ERROR_BUSY
-                      && lazygrid_count(own->other, &none, &found) == LAZYGRID_ERROR_BUSY
+    own->is_refused = lazygrid_count(own->detector, &query, &found) == LAZYGRID_ERROR_BUSY
+                      && lazygrid_count(own->other, &query, &found) == LAZYGRID_ERROR_BUSY
                       && lazygrid_destroy(own->detector) == LAZYGRID_ERROR_BUSY
                       && lazygrid_last_error(own->detector)[0] != '\0';
     return own->pairs >= own->until;
@@ -97,7 +101,8 @@ static int32_t take(void *context, const lazygrid_pair *pairs, size_t count) {
 static void streams_come_in_chunks_and_can_be_ended(void) {
     enum { COUNT = 20000, CHUNK = 100 };
     float *rows = line(COUNT);
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(COUNT, rows);
+    lazygrid_spheres spheres = lazygrid_rows(COUNT, rows);
+    lazygrid_query query = lazygrid_among(&spheres);
     int32_t order;
     for (order = LAZYGRID_ORDER_CANONICAL; order <= LAZYGRID_ORDER_UNORDERED; order++) {
         lazygrid_settings settings = on_cpu();
@@ -109,13 +114,13 @@ static void streams_come_in_chunks_and_can_be_ended(void) {
         detector = detector_of(&settings);
         all.detector = some.detector = detector;
         all.other = some.other = other;
-        CHECK(lazygrid_stream(detector, &spheres, CHUNK, take, &all, &handed) == LAZYGRID_OK);
+        CHECK(lazygrid_stream(detector, &query, CHUNK, take, &all, &handed) == LAZYGRID_OK);
         CHECK(handed == COUNT - 1 && all.pairs == COUNT - 1 && all.largest <= CHUNK && all.is_refused);
-        CHECK(lazygrid_stream(detector, &spheres, CHUNK, take, &some, &handed) == LAZYGRID_OK);
+        CHECK(lazygrid_stream(detector, &query, CHUNK, take, &some, &handed) == LAZYGRID_OK);
         CHECK(handed == some.pairs && handed >= 250 && handed < COUNT - 1);
-        CHECK(lazygrid_stream(detector, &spheres, 0, take, &all, &handed) == LAZYGRID_ERROR_ARGUMENT);
-        CHECK(lazygrid_stream(detector, &spheres, CHUNK, NULL, NULL, &handed) == LAZYGRID_ERROR_ARGUMENT);
-        CHECK(lazygrid_count(other, &spheres, &handed) == LAZYGRID_OK && handed == COUNT - 1);
+        CHECK(lazygrid_stream(detector, &query, 0, take, &all, &handed) == LAZYGRID_ERROR_ARGUMENT);
+        CHECK(lazygrid_stream(detector, &query, CHUNK, NULL, NULL, &handed) == LAZYGRID_ERROR_ARGUMENT);
+        CHECK(lazygrid_count(other, &query, &handed) == LAZYGRID_OK && handed == COUNT - 1);
         CHECK(lazygrid_destroy(other) == LAZYGRID_OK);
         CHECK(lazygrid_destroy(detector) == LAZYGRID_OK);
     }
@@ -125,13 +130,14 @@ static void streams_come_in_chunks_and_can_be_ended(void) {
 static void species_decide(void) {
     static const float points[] = {0, 0, 0, 0, 0.1f, 0, 0, 0, 0.15f, 0, 0, 0};
     static const uint32_t species[] = {0, 1, 1}, beyond[] = {0, 1, 2};
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(3, points);
+    lazygrid_spheres spheres = lazygrid_rows(3, points);
+    lazygrid_query query = lazygrid_among(&spheres);
     lazygrid_interactions *table;
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector;
     uint64_t count;
     CHECK(lazygrid_interactions_create(2, LAZYGRID_NEVER, 0, &table) == LAZYGRID_OK);
-    CHECK(lazygrid_interactions_set(table, 0, 1, LAZYGRID_WITHIN, 0.12f) == LAZYGRID_OK);
+    CHECK(lazygrid_interactions_set(table, 0, 1, LAZYGRID_WITHIN, 0.12) == LAZYGRID_OK);
     CHECK(lazygrid_interactions_set(table, 0, 2, LAZYGRID_TOUCH, 0) == LAZYGRID_ERROR_INPUT);
     CHECK(says(lazygrid_last_error(NULL), "species id 2"));
     CHECK(lazygrid_interactions_set(table, 0, 1, LAZYGRID_WITHIN, NAN) == LAZYGRID_ERROR_INPUT);
@@ -140,12 +146,12 @@ static void species_decide(void) {
     settings.interactions = table;
     detector = detector_of(&settings);
     lazygrid_interactions_destroy(table);
-    CHECK(lazygrid_count(detector, &spheres, &count) == LAZYGRID_ERROR_INPUT);
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_ERROR_INPUT);
     CHECK(says(lazygrid_last_error(detector), "no species ids"));
     spheres.species = species;
-    CHECK(lazygrid_count(detector, &spheres, &count) == LAZYGRID_OK && count == 1);
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK && count == 1);
     spheres.species = beyond;
-    CHECK(lazygrid_count(detector, &spheres, &count) == LAZYGRID_ERROR_INPUT && count == 0);
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_ERROR_INPUT && count == 0);
     lazygrid_destroy(detector);
     CHECK(lazygrid_interactions_create(5000, LAZYGRID_NEVER, 0, &table) == LAZYGRID_ERROR_INPUT && table == NULL);
     lazygrid_interactions_destroy(NULL);
@@ -153,13 +159,14 @@ static void species_decide(void) {
 
 static void boxes_are_periodic(void) {
     static const float rows[] = {0.2f, 5, 0, 0.5f, 9.6f, 5, 0, 0.5f};
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(2, rows);
+    lazygrid_spheres spheres = lazygrid_rows(2, rows);
+    lazygrid_query query = lazygrid_among(&spheres);
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector;
     uint64_t count;
     settings.periodic[0] = settings.periodic[1] = 10;
     detector = detector_of(&settings);
-    CHECK(lazygrid_count(detector, &spheres, &count) == LAZYGRID_OK && count == 1);
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK && count == 1);
     lazygrid_destroy(detector);
     settings.periodic[2] = -1;
     CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_INPUT && detector == NULL);
@@ -169,7 +176,8 @@ static void boxes_are_periodic(void) {
 static void every_algorithm_finds_the_same(void) {
     enum { COUNT = 500 };
     float *rows = line(COUNT);
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(COUNT, rows);
+    lazygrid_spheres spheres = lazygrid_rows(COUNT, rows);
+    lazygrid_query query = lazygrid_among(&spheres);
     int32_t algorithm;
     for (algorithm = LAZYGRID_ALGORITHM_AUTO; algorithm <= LAZYGRID_ALGORITHM_LAZY_GRID; algorithm++) {
         lazygrid_settings settings = on_cpu();
@@ -184,7 +192,7 @@ static void every_algorithm_finds_the_same(void) {
             CHECK(says(lazygrid_last_error(NULL), "does not run on the cpu backend"));
         } else {
             CHECK(status == LAZYGRID_OK);
-            CHECK(lazygrid_count(detector, &spheres, &count) == LAZYGRID_OK && count == COUNT - 1);
+            CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK && count == COUNT - 1);
             lazygrid_destroy(detector);
         }
     }
@@ -194,17 +202,18 @@ static void every_algorithm_finds_the_same(void) {
 static void too_many_pairs_come_with_their_number(void) {
     enum { COUNT = 1000 };
     float *rows = line(COUNT);
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(COUNT, rows);
+    lazygrid_spheres spheres = lazygrid_rows(COUNT, rows);
+    lazygrid_query query = lazygrid_among(&spheres);
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector;
     const lazygrid_pair *pairs;
     uint64_t count;
     settings.max_pairs = 10;
     detector = detector_of(&settings);
-    CHECK(lazygrid_pairs(detector, &spheres, &pairs, &count) == LAZYGRID_ERROR_TOO_MANY_PAIRS);
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_ERROR_TOO_MANY_PAIRS);
     CHECK(pairs == NULL && count == COUNT - 1);
     CHECK(says(lazygrid_last_error(detector), "999"));
-    CHECK(lazygrid_count(detector, &spheres, &count) == LAZYGRID_OK && count == COUNT - 1);
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK && count == COUNT - 1);
     CHECK(strcmp(lazygrid_last_error(detector), "") == 0);
     lazygrid_destroy(detector);
     free(rows);
@@ -212,43 +221,44 @@ static void too_many_pairs_come_with_their_number(void) {
 
 static void bad_spheres_are_named(void) {
     static const float rows[] = {0, 0, 0, 1, 0, NAN, 0, 1, 0, 0, 0, -1};
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(3, rows);
+    lazygrid_spheres spheres = lazygrid_rows(3, rows);
+    lazygrid_query query = lazygrid_among(&spheres);
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector = detector_of(&settings);
     const lazygrid_pair *pairs = (const lazygrid_pair *)rows;
     uint64_t count = 7;
-    CHECK(lazygrid_pairs(detector, &spheres, &pairs, &count) == LAZYGRID_ERROR_INPUT);
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_ERROR_INPUT);
     CHECK(pairs == NULL && count == 0);
     CHECK(says(lazygrid_last_error(detector), "sphere 1 has centre (0, NaN, 0)"));
     CHECK(says(lazygrid_last_error(detector), "2 of 3"));
     spheres.count = (size_t)-1;
-    CHECK(lazygrid_pairs(detector, &spheres, &pairs, &count) == LAZYGRID_ERROR_INPUT);
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_ERROR_INPUT);
     lazygrid_destroy(detector);
 }
 
 static void misuse_is_a_status(void) {
     static const float rows[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(2, rows);
+    lazygrid_spheres spheres = lazygrid_rows(2, rows);
+    lazygrid_query query = lazygrid_among(&spheres);
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector = detector_of(&settings);
     const lazygrid_pair *pairs;
     uint64_t count;
-    CHECK(lazygrid_pairs(NULL, &spheres, &pairs, &count) == LAZYGRID_ERROR_ARGUMENT);
+    CHECK(lazygrid_pairs(NULL, &query, &pairs, &count) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(says(lazygrid_last_error(NULL), "`detector` is NULL"));
     CHECK(lazygrid_pairs(detector, NULL, &pairs, &count) == LAZYGRID_ERROR_ARGUMENT);
-    CHECK(lazygrid_pairs(detector, &spheres, NULL, &count) == LAZYGRID_ERROR_ARGUMENT);
-    CHECK(lazygrid_pairs(detector, &spheres, &pairs, NULL) == LAZYGRID_ERROR_ARGUMENT);
+    CHECK(says(lazygrid_last_error(detector), "`query` is NULL"));
+    CHECK(lazygrid_pairs(detector, &query, NULL, &count) == LAZYGRID_ERROR_ARGUMENT);
+    CHECK(lazygrid_pairs(detector, &query, &pairs, NULL) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(lazygrid_report_json(detector, NULL) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(lazygrid_create(&settings, NULL) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(lazygrid_destroy(NULL) == LAZYGRID_OK);
-    spheres.rows = (const float *)((const char *)rows + 1);
-    CHECK(lazygrid_pairs(detector, &spheres, &pairs, &count) == LAZYGRID_ERROR_ARGUMENT);
+    spheres.x = (const char *)rows + 1;
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(says(lazygrid_last_error(detector), "a multiple of 4"));
-    spheres = lazygrid_spheres_of_columns(2, rows, rows, NULL, rows);
-    CHECK(lazygrid_pairs(detector, &spheres, &pairs, &count) == LAZYGRID_ERROR_ARGUMENT);
+    spheres = lazygrid_columns(2, rows, rows, NULL, rows);
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(says(lazygrid_last_error(detector), "`z` is NULL"));
-    spheres.rows = rows;
-    CHECK(lazygrid_pairs(detector, &spheres, &pairs, &count) == LAZYGRID_ERROR_ARGUMENT);
     lazygrid_destroy(detector);
 }
 
@@ -264,12 +274,6 @@ static void settings_may_be_older_or_newer(void) {
     lazygrid_destroy(detector);
     settings.newer = 1;
     CHECK(lazygrid_create(&settings.known, &detector) == LAZYGRID_ERROR_ARGUMENT);
-    /* A program that was compiled before there were skins: what lies behind its settings is not read. */
-    settings.known = on_cpu();
-    settings.known.size = offsetof(lazygrid_settings, skin);
-    settings.known.skin = 99;
-    CHECK(lazygrid_create(&settings.known, &detector) == LAZYGRID_OK);
-    lazygrid_destroy(detector);
     settings.known.size = 8;
     CHECK(lazygrid_create(&settings.known, &detector) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(lazygrid_settings_init(&settings.known, 8) == LAZYGRID_ERROR_ARGUMENT);
@@ -286,12 +290,13 @@ static void settings_may_be_older_or_newer(void) {
 static void reports_and_names(void) {
     enum { COUNT = 2000 };
     float *rows = line(COUNT);
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(COUNT, rows);
+    lazygrid_spheres spheres = lazygrid_rows(COUNT, rows);
+    lazygrid_query query = lazygrid_among(&spheres);
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector = detector_of(&settings);
     const char *json;
     uint64_t count, bytes, more;
-    CHECK(lazygrid_count(detector, &spheres, &count) == LAZYGRID_OK);
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK);
     CHECK(lazygrid_report_json(detector, &json) == LAZYGRID_OK);
     CHECK(says(json, "\"spheres\":2000,\"pairs\":1999,\"backend\":\"cpu\",\"adapter\":null"));
     CHECK(says(json, "\"candidates\":null"));

@@ -9,7 +9,7 @@
 enum { COUNT = 160, SPLIT = 60, MOST = COUNT * COUNT };
 
 /* Edges of a box that leans by more than half an edge. Images that are more than four edges away touch nothing here. */
-static const float leaning[9] = {4, 0, 0, 3, 4, 0, -1, 2.5f, 5};
+static const double leaning[9] = {4, 0, 0, 3, 4, 0, -1, 2.5, 5};
 
 /* Coordinates and radii of whole thirty-seconds, so that the plain loop is exact; they leave the box, which leans. */
 static void fill(float *rows, uint32_t seed) {
@@ -21,7 +21,7 @@ static void fill(float *rows, uint32_t seed) {
 }
 
 /* Whether any images touch; `edges` may be NULL. */
-static int touch(const float *a, const float *b, const float *edges) {
+static int touch(const float *a, const float *b, const double *edges) {
     double reach = (double)a[3] + b[3];
     int far = edges == NULL ? 0 : 4, x, y, z, axis;
     for (x = -far; x <= far; x++) {
@@ -60,7 +60,7 @@ static int is_omitted(const omitted *out, uint32_t i, uint32_t j, uint32_t group
     return is_listed(out->list, out->listed, i, j, either);
 }
 
-static uint64_t plain_loop(const float *rows, const float *edges, const omitted *out, lazygrid_pair *pairs) {
+static uint64_t plain_loop(const float *rows, const double *edges, const omitted *out, lazygrid_pair *pairs) {
     uint64_t count = 0;
     uint32_t i, j;
     for (i = 0; i < COUNT; i++) {
@@ -82,17 +82,17 @@ static int32_t tally(void *context, const lazygrid_pair *pairs, size_t count) {
 }
 
 /* All kinds of results of one set. */
-static void each_result_is(lazygrid_detector *detector, const lazygrid_spheres *spheres, const lazygrid_pair *expected,
+static void each_result_is(lazygrid_detector *detector, const lazygrid_query *query, const lazygrid_pair *expected,
                            uint64_t wanted) {
     const lazygrid_pair *pairs;
     const uint64_t *offsets;
     const uint32_t *indices;
     uint64_t count = 7, seen = 0;
-    CHECK(lazygrid_pairs(detector, spheres, &pairs, &count) == LAZYGRID_OK && count == wanted);
+    CHECK(lazygrid_pairs(detector, query, &pairs, &count) == LAZYGRID_OK && count == wanted);
     CHECK(memcmp(pairs, expected, (size_t)wanted * sizeof *pairs) == 0);
-    CHECK(lazygrid_count(detector, spheres, &count) == LAZYGRID_OK && count == wanted);
-    CHECK(lazygrid_neighbors(detector, spheres, &offsets, &indices) == LAZYGRID_OK && offsets[COUNT] == 2 * wanted);
-    CHECK(lazygrid_stream(detector, spheres, 16, tally, &seen, &count) == LAZYGRID_OK && seen == wanted);
+    CHECK(lazygrid_count(detector, query, &count) == LAZYGRID_OK && count == wanted);
+    CHECK(lazygrid_neighbors(detector, query, &offsets, &indices) == LAZYGRID_OK && offsets[COUNT] == 2 * wanted);
+    CHECK(lazygrid_stream(detector, query, 16, tally, &seen, &count) == LAZYGRID_OK && seen == wanted);
 }
 
 static void boxes_lean(void) {
@@ -101,11 +101,12 @@ static void boxes_lean(void) {
     static const omitted nothing = {NULL, NULL, 0};
     static const int32_t algorithms[] = {LAZYGRID_ALGORITHM_AUTO, LAZYGRID_ALGORITHM_NAIVE, LAZYGRID_ALGORITHM_HASH_GRID,
                                          LAZYGRID_ALGORITHM_CELL_LIST};
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(COUNT, rows);
+    lazygrid_spheres spheres = lazygrid_rows(COUNT, rows);
+    lazygrid_query query = lazygrid_among(&spheres);
     int repeating, k;
     fill(rows, 1);
     for (repeating = 1; repeating <= 3; repeating++) {
-        float edges[9] = {0};
+        double edges[9] = {0};
         uint64_t wanted;
         memcpy(edges, leaning, (size_t)repeating * 3 * sizeof *edges);
         wanted = plain_loop(rows, edges, &nothing, expected);
@@ -118,7 +119,7 @@ static void boxes_lean(void) {
             detector = detector_of(&settings);
             /* They were read when it was made. */
             edges[0] += 1;
-            each_result_is(detector, &spheres, expected, wanted);
+            each_result_is(detector, &query, expected, wanted);
             edges[0] -= 1;
             lazygrid_destroy(detector);
         }
@@ -126,7 +127,7 @@ static void boxes_lean(void) {
 }
 
 static void edges_are_refused(void) {
-    float edges[9] = {4, 0, 0, 8, 0, 0, 0, 0, 0};
+    double edges[9] = {4, 0, 0, 8, 0, 0, 0, 0, 0};
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector;
     settings.edges = edges;
@@ -141,13 +142,9 @@ static void edges_are_refused(void) {
     CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(says(lazygrid_last_error(NULL), "settings.periodic and settings.edges"));
     settings.periodic[1] = 0;
-    settings.edges = (const float *)((const char *)edges + 1);
+    settings.edges = (const double *)(const void *)((const char *)edges + 1);
     CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(says(lazygrid_last_error(NULL), "settings.edges"));
-    /* A program that was compiled before there were edges: what lies behind its settings is not read. */
-    settings.size = offsetof(lazygrid_settings, edges);
-    CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_OK);
-    lazygrid_destroy(detector);
 }
 
 /* Every third pair of those that touch, one way round or the other, and one twice. */
@@ -162,12 +159,13 @@ static size_t some_of(const lazygrid_pair *pairs, uint64_t count, lazygrid_pair 
     return listed + 1;
 }
 
-static void what_is_left_out_is_no_pair(const float *edges) {
+static void what_is_left_out_is_no_pair(const double *edges) {
     static float rows[4 * COUNT];
     static uint32_t groups[COUNT];
     static lazygrid_pair expected[MOST], list[MOST];
     omitted out = {NULL, NULL, 0};
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(COUNT, rows);
+    lazygrid_spheres spheres = lazygrid_rows(COUNT, rows);
+    lazygrid_query query = lazygrid_among(&spheres);
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector;
     lazygrid_exclusions *exclusions;
@@ -185,29 +183,29 @@ static void what_is_left_out_is_no_pair(const float *edges) {
     out.groups = spheres.groups = groups;
     wanted = plain_loop(rows, edges, &out, expected);
     CHECK(wanted < all && wanted > all / 2);
-    each_result_is(detector, &spheres, expected, wanted);
+    each_result_is(detector, &query, expected, wanted);
 
     CHECK(lazygrid_exclusions_create(COUNT, list, listed, &exclusions) == LAZYGRID_OK);
     out.list = list;
     out.listed = listed;
-    spheres.exclusions = exclusions;
+    query.exclusions = exclusions;
     wanted = plain_loop(rows, edges, &out, expected);
-    each_result_is(detector, &spheres, expected, wanted);
+    each_result_is(detector, &query, expected, wanted);
     out.groups = spheres.groups = NULL;
     wanted = plain_loop(rows, edges, &out, expected);
     CHECK(wanted == all - (all + 2) / 3);
-    each_result_is(detector, &spheres, expected, wanted);
+    each_result_is(detector, &query, expected, wanted);
     lazygrid_exclusions_destroy(exclusions);
 
     /* As columns, and with all that touch left out as the lists of neighbours name them. */
     {
         const uint64_t *offsets;
         const uint32_t *indices;
-        spheres.exclusions = NULL;
-        CHECK(lazygrid_neighbors(detector, &spheres, &offsets, &indices) == LAZYGRID_OK);
+        query.exclusions = NULL;
+        CHECK(lazygrid_neighbors(detector, &query, &offsets, &indices) == LAZYGRID_OK);
         CHECK(lazygrid_exclusions_of_rows(COUNT, offsets, indices, &exclusions) == LAZYGRID_OK);
-        spheres.exclusions = exclusions;
-        each_result_is(detector, &spheres, expected, 0);
+        query.exclusions = exclusions;
+        each_result_is(detector, &query, expected, 0);
         lazygrid_exclusions_destroy(exclusions);
     }
     lazygrid_destroy(detector);
@@ -217,7 +215,8 @@ static void two_sets_leave_out_the_same(void) {
     static float rows[4 * COUNT];
     static uint32_t groups[COUNT];
     static lazygrid_pair expected[MOST], list[MOST];
-    lazygrid_spheres a = lazygrid_spheres_of_rows(SPLIT, rows), b = a;
+    lazygrid_spheres a = lazygrid_rows(SPLIT, rows), b = a;
+    lazygrid_query query = lazygrid_across(&a, &b);
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector;
     lazygrid_exclusions *exclusions, *of_one;
@@ -227,7 +226,7 @@ static void two_sets_leave_out_the_same(void) {
     uint32_t i, j;
     fill(rows, 3);
     for (k = 0; k < COUNT; k++) groups[k] = k % 4 == 3 ? LAZYGRID_NO_GROUP : (uint32_t)k % 4;
-    b = lazygrid_spheres_of_rows(COUNT - SPLIT, rows + 4 * SPLIT);
+    b = lazygrid_rows(COUNT - SPLIT, rows + 4 * SPLIT);
     settings.edges = leaning;
     detector = detector_of(&settings);
     for (i = 0; i < SPLIT; i++) {
@@ -243,24 +242,18 @@ static void two_sets_leave_out_the_same(void) {
         }
     }
     CHECK(wanted > 15 && listed > 10);
-    CHECK(lazygrid_exclusions_between(SPLIT, COUNT - SPLIT, list, listed, &exclusions) == LAZYGRID_OK);
+    CHECK(lazygrid_exclusions_across(SPLIT, COUNT - SPLIT, list, listed, &exclusions) == LAZYGRID_OK);
     a.groups = groups;
     b.groups = groups + SPLIT;
-    a.exclusions = exclusions;
-    CHECK(lazygrid_between(detector, &a, &b, &pairs, &count) == LAZYGRID_OK && count == wanted);
+    query.exclusions = exclusions;
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_OK && count == wanted);
     CHECK(memcmp(pairs, expected, (size_t)wanted * sizeof *pairs) == 0);
-    CHECK(lazygrid_count_between(detector, &a, &b, &count) == LAZYGRID_OK && count == wanted);
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK && count == wanted);
 
-    /* With the second set, or made for one set, they are refused. */
-    a.exclusions = NULL;
+    /* Made for one set, they are refused. */
     CHECK(lazygrid_exclusions_create(COUNT - SPLIT, NULL, 0, &of_one) == LAZYGRID_OK);
-    b.exclusions = of_one;
-    CHECK(lazygrid_count_between(detector, &a, &b, &count) == LAZYGRID_ERROR_INPUT);
-    CHECK(says(lazygrid_last_error(detector), "with the first set"));
-    CHECK(lazygrid_count(detector, &b, &count) == LAZYGRID_OK);
-    a.exclusions = of_one;
-    b.exclusions = NULL;
-    CHECK(lazygrid_count_between(detector, &a, &b, &count) == LAZYGRID_ERROR_INPUT);
+    query.exclusions = of_one;
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_ERROR_INPUT);
     lazygrid_exclusions_destroy(of_one);
     lazygrid_exclusions_destroy(exclusions);
     lazygrid_destroy(detector);
@@ -271,7 +264,8 @@ static void lists_are_refused(void) {
     static const lazygrid_pair beyond[] = {{0, 1}, {1, 2}};
     static const uint64_t falling[] = {0, 2, 1}, far[] = {0, 1, UINT64_MAX};
     static const uint32_t indices[] = {1, 0};
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(2, points);
+    lazygrid_spheres spheres = lazygrid_rows(2, points);
+    lazygrid_query query = lazygrid_among(&spheres);
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector = detector_of(&settings);
     lazygrid_exclusions *list;
@@ -283,14 +277,14 @@ static void lists_are_refused(void) {
     CHECK(lazygrid_exclusions_create(2, beyond, 1, NULL) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(lazygrid_exclusions_create(2, beyond, (size_t)-1, &list) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(lazygrid_exclusions_create((size_t)-1, NULL, 0, &list) == LAZYGRID_ERROR_INPUT);
-    CHECK(lazygrid_exclusions_between(1, 1, beyond, 1, &list) == LAZYGRID_ERROR_INPUT);
+    CHECK(lazygrid_exclusions_across(1, 1, beyond, 1, &list) == LAZYGRID_ERROR_INPUT);
     CHECK(lazygrid_exclusions_of_rows(2, falling, indices, &list) == LAZYGRID_ERROR_INPUT && list == NULL);
     CHECK(lazygrid_exclusions_of_rows(2, far, indices, &list) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(lazygrid_exclusions_of_rows(2, NULL, indices, &list) == LAZYGRID_ERROR_ARGUMENT);
     /* Made for others than the call has. */
     CHECK(lazygrid_exclusions_create(3, beyond, 2, &list) == LAZYGRID_OK);
-    spheres.exclusions = list;
-    CHECK(lazygrid_count(detector, &spheres, &count) == LAZYGRID_ERROR_INPUT && count == 0);
+    query.exclusions = list;
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_ERROR_INPUT && count == 0);
     CHECK(says(lazygrid_last_error(detector), "3"));
     lazygrid_exclusions_destroy(list);
     lazygrid_exclusions_destroy(NULL);

@@ -35,7 +35,8 @@ static int fail(const char *what, const char *why) {
 
 int main(void) {
     static float rows[4 * COUNT];
-    const lazygrid_spheres spheres = lazygrid_spheres_of_rows(COUNT, rows);
+    const lazygrid_spheres spheres = lazygrid_rows(COUNT, rows);
+    const lazygrid_query query = lazygrid_among(&spheres);
     lazygrid_detector *cpu = on(LAZYGRID_BACKEND_CPU), *gpu = on(LAZYGRID_BACKEND_GPU);
     const lazygrid_pair *expected, *found;
     uint64_t count, others;
@@ -49,8 +50,8 @@ int main(void) {
         lazygrid_destroy(cpu);
         return required != NULL && strcmp(required, "1") == 0;
     }
-    if (lazygrid_pairs(cpu, &spheres, &expected, &count) != LAZYGRID_OK) return fail("CPU", lazygrid_last_error(cpu));
-    if (lazygrid_pairs(gpu, &spheres, &found, &others) != LAZYGRID_OK) return fail("GPU", lazygrid_last_error(gpu));
+    if (lazygrid_pairs(cpu, &query, &expected, &count) != LAZYGRID_OK) return fail("CPU", lazygrid_last_error(cpu));
+    if (lazygrid_pairs(gpu, &query, &found, &others) != LAZYGRID_OK) return fail("GPU", lazygrid_last_error(gpu));
     if (count == 0 || count != others || memcmp(expected, found, (size_t)count * sizeof *found) != 0) {
         return fail("GPU", "its pairs are others");
     }

@@ -29,7 +29,7 @@ static int overlap(const float *a, const float *b, float length) {
 }
 
 /* What there is between two sets, by the plain loop. */
-static uint64_t expected_between(const float *a, const float *b, float length, lazygrid_pair *pairs) {
+static uint64_t expected_across(const float *a, const float *b, float length, lazygrid_pair *pairs) {
     uint64_t count = 0;
     uint32_t i, j;
     for (i = 0; i < FIRST; i++) {
@@ -61,7 +61,8 @@ static void each_result_is_that_of_the_plain_loop(int32_t algorithm, float lengt
     static float a[4 * FIRST], b[4 * SECOND];
     static lazygrid_pair expected[FIRST * SECOND];
     static taken all;
-    lazygrid_spheres first = lazygrid_spheres_of_rows(FIRST, a), second = lazygrid_spheres_of_rows(SECOND, b);
+    lazygrid_spheres first = lazygrid_rows(FIRST, a), second = lazygrid_rows(SECOND, b);
+    lazygrid_query query = lazygrid_across(&first, &second);
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector;
     const lazygrid_pair *pairs;
@@ -70,16 +71,16 @@ static void each_result_is_that_of_the_plain_loop(int32_t algorithm, float lengt
     uint64_t count, wanted, right = 0, k;
     fill(a, FIRST, 1);
     fill(b, SECOND, 2);
-    wanted = expected_between(a, b, length, expected);
+    wanted = expected_across(a, b, length, expected);
     CHECK(wanted > 300 && wanted < FIRST * SECOND);
     settings.algorithm = algorithm;
     settings.periodic[0] = settings.periodic[1] = settings.periodic[2] = length;
     detector = detector_of(&settings);
 
-    CHECK(lazygrid_between(detector, &first, &second, &pairs, &count) == LAZYGRID_OK && count == wanted);
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_OK && count == wanted);
     CHECK(memcmp(pairs, expected, (size_t)wanted * sizeof *pairs) == 0);
-    CHECK(lazygrid_count_between(detector, &first, &second, &count) == LAZYGRID_OK && count == wanted);
-    CHECK(lazygrid_neighbors_between(detector, &first, &second, &offsets, &indices) == LAZYGRID_OK);
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK && count == wanted);
+    CHECK(lazygrid_neighbors(detector, &query, &offsets, &indices) == LAZYGRID_OK);
     CHECK(offsets[0] == 0 && offsets[FIRST] == wanted);
     for (k = 0; k < wanted; k++) {
         right += indices[k] == expected[k].j && offsets[expected[k].i] <= k && k < offsets[expected[k].i + 1];
@@ -87,12 +88,12 @@ static void each_result_is_that_of_the_plain_loop(int32_t algorithm, float lengt
     CHECK(right == wanted);
     all.count = all.largest = 0;
     all.until = UINT64_MAX;
-    CHECK(lazygrid_stream_between(detector, &first, &second, 64, take, &all, &count) == LAZYGRID_OK);
+    CHECK(lazygrid_stream(detector, &query, 64, take, &all, &count) == LAZYGRID_OK);
     CHECK(count == wanted && all.count == wanted && all.largest == 64);
     CHECK(memcmp(all.pairs, expected, (size_t)wanted * sizeof *expected) == 0);
     all.count = 0;
     all.until = 100;
-    CHECK(lazygrid_stream_between(detector, &first, &second, 64, take, &all, &count) == LAZYGRID_OK && count == 128);
+    CHECK(lazygrid_stream(detector, &query, 64, take, &all, &count) == LAZYGRID_OK && count == 128);
     lazygrid_destroy(detector);
 }
 
@@ -101,7 +102,8 @@ static void one_set_of_both_says_the_same(void) {
     static float rows[4 * ALL];
     static uint32_t species[ALL];
     static lazygrid_pair expected[FIRST * SECOND];
-    lazygrid_spheres all = lazygrid_spheres_of_rows(ALL, rows), first = all, second = all;
+    lazygrid_spheres all = lazygrid_rows(ALL, rows), first = all, second = all;
+    lazygrid_query among = lazygrid_among(&all), query = lazygrid_across(&first, &second);
     lazygrid_settings settings = on_cpu();
     lazygrid_interactions *table;
     lazygrid_detector *detector;
@@ -111,63 +113,64 @@ static void one_set_of_both_says_the_same(void) {
     for (k = 0; k < ALL; k++) species[k] = (uint32_t)k % 3;
     CHECK(lazygrid_interactions_create(3, LAZYGRID_TOUCH, 0, &table) == LAZYGRID_OK);
     CHECK(lazygrid_interactions_set(table, 0, 0, LAZYGRID_NEVER, 0) == LAZYGRID_OK);
-    CHECK(lazygrid_interactions_set(table, 0, 1, LAZYGRID_WITHIN, 1.5f) == LAZYGRID_OK);
+    CHECK(lazygrid_interactions_set(table, 0, 1, LAZYGRID_WITHIN, 1.5) == LAZYGRID_OK);
     settings.interactions = table;
     detector = detector_of(&settings);
     lazygrid_interactions_destroy(table);
     all.species = first.species = species;
     first.count = FIRST;
-    second = lazygrid_spheres_of_rows(SECOND, rows + 4 * FIRST);
+    second = lazygrid_rows(SECOND, rows + 4 * FIRST);
 
-    CHECK(lazygrid_count_between(detector, &first, &second, &count) == LAZYGRID_ERROR_INPUT);
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_ERROR_INPUT);
     CHECK(says(lazygrid_last_error(detector), "of the second set, "));
     second.species = species + FIRST;
-    CHECK(lazygrid_pairs(detector, &all, &pairs, &count) == LAZYGRID_OK);
+    CHECK(lazygrid_pairs(detector, &among, &pairs, &count) == LAZYGRID_OK);
     for (k = 0; k < count; k++) {
         if (pairs[k].i < FIRST && pairs[k].j >= FIRST) {
             expected[wanted].i = pairs[k].i;
             expected[wanted++].j = pairs[k].j - FIRST;
         }
     }
-    CHECK(lazygrid_between(detector, &first, &second, &pairs, &count) == LAZYGRID_OK);
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_OK);
     CHECK(wanted > 0 && count == wanted && memcmp(pairs, expected, (size_t)wanted * sizeof *pairs) == 0);
     lazygrid_destroy(detector);
 }
 
 static void the_second_set_is_named(void) {
     static const float good[] = {0, 0, 0, 1, 0.5f, 0, 0, 1}, bad[] = {0, 0, 0, 1, 0, 0, 0, -1};
-    lazygrid_spheres first = lazygrid_spheres_of_rows(2, good), second = lazygrid_spheres_of_rows(2, bad);
+    lazygrid_spheres first = lazygrid_rows(2, good), second = lazygrid_rows(2, bad);
+    lazygrid_query query = lazygrid_across(&first, &second), turned = lazygrid_across(&second, &first);
+    lazygrid_query same = lazygrid_across(&first, &first), broken = query;
     lazygrid_settings settings = on_cpu();
     lazygrid_detector *detector = detector_of(&settings);
     const lazygrid_pair *pairs;
     uint64_t count = 7;
-    CHECK(lazygrid_between(detector, &first, &second, &pairs, &count) == LAZYGRID_ERROR_INPUT);
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_ERROR_INPUT);
     CHECK(pairs == NULL && count == 0);
     CHECK(says(lazygrid_last_error(detector), "of the second set, sphere 1"));
-    CHECK(lazygrid_count_between(detector, &second, &first, &count) == LAZYGRID_ERROR_INPUT);
+    CHECK(lazygrid_count(detector, &turned, &count) == LAZYGRID_ERROR_INPUT);
     CHECK(strstr(lazygrid_last_error(detector), "second set") == NULL);
-    second.rows = NULL;
-    CHECK(lazygrid_count_between(detector, &first, &second, &count) == LAZYGRID_ERROR_ARGUMENT);
+    second.x = NULL;
+    CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(says(lazygrid_last_error(detector), "of the second set, `x` is NULL"));
-    CHECK(lazygrid_count_between(detector, &first, NULL, &count) == LAZYGRID_ERROR_ARGUMENT);
-    CHECK(says(lazygrid_last_error(detector), "`b` is NULL"));
-    CHECK(lazygrid_count_between(detector, NULL, &first, &count) == LAZYGRID_ERROR_ARGUMENT);
-    CHECK(says(lazygrid_last_error(detector), "`a` is NULL"));
-    CHECK(lazygrid_stream_between(detector, &first, &first, 0, take, NULL, &count) == LAZYGRID_ERROR_ARGUMENT);
-    CHECK(lazygrid_stream_between(detector, &first, &first, 1, NULL, NULL, &count) == LAZYGRID_ERROR_ARGUMENT);
+    broken.first = NULL;
+    CHECK(lazygrid_count(detector, &broken, &count) == LAZYGRID_ERROR_ARGUMENT);
+    CHECK(says(lazygrid_last_error(detector), "`query.first` is NULL"));
+    CHECK(lazygrid_stream(detector, &same, 0, take, NULL, &count) == LAZYGRID_ERROR_ARGUMENT);
+    CHECK(lazygrid_stream(detector, &same, 1, NULL, NULL, &count) == LAZYGRID_ERROR_ARGUMENT);
     /* Spheres against themselves: each touches itself. */
-    CHECK(lazygrid_count_between(detector, &first, &first, &count) == LAZYGRID_OK && count == 4);
+    CHECK(lazygrid_count(detector, &same, &count) == LAZYGRID_OK && count == 4);
     second.count = 0;
-    CHECK(lazygrid_between(detector, &first, &second, &pairs, &count) == LAZYGRID_OK && count == 0);
+    CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_OK && count == 0);
     lazygrid_destroy(detector);
     settings.algorithm = LAZYGRID_ALGORITHM_HASH_GRID;
     detector = detector_of(&settings);
-    CHECK(lazygrid_count_between(detector, &first, &first, &count) == LAZYGRID_OK && count == 4);
+    CHECK(lazygrid_count(detector, &same, &count) == LAZYGRID_OK && count == 4);
     lazygrid_destroy(detector);
     settings = on_cpu();
     settings.max_pairs = 3;
     detector = detector_of(&settings);
-    CHECK(lazygrid_between(detector, &first, &first, &pairs, &count) == LAZYGRID_ERROR_TOO_MANY_PAIRS);
+    CHECK(lazygrid_pairs(detector, &same, &pairs, &count) == LAZYGRID_ERROR_TOO_MANY_PAIRS);
     CHECK(pairs == NULL && count == 4);
     lazygrid_destroy(detector);
 }
@@ -177,7 +180,8 @@ static void a_skin_never_changes_an_answer(void) {
     enum { COUNT = 3000, STEPS = 12 };
     static float rows[4 * COUNT];
     static const int32_t skins[] = {LAZYGRID_SKIN_OFF, LAZYGRID_SKIN_AUTO, LAZYGRID_SKIN_FIXED};
-    lazygrid_spheres spheres = lazygrid_spheres_of_rows(COUNT, rows);
+    lazygrid_spheres spheres = lazygrid_rows(COUNT, rows);
+    lazygrid_query query = lazygrid_among(&spheres);
     lazygrid_detector *detectors[3];
     const lazygrid_pair *expected, *found;
     uint64_t count, others;
@@ -193,10 +197,10 @@ static void a_skin_never_changes_an_answer(void) {
     for (at = 0; at < 4 * COUNT; at++) rows[at] *= at % 4 == 3 ? 1.0f : 4.0f;
     for (step = 0; step < STEPS; step++) {
         for (at = 0; at < 4 * COUNT; at++) rows[at] += at % 4 == 3 ? 0.0f : (at + (size_t)step) % 3 * 0.0078125f;
-        CHECK(lazygrid_pairs(detectors[0], &spheres, &expected, &count) == LAZYGRID_OK && count > 100);
+        CHECK(lazygrid_pairs(detectors[0], &query, &expected, &count) == LAZYGRID_OK && count > 100);
         for (k = 1; k < 3; k++) {
             const char *json;
-            CHECK(lazygrid_pairs(detectors[k], &spheres, &found, &others) == LAZYGRID_OK && others == count);
+            CHECK(lazygrid_pairs(detectors[k], &query, &found, &others) == LAZYGRID_OK && others == count);
             CHECK(memcmp(found, expected, (size_t)count * sizeof *found) == 0);
             CHECK(lazygrid_report_json(detectors[k], &json) == LAZYGRID_OK);
             kept += skins[k] == LAZYGRID_SKIN_FIXED && strstr(json, "\"rebuilt\":null") != NULL;
@@ -235,6 +239,7 @@ int main(void) {
     each_result_is_that_of_the_plain_loop(LAZYGRID_ALGORITHM_NAIVE, 0);
     each_result_is_that_of_the_plain_loop(LAZYGRID_ALGORITHM_CELL_LIST, 0);
     each_result_is_that_of_the_plain_loop(LAZYGRID_ALGORITHM_CELL_LIST, 4);
+    each_result_is_that_of_the_plain_loop(LAZYGRID_ALGORITHM_ARRAY_GRID, 4);
     one_set_of_both_says_the_same();
     the_second_set_is_named();
     a_skin_never_changes_an_answer();

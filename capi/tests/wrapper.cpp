@@ -61,6 +61,40 @@ void every_kind_of_input() {
     CHECK(throws<lazygrid::InputError>([&] { lazygrid::Spheres(rows).with_species(none); }, "one each"));
 }
 
+// Tangent at 1e9, where floats are 64 apart.
+void doubles_of_every_layout() {
+    struct Particle {
+        float mass;
+        double x, y, z, r;
+    };
+    lazygrid::Detector detector(on_cpu());
+    const std::vector<lazygrid::SphereF64> rows = {{1e9, 1, 2, 0.5}, {1e9 + 1, 1, 2, 0.5}, {1e9 + 2.5, 1, 2, 0.5}};
+    const double *first = &rows[0].x, radius = 0.5;
+    std::vector<double> x, y, z, r, centers;
+    std::vector<Particle> particles;
+    for (const auto &row : rows) {
+        x.push_back(row.x), y.push_back(row.y), z.push_back(row.z), r.push_back(row.r);
+        centers.insert(centers.end(), {row.x, row.y, row.z});
+        particles.push_back({7, row.x, row.y, row.z, row.r});
+    }
+    const Particle *p = particles.data();
+    CHECK(detector.count(rows) == 1);
+    CHECK(detector.count(lazygrid::Spheres::rows(first, 3)) == 1);
+    CHECK(detector.count(lazygrid::Spheres::columns(x, y, z, r)) == 1);
+    CHECK(detector.count(lazygrid::Spheres::points(centers.data(), 3, radius)) == 1);
+    CHECK(detector.count(lazygrid::Spheres::strided(&p->x, &p->y, &p->z, sizeof *p, &p->r, sizeof *p, 3)) == 1);
+    CHECK(detector.count(std::vector<lazygrid::SphereF64>()) == 0);
+    // Each touches itself, and one pair touches in both orders.
+    CHECK(detector.count({rows, lazygrid::Spheres::columns(x, y, z, r)}) == 5);
+    const auto narrow = line(3);
+    CHECK(detector.count({narrow, rows}) == 0);
+    auto settings = on_cpu();
+    settings.periodic = {10.1, 0, 0};
+    lazygrid::Detector periodic(settings);
+    CHECK(periodic.count(std::vector<lazygrid::SphereF64>{{0, 0, 0, 0.5}, {9.1, 0, 0, 0.5}}) == 1);
+    CHECK(periodic.count(std::vector<lazygrid::SphereF64>{{0, 0, 0, 0.5}, {9.1 - 1e-12, 0, 0, 0.5}}) == 0);
+}
+
 void views_are_ranges() {
     lazygrid::Detector detector(on_cpu());
     const auto spheres = line(100);
@@ -140,23 +174,23 @@ void two_sets() {
     const auto spheres = line(100);
     const lazygrid::Spheres all(spheres), some(spheres.data() + 50, 20);
     // Each touches itself and its neighbours on both sides.
-    CHECK(detector.count_between(some, all) == 60);
-    const auto pairs = detector.between(some, all);
+    CHECK(detector.count({some, all}) == 60);
+    const auto pairs = detector.pairs({some, all});
     CHECK(pairs.size() == 60 && pairs[0].i == 0 && pairs[0].j == 49 && pairs[59].i == 19 && pairs[59].j == 70);
-    const lazygrid::Neighbors neighbors = detector.neighbors_between(some, all);
+    const lazygrid::Neighbors neighbors = detector.neighbors({some, all});
     CHECK(neighbors.offsets.size() == 21 && neighbors.of(7).size() == 3 && neighbors.of(7)[0] == 56);
     std::size_t seen = 0;
     const auto count = [&](lazygrid::View<lazygrid::Pair> chunk) { seen += chunk.size(); };
-    CHECK(detector.stream_between(some, all, 16, count) == 60 && seen == 60);
+    CHECK(detector.stream({some, all}, 16, count) == 60 && seen == 60);
     const auto thrower = [](auto) { throw std::domain_error("enough"); };
-    CHECK(throws<std::domain_error>([&] { detector.stream_between(some, all, 16, thrower); }, "enough"));
+    CHECK(throws<std::domain_error>([&] { detector.stream({some, all}, 16, thrower); }, "enough"));
     auto bad = line(3);
     bad[2].r = NAN;
-    CHECK(throws<lazygrid::InputError>([&] { detector.between(all, bad); }, "of the second set, sphere 2"));
+    CHECK(throws<lazygrid::InputError>([&] { detector.pairs({all, bad}); }, "of the second set, sphere 2"));
     auto settings = on_cpu();
     settings.max_pairs = 5;
     lazygrid::Detector small(settings);
-    CHECK(throws<lazygrid::TooManyPairs>([&] { small.between(some, all); }, "60"));
+    CHECK(throws<lazygrid::TooManyPairs>([&] { small.pairs({some, all}); }, "60"));
 }
 
 void skins() {
@@ -185,16 +219,16 @@ void boxes_that_lean_and_what_is_left_out() {
     const lazygrid::Spheres all(spheres);
     CHECK(detector.count(all) == 2);
     const lazygrid::Exclusions bonds(3, std::vector<lazygrid::Pair>{{2, 0}, {0, 2}});
-    const auto left = detector.pairs(all.with_exclusions(bonds));
+    const auto left = detector.pairs(lazygrid::Query(all).without(bonds));
     CHECK(left.size() == 1 && left[0].i == 0 && left[0].j == 1);
     const std::vector<std::uint32_t> molecules = {7, 7, lazygrid::no_group};
     CHECK(detector.count(all.with_groups(molecules)) == 1);
-    CHECK(detector.count(all.with_groups(molecules).with_exclusions(bonds)) == 0);
-    CHECK(detector.count(all.with_exclusions(lazygrid::Exclusions::rows(detector.neighbors(all)))) == 0);
-    const auto across = lazygrid::Exclusions::between(3, 3, std::vector<lazygrid::Pair>{{0, 0}, {1, 1}, {0, 1}});
-    CHECK(detector.count_between(all.with_exclusions(across), all) == 4);
-    CHECK(throws<lazygrid::InputError>([&] { detector.count(all.with_exclusions(across)); }, "3"));
-    CHECK(throws<lazygrid::InputError>([&] { detector.between(all, all.with_exclusions(across)); }, "first set"));
+    CHECK(detector.count(lazygrid::Query(all.with_groups(molecules)).without(bonds)) == 0);
+    CHECK(detector.count(lazygrid::Query(all).without(lazygrid::Exclusions::rows(detector.neighbors(all)))) == 0);
+    const auto across = lazygrid::Exclusions::across(3, 3, std::vector<lazygrid::Pair>{{0, 0}, {1, 1}, {0, 1}});
+    CHECK(detector.count(lazygrid::Query(all, all).without(across)) == 4);
+    CHECK(throws<lazygrid::InputError>([&] { detector.count(lazygrid::Query(all).without(across)); }, "3"));
+    CHECK(throws<lazygrid::InputError>([&] { detector.pairs(lazygrid::Query(all, all).without(bonds)); }, "3"));
     CHECK(throws<lazygrid::InputError>([&] { lazygrid::Exclusions(2, std::vector<lazygrid::Pair>{{0, 2}}); }, "(0, 2)"));
     CHECK(throws<lazygrid::InputError>([&] { all.with_groups(std::vector<std::uint32_t>{1}); }, "1 groups for 3"));
     settings.periodic = {1, 0, 0};
@@ -228,7 +262,9 @@ void one_at_a_time() {
     const auto work = [&](bool &mine) {
         for (int turn = 0; turn < 20; turn++) {
             std::uint64_t count = 7;
-            const auto status = lazygrid_count(detector.get(), lazygrid::Spheres(spheres).get(), &count);
+            const lazygrid::Query query(spheres);
+            const lazygrid_query given = query.get();
+            const auto status = lazygrid_count(detector.get(), &given, &count);
             mine = mine && (status == LAZYGRID_OK ? count == 4999 : status == LAZYGRID_ERROR_BUSY && count == 0);
         }
     };
@@ -242,6 +278,7 @@ void one_at_a_time() {
 
 int main() {
     every_kind_of_input();
+    doubles_of_every_layout();
     views_are_ranges();
     errors_are_exceptions();
     streams();

@@ -8,6 +8,7 @@
 #include <lazygrid.hpp>
 
 #include <ns3/core-module.h>
+#include <ns3/vector.h>
 
 #include <algorithm>
 #include <cmath>
@@ -26,7 +27,7 @@ namespace {
 constexpr std::uint32_t acid = 0, base = 1;
 // As channel.toml has them; lengths in µm.
 constexpr double diffusion = 100, release_radius = 1, receiver_radius = 2, receiver_x = 3, base_y = 1;
-constexpr float binding_radius = 0.25f;
+constexpr double binding_radius = 0.25;
 constexpr int time_step = 100, release_of_base = 3000, steps = 120, every = 8; // the first two in µs
 constexpr std::uint32_t count_of_each = 1000;
 
@@ -54,20 +55,17 @@ public:
         while (count > 0) {
             const double at[] = {uniform_->GetValue(-1, 1), uniform_->GetValue(-1, 1), uniform_->GetValue(-1, 1)};
             if (at[0] * at[0] + at[1] * at[1] + at[2] * at[2] > 1) continue;
-            x_.push_back(static_cast<float>(release_radius * at[0]));
-            y_.push_back(static_cast<float>(release_radius * at[1] + y));
-            z_.push_back(static_cast<float>(release_radius * at[2]));
+            positions_.emplace_back(release_radius * at[0], release_radius * at[1] + y, release_radius * at[2]);
             species_.push_back(species);
             count--;
         }
-        radii_.assign(x_.size(), 0);
     }
 
     // A step now, and from then on.
     void Step() {
         const double length = std::sqrt(2 * diffusion_ * time_step_.GetSeconds());
-        for (auto *column : {&x_, &y_, &z_}) {
-            for (auto &value : *column) value += static_cast<float>(length * normal_->GetValue());
+        for (auto &position : positions_) {
+            for (auto *value : {&position.x, &position.y, &position.z}) *value += length * normal_->GetValue();
         }
         React();
         stepped_();
@@ -77,8 +75,8 @@ public:
     // How many of a species are in the receiver, and how many there are.
     std::uint32_t Received(std::uint32_t species) const {
         std::uint32_t inside = 0;
-        for (std::size_t k = 0; k < x_.size(); k++) {
-            const double x = x_[k] - receiver_x, y = y_[k], z = z_[k];
+        for (std::size_t k = 0; k < positions_.size(); k++) {
+            const double x = positions_[k].x - receiver_x, y = positions_[k].y, z = positions_[k].z;
             inside += species_[k] == species && x * x + y * y + z * z <= receiver_radius * receiver_radius;
         }
         return inside;
@@ -103,22 +101,27 @@ private:
 
     // Pairs in random order, and a molecule reacts once: whoever comes first.
     void React() {
-        const auto spheres = lazygrid::Spheres::columns(x_, y_, z_, radii_).with_species(species_);
-        const auto found = detector_.pairs(spheres);
+        if (positions_.empty()) return;
+        // Points that lazygrid reads where ns-3's vectors lie.
+        static constexpr double radius = 0;
+        const ns3::Vector &first = positions_.front();
+        const auto points = lazygrid::Spheres::strided(&first.x, &first.y, &first.z, sizeof first, &radius, 0,
+                                                       positions_.size());
+        const auto found = detector_.pairs(points.with_species(species_));
         std::vector<lazygrid::Pair> pairs(found.begin(), found.end());
         for (std::size_t k = pairs.size(); k > 1; k--) {
             std::swap(pairs[k - 1], pairs[uniform_->GetInteger(0, static_cast<std::uint32_t>(k - 1))]);
         }
-        std::vector<bool> is_gone(x_.size());
+        std::vector<bool> is_gone(positions_.size());
         for (const auto &[i, j] : pairs) {
             if (!is_gone[i] && !is_gone[j]) is_gone[i] = is_gone[j] = true;
         }
         std::size_t left = 0;
-        for (std::size_t k = 0; k < x_.size(); k++) {
+        for (std::size_t k = 0; k < positions_.size(); k++) {
             if (is_gone[k]) continue;
-            x_[left] = x_[k], y_[left] = y_[k], z_[left] = z_[k], species_[left++] = species_[k];
+            positions_[left] = positions_[k], species_[left++] = species_[k];
         }
-        for (auto *column : {&x_, &y_, &z_, &radii_}) column->resize(left);
+        positions_.resize(left);
         species_.resize(left);
     }
 
@@ -128,7 +131,7 @@ private:
     ns3::Ptr<ns3::UniformRandomVariable> uniform_ = ns3::CreateObject<ns3::UniformRandomVariable>();
     ns3::Ptr<ns3::NormalRandomVariable> normal_ = ns3::CreateObject<ns3::NormalRandomVariable>();
     lazygrid::Detector detector_;
-    std::vector<float> x_, y_, z_, radii_;
+    std::vector<ns3::Vector> positions_;
     std::vector<std::uint32_t> species_;
 };
 NS_OBJECT_ENSURE_REGISTERED(DiffusiveChannel);

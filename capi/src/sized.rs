@@ -1,0 +1,59 @@
+use std::mem::MaybeUninit;
+use std::{ptr, slice};
+
+use crate::Failure;
+use crate::out::check;
+
+/// The largest size of a structure that is believed; a larger one was never set.
+const MAX_SIZE: usize = 1 << 16;
+
+/// A structure of C that begins with its own size, and to which later versions append fields.
+///
+/// # Safety
+/// The first field is the size, a `usize`, and any bits, zeros too, are values of all fields.
+pub unsafe trait Growing: Copy {
+    /// The size of the first version.
+    const FIRST_SIZE: usize;
+    /// How a program sets the size.
+    const REMEDY: &'static str;
+}
+
+/// Copies the structure at `at`, of a program that may know fewer fields than this library, or more. Fields that the program
+/// does not know are 0.
+///
+/// # Errors
+/// If `at` is NULL or misaligned, the size is wrong, or a field is set that this library does not have.
+///
+/// # Safety
+/// By the header: `at` is NULL, or points to a size, and as many initialized bytes are there.
+pub unsafe fn read<T: Growing>(at: *const T, name: &str) -> Result<T, Failure> {
+    check(at, name)?;
+    // SAFETY: a size is there, by this function's condition; NULL and misaligned pointers were refused.
+    let size = unsafe { at.cast::<usize>().read() };
+    let known = size_of::<T>();
+    if size == known {
+        // SAFETY: as many bytes are there, by this function's condition, and any bits are a value by that of the trait.
+        return Ok(unsafe { at.read() });
+    }
+    let (first, remedy) = (T::FIRST_SIZE, T::REMEDY);
+    if !(first..=MAX_SIZE).contains(&size) {
+        let message = format!("{name}.size is {size}; it must be {first} to {MAX_SIZE}: {remedy}");
+        return Err(Failure::argument(message));
+    }
+    if size > known {
+        // SAFETY: `size` initialized bytes are there, by this function's condition.
+        let newer = unsafe { slice::from_raw_parts(at.cast::<u8>().add(known), size - known) };
+        if newer.iter().any(|byte| *byte != 0) {
+            return Err(Failure::argument(format!(
+                "{name} has {size} bytes of which this library knows {known}, and one of the others is set; take the \
+                 library of the header's version"
+            )));
+        }
+    }
+    let mut read = MaybeUninit::<T>::zeroed();
+    // SAFETY: both have as many bytes, and they do not overlap. Any bits are a value by the trait's condition.
+    Ok(unsafe {
+        ptr::copy_nonoverlapping(at.cast::<u8>(), read.as_mut_ptr().cast::<u8>(), size.min(known));
+        read.assume_init()
+    })
+}
