@@ -4,7 +4,6 @@ import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 import java.nio.IntBuffer;
 import java.util.concurrent.atomic.AtomicBoolean;
-import java.util.function.ToIntFunction;
 
 /**
  * Finds overlapping spheres, call after call, reusing its memory.
@@ -70,147 +69,125 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * The overlapping pairs, each once: i and j of each, one after the other, i &lt; j. Valid until the next search.
+     * The overlapping pairs, each once: i and j of each, one after the other. Of one set i &lt; j; of two, i is an index in
+     * the first and j one in the second. Valid until the next search.
      *
-     * @param spheres where they are now
+     * @param query which pairs
      * @return the pairs, read-only, in the detector's memory
      * @throws TooManyPairsException for more than {@link Settings#maxPairs(long)}, with their exact number
-     * @throws LazygridException {@link Status#INPUT} for spheres that are not finite, negative radii, unknown
-     *     species and exclusions of other spheres; {@link Status#LIMIT} for more than 2<sup>28</sup> - 1 pairs, which a buffer of 2 GiB cannot hold
+     * @throws LazygridException {@link Status#INPUT} for spheres that are not finite, negative radii, unknown species and
+     *     exclusions of other spheres, where a message about the second set says so; {@link Status#LIMIT} for more than
+     *     2<sup>28</sup> - 1 pairs, which a buffer of 2 GiB cannot hold
      */
-    public IntBuffer pairs(Spheres spheres) {
+    public IntBuffer pairs(Query query) {
         enter();
         try {
-            int status = Library.pairs(detector, spheres.address(), first, second);
-            spheres.keep();
-            return found(status);
+            int status = Library.pairs(detector, query.address(), first, second);
+            query.keep();
+            if (status == Status.TOO_MANY_PAIRS.ordinal()) {
+                throw new TooManyPairsException(Library.lastError(detector), out.getLong(8));
+            }
+            check(status, detector);
+            return integers(out.getLong(0), 2 * out.getLong(8)).asReadOnlyBuffer();
         } finally {
             leave();
         }
     }
 
     /**
-     * The pairs of one sphere of each set: i is an index in {@code a} and j one in {@code b}. No two spheres of one set
-     * are ever compared: particles against receivers, say. On the CPU with {@link Algorithm#AUTO},
-     * {@link Algorithm#CELL_LIST} or {@link Algorithm#NAIVE} only. Valid until the next search.
+     * The overlapping pairs among spheres, as {@link #pairs(Query)}.
      *
-     * @param a the first set, where its spheres are now
-     * @param b the second set
+     * @param spheres where they are now
      * @return the pairs, read-only, in the detector's memory
-     * @throws LazygridException as {@link #pairs}, where what is wrong with {@code b} is said to be of the second set;
-     *     {@link Status#SETTING} on the CPU for another algorithm
+     * @throws LazygridException as {@link #pairs(Query)}
      */
-    public IntBuffer between(Spheres a, Spheres b) {
-        enter();
-        try {
-            int status = Library.between(detector, a.address(), b.address(), first, second);
-            a.keep();
-            b.keep();
-            return found(status);
-        } finally {
-            leave();
-        }
-    }
-
-    /** The pairs that a search has found, if it has. */
-    private IntBuffer found(int status) {
-        if (status == Status.TOO_MANY_PAIRS.ordinal()) {
-            throw new TooManyPairsException(Library.lastError(detector), out.getLong(8));
-        }
-        check(status, detector);
-        return integers(out.getLong(0), 2 * out.getLong(8)).asReadOnlyBuffer();
+    public IntBuffer pairs(Spheres spheres) {
+        return pairs(spheres.query());
     }
 
     /**
      * The overlapping pairs in an array of the caller's.
      *
-     * @param spheres where they are now
+     * @param query which pairs
      * @return i and j of each pair, one after the other
-     * @throws LazygridException as {@link #pairs}
+     * @throws LazygridException as {@link #pairs(Query)}
      */
-    public int[] pairsCopied(Spheres spheres) {
-        IntBuffer pairs = pairs(spheres);
+    public int[] pairsCopied(Query query) {
+        IntBuffer pairs = pairs(query);
         int[] copy = new int[pairs.remaining()];
         pairs.get(copy);
         return copy;
     }
 
     /**
-     * How many pairs there are. Needs no memory for them, so that any number can be counted.
+     * The overlapping pairs among spheres in an array of the caller's.
+     *
+     * @param spheres where they are now
+     * @return i and j of each pair, one after the other
+     * @throws LazygridException as {@link #pairs(Query)}
+     */
+    public int[] pairsCopied(Spheres spheres) {
+        return pairsCopied(spheres.query());
+    }
+
+    /**
+     * The number of pairs. Needs no memory for them, so that any number can be counted.
+     *
+     * @param query which pairs
+     * @return the number
+     * @throws LazygridException as {@link #pairs(Query)}, except for the number of pairs
+     */
+    public long count(Query query) {
+        enter();
+        try {
+            int status = Library.count(detector, query.address(), first);
+            query.keep();
+            check(status, detector);
+            return out.getLong(0);
+        } finally {
+            leave();
+        }
+    }
+
+    /**
+     * The number of pairs among spheres.
      *
      * @param spheres where they are now
      * @return the number
-     * @throws LazygridException as {@link #pairs}, but for the number of pairs
+     * @throws LazygridException as {@link #count(Query)}
      */
     public long count(Spheres spheres) {
-        enter();
-        try {
-            int status = Library.count(detector, spheres.address(), first);
-            spheres.keep();
-            check(status, detector);
-            return out.getLong(0);
-        } finally {
-            leave();
-        }
+        return count(spheres.query());
     }
 
     /**
-     * How many pairs of one sphere of each set there are.
+     * The pairs as neighbor lists, ascending: of one set every pair is in both lists, of two sets there is a list for each
+     * sphere of the first one, with its neighbors in the second. Valid until the next search.
      *
-     * @param a the first set, where its spheres are now
-     * @param b the second set
-     * @return the number
-     * @throws LazygridException as {@link #between}, but for the number of pairs
+     * @param query which pairs
+     * @return the lists, in the detector's memory
+     * @throws LazygridException as {@link #pairs(Query)}
      */
-    public long countBetween(Spheres a, Spheres b) {
+    public Neighbors neighbors(Query query) {
         enter();
         try {
-            int status = Library.countBetween(detector, a.address(), b.address(), first);
-            a.keep();
-            b.keep();
-            check(status, detector);
-            return out.getLong(0);
+            int status = Library.neighbors(detector, query.address(), first, second);
+            query.keep();
+            return lists(status, query.lists());
         } finally {
             leave();
         }
     }
 
     /**
-     * The pairs as neighbour lists. Valid until the next search.
+     * The pairs among spheres as neighbor lists, as {@link #neighbors(Query)}.
      *
      * @param spheres where they are now
      * @return the lists, in the detector's memory
-     * @throws LazygridException as {@link #pairs}
+     * @throws LazygridException as {@link #pairs(Query)}
      */
     public Neighbors neighbors(Spheres spheres) {
-        enter();
-        try {
-            int status = Library.neighbors(detector, spheres.address(), first, second);
-            spheres.keep();
-            return lists(status, spheres.count());
-        } finally {
-            leave();
-        }
-    }
-
-    /**
-     * For every sphere of {@code a} those of {@code b} that it overlaps, ascending. Valid until the next search.
-     *
-     * @param a the first set, where its spheres are now
-     * @param b the second set
-     * @return a list for each sphere of {@code a}, in the detector's memory; every pair stands in one
-     * @throws LazygridException as {@link #between}
-     */
-    public Neighbors neighborsBetween(Spheres a, Spheres b) {
-        enter();
-        try {
-            int status = Library.neighborsBetween(detector, a.address(), b.address(), first, second);
-            a.keep();
-            b.keep();
-            return lists(status, a.count());
-        } finally {
-            leave();
-        }
+        return neighbors(spheres.query());
     }
 
     /** The lists that a search has found for so many spheres, if it has. */
@@ -226,55 +203,42 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * Hands the pairs over in chunks; memory stays bounded whatever their number.
+     * Hands the pairs among spheres over in chunks, as {@link #stream(Query, int, PairConsumer)}.
      *
      * @param spheres where they are now
      * @param chunk the most pairs of a chunk, at least 1
      * @param consumer takes them
      * @return how many were handed over
-     * @throws LazygridException as {@link #count}; and whatever the consumer throws
+     * @throws LazygridException as {@link #count(Query)}; and whatever the consumer throws
      */
     public long stream(Spheres spheres, int chunk, PairConsumer consumer) {
-        return streamed(consumer, take -> {
-            int status = Library.stream(detector, spheres.address(), chunk, take, first);
-            spheres.keep();
-            return status;
-        });
+        return stream(spheres.query(), chunk, consumer);
     }
 
     /**
-     * Hands the pairs of one sphere of each set over in chunks, as {@link #stream} does.
+     * Hands the pairs over in chunks; memory stays bounded whatever their number.
      *
-     * @param a the first set, where its spheres are now
-     * @param b the second set
+     * @param query which pairs
      * @param chunk the most pairs of a chunk, at least 1
      * @param consumer takes them
      * @return how many were handed over
-     * @throws LazygridException as {@link #countBetween}; and whatever the consumer throws
+     * @throws LazygridException as {@link #count(Query)}; and whatever the consumer throws
      */
-    public long streamBetween(Spheres a, Spheres b, int chunk, PairConsumer consumer) {
-        return streamed(consumer, take -> {
-            int status = Library.streamBetween(detector, a.address(), b.address(), chunk, take, first);
-            a.keep();
-            b.keep();
-            return status;
-        });
-    }
-
-    /** Runs a search that hands pairs over, and throws what the consumer has thrown. */
-    private long streamed(PairConsumer consumer, ToIntFunction<Library.Consumer> search) {
+    public long stream(Query query, int chunk, PairConsumer consumer) {
         enter();
         try {
             // Written by whichever thread of the library, read when all have ended.
             Throwable[] thrown = new Throwable[1];
-            int status = search.applyAsInt((pairs, count) -> {
+            Library.Consumer take = (pairs, count) -> {
                 try {
                     return consumer.take(integers(pairs, 2 * count).asReadOnlyBuffer()) ? 0 : 1;
                 } catch (Throwable any) {
                     thrown[0] = any;
                     return 1;
                 }
-            });
+            };
+            int status = Library.stream(detector, query.address(), chunk, take, first);
+            query.keep();
             if (thrown[0] instanceof RuntimeException unchecked) throw unchecked;
             if (thrown[0] instanceof Error error) throw error;
             if (thrown[0] != null) throw new IllegalStateException("the consumer threw", thrown[0]);

@@ -57,13 +57,13 @@ public final class Exclusions {
      * @throws IllegalArgumentException as {@link #of}
      * @throws LazygridException as {@link #of}
      */
-    public static Exclusions between(int first, int second, int... pairs) {
+    public static Exclusions across(int first, int second, int... pairs) {
         check(first, "first");
         check(second, "second");
         IntBuffer given = direct(pairs);
         return new Exclusions(out -> {
             long at = Library.address(given, Integer.BYTES);
-            int status = Library.exclusionsBetween(first, second, at, pairs.length / 2, out);
+            int status = Library.exclusionsAcross(first, second, at, pairs.length / 2, out);
             Reference.reachabilityFence(given);
             return status;
         });

@@ -7,7 +7,7 @@ package io.github.lazygrid;
  * @param distance the largest distance of centres for {@link Kind#WITHIN}, in the length unit of the spheres; else
  *     unused
  */
-public record Interaction(Kind kind, float distance) {
+public record Interaction(Kind kind, double distance) {
     /** The rules, in the order of {@code lazygrid.h}. */
     public enum Kind {
         /** Never a pair. */
@@ -30,7 +30,7 @@ public record Interaction(Kind kind, float distance) {
      * @param distance in the length unit of the spheres; at least 0, and finite
      * @return the rule
      */
-    public static Interaction within(float distance) {
+    public static Interaction within(double distance) {
         return new Interaction(Kind.WITHIN, distance);
     }
 }

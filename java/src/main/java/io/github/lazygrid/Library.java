@@ -43,15 +43,15 @@ final class Library {
 
         static native int lazygrid_settings_init(long settings, long size);
 
-        static native int lazygrid_interactions_create(int species, int kind, float distance, long interactions);
+        static native int lazygrid_interactions_create(int species, int kind, double distance, long interactions);
 
-        static native int lazygrid_interactions_set(long interactions, int a, int b, int kind, float distance);
+        static native int lazygrid_interactions_set(long interactions, int a, int b, int kind, double distance);
 
         static native void lazygrid_interactions_destroy(long interactions);
 
         static native int lazygrid_exclusions_create(long spheres, long pairs, long count, long exclusions);
 
-        static native int lazygrid_exclusions_between(
+        static native int lazygrid_exclusions_across(
             long first, long second, long pairs, long count, long exclusions);
 
         static native int lazygrid_exclusions_of_rows(long spheres, long offsets, long indices, long exclusions);
@@ -62,23 +62,14 @@ final class Library {
 
         static native int lazygrid_destroy(long detector);
 
-        static native int lazygrid_pairs(long detector, long spheres, long pairs, long count);
+        static native int lazygrid_pairs(long detector, long query, long pairs, long count);
 
-        static native int lazygrid_count(long detector, long spheres, long count);
+        static native int lazygrid_count(long detector, long query, long count);
 
-        static native int lazygrid_neighbors(long detector, long spheres, long offsets, long indices);
+        static native int lazygrid_neighbors(long detector, long query, long offsets, long indices);
 
         static native int lazygrid_stream(
-            long detector, long spheres, long chunk, Consume consume, long context, long handed);
-
-        static native int lazygrid_between(long detector, long a, long b, long pairs, long count);
-
-        static native int lazygrid_count_between(long detector, long a, long b, long count);
-
-        static native int lazygrid_neighbors_between(long detector, long a, long b, long offsets, long indices);
-
-        static native int lazygrid_stream_between(
-            long detector, long a, long b, long chunk, Consume consume, long context, long handed);
+            long detector, long query, long chunk, Consume consume, long context, long handed);
 
         static native int lazygrid_report_json(long detector, long json);
 
@@ -128,11 +119,11 @@ final class Library {
         return Functions.lazygrid_settings_init(settings, size);
     }
 
-    static int interactionsCreate(int species, int kind, float distance, long interactions) {
+    static int interactionsCreate(int species, int kind, double distance, long interactions) {
         return Functions.lazygrid_interactions_create(species, kind, distance, interactions);
     }
 
-    static int interactionsSet(long interactions, int a, int b, int kind, float distance) {
+    static int interactionsSet(long interactions, int a, int b, int kind, double distance) {
         return Functions.lazygrid_interactions_set(interactions, a, b, kind, distance);
     }
 
@@ -144,8 +135,8 @@ final class Library {
         return Functions.lazygrid_exclusions_create(spheres, pairs, count, exclusions);
     }
 
-    static int exclusionsBetween(long first, long second, long pairs, long count, long exclusions) {
-        return Functions.lazygrid_exclusions_between(first, second, pairs, count, exclusions);
+    static int exclusionsAcross(long first, long second, long pairs, long count, long exclusions) {
+        return Functions.lazygrid_exclusions_across(first, second, pairs, count, exclusions);
     }
 
     static int exclusionsOfRows(long spheres, long offsets, long indices, long exclusions) {
@@ -164,40 +155,21 @@ final class Library {
         return Functions.lazygrid_destroy(detector);
     }
 
-    static int pairs(long detector, long spheres, long pairs, long count) {
-        return Functions.lazygrid_pairs(detector, spheres, pairs, count);
+    static int pairs(long detector, long query, long pairs, long count) {
+        return Functions.lazygrid_pairs(detector, query, pairs, count);
     }
 
-    static int count(long detector, long spheres, long count) {
-        return Functions.lazygrid_count(detector, spheres, count);
+    static int count(long detector, long query, long count) {
+        return Functions.lazygrid_count(detector, query, count);
     }
 
-    static int neighbors(long detector, long spheres, long offsets, long indices) {
-        return Functions.lazygrid_neighbors(detector, spheres, offsets, indices);
+    static int neighbors(long detector, long query, long offsets, long indices) {
+        return Functions.lazygrid_neighbors(detector, query, offsets, indices);
     }
 
-    static int stream(long detector, long spheres, long chunk, Consumer consumer, long handed) {
+    static int stream(long detector, long query, long chunk, Consumer consumer, long handed) {
         Consume consume = consume(consumer);
-        int status = Functions.lazygrid_stream(detector, spheres, chunk, consume, 0, handed);
-        Reference.reachabilityFence(consume);
-        return status;
-    }
-
-    static int between(long detector, long a, long b, long pairs, long count) {
-        return Functions.lazygrid_between(detector, a, b, pairs, count);
-    }
-
-    static int countBetween(long detector, long a, long b, long count) {
-        return Functions.lazygrid_count_between(detector, a, b, count);
-    }
-
-    static int neighborsBetween(long detector, long a, long b, long offsets, long indices) {
-        return Functions.lazygrid_neighbors_between(detector, a, b, offsets, indices);
-    }
-
-    static int streamBetween(long detector, long a, long b, long chunk, Consumer consumer, long handed) {
-        Consume consume = consume(consumer);
-        int status = Functions.lazygrid_stream_between(detector, a, b, chunk, consume, 0, handed);
+        int status = Functions.lazygrid_stream(detector, query, chunk, consume, 0, handed);
         Reference.reachabilityFence(consume);
         return status;
     }

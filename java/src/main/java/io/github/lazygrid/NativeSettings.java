@@ -7,19 +7,19 @@ import java.nio.charset.StandardCharsets;
 
 /** Settings as {@code lazygrid_settings} on 64-bit machines. */
 final class NativeSettings implements AutoCloseable {
-    private static final int SIZE = 80;
+    private static final int SIZE = 96;
     private static final int BACKEND = 8;
     private static final int ALGORITHM = 12;
     private static final int ORDER = 16;
     private static final int THREADS = 20;
     private static final int MAX_PAIRS = 24;
     private static final int PERIODIC = 32;
-    private static final int TIMEOUT = 44;
-    private static final int ADAPTER = 48;
-    private static final int INTERACTIONS = 56;
-    private static final int SKIN = 64;
-    private static final int SKIN_DISTANCE = 68;
-    private static final int EDGES = 72;
+    private static final int TIMEOUT = 56;
+    private static final int ADAPTER = 72;
+    private static final int INTERACTIONS = 80;
+    private static final int SKIN = 60;
+    private static final int SKIN_DISTANCE = 64;
+    private static final int EDGES = 88;
 
     private final ByteBuffer structure = direct(SIZE);
     private final ByteBuffer adapter;
@@ -35,14 +35,14 @@ final class NativeSettings implements AutoCloseable {
         structure.putInt(THREADS, settings.threads);
         structure.putLong(MAX_PAIRS, settings.maxPairs);
         for (int axis = 0; axis < 3; axis++) {
-            structure.putFloat(PERIODIC + 4 * axis, settings.periodic[axis]);
+            structure.putDouble(PERIODIC + Double.BYTES * axis, settings.periodic[axis]);
         }
         structure.putInt(TIMEOUT, settings.timeoutSeconds);
         structure.putInt(SKIN, settings.skin.kind().ordinal());
-        structure.putFloat(SKIN_DISTANCE, settings.skin.distance());
-        edges = settings.edges == null ? null : direct(9 * Float.BYTES);
+        structure.putDouble(SKIN_DISTANCE, settings.skin.distance());
+        edges = settings.edges == null ? null : direct(9 * Double.BYTES);
         if (edges != null) {
-            for (int k = 0; k < 9; k++) edges.putFloat(Float.BYTES * k, settings.edges[k / 3][k % 3]);
+            for (int k = 0; k < 9; k++) edges.putDouble(Double.BYTES * k, settings.edges[k / 3][k % 3]);
             structure.putLong(EDGES, Library.address(edges, 1));
         }
         adapter = settings.adapter == null ? null : text(settings.adapter);

@@ -4,21 +4,22 @@ import java.nio.IntBuffer;
 import java.nio.LongBuffer;
 
 /**
- * Neighbour lists in compressed sparse rows: those of sphere k are at {@code offsets.get(k)} to
- * {@code offsets.get(k + 1) - 1} of the indices, ascending. Every pair stands in both lists.
+ * Neighbor lists in compressed sparse rows: the neighbors of sphere k are at {@code offsets.get(k)} to
+ * {@code offsets.get(k + 1) - 1} of the indices, ascending. Of one set every pair is in both
+ * lists; of two sets there is a list for each sphere of the first one, with its neighbors in the second.
  *
  * <p>Both buffers lie in the detector's memory. They must not be used after the next search with it, nor after it is
  * closed.
  *
- * @param offsets where each sphere's list starts; one more than there are spheres, the last the number of indices
- * @param indices the neighbours, list after list
+ * @param offsets where each sphere's list starts; one more than there are lists, the last the number of indices
+ * @param indices the neighbors, list after list
  */
 public record Neighbors(LongBuffer offsets, IntBuffer indices) {
     /**
-     * The neighbours of one sphere.
+     * The neighbors of one sphere.
      *
      * @param k the index of the sphere
-     * @return its neighbours, in the same memory
+     * @return its neighbors, in the same memory
      */
     public IntBuffer of(int k) {
         int first = (int) offsets.get(k);

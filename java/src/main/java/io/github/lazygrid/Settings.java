@@ -9,8 +9,8 @@ public final class Settings {
     Order order = Order.CANONICAL;
     int threads;
     long maxPairs;
-    float[] periodic = new float[3];
-    float[][] edges;
+    double[] periodic = new double[3];
+    double[][] edges;
     int timeoutSeconds;
     String adapter;
     Interactions interactions;
@@ -84,8 +84,8 @@ public final class Settings {
      * @param z along z; 0: unbounded
      * @return these settings
      */
-    public Settings periodic(float x, float y, float z) {
-        this.periodic = new float[] {x, y, z};
+    public Settings periodic(double x, double y, double z) {
+        this.periodic = new double[] {x, y, z};
         return this;
     }
 
@@ -99,10 +99,10 @@ public final class Settings {
      * @return these settings
      * @throws IllegalArgumentException for an edge that has not three components
      */
-    public Settings edges(float[] a, float[] b, float[] c) {
-        float[][] given = {a, b, c};
+    public Settings edges(double[] a, double[] b, double[] c) {
+        double[][] given = {a, b, c};
         for (int k = 0; k < 3; k++) {
-            given[k] = given[k] == null ? new float[3] : given[k].clone();
+            given[k] = given[k] == null ? new double[3] : given[k].clone();
             if (given[k].length != 3) {
                 throw new IllegalArgumentException("an edge has " + given[k].length + " components; give x, y and z");
             }

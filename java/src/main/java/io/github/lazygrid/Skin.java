@@ -7,7 +7,7 @@ package io.github.lazygrid;
  * @param distance how far too far apart to touch candidates are for {@link Kind#FIXED}, in the length unit of the
  *     spheres; else 0
  */
-public record Skin(Kind kind, float distance) {
+public record Skin(Kind kind, double distance) {
     /** The rules, in the order of {@code lazygrid.h}. */
     public enum Kind {
         /** Candidates where that is expected to take less time. */
@@ -31,7 +31,7 @@ public record Skin(Kind kind, float distance) {
      * @param distance in the length unit of the spheres; 1e-14 to 1e17
      * @return the rule
      */
-    public static Skin fixed(float distance) {
+    public static Skin fixed(double distance) {
         return new Skin(Kind.FIXED, distance);
     }
 }

@@ -1,9 +1,9 @@
 package io.github.lazygrid;
 
-import java.lang.ref.Reference;
 import java.nio.Buffer;
 import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
+import java.nio.DoubleBuffer;
 import java.nio.FloatBuffer;
 import java.nio.IntBuffer;
 import java.util.ArrayList;
@@ -20,32 +20,62 @@ public final class Spheres {
     /** The group of spheres that are in none. */
     public static final int NO_GROUP = -1;
 
-    /** Size of {@code lazygrid_spheres} on 64-bit machines. */
-    private static final int SIZE = 72;
-    private static final int SPECIES = 48;
-    private static final int GROUPS = 56;
-    private static final int EXCLUSIONS = 64;
+    /** Layout of {@code lazygrid_spheres} on 64-bit machines. */
+    private static final int SIZE = 88;
+    private static final int COUNT = 8;
+    private static final int X = 16;
+    private static final int Y = 24;
+    private static final int Z = 32;
+    private static final int R = 40;
+    private static final int STEP = 48;
+    private static final int R_STEP = 56;
+    private static final int TYPE = 64;
+    private static final int SPECIES = 72;
+    private static final int GROUPS = 80;
 
     private final int count;
-    /** Buffers and lists, so that they live as long as their addresses are known. */
-    private final List<Object> kept;
+    /** Buffers that live as long as their addresses are known. */
+    private final List<Buffer> kept;
     private final ByteBuffer structure = ByteBuffer.allocateDirect(SIZE).order(ByteOrder.nativeOrder());
+    private final long address = Library.address(structure, 1);
+    private final Query query;
 
-    private Spheres(int count, int first, List<FloatBuffer> values) {
+    /** Spheres of four columns of one type, of which the first three have one step. */
+    private Spheres(int count, Column x, Column y, Column z, Column r) {
         this.count = count;
-        structure.putLong(0, count);
-        for (int k = 0; k < values.size(); k++) {
-            structure.putLong(8 * (first + k), Library.address(values.get(k), Float.BYTES));
-        }
-        kept = List.copyOf(values);
+        structure.putLong(0, SIZE).putLong(COUNT, count);
+        structure.putLong(X, x.address()).putLong(Y, y.address()).putLong(Z, z.address()).putLong(R, r.address());
+        structure.putLong(STEP, x.step()).putLong(R_STEP, r.step()).putInt(TYPE, size(x.values) / Float.BYTES - 1);
+        kept = List.of(x.values, y.values, z.values, r.values);
+        query = new Query(this, null, null);
     }
 
-    /** The same spheres with something else in one place of the structure. */
-    private Spheres(Spheres same, int place, long address, Object owner) {
+    /** The same spheres with other values in one place of the structure. */
+    private Spheres(Spheres same, int place, IntBuffer values) {
         count = same.count;
-        structure.put(0, same.structure, 0, SIZE).putLong(place, address);
-        kept = new ArrayList<>(same.kept);
-        kept.add(owner);
+        structure.put(0, same.structure, 0, SIZE).putLong(place, Library.address(values, Integer.BYTES));
+        List<Buffer> all = new ArrayList<>(same.kept);
+        all.add(values);
+        kept = List.copyOf(all);
+        query = new Query(this, null, null);
+    }
+
+    /**
+     * Numbers of spheres: every {@code stride}-th value of a buffer, beginning {@code first} values after its position.
+     *
+     * @param values the buffer, of floats or doubles
+     * @param first the first value
+     * @param stride the number of values from one sphere to the next; 0: one value for all
+     */
+    private record Column(Buffer values, int first, int stride) {
+        long address() {
+            long at = Library.address(values, size(values));
+            return at == 0 ? 0 : at + (long) first * size(values);
+        }
+
+        long step() {
+            return (long) stride * size(values);
+        }
     }
 
     /**
@@ -56,17 +86,30 @@ public final class Spheres {
      * @throws IllegalArgumentException for another kind of buffer, or a number of values that 4 does not divide
      */
     public static Spheres rows(FloatBuffer rows) {
-        check(rows, "rows");
-        if (rows.remaining() % 4 != 0) {
-            throw new IllegalArgumentException("rows have " + rows.remaining() + " values; give 4 for each sphere");
-        }
-        return new Spheres(rows.remaining() / 4, 1, List.of(rows.duplicate()));
+        return ofRows(rows.duplicate());
+    }
+
+    /**
+     * Spheres as rows, in double precision. No number is rounded.
+     *
+     * @param rows x, y, z and radius of each, one after the other; direct, in native order
+     * @return the spheres
+     * @throws IllegalArgumentException for another kind of buffer, or a number of values that 4 does not divide
+     */
+    public static Spheres rows(DoubleBuffer rows) {
+        return ofRows(rows.duplicate());
+    }
+
+    private static Spheres ofRows(Buffer rows) {
+        int count = rowsOf(rows, 4, "rows");
+        return new Spheres(count, new Column(rows, 0, 4), new Column(rows, 1, 4), new Column(rows, 2, 4),
+            new Column(rows, 3, 4));
     }
 
     /**
      * Spheres as columns of one length.
      *
-     * @param x coordinates of centres along x; direct, in native order, like the others
+     * @param x coordinates of centers along x; direct, in native order, like the others
      * @param y along y
      * @param z along z
      * @param r radii
@@ -74,13 +117,97 @@ public final class Spheres {
      * @throws IllegalArgumentException for another kind of buffer, or lengths that differ
      */
     public static Spheres columns(FloatBuffer x, FloatBuffer y, FloatBuffer z, FloatBuffer r) {
-        List<FloatBuffer> columns = List.of(x.duplicate(), y.duplicate(), z.duplicate(), r.duplicate());
+        return ofColumns(x.duplicate(), y.duplicate(), z.duplicate(), r.duplicate());
+    }
+
+    /**
+     * Spheres as columns of one length, in double precision. No number is rounded.
+     *
+     * @param x coordinates of centers along x; direct, in native order, like the others
+     * @param y along y
+     * @param z along z
+     * @param r radii
+     * @return the spheres
+     * @throws IllegalArgumentException for another kind of buffer, or lengths that differ
+     */
+    public static Spheres columns(DoubleBuffer x, DoubleBuffer y, DoubleBuffer z, DoubleBuffer r) {
+        return ofColumns(x.duplicate(), y.duplicate(), z.duplicate(), r.duplicate());
+    }
+
+    private static Spheres ofColumns(Buffer... columns) {
         for (int k = 0; k < 4; k++) {
             String name = "xyzr".substring(k, k + 1);
-            check(columns.get(k), name);
-            sameLength(name, columns.get(k).remaining(), x.remaining());
+            check(columns[k], name);
+            sameLength(name, columns[k].remaining(), columns[0].remaining());
         }
-        return new Spheres(x.remaining(), 2, columns);
+        return new Spheres(columns[0].remaining(), new Column(columns[0], 0, 1), new Column(columns[1], 0, 1),
+            new Column(columns[2], 0, 1), new Column(columns[3], 0, 1));
+    }
+
+    /**
+     * Points of one radius. Half a cutoff makes pairs of points that are within the cutoff.
+     *
+     * @param centers x, y and z of each, one after the other; direct, in native order
+     * @param radius the radius of all
+     * @return the spheres
+     * @throws IllegalArgumentException for another kind of buffer, or a number of values that 3 does not divide
+     */
+    public static Spheres points(FloatBuffer centers, float radius) {
+        return ofPoints(centers.duplicate(), floats(1).put(0, radius), 0);
+    }
+
+    /**
+     * Points of one radius, in double precision. No number is rounded.
+     *
+     * @param centers x, y and z of each, one after the other; direct, in native order
+     * @param radius the radius of all
+     * @return the spheres
+     * @throws IllegalArgumentException for another kind of buffer, or a number of values that 3 does not divide
+     */
+    public static Spheres points(DoubleBuffer centers, double radius) {
+        return ofPoints(centers.duplicate(), doubles(1).put(0, radius), 0);
+    }
+
+    /**
+     * Points with a radius each.
+     *
+     * @param centers x, y and z of each, one after the other; direct, in native order
+     * @param radii the radius of each; direct, in native order
+     * @return the spheres
+     * @throws IllegalArgumentException for another kind of buffer, or other numbers of values
+     */
+    public static Spheres points(FloatBuffer centers, FloatBuffer radii) {
+        return ofPoints(centers.duplicate(), radii.duplicate(), 1);
+    }
+
+    /**
+     * Points with a radius each, in double precision. No number is rounded.
+     *
+     * @param centers x, y and z of each, one after the other; direct, in native order
+     * @param radii the radius of each; direct, in native order
+     * @return the spheres
+     * @throws IllegalArgumentException for another kind of buffer, or other numbers of values
+     */
+    public static Spheres points(DoubleBuffer centers, DoubleBuffer radii) {
+        return ofPoints(centers.duplicate(), radii.duplicate(), 1);
+    }
+
+    private static Spheres ofPoints(Buffer centers, Buffer radii, int stride) {
+        int count = rowsOf(centers, 3, "centers");
+        check(radii, "radii");
+        if (stride != 0) sameLength("radii", radii.remaining(), count);
+        return new Spheres(count, new Column(centers, 0, 3), new Column(centers, 1, 3), new Column(centers, 2, 3),
+            new Column(radii, 0, stride));
+    }
+
+    /** The number of rows of {@code width} values in a buffer. */
+    private static int rowsOf(Buffer buffer, int width, String name) {
+        check(buffer, name);
+        if (buffer.remaining() % width != 0) {
+            throw new IllegalArgumentException(
+                name + " have " + buffer.remaining() + " values; give " + width + " for each sphere");
+        }
+        return buffer.remaining() / width;
     }
 
     /**
@@ -95,8 +222,8 @@ public final class Spheres {
     }
 
     /**
-     * The same spheres with a group each, as a molecule or a rigid body: two spheres of one group are never a pair, but
-     * for those of {@link #NO_GROUP}. Between two sets groups of both are the same where their numbers are.
+     * The same spheres with a group each, as a molecule or a rigid body: two spheres of one group are never a pair, except
+     * those of {@link #NO_GROUP}. Two spheres of two sets are of one group if their numbers are equal.
      *
      * @param groups a number for each sphere, of which all 32 bits count; direct, in native order
      * @return the spheres, in the same buffers
@@ -106,32 +233,30 @@ public final class Spheres {
         return withOneEach(groups, GROUPS, "groups");
     }
 
-    /**
-     * The same spheres, of which some pairs are never reported. Between two sets they come with the first one, and are
-     * made by {@link Exclusions#between}.
-     *
-     * @param exclusions these pairs; a list for another number of spheres is refused by the search
-     * @return the spheres, in the same buffers
-     */
-    public Spheres withExclusions(Exclusions exclusions) {
-        return new Spheres(this, EXCLUSIONS, exclusions.address(), exclusions);
-    }
-
     private Spheres withOneEach(IntBuffer values, int place, String name) {
         check(values, name);
         sameLength(name, values.remaining(), count);
-        IntBuffer own = values.duplicate();
-        return new Spheres(this, place, Library.address(own, Integer.BYTES), own);
+        return new Spheres(this, place, values.duplicate());
     }
 
     /**
-     * A direct buffer as {@link #rows} and {@link #columns} take them.
+     * A direct buffer as {@link #rows(FloatBuffer)} and its like take them.
      *
      * @param length how many values it has
      * @return the buffer, all zeros
      */
     public static FloatBuffer floats(int length) {
-        return direct(length).asFloatBuffer();
+        return direct(length, Float.BYTES).asFloatBuffer();
+    }
+
+    /**
+     * A direct buffer as {@link #rows(DoubleBuffer)} and its like take them.
+     *
+     * @param length how many values it has
+     * @return the buffer, all zeros
+     */
+    public static DoubleBuffer doubles(int length) {
+        return direct(length, Double.BYTES).asDoubleBuffer();
     }
 
     /**
@@ -141,7 +266,7 @@ public final class Spheres {
      * @return the buffer, all zeros
      */
     public static IntBuffer ints(int length) {
-        return direct(length).asIntBuffer();
+        return direct(length, Integer.BYTES).asIntBuffer();
     }
 
     /**
@@ -153,19 +278,18 @@ public final class Spheres {
         return count;
     }
 
-    /** The address of a {@code lazygrid_spheres}, for as long as this is {@linkplain #keep kept}. */
+    /** The query for the pairs among these spheres, made once. */
+    Query query() {
+        return query;
+    }
+
+    /** The address of a {@code lazygrid_spheres}, for as long as this is reachable. */
     long address() {
-        return Library.address(structure, 1);
+        return address;
     }
 
-    /** Called behind each use of the address, so that nothing is freed before that it names. */
-    void keep() {
-        Reference.reachabilityFence(structure);
-        Reference.reachabilityFence(kept);
-    }
-
-    private static ByteBuffer direct(int length) {
-        long bytes = 4L * length;
+    private static ByteBuffer direct(int length, int size) {
+        long bytes = (long) size * length;
         if (bytes < 0 || bytes > Integer.MAX_VALUE) {
             throw new IllegalArgumentException(length + " values do not fit a buffer of less than 2 GiB");
         }
@@ -173,11 +297,20 @@ public final class Spheres {
     }
 
     static void check(Buffer buffer, String name) {
-        ByteOrder order = buffer instanceof FloatBuffer floats ? floats.order() : ((IntBuffer) buffer).order();
-        if (!buffer.isDirect() || order != ByteOrder.nativeOrder()) {
+        if (!buffer.isDirect() || order(buffer) != ByteOrder.nativeOrder()) {
             throw new IllegalArgumentException(
-                name + " must be a direct buffer in native order; Spheres.floats and Spheres.ints make them");
+                name + " must be a direct buffer in native order; Spheres.floats, Spheres.doubles and Spheres.ints make them");
         }
+    }
+
+    private static ByteOrder order(Buffer buffer) {
+        if (buffer instanceof FloatBuffer floats) return floats.order();
+        return buffer instanceof DoubleBuffer doubles ? doubles.order() : ((IntBuffer) buffer).order();
+    }
+
+    /** The bytes of a number in a buffer of floats or doubles. */
+    private static int size(Buffer buffer) {
+        return buffer instanceof FloatBuffer ? Float.BYTES : Double.BYTES;
     }
 
     private static void sameLength(String name, int length, int expected) {

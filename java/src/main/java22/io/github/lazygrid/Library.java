@@ -1,6 +1,6 @@
 package io.github.lazygrid;
 
-import static java.lang.foreign.ValueLayout.JAVA_FLOAT;
+import static java.lang.foreign.ValueLayout.JAVA_DOUBLE;
 import static java.lang.foreign.ValueLayout.JAVA_INT;
 import static java.lang.foreign.ValueLayout.JAVA_LONG;
 
@@ -34,14 +34,14 @@ final class Library {
     private static final MethodHandle LAST_ERROR = function("last_error", JAVA_LONG, JAVA_LONG);
     private static final MethodHandle SETTINGS_INIT = function("settings_init", JAVA_INT, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle INTERACTIONS_CREATE =
-        function("interactions_create", JAVA_INT, JAVA_INT, JAVA_INT, JAVA_FLOAT, JAVA_LONG);
+        function("interactions_create", JAVA_INT, JAVA_INT, JAVA_INT, JAVA_DOUBLE, JAVA_LONG);
     private static final MethodHandle INTERACTIONS_SET =
-        function("interactions_set", JAVA_INT, JAVA_LONG, JAVA_INT, JAVA_INT, JAVA_INT, JAVA_FLOAT);
+        function("interactions_set", JAVA_INT, JAVA_LONG, JAVA_INT, JAVA_INT, JAVA_INT, JAVA_DOUBLE);
     private static final MethodHandle INTERACTIONS_DESTROY = function("interactions_destroy", null, JAVA_LONG);
     private static final MethodHandle EXCLUSIONS_CREATE =
         function("exclusions_create", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
-    private static final MethodHandle EXCLUSIONS_BETWEEN =
-        function("exclusions_between", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle EXCLUSIONS_ACROSS =
+        function("exclusions_across", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle EXCLUSIONS_OF_ROWS =
         function("exclusions_of_rows", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle EXCLUSIONS_DESTROY = function("exclusions_destroy", null, JAVA_LONG);
@@ -54,14 +54,6 @@ final class Library {
         function("neighbors", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle STREAM =
         function("stream", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
-    private static final MethodHandle BETWEEN =
-        function("between", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
-    private static final MethodHandle COUNT_BETWEEN =
-        function("count_between", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
-    private static final MethodHandle NEIGHBORS_BETWEEN =
-        function("neighbors_between", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
-    private static final MethodHandle STREAM_BETWEEN = function(
-        "stream_between", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle REPORT_JSON = function("report_json", JAVA_INT, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle MEMORY_FOR =
         function("memory_for", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG);
@@ -143,7 +135,7 @@ final class Library {
         }
     }
 
-    static int interactionsCreate(int species, int kind, float distance, long interactions) {
+    static int interactionsCreate(int species, int kind, double distance, long interactions) {
         try {
             return (int) INTERACTIONS_CREATE.invokeExact(species, kind, distance, interactions);
         } catch (Throwable thrown) {
@@ -151,7 +143,7 @@ final class Library {
         }
     }
 
-    static int interactionsSet(long interactions, int a, int b, int kind, float distance) {
+    static int interactionsSet(long interactions, int a, int b, int kind, double distance) {
         try {
             return (int) INTERACTIONS_SET.invokeExact(interactions, a, b, kind, distance);
         } catch (Throwable thrown) {
@@ -175,9 +167,9 @@ final class Library {
         }
     }
 
-    static int exclusionsBetween(long first, long second, long pairs, long count, long exclusions) {
+    static int exclusionsAcross(long first, long second, long pairs, long count, long exclusions) {
         try {
-            return (int) EXCLUSIONS_BETWEEN.invokeExact(first, second, pairs, count, exclusions);
+            return (int) EXCLUSIONS_ACROSS.invokeExact(first, second, pairs, count, exclusions);
         } catch (Throwable thrown) {
             throw fault(thrown);
         }
@@ -215,67 +207,34 @@ final class Library {
         }
     }
 
-    static int pairs(long detector, long spheres, long pairs, long count) {
+    static int pairs(long detector, long query, long pairs, long count) {
         try {
-            return (int) PAIRS.invokeExact(detector, spheres, pairs, count);
+            return (int) PAIRS.invokeExact(detector, query, pairs, count);
         } catch (Throwable thrown) {
             throw fault(thrown);
         }
     }
 
-    static int count(long detector, long spheres, long count) {
+    static int count(long detector, long query, long count) {
         try {
-            return (int) COUNT.invokeExact(detector, spheres, count);
+            return (int) COUNT.invokeExact(detector, query, count);
         } catch (Throwable thrown) {
             throw fault(thrown);
         }
     }
 
-    static int neighbors(long detector, long spheres, long offsets, long indices) {
+    static int neighbors(long detector, long query, long offsets, long indices) {
         try {
-            return (int) NEIGHBORS.invokeExact(detector, spheres, offsets, indices);
+            return (int) NEIGHBORS.invokeExact(detector, query, offsets, indices);
         } catch (Throwable thrown) {
             throw fault(thrown);
         }
     }
 
-    static int stream(long detector, long spheres, long chunk, Consumer consumer, long handed) {
+    static int stream(long detector, long query, long chunk, Consumer consumer, long handed) {
         // Closed when C has returned, and with it all threads that call.
         try (Arena arena = Arena.ofConfined()) {
-            return (int) STREAM.invokeExact(detector, spheres, chunk, stub(consumer, arena), 0L, handed);
-        } catch (Throwable thrown) {
-            throw fault(thrown);
-        }
-    }
-
-    static int between(long detector, long a, long b, long pairs, long count) {
-        try {
-            return (int) BETWEEN.invokeExact(detector, a, b, pairs, count);
-        } catch (Throwable thrown) {
-            throw fault(thrown);
-        }
-    }
-
-    static int countBetween(long detector, long a, long b, long count) {
-        try {
-            return (int) COUNT_BETWEEN.invokeExact(detector, a, b, count);
-        } catch (Throwable thrown) {
-            throw fault(thrown);
-        }
-    }
-
-    static int neighborsBetween(long detector, long a, long b, long offsets, long indices) {
-        try {
-            return (int) NEIGHBORS_BETWEEN.invokeExact(detector, a, b, offsets, indices);
-        } catch (Throwable thrown) {
-            throw fault(thrown);
-        }
-    }
-
-    static int streamBetween(long detector, long a, long b, long chunk, Consumer consumer, long handed) {
-        // As in stream.
-        try (Arena arena = Arena.ofConfined()) {
-            return (int) STREAM_BETWEEN.invokeExact(detector, a, b, chunk, stub(consumer, arena), 0L, handed);
+            return (int) STREAM.invokeExact(detector, query, chunk, stub(consumer, arena), 0L, handed);
         } catch (Throwable thrown) {
             throw fault(thrown);
         }

@@ -17,7 +17,7 @@ import java.util.Random;
 
 /** Boxes that lean, groups and excluded pairs, against the plain loop. */
 final class BoxesAndExclusions {
-    private static final float[][] LEANING = {{4, 0, 0}, {3, 4, 0}, {-1, 2.5f, 5}};
+    private static final double[][] LEANING = {{4, 0, 0}, {3, 4, 0}, {-1, 2.5, 5}};
     private static final int COUNT = 120;
     private static final int SPLIT = 50;
 
@@ -40,7 +40,7 @@ final class BoxesAndExclusions {
     }
 
     /** Whether any images touch that are up to four edges away. */
-    private static boolean touch(FloatBuffer rows, int i, int j, float[][] edges) {
+    private static boolean touch(FloatBuffer rows, int i, int j, double[][] edges) {
         double reach = (double) rows.get(4 * i + 3) + rows.get(4 * j + 3);
         int far = edges == null ? 0 : 4;
         for (int x = -far; x <= far; x++) {
@@ -59,7 +59,7 @@ final class BoxesAndExclusions {
         return false;
     }
 
-    private static List<int[]> plainLoop(FloatBuffer rows, float[][] edges) {
+    private static List<int[]> plainLoop(FloatBuffer rows, double[][] edges) {
         List<int[]> pairs = new ArrayList<>();
         for (int i = 0; i < COUNT; i++) {
             for (int j = i + 1; j < COUNT; j++) if (touch(rows, i, j, edges)) pairs.add(new int[] {i, j});
@@ -72,31 +72,31 @@ final class BoxesAndExclusions {
     }
 
     /** All kinds of results. */
-    private static void same(Detector detector, Spheres spheres, List<int[]> expected, String what) {
-        check(Arrays.equals(detector.pairsCopied(spheres), flat(expected)), what + ": pairs");
-        check(detector.count(spheres) == expected.size(), what + ": count");
-        check(detector.neighbors(spheres).indices().remaining() == 2 * expected.size(), what + ": lists");
-        check(detector.stream(spheres, 8, pairs -> true) == expected.size(), what + ": stream");
+    private static void same(Detector detector, Query query, List<int[]> expected, String what) {
+        check(Arrays.equals(detector.pairsCopied(query), flat(expected)), what + ": pairs");
+        check(detector.count(query) == expected.size(), what + ": count");
+        check(detector.neighbors(query).indices().remaining() == 2 * expected.size(), what + ": lists");
+        check(detector.stream(query, 8, pairs -> true) == expected.size(), what + ": stream");
     }
 
     private static void leaning() {
         FloatBuffer rows = scene(1);
         for (int repeating = 1; repeating <= 3; repeating++) {
-            float[][] edges = new float[3][3];
+            double[][] edges = new double[3][3];
             for (int k = 0; k < repeating; k++) edges[k] = LEANING[k];
             List<int[]> expected = plainLoop(rows, edges);
             for (Algorithm algorithm : new Algorithm[] {Algorithm.AUTO, Algorithm.NAIVE, Algorithm.ARRAY_GRID}) {
                 Settings settings = onCpu().algorithm(algorithm);
                 settings.edges(edges[0], repeating > 1 ? edges[1] : null, repeating > 2 ? edges[2] : null);
                 try (Detector detector = new Detector(settings)) {
-                    same(detector, Spheres.rows(rows), expected, repeating + " edges, " + algorithm);
+                    same(detector, Query.of(Spheres.rows(rows)), expected, repeating + " edges, " + algorithm);
                 }
             }
         }
     }
 
     private static void omitted() {
-        for (float[][] edges : new float[][][] {null, LEANING}) {
+        for (double[][] edges : new double[][][] {null, LEANING}) {
             FloatBuffer rows = scene(2);
             List<int[]> all = plainLoop(rows, edges), apart = new ArrayList<>(), rest = new ArrayList<>();
             IntBuffer groups = Spheres.ints(COUNT);
@@ -115,14 +115,13 @@ final class BoxesAndExclusions {
             Settings settings = edges == null ? onCpu() : onCpu().edges(edges[0], edges[1], edges[2]);
             try (Detector detector = new Detector(settings)) {
                 Spheres spheres = Spheres.rows(rows), grouped = spheres.withGroups(groups);
-                same(detector, grouped, apart, "groups");
+                same(detector, Query.of(grouped), apart, "groups");
                 Exclusions exclusions = Exclusions.of(COUNT, flat(listed));
-                same(detector, grouped.withExclusions(exclusions), rest, "groups and pairs");
-                same(detector, spheres.withExclusions(exclusions).withGroups(groups), rest, "pairs and groups");
+                same(detector, Query.of(grouped).without(exclusions), rest, "groups and pairs");
                 Neighbors lists = detector.neighbors(spheres);
                 Exclusions every = Exclusions.rows(lists.offsets(), lists.indices());
-                same(detector, spheres.withExclusions(every), List.of(), "all that touch");
-                same(detector, spheres, all, "as before");
+                same(detector, Query.of(spheres).without(every), List.of(), "all that touch");
+                same(detector, Query.of(spheres), all, "as before");
             }
         }
     }
@@ -146,42 +145,42 @@ final class BoxesAndExclusions {
         check(!expected.isEmpty() && !listed.isEmpty(), "some of each");
         Spheres a = Spheres.rows(rows.duplicate().limit(4 * SPLIT)).withGroups(groups.duplicate().limit(SPLIT));
         Spheres b = Spheres.rows(rows.duplicate().position(4 * SPLIT)).withGroups(groups.duplicate().position(SPLIT));
-        Exclusions exclusions = Exclusions.between(SPLIT, COUNT - SPLIT, flat(listed));
+        Exclusions exclusions = Exclusions.across(SPLIT, COUNT - SPLIT, flat(listed));
         try (Detector detector = new Detector(onCpu().edges(LEANING[0], LEANING[1], LEANING[2]))) {
-            IntBuffer found = detector.between(a.withExclusions(exclusions), b);
+            IntBuffer found = detector.pairs(Query.across(a, b).without(exclusions));
             int[] copy = new int[found.remaining()];
             found.get(copy);
             check(Arrays.equals(copy, flat(expected)), "between");
             Exclusions ofOne = Exclusions.of(COUNT - SPLIT);
-            failing(Status.INPUT, "with the first set", () -> detector.countBetween(a, b.withExclusions(ofOne)));
-            failing(Status.INPUT, "", () -> detector.count(a.withExclusions(exclusions)));
+            failing(Status.INPUT, "", () -> detector.count(Query.across(a, b).without(ofOne)));
+            failing(Status.INPUT, "", () -> detector.count(Query.of(a).without(exclusions)));
         }
     }
 
-    /** A list lives as long as spheres name it. */
+    /** Buffers and a list live as long as the query that names them. */
     private static void collected() {
         FloatBuffer rows = scene(4);
         List<int[]> all = plainLoop(rows, null);
-        Spheres spheres = Spheres.rows(rows).withExclusions(Exclusions.of(COUNT, flat(all)));
+        Query query = Query.of(Spheres.rows(rows)).without(Exclusions.of(COUNT, flat(all)));
         try (Detector detector = new Detector(onCpu())) {
             for (int turn = 0; turn < 5; turn++) {
                 for (int k = 0; k < 100; k++) Exclusions.of(COUNT, flat(all));
                 System.gc();
-                check(detector.count(spheres) == 0, "kept, turn " + turn);
+                check(detector.count(query) == 0, "kept, turn " + turn);
             }
         }
     }
 
     private static void refused() {
         failing(Status.INPUT, "(1, 7)", () -> Exclusions.of(7, 0, 1, 1, 7));
-        failing(Status.INPUT, "", () -> Exclusions.between(2, 1, 1, 1));
+        failing(Status.INPUT, "", () -> Exclusions.across(2, 1, 1, 1));
         failing(Status.INPUT, "(4, 0, 0)", () -> new Detector(
-            onCpu().edges(new float[] {4, 0, 0}, new float[] {8, 0, 0}, null)).close());
+            onCpu().edges(new double[] {4, 0, 0}, new double[] {8, 0, 0}, null)).close());
         failing(Status.ARGUMENT, "settings.edges", () -> new Detector(
-            onCpu().periodic(1, 0, 0).edges(new float[] {4, 0, 0}, null, null)).close());
+            onCpu().periodic(1, 0, 0).edges(new double[] {4, 0, 0}, null, null)).close());
         throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.of(7, 0), "odd");
         throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.of(-1), "negative");
-        throwing(IllegalArgumentException.class, e -> true, () -> onCpu().edges(new float[2], null, null), "edge");
+        throwing(IllegalArgumentException.class, e -> true, () -> onCpu().edges(new double[2], null, null), "edge");
         Spheres spheres = Spheres.rows(scene(5));
         throwing(IllegalArgumentException.class, e -> e.getMessage().contains("groups has 2"),
             () -> spheres.withGroups(Spheres.ints(2)), "groups");

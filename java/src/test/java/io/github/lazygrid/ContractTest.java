@@ -190,7 +190,7 @@ public final class ContractTest {
 
     private static void speciesAndBoxes() {
         int acid = 0, base = 1;
-        Interactions reactions = new Interactions(2, Interaction.NEVER).set(acid, base, Interaction.within(0.5f));
+        Interactions reactions = new Interactions(2, Interaction.NEVER).set(acid, base, Interaction.within(0.5));
         FloatBuffer rows = direct(0.1f, 0, 0, 0, 9.8f, 0, 0, 0, 9.9f, 0, 0, 0);
         IntBuffer species = Spheres.ints(3).put(0, new int[] {acid, base, acid});
         try (Detector detector = new Detector(onCpu().interactions(reactions).periodic(10, 0, 0))) {
@@ -255,6 +255,7 @@ public final class ContractTest {
         speciesAndBoxes();
         SetsAndSkins.run();
         BoxesAndExclusions.run();
+        Doubles.run();
         threads();
         System.out.println(passed + " passed, " + failed + " failed");
         System.exit(failed == 0 ? 0 : 1);

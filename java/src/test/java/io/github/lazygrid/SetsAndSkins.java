@@ -46,15 +46,15 @@ final class SetsAndSkins {
                 Spheres a = Spheres.rows(one), b = Spheres.rows(other);
                 int[] expected = IntStream.range(0, n).boxed().flatMapToInt(i -> IntStream.range(0, m)
                     .filter(j -> overlap(one, i, other, j)).flatMap(j -> IntStream.of(i, j))).toArray();
-                IntBuffer found = detector.between(a, b);
+                IntBuffer found = detector.pairs(Query.across(a, b));
                 check(found.isReadOnly() && Arrays.equals(copy(found), expected), "scene " + turn);
-                check(detector.countBetween(a, b) == expected.length / 2, "count of scene " + turn);
-                Neighbors lists = detector.neighborsBetween(a, b);
+                check(detector.count(Query.across(a, b)) == expected.length / 2, "count of scene " + turn);
+                Neighbors lists = detector.neighbors(Query.across(a, b));
                 int[] listed = IntStream.range(0, n).boxed()
                     .flatMapToInt(i -> Arrays.stream(copy(lists.of(i))).flatMap(j -> IntStream.of(i, j))).toArray();
                 check(lists.offsets().remaining() == n + 1 && Arrays.equals(listed, expected), "lists of scene " + turn);
                 IntBuffer streamed = IntBuffer.allocate(expected.length);
-                long handed = detector.streamBetween(a, b, 7, pairs -> {
+                long handed = detector.stream(Query.across(a, b), 7, pairs -> {
                     check(pairs.remaining() <= 14, "chunk");
                     streamed.put(pairs);
                     return true;
@@ -70,7 +70,7 @@ final class SetsAndSkins {
         FloatBuffer rows = scene(new Random(3), count);
         IntBuffer ids = Spheres.ints(count);
         for (int k = 0; k < count; k++) ids.put(k, k % 2);
-        Interactions table = new Interactions(2, Interaction.TOUCH).set(0, 1, Interaction.within(0.5f));
+        Interactions table = new Interactions(2, Interaction.TOUCH).set(0, 1, Interaction.within(0.5));
         Spheres all = Spheres.rows(rows).withSpecies(ids);
         Spheres a = Spheres.rows(rows.duplicate().limit(4 * split)).withSpecies(ids.duplicate().limit(split));
         Spheres bare = Spheres.rows(rows.duplicate().position(4 * split));
@@ -80,8 +80,8 @@ final class SetsAndSkins {
             int[] across = IntStream.range(0, pairs.length / 2)
                 .filter(k -> pairs[2 * k] < split && pairs[2 * k + 1] >= split)
                 .flatMap(k -> IntStream.of(pairs[2 * k], pairs[2 * k + 1] - split)).toArray();
-            check(across.length > 0 && Arrays.equals(copy(detector.between(a, b)), across), "species across");
-            failing(Status.INPUT, "of the second set, ", () -> detector.countBetween(a, bare));
+            check(across.length > 0 && Arrays.equals(copy(detector.pairs(Query.across(a, b))), across), "species across");
+            failing(Status.INPUT, "of the second set, ", () -> detector.count(Query.across(a, bare)));
         }
     }
 
@@ -90,21 +90,21 @@ final class SetsAndSkins {
         bad.put(11, Float.NaN);
         Spheres good = Spheres.rows(line(100)), wrong = Spheres.rows(bad);
         Detector detector = new Detector(onCpu().maxPairs(5));
-        failing(Status.INPUT, "of the second set, sphere 2", () -> detector.between(good, wrong));
+        failing(Status.INPUT, "of the second set, sphere 2", () -> detector.pairs(Query.across(good, wrong)));
         throwing(LazygridException.class, e -> e.getMessage().startsWith("sphere 2"),
-            () -> detector.neighborsBetween(wrong, good), "first set");
+            () -> detector.neighbors(Query.across(wrong, good)), "first set");
         // Each touches itself and its neighbours.
-        throwing(TooManyPairsException.class, e -> e.found() == 298, () -> detector.between(good, good), "too many");
-        check(detector.countBetween(good, good) == 298, "counts have no limit");
+        throwing(TooManyPairsException.class, e -> e.found() == 298, () -> detector.pairs(Query.across(good, good)), "too many");
+        check(detector.count(Query.across(good, good)) == 298, "counts have no limit");
         failing(Status.BUSY, "in use",
-            () -> detector.streamBetween(good, good, 9, pairs -> detector.countBetween(good, good) > 0));
-        throwing(UnsupportedOperationException.class, e -> true, () -> detector.streamBetween(good, good, 9, pairs -> {
+            () -> detector.stream(Query.across(good, good), 9, pairs -> detector.count(Query.across(good, good)) > 0));
+        throwing(UnsupportedOperationException.class, e -> true, () -> detector.stream(Query.across(good, good), 9, pairs -> {
             throw new UnsupportedOperationException();
         }), "thrown by a consumer");
         detector.close();
-        throwing(IllegalStateException.class, e -> true, () -> detector.countBetween(good, good), "closed");
+        throwing(IllegalStateException.class, e -> true, () -> detector.count(Query.across(good, good)), "closed");
         try (Detector grid = new Detector(onCpu().algorithm(Algorithm.HASH_GRID))) {
-            check(grid.countBetween(good, good) == 298, "hash-grid");
+            check(grid.count(Query.across(good, good)) == 298, "hash-grid");
         }
     }
 
@@ -115,7 +115,7 @@ final class SetsAndSkins {
         for (int k = 0; k < 4 * count; k++) if (k % 4 != 3) rows.put(k, 4 * rows.get(k));
         Spheres spheres = Spheres.rows(rows);
         try (Detector off = new Detector(onCpu().skin(Skin.OFF)); Detector auto = new Detector(onCpu().skin(Skin.AUTO));
-                Detector fixed = new Detector(onCpu().skin(Skin.fixed(0.2f)))) {
+                Detector fixed = new Detector(onCpu().skin(Skin.fixed(0.2)))) {
             for (int step = 0; step < 12; step++) {
                 int[] expected = off.pairsCopied(spheres);
                 check(expected.length > 100 && off.reportJson().contains("\"candidates\":null"), "off");
@@ -131,12 +131,12 @@ final class SetsAndSkins {
     }
 
     private static void refusedSkins() {
-        for (float distance : new float[] {0, -1, 1e-20f, 1e30f, Float.NaN}) {
+        for (double distance : new double[] {0, -1, 1e-20, 1e30, Double.NaN}) {
             failing(Status.SETTING, "skin = ", () -> new Detector(onCpu().skin(Skin.fixed(distance))).close());
         }
         failing(Status.SETTING, "skin = ",
-            () -> new Detector(onCpu().skin(Skin.fixed(0.1f)).algorithm(Algorithm.NAIVE)).close());
+            () -> new Detector(onCpu().skin(Skin.fixed(0.1)).algorithm(Algorithm.NAIVE)).close());
         failing(Status.ARGUMENT, "skin_distance is 0.5",
-            () -> new Detector(onCpu().skin(new Skin(Skin.Kind.OFF, 0.5f))).close());
+            () -> new Detector(onCpu().skin(new Skin(Skin.Kind.OFF, 0.5))).close());
     }
 }
