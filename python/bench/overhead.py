@@ -23,6 +23,7 @@ import numpy as np
 import lazygrid
 
 ON_CPU, SKIN_OFF = 1, 1
+F32, F64 = 0, 1
 
 
 class Settings(ctypes.Structure):
@@ -35,20 +36,48 @@ class Settings(ctypes.Structure):
         ("order", ctypes.c_int32),
         ("threads", ctypes.c_uint32),
         ("max_pairs", ctypes.c_uint64),
-        ("periodic", ctypes.c_float * 3),
+        ("periodic", ctypes.c_double * 3),
         ("timeout_seconds", ctypes.c_uint32),
+        ("skin", ctypes.c_int32),
+        ("skin_distance", ctypes.c_double),
         ("adapter", ctypes.c_char_p),
         ("interactions", ctypes.c_void_p),
-        ("skin", ctypes.c_int32),
-        ("skin_distance", ctypes.c_float),
         ("edges", ctypes.c_void_p),
     ]
 
 
 class Spheres(ctypes.Structure):
-    """``lazygrid_spheres``: rows, of which all else is left out."""
+    """``lazygrid_spheres``."""
 
-    _fields_ = [("count", ctypes.c_size_t), ("rows", ctypes.c_void_p), ("others", ctypes.c_void_p * 7)]
+    _fields_ = [
+        ("size", ctypes.c_size_t),
+        ("count", ctypes.c_size_t),
+        ("columns", ctypes.c_void_p * 4),
+        ("step", ctypes.c_size_t),
+        ("r_step", ctypes.c_size_t),
+        ("type", ctypes.c_int32),
+        ("zero", ctypes.c_int32),
+        ("species", ctypes.c_void_p),
+        ("groups", ctypes.c_void_p),
+    ]
+
+    @classmethod
+    def of_rows(cls, rows: Any) -> Spheres:
+        """Rows of float32 or float64."""
+        number, step = rows.itemsize, rows.strides[0]
+        columns = (ctypes.c_void_p * 4)(*(rows.ctypes.data + number * k for k in range(4)))
+        return cls(ctypes.sizeof(cls), len(rows), columns, step, step, F64 if number == 8 else F32)
+
+
+class Query(ctypes.Structure):
+    """``lazygrid_query``."""
+
+    _fields_ = [
+        ("size", ctypes.c_size_t),
+        ("first", ctypes.POINTER(Spheres)),
+        ("second", ctypes.POINTER(Spheres)),
+        ("exclusions", ctypes.c_void_p),
+    ]
 
 
 class InC:
@@ -69,9 +98,10 @@ class InC:
 
     def caller(self, rows: Any) -> Callable[[], int]:
         """A function that searches these rows and returns how many pairs there are."""
-        spheres = Spheres(len(rows), rows.ctypes.data)
+        spheres = Spheres.of_rows(rows)
+        query = Query(ctypes.sizeof(Query), ctypes.pointer(spheres))
         pairs, count = ctypes.c_void_p(), ctypes.c_uint64()
-        arguments = (self.detector, ctypes.byref(spheres), ctypes.byref(pairs), ctypes.byref(count))
+        arguments = (self.detector, ctypes.byref(query), ctypes.byref(pairs), ctypes.byref(count))
 
         def call() -> int:
             self.check(self.library.lazygrid_pairs(*arguments))
