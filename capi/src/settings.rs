@@ -1,5 +1,4 @@
 use std::ffi::{CStr, c_char};
-use std::ptr;
 
 use engine::{Algorithm, Backend, Config, Order, Skin, Space};
 
@@ -68,9 +67,9 @@ impl SettingsOfC {
             timeout_seconds: 0,
             skin: 0,
             skin_distance: 0.0,
-            adapter: ptr::null(),
-            interactions: ptr::null(),
-            edges: ptr::null(),
+            adapter: std::ptr::null(),
+            interactions: std::ptr::null(),
+            edges: std::ptr::null(),
         }
     }
 

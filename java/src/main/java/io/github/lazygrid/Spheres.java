@@ -32,6 +32,9 @@ public final class Spheres {
     private static final int TYPE = 64;
     private static final int SPECIES = 72;
     private static final int GROUPS = 80;
+    /** Values of the type. */
+    private static final int F32 = 0;
+    private static final int F64 = 1;
 
     private final int count;
     /** Buffers that live as long as their addresses are known. */
@@ -45,7 +48,8 @@ public final class Spheres {
         this.count = count;
         structure.putLong(0, SIZE).putLong(COUNT, count);
         structure.putLong(X, x.address()).putLong(Y, y.address()).putLong(Z, z.address()).putLong(R, r.address());
-        structure.putLong(STEP, x.step()).putLong(R_STEP, r.step()).putInt(TYPE, size(x.values) / Float.BYTES - 1);
+        structure.putLong(STEP, x.step()).putLong(R_STEP, r.step());
+        structure.putInt(TYPE, x.values instanceof DoubleBuffer ? F64 : F32);
         kept = List.of(x.values, y.values, z.values, r.values);
         query = new Query(this, null, null);
     }
