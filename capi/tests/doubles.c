@@ -98,6 +98,27 @@ static void floats_of_every_layout_are_read_in_place(void) {
     spheres = lazygrid_strided(LAZYGRID_F32, 3, &particles[0].x, &particles[0].y, &particles[0].z, sizeof(small_particle),
                                &particles[0].radius, sizeof(small_particle));
     CHECK(is_one_pair(detector, &spheres));
+    /* Rows without gaps, of which one number at a time is read from another array. As given, no two of them touch. */
+    for (k = 0; k < 4; k++) {
+        float apart[12], touching[12];
+        const float *at[4];
+        int number;
+        for (number = 0; number < 12; number++) {
+            touching[number] = number % 4 == 3 ? radii[number / 4] : centers[number / 4 * 3 + number % 4];
+            apart[number] = touching[number];
+            if (number % 4 == k) apart[number] = k == 3 ? 0.0f : 50.0f * (float)(number / 4);
+        }
+        for (number = 0; number < 4; number++) at[number] = apart + number;
+        spheres = lazygrid_rows(3, apart);
+        {
+            const lazygrid_query query = lazygrid_among(&spheres);
+            uint64_t count = 7;
+            CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_OK && count == 0);
+        }
+        at[k] = touching + k;
+        spheres = lazygrid_strided(LAZYGRID_F32, 3, at[0], at[1], at[2], 16, at[3], 16);
+        CHECK(is_one_pair(detector, &spheres));
+    }
     lazygrid_destroy(detector);
 }
 
