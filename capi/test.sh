@@ -73,6 +73,7 @@ if have pkg-config pkg-config; then
     passes "C" build_and_run contract c99 capi/tests/contract.c
     passes "C, newest standard" build_and_run contract-c17 c17 capi/tests/contract.c
     passes "C, two sets and skins" build_and_run sets c99 capi/tests/sets.c
+    passes "C, neighbor lists" build_and_run lists c99 capi/tests/lists.c
     passes "C, doubles and layouts" build_and_run doubles c99 capi/tests/doubles.c
     passes "C, boxes that lean and what is left out" build_and_run exclusions c99 capi/tests/exclusions.c
     passes "C++17" build_and_run wrapper c++17 capi/tests/wrapper.cpp

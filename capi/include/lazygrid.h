@@ -19,7 +19,8 @@
  * is a point. Zero and one sphere are ordinary inputs. Spheres of one group, and excluded pairs, are never reported.
  *
  * A QUERY is a set of spheres, whose pairs are asked for, or two sets, of which each pair has one sphere of each; and pairs
- * that are excluded. All four searches take one: lazygrid_pairs, lazygrid_count, lazygrid_neighbors, lazygrid_stream.
+ * that are excluded. All searches take one: lazygrid_pairs, lazygrid_count, lazygrid_neighbors, lazygrid_neighbor_list and
+ * lazygrid_stream.
  * Two sets work with every algorithm.
  *
  * ERRORS. Functions that can fail return a lazygrid_status, LAZYGRID_OK being 0. lazygrid_last_error tells in words
@@ -376,6 +377,37 @@ LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, con
  */
 LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const lazygrid_query *query, size_t chunk,
                                              lazygrid_consume consume, void *context, uint64_t *handed);
+
+/* What lazygrid_neighbor_list is asked for: the sum of some of these. */
+enum {
+    LAZYGRID_LIST_HALF = 1, /* every pair once, else twice: i < j, and of opposite images of a sphere one */
+    LAZYGRID_LIST_OPEN = 2, /* only distances below the reach, as ASE has it; else touching counts */
+    LAZYGRID_LIST_SELF = 4, /* every sphere of a radius above 0 is its own neighbor, too, at distance 0 */
+    LAZYGRID_LIST_SHIFTS = 8,
+    LAZYGRID_LIST_VECTORS = 16,
+    LAZYGRID_LIST_DISTANCES = 32
+};
+
+/*
+ * A neighbor list: `length` entries, of which those of sphere k are `offsets[k]` to `offsets[k + 1] - 1`. Arrays that were not
+ * asked for are NULL.
+ */
+typedef struct lazygrid_list {
+    uint64_t length;
+    const uint64_t *offsets;
+    const lazygrid_pair *pairs;  /* the sphere and its neighbor; in a full list i may be the larger index */
+    const int32_t (*shifts)[3];  /* the number of each edge of the space that leads to the image of the neighbor */
+    const double (*vectors)[3];  /* from the sphere to that image */
+    const double *distances;
+} lazygrid_list;
+
+/*
+ * The neighbor list of a query with all periodic images within reach, also in a box that is smaller than the reach, where a
+ * sphere may be the neighbor of its own images. It is computed in double precision, in order of i, j and the shift. Excluded
+ * pairs and spheres of one group are left out with all their images.
+ */
+LAZYGRID_API lazygrid_status lazygrid_neighbor_list(lazygrid_detector *detector, const lazygrid_query *query,
+                                                    uint32_t options, lazygrid_list *list);
 
 /*
  * What the last search did and why, as one JSON object: "spheres" and "pairs" (how many; of two sets the spheres of

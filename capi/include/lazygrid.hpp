@@ -107,6 +107,19 @@ struct Neighbors {
     }
 };
 
+// A neighbor list with geometry; what was not asked for is empty.
+struct NeighborList {
+    // Where the entries of each sphere start; one more than there are spheres.
+    View<std::uint64_t> offsets;
+    // The sphere and its neighbor; in a full list i may be the larger index.
+    View<Pair> pairs;
+    // The number of each edge of the space that leads to the image of the neighbor.
+    View<std::int32_t[3]> shifts;
+    // From the sphere to that image.
+    View<double[3]> vectors;
+    View<double> distances;
+};
+
 namespace detail {
 
 [[noreturn]] inline void fail(lazygrid_status status, const std::string &message) {
@@ -274,6 +287,19 @@ private:
     const lazygrid_exclusions *exclusions_ = nullptr;
 };
 
+// What a neighbor list holds; the fields are those of LAZYGRID_LIST_...
+struct ListOptions {
+    bool half = false, open = false, self = false;
+    bool shifts = false, vectors = false, distances = false;
+
+    std::uint32_t bits() const noexcept {
+        const auto bit = [](bool is_set, std::uint32_t value) { return is_set ? value : 0u; };
+        return bit(half, LAZYGRID_LIST_HALF) | bit(open, LAZYGRID_LIST_OPEN) | bit(self, LAZYGRID_LIST_SELF)
+               | bit(shifts, LAZYGRID_LIST_SHIFTS) | bit(vectors, LAZYGRID_LIST_VECTORS)
+               | bit(distances, LAZYGRID_LIST_DISTANCES);
+    }
+};
+
 // What makes two spheres of given species a pair.
 class Interaction {
 public:
@@ -419,6 +445,19 @@ public:
         detail::check(lazygrid_neighbors(get(), &query, &offsets, &indices), get());
         const std::size_t count = of.size();
         return {{offsets, count + 1}, {indices, static_cast<std::size_t>(offsets[count])}};
+    }
+
+    // The neighbor list with all periodic images within reach, in double precision.
+    NeighborList neighbor_list(const Query &of, const ListOptions &options = {}) {
+        const lazygrid_query query = of.get();
+        lazygrid_list list;
+        detail::check(lazygrid_neighbor_list(get(), &query, options.bits(), &list), get());
+        const auto length = static_cast<std::size_t>(list.length);
+        return {{list.offsets, of.size() + 1},
+                {list.pairs, length},
+                {list.shifts, options.shifts ? length : 0},
+                {list.vectors, options.vectors ? length : 0},
+                {list.distances, options.distances ? length : 0}};
     }
 
     // Hands the pairs to `consume` as View<Pair> of at most `chunk`, and returns how many it got. `consume` returns

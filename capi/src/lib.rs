@@ -16,6 +16,7 @@ mod detector;
 mod exclusions;
 mod input;
 mod interactions;
+mod list;
 mod out;
 mod report;
 mod search;

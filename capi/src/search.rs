@@ -20,7 +20,7 @@ thread_local! {
 ///
 /// # Safety
 /// As [`with_detector`].
-unsafe fn search(detector: *const Handle, work: impl FnOnce(&mut Kept) -> Result<(), Failure>) -> Status {
+pub unsafe fn search(detector: *const Handle, work: impl FnOnce(&mut Kept) -> Result<(), Failure>) -> Status {
     if IS_TAKING.get() {
         return BUSY;
     }

@@ -17,6 +17,7 @@ use crate::input::{F32, F64, QueryOfC, SpheresOfC};
 use crate::interactions::{
     Table, lazygrid_interactions_create, lazygrid_interactions_destroy, lazygrid_interactions_set,
 };
+use crate::list::{ListOfC, OPTIONS, lazygrid_neighbor_list};
 use crate::report::{lazygrid_memory_for, lazygrid_report_json};
 use crate::search::{Consume, lazygrid_count, lazygrid_neighbors, lazygrid_pairs, lazygrid_stream};
 use crate::settings::{ALGORITHMS, BACKENDS, ORDERS, SKINS, SettingsOfC, lazygrid_settings_init};
@@ -37,6 +38,7 @@ in_c! {
     () => "void", c_void => "void", c_char => "char", i32 => "int32_t", u32 => "uint32_t", u64 => "uint64_t",
     usize => "size_t", f64 => "double", Pair => "lazygrid_pair", Handle => "lazygrid_detector",
     Table => "lazygrid_interactions", SettingsOfC => "lazygrid_settings", QueryOfC => "lazygrid_query",
+    ListOfC => "lazygrid_list",
     List => "lazygrid_exclusions", Option<Consume> => "lazygrid_consume",
 }
 
@@ -97,6 +99,7 @@ fn declarations() -> Vec<(&'static str, String)> {
         lazygrid_count: unsafe extern "C" fn(_, _, _) -> _,
         lazygrid_neighbors: unsafe extern "C" fn(_, _, _, _) -> _,
         lazygrid_stream: unsafe extern "C" fn(_, _, _, _, _, _) -> _,
+        lazygrid_neighbor_list: unsafe extern "C" fn(_, _, _, _) -> _,
         lazygrid_report_json: unsafe extern "C" fn(_, _) -> _,
         lazygrid_memory_for: unsafe extern "C" fn(_, _, _) -> _,
     }
@@ -126,6 +129,7 @@ fn layouts() -> String {
     layout!(Pair as "lazygrid_pair", i, j)
         + &layout!(SpheresOfC as "lazygrid_spheres", size, count, x, y, z, r, step, r_step, r#type, zero, species, groups)
         + &layout!(QueryOfC as "lazygrid_query", size, first, second, exclusions)
+        + &layout!(ListOfC as "lazygrid_list", length, offsets, pairs, shifts, vectors, distances)
         + &layout!(
             SettingsOfC as "lazygrid_settings",
             size, backend, algorithm, order, threads, max_pairs, periodic, timeout_seconds, skin, skin_distance, adapter,
@@ -150,6 +154,7 @@ fn numbers() -> Vec<(String, usize)> {
         of("ORDER_", &orders.each_ref().map(String::as_str)),
         of("SKIN_", &skins.each_ref().map(String::as_str)),
         of("", &["never", "touch", "within"]),
+        OPTIONS.iter().map(|(name, bit)| (format!("LAZYGRID_LIST_{name}"), *bit as usize)).collect(),
         vec![
             ("LAZYGRID_F32".to_owned(), F32 as usize),
             ("LAZYGRID_F64".to_owned(), F64 as usize),
@@ -196,6 +201,7 @@ fn nothing_in_the_header_is_left_out() {
         "settings",
         "spheres",
         "query",
+        "list",
         "consume",
     ];
     let inline =

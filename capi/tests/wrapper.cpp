@@ -193,6 +193,20 @@ void two_sets() {
     CHECK(throws<lazygrid::TooManyPairs>([&] { small.pairs({some, all}); }, "60"));
 }
 
+void geometry() {
+    auto settings = on_cpu();
+    settings.periodic = {2.5, 2.5, 2.5};
+    lazygrid::Detector detector(settings);
+    const std::vector<lazygrid::SphereF64> atom = {{0.5, 0.5, 0.5, 1.5}};
+    lazygrid::ListOptions options;
+    options.shifts = options.distances = true;
+    const lazygrid::NeighborList list = detector.neighbor_list(atom, options);
+    CHECK(list.pairs.size() == 6 && list.offsets[1] == 6 && list.vectors.empty());
+    CHECK(list.distances[0] == 2.5 && list.shifts[0][0] == -1 && list.shifts[5][0] == 1);
+    options.half = true;
+    CHECK(detector.neighbor_list(atom, options).pairs.size() == 3);
+}
+
 void skins() {
     const auto spheres = line(2000);
     for (auto skin : {lazygrid::Skin::automatic(), lazygrid::Skin::off(), lazygrid::Skin::fixed(0.1f)}) {
@@ -284,6 +298,7 @@ int main() {
     streams();
     species_and_boxes();
     two_sets();
+    geometry();
     skins();
     boxes_that_lean_and_what_is_left_out();
     threads();

@@ -1,0 +1,100 @@
+use std::ptr;
+
+use engine::{ListOptions, NeighborList, Pair};
+
+use crate::detector::{Handle, Kept};
+use crate::input::{self, QueryOfC};
+use crate::search::search;
+use crate::status::Status;
+use crate::{Failure, Out};
+
+/// `lazygrid_list`: a neighbor list with geometry.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct ListOfC {
+    pub length: u64,
+    pub offsets: *const u64,
+    pub pairs: *const Pair,
+    pub shifts: *const [i32; 3],
+    pub vectors: *const [f64; 3],
+    pub distances: *const f64,
+}
+
+/// The options by the names that the header gives them, and their bits.
+pub const OPTIONS: [(&str, u32); 6] =
+    [("HALF", 1), ("OPEN", 2), ("SELF", 4), ("SHIFTS", 8), ("VECTORS", 16), ("DISTANCES", 32)];
+
+/// The options that these bits stand for.
+fn options(bits: u32) -> Result<ListOptions, Failure> {
+    let known = OPTIONS.iter().fold(0, |known, (_, bit)| known | bit);
+    if bits & !known != 0 {
+        return Err(Failure::argument(format!(
+            "the options {bits} have bits that none of LAZYGRID_LIST_... has, which are {known} together"
+        )));
+    }
+    let has = |name: &str| OPTIONS.iter().any(|(other, bit)| *other == name && bits & bit != 0);
+    let mut options = if has("HALF") { ListOptions::half() } else { ListOptions::full() };
+    for (name, set) in [
+        ("OPEN", ListOptions::open as fn(ListOptions) -> ListOptions),
+        ("SELF", ListOptions::with_self),
+        ("SHIFTS", ListOptions::shifts),
+        ("VECTORS", ListOptions::vectors),
+        ("DISTANCES", ListOptions::distances),
+    ] {
+        if has(name) {
+            options = set(options);
+        }
+    }
+    Ok(options)
+}
+
+impl ListOfC {
+    const EMPTY: Self = Self {
+        length: 0,
+        offsets: ptr::null(),
+        pairs: ptr::null(),
+        shifts: ptr::null(),
+        vectors: ptr::null(),
+        distances: ptr::null(),
+    };
+
+    fn new(list: &NeighborList<'_>, options: u32) -> Self {
+        fn asked<T>(values: &[T], is_asked_for: bool) -> *const T {
+            if is_asked_for { values.as_ptr() } else { ptr::null() }
+        }
+        let [.., (_, shifts), (_, vectors), (_, distances)] = OPTIONS;
+        Self {
+            length: list.len() as u64,
+            offsets: list.offsets().as_ptr(),
+            pairs: list.pairs().as_ptr(),
+            shifts: asked(list.shifts(), options & shifts != 0),
+            vectors: asked(list.vectors(), options & vectors != 0),
+            distances: asked(list.distances(), options & distances != 0),
+        }
+    }
+}
+
+/// The neighbor list of a query, with geometry.
+///
+/// # Safety
+/// By the header: `detector` and `query` are what they are called or NULL, `list` is NULL or can be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lazygrid_neighbor_list(
+    detector: *mut Handle,
+    query: *const QueryOfC,
+    options_of_list: u32,
+    list: *mut ListOfC,
+) -> Status {
+    // SAFETY: this function's own condition.
+    let list = unsafe { Out::new(list, "list", ListOfC::EMPTY) };
+    let work = |kept: &mut Kept| {
+        let (list, options) = (list?, options(options_of_list)?);
+        // SAFETY: this function's own condition.
+        let query = unsafe { input::borrow(query) }?;
+        let found = kept.detector.neighbor_list(query, options)?;
+        list.put(ListOfC::new(&found, options_of_list));
+        Ok(())
+    };
+    // SAFETY: this function's own condition.
+    unsafe { search(detector, work) }
+}
