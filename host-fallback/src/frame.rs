@@ -25,12 +25,16 @@
 //! 7. All absolute parts together are 2.7·2⁻²² at most; the slack has 2⁻²⁰, and for the relative ones 2⁻¹⁹ of the largest reach,
 //!    of which the decision's own rounding takes less than 2⁻⁴⁹.
 
-use lazygrid_kernels::{Query, Shear, Space, Sphere, Straight};
+use std::ops::Range;
+
+use lazygrid_kernels::{Query, Shear, Space, Sphere, Spheres, Straight};
 
 use crate::threads::Threads;
 
 /// Spheres per piece of the pass over them.
 const PIECE: usize = 1 << 13;
+/// Spheres that are read at a time.
+pub(crate) const BLOCK: usize = 64;
 /// The relative and the absolute part by which radii grow.
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
 /// The largest radius in a frame.
@@ -77,7 +81,7 @@ impl Bounds {
             let count = set.len();
             let piece = |bounds: Self, piece: usize| {
                 let range = piece * PIECE..count.min((piece + 1) * PIECE);
-                Ok(range.fold(bounds, |bounds, k| bounds.with(set.get_f64(k))))
+                Ok(bounds.with_all(set, range))
             };
             let merge = |a: Self, b: Self| Ok::<_, std::convert::Infallible>(a.merge(b));
             let pieces = (count.div_ceil(PIECE), usize::MAX);
@@ -86,14 +90,27 @@ impl Bounds {
         })
     }
 
-    #[inline]
-    fn with(mut self, [x, y, z, r]: [f64; 4]) -> Self {
-        for (axis, number) in [x, y, z].into_iter().enumerate() {
-            self.min[axis] = if number < self.min[axis] { number } else { self.min[axis] };
-            self.max[axis] = if number > self.max[axis] { number } else { self.max[axis] };
+    /// The bounds of these spheres too, in blocks that stay in the first-level cache.
+    fn with_all(mut self, set: Spheres<'_>, range: Range<usize>) -> Self {
+        let mut block = [[0.0; 4]; BLOCK];
+        let [mut min, mut max, mut zero] = [[f64::INFINITY; 4], [f64::NEG_INFINITY; 4], [0.0; 4]];
+        for from in range.clone().step_by(BLOCK) {
+            let block = &mut block[..BLOCK.min(range.end - from)];
+            set.read(from, block);
+            for numbers in block {
+                for (k, &number) in numbers.iter().enumerate() {
+                    min[k] = if number < min[k] { number } else { min[k] };
+                    max[k] = if number > max[k] { number } else { max[k] };
+                    // No number any more after one that is not finite.
+                    zero[k] += number * 0.0;
+                }
+            }
         }
-        // Not zero, and no number, for what is not finite.
-        self.are_valid &= (x * 0.0 + y * 0.0 + z * 0.0 + r * 0.0 == 0.0) & (r >= 0.0);
+        for axis in 0..3 {
+            self.min[axis] = self.min[axis].min(min[axis]);
+            self.max[axis] = self.max[axis].max(max[axis]);
+        }
+        self.are_valid &= zero == [0.0; 4] && min[3] >= 0.0;
         self
     }
 
@@ -190,10 +207,24 @@ impl Frame {
         absolute + relative * largest
     }
 
-    /// A sphere as it is searched, from its center and the radius that is to be searched. One that is not valid gives one
+    /// Spheres as they are searched, from their centers and the radii that are to be searched. One that is not valid gives one
     /// that is not.
+    pub(crate) fn spheres(&self, given: &[[f64; 4]], searched: &mut [Sphere]) {
+        let all = given.iter().zip(searched);
+        match &self.axes {
+            Axes::Orthogonal([None, None, None]) => {
+                let ([x0, y0, z0], scale) = (self.origin, self.scale);
+                for (&[x, y, z, r], sphere) in all {
+                    let center = [(x - x0) * scale, (y - y0) * scale, (z - z0) * scale];
+                    *sphere = Sphere::new(center.map(|number| number as f32), searched_radius(r * scale));
+                }
+            }
+            _ => all.for_each(|(&given, sphere)| *sphere = self.sphere(given)),
+        }
+    }
+
     #[inline]
-    pub(crate) fn sphere(&self, [x, y, z, radius]: [f64; 4]) -> Sphere {
+    fn sphere(&self, [x, y, z, radius]: [f64; 4]) -> Sphere {
         let [x0, y0, z0] = self.origin;
         let center = [x - x0, y - y0, z - z0];
         match &self.axes {
@@ -205,9 +236,7 @@ impl Frame {
                         ((wrap(center[axis], length) * self.scale) as f32).clamp(-half, half)
                     }
                 };
-                let [relative, absolute] = GROWTH;
-                let radius = (radius * self.scale).min(LIMIT) * relative + absolute;
-                Sphere::new([0, 1, 2].map(place), (radius as f32).next_up())
+                Sphere::new([0, 1, 2].map(place), searched_radius(radius * self.scale))
             }
             Axes::Triclinic(straight) => straight.sphere(center, radius, 2.0 * LIMIT),
             Axes::Narrow(straight) => {
@@ -220,6 +249,15 @@ impl Frame {
             }
         }
     }
+}
+
+/// The radius that is searched for one in the unit of a frame.
+#[inline]
+fn searched_radius(radius: f64) -> f32 {
+    let [relative, absolute] = GROWTH;
+    let radius = if radius < LIMIT { radius } else { LIMIT };
+    // The next number upward, as it is positive and not infinite.
+    f32::from_bits(((radius * relative + absolute) as f32).to_bits() + 1)
 }
 
 /// The power of two that brings a size to between one half and 1.
@@ -239,8 +277,10 @@ fn scale_of(size: f64) -> f64 {
 #[inline]
 fn wrap(x: f64, length: f64) -> f64 {
     let half = 0.5 * length;
-    if x.abs() <= half {
-        return x;
+    if x.abs() <= 1.5 * length {
+        // One length is no more than twice as large, or half as large, as what it is taken from.
+        let image = x - length.copysign(x);
+        return if x.abs() <= half { x } else { image };
     }
     let rest = x % length;
     if rest.abs() > half { rest - length.copysign(rest) } else { rest }

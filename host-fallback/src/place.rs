@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use lazygrid_kernels::{Interactions, MAX_SPHERES, Query, Space, Sphere, Spheres};
 
-use crate::frame::{Bounds, Frame};
+use crate::frame::{BLOCK, Bounds, Frame};
 use crate::memory::{collect, resize};
 use crate::refinement::Refinement;
 use crate::survey::{check_species, check_valid};
@@ -195,16 +195,21 @@ fn fill(
 ) {
     let species = spheres.species().zip(reaches);
     threads.each_stretch(targets, PIECE, |piece, targets| {
-        for (target, k) in targets.iter_mut().zip(piece * PIECE..) {
-            let mut numbers = spheres.get_f64(k);
-            if let Some((species, reaches)) = species
-                && numbers[3] >= 0.0
-                && numbers[3] < f64::INFINITY
-            {
-                let (half, touches) = reaches[species[k] as usize];
-                numbers[3] = if touches { half.max(numbers[3]) } else { half };
+        let mut block = [[0.0; 4]; BLOCK];
+        for (targets, from) in targets.chunks_mut(BLOCK).zip((piece * PIECE..).step_by(BLOCK)) {
+            let block = &mut block[..targets.len()];
+            spheres.read(from, block);
+            if let Some((species, reaches)) = species {
+                for (numbers, &species) in block.iter_mut().zip(&species[from..]) {
+                    let (half, touches) = reaches[species as usize];
+                    let radius = numbers[3];
+                    // One that is not valid is left for the check to find.
+                    if (0.0..f64::INFINITY).contains(&radius) {
+                        numbers[3] = if touches { half.max(radius) } else { half };
+                    }
+                }
             }
-            *target = frame.sphere(numbers);
+            frame.spheres(block, targets);
         }
     });
 }

@@ -15,8 +15,13 @@ pub struct Bond {
 
 impl Bond {
     /// The length of the vector. Nothing overflows or underflows.
+    #[inline]
     pub fn length(&self) -> f64 {
         let root = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt();
+        let [x, y, z] = self.vector;
+        if PLAIN_SQUARES.contains(&(x * x + y * y + z * z)) {
+            return root(self.vector);
+        }
         match largest(self.vector, 0.0) {
             0.0 => 0.0,
             size if size < *PLAIN.start() => root(self.vector.map(|number| number * UP)) / UP,
@@ -28,6 +33,8 @@ impl Bond {
 
 /// Lengths whose squares, and the roundings of these, are normal numbers.
 const PLAIN: std::ops::RangeInclusive<f64> = 3.2e-145..=3.1e144;
+/// Their squares.
+const PLAIN_SQUARES: std::ops::RangeInclusive<f64> = 1.1e-289..=9.6e288;
 /// Powers of two that bring other lengths there.
 const DOWN: f64 = f64::from_bits((1023 - 600) << 52);
 const UP: f64 = f64::from_bits((1023 + 600) << 52);
@@ -42,6 +49,7 @@ impl Space {
     /// assert_eq!((bond.shift, bond.vector), ([-1, 0, 0], [-1.0, 1.0, 0.0]));
     /// # Ok::<(), lazygrid_kernels::InputError>(())
     /// ```
+    #[inline]
     pub fn bond(&self, from: [f64; 3], to: [f64; 3]) -> Bond {
         let (shift, vector) = self.nearest(from, to);
         Bond { shift: shift.map(|count| count as i32), vector }
@@ -104,24 +112,30 @@ impl Space {
         if let Some(shear) = self.shear() {
             return shear.nearest(apart);
         }
-        let lengths = self.lengths();
-        let mut shift = [0.0; 3];
-        for (axis, length) in lengths.into_iter().enumerate() {
+        let (mut shift, mut vector) = ([0.0; 3], apart);
+        for (axis, length) in self.lengths().into_iter().enumerate() {
             if let Some(length) = length {
-                let turns = -(apart[axis] / length).round();
-                let far = |turns: f64| (apart[axis] + turns * length).abs();
-                let other = turns + if apart[axis] + turns * length < 0.0 { 1.0 } else { -1.0 };
-                shift[axis] = if far(other) < far(turns) { other } else { turns };
+                (shift[axis], vector[axis]) = nearest_along(apart[axis], length);
             }
         }
-        let vector = [0, 1, 2].map(|axis| match lengths[axis] {
-            Some(length) => apart[axis] + shift[axis] * length,
-            None => apart[axis],
-        });
         (shift, vector)
     }
 }
 
+/// The number of lengths that leads to the nearest image along an axis, and that image.
+#[inline]
+fn nearest_along(apart: f64, length: f64) -> (f64, f64) {
+    // Most are nowhere near half a length, and need no division.
+    if apart.abs() < 0.49 * length {
+        return (0.0, apart);
+    }
+    let turns = -(apart / length).round();
+    let other = turns + if apart + turns * length < 0.0 { 1.0 } else { -1.0 };
+    let (image, beside) = (apart + turns * length, apart + other * length);
+    if beside.abs() < image.abs() { (other, beside) } else { (turns, image) }
+}
+
+#[inline]
 fn apart(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|axis| to[axis] - from[axis])
 }

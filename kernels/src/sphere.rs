@@ -170,6 +170,20 @@ impl<'a> Spheres<'a> {
         }
     }
 
+    /// Writes the numbers of the spheres from `from` on, as many as there is room for.
+    ///
+    /// # Panics
+    /// If there are fewer spheres.
+    #[inline]
+    pub fn read(&self, from: usize, into: &mut [[f64; 4]]) {
+        match self.layout {
+            Layout::Wide(wide) => wide.read(from, into),
+            Layout::Rows(_) | Layout::Columns(_) => {
+                into.iter_mut().zip(from..).for_each(|(numbers, k)| *numbers = self.get_f64(k));
+            }
+        }
+    }
+
     /// Returns `true` if the detectors accept sphere `i`, as given.
     pub fn is_valid(&self, i: usize) -> bool {
         let numbers = self.get_f64(i);

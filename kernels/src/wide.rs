@@ -134,6 +134,37 @@ impl<'a, T: Copy> Strided<'a, T> {
         self.count
     }
 
+    /// Writes the numbers of the spheres from `from` on.
+    ///
+    /// # Panics
+    /// If there are fewer.
+    #[inline(always)]
+    fn read(&self, from: usize, into: &mut [[f64; 4]])
+    where
+        T: Into<f64>,
+    {
+        assert!(from <= self.count && into.len() <= self.count - from, "spheres of {}", self.count);
+        let [x, y, z] = self.axes.map(<[_]>::as_ptr);
+        // SAFETY: the indices are below the number of spheres, whose values are inside their columns and initialized: they are of
+        // initialized slices of these lengths, or by the promise of `from_parts`.
+        let value = |at: *const MaybeUninit<T>, k: usize| unsafe { (*at.add(k)).assume_init().into() };
+        match self.radii {
+            Source::All(radius) => {
+                for (numbers, k) in into.iter_mut().zip(from..) {
+                    let at = k * self.step;
+                    *numbers = [value(x, at), value(y, at), value(z, at), radius.into()];
+                }
+            }
+            Source::Each(radii, step) => {
+                let r = radii.as_ptr();
+                for (numbers, k) in into.iter_mut().zip(from..) {
+                    let at = k * self.step;
+                    *numbers = [value(x, at), value(y, at), value(z, at), value(r, k * step)];
+                }
+            }
+        }
+    }
+
     /// The numbers of sphere `i`.
     ///
     /// # Panics
@@ -158,6 +189,15 @@ impl Wide<'_> {
         match self {
             Self::F32(spheres) => spheres.len(),
             Self::F64(spheres) => spheres.len(),
+        }
+    }
+
+    /// Writes the numbers of the spheres from `from` on.
+    #[inline]
+    pub(crate) fn read(&self, from: usize, into: &mut [[f64; 4]]) {
+        match self {
+            Self::F32(spheres) => spheres.read(from, into),
+            Self::F64(spheres) => spheres.read(from, into),
         }
     }
 

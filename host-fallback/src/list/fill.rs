@@ -12,6 +12,9 @@ use crate::refinement::Refinement;
 /// What rows are filled from.
 pub(super) struct Fill<'a> {
     pub contact: Contact<'a>,
+    /// The numbers of the spheres whose rows are filled, and of their neighbors.
+    pub first: &'a [[f64; 4]],
+    pub second: &'a [[f64; 4]],
     pub images: Option<&'a Images>,
     pub options: ListOptions,
     /// Groups and exclusions, if the search has not considered them.
@@ -54,6 +57,7 @@ impl<'s> Slots<'s> {
         (first, Self { pairs: pairs.1, shifts: shifts.1, vectors: vectors.1, distances: distances.1 })
     }
 
+    #[inline]
     fn put(&mut self, at: usize, entry: &Entry) {
         fn put<T>(slots: &mut [T], at: usize, value: T) {
             if let Some(slot) = slots.get_mut(at) {
@@ -124,6 +128,7 @@ impl<'s> Piece<'s> {
 
 impl Fill<'_> {
     /// Calls `take` with the entries of a sphere, in their order.
+    #[inline]
     fn row(&self, i: u32, mut take: impl FnMut(Entry)) {
         let candidates = self.candidates.of(i as usize);
         match self.images {
@@ -151,13 +156,13 @@ impl Fill<'_> {
     }
 
     /// The entry of a pair that the search has decided on.
+    #[inline(always)]
     fn nearest(&self, i: u32, j: u32) -> Option<Entry> {
         let Contact { query, space, .. } = self.contact;
-        let (first, second) = (query.first(), query.second().unwrap_or(query.first()));
         // Which image is nearest may depend on the direction if two are equally far away: the pair decides, not the entry.
         let is_mirrored = query.second().is_none() && j < i;
         let (from, to) = if is_mirrored { (j, i) } else { (i, j) };
-        let mut bond = space.bond(center(first.get_f64(from as usize)), center(second.get_f64(to as usize)));
+        let mut bond = space.bond(center(self.first[from as usize]), center(self.second[to as usize]));
         if is_mirrored {
             bond.shift = bond.shift.map(|count| count.saturating_neg());
             bond.vector = bond.vector.map(|number| -number);
@@ -166,6 +171,7 @@ impl Fill<'_> {
     }
 
     /// The entry of a sphere and an image that the search has found within their largest reach.
+    #[inline(never)]
     fn image(&self, images: &Images, i: u32, image: u32) -> Option<Entry> {
         let Contact { query, space, .. } = self.contact;
         let (j, shift) = images.shift(i, image);
@@ -176,8 +182,7 @@ impl Fill<'_> {
         if self.options.is_half && query.second().is_none() && is_second_half {
             return None;
         }
-        let set = query.second().unwrap_or(query.first());
-        let (a, b) = (query.first().get_f64(i as usize), set.get_f64(j as usize));
+        let (a, b) = (self.first[i as usize], self.second[j as usize]);
         let distance = self.distance(i, j)?;
         let split = query.split().unwrap_or(0) as u32;
         if !space.touch_image(a, b, shift, distance)
@@ -193,18 +198,23 @@ impl Fill<'_> {
     }
 
     /// The entry of two spheres that touch; none if they do no more than that and this does not count.
+    #[inline(always)]
     fn entry(&self, i: u32, j: u32, bond: Bond) -> Option<Entry> {
         let ListOptions { is_open, distances, .. } = self.options;
-        let distance = if is_open || distances { bond.length() } else { 0.0 };
-        let is_out = is_open && distance >= self.reach(i, j)?;
-        (!is_out).then_some(Entry { pair: Pair { i, j }, bond, distance })
+        if is_open && !is_clear(bond.vector, self.reach(i, j)?) && bond.length() >= self.reach(i, j)? {
+            return None;
+        }
+        let distance = if distances { bond.length() } else { 0.0 };
+        Some(Entry { pair: Pair { i, j }, bond, distance })
     }
 
     /// The distance at which two spheres pair, if it is not that of their radii; `None` if they never do.
+    #[inline]
     fn distance(&self, i: u32, j: u32) -> Option<Option<f64>> {
         let Contact { query, table, .. } = self.contact;
-        let (first, second) = (query.first(), query.second().unwrap_or(query.first()));
-        let (Some(table), Some(species), Some(others)) = (table, first.species(), second.species()) else {
+        let Some(table) = table else { return Some(None) };
+        let second = query.second().unwrap_or(query.first());
+        let (Some(species), Some(others)) = (query.first().species(), second.species()) else {
             return Some(None);
         };
         match table.get(species[i as usize], others[j as usize]) {
@@ -215,14 +225,23 @@ impl Fill<'_> {
     }
 
     /// The distance at which two spheres pair; `None` if they never do.
+    #[inline]
     fn reach(&self, i: u32, j: u32) -> Option<f64> {
-        let query = self.contact.query;
-        let (first, second) = (query.first(), query.second().unwrap_or(query.first()));
-        let radii = || first.get_f64(i as usize)[3] + second.get_f64(j as usize)[3];
+        let radii = || self.first[i as usize][3] + self.second[j as usize][3];
         Some(self.distance(i, j)?.unwrap_or_else(radii))
     }
 }
 
+/// Returns `true` if a vector is shorter than a reach by so much that no rounding matters, which needs no root.
+#[inline]
+fn is_clear([x, y, z]: [f64; 3], reach: f64) -> bool {
+    const CLEAR: f64 = 1.0 - 1.0 / (1_u64 << 40) as f64;
+    let (squared, most) = (x * x + y * y + z * z, reach * reach * CLEAR);
+    // Not so of squares that underflow.
+    squared < most && most > 1e-280
+}
+
+#[inline]
 fn center([x, y, z, _]: [f64; 4]) -> [f64; 3] {
     [x, y, z]
 }

@@ -7,7 +7,7 @@ mod fill;
 mod images;
 mod options;
 
-use lazygrid_kernels::{Error, InputError, Interactions, Pair, Query, Space};
+use lazygrid_kernels::{Error, InputError, Interactions, Pair, Query, Space, Spheres};
 
 pub use images::Images;
 pub use options::ListOptions;
@@ -15,11 +15,13 @@ pub use options::ListOptions;
 use crate::memory::resize;
 use crate::neighbors::Lists;
 use crate::refinement::Refinement;
-use crate::threads::Team;
+use crate::threads::{Team, Threads};
 use fill::{Fill, Neighbor, Piece, Slots};
 
 /// Spheres per piece of a list.
 const PIECE: usize = 1 << 9;
+/// Spheres per piece of a copy.
+const READ: usize = 1 << 13;
 
 /// A neighbor list with geometry, in compressed sparse rows: the neighbors of sphere `k` are the entries
 /// `offsets()[k]..offsets()[k + 1]`, in order of their indices, and those of one index in order of their shifts.
@@ -87,11 +89,18 @@ pub struct Contact<'a> {
 #[derive(Debug, Default)]
 pub struct NeighborListBuilder {
     lists: Lists,
+    /// The numbers of all spheres, as rows that entries read.
+    numbers: Vec<[f64; 4]>,
     offsets: Vec<u64>,
     pairs: Vec<Pair>,
     shifts: Vec<[i32; 3]>,
     vectors: Vec<[f64; 3]>,
     distances: Vec<f64>,
+}
+
+/// Copies the numbers of a set.
+fn read(set: Spheres<'_>, into: &mut [[f64; 4]], threads: Threads) {
+    threads.each_stretch(into, READ, |stretch, into| set.read(stretch * READ, into));
 }
 
 impl NeighborListBuilder {
@@ -117,8 +126,16 @@ impl NeighborListBuilder {
         resize(&mut self.shifts, if options.shifts { entries } else { 0 }, WHAT)?;
         resize(&mut self.vectors, if options.vectors { entries } else { 0 }, WHAT)?;
         resize(&mut self.distances, if options.distances { entries } else { 0 }, WHAT)?;
+        resize(&mut self.numbers, contact.query.len(), WHAT)?;
+        let (first, second) = self.numbers.split_at_mut(rows);
+        team.pass(contact.query.len(), |threads| {
+            read(contact.query.first(), first, threads);
+            contact.query.second().into_iter().for_each(|set| read(set, second, threads));
+            Ok(())
+        })?;
+        let (first, second) = (&*first, if contact.query.second().is_some() { &*second } else { &*first });
         let refinement = images.and_then(|_| Refinement::new(*contact.query, None));
-        let fill = Fill { contact, images, options, refinement, candidates };
+        let fill = Fill { contact, first, second, images, options, refinement, candidates };
         let all = Slots {
             pairs: &mut self.pairs,
             shifts: &mut self.shifts,
