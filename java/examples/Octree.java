@@ -1,7 +1,7 @@
 import java.util.Arrays;
 
 /**
- * What was there before: an octree over the centres, made anew at each step. It needs bounds, a capacity and a depth,
+ * What was there before: an octree over the centers, made again at each step. It needs bounds, a capacity and a depth,
  * and a query for every particle, widened by the largest radius.
  */
 final class Octree implements NeighborSearch {
@@ -78,7 +78,7 @@ final class Octree implements NeighborSearch {
 
     private static void query(Node node, Particles particles, int i, float reach, Touch touch) {
         for (int axis = 0; axis < 3; axis++) {
-            // A margin for the rounding of centres.
+            // A margin for the rounding of centers.
             float wide = (node.half + reach) * 1.0001f + 1e-4f;
             if (Math.abs(particles.at(i, axis) - node.center[axis]) > wide) return;
         }

@@ -12,7 +12,7 @@ public enum Algorithm {
     ARRAY_GRID,
     /** A grid whose crowded cells are split again. CPU. */
     RECURSIVE_GRID,
-    /** Every sphere in the cell of its centre, levels for groups of sizes. CPU and GPU. */
+    /** Every sphere in the cell of its center, levels for groups of sizes. CPU and GPU. */
     CELL_LIST,
     /** Nested grids; all smaller spheres go on to the next. GPU. */
     EAGER_GRID,

@@ -3,6 +3,9 @@ package io.github.lazygrid;
 import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 import java.nio.IntBuffer;
+import java.nio.LongBuffer;
+import java.util.Objects;
+import java.util.Set;
 import java.util.concurrent.atomic.AtomicBoolean;
 
 /**
@@ -20,6 +23,9 @@ import java.util.concurrent.atomic.AtomicBoolean;
  * }
  * }</pre>
  *
+ * <p>Searches take a {@link Query}: one set of spheres or two, with or without exclusions. For one set the spheres
+ * themselves do.
+ *
  * <p>Buffers that come out of a search lie in the detector's memory. They must not be used after the next search with
  * it, nor after it is closed: what is read then is anything, or ends the process. {@link #pairsCopied} has no such
  * rule.
@@ -28,10 +34,14 @@ import java.util.concurrent.atomic.AtomicBoolean;
  * {@link Status#BUSY}. A detector that is not closed keeps its memory until the process ends.
  */
 public final class Detector implements AutoCloseable {
-    /** Places for what the library writes: two addresses or numbers. */
-    private final ByteBuffer out = ByteBuffer.allocateDirect(16).order(ByteOrder.nativeOrder());
-    private final long first = Library.address(out, 1);
-    private final long second = first + 8;
+    /** Where results stand in {@link #places}: two addresses or numbers, or a {@code lazygrid_list}. */
+    private static final int OUT = Query.SIZE;
+
+    /** The query of a search, and what the library writes. Allocated once, since a step must not allocate memory. */
+    private final ByteBuffer places = ByteBuffer.allocateDirect(OUT + 48).order(ByteOrder.nativeOrder());
+    private final long question = Library.address(places, 1);
+    private final long first = question + OUT;
+    private final long second = first + Long.BYTES;
     private final AtomicBoolean isInUse = new AtomicBoolean();
     /** The detector's address; 0 when it is closed. */
     private long detector;
@@ -56,7 +66,7 @@ public final class Detector implements AutoCloseable {
         try (NativeSettings given = new NativeSettings(settings)) {
             check(Library.create(given.address(), first), 0);
         }
-        detector = out.getLong(0);
+        detector = result(0);
     }
 
     /**
@@ -69,46 +79,46 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * The overlapping pairs, each once: i and j of each, one after the other. Of one set i &lt; j; of two, i is an index in
-     * the first and j one in the second. Valid until the next search.
+     * The overlapping pairs, each once: i and j of each, one after the other. Among one set i &lt; j; across two sets i
+     * is an index in the first and j one in the second. Valid until the next search.
      *
-     * @param query which pairs
+     * @param query which spheres, where they are now
      * @return the pairs, read-only, in the detector's memory
      * @throws TooManyPairsException for more than {@link Settings#maxPairs(long)}, with their exact number
-     * @throws LazygridException {@link Status#INPUT} for spheres that are not finite, negative radii, unknown species and
-     *     exclusions of other spheres, where a message about the second set says so; {@link Status#LIMIT} for more than
-     *     2<sup>28</sup> - 1 pairs, which a buffer of 2 GiB cannot hold
+     * @throws LazygridException {@link Status#INPUT} for spheres that are not finite, negative radii, unknown
+     *     species and exclusions of other spheres; {@link Status#LIMIT} for more than 2<sup>28</sup> - 1 pairs, which a
+     *     buffer of 2 GiB cannot hold
      */
     public IntBuffer pairs(Query query) {
-        enter();
+        enter(query);
         try {
-            int status = Library.pairs(detector, query.address(), first, second);
+            int status = Library.pairs(detector, question, first, second);
             query.keep();
             if (status == Status.TOO_MANY_PAIRS.ordinal()) {
-                throw new TooManyPairsException(Library.lastError(detector), out.getLong(8));
+                throw new TooManyPairsException(Library.lastError(detector), result(1));
             }
             check(status, detector);
-            return integers(out.getLong(0), 2 * out.getLong(8)).asReadOnlyBuffer();
+            return integers(result(0), 2 * result(1));
         } finally {
             leave();
         }
     }
 
     /**
-     * The overlapping pairs among spheres, as {@link #pairs(Query)}.
+     * The overlapping pairs among one set: {@link #pairs(Query)} of {@link Query#of}.
      *
      * @param spheres where they are now
      * @return the pairs, read-only, in the detector's memory
      * @throws LazygridException as {@link #pairs(Query)}
      */
     public IntBuffer pairs(Spheres spheres) {
-        return pairs(spheres.query());
+        return pairs(Query.of(spheres));
     }
 
     /**
      * The overlapping pairs in an array of the caller's.
      *
-     * @param query which pairs
+     * @param query which spheres, where they are now
      * @return i and j of each pair, one after the other
      * @throws LazygridException as {@link #pairs(Query)}
      */
@@ -120,133 +130,164 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * The overlapping pairs among spheres in an array of the caller's.
+     * The overlapping pairs among one set in an array of the caller's.
      *
      * @param spheres where they are now
      * @return i and j of each pair, one after the other
      * @throws LazygridException as {@link #pairs(Query)}
      */
     public int[] pairsCopied(Spheres spheres) {
-        return pairsCopied(spheres.query());
+        return pairsCopied(Query.of(spheres));
     }
 
     /**
-     * The number of pairs. Needs no memory for them, so that any number can be counted.
+     * How many pairs there are. Needs no memory for them, so that any number can be counted.
      *
-     * @param query which pairs
+     * @param query which spheres, where they are now
      * @return the number
      * @throws LazygridException as {@link #pairs(Query)}, except for the number of pairs
      */
     public long count(Query query) {
-        enter();
+        enter(query);
         try {
-            int status = Library.count(detector, query.address(), first);
+            int status = Library.count(detector, question, first);
             query.keep();
             check(status, detector);
-            return out.getLong(0);
+            return result(0);
         } finally {
             leave();
         }
     }
 
     /**
-     * The number of pairs among spheres.
+     * How many pairs there are among one set.
      *
      * @param spheres where they are now
      * @return the number
      * @throws LazygridException as {@link #count(Query)}
      */
     public long count(Spheres spheres) {
-        return count(spheres.query());
+        return count(Query.of(spheres));
     }
 
     /**
-     * The pairs as neighbor lists, ascending: of one set every pair is in both lists, of two sets there is a list for each
-     * sphere of the first one, with its neighbors in the second. Valid until the next search.
+     * The pairs as neighbor lists. Valid until the next search.
      *
-     * @param query which pairs
-     * @return the lists, in the detector's memory
-     * @throws LazygridException as {@link #pairs(Query)}
+     * @param query which spheres, where they are now
+     * @return the lists, in the detector's memory; across two sets one for each sphere of the first
+     * @throws LazygridException as {@link #pairs(Query)}; for too many pairs without their number
      */
     public Neighbors neighbors(Query query) {
-        enter();
+        enter(query);
         try {
-            int status = Library.neighbors(detector, query.address(), first, second);
+            int status = Library.neighbors(detector, question, first, second);
             query.keep();
-            return lists(status, query.lists());
+            check(status, detector);
+            LongBuffer offsets = offsets(result(0), query);
+            return new Neighbors(offsets, integers(result(1), offsets.get(query.lists())));
         } finally {
             leave();
         }
     }
 
     /**
-     * The pairs among spheres as neighbor lists, as {@link #neighbors(Query)}.
+     * The pairs among one set as neighbor lists. Valid until the next search.
      *
      * @param spheres where they are now
      * @return the lists, in the detector's memory
-     * @throws LazygridException as {@link #pairs(Query)}
+     * @throws LazygridException as {@link #neighbors(Query)}
      */
     public Neighbors neighbors(Spheres spheres) {
-        return neighbors(spheres.query());
-    }
-
-    /** The lists that a search has found for so many spheres, if it has. */
-    private Neighbors lists(int status, long count) {
-        check(status, detector);
-        long offsets = out.getLong(0), indices = out.getLong(8);
-        if (count + 1 > Integer.MAX_VALUE / Long.BYTES) throw tooLarge(count + 1);
-        ByteBuffer starts = Library.view(offsets, (int) (count + 1) * Long.BYTES);
-        long total = starts.getLong((int) count * Long.BYTES);
-        return new Neighbors(
-            starts.order(ByteOrder.nativeOrder()).asLongBuffer().asReadOnlyBuffer(),
-            integers(indices, total).asReadOnlyBuffer());
+        return neighbors(Query.of(spheres));
     }
 
     /**
-     * Hands the pairs among spheres over in chunks, as {@link #stream(Query, int, PairConsumer)}.
+     * The neighbor list with all periodic images within reach, also in a box that is smaller than the reach, where a
+     * sphere may be the neighbor of its own images. It is computed in double precision. Excluded pairs and spheres of
+     * one group are left out with all their images. Valid until the next search.
+     *
+     * @param query which spheres, where they are now
+     * @param options what is wanted; an empty set: the pairs of a full list
+     * @return the list, in the detector's memory
+     * @throws LazygridException as {@link #neighbors(Query)}; {@link Status#LIMIT} for a buffer of 2 GiB or more
+     */
+    public NeighborList neighborList(Query query, Set<ListOption> options) {
+        int bits = options.stream().mapToInt(ListOption::bit).sum();
+        enter(query);
+        try {
+            int status = Library.neighborList(detector, question, bits, first);
+            query.keep();
+            check(status, detector);
+            long length = result(0);
+            // What was not asked for has no address.
+            long shifts = result(3), vectors = result(4), distances = result(5);
+            return new NeighborList(
+                offsets(result(1), query),
+                integers(result(2), 2 * length),
+                integers(shifts, shifts == 0 ? 0 : 3 * length),
+                view(vectors, vectors == 0 ? 0 : 3 * length, Double.BYTES).asDoubleBuffer().asReadOnlyBuffer(),
+                view(distances, distances == 0 ? 0 : length, Double.BYTES).asDoubleBuffer().asReadOnlyBuffer());
+        } finally {
+            leave();
+        }
+    }
+
+    /**
+     * The neighbor list of one set: {@link #neighborList(Query, Set)} of {@link Query#of}.
      *
      * @param spheres where they are now
-     * @param chunk the most pairs of a chunk, at least 1
-     * @param consumer takes them
-     * @return how many were handed over
-     * @throws LazygridException as {@link #count(Query)}; and whatever the consumer throws
+     * @param options what is wanted
+     * @return the list, in the detector's memory
+     * @throws LazygridException as {@link #neighborList(Query, Set)}
      */
-    public long stream(Spheres spheres, int chunk, PairConsumer consumer) {
-        return stream(spheres.query(), chunk, consumer);
+    public NeighborList neighborList(Spheres spheres, Set<ListOption> options) {
+        return neighborList(Query.of(spheres), options);
     }
 
     /**
      * Hands the pairs over in chunks; memory stays bounded whatever their number.
      *
-     * @param query which pairs
+     * @param query which spheres, where they are now
      * @param chunk the most pairs of a chunk, at least 1
      * @param consumer takes them
      * @return how many were handed over
      * @throws LazygridException as {@link #count(Query)}; and whatever the consumer throws
      */
     public long stream(Query query, int chunk, PairConsumer consumer) {
-        enter();
+        enter(query);
         try {
             // Written by whichever thread of the library, read when all have ended.
             Throwable[] thrown = new Throwable[1];
-            Library.Consumer take = (pairs, count) -> {
+            int status = Library.stream(detector, question, chunk, (pairs, count) -> {
                 try {
-                    return consumer.take(integers(pairs, 2 * count).asReadOnlyBuffer()) ? 0 : 1;
+                    return consumer.take(integers(pairs, 2 * count)) ? 0 : 1;
                 } catch (Throwable any) {
                     thrown[0] = any;
                     return 1;
                 }
-            };
-            int status = Library.stream(detector, query.address(), chunk, take, first);
+            }, first);
             query.keep();
             if (thrown[0] instanceof RuntimeException unchecked) throw unchecked;
             if (thrown[0] instanceof Error error) throw error;
             if (thrown[0] != null) throw new IllegalStateException("the consumer threw", thrown[0]);
             check(status, detector);
-            return out.getLong(0);
+            return result(0);
         } finally {
             leave();
         }
+    }
+
+    /**
+     * Hands the pairs among one set over in chunks.
+     *
+     * @param spheres where they are now
+     * @param chunk the most pairs of a chunk, at least 1
+     * @param consumer takes them
+     * @return how many were handed over
+     * @throws LazygridException as {@link #stream(Query, int, PairConsumer)}; and whatever the consumer throws
+     */
+    public long stream(Spheres spheres, int chunk, PairConsumer consumer) {
+        return stream(Query.of(spheres), chunk, consumer);
     }
 
     /**
@@ -259,7 +300,7 @@ public final class Detector implements AutoCloseable {
         enter();
         try {
             check(Library.reportJson(detector, first), detector);
-            return Library.text(out.getLong(0));
+            return Library.text(result(0));
         } finally {
             leave();
         }
@@ -275,7 +316,7 @@ public final class Detector implements AutoCloseable {
         enter();
         try {
             check(Library.memoryFor(detector, spheres, first), detector);
-            return out.getLong(0);
+            return result(0);
         } finally {
             leave();
         }
@@ -295,6 +336,13 @@ public final class Detector implements AutoCloseable {
         } finally {
             leave();
         }
+    }
+
+    /** Enters and writes the query, which only the thread that is inside may do. */
+    private void enter(Query query) {
+        Objects.requireNonNull(query, "query");
+        enter();
+        query.write(places, 0);
     }
 
     private void enter() {
@@ -320,9 +368,23 @@ public final class Detector implements AutoCloseable {
         if (status != 0) throw new LazygridException(Status.of(status), Library.lastError(detector));
     }
 
+    /** One of the numbers or addresses that the library has written. */
+    private long result(int k) {
+        return places.getLong(OUT + Long.BYTES * k);
+    }
+
+    private static LongBuffer offsets(long address, Query query) {
+        return view(address, query.lists() + 1L, Long.BYTES).asLongBuffer().asReadOnlyBuffer();
+    }
+
     private static IntBuffer integers(long address, long count) {
-        if (count > Integer.MAX_VALUE / Integer.BYTES) throw tooLarge(count);
-        return Library.view(address, (int) count * Integer.BYTES).asIntBuffer();
+        return view(address, count, Integer.BYTES).asIntBuffer().asReadOnlyBuffer();
+    }
+
+    /** {@code count} values of {@code size} bytes in the detector's memory. */
+    private static ByteBuffer view(long address, long count, int size) {
+        if (count > Integer.MAX_VALUE / size) throw tooLarge(count);
+        return Library.view(address, (int) count * size);
     }
 
     private static LazygridException tooLarge(long count) {

@@ -9,9 +9,11 @@ import java.nio.LongBuffer;
 import java.util.function.LongToIntFunction;
 
 /**
- * Pairs that are never reported, whatever their spheres: bonds, say. A list never changes, so that any threads may use it
- * at once. It serves all searches with as many spheres; when spheres come or go, make another. Where whole molecules are
- * left out, {@link Spheres#withGroups groups} cost less.
+ * Pairs that a query never reports, such as bonds. A list never changes, so that any threads may use it at once. It serves
+ * all queries of as many spheres; when spheres come or go, make another. To leave out whole molecules,
+ * {@link Spheres#withGroups groups} cost less.
+ *
+ * @see Query#without
  */
 public final class Exclusions {
     private static final Cleaner CLEANER = Cleaner.create();
@@ -48,7 +50,7 @@ public final class Exclusions {
     }
 
     /**
-     * Pairs of one sphere of each of two sets, each by its index in its set.
+     * Pairs of one sphere of each of two sets, for {@link Query#across}. Each index counts in its own set.
      *
      * @param first how many spheres the first set has
      * @param second how many the second one has
@@ -82,9 +84,7 @@ public final class Exclusions {
     public static Exclusions rows(LongBuffer offsets, IntBuffer indices) {
         LongBuffer starts = offsets.duplicate();
         IntBuffer others = indices.duplicate();
-        if (!starts.isDirect() || starts.order() != ByteOrder.nativeOrder()) {
-            throw new IllegalArgumentException("offsets must be a direct buffer in native order");
-        }
+        Spheres.check(starts, "offsets");
         Spheres.check(others, "indices");
         int rows = starts.remaining() - 1;
         if (rows < 0 || starts.get(starts.position() + rows) != others.remaining()) {

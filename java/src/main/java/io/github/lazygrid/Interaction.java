@@ -4,7 +4,7 @@ package io.github.lazygrid;
  * What makes two spheres of given species a pair.
  *
  * @param kind which rule
- * @param distance the largest distance of centres for {@link Kind#WITHIN}, in the length unit of the spheres; else
+ * @param distance the largest distance of centers for {@link Kind#WITHIN}, in the length unit of the spheres; else
  *     unused
  */
 public record Interaction(Kind kind, double distance) {
@@ -12,20 +12,20 @@ public record Interaction(Kind kind, double distance) {
     public enum Kind {
         /** Never a pair. */
         NEVER,
-        /** A pair when centres are at most the sum of radii apart. */
+        /** A pair when centers are at most the sum of radii apart. */
         TOUCH,
-        /** A pair when centres are at most a given distance apart, whatever the radii. */
+        /** A pair when centers are at most a given distance apart, whatever the radii. */
         WITHIN
     }
 
     /** Never a pair. */
     public static final Interaction NEVER = new Interaction(Kind.NEVER, 0);
 
-    /** A pair when centres are at most the sum of radii apart. */
+    /** A pair when centers are at most the sum of radii apart. */
     public static final Interaction TOUCH = new Interaction(Kind.TOUCH, 0);
 
     /**
-     * A pair when centres are at most this far apart, whatever the radii.
+     * A pair when centers are at most this far apart, whatever the radii.
      *
      * @param distance in the length unit of the spheres; at least 0, and finite
      * @return the rule

@@ -24,6 +24,9 @@ final class Library {
         int take(Pointer context, Pointer pairs, long count);
     }
 
+    /** All views without a value, which need no address. */
+    private static final ByteBuffer EMPTY = ByteBuffer.allocateDirect(0);
+
     private Library() {}
 
     /** Which way the library is called. */
@@ -71,6 +74,8 @@ final class Library {
         static native int lazygrid_stream(
             long detector, long query, long chunk, Consume consume, long context, long handed);
 
+        static native int lazygrid_neighbor_list(long detector, long query, int options, long list);
+
         static native int lazygrid_report_json(long detector, long json);
 
         static native int lazygrid_memory_for(long detector, long spheres, long bytes);
@@ -98,7 +103,7 @@ final class Library {
 
     /** Memory of the library as a buffer, in native order. */
     static ByteBuffer view(long address, int bytes) {
-        if (bytes == 0) return ByteBuffer.allocateDirect(0).order(ByteOrder.nativeOrder());
+        if (bytes == 0) return EMPTY.duplicate().order(ByteOrder.nativeOrder());
         return new Pointer(address).getByteBuffer(0, bytes).order(ByteOrder.nativeOrder());
     }
 
@@ -172,6 +177,10 @@ final class Library {
         int status = Functions.lazygrid_stream(detector, query, chunk, consume, 0, handed);
         Reference.reachabilityFence(consume);
         return status;
+    }
+
+    static int neighborList(long detector, long query, int options, long list) {
+        return Functions.lazygrid_neighbor_list(detector, query, options, list);
     }
 
     private static Consume consume(Consumer consumer) {

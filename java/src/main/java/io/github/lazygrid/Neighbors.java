@@ -4,14 +4,14 @@ import java.nio.IntBuffer;
 import java.nio.LongBuffer;
 
 /**
- * Neighbor lists in compressed sparse rows: the neighbors of sphere k are at {@code offsets.get(k)} to
- * {@code offsets.get(k + 1) - 1} of the indices, ascending. Of one set every pair is in both
- * lists; of two sets there is a list for each sphere of the first one, with its neighbors in the second.
+ * Neighbor lists in compressed sparse rows: those of sphere k are at {@code offsets.get(k)} to
+ * {@code offsets.get(k + 1) - 1} of the indices, ascending. Every pair stands in both lists; of a query across two
+ * sets only spheres of the first have a list, of those of the second.
  *
  * <p>Both buffers lie in the detector's memory. They must not be used after the next search with it, nor after it is
  * closed.
  *
- * @param offsets where each sphere's list starts; one more than there are lists, the last the number of indices
+ * @param offsets where each sphere's list starts; one more than there are spheres, the last the number of indices
  * @param indices the neighbors, list after list
  */
 public record Neighbors(LongBuffer offsets, IntBuffer indices) {

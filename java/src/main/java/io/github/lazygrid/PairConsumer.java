@@ -7,7 +7,7 @@ import java.nio.IntBuffer;
 public interface PairConsumer {
     /**
      * Takes some pairs. It runs in any thread, in one at a time, and must not search. What it throws ends the search
-     * and is thrown by {@link Detector#stream}.
+     * and is thrown by {@link Detector#stream(Query, int, PairConsumer)}.
      *
      * @param pairs i and j of each pair, one after the other; not to be used after this returns
      * @return whether to go on

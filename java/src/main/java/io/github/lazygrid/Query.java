@@ -2,18 +2,15 @@ package io.github.lazygrid;
 
 import java.lang.ref.Reference;
 import java.nio.ByteBuffer;
-import java.nio.ByteOrder;
 import java.util.Objects;
 
 /**
- * A question to a detector: the pairs among one set of spheres, or those of one sphere of each of two sets, without the
- * excluded ones. Made once, it serves every step of a simulation; a search with it allocates no query.
- *
- * <p>Two sets work with every {@link Algorithm}.
+ * What a detector searches: the pairs among one set of spheres, or those of one sphere of each of two sets, except
+ * excluded ones. Queries are immutable, hold no memory outside the heap, and serve any number of searches.
  */
 public final class Query {
-    /** Layout of {@code lazygrid_query} on 64-bit machines. */
-    private static final int SIZE = 32;
+    /** Size of {@code lazygrid_query} on 64-bit machines. */
+    static final int SIZE = 32;
     private static final int FIRST = 8;
     private static final int SECOND = 16;
     private static final int EXCLUSIONS = 24;
@@ -21,66 +18,66 @@ public final class Query {
     private final Spheres first;
     /** Null for one set. */
     private final Spheres second;
-    /** Null for none. */
+    /** Null if no pairs are excluded. */
     private final Exclusions exclusions;
-    private final ByteBuffer structure = ByteBuffer.allocateDirect(SIZE).order(ByteOrder.nativeOrder());
-    private final long address = Library.address(structure, 1);
 
-    Query(Spheres first, Spheres second, Exclusions exclusions) {
+    private Query(Spheres first, Spheres second, Exclusions exclusions) {
         this.first = first;
         this.second = second;
         this.exclusions = exclusions;
-        structure.putLong(0, SIZE);
-        structure.putLong(FIRST, first.address());
-        structure.putLong(SECOND, second == null ? 0 : second.address());
-        structure.putLong(EXCLUSIONS, exclusions == null ? 0 : exclusions.address());
     }
 
     /**
-     * The pairs among spheres.
+     * The pairs among these spheres, i &lt; j.
      *
-     * @param spheres where they are at each search
+     * @param spheres the only set
      * @return the query
      */
     public static Query of(Spheres spheres) {
-        return spheres.query();
+        return new Query(Objects.requireNonNull(spheres, "spheres"), null, null);
     }
 
     /**
-     * The pairs of one sphere of each of two sets: i is an index in the first set and j one in the second. Both may be the
-     * same spheres; each is then a pair with itself.
+     * The pairs of one sphere of each set, such as particles and receivers: i is an index in {@code first}, j one in
+     * {@code second}. No two spheres of one set are compared. The sets may differ in precision and layout. If both are
+     * the same spheres, each is a pair with itself.
      *
-     * @param first the first set
-     * @param second the second set
+     * @param first the set of i
+     * @param second the set of j; messages about it begin with "of the second set, "
      * @return the query
      */
     public static Query across(Spheres first, Spheres second) {
-        return new Query(first, Objects.requireNonNull(second), null);
+        return new Query(Objects.requireNonNull(first, "first"), Objects.requireNonNull(second, "second"), null);
     }
 
     /**
-     * The same query, of which some pairs are never reported.
+     * The same query without some pairs. The list takes the place of an earlier one.
      *
-     * @param pairs these pairs, made by {@link Exclusions#of} for one set and by {@link Exclusions#across} for two; a list
-     *     for other numbers of spheres is refused by the search
+     * @param exclusions the pairs, for two sets from {@link Exclusions#across}; null: none. The search refuses a list
+     *     that was made for other numbers of spheres
      * @return the query, of the same spheres
      */
-    public Query without(Exclusions pairs) {
-        return new Query(first, second, pairs);
+    public Query without(Exclusions exclusions) {
+        return new Query(first, second, exclusions);
     }
 
-    /** The number of neighbor lists. */
+    /** The number of spheres that have a list of neighbors. */
     int lists() {
         return first.count();
     }
 
-    /** The address of a {@code lazygrid_query}, for as long as this is {@linkplain #keep kept}. */
-    long address() {
-        return address;
+    /** Writes a {@code lazygrid_query}, which is valid until this is {@linkplain #keep kept}. */
+    void write(ByteBuffer into, int at) {
+        into.putLong(at, SIZE);
+        into.putLong(at + FIRST, first.address());
+        into.putLong(at + SECOND, second == null ? 0 : second.address());
+        into.putLong(at + EXCLUSIONS, exclusions == null ? 0 : exclusions.address());
     }
 
-    /** Called after each use of the address: until then nothing is freed that it leads to. */
+    /** Called after each search, so that the memory that the structure names is not freed before. */
     void keep() {
-        Reference.reachabilityFence(this);
+        first.keep();
+        if (second != null) second.keep();
+        Reference.reachabilityFence(exclusions);
     }
 }

@@ -97,7 +97,7 @@ public final class Settings {
      * @param b another; null: none
      * @param c another; null: none
      * @return these settings
-     * @throws IllegalArgumentException for an edge that has not three components
+     * @throws IllegalArgumentException for an edge without exactly three components
      */
     public Settings edges(double[] a, double[] b, double[] c) {
         double[][] given = {a, b, c};

@@ -1,117 +1,110 @@
 package io.github.lazygrid;
 
+import java.lang.ref.Reference;
 import java.nio.Buffer;
 import java.nio.ByteBuffer;
 import java.nio.ByteOrder;
 import java.nio.DoubleBuffer;
 import java.nio.FloatBuffer;
 import java.nio.IntBuffer;
+import java.nio.LongBuffer;
 import java.util.ArrayList;
 import java.util.List;
 
 /**
- * Spheres in direct buffers of the caller, which are read at each search and never copied. Made once, it serves every
- * step of a simulation that writes to the same buffers. What counts is what lies between position and limit when it is
- * made.
+ * Spheres in direct buffers of the caller, which each search reads, in single or double precision. No number is rounded.
+ * Made once, they serve every step of a simulation that writes to the same buffers. What counts is what lies between
+ * position and limit when they are made.
  *
- * <p>Lengths are in one unit, the caller's. A radius of 0 is a point.
+ * <p>Lengths are in one unit, the caller's. A radius of 0 is a point. Rows and columns of floats are searched where they
+ * are; other spheres are copied by the search.
  */
 public final class Spheres {
     /** The group of spheres that are in none. */
     public static final int NO_GROUP = -1;
 
-    /** Layout of {@code lazygrid_spheres} on 64-bit machines. */
+    /** Size of {@code lazygrid_spheres} on 64-bit machines. */
     private static final int SIZE = 88;
     private static final int COUNT = 8;
     private static final int X = 16;
-    private static final int Y = 24;
-    private static final int Z = 32;
-    private static final int R = 40;
     private static final int STEP = 48;
     private static final int R_STEP = 56;
-    private static final int TYPE = 64;
+    private static final int PRECISION = 64;
     private static final int SPECIES = 72;
     private static final int GROUPS = 80;
-    /** Values of the type. */
-    private static final int F32 = 0;
-    private static final int F64 = 1;
+
+    /** The type of numbers, in the order of {@code lazygrid.h}. */
+    enum Precision {
+        F32(Float.BYTES),
+        F64(Double.BYTES);
+
+        /** Bytes of a number. */
+        final int size;
+
+        Precision(int size) {
+            this.size = size;
+        }
+
+        private static Precision of(Buffer numbers) {
+            return numbers instanceof FloatBuffer ? F32 : F64;
+        }
+    }
 
     private final int count;
-    /** Buffers that live as long as their addresses are known. */
+    /** The caller's buffers, which live as long as their addresses are known. */
     private final List<Buffer> kept;
     private final ByteBuffer structure = ByteBuffer.allocateDirect(SIZE).order(ByteOrder.nativeOrder());
     private final long address = Library.address(structure, 1);
-    private final Query query;
 
-    /** Spheres of four columns of one type, of which the first three have one step. */
-    private Spheres(int count, Column x, Column y, Column z, Column r) {
+    /** Steps are in numbers. */
+    private Spheres(int count, Precision precision, long[] xyzr, int step, int radiusStep, List<Buffer> kept) {
         this.count = count;
-        structure.putLong(0, SIZE).putLong(COUNT, count);
-        structure.putLong(X, x.address()).putLong(Y, y.address()).putLong(Z, z.address()).putLong(R, r.address());
-        structure.putLong(STEP, x.step()).putLong(R_STEP, r.step());
-        structure.putInt(TYPE, x.values instanceof DoubleBuffer ? F64 : F32);
-        kept = List.of(x.values, y.values, z.values, r.values);
-        query = new Query(this, null, null);
+        this.kept = kept;
+        structure.putLong(0, SIZE).putLong(COUNT, count).putInt(PRECISION, precision.ordinal());
+        for (int k = 0; k < 4; k++) structure.putLong(X + Long.BYTES * k, xyzr[k]);
+        structure.putLong(STEP, (long) precision.size * step).putLong(R_STEP, (long) precision.size * radiusStep);
     }
 
-    /** The same spheres with other values in one place of the structure. */
+    /** The same spheres with a buffer in one place of the structure. */
     private Spheres(Spheres same, int place, IntBuffer values) {
         count = same.count;
         structure.put(0, same.structure, 0, SIZE).putLong(place, Library.address(values, Integer.BYTES));
-        List<Buffer> all = new ArrayList<>(same.kept);
-        all.add(values);
-        kept = List.copyOf(all);
-        query = new Query(this, null, null);
+        kept = new ArrayList<>(same.kept);
+        kept.add(values);
     }
 
     /**
-     * Numbers of spheres: every {@code stride}-th value of a buffer, beginning {@code first} values after its position.
-     *
-     * @param values the buffer, of floats or doubles
-     * @param first the first value
-     * @param stride the number of values from one sphere to the next; 0: one value for all
-     */
-    private record Column(Buffer values, int first, int stride) {
-        long address() {
-            long at = Library.address(values, size(values));
-            return at == 0 ? 0 : at + (long) first * size(values);
-        }
-
-        long step() {
-            return (long) stride * size(values);
-        }
-    }
-
-    /**
-     * Spheres as rows.
+     * Spheres as rows in single precision.
      *
      * @param rows x, y, z and radius of each, one after the other; direct, in native order
      * @return the spheres
      * @throws IllegalArgumentException for another kind of buffer, or a number of values that 4 does not divide
      */
     public static Spheres rows(FloatBuffer rows) {
-        return ofRows(rows.duplicate());
+        return ofRows(rows);
     }
 
     /**
-     * Spheres as rows, in double precision. No number is rounded.
+     * Spheres as rows in double precision.
      *
-     * @param rows x, y, z and radius of each, one after the other; direct, in native order
+     * @param rows as {@link #rows(FloatBuffer)}
      * @return the spheres
-     * @throws IllegalArgumentException for another kind of buffer, or a number of values that 4 does not divide
+     * @throws IllegalArgumentException as {@link #rows(FloatBuffer)}
      */
     public static Spheres rows(DoubleBuffer rows) {
-        return ofRows(rows.duplicate());
+        return ofRows(rows);
     }
 
-    private static Spheres ofRows(Buffer rows) {
-        int count = rowsOf(rows, 4, "rows");
-        return new Spheres(count, new Column(rows, 0, 4), new Column(rows, 1, 4), new Column(rows, 2, 4),
-            new Column(rows, 3, 4));
+    private static Spheres ofRows(Buffer given) {
+        Buffer rows = interleaved(given, "rows", 4);
+        Precision precision = Precision.of(rows);
+        long x = Library.address(rows, precision.size);
+        long[] xyzr = {x, x + precision.size, x + 2L * precision.size, x + 3L * precision.size};
+        return new Spheres(rows.remaining() / 4, precision, xyzr, 4, 4, List.of(rows));
     }
 
     /**
-     * Spheres as columns of one length.
+     * Spheres as columns of one length in single precision.
      *
      * @param x coordinates of centers along x; direct, in native order, like the others
      * @param y along y
@@ -121,11 +114,11 @@ public final class Spheres {
      * @throws IllegalArgumentException for another kind of buffer, or lengths that differ
      */
     public static Spheres columns(FloatBuffer x, FloatBuffer y, FloatBuffer z, FloatBuffer r) {
-        return ofColumns(x.duplicate(), y.duplicate(), z.duplicate(), r.duplicate());
+        return ofColumns(x, y, z, r);
     }
 
     /**
-     * Spheres as columns of one length, in double precision. No number is rounded.
+     * Spheres as columns of one length in double precision.
      *
      * @param x coordinates of centers along x; direct, in native order, like the others
      * @param y along y
@@ -135,83 +128,63 @@ public final class Spheres {
      * @throws IllegalArgumentException for another kind of buffer, or lengths that differ
      */
     public static Spheres columns(DoubleBuffer x, DoubleBuffer y, DoubleBuffer z, DoubleBuffer r) {
-        return ofColumns(x.duplicate(), y.duplicate(), z.duplicate(), r.duplicate());
+        return ofColumns(x, y, z, r);
     }
 
-    private static Spheres ofColumns(Buffer... columns) {
+    private static Spheres ofColumns(Buffer... given) {
+        Precision precision = Precision.of(given[0]);
+        Buffer[] columns = new Buffer[4];
+        long[] xyzr = new long[4];
         for (int k = 0; k < 4; k++) {
             String name = "xyzr".substring(k, k + 1);
-            check(columns[k], name);
-            sameLength(name, columns[k].remaining(), columns[0].remaining());
+            check(given[k], name);
+            sameLength(name, given[k].remaining(), given[0].remaining());
+            columns[k] = given[k].duplicate();
+            xyzr[k] = Library.address(columns[k], precision.size);
         }
-        return new Spheres(columns[0].remaining(), new Column(columns[0], 0, 1), new Column(columns[1], 0, 1),
-            new Column(columns[2], 0, 1), new Column(columns[3], 0, 1));
+        return new Spheres(given[0].remaining(), precision, xyzr, 1, 1, List.of(columns));
     }
 
     /**
-     * Points of one radius. Half a cutoff makes pairs of points that are within the cutoff.
+     * Spheres of one radius in single precision. With half a cutoff as the radius, pairs are points within the cutoff.
      *
      * @param centers x, y and z of each, one after the other; direct, in native order
-     * @param radius the radius of all
+     * @param radius of all
      * @return the spheres
      * @throws IllegalArgumentException for another kind of buffer, or a number of values that 3 does not divide
      */
     public static Spheres points(FloatBuffer centers, float radius) {
-        return ofPoints(centers.duplicate(), floats(1).put(0, radius), 0);
+        return ofPoints(centers, floats(1).put(0, radius));
     }
 
     /**
-     * Points of one radius, in double precision. No number is rounded.
+     * Spheres of one radius in double precision.
      *
-     * @param centers x, y and z of each, one after the other; direct, in native order
-     * @param radius the radius of all
+     * @param centers as {@link #points(FloatBuffer, float)}
+     * @param radius of all
      * @return the spheres
-     * @throws IllegalArgumentException for another kind of buffer, or a number of values that 3 does not divide
+     * @throws IllegalArgumentException as {@link #points(FloatBuffer, float)}
      */
     public static Spheres points(DoubleBuffer centers, double radius) {
-        return ofPoints(centers.duplicate(), doubles(1).put(0, radius), 0);
+        return ofPoints(centers, doubles(1).put(0, radius));
     }
 
-    /**
-     * Points with a radius each.
-     *
-     * @param centers x, y and z of each, one after the other; direct, in native order
-     * @param radii the radius of each; direct, in native order
-     * @return the spheres
-     * @throws IllegalArgumentException for another kind of buffer, or other numbers of values
-     */
-    public static Spheres points(FloatBuffer centers, FloatBuffer radii) {
-        return ofPoints(centers.duplicate(), radii.duplicate(), 1);
+    private static Spheres ofPoints(Buffer given, Buffer radius) {
+        Buffer centers = interleaved(given, "centers", 3);
+        Precision precision = Precision.of(centers);
+        long x = Library.address(centers, precision.size);
+        long[] xyzr = {x, x + precision.size, x + 2L * precision.size, Library.address(radius, precision.size)};
+        return new Spheres(centers.remaining() / 3, precision, xyzr, 3, 0, List.of(centers, radius));
     }
 
-    /**
-     * Points with a radius each, in double precision. No number is rounded.
-     *
-     * @param centers x, y and z of each, one after the other; direct, in native order
-     * @param radii the radius of each; direct, in native order
-     * @return the spheres
-     * @throws IllegalArgumentException for another kind of buffer, or other numbers of values
-     */
-    public static Spheres points(DoubleBuffer centers, DoubleBuffer radii) {
-        return ofPoints(centers.duplicate(), radii.duplicate(), 1);
-    }
-
-    private static Spheres ofPoints(Buffer centers, Buffer radii, int stride) {
-        int count = rowsOf(centers, 3, "centers");
-        check(radii, "radii");
-        if (stride != 0) sameLength("radii", radii.remaining(), count);
-        return new Spheres(count, new Column(centers, 0, 3), new Column(centers, 1, 3), new Column(centers, 2, 3),
-            new Column(radii, 0, stride));
-    }
-
-    /** The number of rows of {@code width} values in a buffer. */
-    private static int rowsOf(Buffer buffer, int width, String name) {
-        check(buffer, name);
-        if (buffer.remaining() % width != 0) {
+    /** A view of its own of a buffer with so many values for each sphere. */
+    private static Buffer interleaved(Buffer given, String name, int each) {
+        check(given, name);
+        if (given.remaining() % each != 0) {
             throw new IllegalArgumentException(
-                name + " have " + buffer.remaining() + " values; give " + width + " for each sphere");
+                name + " have " + given.remaining() + " values; give " + each + " for each sphere");
         }
-        return buffer.remaining() / width;
+        return given.duplicate();
     }
 
     /**
@@ -226,8 +199,8 @@ public final class Spheres {
     }
 
     /**
-     * The same spheres with a group each, as a molecule or a rigid body: two spheres of one group are never a pair, except
-     * those of {@link #NO_GROUP}. Two spheres of two sets are of one group if their numbers are equal.
+     * The same spheres with a group each, as a molecule or a rigid body: two spheres of one group are never a pair,
+     * except those of {@link #NO_GROUP}. In two sets equal numbers are the same group.
      *
      * @param groups a number for each sphere, of which all 32 bits count; direct, in native order
      * @return the spheres, in the same buffers
@@ -244,7 +217,7 @@ public final class Spheres {
     }
 
     /**
-     * A direct buffer as {@link #rows(FloatBuffer)} and its like take them.
+     * A direct buffer of single precision as {@link #rows(FloatBuffer)} takes it.
      *
      * @param length how many values it has
      * @return the buffer, all zeros
@@ -254,7 +227,7 @@ public final class Spheres {
     }
 
     /**
-     * A direct buffer as {@link #rows(DoubleBuffer)} and its like take them.
+     * A direct buffer of double precision as {@link #rows(DoubleBuffer)} takes it.
      *
      * @param length how many values it has
      * @return the buffer, all zeros
@@ -282,14 +255,15 @@ public final class Spheres {
         return count;
     }
 
-    /** The query for the pairs among these spheres, made once. */
-    Query query() {
-        return query;
-    }
-
-    /** The address of a {@code lazygrid_spheres}, for as long as this is reachable. */
+    /** The address of a {@code lazygrid_spheres}, for as long as this is {@linkplain #keep kept}. */
     long address() {
         return address;
+    }
+
+    /** Called after each use of the address, so that the memory that the structure names is not freed before. */
+    void keep() {
+        Reference.reachabilityFence(structure);
+        Reference.reachabilityFence(kept);
     }
 
     private static ByteBuffer direct(int length, int size) {
@@ -302,19 +276,15 @@ public final class Spheres {
 
     static void check(Buffer buffer, String name) {
         if (!buffer.isDirect() || order(buffer) != ByteOrder.nativeOrder()) {
-            throw new IllegalArgumentException(
-                name + " must be a direct buffer in native order; Spheres.floats, Spheres.doubles and Spheres.ints make them");
+            throw new IllegalArgumentException(name + " must be a direct buffer in native order; "
+                + "Spheres.floats, Spheres.doubles and Spheres.ints make them");
         }
     }
 
     private static ByteOrder order(Buffer buffer) {
         if (buffer instanceof FloatBuffer floats) return floats.order();
-        return buffer instanceof DoubleBuffer doubles ? doubles.order() : ((IntBuffer) buffer).order();
-    }
-
-    /** The bytes of a number in a buffer of floats or doubles. */
-    private static int size(Buffer buffer) {
-        return buffer instanceof FloatBuffer ? Float.BYTES : Double.BYTES;
+        if (buffer instanceof DoubleBuffer doubles) return doubles.order();
+        return buffer instanceof LongBuffer longs ? longs.order() : ((IntBuffer) buffer).order();
     }
 
     private static void sameLength(String name, int length, int expected) {

@@ -54,6 +54,8 @@ final class Library {
         function("neighbors", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle STREAM =
         function("stream", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG, JAVA_LONG);
+    private static final MethodHandle NEIGHBOR_LIST =
+        function("neighbor_list", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_INT, JAVA_LONG);
     private static final MethodHandle REPORT_JSON = function("report_json", JAVA_INT, JAVA_LONG, JAVA_LONG);
     private static final MethodHandle MEMORY_FOR =
         function("memory_for", JAVA_INT, JAVA_LONG, JAVA_LONG, JAVA_LONG);
@@ -235,6 +237,14 @@ final class Library {
         // Closed when C has returned, and with it all threads that call.
         try (Arena arena = Arena.ofConfined()) {
             return (int) STREAM.invokeExact(detector, query, chunk, stub(consumer, arena), 0L, handed);
+        } catch (Throwable thrown) {
+            throw fault(thrown);
+        }
+    }
+
+    static int neighborList(long detector, long query, int options, long list) {
+        try {
+            return (int) NEIGHBOR_LIST.invokeExact(detector, query, options, list);
         } catch (Throwable thrown) {
             throw fault(thrown);
         }

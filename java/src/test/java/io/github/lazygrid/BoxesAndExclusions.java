@@ -15,16 +15,20 @@ import java.util.Arrays;
 import java.util.List;
 import java.util.Random;
 
-/** Boxes that lean, groups and excluded pairs, against the plain loop. */
+/** Triclinic boxes, groups and excluded pairs, against the plain loop. */
 final class BoxesAndExclusions {
-    private static final double[][] LEANING = {{4, 0, 0}, {3, 4, 0}, {-1, 2.5, 5}};
+    private static final double[][] TRICLINIC = {{4, 0, 0}, {3, 4, 0}, {-1, 2.5, 5}};
+    private static final Algorithm[] CPU = {
+        Algorithm.AUTO, Algorithm.NAIVE, Algorithm.HASH_GRID, Algorithm.ARRAY_GRID, Algorithm.RECURSIVE_GRID,
+        Algorithm.CELL_LIST
+    };
     private static final int COUNT = 120;
     private static final int SPLIT = 50;
 
     private BoxesAndExclusions() {}
 
     static void run() {
-        leaning();
+        triclinic();
         omitted();
         twoSets();
         collected();
@@ -72,6 +76,10 @@ final class BoxesAndExclusions {
     }
 
     /** All kinds of results. */
+    private static void same(Detector detector, Spheres spheres, List<int[]> expected, String what) {
+        same(detector, Query.of(spheres), expected, what);
+    }
+
     private static void same(Detector detector, Query query, List<int[]> expected, String what) {
         check(Arrays.equals(detector.pairsCopied(query), flat(expected)), what + ": pairs");
         check(detector.count(query) == expected.size(), what + ": count");
@@ -79,24 +87,24 @@ final class BoxesAndExclusions {
         check(detector.stream(query, 8, pairs -> true) == expected.size(), what + ": stream");
     }
 
-    private static void leaning() {
+    private static void triclinic() {
         FloatBuffer rows = scene(1);
         for (int repeating = 1; repeating <= 3; repeating++) {
             double[][] edges = new double[3][3];
-            for (int k = 0; k < repeating; k++) edges[k] = LEANING[k];
+            for (int k = 0; k < repeating; k++) edges[k] = TRICLINIC[k];
             List<int[]> expected = plainLoop(rows, edges);
-            for (Algorithm algorithm : new Algorithm[] {Algorithm.AUTO, Algorithm.NAIVE, Algorithm.ARRAY_GRID}) {
+            for (Algorithm algorithm : CPU) {
                 Settings settings = onCpu().algorithm(algorithm);
                 settings.edges(edges[0], repeating > 1 ? edges[1] : null, repeating > 2 ? edges[2] : null);
                 try (Detector detector = new Detector(settings)) {
-                    same(detector, Query.of(Spheres.rows(rows)), expected, repeating + " edges, " + algorithm);
+                    same(detector, Spheres.rows(rows), expected, repeating + " edges, " + algorithm);
                 }
             }
         }
     }
 
     private static void omitted() {
-        for (double[][] edges : new double[][][] {null, LEANING}) {
+        for (double[][] edges : new double[][][] {null, TRICLINIC}) {
             FloatBuffer rows = scene(2);
             List<int[]> all = plainLoop(rows, edges), apart = new ArrayList<>(), rest = new ArrayList<>();
             IntBuffer groups = Spheres.ints(COUNT);
@@ -115,13 +123,14 @@ final class BoxesAndExclusions {
             Settings settings = edges == null ? onCpu() : onCpu().edges(edges[0], edges[1], edges[2]);
             try (Detector detector = new Detector(settings)) {
                 Spheres spheres = Spheres.rows(rows), grouped = spheres.withGroups(groups);
-                same(detector, Query.of(grouped), apart, "groups");
+                same(detector, grouped, apart, "groups");
                 Exclusions exclusions = Exclusions.of(COUNT, flat(listed));
                 same(detector, Query.of(grouped).without(exclusions), rest, "groups and pairs");
+                same(detector, Query.of(grouped).without(exclusions).without(null), apart, "no pairs again");
                 Neighbors lists = detector.neighbors(spheres);
                 Exclusions every = Exclusions.rows(lists.offsets(), lists.indices());
                 same(detector, Query.of(spheres).without(every), List.of(), "all that touch");
-                same(detector, Query.of(spheres), all, "as before");
+                same(detector, spheres, all, "as before");
             }
         }
     }
@@ -133,7 +142,7 @@ final class BoxesAndExclusions {
         List<int[]> expected = new ArrayList<>(), listed = new ArrayList<>();
         for (int i = 0; i < SPLIT; i++) {
             for (int j = SPLIT; j < COUNT; j++) {
-                if (!touch(rows, i, j, LEANING)) continue;
+                if (!touch(rows, i, j, TRICLINIC)) continue;
                 boolean together = groups.get(i) == groups.get(j) && groups.get(i) >= 0;
                 if ((i + j) % 4 == 0) {
                     listed.add(new int[] {i, j - SPLIT});
@@ -146,18 +155,25 @@ final class BoxesAndExclusions {
         Spheres a = Spheres.rows(rows.duplicate().limit(4 * SPLIT)).withGroups(groups.duplicate().limit(SPLIT));
         Spheres b = Spheres.rows(rows.duplicate().position(4 * SPLIT)).withGroups(groups.duplicate().position(SPLIT));
         Exclusions exclusions = Exclusions.across(SPLIT, COUNT - SPLIT, flat(listed));
-        try (Detector detector = new Detector(onCpu().edges(LEANING[0], LEANING[1], LEANING[2]))) {
-            IntBuffer found = detector.pairs(Query.across(a, b).without(exclusions));
-            int[] copy = new int[found.remaining()];
-            found.get(copy);
-            check(Arrays.equals(copy, flat(expected)), "between");
-            Exclusions ofOne = Exclusions.of(COUNT - SPLIT);
-            failing(Status.INPUT, "", () -> detector.count(Query.across(a, b).without(ofOne)));
-            failing(Status.INPUT, "", () -> detector.count(Query.of(a).without(exclusions)));
+        Query across = Query.across(a, b).without(exclusions);
+        for (Algorithm algorithm : CPU) {
+            Settings settings = onCpu().algorithm(algorithm).edges(TRICLINIC[0], TRICLINIC[1], TRICLINIC[2]);
+            try (Detector detector = new Detector(settings)) {
+                check(Arrays.equals(detector.pairsCopied(across), flat(expected)), "across, " + algorithm);
+                check(detector.count(across) == expected.size(), "count across, " + algorithm);
+                check(detector.stream(across, 8, pairs -> true) == expected.size(), "stream across, " + algorithm);
+                Neighbors lists = detector.neighbors(across);
+                check(lists.offsets().remaining() == SPLIT + 1, "lists across, " + algorithm);
+                check(lists.indices().remaining() == expected.size(), "neighbors across, " + algorithm);
+                Exclusions ofOne = Exclusions.of(COUNT - SPLIT);
+                failing(Status.INPUT, "", () -> detector.count(Query.across(a, b).without(ofOne)));
+                failing(Status.INPUT, "", () -> detector.count(Query.of(a).without(exclusions)));
+                failing(Status.INPUT, "", () -> detector.count(Query.across(b, a).without(exclusions)));
+            }
         }
     }
 
-    /** Buffers and a list live as long as the query that names them. */
+    /** A list lives as long as a query names it. */
     private static void collected() {
         FloatBuffer rows = scene(4);
         List<int[]> all = plainLoop(rows, null);

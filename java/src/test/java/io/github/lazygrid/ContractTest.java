@@ -1,6 +1,8 @@
 package io.github.lazygrid;
 
 import java.io.IOException;
+import java.lang.management.BufferPoolMXBean;
+import java.lang.management.ManagementFactory;
 import java.nio.ByteBuffer;
 import java.nio.FloatBuffer;
 import java.nio.IntBuffer;
@@ -9,6 +11,7 @@ import java.nio.file.Path;
 import java.util.Arrays;
 import java.util.Locale;
 import java.util.Random;
+import java.util.Set;
 import java.util.TreeSet;
 import java.util.concurrent.atomic.AtomicLong;
 import java.util.function.Predicate;
@@ -99,7 +102,7 @@ public final class ContractTest {
             check(pairs.remaining() == 2 * (count - 1) && pairs.isReadOnly(), "pairs");
             check(pairs.get(0) == 0 && pairs.get(1) == 1 && pairs.get(2 * count - 3) == count - 1, "canonical");
             Neighbors neighbors = detector.neighbors(spheres);
-            check(neighbors.of(0).remaining() == 1 && neighbors.of(7).get(0) == 6, "neighbours");
+            check(neighbors.of(0).remaining() == 1 && neighbors.of(7).get(0) == 6, "neighbors");
             check(neighbors.of(7).get(1) == 8, "ascending");
             check(detector.reportJson().contains("\"pairs\":" + (count - 1)), "report");
             check(detector.memoryFor(1000) > 0, "memory");
@@ -220,10 +223,31 @@ public final class ContractTest {
         check(right.get() == 20, "threads: " + right);
     }
 
+    /** Steps reuse the structures of spheres and detectors, also those that find nothing. */
+    private static void steps() {
+        BufferPoolMXBean pool = ManagementFactory.getPlatformMXBeans(BufferPoolMXBean.class).stream()
+            .filter(one -> one.getName().equals("direct")).findFirst().orElseThrow();
+        Spheres spheres = Spheres.rows(line(100)), one = Spheres.rows(line(1));
+        Exclusions exclusions = Exclusions.of(100, 0, 1);
+        try (Detector detector = new Detector(onCpu())) {
+            long before = 0;
+            for (int step = 0; step < 100; step++) {
+                // The first step loads classes.
+                if (step == 1) before = pool.getCount();
+                check(detector.count(Query.of(spheres).without(exclusions)) == 98, "step " + step);
+                check(detector.pairs(Query.across(spheres, one)).remaining() == 4, "across, step " + step);
+                check(detector.pairs(one).remaining() == 0, "one sphere, step " + step);
+                check(detector.neighbors(one).indices().remaining() == 0, "no neighbors, step " + step);
+                check(detector.neighborList(spheres, Set.of()).length() == 198, "list, step " + step);
+            }
+            check(pool.getCount() <= before, pool.getCount() + " direct buffers, at first " + before);
+        }
+    }
+
     /** The numbers of enumerations are those of the header. */
     private static void header(Path path) throws IOException {
         TreeSet<String> named = new TreeSet<>();
-        Matcher matcher = Pattern.compile("LAZYGRID_([A-Z_]+) = (\\d+)").matcher(Files.readString(path));
+        Matcher matcher = Pattern.compile("LAZYGRID_([A-Z_0-9]+) = (\\d+)").matcher(Files.readString(path));
         while (matcher.find()) named.add(matcher.group(1) + " " + matcher.group(2));
         TreeSet<String> expected = new TreeSet<>();
         for (Status status : Status.values()) {
@@ -235,6 +259,8 @@ public final class ContractTest {
         }
         for (Interaction.Kind kind : Interaction.Kind.values()) expected.add(kind + " " + kind.ordinal());
         for (Skin.Kind kind : Skin.Kind.values()) expected.add("SKIN_" + kind + " " + kind.ordinal());
+        for (Spheres.Precision precision : Spheres.Precision.values()) expected.add(precision + " " + precision.ordinal());
+        for (ListOption option : ListOption.values()) expected.add("LIST_" + option + " " + option.bit());
         check(named.equals(expected), "header " + named + ", here " + expected);
     }
 
@@ -253,9 +279,11 @@ public final class ContractTest {
         streams();
         errors();
         speciesAndBoxes();
+        steps();
         SetsAndSkins.run();
         BoxesAndExclusions.run();
-        Doubles.run();
+        Precisions.run();
+        NeighborLists.run();
         threads();
         System.out.println(passed + " passed, " + failed + " failed");
         System.exit(failed == 0 ? 0 : 1);
