@@ -150,9 +150,10 @@ mod tests {
         let done = Progress::hidden(None);
         let bar = done.bar.clone();
         drop(done);
+        // Until then it draws from time to time.
+        drop(progress);
         terminal.0.lock().unwrap().clear();
         show(&bar, target());
-        drop(progress);
         assert!(!terminal.0.lock().unwrap().contains("searching"));
     }
 }

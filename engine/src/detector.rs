@@ -82,7 +82,7 @@ impl Engine {
         }
     }
 
-    /// Finds the pairs in canonical order; [`found`](Self::found) has them.
+    /// Finds the pairs in canonical order; [`last_pairs`](Self::last_pairs) has them.
     pub(crate) fn list(&mut self, query: &Query<'_>) -> Result<(), Error> {
         match self {
             Self::Host(host) => host.list(query, Order::Canonical),
@@ -91,11 +91,11 @@ impl Engine {
         }
     }
 
-    pub(crate) fn found(&self) -> &[Pair] {
+    pub(crate) fn last_pairs(&self) -> &[Pair] {
         match self {
-            Self::Host(host) => host.found(),
+            Self::Host(host) => host.last_pairs(),
             #[cfg(feature = "gpu")]
-            Self::Device(device) => device.found(),
+            Self::Device(device) => device.last_pairs(),
         }
     }
 

@@ -16,9 +16,9 @@ use crate::{Error, Report};
 pub(crate) struct Geometry {
     builder: NeighborListBuilder,
     images: Images,
-    /// Finds the pairs of spheres and images, on the CPU: they are decided on in `f64`, and few boxes are so small that have many
-    /// spheres.
-    between: Option<HostDetector>,
+    /// Finds the pairs of spheres and images. It runs on the CPU, where pairs are decided in `f64` anyway; boxes that need it
+    /// rarely hold many spheres.
+    image_search: Option<HostDetector>,
     report: Option<Report>,
 }
 
@@ -41,7 +41,7 @@ impl Geometry {
         let start = Instant::now();
         let Settings { space, interactions, .. } = engine.settings();
         let contact = Contact { query, space, table: interactions.as_ref() };
-        let list = self.builder.build(contact, (engine.found(), None), options, engine.team())?;
+        let list = self.builder.build(contact, (engine.last_pairs(), None), options, engine.team())?;
         Phase::add(engine.phases_mut(), "neighbors", start.elapsed());
         Ok(list)
     }
@@ -53,20 +53,20 @@ impl Geometry {
         query: &Query<'_>,
         options: ListOptions,
     ) -> Result<NeighborList<'_>, Error> {
-        let Self { builder, images, between, report } = self;
+        let Self { builder, images, image_search, report } = self;
         let settings = engine.settings();
         let contact = Contact { query, space: &settings.space, table: settings.interactions.as_ref() };
         engine.team().pass(query.len(), |threads| Ok(check(query, contact.table, threads)?))?;
         let start = Instant::now();
         images.build(&contact)?;
         let made = start.elapsed();
-        let detector = match between {
+        let detector = match image_search {
             Some(detector) => detector,
-            None => between.insert(HostDetector::new(among_images(settings))?),
+            None => image_search.insert(HostDetector::new(among_images(settings))?),
         };
         detector.list(&images.query(), Order::Canonical)?;
         let start = Instant::now();
-        let list = builder.build(contact, (detector.found(), Some(images)), options, engine.team())?;
+        let list = builder.build(contact, (detector.last_pairs(), Some(images)), options, engine.team())?;
         Phase::add(detector.phases_mut(), "images", made);
         Phase::add(detector.phases_mut(), "neighbors", start.elapsed());
         let found = Report::from(detector.report());
@@ -75,7 +75,7 @@ impl Geometry {
         Ok(list)
     }
 
-    /// Another call begins.
+    /// Forgets the report: another call begins.
     pub(crate) fn end(&mut self) {
         self.report = None;
     }

@@ -53,7 +53,7 @@ impl HostDetector {
         Ok(&self.state.pairs)
     }
 
-    /// Finds the pairs, in this order; [`found`](Self::found) has them.
+    /// Finds the pairs, in this order; [`last_pairs`](Self::last_pairs) has them.
     ///
     /// # Errors
     /// As [`pairs`](Self::pairs).
@@ -62,7 +62,7 @@ impl HostDetector {
     }
 
     /// The pairs of the last list.
-    pub fn found(&self) -> &[Pair] {
+    pub fn last_pairs(&self) -> &[Pair] {
         &self.state.pairs
     }
 

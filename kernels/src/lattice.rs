@@ -132,13 +132,11 @@ mod tests {
                     assert!((-1e-6..1.0 + 1e-6).contains(fraction), "{space:?}: {folded:?}");
                 }
                 let back = space.image(point, lattice.shift(folded.counts.map(|count| -count)));
-                for axis in 0..3 {
-                    let error = (back[axis] * lattice.unit() - folded.point[axis]).abs();
-                    let extent = 1e4_f64.max(lattice.unit());
-                    assert!(
-                        error <= lattice.rounding(extent, folded.counts.map(f64::abs)),
-                        "{space:?}: {error:e}"
-                    );
+                let extent = 1e4_f64.max(lattice.unit());
+                let bound = lattice.rounding(extent, folded.counts.map(f64::abs));
+                for (number, expected) in back.into_iter().zip(folded.point) {
+                    let error = (number * lattice.unit() - expected).abs();
+                    assert!(error <= bound, "{space:?}: {error:e}");
                 }
             }
         }

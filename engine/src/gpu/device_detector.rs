@@ -168,7 +168,7 @@ impl DeviceDetector {
     }
 
     /// The pairs of the last list.
-    pub(crate) fn found(&self) -> &[Pair] {
+    pub(crate) fn last_pairs(&self) -> &[Pair] {
         &self.pairs
     }
 
@@ -184,7 +184,7 @@ impl DeviceDetector {
         &mut self.report.phases
     }
 
-    /// Finds the pairs, in this order; [`found`](Self::found) has them.
+    /// Finds the pairs, in this order; [`last_pairs`](Self::last_pairs) has them.
     pub(crate) fn list(&mut self, query: &Query<'_>, by: Order) -> Result<(), Error> {
         let limit = self.settings.max_pairs;
         let mut found = std::mem::take(&mut self.found);
