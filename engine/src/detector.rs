@@ -256,7 +256,9 @@ impl Detector {
     }
 
     /// Estimates the bytes that this detector holds for `spheres` spheres, besides the result. On the CPU the estimate is an
-    /// upper bound. More than [`MAX_SPHERES`](crate::MAX_SPHERES) spheres count as that many.
+    /// upper bound for one set of rows or columns in `f32`; two sets, spheres in `f64` and strided ones are copied, which takes up
+    /// to 23 bytes more for each, and neighbor lists take memory in proportion to the neighbors. More than
+    /// [`MAX_SPHERES`](crate::MAX_SPHERES) spheres count as that many.
     ///
     /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes candidates. On the CPU that is room for 96 per sphere,
     /// 768 bytes, the most that are kept; few scenes have more than ten.
