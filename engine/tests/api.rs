@@ -13,7 +13,8 @@ use std::time::Duration;
 use lazygrid::glam::Vec3;
 use lazygrid::{
     Algorithm, Backend, Bond, Config, Detector, Error, Exclusions, InputError, Interaction, Interactions,
-    Neighbors, Order, Pair, Phase, Reach, Report, Simd, Space, Sphere, Spheres, UnknownName, detect,
+    ListOptions, NeighborList, Neighbors, Order, Pair, Phase, Query, Radii, Reach, Report, Simd, Space,
+    Sphere, Spheres, UnknownName, detect,
 };
 
 const fn crosses_threads<T: Send + Sync>() {}
@@ -26,6 +27,8 @@ const _: () = {
     crosses_threads::<Config>();
     crosses_threads::<Report>();
     crosses_threads::<Neighbors<'_>>();
+    crosses_threads::<NeighborList<'_>>();
+    crosses_threads::<Query<'_>>();
     crosses_threads::<Spheres<'_>>();
     is_data::<Sphere>();
     is_data::<Pair>();
@@ -41,6 +44,27 @@ const _: () = {
     is_error::<InputError>();
     is_error::<UnknownName>();
 };
+
+/// Queries of both precisions, of one set and two, and geometry.
+fn every_query(detector: &mut Detector, wide: &[[f64; 4]], bonds: &Exclusions) -> Result<(), Error> {
+    let centers = [[0.0_f64, 0.0, 0.0], [1.0, 0.0, 0.0]];
+    let x = &[0.0_f64; 2];
+    let points: Spheres<'_> = Spheres::points(&centers, Radii::All(0.5))?;
+    let each: Spheres<'_> = Spheres::points(&centers, Radii::Each(x))?;
+    let columns: Spheres<'_> = Spheres::columns(x, x, x, x)?;
+    let _: &[Pair] = detector.pairs(wide)?;
+    let _: &[Pair] = detector.pairs((points, wide))?;
+    let _: u64 = detector.count((&[[0.0_f32; 4]], columns))?;
+    let query: Query<'_> = Query::new((points, each)).without(bonds);
+    let _: Neighbors<'_> = detector.neighbors(query)?;
+    let _: u64 = detector.stream(query, 7, |_| ControlFlow::Break(()))?;
+    let options: ListOptions = ListOptions::half().open().with_self().shifts().vectors().distances();
+    let list: NeighborList<'_> = detector.neighbor_list(query, options)?;
+    let _: (&[u64], &[Pair]) = (list.offsets(), list.pairs());
+    let _: (&[[i32; 3]], &[[f64; 3]], &[f64]) = (list.shifts(), list.vectors(), list.distances());
+    let _: (usize, bool) = (list.len(), list.is_empty());
+    Ok(())
+}
 
 /// Every way in and out of a detector, with all types written.
 fn every_call(detector: &mut Detector, rows: &[Sphere], four: &[[f32; 4]]) -> Result<(), Error> {
@@ -169,6 +193,7 @@ fn what_is_written_here_runs() -> Result<(), Box<dyn StdError>> {
     let species = Interactions::new(2, Interaction::Touch)?;
     let mut detector = Detector::new(Config::default().backend(Backend::Cpu))?;
     every_call(&mut detector, &rows, &[[0.0; 4]])?;
+    every_query(&mut Detector::new(Config::default())?, &[[0.0; 4]], &Exclusions::across(2, 2, [(0, 1)])?)?;
     let _: Vec<Pair> = detector.into_pairs();
     assert_eq!(species.species(), 2);
     let mut detector = Detector::new(every_setting()?)?;

@@ -3,8 +3,8 @@
 use std::ops::ControlFlow;
 
 use lazygrid::{
-    Config, Detector, Error, Exclusions, InputError, Interaction, Interactions, Order, Pair, Query, Radii,
-    Skin, Space, Sphere, Spheres,
+    Backend, Config, Detector, Error, Exclusions, InputError, Interaction, Interactions, Order, Pair, Query,
+    Radii, Skin, Space, Sphere, Spheres,
 };
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{Subject, in_pool};
@@ -136,7 +136,9 @@ fn every_space_and_magnitude_gives_the_pairs_of_the_contract() {
             let spheres = scene(240, 2.4, offset, &mut random);
             let expected = oracle(&spheres, &space, None);
             assert!(expected.len() > 60, "{}", expected.len());
-            for subject in Subject::each_algorithm() {
+            // The offset is gone in the frame, before a device sees the spheres.
+            let is_asked = |subject: &Subject| subject.backend == Backend::Cpu || offset == [0.0; 3];
+            for subject in Subject::each_algorithm().into_iter().filter(is_asked) {
                 subject.run(|| {
                     let config = subject.config().space(space).skin(Skin::Off);
                     let mut detector = Detector::new(config).expect("a detector");
@@ -235,31 +237,30 @@ fn two_sets_species_and_exclusions_are_decided_in_f64() {
 #[test]
 fn candidates_of_f64_spheres_lose_no_pair() {
     for space in [spaces()[0], spaces()[1], spaces()[3]] {
+        let mut random = Random(17);
+        let mut spheres = scene(900, 2.4, [1e7, 0.0, -1e7], &mut random);
+        let mut steps = Vec::new();
+        for step in 0..9 {
+            steps.push((spheres.clone(), oracle(&spheres, &space, None)));
+            let far = if step == 5 { 0.2 } else { 0.002 };
+            for sphere in &mut spheres {
+                (0..3).for_each(|axis| sphere[axis] += far * random.signed());
+            }
+        }
         for subject in Subject::each_algorithm() {
             if !matches!(subject.algorithm, lazygrid::Algorithm::CellList | lazygrid::Algorithm::Auto) {
                 continue;
             }
-            let mut random = Random(17);
-            let mut spheres = scene(900, 2.4, [1e7, 0.0, -1e7], &mut random);
             let config = subject.config().space(space).skin(Skin::Fixed(0.05)).order(Order::Canonical);
             let mut detector = Detector::new(config).expect("a detector");
             let mut served = 0;
             in_pool(subject.threads, || {
-                for step in 0..9 {
-                    let expected = oracle(&spheres, &space, None);
-                    let found = detector.pairs(&spheres).expect("valid");
-                    assert!(
-                        found == expected,
-                        "{subject}, step {step}: {} of {}",
-                        found.len(),
-                        expected.len()
-                    );
+                for (step, (spheres, expected)) in steps.iter().enumerate() {
+                    let found = detector.pairs(spheres).expect("valid");
+                    let count = found.len();
+                    assert!(found == expected, "{subject}, step {step}: {count} of {}", expected.len());
                     served +=
                         u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
-                    let far = if step == 5 { 0.2 } else { 0.002 };
-                    for sphere in &mut spheres {
-                        (0..3).for_each(|axis| sphere[axis] += far * random.signed());
-                    }
                 }
             });
             assert!(served > 4, "{subject}: {served} of 9 calls were served");
