@@ -235,7 +235,8 @@ def crystals() -> list[Any]:
         atoms.append(bulk(name, structure, a=a))
     atoms.append(bulk("ZnO", "wurtzite", a=3.25, c=5.2))
     atoms.append(bulk("CaF2", "fluorite", a=5.46))
-    for make in (build.fcc111, build.fcc100, build.fcc110):
+    surfaces: tuple[Any, ...] = (build.fcc111, build.fcc100, build.fcc110)
+    for make in surfaces:
         atoms.append(make("Pt", (1, 1, 3), vacuum=8.0))
         atoms.append(make("Pt", (2, 2, 3), vacuum=8.0))
     atoms += [build.bcc110("Fe", (1, 1, 4), vacuum=7.0), build.hcp0001("Ru", (1, 1, 4), vacuum=7.0)]
