@@ -378,7 +378,7 @@ LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, con
 LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const lazygrid_query *query, size_t chunk,
                                              lazygrid_consume consume, void *context, uint64_t *handed);
 
-/* What lazygrid_neighbor_list is asked for: the sum of some of these. */
+/* Options of lazygrid_neighbor_list, to be added up. */
 enum {
     LAZYGRID_LIST_HALF = 1, /* every pair once, else twice: i < j, and of opposite images of a sphere one */
     LAZYGRID_LIST_OPEN = 2, /* only distances below the reach, as ASE has it; else touching counts */

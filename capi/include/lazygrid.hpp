@@ -107,7 +107,7 @@ struct Neighbors {
     }
 };
 
-// A neighbor list with geometry; what was not asked for is empty.
+// A neighbor list with geometry. Views that the options do not ask for are empty.
 struct NeighborList {
     // Where the entries of each sphere start; one more than there are spheres.
     View<std::uint64_t> offsets;
@@ -287,7 +287,7 @@ private:
     const lazygrid_exclusions *exclusions_ = nullptr;
 };
 
-// What a neighbor list holds; the fields are those of LAZYGRID_LIST_...
+// Options of a neighbor list, as the constants LAZYGRID_LIST_... describe them.
 struct ListOptions {
     bool half = false, open = false, self = false;
     bool shifts = false, vectors = false, distances = false;

@@ -1,4 +1,4 @@
-//! Neighbor lists with geometry: which search finds their pairs, and the buffers that they are built in.
+//! Neighbor lists with geometry: chooses the search that finds their pairs, and owns the buffers of the lists.
 
 use std::time::Instant;
 
@@ -11,7 +11,7 @@ use lazygrid_kernels::{Algorithm, Query, Space};
 use crate::detector::Engine;
 use crate::{Error, Report};
 
-/// What neighbor lists need besides a search.
+/// The buffers of neighbor lists, and the search for pairs of spheres and images.
 #[derive(Debug, Default)]
 pub(crate) struct Geometry {
     builder: NeighborListBuilder,
