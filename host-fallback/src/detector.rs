@@ -205,7 +205,7 @@ impl HostDetector {
             };
             let mut input =
                 Input { rule, survey, settings, simd: settings.simd, threads, split: placed.split };
-            state.build(&input, lapsed)?;
+            state.build(&mut input, lapsed)?;
             if is_large || state.is_short(&input) {
                 work(state, &input)
             } else {

@@ -1,6 +1,7 @@
 use std::sync::atomic::Ordering::Relaxed;
 
 use crate::compare::{Output, Rule, Sink, Task};
+use crate::species_groups::{Grouping, SpeciesGroups};
 use crate::survey::Survey;
 use crate::threads::Threads;
 use crate::{Error, Settings, Simd};
@@ -25,6 +26,14 @@ impl Input<'_> {
     /// Whether the caller wants the search to end; asked before each piece of work.
     pub(crate) fn is_stopped(&self) -> bool {
         self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
+    }
+
+    /// The groups of spheres: two sets, each divided by species. `species` says by which groups, and whether those that
+    /// pair are kept apart.
+    pub(crate) fn grouping<'g>(&'g self, species: Option<(&'g SpeciesGroups, bool)>) -> Grouping<'g> {
+        let species = species.zip(self.rule.spheres().species());
+        let species = species.map(|((groups, is_separate), ids)| (groups.partition(is_separate), ids));
+        Grouping::new(self.split, species)
     }
 
     pub(crate) fn is_periodic(&self) -> bool {

@@ -29,6 +29,7 @@ mod report;
 mod scatter;
 mod settings;
 mod skin;
+mod species_groups;
 mod state;
 mod survey;
 mod threads;

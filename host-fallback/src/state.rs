@@ -58,7 +58,7 @@ impl State {
     }
 
     /// Chooses and builds, unless candidates serve the call.
-    pub(crate) fn build(&mut self, input: &Input<'_>, lapsed: Option<Rebuilt>) -> Result<(), Error> {
+    pub(crate) fn build(&mut self, input: &mut Input<'_>, lapsed: Option<Rebuilt>) -> Result<(), Error> {
         self.from_candidates = lapsed.is_none();
         if self.from_candidates {
             self.report.algorithm = Algorithm::CellList;
@@ -69,6 +69,10 @@ impl State {
             };
             (self.report.algorithm, self.report.reason) = (algorithm, reason);
             self.structure(input)?;
+        }
+        if self.report.algorithm == Algorithm::CellList && self.cell_list.touch_decides() {
+            // Candidates are those of the list as it is, and of its groups.
+            input.rule.decided_by_radii();
         }
         if self.from_candidates {
             let kept = self.course.candidates.kept(lapsed);

@@ -7,8 +7,10 @@
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Space, Spheres};
 
+use super::Levels;
 use crate::input::Input;
 use crate::memory::collect;
+use crate::species_groups::{Grouping, MAX_GROUPS, SpeciesGroups};
 use crate::{Error, Survey};
 
 /// Halvings of the bounding cube's edge: 21 bits per axis fill a 63-bit Morton code.
@@ -23,6 +25,12 @@ const FEW: usize = 1 << 12;
 const CALLS: u32 = 15;
 /// Part of the extent by which bounds may have moved meanwhile.
 const MOVED: f32 = 0.0625;
+/// Groups of species are kept apart if a search is estimated to take less than this part of the time.
+const BETTER: f32 = 0.9;
+/// Estimated time of an exact test, whose spheres lie anywhere in memory, in nanoseconds.
+const EXACT: f32 = 60.0;
+/// The most groups: two sets of [`MAX_GROUPS`] and one that never pairs.
+const MAX_SEPARATE: usize = 2 * (MAX_GROUPS + 1);
 
 /// Mean number of spheres in the cube of a sphere, by the cube's edge, as points of a line in log-log scale.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,13 +48,9 @@ impl Crowding {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
+    #[cfg(test)]
     pub(crate) fn sample(input: &Input<'_>) -> Result<Self, Error> {
-        let survey = &input.survey;
-        let n = survey.spheres;
-        let spheres = input.rule.spheres();
-        let size = sample_size(n);
-        let places = (0..size).map(|k| spheres.get(sample_index(k, size, n)).center);
-        Self::between((survey.min, survey.max), places, n)
+        Ok(Sample::take(input)?.crowding(None))
     }
 
     /// Samples spheres that may lie anywhere in a periodic space, and of which no bounds are known.
@@ -69,17 +73,23 @@ impl Crowding {
         places: impl ExactSizeIterator<Item = Vec3>,
         n: usize,
     ) -> Result<Self, Error> {
-        let origin = min.as_dvec3();
-        let edge = (max.as_dvec3() - origin).max_element();
-        let scale = if edge > 0.0 { f64::from(1 << DEPTHS) / edge } else { 0.0 };
-        let codes = places.map(|place| morton((place.as_dvec3() - origin) * scale));
+        let (scale, edge) = Self::scale((min, max));
+        let codes = places.map(|place| (morton((place.as_dvec3() - min.as_dvec3()) * scale), 0));
         let mut codes = collect(codes, "a sample of the spheres")?;
         codes.sort_unstable();
-        Ok(Self::from_codes(&codes, n, edge))
+        Ok(Self::from_codes(&codes, n, edge, None))
     }
 
+    /// The factor from coordinates to those of Morton codes, and the edge of the bounding cube.
+    fn scale((min, max): (Vec3, Vec3)) -> (f64, f64) {
+        let edge = (max.as_dvec3() - min.as_dvec3()).max_element();
+        (if edge > 0.0 { f64::from(1 << DEPTHS) / edge } else { 0.0 }, edge)
+    }
+
+    /// The crowding by sorted codes, each with the index of its sphere. With a grouping, only spheres of groups that
+    /// meet count.
     #[expect(clippy::disallowed_macros, clippy::disallowed_methods, reason = "there are 22 depths")]
-    fn from_codes(codes: &[u64], n: usize, edge: f64) -> Self {
+    fn from_codes(codes: &[(u64, u32)], n: usize, edge: f64, grouping: Option<&Grouping<'_>>) -> Self {
         let (n, size) = (n as f32, codes.len() as f32);
         let pairs = size * (size - 1.0) / 2.0;
         let mut log_mean = vec![n.max(1.0).log2()];
@@ -89,6 +99,17 @@ impl Crowding {
                 break;
             }
             log_mean.push((n * shared as f32 / pairs).log2());
+        }
+        if let Some(grouping) = grouping {
+            // Too few meetings at a depth tell no fraction; that of the cubes around is an upper estimate.
+            let mut fraction = 1.0;
+            for (depth, log_mean) in log_mean.iter_mut().enumerate() {
+                let [met, all] = meetings(codes, depth, grouping);
+                if met >= RELIABLE || depth == 0 {
+                    fraction = (met.max(1) as f32 / all.max(1) as f32).min(1.0);
+                }
+                *log_mean += fraction.log2();
+            }
         }
         let falls = match log_mean[..] {
             [.., a, b] if log_mean.len() > 2 => a - b,
@@ -101,6 +122,13 @@ impl Crowding {
     /// log₂ of the edge of the bounding cube; −∞ where all centres coincide.
     pub(crate) fn log_extent(&self) -> f32 {
         self.top
+    }
+
+    /// About how many pairs touch.
+    fn contacts(&self, survey: &Survey) -> f32 {
+        // The cube with the volume of the sphere in which the centers of equal spheres in contact lie.
+        let around = |radius: f32| if radius > 0.0 { self.mean((3.2 * radius).log2()) } else { 0.0 };
+        survey.occupied().map(|(_, class)| class.count as f32 * around(class.largest)).sum::<f32>() / 2.0
     }
 
     /// Mean number of spheres, itself included, in the cube of this edge around a sphere.
@@ -116,10 +144,59 @@ impl Crowding {
     }
 }
 
-/// A sample that serves a few calls, where the spheres are few.
+/// Sorted Morton codes of some spheres, with their indices.
+struct Sample {
+    codes: Vec<(u64, u32)>,
+    spheres: usize,
+    edge: f64,
+}
+
+impl Sample {
+    fn take(input: &Input<'_>) -> Result<Self, Error> {
+        let Survey { spheres: n, min, max, .. } = input.survey;
+        let (spheres, size) = (input.rule.spheres(), sample_size(n));
+        let (scale, edge) = Crowding::scale((min, max));
+        let codes = (0..size).map(|k| {
+            let index = sample_index(k, size, n);
+            let at = (spheres.get(index).center.as_dvec3() - min.as_dvec3()) * scale;
+            (morton(at), index as u32)
+        });
+        let mut codes = collect(codes, "a sample of the spheres")?;
+        codes.sort_unstable();
+        Ok(Self { codes, spheres: n, edge })
+    }
+
+    /// The crowding of spheres of groups that meet; of all spheres without a grouping.
+    fn crowding(&self, grouping: Option<&Grouping<'_>>) -> Crowding {
+        Crowding::from_codes(&self.codes, self.spheres, self.edge, grouping)
+    }
+
+    /// The number of looks at neighboring cells if groups are kept apart, over the number if they are not.
+    fn looks(&self, grouping: &Grouping<'_>) -> f32 {
+        let mut members = [0.0_f32; MAX_SEPARATE];
+        for (_, index) in &self.codes {
+            members[grouping.of(*index as usize)] += 1.0;
+        }
+        let members = &members[..grouping.count()];
+        let looks = |a: usize, b: usize| match grouping.meeting(a, b) {
+            None => 0.0,
+            Some(_) if a == b => members[a] / 2.0,
+            Some(_) => members[a].min(members[b]),
+        };
+        let apart: f32 =
+            (0..members.len()).map(|a| (a..members.len()).map(|b| looks(a, b)).sum::<f32>()).sum();
+        2.0 * apart / self.codes.len().max(1) as f32
+    }
+}
+
+/// The crowding that a plan is made for, and whether groups of species are kept apart in it. Small inputs reuse it in
+/// several calls.
 #[derive(Debug)]
 pub(crate) struct Outlook {
     crowding: Crowding,
+    is_separate: bool,
+    /// The version of the groups of species.
+    groups: u32,
     spheres: usize,
     bounds: [Vec3; 2],
     /// For how many calls more.
@@ -131,19 +208,64 @@ impl Outlook {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(crate) fn of(last: Option<Self>, input: &Input<'_>) -> Result<Self, Error> {
+    pub(crate) fn of(
+        last: Option<Self>,
+        input: &Input<'_>,
+        groups: Option<&SpeciesGroups>,
+    ) -> Result<Self, Error> {
         let Survey { spheres, min, max, .. } = input.survey;
+        let version = groups.map_or(0, SpeciesGroups::version);
         match last {
-            Some(last) if last.serves(spheres, [min, max]) => Ok(Self { left: last.left - 1, ..last }),
+            Some(last) if last.groups == version && last.serves(spheres, [min, max]) => {
+                Ok(Self { left: last.left - 1, ..last })
+            }
             _ => {
                 let left = if spheres < FEW { CALLS } else { 0 };
-                Ok(Self { crowding: Crowding::sample(input)?, spheres, bounds: [min, max], left })
+                let (crowding, is_separate) = Self::sample(input, groups)?;
+                Ok(Self { crowding, is_separate, groups: version, spheres, bounds: [min, max], left })
             }
         }
     }
 
+    /// Samples the input. Groups of species are kept apart if a search is then expected to take less time.
+    fn sample(input: &Input<'_>, groups: Option<&SpeciesGroups>) -> Result<(Crowding, bool), Error> {
+        let sample = Sample::take(input)?;
+        let Some(groups) = groups else { return Ok((sample.crowding(None), false)) };
+        let grouping = |is_separate| input.grouping(Some((groups, is_separate)));
+        let merged = sample.crowding(Some(&grouping(false)));
+        if !groups.are_several() {
+            return Ok((merged, false));
+        }
+        // In merged groups, species that never pair are compared.
+        let apart = sample.crowding(Some(&grouping(true)));
+        let cost = |crowding: &Crowding, is_separate| {
+            let exact = match grouping(is_separate).is_by_radii() {
+                true => 0.0,
+                false => EXACT * crowding.contacts(&input.survey),
+            };
+            (Levels::plan(&input.survey, crowding).cost, exact)
+        };
+        let looks = [false, true].map(|is_separate| sample.looks(&grouping(is_separate)));
+        let (search, exact) = cost(&apart, true);
+        let time = search * (looks[1] / looks[0].max(0.5)).max(1.0) + exact;
+        let (search, exact) = cost(&merged, false);
+        let is_separate = time < BETTER * (search + exact);
+        Ok((if is_separate { apart } else { merged }, is_separate))
+    }
+
+    /// The same with groups kept apart or not, whatever that costs.
+    #[cfg(test)]
+    pub(crate) fn with_groups(self, is_separate: bool) -> Self {
+        Self { is_separate, ..self }
+    }
+
     pub(crate) fn crowding(&self) -> &Crowding {
         &self.crowding
+    }
+
+    /// Whether groups of species are kept apart.
+    pub(crate) fn is_separate(&self) -> bool {
+        self.is_separate
     }
 
     /// Whether it is good for so many spheres between these bounds.
@@ -180,13 +302,31 @@ fn morton(at: DVec3) -> u64 {
     spread(at.x) | (spread(at.y) << 1) | (spread(at.z) << 2)
 }
 
-/// How many pairs of the sorted sample share a cell at `depth` halvings.
-fn coincidences(codes: &[u64], depth: usize) -> u64 {
+/// The spheres of the sorted sample that share a cell at `depth` halvings, cell by cell.
+fn cells(codes: &[(u64, u32)], depth: usize) -> impl Iterator<Item = &[(u64, u32)]> {
     let shift = 3 * (DEPTHS - depth);
-    codes
-        .chunk_by(|a, b| a >> shift == b >> shift)
-        .map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2)
-        .sum()
+    codes.chunk_by(move |(a, _), (b, _)| a >> shift == b >> shift)
+}
+
+/// How many pairs of the sorted sample share a cell at `depth` halvings.
+fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
+    cells(codes, depth).map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2).sum()
+}
+
+/// How many pairs of spheres of groups that meet share a cell at `depth` halvings, and how many pairs in all.
+fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
+    let groups = grouping.count();
+    cells(codes, depth).fold([0, 0], |[met, all], run| {
+        let mut members = [0_u64; MAX_SEPARATE];
+        run.iter().for_each(|(_, index)| members[grouping.of(*index as usize)] += 1);
+        let pairs = |a: usize, b: usize| match (a == b, grouping.meeting(a, b)) {
+            (_, None) => 0,
+            (true, _) => members[a] * members[a].saturating_sub(1) / 2,
+            (false, _) => members[a] * members[b],
+        };
+        let own: u64 = (0..groups).map(|a| (a..groups).map(|b| pairs(a, b)).sum::<u64>()).sum();
+        [met + own, all + run.len() as u64 * (run.len() as u64 - 1) / 2]
+    })
 }
 
 #[cfg(test)]
@@ -195,8 +335,8 @@ mod tests {
 
     #[test]
     fn a_full_lattice_has_its_density_at_every_edge() {
-        let codes: Vec<u64> = (0..1 << 12).map(|k| k << 51).collect();
-        let crowding = Crowding::from_codes(&codes, 1 << 20, 16.0);
+        let codes: Vec<_> = (0..1 << 12).map(|k| (k << 51, k as u32)).collect();
+        let crowding = Crowding::from_codes(&codes, 1 << 20, 16.0, None);
         for (log_edge, expected) in [(4.0, 20.0), (3.0, 17.0), (2.0, 14.0), (1.5, 12.5), (-2.0, 2.0)] {
             let mean = crowding.mean(log_edge).log2();
             assert!((mean - expected).abs() < 0.6, "edge 2^{log_edge}: 2^{mean}, not 2^{expected}");
@@ -205,16 +345,18 @@ mod tests {
 
     #[test]
     fn coincident_spheres_are_crowded_at_every_edge() {
-        let crowding = Crowding::from_codes(&[7; 100], 1000, 0.0);
+        let crowding = Crowding::from_codes(&[(7, 0); 100], 1000, 0.0, None);
         assert!(crowding.mean(-100.0) > 990.0);
         assert!(crowding.mean(10.0) > 990.0);
     }
 
     #[test]
     fn a_sample_serves_few_spheres_a_few_times_and_only_about_where_it_was_taken() {
-        let crowding = Crowding::from_codes(&[7; 100], 1000, 1.0);
+        let crowding = Crowding::from_codes(&[(7, 0); 100], 1000, 1.0, None);
         let outlook = |left| Outlook {
             crowding: crowding.clone(),
+            is_separate: false,
+            groups: 0,
             spheres: 1000,
             bounds: [Vec3::ZERO, Vec3::ONE],
             left,

@@ -34,6 +34,7 @@ pub(crate) struct Grid {
     pub(crate) adjoining: bool,
     /// The largest effective radius of the level, and what rounding may add to it.
     reach: f64,
+    largest: f32,
 }
 
 /// Cells from `first` to `last`, both included; `last` is beyond the grid's size where it counts on round a fold.
@@ -99,7 +100,7 @@ impl Grid {
         let narrowest = edges.into_iter().fold(f64::INFINITY, f64::min);
         let adjoining = !folded && (f64::from(largest) + reach) * (1.0 + 1e-6) <= narrowest;
         let circular = folded || periodic.contains(&true);
-        Self { axes, edges, periodic, size, folded, circular, adjoining, reach }
+        Self { axes, edges, periodic, size, folded, circular, adjoining, reach, largest }
     }
 
     /// The largest effective radius of its spheres, and what rounding may add to it.
@@ -107,10 +108,15 @@ impl Grid {
         self.reach
     }
 
+    /// The largest effective radius of its spheres.
+    pub(crate) fn largest(&self) -> f32 {
+        self.largest
+    }
+
     /// About how many rows of cells a sphere of this radius has to look at.
     pub(crate) fn rows_around(&self, radius: f64) -> f64 {
         let cells = |axis: usize| {
-            let around = 1.0 + 2.0 * (radius + self.reach) / self.edges[axis];
+            let around = 1.0 + 2.0 * (radius + self.reach).max(0.0) / self.edges[axis];
             around.min(f64::from(self.size[axis]))
         };
         cells(1) * cells(2)

@@ -123,8 +123,9 @@ impl Model<'_> {
         let extent = self.crowding.log_extent();
         let members = |to: usize| self.counts[from..to].iter().sum::<f32>();
         if extent == f32::NEG_INFINITY {
-            // All meet all, whatever the levels.
-            let met = |to: usize| members(to) / 2.0 + self.counts[to..].iter().sum::<f32>();
+            // All meet all that they may pair with, whatever the levels.
+            let part = self.crowding.mean(extent) / self.total.max(1.0);
+            let met = |to: usize| part * (members(to) / 2.0 + self.counts[to..].iter().sum::<f32>());
             return ends.for_each(|to| offer(to, members(to) * (ROW + COMPARE * met(to)), 0.0));
         }
         let most: Vec<f32> = ends.clone().map(|to| (members(to) * CELLS_PER_SPHERE).max(64.0)).collect();

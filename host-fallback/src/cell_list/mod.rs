@@ -5,25 +5,35 @@
 //! sphere then looks at the cells around it: at its own level only at spheres later in the order, at coarser levels
 //! at all. A pair is thus met once, from its finer sphere or, within a level, from its earlier one.
 //!
-//! `crowding` estimates, `levels` plans, `sort` builds, `search` finds.
+//! Groups of spheres that do not pair among themselves, such as two sets or species without a reaction, have levels of
+//! their own. Spheres look only at levels of groups that pair with theirs; each two levels are searched from one side.
+//!
+//! `crowding` estimates, `levels` plans, `members` counts the spheres of groups, `sort` builds, `search` finds.
 
 mod crowding;
 mod grid;
 mod levels;
+mod members;
 mod search;
 mod sort;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
 
 use crate::classes::CLASSES;
 use crate::compare::{Columns, Output, Vector};
 use crate::input::Input;
 use crate::memory::{push, with_growth};
 use crate::report::Report;
+use crate::species_groups::{Grouping, SpeciesGroups};
 use crate::survey::Class;
 use crate::{Error, Survey};
 pub(crate) use crowding::{Crowding, Outlook};
 use grid::Grid;
 use levels::CELLS_PER_SPHERE;
 pub(crate) use levels::Levels;
+use members::Members;
 pub(crate) use sort::Entry;
 use sort::Sorter;
 
@@ -42,6 +52,12 @@ pub(crate) struct CellList {
     columns: Columns,
     /// Where each cell's spheres start in `columns`; one more than there are cells.
     starts: Vec<u32>,
+    /// The levels that each level looks at besides itself.
+    targets: Vec<Target>,
+    members: Vec<Members>,
+    groups: SpeciesGroups,
+    /// Whether all spheres that are compared are a pair if and only if their effective radii touch.
+    touch_decides: bool,
     sorter: Sorter,
     plan: Option<Planned>,
     /// Estimated time of a search by one thread, in nanoseconds.
@@ -69,21 +85,33 @@ impl Planned {
     }
 }
 
-/// One level of the plan, placed in the table.
+/// One level of the plan for the spheres of one group, placed in the table.
 #[derive(Clone, Debug)]
 struct Placed {
     grid: Grid,
     /// Table entry of its first cell.
     base: usize,
     /// The spheres of this level in the columns.
-    members: std::ops::Range<usize>,
+    members: Range<usize>,
+    /// Whether its spheres pair among themselves.
+    pairs_within: bool,
+    /// The other levels at which its spheres look, in [`CellList::targets`].
+    targets: Range<usize>,
 }
 
 impl Placed {
-    /// How many rows of cells its spheres look at on another level.
-    fn effort(&self, other: &Self) -> f64 {
-        self.members.len() as f64 * other.grid.rows_around(self.grid.reach())
+    /// The number of rows of cells that its spheres look at on a level, with radii up to `cap`.
+    fn effort(&self, other: &Self, cap: f64) -> f64 {
+        self.members.len() as f64 * other.grid.rows_around(self.grid.reach().min(cap))
     }
+}
+
+/// A level that another one looks at.
+#[derive(Clone, Copy, Debug)]
+struct Target {
+    level: usize,
+    /// The largest radius with which a sphere must look: with any larger one it pairs with no sphere of the level.
+    cap: f32,
 }
 
 /// Where each sphere belongs in the table.
@@ -91,8 +119,8 @@ impl Placed {
 struct Places<'p> {
     levels: &'p [Placed],
     of_class: &'p [u8; CLASSES],
-    /// How many spheres are of the first of two sets. The second one's levels follow those of the first.
-    split: Option<usize>,
+    /// The groups of the spheres. Each has levels of its own, one group after the other.
+    grouping: Grouping<'p>,
 }
 
 impl Places<'_> {
@@ -107,8 +135,7 @@ impl Places<'_> {
         let level = match self.levels {
             [only] => only,
             levels => {
-                let of_second = self.split.is_some_and(|split| id >= split);
-                let first = if of_second { levels.len() / 2 } else { 0 };
+                let first = self.grouping.of(id) * (levels.len() / self.grouping.count());
                 &levels[first + usize::from(self.of_class[Survey::class_of(radius)])]
             }
         };
@@ -116,33 +143,19 @@ impl Places<'_> {
     }
 }
 
-/// How many spheres of the first set each level has; none where there is one set.
-struct Members(Option<[u32; CLASSES]>);
-
-impl Members {
-    fn count(input: &Input<'_>, plan: &Levels) -> Self {
-        Self(input.split.map(|split| {
-            let mut first = [0; CLASSES];
-            for id in 0..split as u32 {
-                let (_, radius) = input.rule.effective(id);
-                first[usize::from(plan.of_class[Survey::class_of(radius)])] += 1;
-            }
-            first
-        }))
-    }
-
-    /// How many spheres the `k`th level has, counting those of the first set before those of the second.
-    fn of(&self, k: usize, plan: &Levels) -> u32 {
-        let level = k % plan.levels.len();
-        match &self.0 {
-            None => plan.levels[level].spheres,
-            Some(first) if k < plan.levels.len() => first[level],
-            Some(first) => plan.levels[level].spheres - first[level],
-        }
-    }
-}
-
 impl CellList {
+    /// Groups the spheres by species and takes a sample of them, unless the `last` one serves.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`], and those of the threads.
+    pub(crate) fn outlook(&mut self, last: Option<Outlook>, input: &Input<'_>) -> Result<Outlook, Error> {
+        let table = input.settings.interactions.as_ref().zip(input.rule.spheres().species());
+        if let Some((table, ids)) = table {
+            self.groups.update(ids, table, input.threads)?;
+        }
+        Outlook::of(last, input, table.map(|_| &self.groups))
+    }
+
     /// Plans and builds for these spheres, which are so crowded.
     ///
     /// # Errors
@@ -150,31 +163,62 @@ impl CellList {
     pub(crate) fn build(
         &mut self,
         input: &Input<'_>,
-        crowding: &Crowding,
+        outlook: &Outlook,
         report: &mut Report,
     ) -> Result<(), Error> {
-        let Survey { min, max, .. } = input.survey;
-        let lengths = input.rule.lengths();
         let last = self.plan.take();
-        let plan =
-            &self.plan.insert(report.time("plan", || Planned::of(last, &input.survey, crowding))).levels;
-        let (mut base, mut from) = (0, 0);
+        let planned = report.time("plan", || Planned::of(last, &input.survey, outlook.crowding()));
+        let plan = &self.plan.insert(planned).levels;
         self.time = plan.cost;
+        let groups = input.settings.interactions.as_ref().map(|_| (&self.groups, outlook.is_separate()));
+        let grouping = input.grouping(groups);
+        let is_divided = grouping.count() > 1;
+        if is_divided {
+            report.time("plan", || Members::count(&mut self.members, input, &grouping))?;
+        }
         self.levels.clear();
-        let sets = if input.split.is_some() { 2 } else { 1 };
-        let members = Members::count(input, plan);
-        for (k, level) in (0..sets).flat_map(|_| &plan.levels).enumerate() {
-            let most = ((level.spheres as f32 * CELLS_PER_SPHERE) as u64).min(MAX_CELLS);
-            let grid = |edge| Grid::new(edge, (min, max), lengths, level.largest, most);
-            let wider = WIDER.map(|by| level.edge * by).into_iter().map(grid).find(|grid| !grid.folded);
-            let grid = wider.unwrap_or_else(|| grid(level.edge));
-            log::trace!("level of {} spheres: edge {}, {grid:?}", level.spheres, level.edge);
-            let (cells, to) = (grid.cells() as usize, from + members.of(k, plan) as usize);
-            push(&mut self.levels, Placed { grid, base, members: from..to }, "levels")?;
+        let (mut base, mut from) = (0, 0);
+        for k in 0..grouping.count() * plan.levels.len() {
+            let (group, of) = (k / plan.levels.len(), k % plan.levels.len());
+            let members = if is_divided { self.members.get(group) } else { None };
+            let grid = Self::grid(input, plan, (of, members));
+            let cells = grid.cells() as usize;
+            let to =
+                from + members.map_or(plan.levels[of].spheres, |own| own.of_level(plan, of).count) as usize;
+            let pairs_within = grouping.meeting(group, group).is_some();
+            let level = Placed { grid, base, members: from..to, pairs_within, targets: 0..0 };
+            push(&mut self.levels, level, "levels")?;
             (base, from) = (base + cells, to);
         }
-        let places = Places { levels: &self.levels, of_class: &plan.of_class, split: input.split };
+        let members = if is_divided { &self.members[..] } else { &[] };
+        link(&mut self.levels, &mut self.targets, (members, &grouping), input)?;
+        self.touch_decides = grouping.is_by_radii();
+        let places = Places { levels: &self.levels, of_class: &plan.of_class, grouping };
         report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts))
+    }
+
+    /// The cells of a level for all spheres, or for those of one group.
+    fn grid(input: &Input<'_>, plan: &Levels, (of, members): (usize, Option<&Members>)) -> Grid {
+        let Survey { min, max, .. } = input.survey;
+        let level = &plan.levels[of];
+        let (spheres, largest, bounds) = match members {
+            None => (level.spheres, level.largest, (min, max)),
+            Some(members) => {
+                let Class { count, largest } = members.of_level(plan, of);
+                (count, largest, members.bounds())
+            }
+        };
+        let most = ((spheres as f32 * CELLS_PER_SPHERE) as u64).min(MAX_CELLS);
+        let grid = |edge| Grid::new(edge, bounds, input.rule.lengths(), largest, most);
+        let wider = WIDER.map(|by| level.edge * by).into_iter().map(grid).find(|grid| !grid.folded);
+        let grid = wider.unwrap_or_else(|| grid(level.edge));
+        log::trace!("level of {spheres} spheres: edge {}, {grid:?}", level.edge);
+        grid
+    }
+
+    /// Whether all spheres that are compared are a pair if and only if their effective radii touch.
+    pub(crate) fn touch_decides(&self) -> bool {
+        self.touch_decides
     }
 
     /// How long one thread is expected to search, in nanoseconds.
@@ -220,118 +264,38 @@ impl CellList {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use lazygrid_kernels::{Algorithm, Pair, Space, Sphere};
-
-    use super::{CellList, Crowding};
-    use crate::compare::Rule;
-    use crate::input::Input;
-    use crate::judged::judge;
-    use crate::threads::Threads;
-    use crate::{HostDetector, Order, Report, Settings, Simd, Survey};
-
-    fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
-        let settings = Settings { algorithm, simd, order: Order::Canonical, ..Settings::default() };
-        let mut detector = HostDetector::new(settings).expect("the settings are in range");
-        detector.pairs(spheres).expect("the spheres are valid").to_vec()
-    }
-
-    /// Spheres of sizes down to `2^-sizes` with edges of the scene at `spread`, from a fixed sequence.
-    fn scattered(n: u32, sizes: u32, spread: f32) -> Vec<Sphere> {
-        let mut state = 7_u64;
-        let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f32 / (1 << 24) as f32 - 0.5
-        };
-        (0..n)
-            .map(|k| {
-                let center = [random(), random(), random()].map(|x| spread * x * x.abs());
-                Sphere::new(center, 0.5_f32.powi((k % (sizes + 1)) as i32))
-            })
-            .collect()
-    }
-
-    #[test]
-    fn every_vector_width_finds_what_all_pairs_find() {
-        for (n, sizes, spread) in [(0, 0, 1.0), (1, 0, 1.0), (17, 0, 9.0), (3000, 0, 60.0), (3000, 9, 40.0)] {
-            let spheres = scattered(n, sizes, spread);
-            let expected = pairs(&spheres, Algorithm::Naive, Simd::Portable);
-            for simd in [Simd::Portable, Simd::Avx2, Simd::Avx512] {
-                assert_eq!(pairs(&spheres, Algorithm::Naive, simd), expected, "naive, {n}, {simd:?}");
-                assert_eq!(pairs(&spheres, Algorithm::CellList, simd), expected, "{n}, {simd:?}");
+/// Decides from which of two levels each pair of them is searched: within a group from the finer one, between groups from
+/// the one that looks at fewer cells. `members` is empty if there is one group.
+fn link(
+    levels: &mut [Placed],
+    targets: &mut Vec<Target>,
+    (members, grouping): (&[Members], &Grouping<'_>),
+    input: &Input<'_>,
+) -> Result<(), Error> {
+    targets.clear();
+    let per_group = levels.len() / grouping.count();
+    for own in 0..levels.len() {
+        let start = targets.len();
+        for other in (0..levels.len()).filter(|other| *other != own) {
+            let [a, b] = [own, other].map(|level| level / per_group);
+            let (Some(meeting), false) = (grouping.meeting(a, b), levels[other].members.is_empty()) else {
+                continue;
+            };
+            let reach = match members {
+                [] => f64::INFINITY,
+                _ if input.rule.is_framed() || grouping.sets().is_some() => f64::INFINITY,
+                members => members[a].reach(&members[b], meeting),
+            };
+            let [cap, back] = [other, own].map(|level| reach - f64::from(levels[level].grid.largest()));
+            let [forth, back] =
+                [levels[own].effort(&levels[other], cap), levels[other].effort(&levels[own], back)];
+            let is_from_own =
+                if a == b { own > other } else { forth < back || (forth == back && own < other) };
+            if is_from_own {
+                push(targets, Target { level: other, cap: (cap as f32).next_up() }, "levels")?;
             }
         }
+        levels[own].targets = start..targets.len();
     }
-
-    #[test]
-    fn agrees_with_all_pairs() {
-        judge(&Settings { algorithm: Algorithm::CellList, ..Settings::default() });
-    }
-
-    /// Cells wider than the reach, most of them away from the seam, and pairs across every face, edge and corner.
-    #[test]
-    fn a_gas_in_a_periodic_box() {
-        let spheres: Vec<_> = scattered(6000, 0, 60.0)
-            .into_iter()
-            .map(|sphere| Sphere::new((sphere.center * 17.0) % 15.0, 0.5))
-            .collect();
-        for lengths in [[Some(15.0); 3], [Some(15.0), None, None], [None, Some(15.0), Some(14.0)]] {
-            let space = Space::periodic(lengths).expect("a box");
-            let pairs = |algorithm, simd| {
-                let settings = Settings { algorithm, simd, space, ..Settings::default() };
-                let mut detector = HostDetector::new(settings).expect("the settings are in range");
-                detector.pairs(&spheres).expect("the spheres are valid").to_vec()
-            };
-            let expected = pairs(Algorithm::Naive, Simd::Portable);
-            for simd in [Simd::Portable, Simd::Avx2, Simd::Avx512] {
-                assert!(pairs(Algorithm::CellList, simd) == expected, "{lengths:?}, {simd:?}");
-                assert!(pairs(Algorithm::Naive, simd) == expected, "naive, {lengths:?}, {simd:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_folded_table_finds_what_all_pairs_find() {
-        // A chain across space: its bounds hold far more cells than the table may have, and its links cross every
-        // seam of the fold.
-        let mut at = glam::Vec3::new(-700.0, 400.0, 90.0);
-        let mut spheres = scattered(2000, 3, 30.0);
-        for sphere in &mut spheres {
-            at += sphere.center.abs() * 0.1 + 0.05;
-            sphere.center = at;
-        }
-        let expected = pairs(&spheres, Algorithm::Naive, Simd::Portable);
-        assert!(expected.len() > 1000);
-        assert_eq!(pairs(&spheres, Algorithm::CellList, Simd::detect()), expected);
-    }
-
-    /// Cells as small as the table allows, wherever space begins.
-    #[test]
-    fn a_few_cells_too_many_are_no_reason_to_fold() {
-        // Sums of four are about normally distributed, so that no cells are as good as the smallest.
-        let cloud: Vec<_> = scattered(80_000, 0, 1e5)
-            .chunks(4)
-            .map(|four| Sphere::new(four.iter().map(|sphere| sphere.center).sum::<glam::Vec3>(), 1.0))
-            .collect();
-        for shift in 0..10 {
-            let mut spheres = cloud.clone();
-            spheres.iter_mut().for_each(|sphere| sphere.center += 1700.0 * shift as f32);
-            let rule = Rule::new((&spheres).into(), None);
-            let survey = Survey::of(&rule, Threads::Pool).expect("all are valid");
-            let settings = Settings::default();
-            let input = Input {
-                rule,
-                survey,
-                settings: &settings,
-                simd: Simd::detect(),
-                threads: Threads::Pool,
-                split: None,
-            };
-            let mut list = CellList::default();
-            let crowding = Crowding::sample(&input).expect("there is memory");
-            list.build(&input, &crowding, &mut Report::default()).expect("there is memory");
-            assert!(list.levels.iter().all(|level| !level.grid.folded), "{:?}", list.levels);
-        }
-    }
+    Ok(())
 }

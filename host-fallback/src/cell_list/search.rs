@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::grid::Block;
-use super::{CellList, Placed};
+use super::{CellList, Placed, Target};
 use crate::Error;
 use crate::compare::{Around, Jobs, MAX_LANES, Output, Rule, Sink, Task, Touches, Vector, scan};
 use crate::input::{Input, search_pieces};
@@ -22,8 +22,7 @@ pub(super) fn search<'o, O: Output>(
     let n = list.columns.len();
     search_pieces((output, input), (n.div_ceil(PIECE), usize::MAX), |mut sink, piece| {
         let range = piece * PIECE..n.min((piece + 1) * PIECE);
-        let is_split = input.split.is_some();
-        input.run(Piece { list, rule: &input.rule, range, is_split, sink: &mut sink });
+        input.run(Piece { list, rule: &input.rule, range, sink: &mut sink });
         Ok(sink)
     })
 }
@@ -32,8 +31,6 @@ struct Piece<'p, S> {
     list: &'p CellList,
     rule: &'p Rule<'p>,
     range: Range<usize>,
-    /// Whether there are two sets, each with half of the levels.
-    is_split: bool,
     sink: &'p mut S,
 }
 
@@ -42,7 +39,7 @@ impl<S: Sink> Task for Piece<'_, S> {
 
     #[inline(always)]
     fn run<V: Vector>(self, vector: V) {
-        let Self { list, rule, range, is_split, sink } = self;
+        let Self { list, rule, range, sink } = self;
         let mut finder = Finder {
             vector,
             list,
@@ -52,19 +49,19 @@ impl<S: Sink> Task for Piece<'_, S> {
             touches: Touches::new(),
             is_crowded: false,
         };
-        if is_split {
-            return finder.across(range);
-        }
-        for (k, level) in list.levels.iter().enumerate() {
+        for level in &list.levels {
             let members = range.start.max(level.members.start)..range.end.min(level.members.end);
-            let coarser = &list.levels[..k];
-            if level.grid.adjoining {
-                finder.cell_by_cell(level, coarser, members);
-            } else {
-                for at in members {
-                    finder.level(level, at, at + 1);
-                    finder.coarser(coarser, at);
+            let targets = &list.targets[level.targets.clone()];
+            match (level.pairs_within, level.grid.adjoining) {
+                (true, true) => finder.cell_by_cell(level, targets, members),
+                (true, false) => {
+                    for at in members {
+                        finder.level(level, (at, f32::INFINITY), at + 1);
+                        finder.others(targets, at);
+                    }
                 }
+                (false, _) if targets.is_empty() => {}
+                (false, _) => members.for_each(|at| finder.others(targets, at)),
             }
         }
         finder.work();
@@ -111,7 +108,7 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
     /// Looks around the spheres at `members`, one cell after another: spheres of one cell have the same cells around
     /// them. At its own level a sphere meets the later ones only, so that each pair is met once.
     #[inline(always)]
-    fn cell_by_cell(&mut self, level: &Placed, coarser: &[Placed], members: Range<usize>) {
+    fn cell_by_cell(&mut self, level: &Placed, targets: &[Target], members: Range<usize>) {
         let mut at = members.start;
         while at < members.end {
             let [x, y, z, _] = self.list.columns.sphere(at);
@@ -120,8 +117,8 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
             let end = end.min(members.end);
             if level.grid.is_at_seam(cell) {
                 for at in at..end {
-                    self.level(level, at, at + 1);
-                    self.coarser(coarser, at);
+                    self.level(level, (at, f32::INFINITY), at + 1);
+                    self.others(targets, at);
                 }
                 at = end;
             }
@@ -129,9 +126,9 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
                 let count = MAX_LANES.min(end - at);
                 self.work_if_full();
                 self.vector.look_around(&self.list.columns, (at, count), &around, &mut self.jobs);
-                if !coarser.is_empty() {
+                if !targets.is_empty() {
                     for at in at..at + count {
-                        self.coarser(coarser, at);
+                        self.others(targets, at);
                     }
                 }
                 at += count;
@@ -139,39 +136,20 @@ impl<V: Vector, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Looks around the spheres of `range`, on the levels of the other set: on those where it costs less than to look from
-    /// there.
+    /// Finds what is in reach of the sphere at `at` on other levels than its own.
     #[inline(always)]
-    fn across(mut self, range: Range<usize>) {
-        let (first, second) = self.list.levels.split_at(self.list.levels.len() / 2);
-        for (own, other) in [(first, second), (second, first)] {
-            for level in own {
-                let members = range.start.max(level.members.start)..range.end.min(level.members.end);
-                for target in other {
-                    let [forth, back] = [level.effort(target), target.effort(level)];
-                    if forth < back || (forth == back && own.as_ptr() == first.as_ptr()) {
-                        for at in members.clone() {
-                            self.level(target, at, 0);
-                        }
-                    }
-                }
-            }
-        }
-        self.work();
-    }
-
-    /// Finds what is in reach of the sphere at `at` on coarser levels.
-    #[inline(always)]
-    fn coarser(&mut self, levels: &[Placed], at: usize) {
-        for level in levels {
-            self.level(level, at, 0);
+    fn others(&mut self, targets: &[Target], at: usize) {
+        for &Target { level, cap } in targets {
+            self.level(&self.list.levels[level], (at, cap), 0);
         }
     }
 
-    /// Finds what is in reach of the sphere at `at` on any level, without what lies before place `from`.
+    /// Finds what is in reach of the sphere at `at` on any level, without what lies before place `from`. Its radius is
+    /// taken to be `cap` at most.
     #[inline(always)]
-    fn level(&mut self, level: &Placed, at: usize, from: usize) {
-        let block = level.grid.block(self.vector, self.list.columns.sphere(at));
+    fn level(&mut self, level: &Placed, (at, cap): (usize, f32), from: usize) {
+        let [x, y, z, radius] = self.list.columns.sphere(at);
+        let block = level.grid.block(self.vector, [x, y, z, radius.min(cap)]);
         let count = block.count();
         if (level.grid.circular && block.goes_round(level.grid.size)) || count[1] > 2 || count[2] > 2 {
             return self.rows(level, block, (at, from));

@@ -9,7 +9,7 @@ mod simd;
 mod sink;
 
 pub(crate) use columns::{Columns, ColumnsMut, MAX_LANES};
-pub(crate) use rule::{Rule, Widening};
+pub(crate) use rule::{Effective, Rule, Widening};
 pub(crate) use scan::{COMPARE, Touches, scan};
 pub use simd::Simd;
 pub(crate) use simd::{Around, Axes, Images, Jobs, Portable, Row, Task, Vector, prefetch};

@@ -43,6 +43,18 @@ pub(crate) struct Rule<'a> {
     is_plain: bool,
 }
 
+/// The center of a sphere and its radii.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Effective {
+    pub(crate) center: Vec3,
+    /// As given.
+    pub(crate) own: f32,
+    /// By the interactions of the species.
+    pub(crate) effective: f32,
+    /// The effective radius, widened if candidates are searched.
+    pub(crate) widened: f32,
+}
+
 /// What makes candidates of spheres instead of pairs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Widening<'a> {
@@ -157,17 +169,35 @@ impl<'a> Rule<'a> {
     /// Centre and effective radius of sphere `id`.
     #[inline(always)]
     pub(crate) fn effective(&self, id: u32) -> (Vec3, f32) {
+        let Effective { center, widened, .. } = self.radii(id);
+        (center, widened)
+    }
+
+    /// Center and radii of sphere `id`.
+    #[inline(always)]
+    pub(crate) fn radii(&self, id: u32) -> Effective {
         let sphere = self.spheres.get(id as usize);
-        let radius = match &self.species {
+        let effective = match &self.species {
             None => sphere.radius,
             Some(s) => s.reach[s.ids[id as usize] as usize].effective_radius(sphere.radius),
         };
-        let radius = match &self.widening {
-            None => radius,
+        let widened = match &self.widening {
+            None => effective,
             // Rounded up, as candidates are all that may be needed.
-            Some(widening) => (radius + widening.by_class[class_of(radius)]).next_up(),
+            Some(widening) => (effective + widening.by_class[class_of(effective)]).next_up(),
         };
-        (sphere.center, radius)
+        Effective { center: sphere.center, own: sphere.radius, effective, widened }
+    }
+
+    /// Declares that touching by effective radii decides, if nothing else is asked. The spheres must have been found to be
+    /// of groups for which it does.
+    pub(crate) fn decided_by_radii(&mut self) {
+        self.is_plain = self.refinement.is_none() && self.frame.is_none() && self.split.is_none();
+    }
+
+    /// Returns `true` if spheres are searched in a frame, where distances are others than those of the table.
+    pub(crate) fn is_framed(&self) -> bool {
+        self.frame.is_some()
     }
 
     /// The same as the row of a table.

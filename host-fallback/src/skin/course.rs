@@ -47,7 +47,7 @@ impl Course {
         report: &mut Report,
     ) -> Result<bool, Error> {
         let last = self.outlook.take();
-        let outlook = report.time("plan", || Outlook::of(last, input))?;
+        let outlook = report.time("plan", || list.outlook(last, input))?;
         let crowding = outlook.crowding();
         let allowances = match input.settings.skin {
             // Only one set has candidates.
@@ -58,7 +58,7 @@ impl Course {
             Skin::Auto => report.time("plan", || self.choose(input, crowding))?,
         };
         if let Some(allowances) = allowances {
-            if self.candidates.find((list, crowding), input, &allowances, report)? {
+            if self.candidates.find((list, &outlook), input, &allowances, report)? {
                 let count = self.candidates.kept(None).count;
                 self.forecast.note_found(count as f32 / input.survey.spheres as f32);
                 self.outlook = Some(outlook);
@@ -68,7 +68,7 @@ impl Course {
         }
         // Candidates go by where the list has the spheres.
         self.candidates.clear();
-        list.build(input, crowding, report)?;
+        list.build(input, &outlook, report)?;
         self.outlook = Some(outlook);
         Ok(false)
     }

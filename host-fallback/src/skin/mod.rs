@@ -21,7 +21,7 @@ use glam::Vec3;
 use lazygrid_kernels::Pair;
 
 use crate::Error;
-use crate::cell_list::{CellList, Crowding, Entry};
+use crate::cell_list::{CellList, Entry, Outlook};
 use crate::classes::{CLASSES, class_of};
 use crate::compare::{
     MAX_LANES, Output, Row, Rule, Sink, Task, To, Vector, Widening, Written, at_places, memory_of_list,
@@ -156,12 +156,12 @@ impl Candidates {
     /// [`Error::Stopped`], [`Error::Threads`].
     pub(crate) fn find(
         &mut self,
-        (list, crowding): (&mut CellList, &Crowding),
+        (list, outlook): (&mut CellList, &Outlook),
         input: &Input<'_>,
         allowances: &Allowances,
         report: &mut Report,
     ) -> Result<bool, Error> {
-        let found = self.find_within_limit((list, crowding), input, allowances, report);
+        let found = self.find_within_limit((list, outlook), input, allowances, report);
         if matches!(found, Ok(true)) {
             return found;
         }
@@ -178,7 +178,7 @@ impl Candidates {
 
     fn find_within_limit(
         &mut self,
-        (list, crowding): (&mut CellList, &Crowding),
+        (list, outlook): (&mut CellList, &Outlook),
         input: &Input<'_>,
         allowances: &Allowances,
         report: &mut Report,
@@ -192,7 +192,7 @@ impl Candidates {
         let survey = report.time("survey", || Survey::of(&rule, input.threads))?;
         let wide = |rule, survey| Input { rule, survey, ..*input };
         let widened = wide(rule, survey);
-        list.build(&widened, crowding, report)?;
+        list.build(&widened, outlook, report)?;
         report.time("keep", || self.place(list, input, &inverse))?;
 
         let rule = input.rule.widened(Widening { by_class: allowances, order: Some(&self.order) });

@@ -1,0 +1,129 @@
+//! The spheres of each group: how many of which size, how large, and where.
+
+use glam::Vec3;
+
+use super::levels::Levels;
+use crate::Error;
+use crate::classes::CLASSES;
+use crate::compare::{Effective, Rule};
+use crate::input::Input;
+use crate::memory::collect;
+use crate::species_groups::{Grouping, Meeting};
+use crate::survey::{Class, Survey};
+
+/// Spheres per work item.
+const PIECE: usize = 1 << 14;
+
+/// The spheres of a group.
+#[derive(Clone, Debug)]
+pub(super) struct Members {
+    /// By size of the effective radius, widened if candidates are searched.
+    classes: [Class; CLASSES],
+    min: Vec3,
+    max: Vec3,
+    /// The largest radius as given.
+    radius: f32,
+    /// The largest amount by which an effective radius is widened.
+    widening: f32,
+}
+
+impl Members {
+    const NONE: Self = Self {
+        classes: [Class { count: 0, largest: 0.0 }; CLASSES],
+        min: Vec3::INFINITY,
+        max: Vec3::NEG_INFINITY,
+        radius: 0.0,
+        widening: 0.0,
+    };
+
+    fn add(&mut self, rule: &Rule<'_>, id: usize) {
+        let Effective { center, own, effective, widened } = rule.radii(id as u32);
+        let class = &mut self.classes[Survey::class_of(widened)];
+        class.count += 1;
+        class.largest = class.largest.max(widened);
+        self.min = self.min.min(center);
+        self.max = self.max.max(center);
+        self.radius = self.radius.max(own);
+        self.widening = self.widening.max(widened - effective);
+    }
+
+    fn merge(&mut self, other: &Self) {
+        for (class, with) in self.classes.iter_mut().zip(&other.classes) {
+            class.count += with.count;
+            class.largest = class.largest.max(with.largest);
+        }
+        self.min = self.min.min(other.min);
+        self.max = self.max.max(other.max);
+        self.radius = self.radius.max(other.radius);
+        self.widening = self.widening.max(other.widening);
+    }
+
+    /// Counts the spheres of each group. Of two sets without other groups, both have the bounds of all spheres.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`], and those of the threads.
+    pub(super) fn count(
+        all: &mut Vec<Self>,
+        input: &Input<'_>,
+        grouping: &Grouping<'_>,
+    ) -> Result<(), Error> {
+        if let Some(split) = grouping.sets() {
+            *all = collect(Self::of_sets(input, split).into_iter(), "groups of spheres")?;
+            return Ok(());
+        }
+        let (n, groups) = (input.survey.spheres, grouping.count());
+        let open = || collect(std::iter::repeat_n(Self::NONE, groups), "groups of spheres");
+        let piece = |members: Result<Vec<Self>, Error>, piece: usize| {
+            let mut members = members?;
+            for id in piece * PIECE..n.min((piece + 1) * PIECE) {
+                members[grouping.of(id)].add(&input.rule, id);
+            }
+            Ok::<_, Error>(Ok(members))
+        };
+        let merge = |a: Result<Vec<Self>, Error>, b: Result<Vec<Self>, Error>| {
+            let (mut a, b) = (a?, b?);
+            a.iter_mut().zip(&b).for_each(|(a, b)| a.merge(b));
+            Ok::<_, Error>(Ok(a))
+        };
+        let pieces = (n.div_ceil(PIECE), usize::MAX);
+        *all = input.threads.passing(n).fold(pieces, open, piece, merge)??;
+        Ok(())
+    }
+
+    /// The members of two sets.
+    fn of_sets(input: &Input<'_>, split: usize) -> [Self; 2] {
+        let Survey { min, max, classes, .. } = input.survey;
+        let mut first = Self { classes, min, max, ..Self::NONE };
+        let mut second = first.clone();
+        first.classes.iter_mut().for_each(|class| class.count = 0);
+        for id in 0..split as u32 {
+            let (_, radius) = input.rule.effective(id);
+            first.classes[Survey::class_of(radius)].count += 1;
+        }
+        for (class, of_first) in second.classes.iter_mut().zip(&first.classes) {
+            class.count -= of_first.count;
+        }
+        [first, second]
+    }
+
+    /// The number and the largest effective radius of the spheres of a level.
+    pub(super) fn of_level(&self, plan: &Levels, level: usize) -> Class {
+        let of_level = self.classes.iter().zip(&plan.of_class).filter(|(_, of)| usize::from(**of) == level);
+        of_level.fold(Class::default(), |all, (class, _)| Class {
+            count: all.count + class.count,
+            largest: all.largest.max(class.largest),
+        })
+    }
+
+    /// The smallest and the largest coordinates of the centers.
+    pub(super) fn bounds(&self) -> (Vec3, Vec3) {
+        if self.min.x <= self.max.x { (self.min, self.max) } else { (Vec3::ZERO, Vec3::ZERO) }
+    }
+
+    /// The largest distance between centers of a candidate of this group and the other.
+    pub(super) fn reach(&self, other: &Self, meeting: Meeting) -> f64 {
+        let radii = f64::from(self.radius) + f64::from(other.radius);
+        let reach = meeting.distance.max(if meeting.touches { radii } else { 0.0 });
+        reach + f64::from(self.widening) + f64::from(other.widening)
+    }
+}

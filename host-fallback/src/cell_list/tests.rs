@@ -1,0 +1,172 @@
+use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
+
+use super::CellList;
+use crate::compare::{Rule, To, Written};
+use crate::input::Input;
+use crate::judged::judge;
+use crate::threads::Threads;
+use crate::{HostDetector, Order, Report, Settings, Simd, Survey};
+
+fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
+    let settings = Settings { algorithm, simd, order: Order::Canonical, ..Settings::default() };
+    let mut detector = HostDetector::new(settings).expect("the settings are in range");
+    detector.pairs(spheres).expect("the spheres are valid").to_vec()
+}
+
+/// Spheres of sizes down to `2^-sizes` with edges of the scene at `spread`, from a fixed sequence.
+fn scattered(n: u32, sizes: u32, spread: f32) -> Vec<Sphere> {
+    let mut state = 7_u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1 << 24) as f32 - 0.5
+    };
+    (0..n)
+        .map(|k| {
+            let center = [random(), random(), random()].map(|x| spread * x * x.abs());
+            Sphere::new(center, 0.5_f32.powi((k % (sizes + 1)) as i32))
+        })
+        .collect()
+}
+
+#[test]
+fn every_vector_width_finds_what_all_pairs_find() {
+    for (n, sizes, spread) in [(0, 0, 1.0), (1, 0, 1.0), (17, 0, 9.0), (3000, 0, 60.0), (3000, 9, 40.0)] {
+        let spheres = scattered(n, sizes, spread);
+        let expected = pairs(&spheres, Algorithm::Naive, Simd::Portable);
+        for simd in [Simd::Portable, Simd::Avx2, Simd::Avx512] {
+            assert_eq!(pairs(&spheres, Algorithm::Naive, simd), expected, "naive, {n}, {simd:?}");
+            assert_eq!(pairs(&spheres, Algorithm::CellList, simd), expected, "{n}, {simd:?}");
+        }
+    }
+}
+
+#[test]
+fn agrees_with_all_pairs() {
+    judge(&Settings { algorithm: Algorithm::CellList, ..Settings::default() });
+}
+
+/// Cells wider than the reach, most of them away from the seam, and pairs across every face, edge and corner.
+#[test]
+fn a_gas_in_a_periodic_box() {
+    let spheres: Vec<_> = scattered(6000, 0, 60.0)
+        .into_iter()
+        .map(|sphere| Sphere::new((sphere.center * 17.0) % 15.0, 0.5))
+        .collect();
+    for lengths in [[Some(15.0); 3], [Some(15.0), None, None], [None, Some(15.0), Some(14.0)]] {
+        let space = Space::periodic(lengths).expect("a box");
+        let pairs = |algorithm, simd| {
+            let settings = Settings { algorithm, simd, space, ..Settings::default() };
+            let mut detector = HostDetector::new(settings).expect("the settings are in range");
+            detector.pairs(&spheres).expect("the spheres are valid").to_vec()
+        };
+        let expected = pairs(Algorithm::Naive, Simd::Portable);
+        for simd in [Simd::Portable, Simd::Avx2, Simd::Avx512] {
+            assert!(pairs(Algorithm::CellList, simd) == expected, "{lengths:?}, {simd:?}");
+            assert!(pairs(Algorithm::Naive, simd) == expected, "naive, {lengths:?}, {simd:?}");
+        }
+    }
+}
+
+#[test]
+fn a_folded_table_finds_what_all_pairs_find() {
+    // A chain across space: its bounds hold far more cells than the table may have, and its links cross every
+    // seam of the fold.
+    let mut at = glam::Vec3::new(-700.0, 400.0, 90.0);
+    let mut spheres = scattered(2000, 3, 30.0);
+    for sphere in &mut spheres {
+        at += sphere.center.abs() * 0.1 + 0.05;
+        sphere.center = at;
+    }
+    let expected = pairs(&spheres, Algorithm::Naive, Simd::Portable);
+    assert!(expected.len() > 1000);
+    assert_eq!(pairs(&spheres, Algorithm::CellList, Simd::detect()), expected);
+}
+
+/// Tables of all kinds, with groups kept apart and merged, of one set and of two.
+#[test]
+fn groups_of_species_find_what_all_pairs_find() {
+    let kinds = [Interaction::Never, Interaction::Touch, Interaction::Within(0.9), Interaction::Within(4.0)];
+    for seed in 0..60_u32 {
+        let species = 1 + seed % 7;
+        let mut table = Interactions::new(species, Interaction::Never).expect("a table");
+        let uniform = seed % 3 == 0;
+        for (k, (a, b)) in (0..species).flat_map(|a| (0..=a).map(move |b| (a, b))).enumerate() {
+            let mixed = (seed * 31 + k as u32).wrapping_mul(2_654_435_761) >> 16;
+            let kind = if uniform { mixed % 2 * (1 + seed % 2) } else { mixed % 4 };
+            table.set(a, b, kinds[kind as usize]).expect("species of the table");
+        }
+        let spheres = scattered(900, seed % 4, if seed % 5 == 0 { 4.0 } else { 25.0 });
+        let ids: Vec<u32> =
+            (0..900_u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 20) % species.max(2) % species).collect();
+        let spheres = Spheres::from(&spheres).with_species(&ids).expect("as many");
+        let space = match seed % 4 {
+            3 => Space::periodic([Some(16.0), None, Some(17.5)]).expect("a box"),
+            _ => Space::UNBOUNDED,
+        };
+        let settings = Settings { interactions: Some(table), space, ..Settings::default() };
+        for split in [None, Some(300)] {
+            let mut report = Report::default();
+            let mut places = crate::Places::default();
+            let phases = &mut report.phases;
+            let query = spheres.into();
+            let placed = places.place(&query, (&settings, true), Threads::Calling, phases);
+            let placed = placed.expect("all are valid");
+            let rule = Rule::of_placed(&placed, &settings);
+            let survey = Survey::of(&rule, Threads::Calling).expect("all are valid");
+            let (settings, simd, threads) = (&settings, Simd::detect(), Threads::Calling);
+            let mut input = Input { rule, survey, settings, simd, threads, split };
+            let mut expected = Vec::new();
+            for i in 0..900 {
+                for j in i + 1..900 {
+                    let is_asked_for = split.is_none_or(|split| (i < split as u32) != (j < split as u32));
+                    if is_asked_for && input.rule.pairs(i, j) {
+                        expected.push(Pair { i, j });
+                    }
+                }
+            }
+            for is_separate in [false, true] {
+                let mut list = CellList::default();
+                let outlook = list.outlook(None, &input).expect("there is memory").with_groups(is_separate);
+                list.build(&input, &outlook, &mut report).expect("there is memory");
+                if list.touch_decides() {
+                    input.rule.decided_by_radii();
+                }
+                let output = Written::new(To::List { limit: u64::MAX, kept: 0.into() }, Vec::new());
+                let (_, chunks) =
+                    list.search(&input, &output).and_then(|sink| sink.finish()).expect("there is memory");
+                let mut found = chunks.concat();
+                found.sort_unstable();
+                assert_eq!(found, expected, "seed {seed}, {split:?}, separate: {is_separate}");
+            }
+        }
+    }
+}
+
+/// Cells as small as the table allows, wherever space begins.
+#[test]
+fn a_few_cells_too_many_are_no_reason_to_fold() {
+    // Sums of four are about normally distributed, so that no cells are as good as the smallest.
+    let cloud: Vec<_> = scattered(80_000, 0, 1e5)
+        .chunks(4)
+        .map(|four| Sphere::new(four.iter().map(|sphere| sphere.center).sum::<glam::Vec3>(), 1.0))
+        .collect();
+    for shift in 0..10 {
+        let mut spheres = cloud.clone();
+        spheres.iter_mut().for_each(|sphere| sphere.center += 1700.0 * shift as f32);
+        let rule = Rule::new((&spheres).into(), None);
+        let survey = Survey::of(&rule, Threads::Pool).expect("all are valid");
+        let settings = Settings::default();
+        let input = Input {
+            rule,
+            survey,
+            settings: &settings,
+            simd: Simd::detect(),
+            threads: Threads::Pool,
+            split: None,
+        };
+        let mut list = CellList::default();
+        let outlook = list.outlook(None, &input).expect("there is memory");
+        list.build(&input, &outlook, &mut Report::default()).expect("there is memory");
+        assert!(list.levels.iter().all(|level| !level.grid.folded), "{:?}", list.levels);
+    }
+}
