@@ -1,11 +1,12 @@
+use std::fmt::Debug;
 use std::ops::ControlFlow;
 
-use lazygrid_host::{HostDetector, Neighbors, Order, Phase, Settings, Team};
+use lazygrid_host::{HostBackend, Neighbors, PairFinder, SearchBackend};
 use lazygrid_kernels::{MAX_SPHERES, Pair, Query};
 
 use crate::geometry::Geometry;
 #[cfg(feature = "gpu")]
-use crate::gpu::{DeviceDetector, GpuDevice};
+use crate::gpu::{DeviceBackend, GpuDevice};
 use crate::{Config, Error, ListOptions, NeighborList, Report, choice};
 
 /// All pairs of overlapping spheres, in canonical order, with default settings.
@@ -29,83 +30,53 @@ pub struct Detector {
     geometry: Box<Geometry>,
 }
 
-#[derive(Debug)]
-pub(crate) enum Engine {
-    Host(Box<HostDetector>),
-    #[cfg(feature = "gpu")]
-    Device(Box<DeviceDetector>),
+/// A backend of a detector.
+pub(crate) trait EngineBackend: SearchBackend + Debug + Send + Sync {
+    /// The report of the last call.
+    fn report(&self) -> Report;
+
+    /// Estimates the bytes held for `spheres` spheres.
+    fn memory_for(&self, spheres: u64) -> u64;
 }
 
-impl Engine {
-    /// On the device that `config` means, or on the CPU; and why.
-    #[cfg(feature = "gpu")]
-    fn new(config: Config) -> Result<(Self, String), Error> {
-        let open = |software| {
-            let own = match &config.adapter {
-                Some(named) => GpuDevice::shared_adapter(named),
-                None => GpuDevice::shared(software),
-            };
-            own.map(|own| (own.adapter.name.clone(), own))
-        };
-        let asked = choice::meant(config.backend, config.adapter.as_ref())?;
-        let (own, reason) = choice::backend(asked, config.settings.algorithm, open)?;
-        let engine = match own {
-            Some(own) => Self::Device(Box::new(DeviceDetector::new(own, config)?)),
-            None => Self::Host(Box::new(HostDetector::new(config.settings)?)),
-        };
-        Ok((engine, reason))
+impl EngineBackend for HostBackend {
+    fn report(&self) -> Report {
+        self.report().into()
     }
 
-    /// On the CPU, where that was not ruled out; and why.
-    #[cfg(not(feature = "gpu"))]
-    fn new(config: Config) -> Result<(Self, String), Error> {
-        let none = |_| Err::<(String, ()), _>(Error::WithoutGpu);
-        let (_, reason) = choice::backend(config.backend, config.settings.algorithm, none)?;
-        Ok((Self::Host(Box::new(HostDetector::new(config.settings)?)), reason))
+    fn memory_for(&self, spheres: u64) -> u64 {
+        self.memory_for(spheres)
     }
 }
 
-impl Engine {
-    pub(crate) fn settings(&self) -> &Settings {
-        match self {
-            Self::Host(host) => host.settings(),
-            #[cfg(feature = "gpu")]
-            Self::Device(device) => device.settings(),
-        }
-    }
+/// Finds pairs on the backend of a detector.
+pub(crate) type Engine = PairFinder<Box<dyn EngineBackend>>;
 
-    pub(crate) fn team(&self) -> &Team {
-        match self {
-            Self::Host(host) => host.team(),
-            #[cfg(feature = "gpu")]
-            Self::Device(device) => device.team(),
-        }
-    }
+/// The device that `config` asks for, or the CPU; and why.
+#[cfg(feature = "gpu")]
+fn engine(config: Config) -> Result<(Engine, String), Error> {
+    let open = |software| {
+        let own = match &config.adapter {
+            Some(named) => GpuDevice::shared_adapter(named),
+            None => GpuDevice::shared(software),
+        };
+        own.map(|own| (own.adapter.name.clone(), own))
+    };
+    let asked = choice::meant(config.backend, config.adapter.as_ref())?;
+    let (own, reason) = choice::backend(asked, config.settings.algorithm, open)?;
+    let backend: Box<dyn EngineBackend> = match own {
+        Some(own) => Box::new(DeviceBackend::new(own, config)?),
+        None => Box::new(HostBackend::new(config.settings)?),
+    };
+    Ok((Engine::on(backend), reason))
+}
 
-    /// Finds the pairs in canonical order; [`last_pairs`](Self::last_pairs) has them.
-    pub(crate) fn list(&mut self, query: &Query<'_>) -> Result<(), Error> {
-        match self {
-            Self::Host(host) => host.list(query, Order::Canonical),
-            #[cfg(feature = "gpu")]
-            Self::Device(device) => device.list(query, Order::Canonical),
-        }
-    }
-
-    pub(crate) fn last_pairs(&self) -> &[Pair] {
-        match self {
-            Self::Host(host) => host.last_pairs(),
-            #[cfg(feature = "gpu")]
-            Self::Device(device) => device.last_pairs(),
-        }
-    }
-
-    pub(crate) fn phases_mut(&mut self) -> &mut Vec<Phase> {
-        match self {
-            Self::Host(host) => host.phases_mut(),
-            #[cfg(feature = "gpu")]
-            Self::Device(device) => device.phases_mut(),
-        }
-    }
+/// The CPU, unless that is ruled out; and why.
+#[cfg(not(feature = "gpu"))]
+fn engine(config: Config) -> Result<(Engine, String), Error> {
+    let none = |_| Err::<(String, ()), _>(Error::WithoutGpu);
+    let (_, reason) = choice::backend(config.backend, config.settings.algorithm, none)?;
+    Ok((Engine::on(Box::new(HostBackend::new(config.settings)?)), reason))
 }
 
 impl Detector {
@@ -116,7 +87,7 @@ impl Detector {
     /// [`Error::NotOnBackend`] where the algorithm does not run on the backend; [`Error::Setting`] for a setting outside
     /// its range; [`Error::UnknownAdapter`] for an adapter that there is not.
     pub fn new(config: Config) -> Result<Self, Error> {
-        let (engine, backend_reason) = Engine::new(config)?;
+        let (engine, backend_reason) = engine(config)?;
         log::info!("{backend_reason}");
         Ok(Self { engine, backend_reason, geometry: Box::default() })
     }
@@ -143,11 +114,7 @@ impl Detector {
     /// [`Error::TooManyPairs`] for more than [`Config::max_pairs`], with the exact number; [`Error::OutOfMemory`]. On a GPU also
     /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Timeout`].
     pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {
-        match self.engine() {
-            Engine::Host(host) => host.pairs(query.into()),
-            #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.pairs(query.into()),
-        }
+        self.engine().pairs(query)
     }
 
     /// The pairs as neighbor lists: for every sphere all it overlaps, ascending, each pair in both lists. Of two sets, for
@@ -156,11 +123,7 @@ impl Detector {
     /// # Errors
     /// As [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
-        match self.engine() {
-            Engine::Host(host) => host.neighbors(query.into()),
-            #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.neighbors(query.into()),
-        }
+        self.engine().neighbors(query)
     }
 
     /// Neighbor lists with geometry: for every sphere those within reach, with the shifts of their images, the vectors to them
@@ -201,11 +164,7 @@ impl Detector {
     /// # Errors
     /// As [`pairs`](Self::pairs), but for [`Error::TooManyPairs`]: any number can be counted.
     pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
-        match self.engine() {
-            Engine::Host(host) => host.count(query.into()),
-            #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.count(query.into()),
-        }
+        self.engine().count(query)
     }
 
     /// Hands the pairs to `consume` in chunks of at most `chunk` pairs, and returns how many were handed over.
@@ -227,21 +186,13 @@ impl Detector {
     where
         F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
     {
-        match self.engine() {
-            Engine::Host(host) => host.stream(query.into(), chunk, consume),
-            #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.stream(query.into(), chunk, consume),
-        }
+        self.engine().stream(query, chunk, consume)
     }
 
     /// What the last call did and why; before the first call, what is known by then.
     pub fn report(&self) -> Report {
-        let mut report = match (self.geometry.report(), &self.engine) {
-            (Some(report), _) => report.clone(),
-            #[cfg(feature = "gpu")]
-            (None, Engine::Device(device)) => device.report().clone(),
-            (None, Engine::Host(host)) => host.report().into(),
-        };
+        let geometry = self.geometry.report().cloned();
+        let mut report = geometry.unwrap_or_else(|| self.engine.backend().report());
         report.reason = match report.reason.as_str() {
             "" => self.backend_reason.clone(),
             reason => format!("{}; {reason}", self.backend_reason),
@@ -267,20 +218,11 @@ impl Detector {
     /// crowd together may have entries on several levels: ten sizes at one point have about 44 each. A call that needs
     /// more makes room for them, 16 bytes each, and later estimates count it.
     pub fn memory_for(&self, spheres: u64) -> u64 {
-        let spheres = spheres.min(MAX_SPHERES);
-        match &self.engine {
-            Engine::Host(host) => host.memory_for(spheres),
-            #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.memory_for(spheres),
-        }
+        self.engine.backend().memory_for(spheres.min(MAX_SPHERES))
     }
 
     /// The list of [`pairs`](Self::pairs) where that was the last call, without a copy.
     pub fn into_pairs(self) -> Vec<Pair> {
-        match self.engine {
-            Engine::Host(host) => host.into_pairs(),
-            #[cfg(feature = "gpu")]
-            Engine::Device(device) => device.into_pairs(),
-        }
+        self.engine.into_pairs()
     }
 }

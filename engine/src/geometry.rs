@@ -3,8 +3,8 @@
 use std::time::Instant;
 
 use lazygrid_host::{
-    Contact, HostDetector, Images, ListOptions, NeighborList, NeighborListBuilder, Order, Phase, Settings,
-    Skin, check,
+    Contact, HostDetector, Images, ListOptions, NeighborList, NeighborListBuilder, Order, Phase,
+    SearchBackend, Settings, Skin, check,
 };
 use lazygrid_kernels::{Algorithm, Query, Space};
 
@@ -31,17 +31,14 @@ impl Geometry {
         options: ListOptions,
     ) -> Result<NeighborList<'_>, Error> {
         self.report = None;
-        let Settings { space, interactions, .. } = engine.settings();
-        let contact = Contact { query, space, table: interactions.as_ref() };
-        let are_needed = Images::are_needed(&contact);
-        if are_needed {
+        if Images::are_needed(&contact(query, engine.backend().settings())) {
             return self.among_images(engine, query, options);
         }
-        engine.list(query)?;
+        engine.list(query, Order::Canonical)?;
         let start = Instant::now();
-        let Settings { space, interactions, .. } = engine.settings();
-        let contact = Contact { query, space, table: interactions.as_ref() };
-        let list = self.builder.build(contact, (engine.last_pairs(), None), options, engine.team())?;
+        let backend = engine.backend();
+        let contact = contact(query, backend.settings());
+        let list = self.builder.build(contact, (engine.last_pairs(), None), options, backend.team())?;
         Phase::add(engine.phases_mut(), "neighbors", start.elapsed());
         Ok(list)
     }
@@ -54,9 +51,9 @@ impl Geometry {
         options: ListOptions,
     ) -> Result<NeighborList<'_>, Error> {
         let Self { builder, images, image_search, report } = self;
-        let settings = engine.settings();
-        let contact = Contact { query, space: &settings.space, table: settings.interactions.as_ref() };
-        engine.team().pass(query.len(), |threads| Ok(check(query, contact.table, threads)?))?;
+        let (settings, team) = (engine.backend().settings(), engine.backend().team());
+        let contact = contact(query, settings);
+        team.pass(query.len(), |threads| Ok(check(query, contact.table, threads)?))?;
         let start = Instant::now();
         images.build(&contact)?;
         let made = start.elapsed();
@@ -66,7 +63,7 @@ impl Geometry {
         };
         detector.list(&images.query(), Order::Canonical)?;
         let start = Instant::now();
-        let list = builder.build(contact, (detector.last_pairs(), Some(images)), options, engine.team())?;
+        let list = builder.build(contact, (detector.last_pairs(), Some(images)), options, team)?;
         Phase::add(detector.phases_mut(), "images", made);
         Phase::add(detector.phases_mut(), "neighbors", start.elapsed());
         let found = Report::from(detector.report());
@@ -86,20 +83,18 @@ impl Geometry {
     }
 }
 
+/// The contact test of a query.
+fn contact<'a>(query: &'a Query<'a>, settings: &'a Settings) -> Contact<'a> {
+    Contact { query, space: &settings.space, table: settings.interactions.as_ref() }
+}
+
 /// The settings of the search between spheres and images: that of `settings` in unbounded space.
 fn among_images(settings: &Settings) -> Settings {
-    let Settings { order, simd, threads, tau, raster_ratio, max_pairs, stop, .. } = settings;
     Settings {
         algorithm: Algorithm::Auto,
-        order: *order,
-        simd: *simd,
-        threads: *threads,
-        tau: *tau,
-        raster_ratio: *raster_ratio,
-        max_pairs: *max_pairs,
         interactions: None,
         space: Space::UNBOUNDED,
         skin: Skin::Off,
-        stop: stop.clone(),
+        ..settings.clone()
     }
 }

@@ -28,7 +28,7 @@ const FEW: usize = 256;
 
 /// Puts pairs in canonical order, by `i`, then `j`, in buffers that survive between calls.
 #[derive(Debug, Default)]
-pub struct Canonical {
+pub(crate) struct Canonical {
     /// Keys of one word or of two.
     scratch: Vec<u32>,
     starts: Vec<usize>,
@@ -117,7 +117,7 @@ impl Canonical {
     ///
     /// # Panics
     /// Where an `i` is far from below `spheres`.
-    pub fn order(
+    pub(crate) fn order(
         &mut self,
         threads: Threads,
         chunks: &[&[Pair]],

@@ -1,142 +1,66 @@
-use std::ops::ControlFlow;
+use std::sync::Arc;
 
-use lazygrid_kernels::{Pair, Query, Sphere};
+use lazygrid_kernels::{Query, Sphere};
 
 use crate::cell_list::CellList;
 use crate::choice::Structure;
-use crate::compare::{Columns, Count, Rule};
+use crate::compare::{Columns, Rule};
+use crate::finder::{PairFinder, SearchBackend, Work};
 use crate::input::Input;
-use crate::memory::{resize, with_growth};
+use crate::memory::with_growth;
 use crate::paper::{ArrayGrid, HashGrid, RecursiveGrid};
 use crate::place::Places;
 use crate::skin::Candidates;
-use crate::state::State;
+use crate::state::{Built, State};
 use crate::survey::{Survey, check_valid};
 use crate::threads::{MANY, Team, Threads};
-use crate::{Error, Neighbors, Order, Phase, Rebuilt, Report, Settings};
-
-/// Pairs per chunk of a stream between two sets at most, 8 MiB.
-const PART: usize = 1 << 20;
+use crate::{Error, Phase, Rebuilt, Report, Settings};
 
 /// Finds overlapping pairs on the CPU, call after call, reusing its buffers.
+pub type HostDetector = PairFinder<HostBackend>;
+
+/// Searches with the threads of the host.
 #[derive(Debug)]
-pub struct HostDetector {
+pub struct HostBackend {
     settings: Settings,
-    /// What its calls build, at most.
+    /// The structure that takes most of those which its calls may build.
     structure: Structure,
-    team: Team,
+    team: Arc<Team>,
     places: Places,
     state: State,
 }
 
-impl HostDetector {
-    /// A detector with these settings.
+impl PairFinder<HostBackend> {
+    /// Creates a detector with these settings.
     ///
     /// # Errors
     /// [`Error::Setting`] for a setting outside its range, [`Error::NotOnBackend`] for a GPU algorithm,
-    /// [`Error::Threads`] where the system refuses the threads.
+    /// [`Error::Threads`] if the system refuses the threads.
+    pub fn new(settings: Settings) -> Result<Self, Error> {
+        HostBackend::new(settings).map(Self::on)
+    }
+
+    /// The report of the last call.
+    pub fn report(&self) -> &Report {
+        self.backend().report()
+    }
+}
+
+impl HostBackend {
+    /// Creates a backend with these settings.
+    ///
+    /// # Errors
+    /// As [`HostDetector::new`].
     pub fn new(settings: Settings) -> Result<Self, Error> {
         let structure = settings.check()?;
-        let team = Team::new(settings.threads)?;
+        let team = Arc::new(Team::new(settings.threads)?);
         log::debug!("vector code: {:?}", settings.simd);
         let mut state = State::default();
         state.report.algorithm = settings.algorithm;
         Ok(Self { settings, structure, team, places: Places::default(), state })
     }
 
-    /// The overlapping pairs, each once, in the order of the settings.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a bad input, [`Error::TooManyPairs`] above the limit, [`Error::OutOfMemory`].
-    pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {
-        self.list(&query.into(), self.settings.order)?;
-        Ok(&self.state.pairs)
-    }
-
-    /// Finds the pairs, in this order; [`last_pairs`](Self::last_pairs) has them.
-    ///
-    /// # Errors
-    /// As [`pairs`](Self::pairs).
-    pub fn list(&mut self, query: &Query<'_>, order: Order) -> Result<(), Error> {
-        self.run(*query, |state, input| state.list(input, order))
-    }
-
-    /// The pairs of the last list.
-    pub fn last_pairs(&self) -> &[Pair] {
-        &self.state.pairs
-    }
-
-    /// The settings it was made with.
-    pub fn settings(&self) -> &Settings {
-        &self.settings
-    }
-
-    /// Its threads.
-    pub fn team(&self) -> &Team {
-        &self.team
-    }
-
-    /// The phases of the last call, to which a caller that goes on with its pairs adds its own.
-    pub fn phases_mut(&mut self) -> &mut Vec<Phase> {
-        &mut self.state.report.phases
-    }
-
-    /// The pairs as neighbour lists.
-    ///
-    /// # Errors
-    /// As [`pairs`](Self::pairs).
-    pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
-        let query = query.into();
-        self.list(&query, Order::Canonical)?;
-        let State { report, lists, pairs, .. } = &mut self.state;
-        report.time("neighbors", || lists.of_query(pairs, &query))
-    }
-
-    /// The number of pairs.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a bad input, [`Error::OutOfMemory`].
-    pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
-        self.run(query.into(), |state, input| {
-            state.report.pairs = state.search(input, &Count)?.0;
-            Ok(())
-        })?;
-        Ok(self.state.report.pairs)
-    }
-
-    /// Hands the pairs over in chunks of at most `chunk` and returns how many there were.
-    ///
-    /// # Errors
-    /// As [`count`](Self::count).
-    pub fn stream<'a, F>(
-        &mut self,
-        query: impl Into<Query<'a>>,
-        chunk: usize,
-        mut consume: F,
-    ) -> Result<u64, Error>
-    where
-        F: FnMut(&[Pair]) -> ControlFlow<()> + Send,
-    {
-        let query = query.into();
-        let (order, limit) = (self.settings.order, self.settings.max_pairs);
-        let (chunk, mut numbering) = Numbering::new(chunk, query.split())?;
-        let mut handed = 0;
-        let mut consume = |pairs: &[Pair]| {
-            for part in pairs.chunks(chunk) {
-                handed += part.len() as u64;
-                consume(numbering.of_second(part))?;
-            }
-            ControlFlow::Continue(())
-        };
-        self.run(query, |state, input| match order {
-            Order::Unordered => state.hand_over(input, &mut consume),
-            Order::Canonical => state.stream_in_order(input, limit, &mut consume),
-        })?;
-        self.state.report.pairs = handed;
-        Ok(handed)
-    }
-
-    /// What the last call did and why.
+    /// The report of the last call.
     pub fn report(&self) -> &Report {
         &self.state.report
     }
@@ -167,27 +91,32 @@ impl HostDetector {
         };
         own.saturating_add(wrapped).saturating_add(kept)
     }
+}
 
-    /// The pairs of the last list, without a copy.
-    pub fn into_pairs(self) -> Vec<Pair> {
-        self.state.pairs
+impl SearchBackend for HostBackend {
+    fn settings(&self) -> &Settings {
+        &self.settings
     }
 
-    /// Checks and surveys the input, chooses, builds, and leaves the rest to `work`, all in the detector's pool; with few
-    /// spheres only what takes long.
-    fn run(
-        &mut self,
-        query: Query<'_>,
-        work: impl FnOnce(&mut State, &Input<'_>) -> Result<(), Error> + Send,
-    ) -> Result<(), Error> {
+    fn team(&self) -> &Arc<Team> {
+        &self.team
+    }
+
+    fn report_mut(&mut self) -> (&mut u64, &mut Vec<Phase>) {
+        (&mut self.state.report.pairs, &mut self.state.report.phases)
+    }
+
+    /// Checks and surveys the input, chooses, builds, and leaves the rest to `work`, all in the detector's pool; of small
+    /// inputs only what takes long.
+    fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
         let Self { settings, structure, team, places, state } = self;
         let settings = &*settings;
         // The time that the paper's grids take cannot be told beforehand.
         let is_large = query.len() >= MANY || !matches!(structure, Structure::Naive | Structure::CellList);
-        let task = || {
+        let mut task = || {
             state.report = Report { spheres: query.len() as u64, ..Report::default() };
             let threads = if is_large { team.here()? } else { Threads::Calling };
-            let placed = places.place(&query, (settings, true), threads, &mut state.report.phases)?;
+            let placed = places.place(query, (settings, true), threads, &mut state.report.phases)?;
             // The cell list and naive compare spheres of different sets only.
             let finds_all = !matches!(structure, Structure::Naive | Structure::CellList);
             let rule = Rule::of_placed(&placed, settings).across(placed.split.filter(|_| finds_all));
@@ -200,52 +129,22 @@ impl HostDetector {
                 _ => {
                     let survey = state.report.time("survey", || Survey::of(&rule, threads));
                     // An error names the spheres as they were given.
-                    survey.or_else(|error| check_valid(&query, threads).and(Err(error)))?
+                    survey.or_else(|error| check_valid(query, threads).and(Err(error)))?
                 }
             };
             let mut input =
                 Input { rule, survey, settings, simd: settings.simd, threads, split: placed.split };
             state.build(&mut input, lapsed)?;
             if is_large || state.is_short(&input) {
-                work(state, &input)
+                work(&mut Built { state, input: &input })
             } else {
                 team.within(|| {
                     input.threads = team.here()?;
-                    work(state, &input)
+                    work(&mut Built { state, input: &input })
                 })
             }
         };
         if is_large { team.within(task) } else { task() }
-    }
-}
-
-/// How a stream names spheres: those of the second of two sets by their index there.
-struct Numbering {
-    split: u32,
-    /// Room for a chunk of a stream across two sets.
-    part: Vec<Pair>,
-}
-
-impl Numbering {
-    /// For chunks of at most `chunk` pairs; also returns how many pairs a chunk has.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
-    fn new(chunk: usize, split: Option<usize>) -> Result<(usize, Self), Error> {
-        let mut part = Vec::new();
-        let Some(split) = split else { return Ok((chunk.max(1), Self { split: 0, part })) };
-        let chunk = chunk.clamp(1, PART);
-        resize(&mut part, chunk, "a chunk of pairs")?;
-        Ok((chunk, Self { split: split as u32, part }))
-    }
-
-    fn of_second<'p>(&'p mut self, pairs: &'p [Pair]) -> &'p [Pair] {
-        if self.part.is_empty() {
-            return pairs;
-        }
-        let part = &mut self.part[..pairs.len()];
-        part.iter_mut().zip(pairs).for_each(|(own, pair)| *own = Pair { i: pair.i, j: pair.j - self.split });
-        part
     }
 }
 
@@ -257,6 +156,7 @@ mod tests {
     use lazygrid_kernels::{Algorithm, Sphere};
 
     use super::*;
+    use crate::Order;
 
     /// Whether a search of so many spheres, one at a place, is done by the thread that asks for it.
     fn is_done_here(n: usize, spacing: f32, algorithm: Algorithm) -> bool {

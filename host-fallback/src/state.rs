@@ -1,21 +1,20 @@
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::sync::Mutex;
 use std::sync::atomic::AtomicU64;
 
 use lazygrid_kernels::{Algorithm, Pair};
 
-use crate::canonical::Canonical;
 use crate::cell_list::CellList;
 use crate::choice::Structure;
-use crate::compare::{Columns, Consume, Output, Rule, To, Written};
+use crate::compare::{Columns, Count, Output, Rule, To, Written};
+use crate::finder::{PairSource, TakePairs, TakePart, ranges};
 use crate::input::Input;
-use crate::memory::{collect, extend, resize};
-use crate::neighbors::Lists;
+use crate::memory::{collect, extend};
 use crate::paper::{ArrayGrid, HashGrid, RecursiveGrid};
-use crate::scatter::{shared, split_at};
+use crate::scatter::shared;
 use crate::skin::Course;
 use crate::threads::Threads;
-use crate::{Error, Kept, Order, Rebuilt, Report, Settings, choice, naive};
+use crate::{Error, Kept, Rebuilt, Report, Settings, choice, naive};
 
 /// All that survives between calls, apart from the pool, in which the rest of the work runs.
 #[derive(Debug, Default)]
@@ -29,10 +28,7 @@ pub(crate) struct State {
     hash_grid: HashGrid,
     array_grid: ArrayGrid,
     recursive_grid: RecursiveGrid,
-    canonical: Canonical,
     spare: Vec<Vec<Pair>>,
-    pub(crate) pairs: Vec<Pair>,
-    pub(crate) lists: Lists,
 }
 
 impl State {
@@ -143,7 +139,7 @@ impl State {
         })
     }
 
-    /// Collects at most `limit` pairs, of those with `i` in `window` where there is one; returns how many there are and
+    /// Collects at most `limit` pairs, of those with `i` in `window` if there is one; returns how many there are and
     /// the chunks.
     fn collect(
         &mut self,
@@ -158,91 +154,65 @@ impl State {
         Ok(found)
     }
 
-    /// Moves collected chunks into `pairs` and keeps their memory.
-    fn arrange(&mut self, mut chunks: Vec<Vec<Pair>>, order: Order, input: &Input<'_>) -> Result<(), Error> {
-        let Self { report, canonical, pairs, .. } = self;
-        report.time("order", || match order {
-            Order::Canonical => {
-                let chunks = collect(chunks.iter().map(Vec::as_slice), "chunks of pairs")?;
-                canonical.order(input.threads, &chunks, input.survey.spheres, pairs)
-            }
-            Order::Unordered => {
-                let mut end = 0;
-                let ends = chunks.iter().map(|chunk| {
-                    end += chunk.len();
-                    end
-                });
-                let ends = collect(ends, "chunks of pairs")?;
-                resize(pairs, end, "pairs")?;
-                let mut targets = split_at(pairs, ends.into_iter())?;
-                input.threads.each(&mut targets, |k, target| {
-                    target.copy_from_slice(&chunks[k]);
-                });
-                Ok(())
-            }
-        })?;
-        extend(&mut self.spare, chunks.drain(..), "chunks of pairs")
-    }
-
-    pub(crate) fn list(&mut self, input: &Input<'_>, order: Order) -> Result<(), Error> {
-        let limit = input.settings.max_pairs;
-        let (found, chunks) = self.collect(input, limit, None)?;
-        self.report.pairs = found;
-        if found > limit {
-            self.spare.clear();
-            return Err(Error::TooManyPairs { found, limit });
-        }
-        self.arrange(chunks, order, input)?;
-        if let Some(split) = input.split {
-            self.pairs.iter_mut().for_each(|pair| pair.j -= split as u32);
-        }
-        Ok(())
-    }
-
-    /// Streams as the threads find.
-    pub(crate) fn hand_over(&mut self, input: &Input<'_>, consume: Consume<'_>) -> Result<(), Error> {
-        let output = Written::new(To::Consumer(Mutex::new(consume)), std::mem::take(&mut self.spare));
-        self.search(input, &output)?.finish()?;
-        self.spare = output.into_spare();
-        Ok(())
-    }
-
-    /// Streams in canonical order: from one list where that is within the limit, else from as many lists of
-    /// consecutive `i` as it takes, one search for each.
-    pub(crate) fn stream_in_order(
+    /// Hands over collected chunks and keeps their memory.
+    fn hand_over(
         &mut self,
-        input: &Input<'_>,
-        limit: u64,
-        consume: Consume<'_>,
-    ) -> Result<(), Error> {
-        let (found, chunks) = self.collect(input, limit, None)?;
-        let spheres = input.survey.spheres;
+        mut chunks: Vec<Vec<Pair>>,
+        take: TakePart<'_>,
+    ) -> Result<ControlFlow<()>, Error> {
+        let flow = take(&mut chunks);
+        extend(&mut self.spare, chunks.drain(..), "chunks of pairs")?;
+        Ok(flow)
+    }
+}
+
+/// What is built for a query.
+pub(crate) struct Built<'b> {
+    pub(crate) state: &'b mut State,
+    pub(crate) input: &'b Input<'b>,
+}
+
+impl PairSource for Built<'_> {
+    fn count(&mut self) -> Result<u64, Error> {
+        Ok(self.state.search(self.input, &Count)?.0)
+    }
+
+    fn list(&mut self, limit: u64, take: TakePart<'_>) -> Result<u64, Error> {
+        let (found, chunks) = self.state.collect(self.input, limit, None)?;
+        if found > limit {
+            self.state.spare.clear();
+        } else {
+            let _ = self.state.hand_over(chunks, take)?;
+        }
+        Ok(found)
+    }
+
+    /// As one part if there are at most `limit` pairs, else by one search for each range of consecutive `i`.
+    fn ascending(&mut self, limit: u64, take: TakePart<'_>) -> Result<(), Error> {
+        let Self { state, input } = self;
+        let (found, chunks) = state.collect(input, limit, None)?;
         if found <= limit {
-            self.arrange(chunks, Order::Canonical, input)?;
-            let _ = consume(&self.pairs);
-            return Ok(());
+            return state.hand_over(chunks, take).map(|_| ());
         }
         drop(chunks);
-        let mut counts = collect(std::iter::repeat_n(0_u32, spheres), "pairs of each sphere")?;
-        let tally = Written::new(To::Tally(shared(&mut counts)), std::mem::take(&mut self.spare));
-        self.search(input, &tally)?.finish()?;
-        self.spare = tally.into_spare();
-
-        let mut from = 0;
-        while from < spheres {
-            let mut total = 0;
-            let fits = |count: &&u32| {
-                total += u64::from(**count);
-                total <= limit
-            };
-            let to = from + counts[from..].iter().take_while(fits).count().max(1);
-            let (_, chunks) = self.collect(input, u64::MAX, Some(from as u32..to as u32))?;
-            self.arrange(chunks, Order::Canonical, input)?;
-            if consume(&self.pairs).is_break() {
+        let mut counts = collect(std::iter::repeat_n(0_u32, input.survey.spheres), "pairs of each sphere")?;
+        let tally = Written::new(To::Tally(shared(&mut counts)), std::mem::take(&mut state.spare));
+        state.search(input, &tally)?.finish()?;
+        state.spare = tally.into_spare();
+        for range in ranges(&counts, limit) {
+            let (_, chunks) = state.collect(input, u64::MAX, Some(range))?;
+            if state.hand_over(chunks, take)?.is_break() {
                 break;
             }
-            from = to;
         }
+        Ok(())
+    }
+
+    fn unordered(&mut self, take: TakePairs<'_>) -> Result<(), Error> {
+        let Self { state, input } = self;
+        let output = Written::new(To::Consumer(Mutex::new(take)), std::mem::take(&mut state.spare));
+        state.search(input, &output)?.finish()?;
+        state.spare = output.into_spare();
         Ok(())
     }
 }

@@ -1,7 +1,7 @@
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
-use lazygrid_host::{Phase, Refinement};
+use lazygrid_host::{PairSource, Phase, Refinement, TakePairs, TakePart, ranges};
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, make_room};
 
 use super::input::GpuSpheres;
@@ -41,12 +41,50 @@ pub(super) struct Search {
     pub(super) timings: Vec<Phase>,
     /// Slabs of the last call; 1 where it was not cut.
     pub(super) slabs: usize,
+    /// The pairs of the last list, whose memory serves the next call.
+    found: Vec<Pair>,
+}
+
+/// A search of given spheres.
+pub(super) struct Built<'b> {
+    pub(super) search: &'b mut Search,
+    pub(super) given: &'b Given<'b>,
+}
+
+impl PairSource for Built<'_> {
+    fn count(&mut self) -> Result<u64, Error> {
+        self.search.count(self.given)
+    }
+
+    fn list(&mut self, limit: u64, take: TakePart<'_>) -> Result<u64, Error> {
+        let mut chunk = [std::mem::take(&mut self.search.found)];
+        let listed = self.search.list(self.given, limit, &mut chunk[0]);
+        let found = match listed {
+            Ok(()) => {
+                let found = chunk[0].len() as u64;
+                let _ = take(&mut chunk);
+                Ok(found)
+            }
+            Err(Error::TooManyPairs { found, .. }) => Ok(found),
+            Err(error) => Err(error),
+        };
+        [self.search.found] = chunk;
+        found
+    }
+
+    fn ascending(&mut self, limit: u64, take: TakePart<'_>) -> Result<(), Error> {
+        self.search.parts(self.given, Some(limit), |pairs| take(std::slice::from_mut(pairs)))
+    }
+
+    fn unordered(&mut self, take: TakePairs<'_>) -> Result<(), Error> {
+        self.search.parts(self.given, None, |pairs| take(pairs))
+    }
 }
 
 impl Search {
     pub(super) fn new(session: GpuSession) -> Self {
-        let (slab, timings) = Default::default();
-        Self { session, slab, timings, slabs: 1 }
+        let (slab, timings, found) = Default::default();
+        Self { session, slab, timings, slabs: 1, found }
     }
 
     /// Puts the pairs into `list`, unordered.
@@ -254,17 +292,10 @@ impl Search {
             return Ok(());
         }
         log::info!("{found} pairs of {} slabs are more than {most}: range by range", self.slabs);
-        let mut from = 0;
-        while from < counts.len() {
-            let mut total = 0;
-            let fits = |count: &&u32| {
-                total += u64::from(**count);
-                total <= most
-            };
-            let to = from + counts[from..].iter().take_while(fits).count().max(1);
+        for range in ranges(&counts, most) {
             list.clear();
             let mut refused = None;
-            self.slab_by_slab(cut, &(from as u32..to as u32), |pairs| {
+            self.slab_by_slab(cut, &range, |pairs| {
                 match make_room(&mut list, pairs.len(), "pairs") {
                     Ok(()) => list.append(pairs),
                     Err(error) => refused = Some(error),
@@ -277,7 +308,6 @@ impl Search {
             if consume(&mut list).is_break() {
                 break;
             }
-            from = to;
         }
         Ok(())
     }

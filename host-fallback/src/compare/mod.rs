@@ -13,4 +13,4 @@ pub(crate) use rule::{Effective, Rule, Widening};
 pub(crate) use scan::{COMPARE, Touches, scan};
 pub use simd::Simd;
 pub(crate) use simd::{Around, Axes, Images, Jobs, Portable, Row, Task, Vector, prefetch};
-pub(crate) use sink::{Consume, Count, Output, Sink, To, Written, at_places, memory_of_list};
+pub(crate) use sink::{Count, Output, Sink, To, Written, at_places, memory_of_list};

@@ -3,7 +3,7 @@
 //! An [`Output`] is shared by all threads; each opens a [`Sink`] of its own, and the sinks of neighbouring pieces of
 //! work are merged in the order of the work, so that a list has the same order for any number of threads.
 
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -12,6 +12,7 @@ use lazygrid_kernels::Pair;
 use super::columns::MAX_LANES;
 use super::simd::Vector;
 use crate::Error;
+use crate::finder::TakePairs;
 use crate::memory::{self, resize};
 
 /// Pairs per buffer of a thread, 64 KiB: far below a core's cache, far above the cost of handing it on.
@@ -122,15 +123,12 @@ pub(crate) struct Written<'c> {
     pub(crate) stop: AtomicBool,
 }
 
-/// Called with each chunk.
-pub(crate) type Consume<'c> = &'c mut (dyn FnMut(&[Pair]) -> ControlFlow<()> + Send);
-
 /// Where full chunks go.
 pub(crate) enum To<'c> {
     /// Kept in order while they are at most `limit` pairs in all; beyond it only counted.
     List { limit: u64, kept: AtomicU64 },
     /// Handed over at once, one at a time, from whichever thread filled it.
-    Consumer(Mutex<Consume<'c>>),
+    Consumer(Mutex<TakePairs<'c>>),
     /// Counted by smaller index.
     Tally(&'c [AtomicU32]),
 }

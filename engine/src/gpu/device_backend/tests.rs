@@ -1,9 +1,17 @@
-use lazygrid_kernels::{Algorithm, Sphere, Spheres};
+use std::ops::ControlFlow;
+
+use lazygrid_host::{Order, PairFinder};
+use lazygrid_kernels::{Algorithm, Pair, Sphere, Spheres};
 
 use super::*;
 use crate::Detector;
 use crate::gpu::adapter::device_or_skip;
 use crate::gpu::wgpu;
+
+/// Finds pairs on a device with these settings.
+fn made(own: GpuDevice, config: Config) -> PairFinder<DeviceBackend> {
+    DeviceBackend::new(own, config).map(PairFinder::on).expect("the settings are in range")
+}
 
 /// The same adapter with room for 2¹⁷ pairs in a binding, or for 2¹⁶ spheres.
 fn with_small_bindings(own: &GpuDevice) -> GpuDevice {
@@ -33,12 +41,12 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     let config = Config::default().algorithm(Algorithm::CellList);
     let mut host = Detector::new(config.clone().backend(Backend::Cpu)).expect("made");
     let expected = host.pairs(&spheres).expect("valid").to_vec();
-    let mut detector = DeviceDetector::new(own.clone(), config.clone()).expect("made");
+    let mut detector = made(own.clone(), config.clone());
     let all = Spheres::from(&spheres);
-    assert_eq!(detector.count(all.into()), Ok(expected.len() as u64));
-    let reason = &detector.report().reason;
+    assert_eq!(detector.count(all), Ok(expected.len() as u64));
+    let reason = detector.backend().report().reason;
     assert!(reason.contains("in 2 slabs"), "{reason}");
-    assert!(detector.pairs(all.into()).expect("found") == expected);
+    assert!(detector.pairs(all).expect("found") == expected);
     let (first, second) = spheres.split_at(1000);
     let across = |pair: &&Pair| pair.i < 1000 && pair.j >= 1000;
     let across: Vec<_> = expected.iter().filter(across).map(|p| Pair { i: p.i, j: p.j - 1000 }).collect();
@@ -46,14 +54,14 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
     // In order, whether or not all pairs may be held at once.
     let all_pairs = expected.len() as u64;
     for limit in [all_pairs, all_pairs - 1, all_pairs / 7] {
-        let mut detector = DeviceDetector::new(own.clone(), config.clone().max_pairs(limit)).expect("made");
+        let mut detector = made(own.clone(), config.clone().max_pairs(limit));
         let (mut streamed, mut largest) = (Vec::new(), 0);
         let mut keep = |pairs: &[Pair]| {
             largest = largest.max(pairs.len() as u64);
             streamed.extend_from_slice(pairs);
             ControlFlow::Continue(())
         };
-        let handed = detector.stream(all.into(), usize::MAX, &mut keep).expect("in order");
+        let handed = detector.stream(all, usize::MAX, &mut keep).expect("in order");
         assert!(streamed == expected && handed == all_pairs, "up to {limit}");
         assert!(largest <= limit, "{largest} pairs at once, not {limit}");
         let mut taken = 0;
@@ -61,36 +69,36 @@ fn what_cannot_be_bound_at_once_is_searched_in_slabs() {
             taken += pairs.len();
             ControlFlow::Break(())
         };
-        assert_eq!(detector.stream(all.into(), 5, stop), Ok(5), "up to {limit}");
+        assert_eq!(detector.stream(all, 5, stop), Ok(5), "up to {limit}");
         assert_eq!(taken, 5);
     }
     // Too many already in the first slab, and only in the last.
     for limit in [all_pairs / 7, all_pairs - 1] {
-        let mut detector = DeviceDetector::new(own.clone(), config.clone().max_pairs(limit)).expect("made");
+        let mut detector = made(own.clone(), config.clone().max_pairs(limit));
         let found = all_pairs;
-        assert_eq!(detector.pairs(all.into()), Err(Error::TooManyPairs { found, limit }));
+        assert_eq!(detector.pairs(all), Err(Error::TooManyPairs { found, limit }));
     }
     // What is left out is left out of every slab.
     let groups: Vec<u32> = (0..75_000).map(|k| k % 7).collect();
     let grouped = all.with_groups(&groups).expect("one of each");
     let mut kept = expected.clone();
     kept.retain(|pair| pair.i % 7 != pair.j % 7);
-    let mut detector = DeviceDetector::new(own.clone(), config.clone()).expect("made");
-    assert_eq!(detector.count(grouped.into()), Ok(kept.len() as u64));
-    assert!(detector.pairs(grouped.into()).expect("found") == kept);
+    let mut detector = made(own.clone(), config.clone());
+    assert_eq!(detector.count(grouped), Ok(kept.len() as u64));
+    assert!(detector.pairs(grouped).expect("found") == kept);
     let limited = config.max_pairs(all_pairs - 1);
-    let mut detector = DeviceDetector::new(own, limited.order(Order::Unordered)).expect("made");
+    let mut detector = made(own, limited.order(Order::Unordered));
     let mut streamed = Vec::new();
     let mut keep = |pairs: &[Pair]| {
         streamed.extend_from_slice(pairs);
         ControlFlow::Continue(())
     };
-    detector.stream(all.into(), 1 << 16, &mut keep).expect("streamed");
+    detector.stream(all, 1 << 16, &mut keep).expect("streamed");
     streamed.sort_unstable();
     assert!(streamed == expected);
     // All at one point: there is nowhere to cut.
     let crowd = vec![Sphere::new([0.0; 3], 1.0); 600_000];
-    let refused = detector.count((&crowd).into()).expect_err("too many");
+    let refused = detector.count(&crowd).expect_err("too many");
     assert!(refused.to_string().contains("overlaps too much"), "{refused}");
 }
 
@@ -100,9 +108,9 @@ fn a_report_says_why_one_level_had_to_do() {
     let Some(own) = device_or_skip() else { return };
     let spheres: Vec<_> = (0..3300).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
     let config = Config::default().backend(Backend::Gpu).algorithm(Algorithm::LazyGrid);
-    let mut detector = DeviceDetector::new(with_small_bindings(&own), config).expect("made");
-    assert_eq!(detector.count((&spheres).into()), Ok(3300 * 3299 / 2));
-    let report = detector.report();
+    let mut detector = made(with_small_bindings(&own), config);
+    assert_eq!(detector.count(&spheres), Ok(3300 * 3299 / 2));
+    let report = detector.backend().report();
     assert_eq!(report.algorithm, Algorithm::ArrayGrid);
     assert!(report.reason.contains("array-grid instead of lazy-grid: the entries"), "{}", report.reason);
 }
@@ -122,15 +130,13 @@ fn a_skin_of_its_own_choice_never_shows() {
         (0..10_000).map(|_| Sphere::new([place(32.0), place(32.0), place(32.0)], 0.5)).collect();
     let mut host = Detector::new(Config::default().backend(Backend::Cpu).skin(Skin::Off)).expect("made");
     let config = Config::default().algorithm(Algorithm::CellList);
-    let mut detector = DeviceDetector::new(own, config).expect("made");
+    let mut detector = made(own, config);
     let mut served = 0;
     for step in 0..24 {
         let all = Spheres::from(&spheres);
-        assert!(
-            detector.pairs(all.into()).expect("found") == host.pairs(&spheres).expect("valid"),
-            "step {step}"
-        );
-        served += u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+        assert!(detector.pairs(all).expect("found") == host.pairs(&spheres).expect("valid"), "step {step}");
+        served +=
+            u32::from(detector.backend().report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
         let scale = [0.004, 0.5, 0.0][step / 12 + step / 20];
         for sphere in &mut spheres {
             sphere.center += glam::Vec3::from([place(scale), place(scale), place(scale)]);

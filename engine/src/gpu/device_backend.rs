@@ -1,45 +1,36 @@
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
 use lazygrid_host::{
-    Canonical, Frame, Kept, Lists, Neighbors, Order, Phase, Places, SKINS, Settings, Skin, Survey, Team,
-    check_valid,
+    Frame, Kept, Phase, Places, SKINS, SearchBackend, Settings, Skin, Survey, Team, Work, check_valid,
 };
 use lazygrid_kernels::{Interactions, Pair, Query, Space};
 
 use super::course::Course;
-use super::device_search::{Given, Search};
+use super::device_search::{Built, Given, Search};
 use super::plan::DeviceLimits;
 use super::{GpuDevice, GpuSession, GpuSettings};
 use crate::choice::{self, Known};
+use crate::detector::EngineBackend;
 use crate::{Backend, Config, Error, Report};
 
-/// Parts in which the threads that order a list share it out.
-const PARTS: usize = 128;
-
-/// The GPU side of a `Detector`: checks and chooses like the CPU path, works in a session, and orders on the host.
+/// Searches on a device: checks and chooses like the CPU path, and works in a session.
 #[derive(Debug)]
-pub(crate) struct DeviceDetector {
+pub(crate) struct DeviceBackend {
     settings: Settings,
     known: Known,
     device: Device,
-    /// What searches in frames, if only some calls need one.
+    /// The search in frames, if only some calls need one.
     framed: Option<Box<Device>>,
     /// The host's threads.
     team: Arc<Team>,
     places: Places,
-    /// Where it is for the detector to choose a skin.
+    /// Chooses the skin from call to call, if the settings leave it open.
     course: Option<Course>,
-    canonical: Canonical,
-    lists: Lists,
-    /// As they came; its memory serves the next call.
-    found: Vec<Pair>,
-    pairs: Vec<Pair>,
     report: Report,
 }
 
-impl DeviceDetector {
+impl DeviceBackend {
     pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
         let settings = config.settings;
         let interactions = searched_table(&settings, settings.is_framed());
@@ -76,85 +67,20 @@ impl DeviceDetector {
             session.set_timeout(timeout);
         }
         let team = Arc::new(Team::new(settings.threads)?);
-        let (places, canonical, lists, found, pairs) = Default::default();
         let mut device = Device { search: Search::new(session), interactions };
         if let Skin::Fixed(distance) = settings.skin {
             device.search.session.set_skin(Some(distance as f32))?;
         }
-        Ok(Self {
-            settings,
-            known,
-            device,
-            framed: None,
-            team,
-            places,
-            course,
-            canonical,
-            lists,
-            found,
-            pairs,
-            report,
-        })
+        Ok(Self { settings, known, device, framed: None, team, places: Places::default(), course, report })
+    }
+}
+
+impl EngineBackend for DeviceBackend {
+    fn report(&self) -> Report {
+        self.report.clone()
     }
 
-    pub(crate) fn pairs(&mut self, query: Query<'_>) -> Result<&[Pair], Error> {
-        self.list(&query, self.settings.order)?;
-        Ok(&self.pairs)
-    }
-
-    pub(crate) fn neighbors(&mut self, query: Query<'_>) -> Result<Neighbors<'_>, Error> {
-        self.list(&query, Order::Canonical)?;
-        let start = Instant::now();
-        let neighbors = self.lists.of_query(&self.pairs, &query)?;
-        self.report.phases.push(Phase { name: "neighbors", time: start.elapsed() });
-        Ok(neighbors)
-    }
-
-    pub(crate) fn count(&mut self, query: Query<'_>) -> Result<u64, Error> {
-        let found = self.search(&query, |search, given| search.count(given))?;
-        self.report.pairs = found;
-        Ok(found)
-    }
-
-    pub(crate) fn stream(
-        &mut self,
-        query: Query<'_>,
-        chunk: usize,
-        mut consume: impl FnMut(&[Pair]) -> ControlFlow<()>,
-    ) -> Result<u64, Error> {
-        let mut canonical = std::mem::take(&mut self.canonical);
-        let mut ordered = std::mem::take(&mut self.pairs);
-        let in_order = self.settings.order == Order::Canonical;
-        let most = in_order.then_some(self.settings.max_pairs);
-        let (mut handed, mut refused) = (0, None);
-        let team = self.team.clone();
-        let result = self.search(&query, |search, given| {
-            search.parts(given, most, |pairs| {
-                if in_order {
-                    refused = order(&team, (&mut canonical, pairs), query.len(), &mut ordered).err();
-                    std::mem::swap(pairs, &mut ordered);
-                }
-                if refused.is_some() {
-                    return ControlFlow::Break(());
-                }
-                number_second(pairs, query.split());
-                for part in pairs.chunks(chunk.max(1)) {
-                    handed += part.len() as u64;
-                    consume(part)?;
-                }
-                ControlFlow::Continue(())
-            })
-        });
-        (self.canonical, self.pairs) = (canonical, ordered);
-        self.report.pairs = handed;
-        result.and(refused.map_or(Ok(handed), Err))
-    }
-
-    pub(crate) fn report(&self) -> &Report {
-        &self.report
-    }
-
-    pub(crate) fn memory_for(&self, spheres: u64) -> u64 {
+    fn memory_for(&self, spheres: u64) -> u64 {
         let session = &self.device.search.session;
         // More are searched in slabs. What cannot be held at all is refused when it is tried.
         let keeps = self.course.is_some() || matches!(self.settings.skin, Skin::Fixed(_));
@@ -162,52 +88,22 @@ impl DeviceDetector {
         let at_once = u32::try_from(spheres.min(session.most_spheres())).ok();
         at_once.and_then(|n| memory(n).ok()).unwrap_or(u64::MAX)
     }
+}
 
-    pub(crate) fn into_pairs(self) -> Vec<Pair> {
-        self.pairs
-    }
-
-    /// The pairs of the last list.
-    pub(crate) fn last_pairs(&self) -> &[Pair] {
-        &self.pairs
-    }
-
-    pub(crate) fn settings(&self) -> &Settings {
+impl SearchBackend for DeviceBackend {
+    fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    pub(crate) fn team(&self) -> &Team {
+    fn team(&self) -> &Arc<Team> {
         &self.team
     }
 
-    pub(crate) fn phases_mut(&mut self) -> &mut Vec<Phase> {
-        &mut self.report.phases
+    fn report_mut(&mut self) -> (&mut u64, &mut Vec<Phase>) {
+        (&mut self.report.pairs, &mut self.report.phases)
     }
 
-    /// Finds the pairs, in this order; [`last_pairs`](Self::last_pairs) has them.
-    pub(crate) fn list(&mut self, query: &Query<'_>, by: Order) -> Result<(), Error> {
-        let limit = self.settings.max_pairs;
-        let mut found = std::mem::take(&mut self.found);
-        self.search(query, |search, given| search.list(given, limit, &mut found))?;
-        self.report.pairs = found.len() as u64;
-        let start = Instant::now();
-        if by == Order::Canonical {
-            order(&self.team, (&mut self.canonical, &found), query.len(), &mut self.pairs)?;
-            self.report.phases.push(Phase { name: "order", time: start.elapsed() });
-        } else {
-            std::mem::swap(&mut found, &mut self.pairs);
-        }
-        self.found = found;
-        number_second(&mut self.pairs, query.split());
-        Ok(())
-    }
-
-    /// Checks and chooses, has `work` search, and reports.
-    fn search<R>(
-        &mut self,
-        query: &Query<'_>,
-        work: impl FnOnce(&mut Search, &Given<'_>) -> Result<R, Error>,
-    ) -> Result<R, Error> {
+    fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
         let Self { settings, known, device, framed, course, team, places, report, .. } = self;
         report.begin(query.len());
         let (placed, survey) = team.pass(query.len(), |threads| {
@@ -258,12 +154,12 @@ impl DeviceDetector {
             };
             search.session.change_skin(skin)?;
         }
-        let result = work(search, &given)?;
+        work(&mut Built { search, given: &given })?;
         conclude(report, search);
         if let Some(course) = course {
             course.note(query.len(), report.candidates, search.session.went());
         }
-        Ok(result)
+        Ok(())
     }
 }
 
@@ -308,23 +204,6 @@ fn searched_space(space: &Space) -> Space {
     Space::periodic(lengths.map(|length| length.map(in_range))).unwrap_or_default()
 }
 
-/// Has pairs of two sets name the second sphere by its index in the second set.
-fn number_second(pairs: &mut [Pair], split: Option<usize>) {
-    if let Some(split) = split {
-        pairs.iter_mut().for_each(|pair| pair.j -= split as u32);
-    }
-}
-
-/// Writes pairs in canonical order.
-fn order(
-    team: &Team,
-    (canonical, pairs): (&mut Canonical, &[Pair]),
-    spheres: usize,
-    ordered: &mut Vec<Pair>,
-) -> Result<(), Error> {
-    team.pass(pairs.len(), |threads| canonical.order(threads, &parts(pairs), spheres, ordered))
-}
-
 /// Says what a search did.
 fn conclude(report: &mut Report, search: &Search) {
     let session = &search.session;
@@ -357,10 +236,6 @@ fn raster_ratio(asked: Option<f32>) -> Result<f32, Error> {
     }
     let range = "choose between 0.5 and 16";
     Err(Error::Setting { name: "raster_ratio", value: ratio.to_string(), range })
-}
-
-fn parts(pairs: &[Pair]) -> Vec<&[Pair]> {
-    pairs.chunks(pairs.len().div_ceil(PARTS).max(1)).collect()
 }
 
 #[cfg(test)]
