@@ -1,4 +1,4 @@
-//! The kernels that every call has, one by one, against plain sequential functions.
+//! Checks of the kernels that most calls share, each against a plain sequential function.
 
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome};
@@ -11,10 +11,11 @@ use crate::device::{download, download_one, run, upload, upload_one};
 use crate::kernels::{Fault, SIZES, ordered, same, variants};
 use crate::{Random, Scenario, Words, adversary, periodic};
 
-/// What a call accumulates is cleared, and has as many spheres as were given, or as there is room for.
+/// Checks that all accumulated values are cleared, and that the number of spheres is the given one, limited to the
+/// capacity.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
     for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
         let call = upload(own, &[Call { spheres: most, ..Call::zeroed() }])?;
@@ -37,7 +38,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
         same(|| case("spheres"), &download_one::<Grid>(own, &grid)?.spheres, &given.min(most))?;
         let found = download::<Outcome>(own, &outcome, 1)?[0];
         let overflow = if given > most { Outcome::SPHERES } else { 0 };
-        // What the last kernel of a call settles may be anything.
+        // The last kernel of a call sets these, so they may hold anything here.
         let (x, y, z) = (found.dispatch_x, found.dispatch_y, found.dispatch_z);
         let cleared = Outcome {
             overflow,
@@ -45,7 +46,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
             dispatch_x: x,
             dispatch_y: y,
             dispatch_z: z,
-            // What the call before found is of use to this one.
+            // The occupancy that the previous call found is kept for this one.
             densest: 1,
             ..Outcome::zeroed()
         };
@@ -54,10 +55,10 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Images nearest to the origin are exact, at any distance and of any length.
+/// Checks that wrapped coordinates are exact, at any distance from the origin and for any length of the box.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), Fault> {
     let lengths = [
         [Some(1.0_f32), Some(0.1), Some(3.3)],
@@ -78,7 +79,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), Fault> {
         let found = download::<[f32; 4]>(own, &wrapped, spheres.len())?;
         for (sphere, found) in spheres.iter().zip(found) {
             let center = space.wrap(sphere.center).to_array();
-            // Zero has two signs.
+            // Compares numbers, not bits: zero has two signs.
             let same_place = center == [found[0], found[1], found[2]] && found[3] == sphere.radius;
             same(|| format!("{sphere:?} in {lengths:?} at {center:?}: {found:?}"), &same_place, &true)?;
         }
@@ -86,7 +87,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Coordinates at halves and whole lengths, next to these, and anywhere.
+/// Makes coordinates at multiples of half a length, next to these, and anywhere.
 fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     let mut random = Random(seed);
     let words = Words::drawn(&mut random, 500);
@@ -102,10 +103,10 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     spheres
 }
 
-/// Bounds hold all valid spheres and little more, and the others are counted.
+/// Checks that the bounds contain all valid spheres with little margin, and that invalid spheres are counted.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
     let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
     for size in SIZES {
@@ -146,7 +147,7 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
             let case = || format!("{low}..{high} held by {found_low}..{found_high}, {size} spheres");
             same(case, &(is_held && is_near), &true)?;
         }
-        // A radius of zero gets something to be told from nothing.
+        // A radius of 0 is increased slightly, to distinguish it from "no radius".
         let [least, most] = extent(&|sphere| sphere.radius);
         let radii = [found.radius_min, found.radius_max].map(f32::from_bits);
         let near = radii[0] >= least && radii[0] <= least + 1e-30 && radii[1] == most;
@@ -155,10 +156,10 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// As many entries are sorted as there are, or as there is room for.
+/// Checks that the number of sorted entries is the number of entries, limited to the capacity.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), Fault> {
     let room = 5000;
     for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
@@ -173,18 +174,18 @@ pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), Fault> {
         let lengths = download::<Lengths>(own, &lengths, 1)?[0];
         let case = || format!("{} entries, room for {room}", wanted.entries());
         same(case, &(lengths.items, found), &(items, Outcome { overflow, ..wanted }))?;
-        // A counter per digit and tile.
+        // One counter per digit and tile.
         let tiles = lengths.counters / 256;
         same(case, &(lengths.counters % 256 == 0 && (tiles > 0) == (items > 0) && tiles <= items), &true)?;
     }
     Ok(())
 }
 
-/// The crowded search is opened for any crowd: up to the most blocks and tiles that a plan allows, which take the crowd of
-/// one cell with all entries there are.
+/// Checks the dispatch arguments of the search in overfull cells, up to the largest numbers of blocks and tiles that a
+/// plan allows. These are enough if one cell has all entries.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), Fault> {
     let most = 65_535 * k::CROWDED_TILES;
     let blocks = [1, 5, 4096, 65_535, 65_536, most];
@@ -214,10 +215,11 @@ pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// All pairs of one point, in a window, with more than there is room for, with and without subgroup operations.
+/// Checks the pairs of spheres at one point: with a window, with too small a capacity, with and without subgroup
+/// operations.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
     for variant in variants(own) {
         more_than_a_word_of_pairs(own, variant)?;
@@ -272,7 +274,7 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// The number of pairs goes on beyond 32 bits.
+/// Checks that the count of pairs continues beyond 32 bits.
 fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Fault> {
     let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); 600];
     let call =
@@ -288,10 +290,10 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Fa
     same(|| format!("found beyond 32 bits, {variant:?}"), &found, &(before.found() + 600 * 599 / 2))
 }
 
-/// A thread for each pair that was written, and a flag where not all were.
+/// Checks that the dispatch arguments give each written pair a thread, and that an overflow is reported.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), Fault> {
     let room = 40_000_000_u32;
     for (low, high) in

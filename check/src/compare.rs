@@ -1,4 +1,4 @@
-//! Every way to get the pairs of a scene, against their definition.
+//! Comparison of each detector variant with the definition of the pairs.
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Sphere};
 use lazygrid_io::scenes::Scene;
@@ -10,19 +10,19 @@ use crate::{
     sheared, shrink,
 };
 
-/// Up to so many spheres all pairs are looked at; of more, the CPU's cell list has the word.
+/// The largest scene whose reference tests all pairs. For larger scenes the CPU's cell list is the reference.
 const ALL_PAIRS: usize = 4000;
 
-/// A scene to be searched.
+/// A scene and its name.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// What is hard about it.
+    /// A description of what makes the scene hard.
     pub name: String,
-    /// What it is.
+    /// The input.
     pub scenario: Scenario,
 }
 
-/// All of an extent, the same at any time.
+/// All scenes of an extent. Each call returns the same ones.
 pub fn cases(extent: Extent) -> Vec<Case> {
     let case = |name: &str, scenario: Scenario| Case { name: name.to_owned(), scenario };
     let mut cases: Vec<Case> =
@@ -80,7 +80,7 @@ pub fn cases(extent: Extent) -> Vec<Case> {
     cases
 }
 
-/// The spheres with species and a table of interactions.
+/// Adds random species and a random interaction table.
 pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> Scenario {
     let table = [(); TABLE_WORDS].map(|()| random.word());
     let ids: Vec<u32> = spheres.iter().map(|_| random.word()).collect();
@@ -88,10 +88,10 @@ pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> Scenari
     Scenario { mixture: Some(mixture), ..spheres.into() }
 }
 
-/// The pairs that there are, in canonical order.
+/// The expected pairs, in canonical order.
 ///
 /// # Errors
-/// Where the reference for many spheres fails.
+/// Fails if the reference detector for large scenes fails.
 pub fn expected(scenario: &Scenario) -> Result<Vec<Pair>, String> {
     if scenario.spheres.len() <= ALL_PAIRS {
         return Ok(scenario.oracle());
@@ -104,23 +104,23 @@ pub fn expected(scenario: &Scenario) -> Result<Vec<Pair>, String> {
     })
 }
 
-/// What went wrong with a scene, made as small as could be done.
+/// A failing case, shrunk as far as possible.
 #[derive(Clone, Debug)]
 pub struct Failure {
-    /// What failed.
+    /// The name of the scene and the detector variant.
     pub name: String,
-    /// How, in words.
+    /// A description of the failure.
     pub what: String,
-    /// The scene, if it is one that failed.
+    /// The failing scene, if the failure has one.
     pub scenario: Option<Scenario>,
-    /// The options of `lazygrid detect` that show it, as far as it has them; empty where it cannot.
+    /// The options of `lazygrid detect` that reproduce the failure, as far as they exist; empty if there are none.
     pub options: String,
 }
 
-/// What is wrong with the pairs that a detector gives for a scene.
+/// Compares the pairs that a detector finds in a scene with the expected pairs.
 ///
 /// # Errors
-/// That, in words.
+/// Describes the first difference, or the detector's error.
 pub fn judge(
     scenario: &Scenario,
     way: &Way,
@@ -129,23 +129,23 @@ pub fn judge(
     difference(scenario, &pairs(scenario)?, &expected(scenario)?, way.tolerance())
 }
 
-/// What a way takes on this machine, as seen so far.
+/// The speed of a detector variant on this machine, estimated from its calls so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pace {
-    /// Seconds per unit of work, the least that was seen.
+    /// The smallest measured time per unit of work in seconds.
     rate: Option<f64>,
 }
 
 impl Pace {
-    /// Fewer spheres say nothing about more.
+    /// Minimum number of spheres of a call that counts: smaller calls say little about larger ones.
     const TELLING: usize = 1000;
 
-    /// Seconds that so many spheres will take; 0 as long as nothing is known.
+    /// The predicted seconds of a call with `spheres` spheres; 0 before the first measurement.
     pub fn forecast(self, way: &Way, spheres: usize) -> f64 {
         self.rate.unwrap_or(0.0) * Self::work(way, spheres)
     }
 
-    /// Takes note of what so many spheres took.
+    /// Records the time of a call with `spheres` spheres.
     pub fn saw(&mut self, way: &Way, spheres: usize, seconds: f64) {
         if spheres >= Self::TELLING {
             let rate = seconds / Self::work(way, spheres);
@@ -159,13 +159,14 @@ impl Pace {
 }
 
 impl Case {
-    /// Goes one way, whose pairs are to be the `expected` ones. Returns what is wrong, if anything.
+    /// Runs one detector variant and compares its pairs with `expected`. Returns a description of the difference, if
+    /// any.
     pub fn fault(&self, way: &Way, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
         let found = way.pairs(gpu, &self.scenario);
         found.and_then(|found| difference(&self.scenario, &found, expected, way.tolerance())).err()
     }
 
-    /// What is wrong with one way, shown with as few spheres as [`shrink`] comes to in so many tries.
+    /// Shrinks a failure of one detector variant with at most `tries` attempts of [`shrink`].
     pub fn failure(&self, way: &Way, gpu: Option<&Gpu>, what: String, tries: usize) -> Failure {
         let failing = |smaller: &Scenario| judge(smaller, way, |scenario| way.pairs(gpu, scenario)).err();
         let (scenario, what) = shrink(self.scenario.clone(), what, tries, failing);
