@@ -1,4 +1,4 @@
-//! Scenes, settings and calls drawn at random. A round depends on its seed alone.
+//! Rounds of random scenes, settings and calls. A round depends only on its seed.
 
 use std::ops::ControlFlow;
 
@@ -12,15 +12,15 @@ use crate::{Gpu, Scenario, Tolerance, Way, difference, guarded, shrink};
 
 pub(crate) mod draw;
 
-/// What one detector is asked, call by call.
+/// The settings of one detector and its calls.
 #[derive(Clone, Debug)]
 pub struct Round {
-    /// What it depends on.
+    /// The seed that determines the round.
     pub seed: u64,
     way: Way,
     order: Order,
     max_pairs: u64,
-    /// All with the same space and table of interactions.
+    /// The calls and their inputs, all with the same space and interaction table.
     calls: Vec<(Call, Scenario)>,
 }
 
@@ -32,7 +32,7 @@ enum Call {
     Stream { chunk: usize },
 }
 
-/// What a detector answers.
+/// The result of a call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Answer {
     Pairs(Vec<Pair>),
@@ -41,8 +41,8 @@ enum Answer {
 }
 
 impl Round {
-    /// Runs it with a new detector. Returns what is wrong, if anything, with as few calls and spheres as show it. `tries`
-    /// are those of [`shrink`].
+    /// Runs the round with a new detector. Returns a failure, if any, with as few calls and spheres as show it. `tries`
+    /// limits the attempts of [`shrink`].
     pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<Failure> {
         let way = self.way;
         self.check_with(tries, |round| guarded(|| round.run(gpu))).map(|(round, what)| {
@@ -56,11 +56,11 @@ impl Round {
         })
     }
 
-    /// The same with any detector: `run` says what is wrong with a round.
+    /// Like [`check`](Self::check) for any detector: `run` returns a description of what is wrong with a round.
     fn check_with(self, tries: usize, run: impl Fn(&Self) -> Result<(), String>) -> Option<(Self, String)> {
         let mut what = run(&self).err()?;
         let mut round = self;
-        // Calls first, from the last on, then the spheres of each call.
+        // First removes calls, starting with the last, then the spheres of each call.
         for k in (0..round.calls.len()).rev().filter(|_| tries > 0) {
             let mut fewer = round.clone();
             fewer.calls.remove(k);
@@ -91,7 +91,7 @@ impl Round {
         self.judge(|call, scenario| answer(&mut detector, call, scenario))
     }
 
-    /// Whether all answers are right.
+    /// Checks all answers.
     fn judge(&self, mut answer: impl FnMut(Call, &Scenario) -> Result<Answer, String>) -> Result<(), String> {
         self.calls.iter().enumerate().try_for_each(|(k, (call, scenario))| {
             let answer = answer(*call, scenario);
@@ -147,7 +147,7 @@ impl std::fmt::Display for Round {
     }
 }
 
-/// The fewest and the most pairs that are right.
+/// The smallest and the largest number of pairs within the tolerance.
 pub(crate) fn counts(scenario: &Scenario, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     if tolerance == Tolerance::Exact {
         return [expected.len() as u64; 2];
@@ -197,7 +197,7 @@ fn answer(detector: &mut Detector, call: Call, scenario: &Scenario) -> Result<An
     }
 }
 
-/// The pairs of neighbour lists, each of which has to be in two of them.
+/// The pairs of neighbor lists, each of which must be in the lists of both spheres.
 pub(crate) fn pairs_of<'a>(spheres: usize, list: impl Fn(usize) -> &'a [u32]) -> Result<Vec<Pair>, String> {
     let mut pairs = Vec::new();
     for i in 0..spheres {
@@ -246,7 +246,7 @@ mod tests {
         assert!(leaning > 80 && less > 80, "{leaning} in spaces that lean, {less} with pairs left out");
     }
 
-    /// Answers by the definition, but for one thing.
+    /// Answers by the definition, after `spoil` has changed the pairs.
     fn answers(round: &Round, spoil: impl Fn(&mut Vec<Pair>)) -> Result<(), String> {
         round.judge(|call, scenario| {
             let mut pairs = scenario.oracle();

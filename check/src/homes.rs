@@ -1,4 +1,4 @@
-//! The kernels that choose the cells of a cell list and find those of its spheres, one by one, against plain sequential
+//! Checks of the kernels that configure a cell list and assign its spheres to cells, each against plain sequential
 //! functions.
 
 use bytemuck::Zeroable;
@@ -11,10 +11,11 @@ use crate::cells::{Case, Chosen, LISTED, ROOM, TAU, cases, level_of, numbers};
 use crate::device::{download, run, upload, upload_one};
 use crate::kernels::{Fault, same};
 
-/// Cells are as wide as the spheres that are at home there, fit the table, and have spheres that touch next to each other.
+/// Checks that cells are as large as the spheres assigned to them, fit the table, and hold touching spheres in adjacent
+/// cells.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), Fault> {
     for case in cases() {
         let chosen = case.choose(own)?;
@@ -43,7 +44,8 @@ pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), Fault> {
     first_calls_miss_no_crowd(own)
 }
 
-/// Crowds of which a call samples one sphere each: a first call looks again, and a later one knows.
+/// Checks crowds of which a call samples one sphere each: a first call looks again, and a later one uses the occupancy
+/// of the call before.
 fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), Fault> {
     const SPHERES: u32 = 20_000;
     let sphere = |k: u32| {
@@ -63,7 +65,7 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Levels have room, edges and places in the table.
+/// Checks the capacity, cell sizes and table offsets of the levels.
 fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), Fault> {
     let Chosen { list, scenario, .. } = chosen;
     let mut base = 0;
@@ -79,7 +81,7 @@ fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), Fault> {
                 && own.scale == list.level[0].scale * (level as f32).exp2()
                 && (2.0 * own.reach..2.1 * own.reach).contains(&edge);
             same(what, &edges, &true)?;
-            // Before this many quanta are no whole number of 32 bits.
+            // At the coordinate `far`, the number of quanta reaches 2³⁰.
             same(what, &(f32::from_bits(own.far) * own.scale), &((1_u32 << 30) as f32))?;
             for (length, cells) in scenario.space.lengths().into_iter().zip(own.cells.to_array()) {
                 let is_wide = length.is_none_or(|length| length / f64::from(cells) >= edge.into());
@@ -103,7 +105,7 @@ fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Spheres that touch are in neighbouring cells of every level that both could be at home in.
+/// Checks that touching spheres are in adjacent cells of each level that both may be assigned to.
 fn neighbours_are_near(chosen: &Chosen, case: Case) -> Result<(), Fault> {
     let Chosen { list, scenario, .. } = chosen;
     let step = scenario.spheres.len().div_ceil(500);
@@ -133,10 +135,10 @@ fn neighbours_are_near(chosen: &Chosen, case: Case) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Each cell's counter has the spheres that are not listed, where smaller ones may leave cells.
+/// Checks that each counter holds the number of spheres that are not listed, if smaller spheres may leave cells.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn density_count(own: &GpuDevice) -> Result<(), Fault> {
     for case in cases() {
         let chosen = case.choose(own)?;
@@ -152,10 +154,10 @@ pub(crate) fn density_count(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Every sphere gets its cell and a place there of its own, and crowded cells are reported.
+/// Checks that each sphere gets its cell and a distinct rank in it, and that overfull cells are reported.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), Fault> {
     for case in cases() {
         let chosen = case.choose(own)?;
@@ -191,7 +193,7 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), Fault> {
         if list.is_dense == 1 {
             Chosen::agrees(|| what("the fullest cell"), &densest, |fused| chosen.homes(&table, fused).1)?;
         } else {
-            // The smaller spheres come to their cell among the others, in any order.
+            // The smaller spheres enter their cell interleaved with the others, in any order.
             let small = |id: usize| ![0, LISTED].contains(&level_of(list, scenario.spheres[id].radius));
             let mut smaller = vec![0; counts.len()];
             (0..cells.len()).filter(|&id| small(id)).for_each(|id| smaller[cells[id] as usize] += 1);
@@ -204,10 +206,10 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Every sphere's key is its cell, and the digits of the first pass are counted.
+/// Checks that each sphere's key is its cell, and that the digits of the first sort pass are counted.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), Fault> {
     for case in cases() {
         let chosen = case.choose(own)?;

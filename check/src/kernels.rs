@@ -1,4 +1,4 @@
-//! Every kernel by itself, against a plain sequential function.
+//! Checks of single kernels, each against a plain sequential function.
 
 use std::fmt::Debug;
 
@@ -9,13 +9,13 @@ use thiserror::Error;
 
 use crate::{Extent, calls, grid, homes, list, nested, primitives, runs, shares, skin};
 
-/// Around a workgroup, and many.
+/// Numbers of spheres: around the size of a workgroup, and many workgroups.
 pub(crate) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
 
-/// Why something is not right.
+/// The failure of a check.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum Fault {
-    /// A result is not what it has to be.
+    /// A result differs from the expected one.
     #[error("{0}")]
     Wrong(String),
     /// The device failed.
@@ -23,14 +23,14 @@ pub enum Fault {
     Device(#[from] Error),
 }
 
-/// One of the checks: kernels, and what they have to do.
+/// A check of one or more kernels.
 #[derive(Clone, Copy, Debug)]
 pub struct KernelCheck {
-    /// What is checked.
+    /// The name of the check.
     pub name: &'static str,
-    /// The kernels that do it.
+    /// The names of the checked kernels.
     pub kernels: &'static [&'static str],
-    /// Checks it.
+    /// The function that runs the check.
     pub run: Run,
 }
 
@@ -38,10 +38,10 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
     KernelCheck { name, kernels, run }
 }
 
-/// A check on a device, of some extent.
+/// A check function.
 pub type Run = fn(&GpuDevice, Extent) -> Result<(), Fault>;
 
-/// All checks, in the order of a call.
+/// All checks, in the order in which a call runs the kernels.
 pub const CHECKS: [KernelCheck; 34] = [
     one("call begin", &["call_begin"], |own, _| calls::call_begin(own)),
     one("images nearest to the origin", &["spheres_wrap"], |own, _| calls::spheres_wrap(own)),
@@ -89,7 +89,7 @@ fn sizes(extent: Extent) -> impl Iterator<Item = usize> {
     primitives::SIZES.into_iter().filter(move |size| *size < most).chain(large)
 }
 
-/// Without subgroup operations, and with them where the device has them.
+/// The default variants without and, if the device supports them, with subgroup operations.
 pub(crate) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
     let smallest = own.adapter.has_subgroups.then_some(own.adapter.subgroup_sizes[0]);
     let subgroups = smallest.filter(|&size| size >= 4);
@@ -97,12 +97,12 @@ pub(crate) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
     [None, subgroups].into_iter().take(1 + usize::from(subgroups.is_some())).map(with)
 }
 
-/// Unsigned integers in the order of the floats.
+/// Maps a float to an unsigned integer with the same order.
 pub(crate) fn ordered(x: f32) -> u32 {
     if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 }
 }
 
-/// Holds what was found against what has to be.
+/// Compares a result with the expected one.
 pub(crate) fn same<T: PartialEq + Debug>(
     case: impl FnOnce() -> String,
     found: &T,

@@ -1,4 +1,4 @@
-//! The searches of the paper's grids, one by one, against all pairs of each run.
+//! Checks of the searches of the paper's grids, each against all pairs of each run of equal keys.
 
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
@@ -10,12 +10,12 @@ use crate::Random;
 use crate::device::{download, run, run_over, upload, upload_one};
 use crate::kernels::{Fault, same};
 
-/// Pairs that there is room for.
+/// Capacity of the pair buffer.
 const ROOM: u32 = 1 << 21;
-/// Entries up to this far behind one along its run are not left to the crowded search.
+/// Distance along a run up to which the first search compares entries. The second search compares the others.
 const NEAR: u32 = 256;
 
-/// Entries of some runs.
+/// The buffers of a search in runs of entries.
 struct Runs {
     call: wgpu::Buffer,
     grid: wgpu::Buffer,
@@ -30,7 +30,7 @@ struct Runs {
 }
 
 impl Runs {
-    /// The entry of each sphere is in the cell where it begins.
+    /// Gives each sphere one entry, in its first cell on all axes.
     fn of(own: &GpuDevice, spheres: &[Sphere], (keys, passive): (&[u32], u32)) -> Result<Self, Fault> {
         let count = keys.len() as u32;
         let call = Call {
@@ -82,7 +82,7 @@ impl Runs {
         Ok(run_over(own, (&k::CROWDED_SEARCH, variant), groups, &self.bound())?)
     }
 
-    /// The pairs found so far.
+    /// The pairs found so far, sorted.
     fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, Fault> {
         let found = download::<Outcome>(own, &self.outcome, 1)?[0].found();
         let mut pairs = download::<Pair>(own, &self.pairs, found as usize)?;
@@ -91,10 +91,11 @@ impl Runs {
     }
 }
 
-/// Active entries meet all of their run: all spheres at one point, so that nothing but runs and marks decides.
+/// Checks that active entries meet all entries of their run. All spheres are at one point, so that only runs and marks
+/// matter.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), Fault> {
     for (actives, passives, passive) in
         [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]
@@ -117,16 +118,17 @@ pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Of runs of any length the first search finds the pairs whose entries are near each other, and the crowded one the others.
+/// Checks that, in runs of any length, the first search finds the pairs of entries near each other, and the second
+/// search finds the others.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn crowded_search(own: &GpuDevice) -> Result<(), Fault> {
     for variant in crate::kernels::variants(own) {
         for lengths in [&[257_u32][..], &[258, 3, 258], &[1, 900, 40, 600, 7], &[2300]] {
             let keys: Vec<u32> =
                 (0..).zip(lengths).flat_map(|(run, &length)| (0..length).map(move |_| run)).collect();
-            // Multiples of a quarter, so that no distance is rounded.
+            // Multiples of a quarter avoid rounding.
             let mut random = Random(keys.len() as u64);
             let mut coordinate = || random.below(16) as f32 / 4.0;
             let spheres: Vec<Sphere> =

@@ -1,4 +1,4 @@
-//! The searches of a cell list, one by one, against all pairs.
+//! Checks of the searches of a cell list, against all pairs.
 
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
@@ -11,7 +11,7 @@ use crate::device::{download, run, run_over, upload, upload_one};
 use crate::kernels::{Fault, same};
 use crate::{Tolerance, difference};
 
-/// What the searches of one call share.
+/// The buffers that the searches of one call share.
 struct Searched {
     call: wgpu::Buffer,
     list: wgpu::Buffer,
@@ -25,7 +25,7 @@ struct Searched {
 }
 
 impl Searched {
-    /// Sorts the spheres of a call by cells.
+    /// Sorts the spheres of a call into cells.
     fn of(own: &GpuDevice, chosen: &Chosen) -> Result<Self, Fault> {
         let Chosen { call, scenario, list, .. } = chosen;
         let (homes, _) = chosen.homes(&chosen.density(false), false);
@@ -70,18 +70,18 @@ impl Searched {
         Ok(download::<Outcome>(own, &self.outcome, 1)?[0])
     }
 
-    /// The pairs that were written, which are all that were found.
+    /// The written pairs. The buffer is large enough for all pairs.
     fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, Fault> {
         Ok(download::<Pair>(own, &self.pairs, self.outcome(own)?.found() as usize)?)
     }
 
-    /// Searches the first share of each sphere's candidates.
+    /// Searches the first candidates of each sphere.
     fn first_shares(&self, own: &GpuDevice, chosen: &Chosen) -> Result<(), Fault> {
         let groups = chosen.call.spheres.div_ceil(k::GROUP);
         Ok(run(own, &k::LIST_SEARCH, chosen.variant, groups, &self.bound())?)
     }
 
-    /// Opens and searches the next part of the further ones.
+    /// Computes the dispatch arguments of the next part of the further candidates and searches it.
     fn next_part(&self, own: &GpuDevice, chosen: &Chosen) -> Result<(), Fault> {
         let dispatch = upload(own, &[0_u32; 4])?;
         let bound = [("call", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
@@ -91,19 +91,18 @@ impl Searched {
     }
 }
 
-/// Both searches together find every pair once, in one part and in several; the first alone finds those of spheres that
-/// have few candidates.
+/// Checks that both searches together find each pair once, in one submission or in several.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), Fault> {
     for case in cases() {
-        // In a small box nearly all are pairs.
+        // In a small box nearly all spheres are pairs.
         let case = Case { spheres: case.spheres.min(1500), ..case };
         let chosen = case.choose(own)?;
         let scenario = chosen.scenario.only(|k| chosen.scenario.spheres[k].is_valid());
         let expected = scenario.oracle();
-        // Those that are not valid pair with nothing, but have numbers.
+        // Invalid spheres have indices but no pairs.
         let valid = (0..).zip(&chosen.scenario.spheres).filter(|(_, sphere)| sphere.is_valid());
         let ids: Vec<u32> = valid.map(|(id, _)| id).collect();
         for part_tiles in [Call::UNPARTED, 1] {
@@ -128,11 +127,11 @@ pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Of spheres at one point each has those behind it for candidates. The first share of them is searched at once, and blocks
-/// with more are listed.
+/// Checks spheres at one point, where the candidates of a sphere are all spheres after it. The first search covers its
+/// share of the candidates, and lists blocks with more.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn list_search(own: &GpuDevice) -> Result<(), Fault> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
         let case = Case { spheres: count, lengths: [None; 3], is_dense: false };
@@ -158,10 +157,10 @@ pub(crate) fn list_search(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Parts have as many blocks as their tiles allow, and one at least.
+/// Checks that a part has as many blocks as its number of tiles allows, and at least one.
 ///
 /// # Errors
-/// What is wrong.
+/// Fails if a result is wrong or the device fails.
 pub(crate) fn shares_open(own: &GpuDevice) -> Result<(), Fault> {
     let blocks = [1, 5, 4096, 65_535, 65_536, 1_000_000];
     for (blocks, shares) in

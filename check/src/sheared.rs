@@ -1,5 +1,5 @@
-//! Families of spheres in spaces whose edges lean, made of words as those of [`adversary`]. The space is settled by the words
-//! for the scene alone, so that other elements are other spheres in the same space.
+//! Families of scenes in triclinic cells, made from [`Words`] like those of [`adversary`]. Only the words of the scene
+//! determine the cell, so that other elements are other spheres in the same cell.
 
 use glam::Vec3;
 use lazygrid::{Space, Sphere};
@@ -9,7 +9,7 @@ use crate::adversary;
 use crate::periodic::Family;
 use crate::{Choices, Scenario, Words};
 
-/// All of them.
+/// All families.
 pub const FAMILIES: [Family; 7] = [
     Family { name: "lattices across leaning seams", scene: lattice },
     Family { name: "soup in a box that leans", scene: soup },
@@ -20,13 +20,13 @@ pub const FAMILIES: [Family; 7] = [
     Family { name: "the largest spheres in space that leans", scene: largest_spheres },
 ];
 
-/// The edges of a box of these lengths with the tilts xy, xz and yz; an axis without a length does not repeat.
+/// The cell vectors of a box with these lengths and the tilts xy, xz and yz. An axis without a length is not periodic.
 pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3>; 3] {
     let [x, y, z] = lengths;
     [x.map(|x| Vec3::new(x, 0.0, 0.0)), y.map(|y| Vec3::new(xy, y, 0.0)), z.map(|z| Vec3::new(xz, yz, z))]
 }
 
-/// The space of these edges, which span a box.
+/// Creates the space of these cell vectors, which must be linearly independent.
 pub fn space(edges: [Option<Vec3>; 3]) -> Space {
     Space::sheared(edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()))).unwrap_or_default()
 }
@@ -35,13 +35,13 @@ fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> Scenario {
     Scenario { space: space(edges), ..spheres.into() }
 }
 
-/// Some of three edges, one at least.
+/// Draws a nonempty subset of three cell vectors.
 fn some_of(of: &mut Choices<'_>, edges: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] {
     let taken = if of.below(2) == 0 { 7 } else { 1 + of.below(7) };
     [0, 1, 2].map(|k| edges[k].filter(|_| taken >> k & 1 == 1))
 }
 
-/// Sites of a lattice in exact contact in boxes whose edges lean by whole and half sites, some by more than a length.
+/// Lattice sites in exact contact, in cells tilted by whole and half sites, some by more than their length.
 pub fn lattice(words: &Words) -> Scenario {
     let mut choices = words.choices();
     let spacing = choices.of(&[1.0_f32, 0.25, 1024.0]);
@@ -56,8 +56,8 @@ pub fn lattice(words: &Words) -> Scenario {
     in_space(spheres, edges)
 }
 
-/// Spheres at random in boxes of any tilt: half a length, as LAMMPS allows, and far more. Sizes from points to more than
-/// the box, coordinates up to some boxes outside.
+/// Random spheres in cells of any tilt: half a length, as LAMMPS allows, and much more. Radii range from 0 to more than
+/// the cell; coordinates reach several cells from the origin.
 pub fn soup(words: &Words) -> Scenario {
     let mut choices = words.choices();
     let most = choices.of(&[0.5_f32, 0.5, 1.5, 6.0]);
@@ -67,7 +67,8 @@ pub fn soup(words: &Words) -> Scenario {
     in_space(sizes(words), edges)
 }
 
-/// Spheres at random in boxes with edges of any direction, the longest up to some hundred times as long as the shortest.
+/// Random spheres in cells with vectors of any direction, the longest up to about a hundred times as long as the
+/// shortest.
 pub fn directions(words: &Words) -> Scenario {
     let mut choices = words.choices();
     let mut edge = || {
@@ -75,7 +76,7 @@ pub fn directions(words: &Words) -> Scenario {
         direction * choices.of(&[3.0_f32, 0.4, 8.0, 40.0])
     };
     let mut edges = [edge(), edge(), edge()];
-    // Edges in one plane span no box.
+    // Replaces nearly coplanar vectors.
     let volume = edges[0].cross(edges[1]).dot(edges[2]);
     if volume.abs() < 1e-2 * edges.iter().map(|edge| edge.length()).product::<f32>() {
         edges = [Vec3::new(3.0, 1.0, 0.0), Vec3::new(0.0, 4.0, -1.0), Vec3::new(2.0, 0.0, 5.0)];
@@ -84,7 +85,7 @@ pub fn directions(words: &Words) -> Scenario {
     in_space(sizes(words), edges)
 }
 
-/// From points to more than a box, at up to some boxes from the origin.
+/// Random spheres with radii from 0 to more than a cell, at up to several cells from the origin.
 pub fn sizes(words: &Words) -> Vec<Sphere> {
     words.each(|of| {
         let radius = match of.below(10) {
@@ -97,7 +98,7 @@ pub fn sizes(words: &Words) -> Vec<Sphere> {
     })
 }
 
-/// Spheres that an unwrapped simulation has carried away by whole edges; all values multiples of 2⁻⁸ below 2¹⁵.
+/// Spheres of an unwrapped simulation, shifted by whole cell vectors. All values are multiples of 2⁻⁸ below 2¹⁵.
 pub fn carried_away(words: &Words) -> Scenario {
     let mut choices = words.choices();
     let quarters = |of: &mut Choices<'_>, most: i32| of.within(most) as f32 / 4.0;
@@ -114,7 +115,7 @@ pub fn carried_away(words: &Words) -> Scenario {
     in_space(spheres, edges)
 }
 
-/// Spheres at the corner of the box and about the seams, by some units in the last place.
+/// Spheres at the corner of the cell and at its periodic boundaries, or a few units in the last place away.
 pub fn corners(words: &Words) -> Scenario {
     let mut choices = words.choices();
     let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 10.0, 0.1, 3.3])));
@@ -134,7 +135,7 @@ pub fn corners(words: &Words) -> Scenario {
     in_space(spheres, edges)
 }
 
-/// Boxes and spheres of lengths at which arithmetic in `f32` changes.
+/// Cells and spheres of sizes near which `f32` arithmetic changes.
 pub fn ends_of_the_range(words: &Words) -> Scenario {
     let mut choices = words.choices();
     let unit = choices.of(&[1e-30_f32, 1e-36, 1e30, 2e36]);
@@ -148,7 +149,8 @@ pub fn ends_of_the_range(words: &Words) -> Scenario {
     in_space(spheres, edges)
 }
 
-/// Spheres as large as they can be, or nearly, in space that repeats along some edges and is unbounded across them.
+/// Spheres of the largest radii, or nearly, in space that is periodic along some cell vectors and unbounded across
+/// them.
 pub fn largest_spheres(words: &Words) -> Scenario {
     let mut choices = words.choices();
     let unit = choices.of(&[1.0_f32, 1e38, 1e-3]);
@@ -179,7 +181,7 @@ mod tests {
                 let others = Words { elements: Words::drawn(&mut random, 5).elements, ..words };
                 assert_eq!((family.scene)(&others).space, space, "{}", family.name);
             }
-            // Some have tilts of zero.
+            // Some cells have tilts of zero.
             assert!(leaning > 100, "{}: {leaning}", family.name);
         }
     }

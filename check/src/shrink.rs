@@ -2,9 +2,9 @@ use glam::Vec3;
 
 use crate::Scenario;
 
-/// Makes a scenario smaller that fails: with nothing left out, or less; without spheres that it fails without, in ever smaller
-/// groups down to single ones; and then with rounder numbers. `failing` says what is wrong, if anything, and is asked at most `tries` times.
-/// Returns the smallest that fails, and what is wrong with it.
+/// Shrinks a failing scenario: first removes exclusions, then spheres in ever smaller groups down to single ones, then
+/// rounds numbers. `failing` returns a description of what is wrong, if anything, and is called at most `tries` times.
+/// Returns the smallest failing scenario and its description.
 pub fn shrink(
     scenario: Scenario,
     what: String,
@@ -34,7 +34,7 @@ pub fn shrink(
         let (before, mut from) = (best.0.spheres.len(), 0);
         while from < best.0.spheres.len() {
             let smaller = best.0.only(|k| !(from..from + group).contains(&k));
-            // Where a group went, the next one begins at the same place.
+            // After a removal, the next group starts at the same index.
             if !attempt(&mut best, smaller) {
                 from += group;
             }
@@ -48,7 +48,7 @@ pub fn shrink(
             let sphere = &mut smaller.spheres[k];
             sphere.center = Vec3::from(sphere.center.to_array().map(rounder));
             sphere.radius = rounder(sphere.radius);
-            // What overflows would fail for another reason.
+            // A scenario that overflows would fail for another reason.
             let is_valid = sphere.center.is_finite() && sphere.radius.is_finite();
             if is_valid && smaller != best.0 && attempt(&mut best, smaller) {
                 break;
@@ -65,7 +65,7 @@ mod tests {
     use crate::{Mixture, Tolerance, difference};
     use lazygrid::{Interaction, Pair};
 
-    /// A detector that never finds the pairs of spheres at an odd and an even place.
+    /// A detector that misses the pairs of a sphere with a radius above 0.3 and a sphere with a smaller one.
     fn broken(scenario: &Scenario) -> Vec<Pair> {
         let mut pairs = scenario.oracle();
         pairs.retain(|pair| {
@@ -95,7 +95,7 @@ mod tests {
         }
     }
 
-    /// What finds pairs that are listed, and what finds those of one group, is shown with only what it takes.
+    /// A detector that ignores groups, or ignores the list, is shown with only that kind of exclusion.
     #[test]
     fn what_is_left_out_shrinks_with_the_spheres() {
         let words =

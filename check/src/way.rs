@@ -8,54 +8,54 @@ use crate::device::PATIENCE;
 use crate::motion::{skin_of, walk};
 use crate::{Extent, Scenario, Tolerance};
 
-/// The GPU that is checked.
+/// The GPU under test.
 #[derive(Clone, Debug)]
 pub struct Gpu {
     /// The device.
     pub own: GpuDevice,
-    /// How it was asked for, where it was.
+    /// The requested adapter, if the caller named one.
     pub adapter: Option<AdapterId>,
 }
 
-/// One way to get the pairs of a scene.
+/// A detector variant under test: algorithm, target and settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Way {
-    /// Which detector.
+    /// The algorithm.
     pub algorithm: Algorithm,
-    /// Where it runs.
+    /// The target device.
     pub place: Place,
-    /// τ, where it is not the default.
+    /// τ, or `None` for the default.
     pub tau: Option<u32>,
-    /// The raster ratio, where it is not the default.
+    /// The cell ratio (cell size over largest diameter), or `None` for the default.
     pub raster_ratio: Option<f32>,
-    /// The skin with which candidates are kept from call to call, as a part of a radius; 0 where the detector decides.
+    /// The skin of the candidate list as a fraction of a radius; 0 leaves the choice to the detector.
     pub skin: f32,
 }
 
-/// Where a detector runs, and with what.
+/// The target of a detector and its target-specific settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// On the CPU.
+    /// The CPU.
     Cpu {
-        /// The widest vector code.
+        /// The widest SIMD instruction set to use.
         simd: Simd,
-        /// So many threads; `None`: those of the process.
+        /// The number of threads; `None` uses the global thread pool.
         threads: Option<usize>,
     },
-    /// On the GPU.
+    /// The GPU.
     Gpu {
-        /// Whether subgroup operations are used.
+        /// Whether kernels use subgroup operations.
         subgroups: bool,
     },
 }
 
 impl Way {
-    /// A way with default settings.
+    /// Creates a variant with default settings.
     pub fn new(algorithm: Algorithm, place: Place) -> Self {
         Self { algorithm, place, tau: None, raster_ratio: None, skin: 0.0 }
     }
 
-    /// Every algorithm of the CPU on one thread with every width of vectors that the processor has, and on all threads.
+    /// Each CPU algorithm on one thread with each SIMD width of the processor, and on all threads with the widest.
     pub fn on_cpu() -> Vec<Self> {
         let widest = Simd::detect();
         let mut widths = vec![Simd::Avx512, Simd::Avx2, Simd::Portable];
@@ -65,9 +65,9 @@ impl Way {
         places.flat_map(|place| Algorithm::CPU.map(|algorithm| Self::new(algorithm, place))).collect()
     }
 
-    /// Every algorithm of the GPU with and without subgroup operations, and with cells that are split where they hold more
-    /// than one smaller sphere; and with candidates that are kept. For a [quick](Extent::Quick) look each as a detector has it
-    /// by default.
+    /// Each GPU algorithm with and without subgroup operations and with τ = 1, and a cell list that keeps its
+    /// candidates. A [quick](Extent::Quick) check uses the default settings of each algorithm only, and the cell list
+    /// with candidates.
     pub fn on_gpu(own: &GpuDevice, extent: Extent) -> Vec<Self> {
         let with = |subgroups, tau| {
             let way = move |algorithm| Self { tau, ..Self::new(algorithm, Place::Gpu { subgroups }) };
@@ -87,7 +87,7 @@ impl Way {
         ways
     }
 
-    /// The backend.
+    /// The backend of the target.
     pub fn backend(&self) -> Backend {
         match self.place {
             Place::Cpu { .. } => Backend::Cpu,
@@ -95,7 +95,7 @@ impl Way {
         }
     }
 
-    /// How far results may be from the definition.
+    /// The deviation from the definition that results may have.
     pub fn tolerance(&self) -> Tolerance {
         match self.place {
             Place::Cpu { .. } => Tolerance::Exact,
@@ -103,7 +103,8 @@ impl Way {
         }
     }
 
-    /// The settings of a `Detector` that goes this way, but for subgroups, which it uses where there are any.
+    /// The settings of a `Detector` of this variant. A `Detector` always uses subgroup operations if the device
+    /// supports them.
     pub fn config(&self, gpu: Option<&Gpu>) -> Config {
         let mut config =
             Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(PATIENCE);
@@ -125,10 +126,10 @@ impl Way {
         }
     }
 
-    /// The pairs, in any order.
+    /// Finds the pairs of a scenario, in any order.
     ///
     /// # Errors
-    /// The library's error, or how it panicked, as text.
+    /// Returns the library's error or panic message as text.
     pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &Scenario) -> Result<Vec<Pair>, String> {
         guarded(|| match (self.place, gpu) {
             (Place::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
@@ -147,8 +148,8 @@ impl Way {
         })
     }
 
-    /// Whether a scenario can be searched this way. What the host has the last word on is searched by a `Detector`, which uses
-    /// subgroup operations where there are any.
+    /// Returns `true` if the variant supports the scenario. Scenarios with a host-side filter need a `Detector`, which
+    /// uses subgroup operations if the device supports them.
     pub fn takes(&self, gpu: Option<&Gpu>, scenario: &Scenario) -> bool {
         match (self.place, gpu) {
             (Place::Gpu { subgroups }, Some(gpu)) => {
@@ -158,7 +159,7 @@ impl Way {
         }
     }
 
-    /// The scenario of the call before, so that the one that is looked at is answered from candidates of an earlier one.
+    /// The scenario of the previous call, whose candidate list then answers the tested call.
     fn before(&self, scenario: &Scenario) -> Scenario {
         let mut before = scenario.clone();
         walk(&mut before.spheres, 0.1 * self.skin, 1);
@@ -177,7 +178,7 @@ impl Way {
                 .max(GpuSettings::MIN_RASTER_RATIO),
             interactions: scenario.interactions().map_err(text)?,
             space: scenario.space,
-            // So little that many scenes have to be repeated with more room.
+            // A small capacity, so that many scenes overflow and are retried.
             pair_capacity: 1 << 12,
             ..defaults
         };
@@ -192,7 +193,7 @@ impl Way {
         Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
     }
 
-    /// The options of `lazygrid detect` that go this way, as far as it has them.
+    /// The options of `lazygrid detect` for this variant, as far as they exist.
     pub fn options(&self, gpu: Option<&Gpu>) -> String {
         let mut options = format!(" --backend {} --algorithm {}", self.backend(), self.algorithm);
         if let (Place::Gpu { .. }, Some(adapter)) = (self.place, gpu.and_then(|gpu| gpu.adapter.as_ref())) {
@@ -221,10 +222,10 @@ impl fmt::Display for Way {
     }
 }
 
-/// Does what must not, and on an unknown machine may, panic.
+/// Runs `work` and turns a panic into an error.
 ///
 /// # Errors
-/// That of `work`, or what it said when it panicked.
+/// Returns the error of `work`, or its panic message.
 pub fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let said = payload.downcast_ref::<String>().map(String::as_str);

@@ -1,4 +1,4 @@
-//! What rounds are drawn from.
+//! Draws rounds.
 
 use glam::DVec3;
 use lazygrid::{Algorithm, Order, Simd};
@@ -11,7 +11,7 @@ use crate::way::Place;
 use crate::{Element, LEFT_OUT_WORDS, Random, Scenario, Way, Words, adversary, periodic, sheared};
 
 impl Round {
-    /// The round of this seed, on the CPU unless a GPU is among what is checked.
+    /// Draws the round of this seed. Uses the CPU, the GPU or both, as allowed.
     pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
         let mut random = Random(seed);
         let way = way(&mut random, on_cpu, on_gpu);
@@ -41,8 +41,8 @@ impl Round {
     }
 }
 
-/// A space whose edges lean, as the words for the scene settle it in a family. All spheres of a round are of that family: those
-/// of others may lie so many boxes away that `f64` does not tell images apart.
+/// A triclinic space: a family and the words of the scene, which determine the cell. All spheres of a round are of that
+/// family: spheres of other families may lie so many boxes away that `f64` cannot distinguish the images.
 #[derive(Clone, Copy)]
 struct Leaning {
     family: Family,
@@ -56,7 +56,7 @@ impl Leaning {
     }
 }
 
-/// Whether spheres that [walk] stay within so many boxes that images are told apart.
+/// Returns `true` if spheres that [walk] stay within so few boxes that `f64` distinguishes the images.
 fn stays_near(scenario: &Scenario) -> bool {
     let least = 1e-6 * f64::from(stride(&scenario.spheres));
     let mut edges = scenario.space.edges().into_iter().flatten();
@@ -118,7 +118,7 @@ fn scene(random: &mut Random, leaning: Option<Leaning>) -> Scenario {
     }
 }
 
-/// Spheres where no edge leans.
+/// Draws a scene without a triclinic cell.
 fn straight(random: &mut Random, words: &Words) -> Scenario {
     let mut scenario = match random.below(3) {
         0 => (one_of(random, &periodic::FAMILIES).scene)(words),

@@ -1,4 +1,4 @@
-//! Asks a detector, and records what it answers.
+//! Runs one call of a detector and records its answer.
 
 use std::any::Any;
 use std::fmt;
@@ -12,17 +12,17 @@ use crate::Scenario;
 use crate::fuzz::pairs_of;
 use crate::way::text;
 
-/// How a detector is asked.
+/// The form of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Ask {
     pub(super) output: Output,
     /// The number of spheres in the first of two sets; `None` for one set.
     pub(super) split: Option<usize>,
-    /// Whether coordinates and radii are columns.
+    /// Whether coordinates and radii are passed as columns.
     pub(super) in_columns: bool,
-    /// Whether the flag `stop` is raised before the call.
+    /// Whether the cancel flag is set before the call.
     pub(super) is_stopped: bool,
-    /// Whether the exclusions are for one set where there are two, or the other way round.
+    /// Whether the exclusions are those of one set for a query of two sets, or vice versa.
     pub(super) has_foreign_exclusions: bool,
 }
 
@@ -34,41 +34,41 @@ pub(super) enum Output {
     Stream { chunk: usize, ending: Ending },
 }
 
-/// What the consumer of a stream does.
+/// The behavior of the consumer of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ending {
     /// Takes all chunks.
     All,
-    /// Breaks off with this chunk, counted from 1.
+    /// Breaks at this chunk, counted from 1.
     Break(usize),
-    /// Panics with this chunk.
+    /// Panics at this chunk.
     Panic(usize),
-    /// Raises the flag `stop` with this chunk, and goes on.
+    /// Sets the cancel flag at this chunk and continues.
     Stop(usize),
 }
 
-/// What a detector answers. Pairs of two sets name the second sphere by its index among all spheres.
+/// The answer of a detector. Pairs of two sets name the second sphere by its index among all spheres.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Answer {
     Pairs(Vec<Pair>),
     Count(u64),
-    /// Chunks of a stream that broke off, panicked or was stopped.
+    /// Chunks of a stream that broke off, panicked or was cancelled.
     Part(Vec<Pair>),
     Refused(Error),
 }
 
-/// The payload of the panics that consumers raise, by which these are told from all others.
+/// The payload of consumers' panics, which distinguishes them from all others.
 struct Thrown;
 
-/// The chunks of a stream so far.
+/// The chunks of a stream received so far.
 #[derive(Default)]
 struct Received {
     pairs: Vec<Pair>,
     chunks: usize,
     longest: usize,
-    /// Whether the consumer broke off or panicked.
+    /// Whether the consumer has broken off or panicked.
     has_ended: bool,
-    /// Chunks that came after that.
+    /// Number of chunks received after that.
     late: usize,
 }
 
@@ -88,10 +88,10 @@ impl Columns {
 }
 
 impl Ask {
-    /// Asks `detector` for the pairs of `scenario`. Afterwards `stop` is lowered.
+    /// Asks `detector` for the pairs of `scenario`. Clears `stop` afterwards.
     ///
     /// # Errors
-    /// An answer that contradicts itself, as text.
+    /// Fails if an answer contradicts itself.
     pub(super) fn answer(
         &self,
         detector: &mut Detector,
@@ -155,7 +155,7 @@ impl Ask {
     }
 }
 
-/// Adds species and groups, as far as `scenario` has them, of the spheres in `range`.
+/// Adds the species and groups of the spheres in `range`, if `scenario` has them.
 fn with_labels<'a>(
     spheres: Spheres<'a>,
     scenario: &'a Scenario,
@@ -180,13 +180,13 @@ fn counted(count: Result<u64, Error>) -> Result<Answer, String> {
     Ok(count.map_or_else(Answer::Refused, Answer::Count))
 }
 
-/// Names second spheres by their index among all.
+/// Replaces the indices of second spheres by their indices among all spheres.
 fn among_all(mut pairs: Vec<Pair>, first: usize) -> Vec<Pair> {
     pairs.iter_mut().for_each(|pair| pair.j = pair.j.wrapping_add(first as u32));
     pairs
 }
 
-/// The pairs of the neighbor lists of a first set.
+/// The pairs of the neighbor lists of the first of two sets.
 fn forward(lists: &Neighbors<'_>, split: usize) -> Result<Vec<Pair>, String> {
     if lists.len() != split {
         return Err(format!("{} lists of {split} spheres", lists.len()));
@@ -199,7 +199,7 @@ fn forward(lists: &Neighbors<'_>, split: usize) -> Result<Vec<Pair>, String> {
 }
 
 impl Received {
-    /// Takes one chunk, and does what `ending` says.
+    /// Records one chunk, then acts as `ending` says.
     fn take(&mut self, part: &[Pair], ending: Ending, stop: &AtomicBool) -> ControlFlow<()> {
         self.late += usize::from(self.has_ended);
         self.chunks += 1;
@@ -212,7 +212,7 @@ impl Received {
             }
             Ending::Panic(at) if at == self.chunks => {
                 self.has_ended = true;
-                // Without a word on standard error.
+                // Resuming prints no panic message.
                 resume_unwind(Box::new(Thrown))
             }
             Ending::Stop(at) if at == self.chunks => {
@@ -224,7 +224,7 @@ impl Received {
     }
 }
 
-/// Streams by `stream`, which is given the consumer.
+/// Runs `stream` with a consumer that ends as requested, and checks the chunks.
 fn streamed(
     (chunk, ending): (usize, Ending),
     first: usize,

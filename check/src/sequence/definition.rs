@@ -1,5 +1,4 @@
-//! The pairs of a scene by their definition, faster than [`Scenario::oracle`]: what is far apart is passed over before anything
-//! else is asked.
+//! The pairs of a scene by their definition. Faster than [`Scenario::oracle`], as it skips distant pairs first.
 
 use glam::DVec3;
 use lazygrid::{Interaction, Pair};
@@ -7,9 +6,10 @@ use lazygrid::{Interaction, Pair};
 use crate::Scenario;
 use crate::images::Images;
 
-/// Periods up to which a coordinate may be from the origin: beyond, too few digits of its place in the period are left.
+/// Maximum distance of a coordinate from the origin in periods: beyond it, too few digits of the position in the period
+/// remain.
 const MAX_PERIODS: f64 = 1e4;
-/// By how much a distance along an axis may be off: in parts of itself, and in parts of the period.
+/// Error bounds of a distance along an axis: relative to the distance, and relative to the period.
 const ROUNDING: [f64; 2] = [1e-6, 1e-9];
 
 /// All pairs of a valid scene in canonical order.
@@ -37,17 +37,17 @@ pub(super) fn pairs(scenario: &Scenario) -> Vec<Pair> {
     pairs
 }
 
-/// Tells what is too far apart along some direction to be a pair.
+/// A filter for spheres that are too far apart along some direction to be a pair.
 struct Sieve {
     axes: Vec<Axis>,
 }
 
-/// Places along a direction.
+/// Positions along a direction.
 struct Axis {
     places: Vec<f64>,
-    /// The distance of two images; infinite where space does not repeat.
+    /// The distance of two images; infinite if the axis is not periodic.
     period: f64,
-    /// The largest distance of two places that may be a pair.
+    /// The largest distance of two positions that may be a pair.
     most: f64,
 }
 
@@ -80,8 +80,8 @@ impl Sieve {
 }
 
 impl Axis {
-    /// The axis on which a center has the product with `row` as its place, in periods where there is one. `None` if too few
-    /// digits are left of a place.
+    /// The axis on which the position of a center is its product with `row`, in periods on periodic axes. `None` if a
+    /// position has too few significant digits.
     fn new(scenario: &Scenario, row: DVec3, (period, farthest): (f64, f64)) -> Option<Self> {
         let mut places: Vec<f64> =
             scenario.spheres.iter().map(|sphere| row.dot(sphere.center.as_dvec3())).collect();

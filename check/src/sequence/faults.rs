@@ -1,8 +1,8 @@
-//! Input that a detector must refuse.
+//! Invalid input, which a detector must refuse.
 
 use crate::{Random, Scenario};
 
-/// Makes a scene invalid, where it has spheres. Returns how.
+/// Makes a scene invalid, unless it has no spheres. Returns the name of the fault.
 pub(super) fn spoil(random: &mut Random, scenario: &mut Scenario, radius: f32) -> &'static str {
     let n = scenario.spheres.len() as u32;
     if n == 0 {
