@@ -1,4 +1,4 @@
-//! `GpuDetector` on a caller's device against all pairs in f64, over scenes that break grids.
+//! `GpuDetector` on a caller's device: hard scenes against all pairs in `f64`.
 
 mod common;
 
@@ -21,7 +21,7 @@ fn every_scene_agrees_with_all_pairs() {
                 let scene = format!("{name}, {algorithm}, subgroups {subgroups}");
                 let mut found = detect(&own, &mut detector, &spheres);
                 if found.outcome.overflow & Outcome::ENTRIES != 0 {
-                    // Many levels, all of them refined, have more entries than there is room for at first.
+                    // Many refined levels have more entries than the initial capacity.
                     assert!(detector.set_entry_capacity(found.outcome.entries()), "{scene}");
                     found = detect(&own, &mut detector, &spheres);
                 }
@@ -38,7 +38,7 @@ fn every_scene_agrees_with_all_pairs() {
     }
 }
 
-/// Two cells on some axes, of which a ring of two would make neighbours on both sides; one on others.
+/// Two cells on some axes, one on others. A periodic grid would make the two cells neighbors on both sides.
 #[test]
 fn clouds_of_few_cells_have_each_pair_once() {
     let Some(own) = device() else { return };
@@ -53,8 +53,8 @@ fn clouds_of_few_cells_have_each_pair_once() {
     }
 }
 
-/// Grains on the skins of far larger spheres, also on the far side of those that lie lowest: there the cells that they look
-/// into begin below the lowest centre. A crowd elsewhere has all grains leave the cells of the large ones.
+/// Small spheres at the surfaces of much larger ones, also on the low side of the lowest ones: there their neighbor
+/// cells start below the lowest center. A crowd elsewhere makes all small spheres leave the cells of the large ones.
 #[test]
 fn grains_about_the_lowest_spheres_meet_them() {
     let Some(own) = device() else { return };
@@ -179,7 +179,7 @@ fn interactions_decide_what_is_a_pair() {
     }
 }
 
-/// A radius, a distance and the coordinates around a median may be -0.0, whose bits are those of no small number.
+/// A radius, a distance or coordinates around a median may be -0.0, whose bits are those of a large integer.
 #[test]
 fn the_sign_of_zero_says_nothing() {
     let Some(own) = device() else { return };
@@ -323,8 +323,8 @@ fn a_host_application_with_default_limits_and_no_features() {
     assert!(matches!(error, Error::LimitExceeded { needed: 10, limit: 8, .. }), "{error}");
 }
 
-/// A simulation that takes the order over at every step, sorted by counting and by radix, in a box and of species: pairs name
-/// places, which are those of the spheres that come back.
+/// A simulation that reuses the cell order at each step, with counting sort and radix sort, a periodic box, and
+/// species. Pairs hold indices in cell order, which are those of the returned spheres.
 #[test]
 fn a_caller_may_take_the_sorted_order_over() {
     let Some(own) = device() else { return };
@@ -387,7 +387,7 @@ fn a_caller_may_take_the_sorted_order_over() {
     }
 }
 
-/// Where there is no such order pairs name the spheres as given, and the outcome says so.
+/// Without a cell order, pairs hold input indices and the outcome says so.
 #[test]
 fn without_a_cell_list_there_is_no_sorted_order() {
     let Some(own) = device() else { return };

@@ -1,4 +1,4 @@
-//! `GpuSession` and `Detector` on the GPU: what is uploaded, found and read back, against the CPU path.
+//! `GpuSession` and `Detector` on the GPU against the CPU.
 
 mod common;
 
@@ -8,7 +8,7 @@ use common::{Random, device, limited};
 use lazygrid::gpu::{GpuSession, GpuSettings, wgpu};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, Rebuilt, Sphere, Spheres};
 
-/// Radii and places are multiples of a power of two, so that no rounding happens and results agree exactly.
+/// Radii and coordinates are multiples of a power of two, which avoids rounding, so that results agree exactly.
 fn cloud(seed: u64, n: usize, extent: u32) -> Vec<Sphere> {
     let mut random = Random(seed);
     (0..n)
@@ -60,7 +60,7 @@ fn lists_counts_neighbours_and_streams_agree_with_the_cpu() {
             let report = detector.report();
             assert_eq!((report.backend, report.pairs), (Backend::Gpu, wanted.len() as u64));
             let is_timed = report.phases.iter().any(|phase| phase.name == "search");
-            // A call that candidates answer searches nothing.
+            // A call answered from the candidate list has no search phase.
             assert!(report.adapter.is_some() && (is_timed || report.candidates.is_some()));
         }
     }
@@ -133,7 +133,8 @@ fn two_calls_overlap_and_a_third_waits_its_turn() {
     assert_eq!(pairs, expected(&scenes[5]));
 }
 
-/// Crowds of a thousand, a block of entries at a time, with another call in flight that uses the same buffers.
+/// Crowds of a thousand spheres, searched one block of entries at a time, while another call in flight uses the same
+/// buffers.
 #[test]
 fn crowded_searches_go_on_over_several_submissions() {
     let Some(own) = device() else { return };
@@ -165,8 +166,8 @@ fn crowded_searches_go_on_over_several_submissions() {
     }
 }
 
-/// Groups that LazyGrid settles in one cell and EagerGrid hands down over twenty levels, for which a first call has no
-/// room; and a crowd, which takes several submissions.
+/// Groups that LazyGrid keeps in one cell and EagerGrid distributes over twenty levels, beyond the entry capacity of a
+/// first call; and a crowd, which takes several submissions.
 #[test]
 fn a_call_that_is_repeated_keeps_its_algorithm_and_its_pairs() {
     let Some(own) = device() else { return };
@@ -199,7 +200,8 @@ fn a_call_that_is_repeated_keeps_its_algorithm_and_its_pairs() {
     }
 }
 
-/// Twenty sizes at one point have more entries than the device can bind, however coarse the grid; one level has not.
+/// Twenty sizes at one point have more entries than a device binding holds, however coarse the grid. One level has
+/// fewer.
 #[test]
 fn where_levels_do_not_fit_one_level_serves() {
     let Some(own) = device() else { return };
@@ -214,14 +216,14 @@ fn where_levels_do_not_fit_one_level_serves() {
         assert_eq!(session.finish_count(ticket), Ok(n * (n - 1) / 2));
         assert_eq!(session.algorithm(), Algorithm::ArrayGrid);
     }
-    // The next call is tried with all levels again.
+    // The next call uses all levels again.
     let few = cloud(6, 1000, 8);
     let ticket = session.begin(Spheres::from(&few)).expect("begun");
     assert_eq!(session.finish_count(ticket), Ok(expected(&few).len() as u64));
     assert_eq!(session.algorithm(), Algorithm::LazyGrid);
 }
 
-/// More pairs of one sphere than the output held at first.
+/// One sphere has more pairs than the initial capacity of the output.
 #[test]
 fn a_stream_of_a_giant_among_grains_makes_room() {
     let Some(own) = device() else { return };
@@ -240,7 +242,7 @@ fn a_stream_of_a_giant_among_grains_makes_room() {
     assert_eq!((streamed, handed == expected(&spheres)), (Ok(()), true));
 }
 
-/// Room that one call needed is not asked for by calls of fewer spheres.
+/// A capacity raised by one call does not apply to calls of fewer spheres.
 #[test]
 fn room_for_entries_is_for_calls_of_that_size() {
     let Some(own) = device() else { return };
@@ -255,7 +257,7 @@ fn room_for_entries_is_for_calls_of_that_size() {
     assert!(memory(&session, 30) < few + (64 << 10), "{} instead of {few}", memory(&session, 30));
 }
 
-/// It is asked of `Auto` what `Auto` would do, whatever the last call took.
+/// The estimate for `Auto` does not depend on the algorithm of the last call.
 #[test]
 fn memory_is_told_for_what_was_asked() {
     let Some(_) = device() else { return };
@@ -294,7 +296,7 @@ fn unordered_lists_have_the_same_pairs() {
     assert_eq!(pairs, expected(&spheres));
 }
 
-/// Candidates that do not fit have room made for them, or are done without for a while; answers stay the same.
+/// If candidates overflow, the capacity grows or the list is not used for a while; answers stay the same.
 #[test]
 fn candidates_that_do_not_fit_never_fail_a_call() {
     let Some(own) = device() else { return };
@@ -309,7 +311,7 @@ fn candidates_that_do_not_fit_never_fail_a_call() {
         assert_eq!(found, (n * (n - 1) / 2) as u64, "{n}, {what}");
         session.kept().map(|kept| (kept.count, kept.age, kept.rebuilt))
     };
-    // Of 4096 candidates that there is room for by the pairs, and 131 072 that there can be.
+    // The initial capacity is 4096 candidates, the largest one 131,072.
     assert_eq!(count(80, "few"), Some((3160, 0, Some(Rebuilt::First))));
     assert_eq!(count(80, "few again"), Some((3160, 1, None)));
     assert_eq!(count(400, "more"), Some((79_800, 0, Some(Rebuilt::First))));

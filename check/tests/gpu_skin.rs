@@ -1,4 +1,4 @@
-//! `GpuSkinDetector` against all pairs, over simulations in which little moves and in which much does.
+//! `GpuSkinDetector` against all pairs, in simulations with small and large displacements.
 
 mod common;
 
@@ -8,7 +8,7 @@ use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere};
 use lazygrid_check::scenes::cloud;
 use lazygrid_check::{Mixture, Scenario, Tolerance, difference};
 
-/// What a call found, and what is known of the candidates behind it.
+/// The outcome and pairs of a call, and the state of the candidate list.
 fn ask(
     own: &GpuDevice,
     detector: &mut GpuSkinDetector,
@@ -20,7 +20,7 @@ fn ask(
     let species =
         scenario.mixture.as_ref().map(|mixture| upload(own, &[&mixture.species[..], &[0; 5]].concat()));
     let known = upload(own, &[n]);
-    // Of every second call the device alone knows how many spheres it has.
+    // For odd numbers of spheres, only the device knows the number.
     let count = if n.is_multiple_of(2) { Count::Host(n) } else { Count::Buffer { buffer: &known, at_most } };
     let spheres = GpuSpheres::new(&input, count);
     let spheres = species.iter().fold(spheres, |spheres, species| spheres.with_species(species));
@@ -51,7 +51,7 @@ fn walk(spheres: &mut [Sphere], part: f32, random: &mut Random) {
     }
 }
 
-/// Every call has the pairs of its own spheres, and most are served from candidates.
+/// Each call finds the pairs of its own spheres, and most calls reuse the candidate list.
 #[test]
 fn candidates_never_change_an_answer() {
     let Some(own) = device() else { return };
@@ -97,7 +97,7 @@ fn candidates_never_change_an_answer() {
     }
 }
 
-/// Two spheres that run at each other, each as fast as it may without candidates being found anew.
+/// Two spheres approach each other, each by almost the displacement limit, without a rebuild.
 #[test]
 fn half_a_skin_each_is_not_too_far() {
     let Some(own) = device() else { return };
@@ -109,7 +109,7 @@ fn half_a_skin_each_is_not_too_far() {
         };
         let mut served = 0;
         for step in 0..40 {
-            // They touch at last, a little before either has used up its half.
+            // They touch in the end, just before either reaches the displacement limit.
             let gone = 0.4994 * skin * (step as f32 / 30.0).min(1.0);
             let state = judge(&own, &mut detector, &at(gone), &format!("{radius}, {skin}, step {step}"));
             served += u32::from(state.rebuilt == 0);
@@ -118,7 +118,8 @@ fn half_a_skin_each_is_not_too_far() {
     }
 }
 
-/// Two that are a little more than a skin apart are no candidates: each may go half of it and no farther.
+/// Two spheres slightly more than a skin apart are not candidates; each exceeds the displacement limit before they
+/// touch.
 #[test]
 fn more_than_half_a_skin_each_is_too_far() {
     let Some(own) = device() else { return };
@@ -176,7 +177,7 @@ fn another_species_has_candidates_found_anew() {
         mixture: Some(Mixture { species, rows }),
         ..Scenario::default()
     };
-    // One that stays, and one after which it pairs with others and farther away.
+    // A sphere that keeps its species, and one whose new species has other and more distant partners.
     for (change, rebuilt) in [(None, SkinState::FIRST), (None, 0), (Some(601), SkinState::CHANGED), (None, 0)]
     {
         if let (Some(k), Some(mixture)) = (change, &mut scenario.mixture) {
@@ -187,8 +188,8 @@ fn another_species_has_candidates_found_anew() {
     }
 }
 
-/// A radius from which half a skin may be lost, up to the largest: no candidates are kept for it, and it is a sphere as any
-/// other.
+/// Radii that are too large to add half a skin without loss, up to the largest float. No candidate list is kept, and
+/// the pairs are correct.
 #[test]
 fn candidates_are_never_kept_for_the_largest_radii() {
     let Some(own) = device() else { return };
@@ -203,7 +204,7 @@ fn candidates_are_never_kept_for_the_largest_radii() {
     }
 }
 
-/// What does not fit is said, call after call, until there is room.
+/// Each call reports the overflow until the capacity suffices.
 #[test]
 fn too_many_candidates_are_said_with_their_number() {
     let Some(own) = device() else { return };
