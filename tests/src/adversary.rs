@@ -1,5 +1,5 @@
-//! The spheres of [`lazygrid_check::adversary`] as `proptest` strategies that shrink: elements go one by one, then the
-//! words of the rest get smaller.
+//! The families of [`lazygrid_check::adversary`] as `proptest` strategies. They shrink by removing elements, then by
+//! reducing words.
 
 use lazygrid::Sphere;
 use lazygrid_check::adversary as families;
@@ -13,7 +13,7 @@ use crate::{Scenario, Words};
 /// A strategy for spheres.
 pub type Spheres = BoxedStrategy<Vec<Sphere>>;
 
-/// Mostly a few dozen elements, sometimes none, at most 600.
+/// Words of mostly a few dozen elements, sometimes none, at most 600.
 pub(crate) fn words() -> impl Strategy<Value = Words> + Clone {
     let element = || uniform12(any::<u32>());
     let elements = prop_oneof![
@@ -37,7 +37,7 @@ strategies! {
     lattice duplicates giant powers_of_two flat clusters far any_floats one_magnitude extremes huge_radii soup
 }
 
-/// Any of them, and lists put together from two of them.
+/// Spheres of any family, or of two families together.
 pub fn any_spheres() -> Spheres {
     let family = 0..families::FAMILIES.len();
     let one =
@@ -51,7 +51,7 @@ pub fn any_spheres() -> Spheres {
     prop_oneof![3 => one, 1 => two].boxed()
 }
 
-/// Spheres of up to four species, with interactions of every kind.
+/// Spheres of up to four species with all kinds of interactions.
 pub fn mixture(spheres: Spheres) -> impl Strategy<Value = Scenario> {
     let table = vec(any::<u32>(), TABLE_WORDS);
     (spheres, vec(any::<u32>(), 601), table).prop_map(|(spheres, ids, table)| {

@@ -1,4 +1,4 @@
-//! Spheres in spaces whose edges lean: the families of [`lazygrid_check::sheared`] as strategies that shrink.
+//! Scenarios in triclinic cells: the families of [`lazygrid_check::sheared`] as strategies that shrink.
 
 use lazygrid_check::sheared as families;
 use proptest::prelude::*;
@@ -17,7 +17,7 @@ macro_rules! strategies {
 
 strategies! { lattice soup directions carried_away corners ends_of_the_range largest_spheres }
 
-/// Species with interactions of every kind, in boxes that lean.
+/// Species with all kinds of interactions, in triclinic cells.
 pub fn mixture() -> impl Strategy<Value = Scenario> {
     let spheres = words().prop_map(|words| families::sizes(&words)).boxed();
     (crate::adversary::mixture(spheres), any::<[u32; 12]>()).prop_map(|(scenario, setup)| {

@@ -1,4 +1,4 @@
-//! Bad input is refused by index, value and number, whatever the algorithm and the question.
+//! Each algorithm and query refuses bad input with its index, values and count.
 
 use std::ops::ControlFlow;
 
@@ -7,7 +7,7 @@ use lazygrid::{
 };
 use lazygrid_tests::Subject;
 
-/// The error of every subject's every question about these spheres; they must all be the same.
+/// The error of all variants and all queries for these spheres; all must return the same error.
 fn refusal(config: &Config, spheres: Spheres<'_>) -> Error {
     let mut errors = Vec::new();
     for subject in Subject::all() {
@@ -22,7 +22,7 @@ fn refusal(config: &Config, spheres: Spheres<'_>) -> Error {
         });
     }
     let first = errors.swap_remove(0);
-    // As text, because NaN is not equal to itself.
+    // Compared as text, because NaN is not equal to itself.
     errors.iter().for_each(|error| assert_eq!(format!("{error:?}"), format!("{first:?}")));
     first
 }

@@ -1,4 +1,4 @@
-//! Pairs that are left out: groups, and lists.
+//! Exclusions: groups, and lists of pairs.
 
 use std::ops::ControlFlow;
 
@@ -17,7 +17,7 @@ use proptest::sample::select;
 
 use crate::properties::check;
 
-/// Scenarios of every kind of space, and what is left out of them.
+/// Scenarios in all kinds of spaces, with exclusions.
 fn cases() -> impl Strategy<Value = Scenario> {
     let scenarios = prop_oneof![
         2 => adversary::any_spheres().prop_map(Scenario::from),
@@ -32,7 +32,7 @@ fn cases() -> impl Strategy<Value = Scenario> {
     (scenarios, words).prop_map(|(scenario, words)| scenario.leaving_out(&words))
 }
 
-/// Nothing is there that is left out, and of the others all.
+/// Checks that no excluded pair is found, and that all other pairs are.
 fn same(subject: Subject, scenario: &Scenario, found: &[Pair], expected: &[Pair]) -> Result<(), String> {
     if let Some(pair) = found.iter().find(|pair| scenario.leaves_out(pair.i as usize, pair.j as usize)) {
         return Err(format!("{subject}: {pair:?} is left out, and there"));
@@ -74,7 +74,7 @@ fn every_kind_of_result() {
     assert!(expected.len() > 30 && expected.len() < all / 2 + all / 4, "{} of {all}", expected.len());
     let most = expected.len() as u64;
     for subject in Subject::each_algorithm() {
-        // What is left out needs no room in a list.
+        // Excluded pairs do not count toward the limit.
         let mut detector = Detector::new(subject.config().max_pairs(most)).expect("made");
         let found = detector.pairs(query).expect("as many as fit").to_vec();
         same(subject, &with, &found, &expected).unwrap_or_else(|text| panic!("{text}"));
@@ -97,7 +97,7 @@ fn every_kind_of_result() {
         let lists = detector.neighbors(query).expect("neighbours");
         let listed: usize = (0..2000).map(|i| lists.of(i).len()).sum();
         assert_eq!(listed, 2 * found.len(), "{subject}");
-        // The same detector, and nothing left out.
+        // The same detector without exclusions.
         assert_eq!(detector.count(without), Ok(all as u64), "{subject}");
     }
 }
@@ -131,7 +131,7 @@ fn pairs_across_two_sets() {
     });
 }
 
-/// Candidates that are kept know nothing of what is left out, which may be something else at every call.
+/// Candidate lists do not depend on exclusions, which may change with each call.
 #[test]
 fn candidates_that_are_kept() {
     let mut subjects = Subject::all();
@@ -182,7 +182,7 @@ fn what_does_not_fit_is_refused() {
     }
 }
 
-/// What stays on the GPU says that it knows neither.
+/// A session supports neither groups nor triclinic cells; its errors refer to `Detector`.
 #[test]
 fn sessions_refuse_by_name() {
     let Some(device) = lazygrid_tests::device() else { return };

@@ -1,4 +1,4 @@
-//! The frames of two real simulations, read as the command line reads them.
+//! The frames of two real simulations, read with the readers of the command line.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("data").join(name)
 }
 
-/// The only frame of a file; species do not matter here.
+/// The only frame of a file. Species are ignored.
 fn frame(name: &str, format: Option<Format>, radii: &[(&str, f32)]) -> Scenario {
     let radii = radii.iter().map(|&(name, radius)| (name.to_owned(), radius)).collect();
     let frames =
@@ -36,7 +36,7 @@ fn lammps_pour() {
     check(&frame("lammps-pour.dump", None, &[]), 15_208, 3_072, 0x9545_c450_a3ed_9bf6);
 }
 
-/// Two carrier species released at two points, from Smoldyn. SciPy's cKDTree finds 35 236 pairs.
+/// Two carrier species released at two points, from Smoldyn. SciPy's cKDTree finds 35,236 pairs.
 #[test]
 fn smoldyn_burst() {
     let radii = [("acid", 0.1), ("base", 0.15), ("salt", 0.2)];

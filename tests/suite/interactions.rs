@@ -26,7 +26,8 @@ fn any_table_on_crowded_boxes() {
     });
 }
 
-/// Points that react with one other species from far away: the reach comes from the table, not from radii.
+/// Tiny spheres that interact with one other species at a large distance: the effective radius comes from the table,
+/// not from radii.
 #[test]
 fn small_radii_with_large_distances() {
     let strategy =
@@ -45,7 +46,7 @@ fn small_radii_with_large_distances() {
     check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
-/// Species that never pair leave nothing, and huge radii among them cost nobody a pair.
+/// Species that never pair have no pairs, and huge radii among them lose no pair of other species.
 #[test]
 fn species_that_never_pair() {
     let strategy = (adversary::any_spheres(), 2_usize..5).prop_map(|(spheres, period)| {
@@ -56,7 +57,7 @@ fn species_that_never_pair() {
     check(64, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
-/// Species ids without a table are carried along and decide nothing.
+/// Species ids without a table have no effect.
 #[test]
 fn ids_without_a_table() {
     check(32, adversary::any_spheres(), |spheres| {
@@ -73,7 +74,7 @@ fn ids_without_a_table() {
     });
 }
 
-/// Two effective radii reach as far as the distance they stand for, also where half of it cannot be represented.
+/// The sum of two effective radii is at least their interaction distance, also if half of it is not representable.
 #[test]
 fn effective_radii_reach_every_distance() {
     let subnormal = f32::from_bits(1);

@@ -1,4 +1,4 @@
-//! LazyGrid refines some cells and settles others: whatever τ makes of them, the pairs are the same.
+//! LazyGrid finds the same pairs for all values of τ, which determines the cells to refine.
 
 use glam::Vec3;
 use lazygrid::{Algorithm, Backend, Config, Sphere};
@@ -29,8 +29,7 @@ fn scenes_for_any_tau() {
     }
 }
 
-/// From one size to twenty, each half of the one before, so that the largest is 2¹⁹ times the smallest; and sizes that are
-/// no powers of two.
+/// One to twenty sizes, each half of the previous one (a ratio of up to 2¹⁹), and sizes that are not powers of two.
 #[test]
 fn one_to_twenty_sizes() {
     for sizes in [1, 2, 20] {
@@ -45,7 +44,7 @@ fn one_to_twenty_sizes() {
     }
 }
 
-/// 2²⁰ times as large as the others, of which a crowd is at its surface.
+/// One sphere 2²⁰ times as large as the others, which are crowded at its surface.
 #[test]
 fn one_giant_among_grains() {
     let grains = Scene::Equal.spheres(1500, 13).into_iter();

@@ -1,4 +1,4 @@
-//! Periodic spaces: every algorithm against plain loops over images.
+//! Periodic spaces: each algorithm against plain loops over images.
 
 use std::ops::ControlFlow;
 
@@ -13,12 +13,12 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::properties::{check, settings};
 
-/// The subjects of the CPU, on all their numbers of threads.
+/// The CPU variants with all numbers of threads.
 fn on_cpu() -> impl Iterator<Item = Subject> {
     Subject::all().into_iter().filter(|subject| subject.backend == Backend::Cpu)
 }
 
-/// Spheres of these radii, by turns, uniform in a cube from the origin on.
+/// Spheres of these radii in turn, uniform in the cube from the origin to `edge`.
 fn uniform(n: usize, radii: &[f32], edge: f32, seed: u64) -> Vec<Sphere> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut coordinate = || (rng.next_u32() >> 8) as f32 * (edge / (1 << 24) as f32);
@@ -81,7 +81,7 @@ fn species_in_periodic_boxes() {
     });
 }
 
-/// The judge of the judge: the definition against all images, where every sphere lies in the box.
+/// Checks the oracle against all images, with all spheres in the box.
 #[test]
 fn the_oracle_agrees_with_all_images() {
     for (k, edge) in [0.4_f32, 1.0, 3.0, 8.0].into_iter().enumerate() {
@@ -96,7 +96,7 @@ fn the_oracle_agrees_with_all_images() {
     }
 }
 
-/// A full lattice round the box has three contacts per site, none lost at the seam and none found twice.
+/// A full periodic lattice has three contacts per site. None is lost or found twice at the periodic boundary.
 #[test]
 fn a_full_lattice_goes_round() {
     for (k, spacing) in [(3_usize, 0.5_f32), (4, 1.0), (10, 0.25), (21, 3.0)] {
@@ -111,14 +111,14 @@ fn a_full_lattice_goes_round() {
     }
 }
 
-/// Enough spheres for many cells, levels and pieces of work: the same bytes from every algorithm and thread count.
+/// Enough spheres for many cells, levels and chunks of work: all algorithms and thread counts give identical pairs.
 #[test]
 fn large_boxes_give_the_same_bytes() {
     let cases = [
         (&[0.5_f32][..], [Some(20.0); 3], 20.0),
         (&[0.5, 0.25, 0.125, 0.06, 0.03], [Some(16.0), None, Some(14.0)], 16.0),
         (&[0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 3.0], [Some(8.0); 3], 8.0),
-        // Coordinates over several boxes, crowded cells.
+        // Coordinates over several boxes, and overfull cells.
         (&[0.1, 0.01], [Some(2.0), Some(3.0), Some(2.5)], 10.0),
     ];
     for (case, (radii, lengths, edge)) in cases.into_iter().enumerate() {
@@ -158,7 +158,7 @@ fn uniform_boxes_by_the_formula() {
     }
 }
 
-/// Lists, neighbours, counts, streams and columns tell of the same pairs.
+/// Lists, neighbor lists, counts, streams and columns give the same pairs.
 #[test]
 fn every_kind_of_result() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
@@ -229,7 +229,7 @@ fn lengths_that_are_none_are_refused() {
     assert!(error.contains("-2") && error.contains("axis y"), "{error}");
 }
 
-/// A GPU tells the same in all ways too, and its count comes from the device alone.
+/// All results of a GPU agree too. Its count comes from the device alone.
 #[test]
 fn every_kind_of_result_of_the_gpu() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
@@ -248,7 +248,7 @@ fn every_kind_of_result_of_the_gpu() {
         assert!(handed == Ok(list.len() as u64) && streamed == list, "{subject}: the stream differs");
         let lists = detector.neighbors(spheres).expect("neighbours");
         assert_eq!((0..spheres.len()).map(|i| lists.of(i).len()).sum::<usize>(), 2 * list.len());
-        // The cells of a cell list go round the box; others move a copy of the spheres into it.
+        // A cell list has periodic cells; other algorithms make a wrapped copy of the spheres.
         let copy = if subject.algorithm == Algorithm::CellList { 0 } else { 16 * 3000 };
         let unbounded = Detector::new(subject.config()).expect("a detector").memory_for(3000);
         assert!(detector.memory_for(3000) >= unbounded + copy, "{subject}");

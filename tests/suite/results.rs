@@ -1,4 +1,4 @@
-//! Counts, streams, neighbour lists and reports say the same as the list; layouts and threads do not matter.
+//! Counts, streams, neighbor lists and reports agree with the list of pairs, for all layouts and numbers of threads.
 
 use std::ops::ControlFlow;
 
@@ -13,7 +13,7 @@ fn detector(subject: Subject, config: Config) -> Result<Detector, String> {
     Detector::new(config.backend(subject.backend).algorithm(subject.algorithm)).map_err(|e| e.to_string())
 }
 
-/// What a stream hands over, and the lengths of its chunks.
+/// The pairs of a stream. Fails if a chunk is too long or the returned number is wrong.
 fn streamed(detector: &mut Detector, scenario: &Scenario, chunk: usize) -> Result<Vec<Pair>, String> {
     let (mut all, mut longest) = (Vec::new(), 0);
     let handed = detector.stream(scenario.query(), chunk, |pairs| {
@@ -135,7 +135,7 @@ fn break_stops_a_stream() {
     });
 }
 
-/// Long enough that every thread has many chunks to hand over.
+/// A stream so long that each thread delivers many chunks.
 #[test]
 fn break_stops_a_long_stream() {
     let scenario = Scenario::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 1500]);
@@ -156,7 +156,7 @@ fn break_stops_a_long_stream() {
     }
 }
 
-/// The neighbour lists of these pairs, put together the simplest way.
+/// The neighbor lists of these pairs, built in the simplest way.
 fn neighbor_lists(pairs: &[Pair], spheres: usize) -> Vec<Vec<u32>> {
     let mut lists = vec![Vec::new(); spheres];
     for pair in pairs {

@@ -1,4 +1,4 @@
-//! One detector, call after call: what it keeps from the last call never shows in the next result.
+//! Repeated calls of one detector: state kept between calls never affects a result.
 
 use std::ops::ControlFlow;
 
@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use crate::properties::{check, one_of_each, settings};
 
-/// What is asked of a detector.
+/// A kind of query.
 #[derive(Clone, Copy, Debug)]
 enum Call {
     Pairs,
@@ -83,7 +83,7 @@ fn after_errors() {
     }
 }
 
-/// A detector's steps through a simulation: the case that starts from the last step's order.
+/// The steps of a simulation, where the detector starts from the order of the previous step.
 #[test]
 fn a_running_simulation() {
     use lazygrid_io::scenes::Scene;

@@ -1,4 +1,4 @@
-//! The scenes of tests, benchmarks and figures, for every subject.
+//! The scenes of tests, benchmarks and figures, with all variants.
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Pair};
 use lazygrid_io::scenes::Scene;
@@ -41,13 +41,13 @@ fn large_scenes_against_the_oracle_in_any_order_of_spheres() {
     }
 }
 
-/// All but all pairs on the GPU, which take a driver in software long.
+/// All variants except `Naive` on the GPU, which is slow on a software adapter.
 fn quick_ones() -> impl Iterator<Item = Subject> {
     let is_slow = |s: &Subject| s.backend == Backend::Gpu && s.algorithm == Algorithm::Naive;
     Subject::all().into_iter().filter(move |subject| !is_slow(subject))
 }
 
-/// Large enough that the work falls into many pieces, which threads take in different orders.
+/// Enough spheres for many chunks of work, which threads take in different orders.
 #[test]
 fn the_same_bytes_for_any_number_of_threads() {
     let mut lists: Vec<((String, Order), Vec<Pair>)> = Vec::new();
@@ -56,7 +56,7 @@ fn the_same_bytes_for_any_number_of_threads() {
         for order in [Order::Canonical, Order::Unordered] {
             for subject in quick_ones() {
                 let is_on_gpu = subject.backend == Backend::Gpu;
-                // The GPU promises an order only where it is asked for one.
+                // The GPU guarantees an order only on request.
                 if is_on_gpu && order == Order::Unordered {
                     continue;
                 }
@@ -81,7 +81,7 @@ fn the_same_bytes_for_any_number_of_threads() {
     assert!(canonical.iter().all(|(_, list)| list.is_sorted()));
 }
 
-/// A detector that starts from the last step's order must not let it show in the order of the result.
+/// A detector that starts from the order of the previous step must not show it in the order of the result.
 #[test]
 fn the_same_bytes_at_every_step_for_any_number_of_threads() {
     for order in [Order::Canonical, Order::Unordered] {
@@ -105,7 +105,7 @@ fn the_same_bytes_at_every_step_for_any_number_of_threads() {
     }
 }
 
-/// Radii that devices may take for zero, at distances that they do not.
+/// Radii that devices may flush to zero, at distances that they do not.
 #[test]
 fn a_crowd_about_the_smallest_normal_number() {
     let pair = [lazygrid::Sphere::new([0.0; 3], 1e-38), lazygrid::Sphere::new([1.5e-38, 0.0, 0.0], 1e-38)];
@@ -126,7 +126,7 @@ fn a_crowd_about_the_smallest_normal_number() {
     }
 }
 
-/// A lattice in exact contact: as many pairs as the lattice has edges.
+/// A lattice in exact contact: each edge of the lattice is a pair.
 #[test]
 fn a_full_lattice_has_its_edges() {
     for (k, spacing) in [(2_usize, 1.0_f32), (9, 0.5), (21, 3.0)] {

@@ -1,14 +1,14 @@
-//! One detector through sequences of calls: radii, numbers, species, groups and places change, and calls fail in between.
+//! One detector through sequences of calls: radii, numbers, species, groups and positions change, and some calls fail.
 
 use lazygrid::Backend;
 use lazygrid_check::sequence::{Sequence, Tally};
 use lazygrid_check::{Extent, Gpu, Way};
 use lazygrid_tests::Subject;
 
-/// Sequences for each way on the CPU, and for each way on a GPU, by default.
+/// Default number of sequences for each CPU variant and each GPU variant.
 const COUNTS: [u64; 2] = [40, 8];
 
-/// The part of the sequences that is run, as `PROPTEST_CASES` says for properties.
+/// The number of sequences to run, scaled by `PROPTEST_CASES` like that of properties.
 fn share(count: u64) -> u64 {
     let cases = std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse::<u64>().ok());
     cases.map_or(count, |cases| (count * cases / 256).max(2))

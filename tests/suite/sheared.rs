@@ -1,4 +1,4 @@
-//! Spaces whose edges lean: every algorithm against a plain loop over images.
+//! Triclinic cells: each algorithm against a plain loop over images.
 
 use std::ops::ControlFlow;
 
@@ -24,7 +24,7 @@ fn agree(cases: u32, scenarios: impl Strategy<Value = Scenario>) {
     });
 }
 
-/// Spheres of these radii, by turns, uniform in a box.
+/// Spheres of these radii in turn, uniform in a cell.
 fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut part = || (rng.next_u32() >> 8) as f32 / (1 << 24) as f32;
@@ -32,7 +32,7 @@ fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> 
     (0..n).map(|k| Sphere::new(place(), radii[k % radii.len()])).collect()
 }
 
-/// A box that leans by four tenths, and spheres in it; periodic along all edges.
+/// A triclinic cell with tilts of up to 0.4 of its length, periodic along all vectors, with spheres in it.
 fn leaning(n: usize, radii: &[f32], edge: f32) -> Scenario {
     let edges = tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
     let spheres = uniform(n, radii, edges.map(Option::unwrap_or_default), 5);
@@ -79,7 +79,7 @@ fn species_in_sheared_boxes() {
     agree(96, sheared::mixture());
 }
 
-/// The distance that the library gives is that of the loop, for any order of the two points.
+/// The library's distance agrees with the loop, and does not depend on the order of the two points.
 #[test]
 fn the_distance_of_nearest_images() {
     let scenarios = prop_oneof![sheared::soup(), sheared::directions(), sheared::lattice()];
@@ -92,7 +92,7 @@ fn the_distance_of_nearest_images() {
                 if apart != space.distance_squared(b.center, a.center) {
                     return Err(format!("{a:?} and {b:?}: not the same both ways"));
                 }
-                // A pair of spheres of that reach and none of a slightly smaller one.
+                // Spheres with a slightly larger cutoff are a pair, with a slightly smaller one they are not.
                 for (factor, expected) in [(1.0 + 1e-5, 1), (1.0 - 1e-5, 0)] {
                     let radius = (apart.sqrt() * factor) as f32;
                     let spheres = vec![Sphere::new(a.center, radius), Sphere::new(b.center, 0.0)];
@@ -112,7 +112,7 @@ fn the_distance_of_nearest_images() {
     });
 }
 
-/// Next to an image of a point no digit is lost, whatever turns lead there.
+/// The distance to a nearby image of a point is exact, for any shift.
 #[test]
 fn distances_far_below_a_length() {
     let edges = [[10.0, 0.0, 0.0], [-0.25, 10.0, 0.0], [0.5, 1.0, 0.1]].map(Vec3::from);
@@ -121,10 +121,10 @@ fn distances_far_below_a_length() {
     for turns in 0..27 {
         let turn = |k: u32| (turns / 3_i32.pow(k) % 3 - 1) as f32;
         let image: Vec3 = (0..3).map(|k| edges[k as usize] * turn(k)).sum();
-        // Next to it where a coordinate has room for so little.
+        // Next to it, if the coordinate's precision allows.
         let next = image + Vec3::new(tiny, -tiny, tiny);
         let apart = (next - image).as_dvec3().length_squared();
-        // Of a sum of edges that is none of `f32` the image is not what was meant.
+        // If the sum of cell vectors is not representable in `f32`, `image` is not an exact image.
         let exact: glam::DVec3 = (0..3).map(|k| edges[k as usize].as_dvec3() * f64::from(turn(k))).sum();
         if image.as_dvec3() == exact {
             assert_eq!(space.distance_squared(next, Vec3::ZERO), apart, "{image}");
@@ -132,7 +132,7 @@ fn distances_far_below_a_length() {
     }
 }
 
-/// A box that leans by a whole length has the images of one that does not.
+/// A cell tilted by whole lengths has the same images as one without tilt.
 #[test]
 fn whole_tilts_are_none() {
     let spheres = uniform(800, &[0.4, 0.2], [Vec3::X * 8.0, Vec3::Y * 4.0, Vec3::Z * 6.0], 2);
@@ -146,7 +146,8 @@ fn whole_tilts_are_none() {
     judge(&of_leaning, &expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
 }
 
-/// Enough spheres for many cells, levels and pieces of work: the same bytes from every algorithm, thread count and device.
+/// Enough spheres for many cells, levels and chunks of work: all algorithms, thread counts and devices give identical
+/// pairs.
 #[test]
 fn large_boxes_give_the_same_bytes() {
     let cases: [(&[f32], f32); 3] = [
@@ -172,7 +173,7 @@ fn large_boxes_give_the_same_bytes() {
     }
 }
 
-/// Lists, neighbours, counts, streams and limits tell of the same pairs.
+/// Lists, neighbor lists, counts, streams and limits agree.
 #[test]
 fn every_kind_of_result() {
     let scenario = leaning(2000, &[0.4, 0.1], 8.0);
@@ -225,7 +226,7 @@ fn pairs_across_two_sets() {
     });
 }
 
-/// Candidates that are kept from call to call never show in a result.
+/// Candidate lists never affect a result.
 #[test]
 fn candidates_that_are_kept() {
     let scenarios =
@@ -251,7 +252,7 @@ fn candidates_that_are_kept() {
     });
 }
 
-/// Where spheres move little candidates do serve, also of a box that leans.
+/// If spheres move little, candidate lists are reused, also in a triclinic cell.
 #[test]
 fn candidates_serve() {
     for subject in Subject::each_algorithm() {

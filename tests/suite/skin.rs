@@ -1,4 +1,4 @@
-//! Candidates that are kept from call to call never show in a result.
+//! Candidate lists never affect a result.
 
 use lazygrid::{Algorithm, Backend, Detector, Order, Skin};
 use lazygrid_check::motion::{skin_of, walk};
@@ -9,14 +9,14 @@ use proptest::sample::select;
 
 use crate::properties::check;
 
-/// Who keeps candidates: the cell list of the CPU, and on the GPU whatever finds them.
+/// Variants with candidate lists: the cell list on the CPU, and all algorithms on the GPU.
 fn keepers() -> Vec<Subject> {
     let mut subjects = Subject::all();
     subjects.retain(|subject| subject.backend == Backend::Gpu || subject.algorithm == Algorithm::CellList);
     subjects
 }
 
-/// A walk of six calls: each has the pairs of the definition.
+/// Checks six calls with moving spheres against the definition.
 fn follows(scenario: &Scenario, part: f32, moves: f32, subject: Subject) -> Result<(), String> {
     let mut scenario = scenario.clone();
     let skin = skin_of(&scenario.spheres, part);
@@ -72,7 +72,7 @@ fn arbitrary_spheres_in_periodic_boxes() {
     check(200, cases, |(scenario, part, moves, subject)| follows(&scenario, part, moves, subject));
 }
 
-/// The motion of the benchmarks, in which candidates do serve.
+/// The motion of the benchmarks, in which candidate lists are reused.
 #[test]
 fn running_simulations() {
     let mut subjects = keepers();
@@ -82,7 +82,7 @@ fn running_simulations() {
     for scene in Scene::ALL {
         let mut scenario = Scenario::from(scene.spheres(3000, 21));
         let made = |of: &(Subject, Skin)| Detector::new(of.0.config().skin(of.1)).expect("a detector");
-        // On the GPU all sizes have the same skin, which is too many candidates for the smallest of ten.
+        // On the GPU all sizes have the same skin, which gives too many candidates for the smallest of ten sizes.
         let has_few_sizes = matches!(scene, Scene::Equal | Scene::FiveSizes);
         let serves =
             |way: &&(Subject, Skin)| has_few_sizes || way.0.backend == Backend::Cpu || way.1 != Skin::Auto;

@@ -1,4 +1,4 @@
-//! Pairs of one sphere of each of two sets.
+//! Pairs across two sets of spheres.
 
 use std::ops::ControlFlow;
 
@@ -11,19 +11,19 @@ use proptest::sample::select;
 
 use crate::properties::check;
 
-/// The first spheres of a scenario, and the others.
+/// The first `split` spheres of a scenario, and the others.
 fn sets(scenario: &Scenario, split: usize) -> [Scenario; 2] {
     [scenario.only(|k| k < split), scenario.only(|k| k >= split)]
 }
 
-/// The pairs across, by index in either set.
+/// The pairs across the sets, with indices in each set.
 fn across(scenario: &Scenario, split: usize) -> Vec<Pair> {
     let split = split as u32;
     let pairs = scenario.oracle().into_iter().filter(|pair| pair.i < split && pair.j >= split);
     pairs.map(|pair| Pair { i: pair.i, j: pair.j - split }).collect()
 }
 
-/// Asks for all results; they are those of the definition.
+/// Checks all results against the definition.
 fn agrees(scenario: &Scenario, split: usize, subject: Subject) -> Result<(), String> {
     let expected = across(scenario, split);
     let [a, b] = sets(scenario, split);
@@ -84,7 +84,7 @@ fn arbitrary_sets() {
     });
 }
 
-/// Sets of other sizes and numbers: looking from either side is worth it on some levels.
+/// Sets of different sizes and numbers: on some levels, searching from the other set is worthwhile.
 #[test]
 fn scenes_and_giants() {
     let giants =
@@ -96,7 +96,7 @@ fn scenes_and_giants() {
         spheres.splice(0..0, giants.clone());
         let scenario = Scenario::from(spheres);
         for split in [0, 1, 20, 700, 1520] {
-            // What the numbers of two sets decide is how the CPU looks.
+            // Only the search on the CPU depends on the numbers of the two sets.
             let looks = |of: &&Subject| of.backend == Backend::Cpu || split == 20;
             for &subject in subjects.iter().filter(looks) {
                 agrees(&scenario, split, subject).unwrap_or_else(|text| panic!("{scene}, {text}"));
@@ -105,7 +105,8 @@ fn scenes_and_giants() {
     }
 }
 
-/// The table decides across sets as it does in one, for two of a species and for others; without a table ids say nothing.
+/// The table applies across sets as within one, for the same and for different species. Without a table, ids have no
+/// effect.
 #[test]
 fn species_of_either_set() {
     use Interaction::{Never, Touch, Within};
