@@ -1,6 +1,5 @@
-//! Spheres that stay on the GPU: the cell list at every step beside candidates that are kept, by the clock on the wall from
-//! submission to completion. Detectors take turns at every step; spheres are moved by the host between. Markdown on
-//! standard output.
+//! Spheres that stay on the GPU: the cell list at each step compared with candidate lists, by wall time from submission
+//! to completion. Detectors take turns at each step, and the host moves the spheres in between. Prints Markdown.
 //!
 //! `cargo bench -p lazygrid-bench --bench resident -- --n 1000000 --moves 0.01,0.1 --skin 0.25,0.5`
 #![allow(clippy::print_stdout)]
@@ -26,23 +25,23 @@ struct Args {
     /// Numbers of spheres, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [100_000])]
     n: Vec<usize>,
-    /// How far spheres go in a step, in radii, separated by commas
+    /// Displacements of spheres per step, in radii, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [0.001, 0.01, 0.1])]
     moves: Vec<f32>,
-    /// Skins as parts of the largest diameter, separated by commas
+    /// Skins as fractions of the largest diameter, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [0.125, 0.25, 0.5])]
     skin: Vec<f32>,
     /// Steps, after one to warm up
     #[arg(long, default_value_t = 30)]
     steps: u32,
-    /// Check the answers at small sizes instead of measuring; also without `--bench`, which `cargo bench` passes
+    /// Check answers at small sizes instead of measuring (the default without `--bench`, which `cargo bench` passes)
     #[arg(long)]
     quick: bool,
     #[arg(long, hide = true)]
     bench: bool,
 }
 
-/// One of those who take turns.
+/// A detector under measurement.
 enum Runner {
     Every(Box<GpuDetector>),
     Kept(Box<GpuSkinDetector>),
@@ -60,7 +59,7 @@ impl Runner {
         }
     }
 
-    /// Seconds of a step, and how many pairs it found.
+    /// Runs a step. Returns its seconds and its number of pairs.
     fn step(&mut self, own: &GpuDevice, input: &GpuSpheres<'_>) -> Result<(f64, u64), Box<dyn Error>> {
         let start = Instant::now();
         let found = submit(own, |encoder| self.encode(encoder, input))?;
@@ -98,7 +97,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Mean seconds of a step by each of the runners, the cell list at every step first.
+/// The mean seconds per step of each detector, the cell list at each step first.
 fn race(
     own: &GpuDevice,
     args: &Args,
@@ -122,7 +121,7 @@ fn race(
         let mut found = None;
         for (runner, sum) in runners.iter_mut().zip(&mut sums) {
             let (seconds, pairs) = runner.step(own, &input)?;
-            // Within 4 ulp of tangency pairs may fall either way, but always the same.
+            // Tangent pairs may be found or missed, but all detectors agree on them.
             if *found.get_or_insert(pairs) != pairs {
                 return Err(format!("{pairs} pairs at step {step}, not {found:?}").into());
             }

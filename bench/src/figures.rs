@@ -1,7 +1,7 @@
-//! The paper's evaluation on the machine at hand: what `lazygrid-bench figures` runs, checks, measures and writes.
+//! The paper's evaluation on the machine at hand: `lazygrid-bench figures`.
 //!
-//! Data flows one way: [`Settings`] → points → races between [`Engine`]s → [`Row`]s → files. No time is reported of an
-//! answer that was not checked against the reference.
+//! Data flows one way: [`Settings`] → points → races between [`Engine`]s → [`Row`]s → files. A time is reported only if
+//! its answer matched the reference.
 
 mod burst;
 pub mod compare;

@@ -1,5 +1,5 @@
-//! lazygrid beside parry3d, one thread beside two, and large inputs beside larger ones. Markdown on standard
-//! output, every single value in a CSV file on request.
+//! lazygrid compared with parry3d, one thread with two, and small inputs with large ones. Prints Markdown, and on
+//! request writes each value to a CSV file.
 //!
 //! `cargo bench -p lazygrid-bench --bench peers -- --mode running --scene equal --n 100000 --rounds 9`
 #![allow(clippy::print_stdout)]
@@ -16,28 +16,28 @@ use lazygrid_bench::measure::{Contender, Options, Plan, Timing, compare, markdow
 use lazygrid_bench::peers::{cell_list, lammps, parry, verlet};
 use lazygrid_io::scenes::Scene;
 
-/// Above this many spheres the naive detector is left out: its time grows with the square.
+/// Maximum number of spheres for the naive detector, whose time grows quadratically.
 const NAIVE_LIMIT: usize = 20_000;
 
 #[derive(Parser)]
 #[command(about = "lazygrid beside parry3d, exact pairs checked equal before any time is reported")]
 struct Args {
-    /// What to compare, separated by commas
+    /// Comparisons, separated by commas
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Mode::Running, Mode::Scratch])]
     mode: Vec<Mode>,
     /// Algorithms, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = ALGORITHMS)]
     algorithm: Vec<Algorithm>,
-    /// What lazygrid gives back, separated by commas
+    /// Results of lazygrid, separated by commas
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Output::List, Output::Unordered, Output::Count])]
     output: Vec<Output>,
-    /// Threads of `--mode sizes`
+    /// Number of threads of `--mode sizes`
     #[arg(long, default_value_t = 1)]
     threads: usize,
-    /// Search anew at every step: no skin
+    /// Search at each step, without a skin
     #[arg(long)]
     anew: bool,
-    /// Also write every value as CSV
+    /// Write each value to this CSV file
     #[arg(long)]
     csv: Option<PathBuf>,
     /// Measure one detector's time and memory in this process, for `--mode sizes`
@@ -58,20 +58,20 @@ const ALGORITHMS: [Algorithm; 6] = [
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Mode {
-    /// A simulation: one detector, or one tree, kept from step to step; one thread.
+    /// A simulation: one detector, or one tree, kept between steps; one thread.
     Running,
-    /// The settings of Bullet, kept from step to step; one thread.
+    /// The settings of Bullet, kept between steps; one thread.
     #[cfg(feature = "bullet")]
     Bullet,
-    /// The skins of the Verlet list and, of equal spheres, of LAMMPS, kept from step to step; one thread.
+    /// The skins of the Verlet list and, for equal spheres, of LAMMPS, kept between steps; one thread.
     Skins,
-    /// The settings of the plain cell list beside parry3d's tree, kept from step to step; one thread.
+    /// The settings of the plain cell list compared with parry3d's tree, kept between steps; one thread.
     Yardstick,
     /// One call from arbitrary order; one thread.
     Scratch,
-    /// One thread beside two.
+    /// One thread compared with two.
     Threads,
-    /// Time and memory per sphere as the number of spheres grows, each in a process of its own.
+    /// Time and memory per sphere for growing numbers of spheres, each in a separate process.
     Sizes,
 }
 
@@ -81,9 +81,9 @@ enum Output {
     List,
     /// The list in any order.
     Unordered,
-    /// The list in any order, handed over in chunks that are dropped.
+    /// The list in any order, streamed in chunks that are dropped.
     Stream,
-    /// The number only.
+    /// Only the number of pairs.
     Count,
 }
 
@@ -130,7 +130,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn plan_for(mode: Mode, plan: Plan) -> Plan {
-    // From scratch a step tells no more than a round.
+    // Without state between steps, a step is equivalent to a round.
     if mode == Mode::Scratch { Plan { fresh: true, steps: 1, ..plan } } else { plan }
 }
 
@@ -189,7 +189,7 @@ fn contender(args: &Args, algorithm: Algorithm, output: Output, threads: usize) 
     }
 }
 
-/// Every contender beside the fastest tuning of parry.
+/// A table of all contenders compared with the fastest settings of parry3d.
 fn peers_table(timings: &[Timing]) -> String {
     let trees = timings.iter().filter(|t| t.name.starts_with("parry3d"));
     let best = trees.min_by(|a, b| a.median().total_cmp(&b.median()));
@@ -206,7 +206,7 @@ fn peers_table(timings: &[Timing]) -> String {
     )
 }
 
-/// The two grids of the paper beside each other.
+/// A line that compares the two grids of the paper.
 fn grids_line(timings: &[Timing]) -> String {
     let find = |algorithm: Algorithm| timings.iter().find(|t| t.name == algorithm.name());
     match (find(Algorithm::ArrayGrid), find(Algorithm::RecursiveGrid)) {

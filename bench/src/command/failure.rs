@@ -3,7 +3,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// Why the command did not do what it was asked for.
+/// The reason why a command failed.
 #[derive(Debug, Error)]
 pub(crate) enum Failure {
     #[error("{0}")]

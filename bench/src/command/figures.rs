@@ -8,7 +8,7 @@ use crate::command::failure::Failure;
 use crate::command::invocation;
 use crate::print;
 
-/// Runs the figures, writes the report, and says where it is.
+/// Runs the figures, writes the report, and prints its path.
 pub(crate) fn run(args: &Figures) -> Result<(), Failure> {
     let settings = settings(args);
     let program = std::env::current_exe().map_err(|e| Failure::Figures(e.to_string()))?;
@@ -29,7 +29,7 @@ pub(crate) fn run(args: &Figures) -> Result<(), Failure> {
         0 => Ok(()),
         errors => Err(Failure::WrongAnswers { errors, report: args.out.join("report.html") }),
     };
-    // The verdict also counts where nobody reads any more.
+    // The exit code must show the verdict even if standard output is closed.
     let printed = print(summary(&results, args));
     verdict.and(printed)
 }
@@ -64,7 +64,7 @@ fn summary(results: &Results, args: &Figures) -> String {
     )
 }
 
-/// Prints what one engine takes in this process, for the memory figure.
+/// Prints the memory and time of one engine in this process, for the memory figure.
 pub(crate) fn measure_memory(args: &MeasureMemory) -> Result<(), Failure> {
     let sample = figures::measure_memory(&args.engine, args.scene, args.n, args.steps);
     let sample = sample.map_err(|e| Failure::Figures(e.to_string()))?;

@@ -8,7 +8,7 @@ use crate::command::args::Kernels;
 use crate::command::failure::Failure;
 use crate::print;
 
-/// Compiles the kernels and prints what became of them.
+/// Compiles the kernels and prints the results.
 pub(crate) fn run(args: &Kernels) -> Result<(), Failure> {
     let wanted =
         Wanted { only: args.only.clone(), other_devices: args.other_devices, texts: args.texts.is_some() };
@@ -49,7 +49,7 @@ fn chosen(args: &Kernels) -> Result<Vec<AdapterSummary>, Failure> {
     }
 }
 
-/// Writes each form of each program to a file.
+/// Writes each representation of each program to a file.
 fn write_texts(compiled: &Compiled, folder: &Path) -> Result<(), Failure> {
     let failed =
         |path: &Path, e: std::io::Error| Failure::Kernels(format!("{}: cannot write: {e}", path.display()));

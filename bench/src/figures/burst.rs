@@ -12,11 +12,11 @@ use super::race::{Limits, Race};
 use super::row::Row;
 use super::{Engine, Figure};
 
-/// The scenario that `lazygrid simulate` runs too.
+/// The scenario file, which `lazygrid simulate` can run too.
 const SCENARIO: &str = include_str!("../../../simulator/scenarios/burst.toml");
 const NAME: &str = "simulator/scenarios/burst.toml";
 
-/// What is simulated, for the report.
+/// The description of the simulation in the report.
 pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.toml without its receiver: one transmitter \
     releases carriers of ten radii, 1 to 10 nm in equal numbers, from one point into unbounded water of 25 °C, where \
     they diffuse as Stokes and Einstein say. Hard spheres cannot all be at one point. So they begin as a ball of which \
@@ -29,19 +29,19 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
     leave them. The first of them brings its structure up to date and does not count. Times are of the search alone, on \
     all threads, but for N3Sim's sweep, which has one.";
 
-/// Steps of a simulated second, of 2 ns each: √(2·D·t) of a carrier of 1 nm and 245 µm²/s is 0.99 nm.
+/// Steps per simulated second (2 ns each): √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm.
 const STEPS_PER_SECOND: f64 = 5e8;
-/// The part of the ball that carriers fill where they begin: about as densely as hard spheres are still a fluid.
+/// Volume fraction of the initial ball: about the density at which hard spheres are still a fluid.
 const FILLED: f64 = 0.5;
-/// Simulated seconds in which nobody moves further than rounding.
+/// Time step in seconds in which particles move by less than rounding errors.
 const STILL: f64 = 1e-30;
-/// The part of a radius by which carriers are larger while they are pushed apart at the beginning. Overlaps smaller than the
-/// last digit of a coordinate are never parted; without these margins none of them is an overlap.
+/// Relative increase of the radii while carriers are initially pushed apart. Overlaps smaller than the last digit of a
+/// coordinate are never resolved; without this margin they would remain.
 const MARGIN: f32 = 1e-3;
-/// Carriers push each other apart at the beginning at most this often. A million take about 50 times.
+/// Maximum number of initial pushes. A million carriers take about 50.
 const PUSHES: u32 = 200;
 
-/// After how many steps engines are timed: each time so many times as many, and at the end.
+/// The steps after which engines are timed: 1, `times`, `times²`, …, and `last`.
 fn moments(times: u32, last: u32) -> Vec<u32> {
     let mut moments: Vec<u32> =
         std::iter::successors(Some(1), |k: &u32| k.checked_mul(times)).take_while(|&k| k < last).collect();
@@ -49,14 +49,14 @@ fn moments(times: u32, last: u32) -> Vec<u32> {
     moments
 }
 
-/// The rows of every moment at which the engines are timed, up to that after so many steps.
+/// The rows of each timed moment, up to that after `steps` steps.
 pub(super) fn rows(
     (point, steps): (&Point, u32),
     limits: Limits,
     seed: u64,
     left_out: impl Fn(Engine) -> Option<String>,
 ) -> Result<Vec<Row>, Box<dyn Error>> {
-    // A burst of a million takes minutes at each moment.
+    // A burst of a million carriers takes minutes at each moment.
     let moments = moments(if point.figure == Figure::F5a { 10 } else { 100 }, steps);
     let mut race = Race::new(
         point,
@@ -87,7 +87,7 @@ pub(super) fn rows(
     Ok(rows)
 }
 
-/// The burst when it begins to move: a ball of carriers none of which overlap.
+/// Creates the initial state of the burst: a ball of carriers without overlaps.
 fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
     let mut still = Model { time_step: STILL, ..model.clone() };
     still.species.iter_mut().for_each(|species| species.radius *= 1.0 + MARGIN);
@@ -96,7 +96,7 @@ fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
     for _ in 0..PUSHES {
         pushed.step()?;
         let totals = &pushed.state().totals;
-        // Where many do with their margins, some do without.
+        // If many carriers with margins overlap, some without margins do too.
         if totals.pairs > totals.present.iter().sum::<u64>() / 10 {
             continue;
         }
@@ -113,10 +113,11 @@ fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
     Err(format!("carriers still overlap after {PUSHES} pushes at the beginning").into())
 }
 
-/// The scenario with `n` carriers, rounded down to a multiple of ten, in a ball and in steps that resolve contact.
+/// The scenario with `n` carriers (rounded down to a multiple of ten), in a ball, with time steps that resolve
+/// contacts.
 fn model(n: usize) -> Result<Model, Box<dyn Error>> {
     let mut model = Scenario::parse(Path::new(NAME), SCENARIO.to_owned())?.model;
-    // It would take carriers away, whose places in the list others would get.
+    // Removes receivers: they would absorb carriers, whose indices others would get.
     model.receivers.clear();
     for transmitter in &mut model.transmitters {
         let sizes = transmitter.release.len().max(1);
@@ -131,7 +132,7 @@ fn model(n: usize) -> Result<Model, Box<dyn Error>> {
     Ok(model)
 }
 
-/// The carriers as they are now. None is ever removed, so each keeps its place.
+/// The carriers at present. None is ever removed, so that each keeps its index.
 fn spheres(simulation: &Simulation) -> Vec<Sphere> {
     let particles = &simulation.state().particles;
     (0..particles.len()).map(|k| Sphere::new(particles.position_of(k), particles.radius[k])).collect()
@@ -144,7 +145,7 @@ mod tests {
     const N: usize = 400;
     const STEPS: u32 = 300;
 
-    /// The mean square of the distance from the centre, in µm².
+    /// The mean squared distance from the center in µm².
     fn spread(of: impl Iterator<Item = Sphere>) -> f64 {
         let squares: Vec<f64> = of.map(|sphere| f64::from(sphere.center.length_squared())).collect();
         squares.iter().sum::<f64>() / squares.len() as f64
@@ -166,7 +167,7 @@ mod tests {
         }
     }
 
-    /// Nobody overlaps, all sizes are everywhere, and the ball is about as wide as it has to be.
+    /// No carriers overlap, all sizes are spread over the ball, and the ball is about as wide as necessary.
     #[test]
     fn the_burst_begins_as_a_ball_at_contact() {
         let model = model(4000).expect("the scenario");
@@ -175,7 +176,8 @@ mod tests {
         assert!(lazygrid::detect(&begun).expect("spheres").is_empty());
         let filled: f64 = begun.iter().map(|s| f64::from(s.radius).powi(3)).sum::<f64>();
         assert!((filled / f64::from(radius).powi(3) - FILLED).abs() < 1e-4);
-        // In a ball ⟨r²⟩ is 3/5 of the square of its radius, with a deviation of √(12/175) for each.
+        // In a ball ⟨r²⟩ is 3/5 of the squared radius, with a standard deviation of √(12/175) of the squared radius per
+        // carrier.
         let uniform = 0.6 * f64::from(radius).powi(2);
         let all = spread(begun.iter().copied()) / uniform;
         assert!((1.0..1.12).contains(&all), "{all}");
@@ -189,7 +191,7 @@ mod tests {
         }
     }
 
-    /// Contacts push carriers that begin at one point into about the ball in which the others begin.
+    /// Contacts push carriers that start at one point into about the initial ball of `begin`.
     #[test]
     fn a_burst_from_one_point_becomes_the_ball() {
         const STEPS: u32 = 1000;
@@ -209,7 +211,7 @@ mod tests {
         assert!((0.85..1.15).contains(&ratio), "{ratio} times as wide");
     }
 
-    /// Carriers in contact drive each other apart faster than they would diffuse alone, and as fast in shorter steps.
+    /// Contacts spread carriers faster than diffusion alone, and equally fast with shorter steps.
     #[test]
     fn steps_are_short_enough_for_contact() {
         let model = model(N).expect("the scenario");

@@ -1,4 +1,4 @@
-//! What the pairs must be, and how far an engine may be from it.
+//! The reference pairs, and the deviation that an engine may have.
 
 use std::error::Error;
 
@@ -7,10 +7,11 @@ use lazygrid::{Algorithm, Backend, Config, Order, Pair, Sphere};
 use crate::measure::{Contender, Digest, Found};
 use crate::peers::cell_list;
 
-/// Above this many spheres the reference is the plain cell list, itself held against the naive detector below.
+/// Maximum number of spheres for the naive reference. Above it, the reference is the plain cell list, which is checked
+/// against the naive detector below it.
 const NAIVE_REFERENCE: usize = 20_000;
 
-/// The pairs of some spheres.
+/// The reference pairs of some spheres.
 pub(super) struct Reference<'a> {
     spheres: &'a [Sphere],
     pairs: Vec<Pair>,
@@ -18,10 +19,10 @@ pub(super) struct Reference<'a> {
 }
 
 impl<'a> Reference<'a> {
-    /// From a search that has seen nothing before.
+    /// Finds the pairs with a new search.
     ///
     /// # Errors
-    /// Where that search fails.
+    /// Fails if that search fails.
     pub(super) fn of(spheres: &'a [Sphere]) -> Result<Self, Box<dyn Error>> {
         let naive = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
         let contender = match spheres.len() {
@@ -38,10 +39,10 @@ impl<'a> Reference<'a> {
         Ok(Self { spheres, pairs, digest })
     }
 
-    /// Whether these are the pairs, by number and checksum.
+    /// Checks the number and checksum of the found pairs.
     ///
     /// # Errors
-    /// What is wrong, in words.
+    /// Describes the wrong answer.
     pub(super) fn check(&self, found: Digest) -> Result<(), String> {
         let (pairs, expected) = (found.pairs, self.digest.pairs);
         let same = if pairs == expected { " others" } else { "" };
@@ -51,11 +52,11 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// How many of these pairs are on the other side of tangency than here, and within 4 ulp of it, relative to the
-    /// squared reach: as GPUs may round (see "What is promised" in `README.md`).
+    /// Counts the pairs that differ from the reference but are within 4 ulp of tangency, relative to the squared
+    /// cutoff: GPUs may round so (see "What is promised" in `README.md`).
     ///
     /// # Errors
-    /// What is wrong, in words: a pair that is missing or extra and further from tangency, or is there twice.
+    /// Describes the wrong answer: pairs that are missing or extra and not tangent, or that occur twice.
     pub(super) fn tangent(&self, found: &[Pair]) -> Result<u64, String> {
         let sorted = |pairs: &[Pair]| {
             let mut pairs = pairs.to_vec();
@@ -82,7 +83,7 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// By how many ulp of the squared reach the squared distance is larger than that.
+    /// The difference of the squared distance and the squared cutoff, in ulp of the squared cutoff.
     fn ulps(&self, pair: &Pair) -> f64 {
         let (a, b) = (self.spheres[pair.i as usize], self.spheres[pair.j as usize]);
         let reach = f64::from(a.radius) + f64::from(b.radius);
@@ -95,7 +96,8 @@ impl<'a> Reference<'a> {
 mod tests {
     use super::*;
 
-    /// Unit spheres along a line: two that touch, one a unit in the last place beyond touch, one far out of it.
+    /// Unit spheres along a line: two touch, one misses contact by one unit in the last place, and one is far out of
+    /// reach.
     fn row() -> Vec<Sphere> {
         let beyond = 2.0 * f32::EPSILON;
         [-4.0 - 4.0 * beyond, -2.0 - beyond, 0.0, 2.0].map(|x| Sphere::new([x, 0.0, 0.0], 1.0)).to_vec()

@@ -1,4 +1,4 @@
-//! Memory per sphere: each engine in a process of its own, which runs [`measure`].
+//! Memory per sphere: each engine runs [`measure`] in a separate process.
 
 use std::error::Error;
 use std::path::Path;
@@ -13,13 +13,13 @@ pub use crate::measure::memory::Sample;
 use crate::measure::memory::sample;
 use lazygrid_io::scenes::Scene;
 
-/// Of the spheres and their motion, in each process the same.
+/// Seed of the spheres and their motion, the same in all processes.
 const SEED: u64 = 1;
 
-/// What an engine takes in this process, which must have done nothing else.
+/// Measures the memory of an engine in this process, which must have done nothing else.
 ///
 /// # Errors
-/// For an unknown engine, and whatever the engine refuses.
+/// Fails if the engine is unknown, or if it reports an error.
 pub fn measure(engine: &str, scene: Scene, n: usize, steps: u32) -> Result<Sample, Box<dyn Error>> {
     let known = Engine::for_memory();
     let engine = known.iter().find(|e| e.to_string() == engine).ok_or_else(|| {
@@ -29,10 +29,10 @@ pub fn measure(engine: &str, scene: Scene, n: usize, steps: u32) -> Result<Sampl
     sample(&engine.contender(scene, n, Scene::STEP), scene, n, steps, SEED)
 }
 
-/// One row per engine. `program` is the `lazygrid` command.
+/// One row per engine. `program` is the `lazygrid-bench` command.
 ///
 /// # Errors
-/// Where the reference fails.
+/// Fails if the reference fails.
 pub(super) fn rows(point: &Point, program: &Path) -> Result<Vec<Row>, Box<dyn Error>> {
     let mut spheres = point.scene.spheres(point.n, SEED);
     (0..point.runs as u32).for_each(|step| Scene::advance(&mut spheres, SEED, step));

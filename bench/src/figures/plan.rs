@@ -1,4 +1,4 @@
-//! What each figure is made of: scenes, numbers of spheres, engines and runs.
+//! The scenes, numbers of spheres, engines and runs of each figure.
 
 use lazygrid::Algorithm;
 use serde::{Deserialize, Serialize};
@@ -6,56 +6,57 @@ use serde::{Deserialize, Serialize};
 use super::{Engine, Figure};
 use lazygrid_io::scenes::{Scene, Transceivers};
 
-/// How large the figures are.
+/// The size of the figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scale {
-    /// Some hundred spheres: answers are checked, times mean nothing.
+    /// A few hundred spheres: checks answers, times are meaningless.
     Smallest,
     /// Under three minutes on two cores.
     Quick,
-    /// The paper's sizes as far as the time allows.
+    /// The paper's sizes, as far as the time budget allows.
     Full,
 }
 
-/// What to run.
+/// The settings of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// How large.
+    /// The size of the figures.
     pub scale: Scale,
-    /// Which figures.
+    /// The figures to run.
     pub only: Vec<Figure>,
-    /// The most runs, or steps, of an engine at a point; none: as many as the paper's, fewer where `scale` is not full.
+    /// The maximum number of runs, or steps, of an engine at a point; `None` for the number in the paper, or fewer if
+    /// `scale` is not full.
     pub runs: Option<usize>,
-    /// About how many minutes it may take.
+    /// The approximate time budget in minutes.
     pub minutes: f64,
-    /// Seed of all scenes.
+    /// The seed of all scenes.
     pub seed: u64,
-    /// The command that asked for it, for the report; empty where there was none.
+    /// The command that started the run, for the report; empty if there was none.
     #[serde(default)]
     pub command: String,
 }
 
-/// How spheres change from one run to the next.
+/// The change of the spheres between runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Motion {
-    /// Another sample of the scene each time.
+    /// Each run has a new sample of the scene.
     Fresh,
-    /// Each sphere moves by this part of its radius.
+    /// Each sphere moves by a fraction of its radius.
     Steps {
-        /// Which.
+        /// The fraction.
         part: f32,
     },
-    /// By a simulation, from a burst on, for so many steps.
+    /// A simulation moves the spheres, starting with a burst.
     Simulated {
-        /// How many.
+        /// The number of steps.
         steps: u32,
     },
-    /// Each engine runs in a process of its own.
+    /// Each engine runs in a separate process.
     Processes,
 }
 
-/// One number of spheres of one scene in one figure, and who takes part.
+/// A data point: a number of spheres of a scene in a figure, and its engines.
 #[derive(Clone, Debug)]
 pub(super) struct Point {
     pub(super) figure: Figure,
@@ -67,7 +68,7 @@ pub(super) struct Point {
 }
 
 impl Point {
-    /// A name for files, one per point.
+    /// The unique file name of the point.
     pub(super) fn key(&self) -> String {
         let moves = self.moves();
         match self.figure {
@@ -76,12 +77,12 @@ impl Point {
         }
     }
 
-    /// The part of its radius by which a sphere moves in a step, where there are steps.
+    /// The displacement of a sphere per step, in radii. The default if the point has no steps.
     pub(super) fn moves(&self) -> f32 {
         if let Motion::Steps { part } = self.motion { part } else { Scene::STEP }
     }
 
-    /// The scene with its parameters.
+    /// The name of the scene with all its parameters.
     pub(super) fn name(&self) -> String {
         match self.scene {
             Scene::Transceivers(Transceivers { count, ratio }) => format!("{count}-transceivers-x{ratio}"),
@@ -89,7 +90,7 @@ impl Point {
         }
     }
 
-    /// The scene with those of its parameters that its figure does not vary.
+    /// The name of the scene with the parameters that its figure does not vary.
     pub(super) fn kind(&self) -> String {
         match (self.figure, self.scene) {
             (Figure::Transceivers, Scene::Transceivers(of)) => format!("transceivers-x{}", of.ratio),
@@ -98,10 +99,10 @@ impl Point {
         }
     }
 
-    /// The value of what its figure varies, which is a parameter of the scene or of the engine.
+    /// The value of the parameter that the figure varies, which belongs to the scene or the engine.
     pub(super) fn setting(&self, engine: Engine) -> Option<f64> {
         match (self.figure, self.scene) {
-            // As it is written: 0.1 and not the nearest number of 32 bits.
+            // The decimal number as written: 0.1, not the nearest `f32`.
             (Figure::Moves, _) => self.moves().to_string().parse().ok(),
             (Figure::Transceivers, Scene::Transceivers(of)) => Some(of.count.into()),
             (Figure::SizeRatio, Scene::Transceivers(of)) => Some(of.ratio.into()),
@@ -109,16 +110,16 @@ impl Point {
         }
     }
 
-    /// What share of the time it gets, in arbitrary units.
+    /// The weight of the point's share of the time, in arbitrary units.
     pub(super) fn weight(&self) -> f64 {
         let share = match self.figure {
-            // Several moments.
+            // These have several moments.
             Figure::F5a | Figure::F5b => 4.0,
-            // Trees that are slow now and then need many steps.
+            // Trees are slow only occasionally and need many steps.
             Figure::F4 => 3.0,
-            // Of one number of spheres, and many of them.
+            // Many points with the same number of spheres.
             Figure::Transceivers | Figure::SizeRatio => 0.3,
-            // Steps that are over soon.
+            // Short steps.
             Figure::Moves => 0.5,
             _ => 1.0,
         };
@@ -127,7 +128,7 @@ impl Point {
 }
 
 impl Settings {
-    /// Every point, small ones first, so that what they leave of their time goes to the large ones.
+    /// All points, small ones first, so that time that they do not use goes to the large ones.
     pub(super) fn points(&self) -> Vec<Point> {
         let mut points: Vec<Point> = self.only.iter().flat_map(|&figure| self.points_of(figure)).collect();
         points.sort_by_key(|point| (point.n, point.figure));
@@ -163,7 +164,7 @@ impl Settings {
         }
     }
 
-    /// How far a burst of so many carriers is followed. A step takes about 0.2 µs for each of them on two cores.
+    /// The number of steps of a burst of `n` carriers. A step takes about 0.2 µs per carrier on two cores.
     fn steps_of_a_burst(&self, figure: Figure, n: usize) -> u32 {
         let moves: usize = match (self.scale, figure) {
             (Scale::Smallest, _) => 20_000,
@@ -174,7 +175,7 @@ impl Settings {
         (moves / n.max(1)).clamp(1, 1_000_000) as u32
     }
 
-    /// By default as many as the paper has.
+    /// The default number of runs: that of the paper at full scale.
     fn runs_of(&self, figure: Figure) -> usize {
         match (self.scale, figure) {
             (Scale::Smallest, _) => 2,
@@ -229,14 +230,14 @@ impl Settings {
             (Scale::Full, F5b) => &[1000, 10_000, 100_000, 1_000_000],
             (Scale::Full, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[100_000],
             (Scale::Full, Threads) => &[10_000, 100_000, 1_000_000],
-            // Trees take minutes to be built of a million, each in a process of its own.
+            // Building trees for a million spheres takes minutes, and each engine does so in its own process.
             (Scale::Full, Memory) => &[100_000],
             (Scale::Full, Point) => &[100, 1000, 3000, 10_000],
         }
     }
 }
 
-/// So many transceivers, so many times as large as the carriers: all combinations.
+/// All combinations of numbers of transceivers and size ratios.
 fn mixtures(counts: &[u32], ratios: &[u32]) -> Vec<Scene> {
     let of =
         |&ratio: &u32| counts.iter().map(move |&count| Scene::Transceivers(Transceivers { count, ratio }));
@@ -253,7 +254,7 @@ fn engines(figure: Figure) -> Vec<Engine> {
             cpu.into_iter().chain(gpu).collect()
         }
         Figure::F4 => {
-            // In a pool of one thread.
+            // These run in a pool of one thread.
             let ours = [Algorithm::RecursiveGrid, Algorithm::CellList, Algorithm::Auto];
             let ours = ours.map(|a| Engine::cpu(a, None));
             let trees = [Engine::BulletAsShipped, Engine::BulletTuned, Engine::Parry];
@@ -265,7 +266,7 @@ fn engines(figure: Figure) -> Vec<Engine> {
             ours.into_iter().chain([Engine::PlainCellList, Engine::Verlet, Engine::Lammps]).collect()
         }
         Figure::F5a | Figure::F5b => {
-            // The paper's grid, and what the GPU path takes for so many spheres: few are compared all with all.
+            // The paper's grid, and the GPU path's own choice: small inputs use the naive algorithm.
             let gpu = on_gpu(&[Algorithm::LazyGrid, Algorithm::Auto]);
             let cpu = [Engine::cpu(Algorithm::Auto, None), Engine::Octree, Engine::SortAndSweep];
             gpu.into_iter().chain(cpu).collect()
@@ -309,7 +310,7 @@ mod tests {
 
     use super::*;
 
-    /// Or one would take what another left in the folder, or stand in another's place in a table.
+    /// Otherwise points would share cached files, or rows would share cells of a table.
     #[test]
     fn every_point_has_a_file_and_every_row_a_place_of_its_own() {
         for scale in [Scale::Smallest, Scale::Quick, Scale::Full] {

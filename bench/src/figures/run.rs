@@ -1,4 +1,4 @@
-//! All points of a run in turn: what is finished is kept, what is left shares the time that is left.
+//! Runs all points in turn. Finished points are cached, and the remaining ones share the remaining time.
 
 use std::error::Error;
 use std::fs;
@@ -14,43 +14,43 @@ use super::row::{Results, Row};
 use super::{Engine, Environment, Figure, burst, memory};
 use lazygrid_io::scenes::Scene;
 
-/// What of a point's time is for the runs that count; the rest is for spheres, references and warm-ups.
+/// Fraction of a point's time for the runs that count; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;
-/// An engine is left out where one run would take this many times what it has at the point, and more than
-/// there is [`always`].
+/// An engine is left out if one run would take this multiple of its time at the point, and more than [`always`].
 const PATIENCE: f64 = 4.0;
 
-/// Points not begun after this many times the time there is are left out, which are the largest.
+/// Multiple of the time budget after which remaining points, the largest ones, are left out.
 const OVERRUN: f64 = 1.5;
 
-/// How far a run has come.
+/// The progress of a run.
 #[derive(Clone, Debug)]
 pub struct Progress {
-    /// Points done, those of an earlier run included.
+    /// Number of finished points, including those of an earlier run.
     pub done: usize,
-    /// Points in all.
+    /// Total number of points.
     pub points: usize,
-    /// What comes next.
+    /// The next point.
     pub next: String,
-    /// About how long the rest takes. Points with engines that take long for a single run may need more.
+    /// The estimated time left. Points with engines that take long for a single run may need more.
     pub left: Duration,
 }
 
-/// A finished point, as it is kept in the folder.
+/// A finished point as stored in the folder.
 #[derive(Serialize, Deserialize)]
 struct Kept {
-    /// Of what build, settings and machine.
+    /// The fingerprint of build, settings and machine.
     mark: String,
-    /// How long it took.
+    /// The time of the point in seconds.
     seconds: f64,
     rows: Vec<Row>,
 }
 
-/// Runs all figures of the settings and keeps every finished point in `folder`, from where the next run with the same
-/// settings and build takes it. `program` is the `lazygrid` command, which memory measurements run.
+/// Runs all figures of the settings and stores each finished point in `folder`, where the next run with the same
+/// settings and build finds it. `program` is the `lazygrid-bench` command, which memory measurements run.
 ///
 /// # Errors
-/// Where the folder cannot be written or a reference fails. A wrong answer is a row with [`Status::Error`](super::Status::Error).
+/// Fails if the folder cannot be written or a reference fails. A wrong answer is a row with
+/// [`Status::Error`](super::Status::Error).
 pub fn run(
     settings: &Settings,
     folder: &Path,
@@ -94,12 +94,12 @@ pub fn run(
     Ok(Results { environment, settings: settings.clone(), seconds, missing, rows })
 }
 
-/// The time there is and the points that are yet to share it.
+/// The time budget, shared by the remaining points.
 struct Clock {
     end: Instant,
-    /// No further point is begun after this.
+    /// The time after which no further point starts.
     latest: Instant,
-    /// Of the points that are left.
+    /// The total weight of the remaining points.
     weight: f64,
 }
 
@@ -121,7 +121,7 @@ impl Clock {
         self.end.saturating_duration_since(Instant::now())
     }
 
-    /// What this point may take.
+    /// The time for this point.
     fn share(&self, point: &Point) -> Duration {
         self.left().mul_f64((point.weight() / self.weight).clamp(0.0, 1.0))
     }
@@ -147,7 +147,7 @@ fn rows_of(
         (seconds > most && settings.scale != Scale::Smallest)
             .then(|| format!("left out: a run would take about {seconds:.1} s"))
     };
-    // Figures whose point is the comparison leave nobody out.
+    // Figures that compare engines leave none out.
     let left_out = |engine: Engine| match point.motion {
         Motion::Steps { .. } | Motion::Simulated { .. } => None,
         _ => too_long(engine),
@@ -166,10 +166,10 @@ fn rows_of(
                 None => *spheres = point.scene.spheres(point.n, settings.seed),
                 Some(step) => Scene::advance_by(part, spheres, settings.seed, step as u32),
             };
-            // A tree with a margin gives it to its boxes in the second frame.
+            // A tree with a margin enlarges its boxes in the second frame.
             let single = || race(Race::new(point, limits, left_out), 2, sample).map_err(|e| e.to_string());
             match point.figure.is_single_threaded() {
-                // A pool per detector would add the way to its thread and back to every call.
+                // A pool per detector would add a thread switch to each call.
                 true => Ok(ThreadPoolBuilder::new().num_threads(1).build()?.install(single)?),
                 false => Ok(single()?),
             }
@@ -177,7 +177,7 @@ fn rows_of(
     }
 }
 
-/// Runs a race to its end over the spheres that `change` makes for each frame; the first ones are warm-ups.
+/// Runs a comparison to its end on the spheres that `change` makes for each frame; the first frames are warm-ups.
 fn race(
     mut race: Race<'_>,
     warm_ups: usize,
@@ -193,20 +193,19 @@ fn race(
     Ok(race.take_rows(None))
 }
 
-/// Seconds that there always are for a run, even where points before it took longer than they should: at the largest
-/// size everybody is to be seen whose time grows with the number of spheres.
+/// Seconds that a run may always take, even if earlier points overran their time: engines whose time grows linearly
+/// should appear at the largest size.
 fn always(engine: Engine, scene: Scene) -> f64 {
     if is_quadratic(engine, scene) { 2.0 } else { 120.0 }
 }
 
-/// Whether the time of a run grows with the square of the number of spheres. At one point everything is a pair of
-/// everything.
+/// Returns `true` if the time of a run grows quadratically with the number of spheres. At one point, all spheres touch
+/// each other.
 fn is_quadratic(engine: Engine, scene: Scene) -> bool {
     engine.is_quadratic() || scene == Scene::Point
 }
 
-/// About how many seconds a run takes, from the largest smaller point of the same figure and scene and
-/// the slowest moment there.
+/// The predicted seconds of a run, from the largest smaller point of the same figure and scene and its slowest moment.
 fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
     let name = engine.to_string();
     let same = earlier.iter().filter(|row| {
@@ -218,8 +217,8 @@ fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 
-/// What results must share to stand beside each other: settings other than the choice of figures, commit and build,
-/// machine and adapter.
+/// The fingerprint that cached results must share: settings other than the choice of figures, commit, build, machine
+/// and adapter.
 fn mark(settings: &Settings, environment: &Environment, program: &Path) -> String {
     let Settings { scale, runs, minutes, seed, only: _, command: _ } = settings;
     let built = fs::metadata(program).ok().and_then(|file| {
@@ -237,7 +236,7 @@ fn load(path: &Path, mark: &str) -> Option<Kept> {
 }
 
 fn save(path: &Path, kept: &Kept) -> Result<(), Box<dyn Error>> {
-    // Under another name first, so that an interrupted run leaves no half of a file.
+    // Writes to a temporary name first, so that an interrupted run leaves no partial file.
     let draft = path.with_extension("part");
     fs::write(&draft, serde_json::to_vec(kept)?)
         .and_then(|()| fs::rename(&draft, path))
@@ -249,7 +248,7 @@ fn save(path: &Path, kept: &Kept) -> Result<(), Box<dyn Error>> {
 mod tests {
     use super::*;
 
-    /// Where there is no time at all nothing is begun, and what is missing is named.
+    /// Without any time no point starts, and all missing points are named.
     #[test]
     fn points_for_which_there_is_no_time_are_named() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -1,16 +1,16 @@
-//! The statistics of kernels as a table.
+//! Formats the statistics of kernels as a table.
 
 use std::fmt::{self, Display};
 
 use super::{Compiled, Kernels, Program};
 use crate::measure::markdown;
 
-/// A program and the text that it was made of.
+/// A program and the kernel variant that it was compiled from.
 type Row<'a> = (&'a Compiled, &'a Program);
 
 impl Display for Kernels {
-    /// A Markdown table with a row for each program, and columns in the words of the driver. A column that says the same
-    /// in all rows is one line instead.
+    /// Writes a Markdown table with a row for each program and a column for each of the driver's statistics. A column
+    /// with the same value in all rows becomes a line above the table.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}, {}\n", self.adapter, self.driver)?;
         let rows: Vec<Row<'_>> = self.compiled.iter().flat_map(rows).collect();
@@ -46,11 +46,11 @@ fn rows(compiled: &Compiled) -> impl Iterator<Item = Row<'_>> {
     compiled.programs.iter().map(move |program| (compiled, program))
 }
 
-/// The names of the columns that are the same in all of several rows, and of the others.
+/// The names of the columns that are constant over several rows, and of the others.
 fn columns<'a>(rows: &[Row<'a>]) -> (Vec<&'a str>, Vec<&'a str>) {
     let mut names = vec!["subgroup", "workgroup bytes"];
     for statistic in rows.iter().flat_map(|(_, program)| &program.statistics) {
-        // A sum over a program says nothing to people.
+        // A hash of the program is of no use to readers.
         let is_hash = statistic.name.to_lowercase().contains("hash");
         if !is_hash && !names.contains(&statistic.name.as_str()) {
             names.push(&statistic.name);

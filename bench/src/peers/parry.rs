@@ -1,4 +1,4 @@
-//! parry3d's bounding volume hierarchy, used as its documentation advises, in several tunings.
+//! parry3d's bounding volume hierarchy, used as its documentation advises, with several settings.
 
 use std::error::Error;
 
@@ -10,20 +10,20 @@ use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
 use super::{half_extent, touch};
 use crate::measure::{Contender, Found, Search};
 
-/// What happens to the tree at every step before it is traversed.
+/// The update of the tree before each traversal.
 #[derive(Clone, Copy, Debug)]
 enum Upkeep {
-    /// Leaves are written with their exact boxes and all inner boxes follow; the tree's shape stays.
+    /// Updates all leaves with their exact boxes, then all inner boxes; the topology stays.
     Refit,
-    /// As `Refit`, but a leaf is written only when its sphere has left its box, which is larger on each side by
-    /// this share of the radius.
+    /// Like `Refit`, but updates a leaf only if its sphere has left its box, which has a margin of this fraction of the
+    /// radius.
     Fat(f32),
-    /// As `Refit`, then a small part of the tree is rebuilt.
+    /// Like `Refit`, then rebuilds a small part of the tree.
     Optimize,
 }
 
-/// The tunings for a tree that lives from step to step. Rebuilding it now and then is none of them: within a
-/// hundred steps of the scenes the refitted tree does not get worse by what that costs.
+/// The candidate settings of a tree that is kept between steps. Full rebuilds are not included: within a hundred steps
+/// of the scenes, they cost more than they gain.
 pub fn running() -> Vec<Contender> {
     vec![
         refitted("parry3d refit"),
@@ -32,22 +32,22 @@ pub fn running() -> Vec<Contender> {
     ]
 }
 
-/// A tree that is refitted at every step.
+/// A tree that is refitted at each step.
 pub fn refitted(name: impl Into<String>) -> Contender {
     Contender::new(name, || Ok(Living::new(Upkeep::Refit)))
 }
 
-/// The same, with boxes a fifth of the radius larger on every side.
+/// A refitted tree with a margin of a fifth of the radius.
 pub fn with_margin(name: impl Into<String>) -> Contender {
     Contender::new(name, || Ok(Living::new(Upkeep::Fat(0.2))))
 }
 
-/// The same, a part of it rebuilt at every step.
+/// A refitted tree that is partly rebuilt at each step.
 pub fn optimised(name: impl Into<String>) -> Contender {
     Contender::new(name, || Ok(Living::new(Upkeep::Optimize)))
 }
 
-/// The two ways to build a tree from nothing.
+/// The two methods of building a tree from scratch.
 pub fn scratch() -> Vec<Contender> {
     [("binned", BvhBuildStrategy::Binned), ("PLOC", BvhBuildStrategy::Ploc)]
         .map(|(name, strategy)| {
@@ -56,7 +56,7 @@ pub fn scratch() -> Vec<Contender> {
         .into()
 }
 
-/// A tree kept from step to step.
+/// A tree kept between steps.
 struct Living {
     upkeep: Upkeep,
     tree: Bvh,
@@ -89,7 +89,7 @@ impl Search for Living {
     }
 }
 
-/// A tree built for one answer.
+/// A tree rebuilt for each search.
 struct Built {
     strategy: BvhBuildStrategy,
     pairs: Vec<Pair>,
@@ -107,7 +107,7 @@ fn build(spheres: &[Sphere], strategy: BvhBuildStrategy) -> Bvh {
     Bvh::from_iter(strategy, spheres.iter().map(aabb).enumerate())
 }
 
-/// The tree's candidates, tested exactly.
+/// Applies the exact test to the tree's candidate pairs.
 fn query(tree: &Bvh, workspace: &mut BvhWorkspace, spheres: &[Sphere], pairs: &mut Vec<Pair>) {
     pairs.clear();
     tree.traverse_bvtt_single_tree::<false>(workspace, &mut |i, j| {

@@ -4,7 +4,7 @@ use super::*;
 use crate::measure::{Contender, Plan, compare};
 use lazygrid_io::scenes::Scene;
 
-/// Every peer gives the naive detector's pairs, from step to step.
+/// All peers find the naive detector's pairs at each step.
 #[test]
 fn peers_agree_with_the_judge() {
     for scene in Scene::ALL {
@@ -23,7 +23,7 @@ fn peers_agree_with_the_judge() {
     }
 }
 
-/// Points that coincide, spheres that just touch, and a row of cells along one axis.
+/// Coincident points, spheres that just touch, and a row of cells along one axis.
 #[test]
 fn cells_of_odd_shapes() {
     let points = |n: usize| (0..n).map(|k| Sphere::new([(k / 2) as f32, 0.0, 0.0], 0.0)).collect();
@@ -42,7 +42,7 @@ fn cells_of_odd_shapes() {
     }
 }
 
-/// Spheres that fly apart by more than their cells: the octree grows, splits and merges, and loses none.
+/// Spheres that move apart by more than their cells: the octree grows, splits and merges without losing pairs.
 #[test]
 fn a_cloud_that_spreads_and_gathers() {
     let mut spheres = Scene::FiveSizes.spheres(4000, 5);
@@ -58,7 +58,8 @@ fn a_cloud_that_spreads_and_gathers() {
     }
 }
 
-/// So far from the origin that boxes often end exactly where cells do: whoever crosses is not lost on the way.
+/// Spheres so far from the origin that boxes often end exactly at cell borders: crossing a border must not lose a
+/// sphere.
 #[test]
 fn boxes_that_touch_the_borders_of_cells() {
     let mut spheres = Scene::Equal.spheres(4000, 6);
