@@ -6,8 +6,8 @@ use lazygrid_io::scenes::Scene;
 use crate::adversary::{self, TABLE_WORDS};
 use crate::way::text;
 use crate::{
-    Extent, Gpu, LEFT_OUT_WORDS, Random, Scenario, Way, Words, difference, guarded, periodic, scenes,
-    sheared, shrink,
+    DetectorVariant, Extent, Gpu, LEFT_OUT_WORDS, Random, Scenario, Words, difference, guarded, periodic,
+    scenes, sheared, shrink,
 };
 
 /// The largest scene whose reference tests all pairs. For larger scenes the CPU's cell list is the reference.
@@ -123,10 +123,10 @@ pub struct Failure {
 /// Describes the first difference, or the detector's error.
 pub fn judge(
     scenario: &Scenario,
-    way: &Way,
+    variant: &DetectorVariant,
     pairs: impl FnOnce(&Scenario) -> Result<Vec<Pair>, String>,
 ) -> Result<(), String> {
-    difference(scenario, &pairs(scenario)?, &expected(scenario)?, way.tolerance())
+    difference(scenario, &pairs(scenario)?, &expected(scenario)?, variant.tolerance())
 }
 
 /// The speed of a detector variant on this machine, estimated from its calls so far.
@@ -141,50 +141,58 @@ impl Pace {
     const TELLING: usize = 1000;
 
     /// The predicted seconds of a call with `spheres` spheres; 0 before the first measurement.
-    pub fn forecast(self, way: &Way, spheres: usize) -> f64 {
-        self.rate.unwrap_or(0.0) * Self::work(way, spheres)
+    pub fn forecast(self, variant: &DetectorVariant, spheres: usize) -> f64 {
+        self.rate.unwrap_or(0.0) * Self::work(variant, spheres)
     }
 
     /// Records the time of a call with `spheres` spheres.
-    pub fn saw(&mut self, way: &Way, spheres: usize, seconds: f64) {
+    pub fn saw(&mut self, variant: &DetectorVariant, spheres: usize, seconds: f64) {
         if spheres >= Self::TELLING {
-            let rate = seconds / Self::work(way, spheres);
+            let rate = seconds / Self::work(variant, spheres);
             self.rate = Some(self.rate.map_or(rate, |least| least.min(rate)));
         }
     }
 
-    fn work(way: &Way, spheres: usize) -> f64 {
-        (spheres as f64).powi(if way.algorithm == Algorithm::Naive { 2 } else { 1 })
+    fn work(variant: &DetectorVariant, spheres: usize) -> f64 {
+        (spheres as f64).powi(if variant.algorithm == Algorithm::Naive { 2 } else { 1 })
     }
 }
 
 impl Case {
     /// Runs one detector variant and compares its pairs with `expected`. Returns a description of the difference, if
     /// any.
-    pub fn fault(&self, way: &Way, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
-        let found = way.pairs(gpu, &self.scenario);
-        found.and_then(|found| difference(&self.scenario, &found, expected, way.tolerance())).err()
+    pub fn fault(&self, variant: &DetectorVariant, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
+        let found = variant.pairs(gpu, &self.scenario);
+        found.and_then(|found| difference(&self.scenario, &found, expected, variant.tolerance())).err()
     }
 
     /// Shrinks a failure of one detector variant with at most `tries` attempts of [`shrink`].
-    pub fn failure(&self, way: &Way, gpu: Option<&Gpu>, what: String, tries: usize) -> Failure {
-        let failing = |smaller: &Scenario| judge(smaller, way, |scenario| way.pairs(gpu, scenario)).err();
+    pub fn failure(
+        &self,
+        variant: &DetectorVariant,
+        gpu: Option<&Gpu>,
+        what: String,
+        tries: usize,
+    ) -> Failure {
+        let failing =
+            |smaller: &Scenario| judge(smaller, variant, |scenario| variant.pairs(gpu, scenario)).err();
         let (scenario, what) = shrink(self.scenario.clone(), what, tries, failing);
-        let name = format!("{}: {way}", self.name);
-        Failure { name, what, scenario: Some(scenario), options: way.options(gpu) }
+        let name = format!("{}: {variant}", self.name);
+        Failure { name, what, scenario: Some(scenario), options: variant.options(gpu) }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::way::Place;
+    use crate::way::TargetDevice;
     use lazygrid::Simd;
 
     #[test]
     fn paces_are_those_of_the_quickest_call_that_tells() {
-        let [naive, list] = [Algorithm::Naive, Algorithm::CellList]
-            .map(|algorithm| Way::new(algorithm, Place::Cpu { simd: Simd::Portable, threads: Some(1) }));
+        let [naive, list] = [Algorithm::Naive, Algorithm::CellList].map(|algorithm| {
+            DetectorVariant::new(algorithm, TargetDevice::Cpu { simd: Simd::Portable, threads: Some(1) })
+        });
         let mut pace = Pace::default();
         pace.saw(&naive, 10, 5.0);
         assert_eq!(pace.forecast(&naive, 1000), 0.0);
@@ -213,12 +221,15 @@ mod tests {
 
     #[test]
     fn a_detector_that_loses_pairs_or_panics_is_seen() {
-        let way = Way::new(Algorithm::Naive, Place::Cpu { simd: Simd::Portable, threads: Some(1) });
+        let variant = DetectorVariant::new(
+            Algorithm::Naive,
+            TargetDevice::Cpu { simd: Simd::Portable, threads: Some(1) },
+        );
         let scenario = Scenario::from(scenes::cloud(1, 300, 4.0, |random| random.unit()));
-        assert_eq!(judge(&scenario, &way, |s| way.pairs(None, s)), Ok(()));
-        let losing = |s: &Scenario| way.pairs(None, s).map(|pairs| pairs[1..].to_vec());
-        assert!(judge(&scenario, &way, losing).is_err_and(|text| text.contains("1 missing")));
+        assert_eq!(judge(&scenario, &variant, |s| variant.pairs(None, s)), Ok(()));
+        let losing = |s: &Scenario| variant.pairs(None, s).map(|pairs| pairs[1..].to_vec());
+        assert!(judge(&scenario, &variant, losing).is_err_and(|text| text.contains("1 missing")));
         let panicking = |_: &Scenario| guarded(|| panic!("out of range"));
-        assert_eq!(judge(&scenario, &way, panicking), Err("panicked: out of range".to_owned()));
+        assert_eq!(judge(&scenario, &variant, panicking), Err("panicked: out of range".to_owned()));
     }
 }

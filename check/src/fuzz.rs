@@ -8,7 +8,7 @@ use lazygrid::{Config, Detector, Order, Pair};
 use crate::compare::Failure;
 use crate::motion::skin_of;
 use crate::way::text;
-use crate::{Gpu, Scenario, Tolerance, Way, difference, guarded, shrink};
+use crate::{DetectorVariant, Gpu, Scenario, Tolerance, difference, guarded, shrink};
 
 pub(crate) mod draw;
 
@@ -17,7 +17,7 @@ pub(crate) mod draw;
 pub struct Round {
     /// The seed that determines the round.
     pub seed: u64,
-    way: Way,
+    variant: DetectorVariant,
     order: Order,
     max_pairs: u64,
     /// The calls and their inputs, all with the same space and interaction table.
@@ -44,12 +44,12 @@ impl Round {
     /// Runs the round with a new detector. Returns a failure, if any, with as few calls and spheres as show it. `tries`
     /// limits the attempts of [`shrink`].
     pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<Failure> {
-        let way = self.way;
+        let variant = self.variant;
         self.check_with(tries, |round| guarded(|| round.run(gpu))).map(|(round, what)| {
             let is_plain = round.calls.len() == 1 && round.calls[0].1.mixture.is_none();
             let (call, scenario) = round.calls.last().cloned().unzip();
             let options = match (is_plain, call) {
-                (true, Some(call)) => way.options(gpu) + &round.detect_options(call),
+                (true, Some(call)) => variant.options(gpu) + &round.detect_options(call),
                 _ => String::new(),
             };
             Failure { name: round.to_string(), what, scenario, options }
@@ -82,9 +82,9 @@ impl Round {
     }
 
     fn run(&self, gpu: Option<&Gpu>) -> Result<(), String> {
-        let config = self.way.config(gpu).order(self.order).max_pairs(self.max_pairs);
+        let config = self.variant.config(gpu).order(self.order).max_pairs(self.max_pairs);
         let with_first = |config: Config, (_, first): &(Call, Scenario)| {
-            first.config(config.skin(skin_of(&first.spheres, self.way.skin)))
+            first.config(config.skin(skin_of(&first.spheres, self.variant.skin)))
         };
         let config = self.calls.iter().take(1).try_fold(config, with_first);
         let mut detector = Detector::new(config.map_err(text)?).map_err(text)?;
@@ -101,7 +101,7 @@ impl Round {
     }
 
     fn judge_one(&self, call: Call, scenario: &Scenario, answer: &Answer) -> Result<(), String> {
-        let (expected, tolerance) = (scenario.oracle(), self.way.tolerance());
+        let (expected, tolerance) = (scenario.oracle(), self.variant.tolerance());
         let [least, most] = counts(scenario, &expected, tolerance);
         let in_range = |found: u64| match (least..=most).contains(&found) {
             true => Ok(()),
@@ -141,9 +141,9 @@ impl std::fmt::Display for Round {
             .iter()
             .map(|(call, scenario)| format!("{call:?} of {} spheres", scenario.spheres.len()))
             .collect();
-        let Self { seed, way, order, max_pairs, .. } = self;
+        let Self { seed, variant, order, max_pairs, .. } = self;
         let calls = calls.join(", then ").to_lowercase();
-        write!(f, "fuzz seed {seed}: {way}, {order:?}, at most {max_pairs} pairs: {calls}")
+        write!(f, "fuzz seed {seed}: {variant}, {order:?}, at most {max_pairs} pairs: {calls}")
     }
 }
 
@@ -202,11 +202,11 @@ pub(crate) fn pairs_of<'a>(spheres: usize, list: impl Fn(usize) -> &'a [u32]) ->
     let mut pairs = Vec::new();
     for i in 0..spheres {
         if !list(i).windows(2).all(|two| two[0] < two[1]) {
-            return Err(format!("the neighbours of {i} do not ascend"));
+            return Err(format!("the neighbors of {i} do not ascend"));
         }
         for &j in list(i) {
             if j as usize >= spheres || list(j as usize).binary_search(&(i as u32)).is_err() {
-                return Err(format!("{j} is a neighbour of {i}, and not the other way round"));
+                return Err(format!("{j} is in the list of {i}, but {i} is not in the list of {j}"));
             }
             if j > i as u32 {
                 pairs.push(Pair { i: i as u32, j });

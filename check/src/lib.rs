@@ -6,7 +6,7 @@
 //!   they shrink.
 //! * [`scenes`]: single hard scenes.
 //! * [`difference`]: compares a result with the expected pairs and explains the first wrong pair.
-//! * [`Way`], [`compare`]: runs each algorithm on each target and compares it with the expected pairs; [`shrink`]
+//! * [`DetectorVariant`], [`compare`]: runs each algorithm on each target and compares it with the expected pairs; [`shrink`]
 //!   minimizes failing scenes.
 //! * [`fuzz`]: random scenes, settings and calls.
 //! * [`kernels`]: each GPU kernel against a sequential function.
@@ -61,4 +61,4 @@ pub use left_out::{Excluded, LEFT_OUT_WORDS};
 pub use random::Random;
 pub use scenario::{Mixture, Scenario};
 pub use shrink::shrink;
-pub use way::{Gpu, Place, Way, guarded};
+pub use way::{DetectorVariant, Gpu, TargetDevice, guarded};

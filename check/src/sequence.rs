@@ -12,8 +12,8 @@ use std::sync::atomic::AtomicBool;
 use lazygrid::{Config, Detector, Interaction, Interactions, Order, Skin, Space};
 
 use crate::compare::Failure;
-use crate::way::{Place, text};
-use crate::{Gpu, Scenario, Way, guarded};
+use crate::way::{TargetDevice, text};
+use crate::{DetectorVariant, Gpu, Scenario, guarded};
 
 mod ask;
 mod definition;
@@ -39,7 +39,7 @@ pub struct Sequence {
 /// The settings of a detector.
 #[derive(Clone, Debug)]
 struct Settings {
-    way: Way,
+    variant: DetectorVariant,
     skin: Skin,
     order: Order,
     max_pairs: u64,
@@ -77,12 +77,12 @@ type Wrong = (usize, String);
 impl Sequence {
     /// Draws the sequence of this seed. Uses the CPU, the GPU or both, as allowed.
     pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
-        draw::sequence(seed, |random| draw::way(random, on_cpu, on_gpu))
+        draw::sequence(seed, |random| draw::variant(random, on_cpu, on_gpu))
     }
 
-    /// Draws the sequence of this seed for a given variant. The seed determines the skin; that of `way` is ignored.
-    pub fn drawn_for(seed: u64, way: Way) -> Self {
-        draw::sequence(seed, |_| way)
+    /// Draws the sequence of this seed for a given variant. The seed determines the skin; that of `variant` is ignored.
+    pub fn drawn_for(seed: u64, variant: DetectorVariant) -> Self {
+        draw::sequence(seed, |_| variant)
     }
 
     /// Runs the sequence with a new detector. Returns a failure, if any, with as few calls and spheres as show it,
@@ -138,7 +138,7 @@ impl Sequence {
 
 impl Settings {
     fn config(&self, gpu: Option<&Gpu>) -> Result<Config, String> {
-        let config = self.way.config(gpu).skin(self.skin).order(self.order).max_pairs(self.max_pairs);
+        let config = self.variant.config(gpu).skin(self.skin).order(self.order).max_pairs(self.max_pairs);
         let config = if self.space.is_periodic() { config.space(self.space) } else { config };
         let Some(rows) = &self.rows else { return Ok(config) };
         let mut table = Interactions::new(rows.len() as u32, Interaction::Never).map_err(text)?;
@@ -153,23 +153,23 @@ impl Settings {
     /// Adapts `config` to a detector that answers one call. Threads change no answer, and creating a pool would take
     /// longer than the call.
     fn fresh(&self, config: Config) -> Config {
-        match self.way.place {
-            Place::Cpu { .. } => config.threads(1),
-            Place::Gpu { .. } => config,
+        match self.variant.target {
+            TargetDevice::Cpu { .. } => config.threads(1),
+            TargetDevice::Gpu { .. } => config,
         }
     }
 
     /// Returns `true` if the answer to call `k` is compared with a new detector. On a GPU creating a detector takes
     /// longer than many calls, so that only errors and every eighth call are compared.
     fn compares_with_new(&self, k: usize, answer: &Answer) -> bool {
-        let is_on_cpu = matches!(self.way.place, Place::Cpu { .. });
+        let is_on_cpu = matches!(self.variant.target, TargetDevice::Cpu { .. });
         is_on_cpu || k % 8 == 7 || matches!(answer, Answer::Refused(_))
     }
 }
 
 impl fmt::Display for Sequence {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Settings { way, skin, order, max_pairs, space, rows } = &self.settings;
+        let Settings { variant, skin, order, max_pairs, space, rows } = &self.settings;
         let space = match (space.is_periodic(), space.shear().is_some()) {
             (_, true) => "triclinic",
             (true, false) => "periodic",
@@ -177,7 +177,7 @@ impl fmt::Display for Sequence {
         };
         write!(
             f,
-            "fuzz seed {}: sequence, {way}, {skin:?}, {order:?}, at most {max_pairs} pairs, ",
+            "fuzz seed {}: sequence, {variant}, {skin:?}, {order:?}, at most {max_pairs} pairs, ",
             self.seed
         )?;
         write!(f, "{space} space")?;

@@ -19,11 +19,11 @@ pub struct Gpu {
 
 /// A detector variant under test: algorithm, target and settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Way {
+pub struct DetectorVariant {
     /// The algorithm.
     pub algorithm: Algorithm,
     /// The target device.
-    pub place: Place,
+    pub target: TargetDevice,
     /// τ, or `None` for the default.
     pub tau: Option<u32>,
     /// The cell ratio (cell size over largest diameter), or `None` for the default.
@@ -34,7 +34,7 @@ pub struct Way {
 
 /// The target of a detector and its target-specific settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum TargetDevice {
     /// The CPU.
     Cpu {
         /// The widest SIMD instruction set to use.
@@ -49,10 +49,10 @@ pub enum Place {
     },
 }
 
-impl Way {
+impl DetectorVariant {
     /// Creates a variant with default settings.
-    pub fn new(algorithm: Algorithm, place: Place) -> Self {
-        Self { algorithm, place, tau: None, raster_ratio: None, skin: 0.0 }
+    pub fn new(algorithm: Algorithm, target: TargetDevice) -> Self {
+        Self { algorithm, target, tau: None, raster_ratio: None, skin: 0.0 }
     }
 
     /// Each CPU algorithm on one thread with each SIMD width of the processor, and on all threads with the widest.
@@ -60,9 +60,9 @@ impl Way {
         let widest = Simd::detect();
         let mut widths = vec![Simd::Avx512, Simd::Avx2, Simd::Portable];
         widths.drain(..widths.iter().position(|width| *width == widest).unwrap_or(0));
-        let places = widths.into_iter().map(|simd| Place::Cpu { simd, threads: Some(1) });
-        let places = places.chain([Place::Cpu { simd: widest, threads: None }]);
-        places.flat_map(|place| Algorithm::CPU.map(|algorithm| Self::new(algorithm, place))).collect()
+        let targets = widths.into_iter().map(|simd| TargetDevice::Cpu { simd, threads: Some(1) });
+        let targets = targets.chain([TargetDevice::Cpu { simd: widest, threads: None }]);
+        targets.flat_map(|target| Algorithm::CPU.map(|algorithm| Self::new(algorithm, target))).collect()
     }
 
     /// Each GPU algorithm with and without subgroup operations and with τ = 1, and a cell list that keeps its
@@ -70,36 +70,37 @@ impl Way {
     /// with candidates.
     pub fn on_gpu(own: &GpuDevice, extent: Extent) -> Vec<Self> {
         let with = |subgroups, tau| {
-            let way = move |algorithm| Self { tau, ..Self::new(algorithm, Place::Gpu { subgroups }) };
-            Algorithm::GPU.map(way).to_vec()
+            let variant =
+                move |algorithm| Self { tau, ..Self::new(algorithm, TargetDevice::Gpu { subgroups }) };
+            Algorithm::GPU.map(variant).to_vec()
         };
         let subgroups = own.adapter.has_subgroups;
-        let keeping = Self { skin: 0.5, ..Self::new(Algorithm::CellList, Place::Gpu { subgroups }) };
+        let keeping = Self { skin: 0.5, ..Self::new(Algorithm::CellList, TargetDevice::Gpu { subgroups }) };
         if extent == Extent::Quick {
             return [with(subgroups, None), vec![keeping]].concat();
         }
-        let mut ways = with(false, None);
+        let mut variants = with(false, None);
         if subgroups {
-            ways.extend(with(true, None));
+            variants.extend(with(true, None));
         }
-        ways.extend(with(subgroups, Some(1)));
-        ways.push(keeping);
-        ways
+        variants.extend(with(subgroups, Some(1)));
+        variants.push(keeping);
+        variants
     }
 
     /// The backend of the target.
     pub fn backend(&self) -> Backend {
-        match self.place {
-            Place::Cpu { .. } => Backend::Cpu,
-            Place::Gpu { .. } => Backend::Gpu,
+        match self.target {
+            TargetDevice::Cpu { .. } => Backend::Cpu,
+            TargetDevice::Gpu { .. } => Backend::Gpu,
         }
     }
 
     /// The deviation from the definition that results may have.
     pub fn tolerance(&self) -> Tolerance {
-        match self.place {
-            Place::Cpu { .. } => Tolerance::Exact,
-            Place::Gpu { .. } => Tolerance::Tangent,
+        match self.target {
+            TargetDevice::Cpu { .. } => Tolerance::Exact,
+            TargetDevice::Gpu { .. } => Tolerance::Tangent,
         }
     }
 
@@ -114,12 +115,12 @@ impl Way {
         if let Some(ratio) = self.raster_ratio {
             config = config.raster_ratio(ratio);
         }
-        match self.place {
-            Place::Cpu { simd, threads } => {
+        match self.target {
+            TargetDevice::Cpu { simd, threads } => {
                 let config = config.simd(simd);
                 threads.map_or(config.clone(), |threads| config.threads(threads))
             }
-            Place::Gpu { .. } => match gpu.and_then(|gpu| gpu.adapter.clone()) {
+            TargetDevice::Gpu { .. } => match gpu.and_then(|gpu| gpu.adapter.clone()) {
                 Some(adapter) => config.adapter(adapter),
                 None => config,
             },
@@ -131,8 +132,8 @@ impl Way {
     /// # Errors
     /// Returns the library's error or panic message as text.
     pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &Scenario) -> Result<Vec<Pair>, String> {
-        guarded(|| match (self.place, gpu) {
-            (Place::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
+        guarded(|| match (self.target, gpu) {
+            (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
                 self.pairs_in_session(gpu, subgroups, scenario)
             }
             _ => {
@@ -151,8 +152,8 @@ impl Way {
     /// Returns `true` if the variant supports the scenario. Scenarios with a host-side filter need a `Detector`, which
     /// uses subgroup operations if the device supports them.
     pub fn takes(&self, gpu: Option<&Gpu>, scenario: &Scenario) -> bool {
-        match (self.place, gpu) {
-            (Place::Gpu { subgroups }, Some(gpu)) => {
+        match (self.target, gpu) {
+            (TargetDevice::Gpu { subgroups }, Some(gpu)) => {
                 subgroups == gpu.own.adapter.has_subgroups || !scenario.is_refined()
             }
             _ => true,
@@ -196,10 +197,12 @@ impl Way {
     /// The options of `lazygrid detect` for this variant, as far as they exist.
     pub fn options(&self, gpu: Option<&Gpu>) -> String {
         let mut options = format!(" --backend {} --algorithm {}", self.backend(), self.algorithm);
-        if let (Place::Gpu { .. }, Some(adapter)) = (self.place, gpu.and_then(|gpu| gpu.adapter.as_ref())) {
+        if let (TargetDevice::Gpu { .. }, Some(adapter)) =
+            (self.target, gpu.and_then(|gpu| gpu.adapter.as_ref()))
+        {
             options += &format!(" --adapter '{adapter}'");
         }
-        if let Place::Cpu { threads: Some(threads), .. } = self.place {
+        if let TargetDevice::Cpu { threads: Some(threads), .. } = self.target {
             options += &format!(" --threads {threads}");
         }
         let tau = self.tau.map(|tau| format!(" --tau {tau}"));
@@ -208,13 +211,15 @@ impl Way {
     }
 }
 
-impl fmt::Display for Way {
+impl fmt::Display for DetectorVariant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} on {}", self.algorithm, self.backend())?;
-        match self.place {
-            Place::Cpu { simd, threads: None } => write!(f, ", all threads, {simd:?}")?,
-            Place::Cpu { simd, threads: Some(threads) } => write!(f, ", threads {threads}, {simd:?}")?,
-            Place::Gpu { subgroups } => write!(f, ", subgroups {}", if subgroups { "on" } else { "off" })?,
+        match self.target {
+            TargetDevice::Cpu { simd, threads: None } => write!(f, ", all threads, {simd:?}")?,
+            TargetDevice::Cpu { simd, threads: Some(threads) } => write!(f, ", threads {threads}, {simd:?}")?,
+            TargetDevice::Gpu { subgroups } => {
+                write!(f, ", subgroups {}", if subgroups { "on" } else { "off" })?
+            }
         }
         self.tau.map_or(Ok(()), |tau| write!(f, ", τ {tau}"))?;
         self.raster_ratio.map_or(Ok(()), |ratio| write!(f, ", raster ratio {ratio}"))?;

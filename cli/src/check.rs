@@ -12,7 +12,7 @@ use lazygrid_check::compare::{self, Case, Failure as Fault, Pace};
 use lazygrid_check::fuzz::Round;
 use lazygrid_check::kernels::CHECKS;
 use lazygrid_check::sequence::{Sequence, Tally};
-use lazygrid_check::{Gpu, Way, guarded};
+use lazygrid_check::{DetectorVariant, Gpu, guarded};
 
 use self::report::Report;
 use crate::args::{Check, Checked};
@@ -93,7 +93,7 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, Failure> {
 
 /// One of the ways to search scenes.
 struct Runner<'a> {
-    way: &'a Way,
+    variant: &'a DetectorVariant,
     pace: Pace,
     /// How many scenes would have taken long.
     left_out: usize,
@@ -104,8 +104,8 @@ struct Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    fn new(way: &'a Way) -> Self {
-        Self { way, pace: Pace::default(), left_out: 0, wrong: 0, smallest: None }
+    fn new(variant: &'a DetectorVariant) -> Self {
+        Self { variant, pace: Pace::default(), left_out: 0, wrong: 0, smallest: None }
     }
 
     fn note(&mut self, case: &'a Case, fault: Option<String>) {
@@ -161,8 +161,11 @@ impl Work<'_> {
     fn scenes(&self, report: &mut Report) -> Result<(), Failure> {
         let (from, start) = (self.bar.position(), Instant::now());
         let cases = compare::cases(self.args.extent());
-        let on_gpu = self.gpu.as_ref().map_or_else(Vec::new, |gpu| Way::on_gpu(&gpu.own, self.args.extent()));
-        let on_cpu = if self.on_cpu { Way::on_cpu() } else { Vec::new() };
+        let on_gpu = self
+            .gpu
+            .as_ref()
+            .map_or_else(Vec::new, |gpu| DetectorVariant::on_gpu(&gpu.own, self.args.extent()));
+        let on_cpu = if self.on_cpu { DetectorVariant::on_cpu() } else { Vec::new() };
         let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);
         let most = if self.args.full { SCENE_SECONDS * 20.0 } else { SCENE_SECONDS };
         let mut runners: Vec<Runner<'_>> = on_gpu.iter().chain(&on_cpu).map(Runner::new).collect();
@@ -178,22 +181,22 @@ impl Work<'_> {
             };
             let spheres = case.scenario.spheres.len();
             for runner in &mut runners {
-                if !runner.way.takes(self.gpu.as_ref(), &case.scenario) {
+                if !runner.variant.takes(self.gpu.as_ref(), &case.scenario) {
                     continue;
                 }
-                if runner.pace.forecast(runner.way, spheres) > most {
+                if runner.pace.forecast(runner.variant, spheres) > most {
                     runner.left_out += 1;
                     continue;
                 }
                 let start = Instant::now();
-                let fault = case.fault(runner.way, self.gpu.as_ref(), &expected);
-                runner.pace.saw(runner.way, spheres, start.elapsed().as_secs_f64());
+                let fault = case.fault(runner.variant, self.gpu.as_ref(), &expected);
+                runner.pace.saw(runner.variant, spheres, start.elapsed().as_secs_f64());
                 runner.note(case, fault);
             }
         }
         let mut left_out: Vec<(String, usize)> = Vec::new();
-        for Runner { way, wrong, smallest, left_out: scenes, .. } in runners {
-            let name = format!("{} on {}", way.algorithm, way.backend());
+        for Runner { variant, wrong, smallest, left_out: scenes, .. } in runners {
+            let name = format!("{} on {}", variant.algorithm, variant.backend());
             match left_out.iter_mut().find(|(other, _)| *other == name) {
                 _ if scenes == 0 => {}
                 Some((_, all)) => *all += scenes,
@@ -201,7 +204,7 @@ impl Work<'_> {
             }
             if let Some((case, what)) = smallest {
                 self.bar.set_message(format!("making small: {}", case.name));
-                let mut fault = case.failure(way, self.gpu.as_ref(), what, TRIES);
+                let mut fault = case.failure(variant, self.gpu.as_ref(), what, TRIES);
                 fault.what += &format!("; wrong in {wrong} of {} scenes, this was the smallest", cases.len());
                 self.tell(|| report.failure(fault))?;
             }

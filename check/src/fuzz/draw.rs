@@ -7,24 +7,26 @@ use super::{Call, Round};
 use crate::compare::with_species;
 use crate::motion::{stride, walk};
 use crate::periodic::Family;
-use crate::way::Place;
-use crate::{Element, LEFT_OUT_WORDS, Random, Scenario, Way, Words, adversary, periodic, sheared};
+use crate::way::TargetDevice;
+use crate::{
+    DetectorVariant, Element, LEFT_OUT_WORDS, Random, Scenario, Words, adversary, periodic, sheared,
+};
 
 impl Round {
     /// Draws the round of this seed. Uses the CPU, the GPU or both, as allowed.
     pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
         let mut random = Random(seed);
-        let way = way(&mut random, on_cpu, on_gpu);
+        let variant = variant(&mut random, on_cpu, on_gpu);
         let order = if random.below(3) == 0 { Order::Unordered } else { Order::Canonical };
         let max_pairs = if random.below(4) == 0 { random.below(50).into() } else { u64::from(u32::MAX) };
         let leaning = (random.below(4) == 0).then(|| Leaning::drawn(&mut random));
         let mut calls = vec![(call(&mut random), scene(&mut random, leaning))];
         let (space, table) = (calls[0].1.space, calls[0].1.mixture.clone());
-        for _ in 0..random.below(if way.skin > 0.0 { 6 } else { 3 }) {
+        for _ in 0..random.below(if variant.skin > 0.0 { 6 } else { 3 }) {
             let last = &calls[calls.len() - 1].1;
-            if way.skin > 0.0 && random.below(4) != 0 && stays_near(last) {
+            if variant.skin > 0.0 && random.below(4) != 0 && stays_near(last) {
                 let mut moved = last.clone();
-                walk(&mut moved.spheres, 0.3 * way.skin * random.unit(), random.word());
+                walk(&mut moved.spheres, 0.3 * variant.skin * random.unit(), random.word());
                 calls.push((call(&mut random), moved));
                 continue;
             }
@@ -37,7 +39,7 @@ impl Round {
             });
             calls.push((call(&mut random), scenario));
         }
-        Self { seed, way, order, max_pairs, calls }
+        Self { seed, variant, order, max_pairs, calls }
     }
 }
 
@@ -67,11 +69,12 @@ fn one_of<T: Copy>(random: &mut Random, values: &[T]) -> T {
     values[random.below(values.len() as u32) as usize]
 }
 
-pub(crate) fn way(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Way {
+pub(crate) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> DetectorVariant {
     let is_on_gpu = on_gpu && (!on_cpu || random.below(2) == 0);
     let simd = [Simd::Avx512, Simd::Avx2, Simd::Portable][random.below(3) as usize];
     let threads = [None, Some(1), Some(2), Some(7)][random.below(4) as usize];
-    let place = if is_on_gpu { Place::Gpu { subgroups: true } } else { Place::Cpu { simd, threads } };
+    let target =
+        if is_on_gpu { TargetDevice::Gpu { subgroups: true } } else { TargetDevice::Cpu { simd, threads } };
     let algorithms: &[Algorithm] = if is_on_gpu { &Algorithm::GPU } else { &Algorithm::CPU };
     let algorithm = match random.below(algorithms.len() as u32 + 1) as usize {
         0 => Algorithm::Auto,
@@ -80,11 +83,11 @@ pub(crate) fn way(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Way {
     let tau = [0, 1, 2, 8, 32, u32::MAX, random.below(600)][random.below(7) as usize];
     let ratio = [0.5, 1.0, 1.5, 2.0, 16.0, 0.5 + 15.5 * random.unit()][random.below(6) as usize];
     let keeps = is_on_gpu || matches!(algorithm, Algorithm::Auto | Algorithm::CellList);
-    Way {
+    DetectorVariant {
         skin: if keeps && random.below(3) == 0 { [0.01, 0.3, 2.0][random.below(3) as usize] } else { 0.0 },
         tau: (random.below(2) == 0).then_some(tau),
         raster_ratio: (random.below(2) == 0).then_some(ratio),
-        ..Way::new(algorithm, place)
+        ..DetectorVariant::new(algorithm, target)
     }
 }
 

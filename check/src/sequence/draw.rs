@@ -8,8 +8,8 @@ use super::events::World;
 use super::faults::spoil;
 use super::{Sequence, Settings, Step};
 use crate::fuzz::draw as rounds;
-use crate::way::Place;
-use crate::{Mixture, Random, Scenario, Way, Words, adversary, periodic, sheared};
+use crate::way::TargetDevice;
+use crate::{DetectorVariant, Mixture, Random, Scenario, Words, adversary, periodic, sheared};
 
 /// Mask of the seed, so that a sequence is unrelated to the [round](crate::fuzz::Round) of the same seed.
 const OTHER: u64 = 0x5e90_e4ce;
@@ -20,14 +20,14 @@ const MAX_SPHERES: [usize; 2] = [5000, 1300];
 /// Factor by which the number of spheres may grow in the space drawn for it.
 const CROWDING: usize = 4;
 
-pub(super) fn sequence(seed: u64, way: impl FnOnce(&mut Random) -> Way) -> Sequence {
+pub(super) fn sequence(seed: u64, variant: impl FnOnce(&mut Random) -> DetectorVariant) -> Sequence {
     let mut random = Random(seed ^ OTHER);
-    let way = Way { skin: 0.0, ..way(&mut random) };
-    let is_on_gpu = matches!(way.place, Place::Gpu { .. });
-    let mut world = world(&mut random, way);
+    let variant = DetectorVariant { skin: 0.0, ..variant(&mut random) };
+    let is_on_gpu = matches!(variant.target, TargetDevice::Gpu { .. });
+    let mut world = world(&mut random, variant);
     let settings = Settings {
-        way,
-        skin: skin(&mut random, way, world.radius),
+        variant,
+        skin: skin(&mut random, variant, world.radius),
         order: if random.below(3) == 0 { Order::Unordered } else { Order::Canonical },
         max_pairs: if random.below(6) == 0 { random.below(400).into() } else { u64::from(u32::MAX) },
         space: world.scenario.space,
@@ -39,21 +39,25 @@ pub(super) fn sequence(seed: u64, way: impl FnOnce(&mut Random) -> Way) -> Seque
 }
 
 /// Draws a detector variant, mostly with an algorithm that keeps candidates.
-pub(super) fn way(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Way {
-    let way = rounds::way(random, on_cpu, on_gpu);
+pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> DetectorVariant {
+    let variant = rounds::variant(random, on_cpu, on_gpu);
     let keeper = [Algorithm::Auto, Algorithm::CellList][random.below(2) as usize];
     let threads = [Some(1), Some(1), None, None, None, Some(2), Some(2), Some(7)][random.below(8) as usize];
-    let place = match way.place {
-        Place::Cpu { simd, .. } => Place::Cpu { simd, threads },
+    let target = match variant.target {
+        TargetDevice::Cpu { simd, .. } => TargetDevice::Cpu { simd, threads },
         on_gpu => on_gpu,
     };
-    Way { place, algorithm: if random.below(3) == 0 { way.algorithm } else { keeper }, ..way }
+    DetectorVariant {
+        target,
+        algorithm: if random.below(3) == 0 { variant.algorithm } else { keeper },
+        ..variant
+    }
 }
 
 /// Draws a skin: in proportion to the radii, chosen by the detector, or none.
-fn skin(random: &mut Random, way: Way, radius: f32) -> Skin {
-    let keeps = matches!(way.place, Place::Gpu { .. })
-        || matches!(way.algorithm, Algorithm::Auto | Algorithm::CellList);
+fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
+    let keeps = matches!(variant.target, TargetDevice::Gpu { .. })
+        || matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList);
     match random.below(12) {
         0 => Skin::Off,
         1..=6 => Skin::Auto,
@@ -66,9 +70,9 @@ fn skin(random: &mut Random, way: Way, radius: f32) -> Skin {
 }
 
 /// Draws a number of spheres: mostly few, often near the number at which `Auto` switches to a cell list.
-pub(super) fn number(random: &mut Random, way: Way, most: usize) -> usize {
-    let is_on_gpu = matches!(way.place, Place::Gpu { .. });
-    let about_crossover = if way.algorithm == Algorithm::Auto { 9 } else { 4 };
+pub(super) fn number(random: &mut Random, variant: DetectorVariant, most: usize) -> usize {
+    let is_on_gpu = matches!(variant.target, TargetDevice::Gpu { .. });
+    let about_crossover = if variant.algorithm == Algorithm::Auto { 9 } else { 4 };
     let n = match random.below(16) {
         0 => random.below(5),
         k if k <= about_crossover && is_on_gpu => 200 + random.below(300),
@@ -80,7 +84,7 @@ pub(super) fn number(random: &mut Random, way: Way, most: usize) -> usize {
     (n as usize).min(most)
 }
 
-fn world(random: &mut Random, way: Way) -> World {
+fn world(random: &mut Random, variant: DetectorVariant) -> World {
     // Few scenes have sizes far from 1: there the detector gives up candidate lists, as `f32` arithmetic reaches its
     // limits.
     let scales = [1.0, 1.0, 1.0, 1.0, 0.01, 37.0, 1e-12, 1e12];
@@ -93,7 +97,7 @@ fn world(random: &mut Random, way: Way) -> World {
         extent: [radius; 3],
         motion: [0.0, 1e-6, 1e-3, 1e-3, 0.01, 0.01, 0.05, 0.3][random.below(8) as usize],
         calm: [4, 6, 8][random.below(3) as usize],
-        way,
+        variant,
         most: 600,
         held: 0,
     };
@@ -103,7 +107,7 @@ fn world(random: &mut Random, way: Way) -> World {
         world.extent = [4.0 * world.radius; 3];
     } else {
         let space = random.below(8);
-        let n = number(random, way, MAX_SPHERES[usize::from(space >= TRICLINIC)]);
+        let n = number(random, variant, MAX_SPHERES[usize::from(space >= TRICLINIC)]);
         world.most = MAX_SPHERES[usize::from(space >= TRICLINIC)].min(CROWDING * n + 500);
         let neighbors = [0.3, 2.0, 2.0, 8.0][random.below(4) as usize];
         let edge = world.radius * (n.max(8) as f32 * 33.5 / neighbors).cbrt();

@@ -5,7 +5,7 @@ use lazygrid::{Sphere, Spheres};
 
 use super::draw::{at_new_places, number, place, radius};
 use crate::motion::walk;
-use crate::{Excluded, Random, Scenario, Way};
+use crate::{DetectorVariant, Excluded, Random, Scenario};
 
 /// Number of earlier scenes to keep.
 const REMEMBERED: usize = 4;
@@ -27,7 +27,7 @@ pub(super) struct World {
     pub(super) motion: f32,
     /// Number of calls in ten before which spheres only move a little.
     pub(super) calm: u32,
-    pub(super) way: Way,
+    pub(super) variant: DetectorVariant,
     /// The largest number of spheres.
     pub(super) most: usize,
     /// Number of further calls without changes, which show wrong state left by an earlier call.
@@ -148,7 +148,7 @@ impl World {
             3 => self.remove_one(random),
             4 => self.resize(random, [0, 1, 2, n / 2][few]),
             _ => {
-                let to = number(random, self.way, self.most);
+                let to = number(random, self.variant, self.most);
                 self.resize(random, to);
             }
         }

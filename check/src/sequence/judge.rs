@@ -26,7 +26,7 @@ enum Right {
 impl<'a> Judge<'a> {
     pub(super) fn new(settings: &'a Settings, step: &'a Step) -> Self {
         let refusals = refusals(settings, step);
-        let tolerance = settings.way.tolerance();
+        let tolerance = settings.variant.tolerance();
         let right = match refusals.is_empty() {
             false => Right::Refused(refusals),
             true => {
