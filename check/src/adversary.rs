@@ -4,7 +4,7 @@
 use glam::{DVec3, Vec3};
 use lazygrid::{Interaction, Sphere};
 
-use crate::{Choices, Mixture, Words};
+use crate::{Choices, SpeciesSetup, Words};
 
 /// A family of scenes.
 #[derive(Clone, Copy, Debug)]
@@ -210,7 +210,7 @@ pub const TABLE_WORDS: usize = 41;
 
 /// Makes up to four species with all kinds of interactions. Distances may be 0, the exact distance of two spheres, or
 /// large compared with all radii. `ids` has one word for each sphere.
-pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> Mixture {
+pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> SpeciesSetup {
     let mut choices = Choices::new(table);
     let count = 1 + choices.below(4);
     let mut interaction = || {
@@ -229,5 +229,5 @@ pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> M
     };
     let rows = (1..=count).map(|len| (0..len).map(|_| interaction()).collect()).collect();
     let species = ids.iter().map(|&word| Choices::new(&[word]).below(count)).collect();
-    Mixture { species, rows }
+    SpeciesSetup { species, rows }
 }

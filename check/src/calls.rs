@@ -9,7 +9,7 @@ use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths};
 
 use crate::device::{download, download_one, run, upload, upload_one};
 use crate::kernels::{Fault, SIZES, ordered, same, variants};
-use crate::{Random, Scenario, Words, adversary, periodic};
+use crate::{Random, TestInput, Words, adversary, periodic};
 
 /// Checks that all accumulated values are cleared, and that the number of spheres is the given one, limited to the
 /// capacity.
@@ -232,7 +232,7 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
             (1000, 0..u32::MAX, 1000),
         ] {
             let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); size as usize];
-            let scenario = Scenario::from(spheres);
+            let scenario = TestInput::from(spheres);
             let mut expected = scenario.oracle();
             expected.retain(|pair| window.contains(&pair.i));
             let call = Call {

@@ -10,7 +10,7 @@ use lazygrid_kernels::layout::{Call, Lengths, List, Survey};
 use crate::device::{download, download_one, run, upload, upload_one};
 use crate::kernels::{Fault, same};
 use crate::list::surveyed;
-use crate::{Random, Scenario, periodic};
+use crate::{Random, TestInput, periodic};
 
 /// Capacity of the cell table in tests.
 pub(crate) const ROOM: u32 = 4096;
@@ -23,7 +23,7 @@ pub(crate) const TAU: u32 = 8;
 #[derive(Clone)]
 pub(crate) struct Chosen {
     pub(crate) call: Call,
-    pub(crate) scenario: Scenario,
+    pub(crate) scenario: TestInput,
     pub(crate) list: List,
     pub(crate) variant: Variant,
     pub(crate) lengths: Lengths,
@@ -126,7 +126,7 @@ impl Case {
         run(own, &k::LIST_CONFIGURE, variant, 1, &bound)?;
         Ok(Chosen {
             call,
-            scenario: Scenario { space, ..spheres.into() },
+            scenario: TestInput { space, ..spheres.into() },
             list: download_one(own, &list)?,
             variant,
             lengths: download::<Lengths>(own, &lengths, 1)?[0],

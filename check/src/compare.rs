@@ -6,7 +6,7 @@ use lazygrid_io::scenes::Scene;
 use crate::adversary::{self, TABLE_WORDS};
 use crate::way::text;
 use crate::{
-    DetectorVariant, Extent, Gpu, LEFT_OUT_WORDS, Random, Scenario, Words, difference, guarded, periodic,
+    DetectorVariant, Extent, Gpu, LEFT_OUT_WORDS, Random, TestInput, Words, difference, guarded, periodic,
     scenes, sheared, shrink,
 };
 
@@ -19,12 +19,12 @@ pub struct Case {
     /// A description of what makes the scene hard.
     pub name: String,
     /// The input.
-    pub scenario: Scenario,
+    pub scenario: TestInput,
 }
 
 /// All scenes of an extent. Each call returns the same ones.
 pub fn cases(extent: Extent) -> Vec<Case> {
-    let case = |name: &str, scenario: Scenario| Case { name: name.to_owned(), scenario };
+    let case = |name: &str, scenario: TestInput| Case { name: name.to_owned(), scenario };
     let mut cases: Vec<Case> =
         scenes::scenes().into_iter().map(|(name, spheres)| case(name, spheres.into())).collect();
     let mut random = Random(1);
@@ -38,7 +38,7 @@ pub fn cases(extent: Extent) -> Vec<Case> {
         for family in periodic::FAMILIES.into_iter().chain(sheared::FAMILIES) {
             let scenario = (family.scene)(&Words::drawn(&mut random, 200));
             let mixed =
-                Scenario { space: scenario.space, ..with_species(scenario.spheres.clone(), &mut random) };
+                TestInput { space: scenario.space, ..with_species(scenario.spheres.clone(), &mut random) };
             cases.push(case(family.name, scenario));
             cases.push(case(&format!("{}, species", family.name), mixed));
         }
@@ -68,11 +68,11 @@ pub fn cases(extent: Extent) -> Vec<Case> {
             let edge = spheres.iter().map(|sphere| sphere.center.x).fold(0.0, f32::max);
             let space = periodic::space([Some(edge), None, Some(1.5 * edge)]);
             cases.push(case(&format!("{n} spheres, {scene}"), spheres.clone().into()));
-            let periodic = Scenario { space, ..spheres.clone().into() };
+            let periodic = TestInput { space, ..spheres.clone().into() };
             cases.push(case(&format!("{n} spheres, {scene}, periodic"), periodic));
             if scene == Scene::FiveSizes {
                 let edges = sheared::tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
-                let leaning = Scenario { space: sheared::space(edges), ..spheres.into() };
+                let leaning = TestInput { space: sheared::space(edges), ..spheres.into() };
                 cases.push(case(&format!("{n} spheres, {scene}, in a box that leans"), leaning));
             }
         }
@@ -81,18 +81,18 @@ pub fn cases(extent: Extent) -> Vec<Case> {
 }
 
 /// Adds random species and a random interaction table.
-pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> Scenario {
+pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> TestInput {
     let table = [(); TABLE_WORDS].map(|()| random.word());
     let ids: Vec<u32> = spheres.iter().map(|_| random.word()).collect();
     let mixture = adversary::mixture(&spheres, &table, &ids);
-    Scenario { mixture: Some(mixture), ..spheres.into() }
+    TestInput { mixture: Some(mixture), ..spheres.into() }
 }
 
 /// The expected pairs, in canonical order.
 ///
 /// # Errors
 /// Fails if the reference detector for large scenes fails.
-pub fn expected(scenario: &Scenario) -> Result<Vec<Pair>, String> {
+pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
     if scenario.spheres.len() <= ALL_PAIRS {
         return Ok(scenario.oracle());
     }
@@ -112,7 +112,7 @@ pub struct Failure {
     /// A description of the failure.
     pub what: String,
     /// The failing scene, if the failure has one.
-    pub scenario: Option<Scenario>,
+    pub scenario: Option<TestInput>,
     /// The options of `lazygrid detect` that reproduce the failure, as far as they exist; empty if there are none.
     pub options: String,
 }
@@ -122,9 +122,9 @@ pub struct Failure {
 /// # Errors
 /// Describes the first difference, or the detector's error.
 pub fn judge(
-    scenario: &Scenario,
+    scenario: &TestInput,
     variant: &DetectorVariant,
-    pairs: impl FnOnce(&Scenario) -> Result<Vec<Pair>, String>,
+    pairs: impl FnOnce(&TestInput) -> Result<Vec<Pair>, String>,
 ) -> Result<(), String> {
     difference(scenario, &pairs(scenario)?, &expected(scenario)?, variant.tolerance())
 }
@@ -175,7 +175,7 @@ impl Case {
         tries: usize,
     ) -> Failure {
         let failing =
-            |smaller: &Scenario| judge(smaller, variant, |scenario| variant.pairs(gpu, scenario)).err();
+            |smaller: &TestInput| judge(smaller, variant, |scenario| variant.pairs(gpu, scenario)).err();
         let (scenario, what) = shrink(self.scenario.clone(), what, tries, failing);
         let name = format!("{}: {variant}", self.name);
         Failure { name, what, scenario: Some(scenario), options: variant.options(gpu) }
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn the_reference_of_many_is_that_of_few() {
-        let scenario = Scenario::from(Scene::FiveSizes.spheres(ALL_PAIRS + 1, 3));
+        let scenario = TestInput::from(Scene::FiveSizes.spheres(ALL_PAIRS + 1, 3));
         assert_eq!(expected(&scenario), Ok(scenario.oracle()));
     }
 
@@ -225,11 +225,11 @@ mod tests {
             Algorithm::Naive,
             TargetDevice::Cpu { simd: Simd::Portable, threads: Some(1) },
         );
-        let scenario = Scenario::from(scenes::cloud(1, 300, 4.0, |random| random.unit()));
+        let scenario = TestInput::from(scenes::cloud(1, 300, 4.0, |random| random.unit()));
         assert_eq!(judge(&scenario, &variant, |s| variant.pairs(None, s)), Ok(()));
-        let losing = |s: &Scenario| variant.pairs(None, s).map(|pairs| pairs[1..].to_vec());
+        let losing = |s: &TestInput| variant.pairs(None, s).map(|pairs| pairs[1..].to_vec());
         assert!(judge(&scenario, &variant, losing).is_err_and(|text| text.contains("1 missing")));
-        let panicking = |_: &Scenario| guarded(|| panic!("out of range"));
+        let panicking = |_: &TestInput| guarded(|| panic!("out of range"));
         assert_eq!(judge(&scenario, &variant, panicking), Err("panicked: out of range".to_owned()));
     }
 }

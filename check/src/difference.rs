@@ -1,6 +1,6 @@
 use lazygrid::Pair;
 
-use crate::Scenario;
+use crate::TestInput;
 
 /// The deviation from the definition that a result may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,7 +15,7 @@ pub enum Tolerance {
 
 impl Tolerance {
     /// Returns `true` if the pair may be found or missed.
-    pub fn allows(self, scenario: &Scenario, pair: Pair) -> bool {
+    pub fn allows(self, scenario: &TestInput, pair: Pair) -> bool {
         if scenario.space.shear().is_some() {
             // The host applies the exact test to all pairs of a triclinic cell.
             return false;
@@ -37,7 +37,7 @@ impl Tolerance {
 /// Describes the difference: the numbers of missing, extra, duplicate and malformed pairs, and the first of each with
 /// its spheres and the gap between them.
 pub fn difference(
-    scenario: &Scenario,
+    scenario: &TestInput,
     found: &[Pair],
     expected: &[Pair],
     tolerance: Tolerance,
@@ -71,7 +71,7 @@ pub fn difference(
     Err(text)
 }
 
-fn describe(scenario: &Scenario, pair: Pair) -> String {
+fn describe(scenario: &TestInput, pair: Pair) -> String {
     let (i, j) = (pair.i as usize, pair.j as usize);
     let sphere = |k: usize| {
         let s = scenario.spheres[k];
@@ -107,7 +107,7 @@ mod tests {
     /// Compares a result for unit spheres at these positions along a line with the oracle.
     fn verdict(places: &[f32], found: &[(u32, u32)], tolerance: Tolerance) -> Result<(), String> {
         let row: Vec<_> = places.iter().map(|&x| Sphere::new([x, 0.0, 0.0], 1.0)).collect();
-        let scenario = Scenario::from(row);
+        let scenario = TestInput::from(row);
         difference(&scenario, &pairs(found), &scenario.oracle(), tolerance)
     }
 

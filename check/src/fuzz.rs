@@ -8,7 +8,7 @@ use lazygrid::{Config, Detector, Order, Pair};
 use crate::compare::Failure;
 use crate::motion::skin_of;
 use crate::way::text;
-use crate::{DetectorVariant, Gpu, Scenario, Tolerance, difference, guarded, shrink};
+use crate::{DetectorVariant, Gpu, TestInput, Tolerance, difference, guarded, shrink};
 
 pub(crate) mod draw;
 
@@ -21,7 +21,7 @@ pub struct Round {
     order: Order,
     max_pairs: u64,
     /// The calls and their inputs, all with the same space and interaction table.
-    calls: Vec<(Call, Scenario)>,
+    calls: Vec<(Call, TestInput)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,7 +70,7 @@ impl Round {
         }
         for k in (0..round.calls.len()).rev() {
             let mut smaller = round.clone();
-            let failing = |scenario: &Scenario| {
+            let failing = |scenario: &TestInput| {
                 smaller.calls[k].1 = scenario.clone();
                 run(&smaller).err()
             };
@@ -83,7 +83,7 @@ impl Round {
 
     fn run(&self, gpu: Option<&Gpu>) -> Result<(), String> {
         let config = self.variant.config(gpu).order(self.order).max_pairs(self.max_pairs);
-        let with_first = |config: Config, (_, first): &(Call, Scenario)| {
+        let with_first = |config: Config, (_, first): &(Call, TestInput)| {
             first.config(config.skin(skin_of(&first.spheres, self.variant.skin)))
         };
         let config = self.calls.iter().take(1).try_fold(config, with_first);
@@ -92,7 +92,10 @@ impl Round {
     }
 
     /// Checks all answers.
-    fn judge(&self, mut answer: impl FnMut(Call, &Scenario) -> Result<Answer, String>) -> Result<(), String> {
+    fn judge(
+        &self,
+        mut answer: impl FnMut(Call, &TestInput) -> Result<Answer, String>,
+    ) -> Result<(), String> {
         self.calls.iter().enumerate().try_for_each(|(k, (call, scenario))| {
             let answer = answer(*call, scenario);
             let verdict = answer.and_then(|answer| self.judge_one(*call, scenario, &answer));
@@ -100,7 +103,7 @@ impl Round {
         })
     }
 
-    fn judge_one(&self, call: Call, scenario: &Scenario, answer: &Answer) -> Result<(), String> {
+    fn judge_one(&self, call: Call, scenario: &TestInput, answer: &Answer) -> Result<(), String> {
         let (expected, tolerance) = (scenario.oracle(), self.variant.tolerance());
         let [least, most] = counts(scenario, &expected, tolerance);
         let in_range = |found: u64| match (least..=most).contains(&found) {
@@ -148,7 +151,7 @@ impl std::fmt::Display for Round {
 }
 
 /// The smallest and the largest number of pairs within the tolerance.
-pub(crate) fn counts(scenario: &Scenario, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
+pub(crate) fn counts(scenario: &TestInput, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     if tolerance == Tolerance::Exact {
         return [expected.len() as u64; 2];
     }
@@ -165,7 +168,7 @@ pub(crate) fn counts(scenario: &Scenario, expected: &[Pair], tolerance: Toleranc
     [least, most]
 }
 
-fn answer(detector: &mut Detector, call: Call, scenario: &Scenario) -> Result<Answer, String> {
+fn answer(detector: &mut Detector, call: Call, scenario: &TestInput) -> Result<Answer, String> {
     let refused = |error| match error {
         TooManyPairs { found, .. } => Ok(Answer::TooMany(found)),
         other => Err(other.to_string()),

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use lazygrid::{Error, Exclusions, Spheres};
 
-use crate::Scenario;
+use crate::TestInput;
 
 /// The number of words from which the exclusions of a scene are drawn.
 pub const LEFT_OUT_WORDS: usize = 64;
@@ -54,7 +54,7 @@ impl Excluded {
     }
 }
 
-impl Scenario {
+impl TestInput {
     /// Adds exclusions drawn from `words`: groups of any size with some spheres in none, a list of pairs in either
     /// order with repetitions, or both.
     pub fn leaving_out(self, words: &[u32; LEFT_OUT_WORDS]) -> Self {
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn what_is_left_out_stays_so_for_those_kept() {
-        let scenario = Scenario {
+        let scenario = TestInput {
             groups: Some(vec![7, 7, Spheres::NO_GROUP, Spheres::NO_GROUP, 3]),
             excluded: Excluded::new(5, [(4, 1), (2, 2), (1, 4), (0, 3)]).ok(),
             ..vec![Sphere::new([0.0; 3], 1.0); 5].into()
@@ -109,7 +109,7 @@ mod tests {
     fn every_kind_is_drawn() {
         let mut words = [0x1234_5678; LEFT_OUT_WORDS];
         let drawn = |words: &[u32; LEFT_OUT_WORDS], spheres| {
-            let scenario = Scenario::from(vec![Sphere::new([0.0; 3], 1.0); spheres]).leaving_out(words);
+            let scenario = TestInput::from(vec![Sphere::new([0.0; 3], 1.0); spheres]).leaving_out(words);
             (scenario.groups.is_some(), scenario.excluded.is_some())
         };
         for (kind, expected) in [(0, (true, false)), (1, (false, true)), (2, (true, true))] {

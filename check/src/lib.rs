@@ -1,6 +1,6 @@
 //! Correctness and speed checks of lazygrid on the machine at hand, for `lazygrid check` and for the tests:
 //!
-//! * [`Scenario`]: spheres, species, space and exclusions, with the [oracle](Scenario::oracle), a plain double loop
+//! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop
 //!   over pairs (and over all images within the cutoff in triclinic cells).
 //! * [`adversary`], [`periodic`], [`sheared`]: families of scenes that are hard on grids, made from [`Words`] so that
 //!   they shrink.
@@ -59,6 +59,6 @@ pub use choices::{Choices, Element, Words};
 pub use difference::{Tolerance, checksum, difference};
 pub use left_out::{Excluded, LEFT_OUT_WORDS};
 pub use random::Random;
-pub use scenario::{Mixture, Scenario};
+pub use scenario::{SpeciesSetup, TestInput};
 pub use shrink::shrink;
 pub use way::{DetectorVariant, Gpu, TargetDevice, guarded};

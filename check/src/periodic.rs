@@ -5,7 +5,7 @@ use lazygrid::{Space, Sphere};
 #[cfg(doc)]
 use crate::adversary;
 use crate::adversary::extreme_unit;
-use crate::{Choices, Scenario, Words};
+use crate::{Choices, TestInput, Words};
 
 /// A family of scenes in a periodic space.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +13,7 @@ pub struct Family {
     /// The name for reports.
     pub name: &'static str,
     /// Makes the scene of the given words.
-    pub scene: fn(&Words) -> Scenario,
+    pub scene: fn(&Words) -> TestInput,
 }
 
 /// All families.
@@ -39,13 +39,13 @@ pub fn space(lengths: [Option<f32>; 3]) -> Space {
     Space::periodic(lengths.map(|length| length.map(f64::from))).unwrap_or_default()
 }
 
-fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> Scenario {
-    Scenario { space: space(lengths), ..spheres.into() }
+fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
+    TestInput { space: space(lengths), ..spheres.into() }
 }
 
 /// Lattice sites in exact contact, in a box of a whole number of spacings. Coordinates are shifted by whole boxes and
 /// half spacings. Some spheres have twice the radius, are points, or are larger than the box.
-pub fn lattice(words: &Words) -> Scenario {
+pub fn lattice(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 1.0 / 1024.0]);
     let shift = choices.of(&[0.0_f32, 0.5, -1024.0]);
@@ -58,7 +58,7 @@ pub fn lattice(words: &Words) -> Scenario {
 }
 
 /// Random spheres with radii from 0 to more than the box, at up to several boxes from the origin.
-pub fn soup(words: &Words) -> Scenario {
+pub fn soup(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let lengths = match choices.below(3) {
         0 => lengths(&mut choices, &[8.0, 7.3, 4.1]),
@@ -79,7 +79,7 @@ pub fn soup(words: &Words) -> Scenario {
 
 /// Spheres at the corner of the box: on the periodic boundary, a few units in the last place away from it, and at the
 /// opposite boundary.
-pub fn corner(words: &Words) -> Scenario {
+pub fn corner(words: &Words) -> TestInput {
     let lengths = lengths(&mut words.choices(), &[1.0, 10.0, 0.1, 3.3]);
     let spheres = words.each(|of| {
         let center = lengths.map(|length| {
@@ -93,7 +93,7 @@ pub fn corner(words: &Words) -> Scenario {
 }
 
 /// Spheres of an unwrapped simulation, up to 2⁵⁰ boxes away. All values are multiples of 2⁻³⁰.
-pub fn unwrapped(words: &Words) -> Scenario {
+pub fn unwrapped(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let lengths = [(); 3].map(|()| {
         let length = choices.of(&[2.0_f32, 1.625, 0.75, 1.0 / 3.0]);
@@ -111,7 +111,7 @@ pub fn unwrapped(words: &Words) -> Scenario {
 }
 
 /// Boxes and spheres of sizes near which `f32` arithmetic changes, at up to several boxes from the origin.
-pub fn extremes(words: &Words) -> Scenario {
+pub fn extremes(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let unit = extreme_unit(&mut choices);
     let of_quarters = |quarters: f64| (0.25 * quarters * f64::from(unit)) as f32;
@@ -129,7 +129,7 @@ pub fn extremes(words: &Words) -> Scenario {
 }
 
 /// One sphere about as large as the box among many much smaller ones.
-pub fn giant(words: &Words) -> Scenario {
+pub fn giant(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let lengths = lengths(&mut choices, &[10.0, 6.0, 2.0]);
     let at = [(); 3].map(|()| choices.between(0.0, 10.0));

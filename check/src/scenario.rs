@@ -5,13 +5,13 @@ use crate::images::Images;
 
 /// A test input and the information that determines its pairs.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Scenario {
+pub struct TestInput {
     /// The spheres.
     pub spheres: Vec<Sphere>,
     /// The space of the spheres.
     pub space: Space,
     /// Species and interactions; `None` if all touching spheres are pairs.
-    pub mixture: Option<Mixture>,
+    pub mixture: Option<SpeciesSetup>,
     /// The group of each sphere, or [`Spheres::NO_GROUP`]. Spheres of the same group are not pairs.
     pub groups: Option<Vec<u32>>,
     /// Excluded pairs.
@@ -20,14 +20,14 @@ pub struct Scenario {
 
 /// Species and their interactions.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Mixture {
+pub struct SpeciesSetup {
     /// The species id of each sphere.
     pub species: Vec<u32>,
     /// The lower triangle of the table, row by row: `rows[a][b]` for `b ≤ a`.
     pub rows: Vec<Vec<Interaction>>,
 }
 
-impl Mixture {
+impl SpeciesSetup {
     /// The interaction of species `a` and `b`.
     fn between(&self, a: u32, b: u32) -> Interaction {
         self.rows[a.max(b) as usize][a.min(b) as usize]
@@ -48,13 +48,13 @@ impl Mixture {
     }
 }
 
-impl From<Vec<Sphere>> for Scenario {
+impl From<Vec<Sphere>> for TestInput {
     fn from(spheres: Vec<Sphere>) -> Self {
         Self { spheres, ..Self::default() }
     }
 }
 
-impl Scenario {
+impl TestInput {
     /// The query for a detector.
     pub fn query(&self) -> Query<'_> {
         let query = Query::new(self.view());
@@ -76,15 +76,15 @@ impl Scenario {
     /// The interaction table, if the scenario has species.
     ///
     /// # Errors
-    /// Fails like [`Mixture::interactions`].
+    /// Fails like [`SpeciesSetup::interactions`].
     pub fn interactions(&self) -> Result<Option<Interactions>, InputError> {
-        self.mixture.as_ref().map(Mixture::interactions).transpose()
+        self.mixture.as_ref().map(SpeciesSetup::interactions).transpose()
     }
 
     /// Adds this scenario's space and interactions to `config`.
     ///
     /// # Errors
-    /// Fails like [`Mixture::interactions`].
+    /// Fails like [`SpeciesSetup::interactions`].
     pub fn config(&self, config: Config) -> Result<Config, InputError> {
         let config = if self.space.is_periodic() { config.space(self.space) } else { config };
         Ok(match self.interactions()? {
@@ -96,7 +96,7 @@ impl Scenario {
     /// The scenario with only the spheres for which `keep` returns `true`.
     pub fn only(&self, mut keep: impl FnMut(usize) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.spheres.len()).filter(|&k| keep(k)).collect();
-        let mixture = self.mixture.as_ref().map(|mixture| Mixture {
+        let mixture = self.mixture.as_ref().map(|mixture| SpeciesSetup {
             species: kept.iter().map(|&k| mixture.species[k]).collect(),
             rows: mixture.rows.clone(),
         });
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     fn pairs(spheres: &[[f32; 4]]) -> Vec<(u32, u32)> {
-        let scenario = Scenario::from(spheres.iter().map(|&s| s.into()).collect::<Vec<_>>());
+        let scenario = TestInput::from(spheres.iter().map(|&s| s.into()).collect::<Vec<_>>());
         scenario.oracle().iter().map(|p| (p.i, p.j)).collect()
     }
 
@@ -212,10 +212,10 @@ mod tests {
     fn species_decide_before_radii_do() {
         let spheres = (0..4).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.75)).collect();
         let rows = vec![vec![Interaction::Never], vec![Interaction::Within(3.0), Interaction::Touch]];
-        let scenario = Scenario {
+        let scenario = TestInput {
             spheres,
-            mixture: Some(Mixture { species: vec![0, 0, 1, 1], rows }),
-            ..Scenario::default()
+            mixture: Some(SpeciesSetup { species: vec![0, 0, 1, 1], rows }),
+            ..TestInput::default()
         };
         let expected = [(0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(i, j)| Pair { i, j });
         assert_eq!(scenario.oracle(), expected);

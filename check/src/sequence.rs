@@ -13,7 +13,7 @@ use lazygrid::{Config, Detector, Interaction, Interactions, Order, Skin, Space};
 
 use crate::compare::Failure;
 use crate::way::{TargetDevice, text};
-use crate::{DetectorVariant, Gpu, Scenario, guarded};
+use crate::{DetectorVariant, Gpu, TestInput, guarded};
 
 mod ask;
 mod definition;
@@ -44,7 +44,7 @@ struct Settings {
     order: Order,
     max_pairs: u64,
     space: Space,
-    /// The lower triangle of the interaction table, as in [`Mixture`](crate::Mixture).
+    /// The lower triangle of the interaction table, as in [`SpeciesSetup`](crate::SpeciesSetup).
     rows: Option<Vec<Vec<Interaction>>>,
 }
 
@@ -52,7 +52,7 @@ struct Settings {
 #[derive(Clone, Debug)]
 struct Step {
     /// The input, which may be invalid.
-    scenario: Scenario,
+    scenario: TestInput,
     /// The changes since the previous call.
     changes: Vec<&'static str>,
     ask: Ask,

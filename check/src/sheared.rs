@@ -7,7 +7,7 @@ use lazygrid::{Space, Sphere};
 #[cfg(doc)]
 use crate::adversary;
 use crate::periodic::Family;
-use crate::{Choices, Scenario, Words};
+use crate::{Choices, TestInput, Words};
 
 /// All families.
 pub const FAMILIES: [Family; 7] = [
@@ -31,8 +31,8 @@ pub fn space(edges: [Option<Vec3>; 3]) -> Space {
     Space::sheared(edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()))).unwrap_or_default()
 }
 
-fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> Scenario {
-    Scenario { space: space(edges), ..spheres.into() }
+fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> TestInput {
+    TestInput { space: space(edges), ..spheres.into() }
 }
 
 /// Draws a nonempty subset of three cell vectors.
@@ -42,7 +42,7 @@ fn some_of(of: &mut Choices<'_>, edges: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] 
 }
 
 /// Lattice sites in exact contact, in cells tilted by whole and half sites, some by more than their length.
-pub fn lattice(words: &Words) -> Scenario {
+pub fn lattice(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let spacing = choices.of(&[1.0_f32, 0.25, 1024.0]);
     let shift = choices.of(&[0.0_f32, 0.5, -64.0]);
@@ -58,7 +58,7 @@ pub fn lattice(words: &Words) -> Scenario {
 
 /// Random spheres in cells of any tilt: half a length, as LAMMPS allows, and much more. Radii range from 0 to more than
 /// the cell; coordinates reach several cells from the origin.
-pub fn soup(words: &Words) -> Scenario {
+pub fn soup(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let most = choices.of(&[0.5_f32, 0.5, 1.5, 6.0]);
     let lengths = [(); 3].map(|()| choices.between(0.7, 8.0));
@@ -69,7 +69,7 @@ pub fn soup(words: &Words) -> Scenario {
 
 /// Random spheres in cells with vectors of any direction, the longest up to about a hundred times as long as the
 /// shortest.
-pub fn directions(words: &Words) -> Scenario {
+pub fn directions(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let mut edge = || {
         let direction = Vec3::from([(); 3].map(|()| choices.between(-1.0, 1.0)));
@@ -99,7 +99,7 @@ pub fn sizes(words: &Words) -> Vec<Sphere> {
 }
 
 /// Spheres of an unwrapped simulation, shifted by whole cell vectors. All values are multiples of 2⁻⁸ below 2¹⁵.
-pub fn carried_away(words: &Words) -> Scenario {
+pub fn carried_away(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let quarters = |of: &mut Choices<'_>, most: i32| of.within(most) as f32 / 4.0;
     let lengths = [(); 3].map(|()| Some(choices.of(&[2.0_f32, 3.25, 1.5])));
@@ -116,7 +116,7 @@ pub fn carried_away(words: &Words) -> Scenario {
 }
 
 /// Spheres at the corner of the cell and at its periodic boundaries, or a few units in the last place away.
-pub fn corners(words: &Words) -> Scenario {
+pub fn corners(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 10.0, 0.1, 3.3])));
     let tilts = [(); 3].map(|()| choices.of(&[0.0_f32, 0.5, -0.25, 1.0, 0.05]));
@@ -136,7 +136,7 @@ pub fn corners(words: &Words) -> Scenario {
 }
 
 /// Cells and spheres of sizes near which `f32` arithmetic changes.
-pub fn ends_of_the_range(words: &Words) -> Scenario {
+pub fn ends_of_the_range(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let unit = choices.of(&[1e-30_f32, 1e-36, 1e30, 2e36]);
     let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 2.5, 7.0]) * unit));
@@ -151,7 +151,7 @@ pub fn ends_of_the_range(words: &Words) -> Scenario {
 
 /// Spheres of the largest radii, or nearly, in space that is periodic along some cell vectors and unbounded across
 /// them.
-pub fn largest_spheres(words: &Words) -> Scenario {
+pub fn largest_spheres(words: &Words) -> TestInput {
     let mut choices = words.choices();
     let unit = choices.of(&[1.0_f32, 1e38, 1e-3]);
     let edges = tilted([Some(unit), Some(2.0 * unit), None], [0.4 * unit, 0.0, 0.0]);
@@ -175,7 +175,7 @@ mod tests {
             let mut leaning = 0;
             for _ in 0..200 {
                 let words = Words::drawn(&mut random, 3);
-                let Scenario { space, spheres, .. } = (family.scene)(&words);
+                let TestInput { space, spheres, .. } = (family.scene)(&words);
                 assert!(space.is_periodic() && spheres.len() == 3, "{}: {words:?}", family.name);
                 leaning += usize::from(space.shear().is_some());
                 let others = Words { elements: Words::drawn(&mut random, 5).elements, ..words };

@@ -1,19 +1,19 @@
 use glam::Vec3;
 
-use crate::Scenario;
+use crate::TestInput;
 
 /// Shrinks a failing scenario: first removes exclusions, then spheres in ever smaller groups down to single ones, then
 /// rounds numbers. `failing` returns a description of what is wrong, if anything, and is called at most `tries` times.
 /// Returns the smallest failing scenario and its description.
 pub fn shrink(
-    scenario: Scenario,
+    scenario: TestInput,
     what: String,
     tries: usize,
-    mut failing: impl FnMut(&Scenario) -> Option<String>,
-) -> (Scenario, String) {
+    mut failing: impl FnMut(&TestInput) -> Option<String>,
+) -> (TestInput, String) {
     let mut left = tries;
     let mut best = (scenario, what);
-    let mut attempt = |best: &mut (Scenario, String), smaller: Scenario| {
+    let mut attempt = |best: &mut (TestInput, String), smaller: TestInput| {
         if left == 0 {
             return false;
         }
@@ -62,11 +62,11 @@ pub fn shrink(
 mod tests {
     use super::*;
     use crate::scenes::cloud;
-    use crate::{Mixture, Tolerance, difference};
+    use crate::{SpeciesSetup, Tolerance, difference};
     use lazygrid::{Interaction, Pair};
 
     /// A detector that misses the pairs of a sphere with a radius above 0.3 and a sphere with a smaller one.
-    fn broken(scenario: &Scenario) -> Vec<Pair> {
+    fn broken(scenario: &TestInput) -> Vec<Pair> {
         let mut pairs = scenario.oracle();
         pairs.retain(|pair| {
             (scenario.spheres[pair.i as usize].radius > 0.3)
@@ -75,7 +75,7 @@ mod tests {
         pairs
     }
 
-    fn complaint(scenario: &Scenario) -> Option<String> {
+    fn complaint(scenario: &TestInput) -> Option<String> {
         difference(scenario, &broken(scenario), &scenario.oracle(), Tolerance::Exact).err()
     }
 
@@ -84,9 +84,9 @@ mod tests {
         let spheres = cloud(3, 500, 5.0, |random| 0.5 * random.unit());
         let ids = (0..spheres.len() as u32).map(|k| k % 2).collect();
         let rows = vec![vec![Interaction::Touch], vec![Interaction::Touch; 2]];
-        let species = Mixture { species: ids, rows };
+        let species = SpeciesSetup { species: ids, rows };
         for mixture in [None, Some(species)] {
-            let scenario = Scenario { mixture, ..Scenario::from(spheres.clone()) };
+            let scenario = TestInput { mixture, ..TestInput::from(spheres.clone()) };
             let what = complaint(&scenario).expect("it is broken");
             let (small, what) = shrink(scenario, what, 5000, complaint);
             assert_eq!(small.spheres.len(), 2, "{small:?}");
@@ -101,9 +101,9 @@ mod tests {
         let words =
             std::array::from_fn(|k| if k == 1 { 2 } else { 0x9e37_79b9_u32.wrapping_mul(k as u32 + 1) });
         let spheres = cloud(3, 500, 5.0, |random| 0.5 * random.unit());
-        let scenario = Scenario::from(spheres).leaving_out(&words);
+        let scenario = TestInput::from(spheres).leaving_out(&words);
         for ignores_groups in [true, false] {
-            let complaint = |scenario: &Scenario| {
+            let complaint = |scenario: &TestInput| {
                 let mut seen = scenario.clone();
                 if ignores_groups {
                     seen.groups = None
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn what_is_valid_stays_so() {
-        let scenario = Scenario::from(vec![lazygrid::Sphere::new([0.3, f32::MAX, -1e38], 1.3e38); 3]);
+        let scenario = TestInput::from(vec![lazygrid::Sphere::new([0.3, f32::MAX, -1e38], 1.3e38); 3]);
         let (small, _) = shrink(scenario.clone(), String::new(), 100, |smaller| {
             let nonzero = |s: &lazygrid::Sphere| s.radius > 0.0 && s.center.x > 0.2;
             assert!(smaller.spheres.iter().all(|s| s.center.is_finite() && s.radius.is_finite()));
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn no_more_tries_than_allowed() {
-        let scenario = Scenario::from(cloud(3, 500, 5.0, |random| 0.5 * random.unit()));
+        let scenario = TestInput::from(cloud(3, 500, 5.0, |random| 0.5 * random.unit()));
         let mut asked = 0;
         let (small, what) = shrink(scenario.clone(), "first".to_owned(), 7, |_| {
             asked += 1;

@@ -6,7 +6,7 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Simd, Skin};
 
 use crate::device::PATIENCE;
 use crate::motion::{skin_of, walk};
-use crate::{Extent, Scenario, Tolerance};
+use crate::{Extent, TestInput, Tolerance};
 
 /// The GPU under test.
 #[derive(Clone, Debug)]
@@ -131,7 +131,7 @@ impl DetectorVariant {
     ///
     /// # Errors
     /// Returns the library's error or panic message as text.
-    pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &Scenario) -> Result<Vec<Pair>, String> {
+    pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> Result<Vec<Pair>, String> {
         guarded(|| match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
                 self.pairs_in_session(gpu, subgroups, scenario)
@@ -151,7 +151,7 @@ impl DetectorVariant {
 
     /// Returns `true` if the variant supports the scenario. Scenarios with a host-side filter need a `Detector`, which
     /// uses subgroup operations if the device supports them.
-    pub fn takes(&self, gpu: Option<&Gpu>, scenario: &Scenario) -> bool {
+    pub fn takes(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> bool {
         match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) => {
                 subgroups == gpu.own.adapter.has_subgroups || !scenario.is_refined()
@@ -161,13 +161,18 @@ impl DetectorVariant {
     }
 
     /// The scenario of the previous call, whose candidate list then answers the tested call.
-    fn before(&self, scenario: &Scenario) -> Scenario {
+    fn before(&self, scenario: &TestInput) -> TestInput {
         let mut before = scenario.clone();
         walk(&mut before.spheres, 0.1 * self.skin, 1);
         before
     }
 
-    fn pairs_in_session(&self, gpu: &Gpu, subgroups: bool, scenario: &Scenario) -> Result<Vec<Pair>, String> {
+    fn pairs_in_session(
+        &self,
+        gpu: &Gpu,
+        subgroups: bool,
+        scenario: &TestInput,
+    ) -> Result<Vec<Pair>, String> {
         let defaults = GpuSettings::default();
         let settings = GpuSettings {
             algorithm: self.algorithm,

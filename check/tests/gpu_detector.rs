@@ -7,7 +7,7 @@ use common::scenes::{cloud, detect, detect_with, judge, scenes, settings, touchi
 use common::{Random, device, download, upload};
 use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuSettings, GpuSpheres, Outcome, wgpu};
 use lazygrid::{Algorithm, Backend, Error, Interaction, Interactions, Pair, Space, Sphere};
-use lazygrid_check::{Mixture, Scenario, Tolerance, difference};
+use lazygrid_check::{SpeciesSetup, TestInput, Tolerance, difference};
 
 const ALGORITHMS: [Algorithm; 5] = Algorithm::GPU;
 
@@ -365,14 +365,14 @@ fn a_caller_may_take_the_sorted_order_over() {
                 let same = image.center == space.wrap(center) && image.radius.to_bits() == radius.to_bits();
                 assert!(same, "{image:?} of {center}");
             }
-            let scenario = Scenario {
-                mixture: species.then(|| Mixture {
+            let scenario = TestInput {
+                mixture: species.then(|| SpeciesSetup {
                     species: order.iter().map(|&at| ids[at as usize]).collect(),
                     rows: vec![vec![Interaction::Never], vec![Interaction::Touch; 2]],
                 }),
                 spheres: images[..3999].to_vec(),
                 space,
-                ..Scenario::default()
+                ..TestInput::default()
             };
             let expected = scenario.oracle();
             assert!(expected.len() > 1000);

@@ -6,13 +6,13 @@ use common::{Random, device, download, submit, upload};
 use lazygrid::gpu::{Count, GpuDevice, GpuSettings, GpuSkinDetector, GpuSpheres, Outcome, SkinState};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere};
 use lazygrid_check::scenes::cloud;
-use lazygrid_check::{Mixture, Scenario, Tolerance, difference};
+use lazygrid_check::{SpeciesSetup, TestInput, Tolerance, difference};
 
 /// The outcome and pairs of a call, and the state of the candidate list.
 fn ask(
     own: &GpuDevice,
     detector: &mut GpuSkinDetector,
-    scenario: &Scenario,
+    scenario: &TestInput,
 ) -> (Outcome, Vec<Pair>, SkinState) {
     let n = scenario.spheres.len() as u32;
     let at_most = n + 5;
@@ -30,7 +30,7 @@ fn ask(
     (outcome, download(own, &output.pairs, outcome.found().min(output.capacity.into()) as usize), state)
 }
 
-fn judge(own: &GpuDevice, detector: &mut GpuSkinDetector, scenario: &Scenario, case: &str) -> SkinState {
+fn judge(own: &GpuDevice, detector: &mut GpuSkinDetector, scenario: &TestInput, case: &str) -> SkinState {
     let (outcome, pairs, state) = ask(own, detector, scenario);
     assert_eq!(outcome.overflow, 0, "{case}: {outcome:?}");
     let valid = scenario.only(|k| scenario.spheres[k].is_valid());
@@ -78,12 +78,14 @@ fn candidates_never_change_an_answer() {
             ..GpuSettings::default()
         };
         let mut detector = GpuSkinDetector::new(&own.device, settings, 0.3).expect("made");
-        let mut scenario = Scenario {
+        let mut scenario = TestInput {
             spheres: cloud(3, count, 9.0, |random| [0.4, 0.1][random.below(2) as usize]),
-            mixture: has_species
-                .then(|| Mixture { species: (0..count as u32).map(|k| k % 2).collect(), rows: rows.clone() }),
+            mixture: has_species.then(|| SpeciesSetup {
+                species: (0..count as u32).map(|k| k % 2).collect(),
+                rows: rows.clone(),
+            }),
             space,
-            ..Scenario::default()
+            ..TestInput::default()
         };
         scenario.spheres[17].center.x = f32::INFINITY;
         let mut random = Random(4);
@@ -105,7 +107,7 @@ fn half_a_skin_each_is_not_too_far() {
         let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin).expect("made");
         let at = |gone: f32| {
             let x = radius + 0.4985 * skin - gone;
-            Scenario::from(vec![Sphere::new([-x, 0.0, 0.0], radius), Sphere::new([x, 0.0, 0.0], radius)])
+            TestInput::from(vec![Sphere::new([-x, 0.0, 0.0], radius), Sphere::new([x, 0.0, 0.0], radius)])
         };
         let mut served = 0;
         for step in 0..40 {
@@ -129,7 +131,7 @@ fn more_than_half_a_skin_each_is_too_far() {
             let x = radius + 0.502 * skin - gone;
             let spheres = [-x, x].map(|x| Sphere::new([x, 0.0, 0.0], radius));
             let case = format!("{radius}, {skin}, gone {gone}");
-            let state = judge(&own, &mut detector, &Scenario::from(spheres.to_vec()), &case);
+            let state = judge(&own, &mut detector, &TestInput::from(spheres.to_vec()), &case);
             assert_eq!(state.rebuilt, rebuilt, "{case}: {state:?}");
         }
     }
@@ -139,8 +141,8 @@ fn more_than_half_a_skin_each_is_too_far() {
 fn other_spheres_have_candidates_found_anew() {
     let Some(own) = device() else { return };
     let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), 0.5).expect("made");
-    let mut scenario = Scenario::from(cloud(6, 900, 6.0, |_| 0.3));
-    let mut ask = |scenario: &Scenario, rebuilt: u32, case: &str| {
+    let mut scenario = TestInput::from(cloud(6, 900, 6.0, |_| 0.3));
+    let mut ask = |scenario: &TestInput, rebuilt: u32, case: &str| {
         let state = judge(&own, &mut detector, scenario, case);
         assert_eq!(state.rebuilt, rebuilt, "{case}: {state:?}");
     };
@@ -172,10 +174,10 @@ fn another_species_has_candidates_found_anew() {
     let settings = GpuSettings { interactions: Some(table), ..GpuSettings::default() };
     let mut detector = GpuSkinDetector::new(&own.device, settings, 0.2).expect("made");
     let species: Vec<u32> = (0..700).map(|k| k % 2).collect();
-    let mut scenario = Scenario {
+    let mut scenario = TestInput {
         spheres: cloud(9, 700, 7.0, |_| 0.3),
-        mixture: Some(Mixture { species, rows }),
-        ..Scenario::default()
+        mixture: Some(SpeciesSetup { species, rows }),
+        ..TestInput::default()
     };
     // A sphere that keeps its species, and one whose new species has other and more distant partners.
     for (change, rebuilt) in [(None, SkinState::FIRST), (None, 0), (Some(601), SkinState::CHANGED), (None, 0)]
@@ -195,7 +197,7 @@ fn candidates_are_never_kept_for_the_largest_radii() {
     let Some(own) = device() else { return };
     for radius in [2e30, f32::MAX] {
         let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), 0.5).expect("made");
-        let mut scenario = Scenario::from(cloud(11, 300, 6.0, |_| 0.3));
+        let mut scenario = TestInput::from(cloud(11, 300, 6.0, |_| 0.3));
         scenario.spheres[7].radius = radius;
         for rebuilt in [SkinState::FIRST, SkinState::CHANGED, SkinState::CHANGED] {
             let state = judge(&own, &mut detector, &scenario, &format!("{radius:e}"));
@@ -211,7 +213,7 @@ fn too_many_candidates_are_said_with_their_number() {
     let settings = GpuSettings { pair_capacity: 600_000, ..GpuSettings::default() };
     let mut detector = GpuSkinDetector::new(&own.device, settings, 0.5).expect("made");
     detector.set_candidate_capacity(1000);
-    let scenario = Scenario::from(vec![Sphere::new([1.0; 3], 0.5); 1000]);
+    let scenario = TestInput::from(vec![Sphere::new([1.0; 3], 0.5); 1000]);
     for _ in 0..2 {
         let (outcome, ..) = ask(&own, &mut detector, &scenario);
         assert_eq!((outcome.overflow, outcome.entries()), (Outcome::CANDIDATES, 499_500), "{outcome:?}");

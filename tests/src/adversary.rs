@@ -8,7 +8,7 @@ use proptest::array::uniform12;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use crate::{Scenario, Words};
+use crate::{TestInput, Words};
 
 /// A strategy for spheres.
 pub type Spheres = BoxedStrategy<Vec<Sphere>>;
@@ -52,11 +52,11 @@ pub fn any_spheres() -> Spheres {
 }
 
 /// Spheres of up to four species with all kinds of interactions.
-pub fn mixture(spheres: Spheres) -> impl Strategy<Value = Scenario> {
+pub fn mixture(spheres: Spheres) -> impl Strategy<Value = TestInput> {
     let table = vec(any::<u32>(), TABLE_WORDS);
     (spheres, vec(any::<u32>(), 601), table).prop_map(|(spheres, ids, table)| {
         let table = table.try_into().expect("so many words");
         let mixture = families::mixture(&spheres, &table, &ids[..spheres.len()]);
-        Scenario { spheres, mixture: Some(mixture), ..Scenario::default() }
+        TestInput { spheres, mixture: Some(mixture), ..TestInput::default() }
     })
 }

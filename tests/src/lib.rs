@@ -1,6 +1,6 @@
 //! Helpers of the tests in `suite/`:
 //!
-//! * [`Scenario`]: spheres, species, space and exclusions, with the [oracle](Scenario::oracle), a plain double loop
+//! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop
 //!   that `lazygrid check` uses too.
 //! * [`Subject`]: a detector variant; [`Subject::all`] lists all variants, and a new backend is added there.
 //! * [`periodic`]: oracles and generators of scenarios in periodic spaces.
@@ -20,5 +20,5 @@ mod gpu;
 mod subject;
 
 pub use gpu::device;
-pub use lazygrid_check::{Choices, Mixture, Scenario, Tolerance, Words, checksum, difference};
+pub use lazygrid_check::{Choices, SpeciesSetup, TestInput, Tolerance, Words, checksum, difference};
 pub use subject::{Subject, THREADS, in_pool};

@@ -6,11 +6,11 @@ use lazygrid_check::periodic as families;
 use proptest::prelude::*;
 
 use crate::adversary::{self, words};
-use crate::{Choices, Scenario, Subject, Tolerance};
+use crate::{Choices, Subject, TestInput, Tolerance};
 
 /// The pairs by definition: `d − L·round(d/L)` on each periodic axis, of coordinates reduced by whole lengths. The
 /// reduction uses remainders, which are exact.
-pub fn oracle(scenario: &Scenario) -> Vec<Pair> {
+pub fn oracle(scenario: &TestInput) -> Vec<Pair> {
     let lengths = scenario.space.lengths();
     scenario.pairs_by(|i, j, _| {
         let (a, b) = (scenario.spheres[i].center, scenario.spheres[j].center);
@@ -29,7 +29,7 @@ pub fn oracle(scenario: &Scenario) -> Vec<Pair> {
 }
 
 /// The pairs by enumeration of all images up to one length away: correct if all spheres lie in the box.
-pub fn oracle_of_images(scenario: &Scenario) -> Vec<Pair> {
+pub fn oracle_of_images(scenario: &TestInput) -> Vec<Pair> {
     let lengths = scenario.space.lengths();
     scenario.pairs_by(|i, j, _| {
         let (a, b) = (scenario.spheres[i].center, scenario.spheres[j].center);
@@ -49,7 +49,7 @@ pub fn oracle_of_images(scenario: &Scenario) -> Vec<Pair> {
 
 /// The pairs by integer arithmetic: correct at any distance, if radii, coordinates and lengths are multiples of 2⁻³⁰
 /// and lengths are below 2²⁰.
-pub fn oracle_of_integers(scenario: &Scenario) -> Vec<Pair> {
+pub fn oracle_of_integers(scenario: &TestInput) -> Vec<Pair> {
     let whole = |x: f64| (x * f64::from(1 << 30)) as i128;
     let lengths = scenario.space.lengths().map(|length| length.map(whole));
     let spheres: Vec<[i128; 4]> = scenario
@@ -82,7 +82,7 @@ pub fn oracle_of_integers(scenario: &Scenario) -> Vec<Pair> {
 ///
 /// # Errors
 /// Describes the first wrong result and its variant.
-pub fn judge(scenario: &Scenario, expected: &[Pair], settings: &Config) -> Result<(), String> {
+pub fn judge(scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String> {
     Subject::in_turn(scenario).into_iter().try_for_each(|subject| match subject.tolerance() {
         Tolerance::Exact => subject.judge(scenario, expected, settings),
         Tolerance::Tangent => {
@@ -96,7 +96,7 @@ pub fn judge(scenario: &Scenario, expected: &[Pair], settings: &Config) -> Resul
 macro_rules! strategies {
     ($($name:ident)*) => {$(
         #[doc = concat!("Of [`lazygrid_check::periodic::", stringify!($name), "`].")]
-        pub fn $name() -> impl Strategy<Value = Scenario> {
+        pub fn $name() -> impl Strategy<Value = TestInput> {
             words().prop_map(|words| families::$name(&words))
         }
     )*};
@@ -106,11 +106,11 @@ strategies! { lattice soup corner unwrapped extremes giant }
 
 /// Spheres that are hard on unbounded grids, in boxes of moderate lengths, with four species and all kinds of
 /// interactions.
-pub fn mixture() -> impl Strategy<Value = Scenario> {
+pub fn mixture() -> impl Strategy<Value = TestInput> {
     let spheres =
         prop_oneof![adversary::soup(), adversary::lattice(), adversary::clusters(), adversary::duplicates()];
     (adversary::mixture(spheres.boxed()), any::<[u32; 6]>()).prop_map(|(scenario, words)| {
         let lengths = families::lengths(&mut Choices::new(&words), &[1.5, 4.0, 8.0, 0.7]);
-        Scenario { space: families::space(lengths), ..scenario }
+        TestInput { space: families::space(lengths), ..scenario }
     })
 }

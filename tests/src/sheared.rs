@@ -4,12 +4,12 @@ use lazygrid_check::sheared as families;
 use proptest::prelude::*;
 
 use crate::adversary::words;
-use crate::{Scenario, Words};
+use crate::{TestInput, Words};
 
 macro_rules! strategies {
     ($($name:ident)*) => {$(
         #[doc = concat!("Of [`lazygrid_check::sheared::", stringify!($name), "`].")]
-        pub fn $name() -> impl Strategy<Value = Scenario> {
+        pub fn $name() -> impl Strategy<Value = TestInput> {
             words().prop_map(|words| families::$name(&words))
         }
     )*};
@@ -18,10 +18,10 @@ macro_rules! strategies {
 strategies! { lattice soup directions carried_away corners ends_of_the_range largest_spheres }
 
 /// Species with all kinds of interactions, in triclinic cells.
-pub fn mixture() -> impl Strategy<Value = Scenario> {
+pub fn mixture() -> impl Strategy<Value = TestInput> {
     let spheres = words().prop_map(|words| families::sizes(&words)).boxed();
     (crate::adversary::mixture(spheres), any::<[u32; 12]>()).prop_map(|(scenario, setup)| {
         let space = families::soup(&Words { setup, elements: Vec::new() }).space;
-        Scenario { space, ..scenario }
+        TestInput { space, ..scenario }
     })
 }

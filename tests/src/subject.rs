@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Pair, Sphere};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::{Scenario, Tolerance, difference};
+use crate::{TestInput, Tolerance, difference};
 
 /// The numbers of threads of the CPU variants: one, a few, and usually more than cores.
 pub const THREADS: [usize; 3] = [1, 2, 7];
@@ -52,7 +52,7 @@ impl Subject {
     ///
     /// # Panics
     /// Panics like [`all`](Self::all).
-    pub fn in_turn(scenario: &Scenario) -> Vec<Self> {
+    pub fn in_turn(scenario: &TestInput) -> Vec<Self> {
         let mut subjects = Self::all();
         if env::var_os("LAZYGRID_SUBJECTS").is_none() {
             let gpus = Algorithm::GPU.len();
@@ -91,7 +91,7 @@ impl Subject {
     ///
     /// # Errors
     /// Returns the library's error as text.
-    pub fn pairs(self, scenario: &Scenario, settings: Config) -> Result<Vec<Pair>, String> {
+    pub fn pairs(self, scenario: &TestInput, settings: Config) -> Result<Vec<Pair>, String> {
         let config = scenario.config(settings).map_err(|e| e.to_string())?;
         let config = config.backend(self.backend).algorithm(self.algorithm);
         self.run(|| {
@@ -106,7 +106,7 @@ impl Subject {
     ///
     /// # Errors
     /// Describes the first difference of its list, or its error.
-    pub fn own_pairs(self, scenario: &Scenario, expected: &[Pair]) -> Result<Vec<Pair>, String> {
+    pub fn own_pairs(self, scenario: &TestInput, expected: &[Pair]) -> Result<Vec<Pair>, String> {
         if self.tolerance() == Tolerance::Exact {
             return Ok(expected.to_vec());
         }
@@ -120,7 +120,7 @@ impl Subject {
     ///
     /// # Errors
     /// Describes the first difference, or the error.
-    pub fn judge(self, scenario: &Scenario, expected: &[Pair], settings: &Config) -> Result<(), String> {
+    pub fn judge(self, scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String> {
         let orders = [Order::Canonical, Order::Unordered];
         let orders = match self.backend {
             Backend::Gpu => &orders[drawn(scenario) / Algorithm::GPU.len() % 2..][..1],
@@ -139,7 +139,7 @@ impl Subject {
 }
 
 /// A number derived from the scenario's spheres.
-fn drawn(scenario: &Scenario) -> usize {
+fn drawn(scenario: &TestInput) -> usize {
     let word = |hash: u32, bits: u32| (hash.rotate_left(5) ^ bits).wrapping_mul(0x9e37_79b9);
     let hash = |hash, sphere: &Sphere| word(word(hash, sphere.center.x.to_bits()), sphere.radius.to_bits());
     (scenario.spheres.iter().fold(1, hash) >> 16) as usize

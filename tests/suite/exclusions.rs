@@ -10,7 +10,7 @@ use lazygrid::{
 use lazygrid_check::motion::{skin_of, walk};
 use lazygrid_check::{Excluded, LEFT_OUT_WORDS};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Scenario, Subject, adversary, difference, in_pool, periodic, sheared};
+use lazygrid_tests::{Subject, TestInput, adversary, difference, in_pool, periodic, sheared};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -18,9 +18,9 @@ use proptest::sample::select;
 use crate::properties::check;
 
 /// Scenarios in all kinds of spaces, with exclusions.
-fn cases() -> impl Strategy<Value = Scenario> {
+fn cases() -> impl Strategy<Value = TestInput> {
     let scenarios = prop_oneof![
-        2 => adversary::any_spheres().prop_map(Scenario::from),
+        2 => adversary::any_spheres().prop_map(TestInput::from),
         1 => adversary::mixture(adversary::any_spheres()),
         1 => periodic::lattice(),
         1 => periodic::soup(),
@@ -33,7 +33,7 @@ fn cases() -> impl Strategy<Value = Scenario> {
 }
 
 /// Checks that no excluded pair is found, and that all other pairs are.
-fn same(subject: Subject, scenario: &Scenario, found: &[Pair], expected: &[Pair]) -> Result<(), String> {
+fn same(subject: Subject, scenario: &TestInput, found: &[Pair], expected: &[Pair]) -> Result<(), String> {
     if let Some(pair) = found.iter().find(|pair| scenario.leaves_out(pair.i as usize, pair.j as usize)) {
         return Err(format!("{subject}: {pair:?} is left out, and there"));
     }
@@ -63,13 +63,13 @@ fn groups_and_lists_on_any_spheres() {
 
 #[test]
 fn every_kind_of_result() {
-    let scenario = Scenario::from(Scene::FiveSizes.spheres(2000, 3));
+    let scenario = TestInput::from(Scene::FiveSizes.spheres(2000, 3));
     let groups = (0..2000).map(|k| if k % 3 == 0 { Spheres::NO_GROUP } else { k % 11 }).collect();
     let pairs: Vec<_> = scenario.oracle().iter().step_by(3).map(|pair| (pair.j, pair.i)).collect();
     let all = scenario.oracle().len();
     let without = scenario.query();
     let excluded = Some(Excluded::new(2000, pairs).expect("of spheres"));
-    let with = Scenario { groups: Some(groups), excluded, ..scenario.clone() };
+    let with = TestInput { groups: Some(groups), excluded, ..scenario.clone() };
     let (expected, query) = (with.oracle(), with.query());
     assert!(expected.len() > 30 && expected.len() < all / 2 + all / 4, "{} of {all}", expected.len());
     let most = expected.len() as u64;
@@ -115,7 +115,7 @@ fn pairs_across_two_sets() {
             let pairs = across.map(|(i, j)| (i, j - split as u32));
             Exclusions::across(split, scenario.spheres.len() - split, pairs).expect("of both sets")
         });
-        let [a, b] = [a, b].map(|set| Scenario { excluded: None, ..set });
+        let [a, b] = [a, b].map(|set| TestInput { excluded: None, ..set });
         let query = Query::new((a.view(), b.view()));
         let query = list.as_ref().map_or(query, |list| query.without(list));
         let config = scenario.config(subject.config()).map_err(|error| error.to_string())?;

@@ -1,12 +1,12 @@
 //! Species masks and interaction distances.
 
 use lazygrid::{Config, Detector, Interaction, Interactions};
-use lazygrid_tests::{Mixture, Scenario, Subject, adversary, difference};
+use lazygrid_tests::{SpeciesSetup, Subject, TestInput, adversary, difference};
 
 use crate::properties::{check, one_of_each, settings};
 use proptest::prelude::*;
 
-fn agree(scenario: &Scenario, settings: &Config) -> Result<(), String> {
+fn agree(scenario: &TestInput, settings: &Config) -> Result<(), String> {
     let expected = scenario.oracle();
     let mut subjects = Subject::in_turn(scenario).into_iter();
     subjects.try_for_each(|subject| subject.judge(scenario, &expected, settings))
@@ -41,7 +41,7 @@ fn small_radii_with_large_distances() {
                 vec![Interaction::Within((spacings * spacing).into()), Interaction::Touch],
             ];
             let species = (0..n).map(|k| u32::from(k % period == 0)).collect();
-            Scenario { spheres, mixture: Some(Mixture { species, rows }), ..Scenario::default() }
+            TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
         });
     check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
@@ -52,7 +52,7 @@ fn species_that_never_pair() {
     let strategy = (adversary::any_spheres(), 2_usize..5).prop_map(|(spheres, period)| {
         let rows = vec![vec![Interaction::Touch], vec![Interaction::Never; 2]];
         let species = (0..spheres.len()).map(|k| u32::from(k % period == 0)).collect();
-        Scenario { spheres, mixture: Some(Mixture { species, rows }), ..Scenario::default() }
+        TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
     });
     check(64, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
@@ -61,7 +61,7 @@ fn species_that_never_pair() {
 #[test]
 fn ids_without_a_table() {
     check(32, adversary::any_spheres(), |spheres| {
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let ids = vec![7; scenario.spheres.len()];
         let view = scenario.view().with_species(&ids).map_err(|e| e.to_string())?;
         let expected = scenario.oracle();

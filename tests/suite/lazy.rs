@@ -3,7 +3,7 @@
 use glam::Vec3;
 use lazygrid::{Algorithm, Backend, Config, Sphere};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Scenario, Subject};
+use lazygrid_tests::{Subject, TestInput};
 
 fn on_gpu() -> impl Iterator<Item = Subject> {
     let refines = |s: &Subject| matches!(s.algorithm, Algorithm::EagerGrid | Algorithm::LazyGrid);
@@ -11,7 +11,7 @@ fn on_gpu() -> impl Iterator<Item = Subject> {
 }
 
 fn judge_for_any_tau(name: &str, spheres: Vec<Sphere>) {
-    let scenario = Scenario::from(spheres);
+    let scenario = TestInput::from(spheres);
     let expected = scenario.oracle();
     for (tau, ratio) in [(0, 1.5), (1, 2.0), (8, 1.5), (8, 4.0), (512, 2.0), (u32::MAX, 2.0)] {
         for subject in on_gpu() {

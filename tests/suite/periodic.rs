@@ -7,7 +7,7 @@ use lazygrid::{
 };
 use lazygrid_io::scenes::periodic_box_pairs;
 use lazygrid_tests::periodic::{self, judge, oracle, oracle_of_images, oracle_of_integers};
-use lazygrid_tests::{Scenario, Subject, Tolerance, difference};
+use lazygrid_tests::{Subject, TestInput, Tolerance, difference};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -25,8 +25,8 @@ fn uniform(n: usize, radii: &[f32], edge: f32, seed: u64) -> Vec<Sphere> {
     (0..n).map(|k| Sphere::new([coordinate(), coordinate(), coordinate()], radii[k % radii.len()])).collect()
 }
 
-fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> Scenario {
-    Scenario {
+fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
+    TestInput {
         space: Space::periodic(lengths.map(|length| length.map(f64::from))).expect("a box"),
         ..spheres.into()
     }

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use lazygrid::Config;
-use lazygrid_tests::{Scenario, Subject, THREADS, adversary};
+use lazygrid_tests::{Subject, THREADS, TestInput, adversary};
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::{RngSeed, TestCaseError, TestError, TestRunner};
@@ -44,7 +44,7 @@ pub(crate) fn settings() -> impl Strategy<Value = Config> {
 
 fn every_subject_agrees(cases: u32, spheres: adversary::Spheres) {
     check(cases, (spheres, settings()), |(spheres, settings)| {
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let expected = scenario.oracle();
         let mut subjects = Subject::in_turn(&scenario).into_iter();
         subjects.try_for_each(|subject| subject.judge(&scenario, &expected, &settings))
@@ -117,7 +117,7 @@ fn mixed_lists() {
 }
 
 /// The variants for this scenario, with the fewest threads.
-pub(crate) fn one_of_each(scenario: &Scenario) -> impl Iterator<Item = Subject> {
+pub(crate) fn one_of_each(scenario: &TestInput) -> impl Iterator<Item = Subject> {
     Subject::in_turn(scenario).into_iter().filter(|subject| subject.threads == THREADS[0])
 }
 
@@ -128,8 +128,8 @@ fn permuted_spheres_have_permuted_pairs() {
         (Just(spheres), Just(places).prop_shuffle())
     });
     check(64, strategy, |(spheres, places)| {
-        let permuted = Scenario::from(places.iter().map(|&at| spheres[at as usize]).collect::<Vec<_>>());
-        let original = Scenario::from(spheres);
+        let permuted = TestInput::from(places.iter().map(|&at| spheres[at as usize]).collect::<Vec<_>>());
+        let original = TestInput::from(spheres);
         for subject in one_of_each(&original) {
             let back = subject
                 .pairs(&permuted, Config::default())?

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Neighbors, Order, Pair, Spheres};
-use lazygrid_tests::{Scenario, Subject, THREADS, adversary, difference, in_pool};
+use lazygrid_tests::{Subject, THREADS, TestInput, adversary, difference, in_pool};
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -14,7 +14,7 @@ fn detector(subject: Subject, config: Config) -> Result<Detector, String> {
 }
 
 /// The pairs of a stream. Fails if a chunk is too long or the returned number is wrong.
-fn streamed(detector: &mut Detector, scenario: &Scenario, chunk: usize) -> Result<Vec<Pair>, String> {
+fn streamed(detector: &mut Detector, scenario: &TestInput, chunk: usize) -> Result<Vec<Pair>, String> {
     let (mut all, mut longest) = (Vec::new(), 0);
     let handed = detector.stream(scenario.query(), chunk, |pairs| {
         longest = longest.max(pairs.len());
@@ -31,7 +31,7 @@ fn streamed(detector: &mut Detector, scenario: &Scenario, chunk: usize) -> Resul
     Ok(all)
 }
 
-fn small_spheres() -> impl Strategy<Value = Scenario> {
+fn small_spheres() -> impl Strategy<Value = TestInput> {
     adversary::any_spheres().prop_map(|mut spheres| {
         spheres.truncate(120);
         spheres.into()
@@ -41,7 +41,7 @@ fn small_spheres() -> impl Strategy<Value = Scenario> {
 #[test]
 fn count_equals_the_list() {
     check(96, adversary::any_spheres(), |spheres| {
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let oracle = scenario.oracle();
         for subject in Subject::in_turn(&scenario) {
             let expected = subject.own_pairs(&scenario, &oracle)?.len() as u64;
@@ -81,7 +81,7 @@ fn too_many_pairs_names_the_exact_number() {
     });
 }
 
-fn subjects_and_orders(scenario: &Scenario) -> impl Iterator<Item = (Subject, Order)> {
+fn subjects_and_orders(scenario: &TestInput) -> impl Iterator<Item = (Subject, Order)> {
     let orders = [Order::Canonical, Order::Unordered];
     Subject::in_turn(scenario).into_iter().flat_map(move |subject| orders.map(|order| (subject, order)))
 }
@@ -138,7 +138,7 @@ fn break_stops_a_stream() {
 /// A stream so long that each thread delivers many chunks.
 #[test]
 fn break_stops_a_long_stream() {
-    let scenario = Scenario::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 1500]);
+    let scenario = TestInput::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 1500]);
     for (subject, order) in subjects_and_orders(&scenario) {
         for limit in [50_000, u64::MAX] {
             let mut detector =
@@ -170,7 +170,7 @@ fn neighbor_lists(pairs: &[Pair], spheres: usize) -> Vec<Vec<u32>> {
 #[test]
 fn neighbors_equal_the_pairs() {
     check(64, adversary::any_spheres(), |spheres| {
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let oracle = scenario.oracle();
         for (subject, order) in subjects_and_orders(&scenario) {
             let pairs = subject.own_pairs(&scenario, &oracle)?;
@@ -211,7 +211,7 @@ fn rows_and_columns_are_the_same() {
 
 #[test]
 fn threads_of_its_own_or_of_the_caller() {
-    let scenario = Scenario::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(3000, 3));
+    let scenario = TestInput::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(3000, 3));
     let expected = scenario.oracle();
     for algorithm in Algorithm::CPU {
         for threads in THREADS {
@@ -226,7 +226,7 @@ fn threads_of_its_own_or_of_the_caller() {
 
 #[test]
 fn detect_is_a_detector_with_default_settings() {
-    let scenario = Scenario::from(lazygrid_io::scenes::Scene::Equal.spheres(2000, 4));
+    let scenario = TestInput::from(lazygrid_io::scenes::Scene::Equal.spheres(2000, 4));
     assert_eq!(lazygrid::detect(&scenario.spheres), Ok(scenario.oracle()));
 }
 

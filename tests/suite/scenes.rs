@@ -2,7 +2,7 @@
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Pair};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Scenario, Subject, difference};
+use lazygrid_tests::{Subject, TestInput, difference};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -10,7 +10,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 fn every_scene_against_the_oracle() {
     for scene in Scene::ALL {
         for (n, seed) in [(0, 1), (1, 1), (2, 1), (3, 1), (50, 2), (191, 3), (192, 4), (193, 5), (1000, 6)] {
-            let scenario = Scenario::from(scene.spheres(n, seed));
+            let scenario = TestInput::from(scene.spheres(n, seed));
             let expected = scenario.oracle();
             for subject in Subject::all() {
                 let verdict = subject.judge(&scenario, &expected, &Config::default());
@@ -31,7 +31,7 @@ fn large_scenes_against_the_oracle_in_any_order_of_spheres() {
                 "smallest first" => spheres.sort_by(|a, b| a.radius.total_cmp(&b.radius)),
                 _ => {}
             }
-            let scenario = Scenario::from(spheres.clone());
+            let scenario = TestInput::from(spheres.clone());
             let expected = scenario.oracle();
             for subject in Subject::in_turn(&scenario) {
                 let verdict = subject.judge(&scenario, &expected, &Config::default());
@@ -52,7 +52,7 @@ fn quick_ones() -> impl Iterator<Item = Subject> {
 fn the_same_bytes_for_any_number_of_threads() {
     let mut lists: Vec<((String, Order), Vec<Pair>)> = Vec::new();
     for scene in [Scene::FiveSizes, Scene::Burst] {
-        let [on_cpu, on_gpu] = [20_000, 6_000].map(|n| Scenario::from(scene.spheres(n, 8)));
+        let [on_cpu, on_gpu] = [20_000, 6_000].map(|n| TestInput::from(scene.spheres(n, 8)));
         for order in [Order::Canonical, Order::Unordered] {
             for subject in quick_ones() {
                 let is_on_gpu = subject.backend == Backend::Gpu;
@@ -116,7 +116,7 @@ fn a_crowd_about_the_smallest_normal_number() {
         .map(|_| place())
         .map(|[x, y, z, r]| lazygrid::Sphere::new([x, y, z].map(|x| (2.0 * x - 1.0) * 2e-38), r * 1.2e-38));
     for spheres in [pair.to_vec(), crowd.collect()] {
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let expected = scenario.oracle();
         assert!(!expected.is_empty());
         for subject in Subject::each_algorithm() {
@@ -133,7 +133,7 @@ fn a_full_lattice_has_its_edges() {
         let place = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing - 7.0 * spacing);
         let spheres: Vec<_> =
             (0..k * k * k).map(|at| lazygrid::Sphere::new(place(at), 0.5 * spacing)).collect();
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let edge = |i: usize, step: usize, along: usize| {
             (along + 1 < k).then(|| Pair { i: i as u32, j: (i + step) as u32 })
         };

@@ -10,7 +10,7 @@ use lazygrid_check::motion::{skin_of, walk};
 use lazygrid_check::sheared as families;
 use lazygrid_check::sheared::tilted;
 use lazygrid_tests::periodic::judge;
-use lazygrid_tests::{Scenario, Subject, difference, in_pool, sheared};
+use lazygrid_tests::{Subject, TestInput, difference, in_pool, sheared};
 use proptest::prelude::*;
 use proptest::sample::select;
 use rand_chacha::ChaCha8Rng;
@@ -18,7 +18,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::properties::{check, settings};
 
-fn agree(cases: u32, scenarios: impl Strategy<Value = Scenario>) {
+fn agree(cases: u32, scenarios: impl Strategy<Value = TestInput>) {
     check(cases, (scenarios, settings()), |(scenario, settings)| {
         judge(&scenario, &scenario.oracle(), &settings)
     });
@@ -33,10 +33,10 @@ fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> 
 }
 
 /// A triclinic cell with tilts of up to 0.4 of its length, periodic along all vectors, with spheres in it.
-fn leaning(n: usize, radii: &[f32], edge: f32) -> Scenario {
+fn leaning(n: usize, radii: &[f32], edge: f32) -> TestInput {
     let edges = tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
     let spheres = uniform(n, radii, edges.map(Option::unwrap_or_default), 5);
-    Scenario { space: families::space(edges), ..spheres.into() }
+    TestInput { space: families::space(edges), ..spheres.into() }
 }
 
 #[test]
@@ -96,7 +96,7 @@ fn the_distance_of_nearest_images() {
                 for (factor, expected) in [(1.0 + 1e-5, 1), (1.0 - 1e-5, 0)] {
                     let radius = (apart.sqrt() * factor) as f32;
                     let spheres = vec![Sphere::new(a.center, radius), Sphere::new(b.center, 0.0)];
-                    let found = Scenario { space, ..spheres.into() }.oracle().len();
+                    let found = TestInput { space, ..spheres.into() }.oracle().len();
                     if apart > 1e-8 && found != expected {
                         return Err(format!("{a:?} and {b:?} are not {apart} apart: {found}"));
                     }
@@ -139,7 +139,7 @@ fn whole_tilts_are_none() {
     let straight = Space::periodic([Some(8.0), Some(4.0), Some(6.0)]).expect("a box");
     let edges = tilted([Some(8.0), Some(4.0), Some(6.0)], [16.0, -8.0, 12.0]);
     let [of_straight, of_leaning] =
-        [straight, families::space(edges)].map(|space| Scenario { space, ..spheres.clone().into() });
+        [straight, families::space(edges)].map(|space| TestInput { space, ..spheres.clone().into() });
     let expected = of_straight.oracle();
     assert!(expected.len() > 500);
     assert_eq!(of_leaning.oracle(), expected);

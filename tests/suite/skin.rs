@@ -3,7 +3,7 @@
 use lazygrid::{Algorithm, Backend, Detector, Order, Skin};
 use lazygrid_check::motion::{skin_of, walk};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Scenario, Subject, adversary, difference, in_pool, periodic};
+use lazygrid_tests::{Subject, TestInput, adversary, difference, in_pool, periodic};
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -17,7 +17,7 @@ fn keepers() -> Vec<Subject> {
 }
 
 /// Checks six calls with moving spheres against the definition.
-fn follows(scenario: &Scenario, part: f32, moves: f32, subject: Subject) -> Result<(), String> {
+fn follows(scenario: &TestInput, part: f32, moves: f32, subject: Subject) -> Result<(), String> {
     let mut scenario = scenario.clone();
     let skin = skin_of(&scenario.spheres, part);
     let order = if subject.threads == 1 { Order::Unordered } else { Order::Canonical };
@@ -52,7 +52,7 @@ fn moves() -> impl Strategy<Value = f32> {
 #[test]
 fn arbitrary_spheres() {
     let scenarios = prop_oneof![
-        2 => adversary::any_spheres().prop_map(Scenario::from),
+        2 => adversary::any_spheres().prop_map(TestInput::from),
         1 => adversary::mixture(adversary::any_spheres()),
     ];
     let cases = (scenarios, parts(), moves(), select(keepers()));
@@ -80,7 +80,7 @@ fn running_simulations() {
     let both = |of: Subject| [(of, Skin::Auto), (of, Skin::Fixed(0.4))];
     let ways: Vec<_> = subjects.into_iter().flat_map(both).collect();
     for scene in Scene::ALL {
-        let mut scenario = Scenario::from(scene.spheres(3000, 21));
+        let mut scenario = TestInput::from(scene.spheres(3000, 21));
         let made = |of: &(Subject, Skin)| Detector::new(of.0.config().skin(of.1)).expect("a detector");
         // On the GPU all sizes have the same skin, which gives too many candidates for the smallest of ten sizes.
         let has_few_sizes = matches!(scene, Scene::Equal | Scene::FiveSizes);

@@ -9,7 +9,7 @@ use crate::motion::{stride, walk};
 use crate::periodic::Family;
 use crate::way::TargetDevice;
 use crate::{
-    DetectorVariant, Element, LEFT_OUT_WORDS, Random, Scenario, Words, adversary, periodic, sheared,
+    DetectorVariant, Element, LEFT_OUT_WORDS, Random, TestInput, Words, adversary, periodic, sheared,
 };
 
 impl Round {
@@ -59,7 +59,7 @@ impl Leaning {
 }
 
 /// Returns `true` if spheres that [walk] stay within so few boxes that `f64` distinguishes the images.
-fn stays_near(scenario: &Scenario) -> bool {
+fn stays_near(scenario: &TestInput) -> bool {
     let least = 1e-6 * f64::from(stride(&scenario.spheres));
     let mut edges = scenario.space.edges().into_iter().flatten();
     scenario.space.shear().is_none() || edges.all(|edge| DVec3::from(edge).length() > least)
@@ -100,7 +100,7 @@ fn call(random: &mut Random) -> Call {
     }
 }
 
-fn scene(random: &mut Random, leaning: Option<Leaning>) -> Scenario {
+fn scene(random: &mut Random, leaning: Option<Leaning>) -> TestInput {
     let elements = match random.below(8) {
         0..3 => random.below(12),
         7 => 120 + random.below(480),
@@ -113,7 +113,7 @@ fn scene(random: &mut Random, leaning: Option<Leaning>) -> Scenario {
     };
     if random.below(4) == 0 {
         let space = scenario.space;
-        scenario = Scenario { space, ..with_species(scenario.spheres, random) };
+        scenario = TestInput { space, ..with_species(scenario.spheres, random) };
     }
     match random.below(4) {
         0 => scenario.leaving_out(&[(); LEFT_OUT_WORDS].map(|()| random.word())),
@@ -122,7 +122,7 @@ fn scene(random: &mut Random, leaning: Option<Leaning>) -> Scenario {
 }
 
 /// Draws a scene without a triclinic cell.
-fn straight(random: &mut Random, words: &Words) -> Scenario {
+fn straight(random: &mut Random, words: &Words) -> TestInput {
     let mut scenario = match random.below(3) {
         0 => (one_of(random, &periodic::FAMILIES).scene)(words),
         _ => (one_of(random, &adversary::FAMILIES).spheres)(words).into(),

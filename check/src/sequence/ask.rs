@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use lazygrid::{Detector, Error, Exclusions, Neighbors, Pair, Query, Sphere, Spheres};
 
-use crate::Scenario;
+use crate::TestInput;
 use crate::fuzz::pairs_of;
 use crate::way::text;
 
@@ -95,7 +95,7 @@ impl Ask {
     pub(super) fn answer(
         &self,
         detector: &mut Detector,
-        scenario: &Scenario,
+        scenario: &TestInput,
         stop: &AtomicBool,
     ) -> Result<Answer, String> {
         stop.store(self.is_stopped, Relaxed);
@@ -107,7 +107,7 @@ impl Ask {
     fn answer_query(
         &self,
         (detector, stop): (&mut Detector, &AtomicBool),
-        scenario: &Scenario,
+        scenario: &TestInput,
     ) -> Result<Answer, String> {
         let n = scenario.spheres.len();
         let split = self.split.map(|split| split.min(n));
@@ -139,7 +139,7 @@ impl Ask {
     }
 
     /// The exclusions of the call, if it has any.
-    fn exclusions(&self, scenario: &Scenario, split: Option<usize>) -> Result<Option<Exclusions>, String> {
+    fn exclusions(&self, scenario: &TestInput, split: Option<usize>) -> Result<Option<Exclusions>, String> {
         let n = scenario.spheres.len();
         let exclusions = match (split, self.has_foreign_exclusions, &scenario.excluded) {
             (None, true, _) => Exclusions::across(n, 3, []),
@@ -158,7 +158,7 @@ impl Ask {
 /// Adds the species and groups of the spheres in `range`, if `scenario` has them.
 fn with_labels<'a>(
     spheres: Spheres<'a>,
-    scenario: &'a Scenario,
+    scenario: &'a TestInput,
     range: std::ops::Range<usize>,
 ) -> Result<Spheres<'a>, String> {
     let mut view = spheres;

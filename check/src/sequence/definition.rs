@@ -1,9 +1,9 @@
-//! The pairs of a scene by their definition. Faster than [`Scenario::oracle`], as it skips distant pairs first.
+//! The pairs of a scene by their definition. Faster than [`TestInput::oracle`], as it skips distant pairs first.
 
 use glam::DVec3;
 use lazygrid::{Interaction, Pair};
 
-use crate::Scenario;
+use crate::TestInput;
 use crate::images::Images;
 
 /// Maximum distance of a coordinate from the origin in periods: beyond it, too few digits of the position in the period
@@ -13,7 +13,7 @@ const MAX_PERIODS: f64 = 1e4;
 const ROUNDING: [f64; 2] = [1e-6, 1e-9];
 
 /// All pairs of a valid scene in canonical order.
-pub(super) fn pairs(scenario: &Scenario) -> Vec<Pair> {
+pub(super) fn pairs(scenario: &TestInput) -> Vec<Pair> {
     let sieve = Sieve::new(scenario);
     let images = scenario.space.shear().map(|_| Images::of(&scenario.space));
     let is_pair = |i: usize, j: usize| {
@@ -52,7 +52,7 @@ struct Axis {
 }
 
 impl Sieve {
-    fn new(scenario: &Scenario) -> Self {
+    fn new(scenario: &TestInput) -> Self {
         let farthest = farthest(scenario);
         let axis = |row: DVec3, period: f64| Axis::new(scenario, row, (period, farthest));
         let axes = match scenario.space.shear() {
@@ -82,7 +82,7 @@ impl Sieve {
 impl Axis {
     /// The axis on which the position of a center is its product with `row`, in periods on periodic axes. `None` if a
     /// position has too few significant digits.
-    fn new(scenario: &Scenario, row: DVec3, (period, farthest): (f64, f64)) -> Option<Self> {
+    fn new(scenario: &TestInput, row: DVec3, (period, farthest): (f64, f64)) -> Option<Self> {
         let mut places: Vec<f64> =
             scenario.spheres.iter().map(|sphere| row.dot(sphere.center.as_dvec3())).collect();
         let mut most = farthest * (1.0 + ROUNDING[0]);
@@ -98,7 +98,7 @@ impl Axis {
 }
 
 /// A distance beyond which no two spheres are a pair.
-fn farthest(scenario: &Scenario) -> f64 {
+fn farthest(scenario: &TestInput) -> f64 {
     let radius = scenario.spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
     let rows = scenario.mixture.iter().flat_map(|mixture| mixture.rows.iter().flatten());
     let distances = rows.map(|interaction| match interaction {
@@ -118,8 +118,8 @@ mod tests {
         let (mut pairs_seen, mut triclinic) = (0, 0);
         for seed in 0..400 {
             let sequence = Sequence::drawn(seed, true, false);
-            let is_valid = |scenario: &&Scenario| {
-                let is_known = |mixture: &crate::Mixture| {
+            let is_valid = |scenario: &&TestInput| {
+                let is_known = |mixture: &crate::SpeciesSetup| {
                     mixture.species.iter().all(|&id| (id as usize) < mixture.rows.len())
                 };
                 scenario.spheres.len() < 300

@@ -9,7 +9,7 @@ use super::faults::spoil;
 use super::{Sequence, Settings, Step};
 use crate::fuzz::draw as rounds;
 use crate::way::TargetDevice;
-use crate::{DetectorVariant, Mixture, Random, Scenario, Words, adversary, periodic, sheared};
+use crate::{DetectorVariant, Random, SpeciesSetup, TestInput, Words, adversary, periodic, sheared};
 
 /// Mask of the seed, so that a sequence is unrelated to the [round](crate::fuzz::Round) of the same seed.
 const OTHER: u64 = 0x5e90_e4ce;
@@ -91,7 +91,7 @@ fn world(random: &mut Random, variant: DetectorVariant) -> World {
     let radius = scales[random.below(8) as usize];
     let family = random.below(8);
     let mut world = World {
-        scenario: Scenario::default(),
+        scenario: TestInput::default(),
         history: Vec::new(),
         radius,
         extent: [radius; 3],
@@ -119,7 +119,7 @@ fn world(random: &mut Random, variant: DetectorVariant) -> World {
     if random.below(2) == 0 {
         let rows = rows(random, world.radius);
         let species = world.scenario.spheres.iter().map(|_| random.below(rows.len() as u32)).collect();
-        world.scenario.mixture = Some(Mixture { species, rows });
+        world.scenario.mixture = Some(SpeciesSetup { species, rows });
     }
     if random.below(5) == 0 {
         world.leave_out(random);
@@ -128,7 +128,7 @@ fn world(random: &mut Random, variant: DetectorVariant) -> World {
 }
 
 /// Draws a scene that is hard on grids.
-fn adversarial(random: &mut Random) -> Scenario {
+fn adversarial(random: &mut Random) -> TestInput {
     let elements = 5 + random.below(150) as usize;
     let words = Words::drawn(random, elements);
     let family = random.below((adversary::FAMILIES.len() + periodic::FAMILIES.len()) as u32) as usize;

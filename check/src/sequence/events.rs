@@ -5,7 +5,7 @@ use lazygrid::{Sphere, Spheres};
 
 use super::draw::{at_new_places, number, place, radius};
 use crate::motion::walk;
-use crate::{DetectorVariant, Excluded, Random, Scenario};
+use crate::{DetectorVariant, Excluded, Random, TestInput};
 
 /// Number of earlier scenes to keep.
 const REMEMBERED: usize = 4;
@@ -16,9 +16,9 @@ const MAX_LISTED: usize = 600;
 
 /// The scene between two calls, and the scales of its changes.
 pub(super) struct World {
-    pub(super) scenario: Scenario,
+    pub(super) scenario: TestInput,
     /// Earlier scenes.
-    pub(super) history: Vec<Scenario>,
+    pub(super) history: Vec<TestInput>,
     /// A typical radius.
     pub(super) radius: f32,
     /// The size of the scene along each axis.
@@ -56,7 +56,7 @@ impl World {
     }
 
     /// Keeps a scene for [`back`](Self::back).
-    pub(super) fn remember(&mut self, scenario: Scenario) {
+    pub(super) fn remember(&mut self, scenario: TestInput) {
         self.history.push(scenario);
         if self.history.len() > REMEMBERED {
             self.history.remove(0);
@@ -161,7 +161,7 @@ impl World {
         self.scenario = self.scenario.only(|k| k < n);
         let new = self.new_spheres(random, n.saturating_sub(had));
         self.scenario.spheres.extend(new);
-        let Scenario { mixture, groups, excluded, .. } = &mut self.scenario;
+        let TestInput { mixture, groups, excluded, .. } = &mut self.scenario;
         if let Some(mixture) = mixture {
             let count = mixture.rows.len() as u32;
             mixture.species.resize_with(n, || random.below(count));

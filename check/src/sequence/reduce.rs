@@ -1,7 +1,7 @@
 //! Shrinks a failing sequence and its scenes.
 
 use super::{Sequence, Step, Wrong};
-use crate::Scenario;
+use crate::TestInput;
 
 /// Removes calls and spheres without which `run` still fails, in at most `tries` runs. Returns the smallest failing
 /// sequence and its failure.
@@ -82,6 +82,6 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
     }
 }
 
-fn without(scenario: &Scenario, gone: &std::ops::Range<usize>) -> Scenario {
+fn without(scenario: &TestInput, gone: &std::ops::Range<usize>) -> TestInput {
     scenario.only(|k| !gone.contains(&k))
 }

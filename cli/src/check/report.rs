@@ -8,7 +8,7 @@ use lazygrid::{Algorithm, Backend};
 use lazygrid_check::compare::Failure as Fault;
 use lazygrid_check::sequence::Tally;
 use lazygrid_check::speed::Speed;
-use lazygrid_check::{Gpu, Scenario};
+use lazygrid_check::{Gpu, TestInput};
 use lazygrid_io::scenes::Scene;
 use serde_json::{Map, Value, json};
 
@@ -285,7 +285,7 @@ impl Report {
     }
 
     /// What repeats a failure.
-    fn command(&self, path: &Path, name: &str, scenario: Option<&Scenario>, options: &str) -> String {
+    fn command(&self, path: &Path, name: &str, scenario: Option<&TestInput>, options: &str) -> String {
         let seed = name.strip_prefix("fuzz seed ").and_then(|rest| rest.split_once(':'));
         let fuzz = seed.map(|(seed, _)| format!("lazygrid check --backend {} --seed {seed}", self.backend));
         let detect =
