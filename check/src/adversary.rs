@@ -8,7 +8,7 @@ use crate::{Choices, SpeciesSetup, Words};
 
 /// A family of scenes.
 #[derive(Clone, Copy, Debug)]
-pub struct Family {
+pub struct SceneFamily {
     /// The name for reports.
     pub name: &'static str,
     /// Makes the spheres of the given words.
@@ -16,19 +16,19 @@ pub struct Family {
 }
 
 /// All families.
-pub const FAMILIES: [Family; 12] = [
-    Family { name: "lattices in contact", spheres: lattice },
-    Family { name: "duplicates", spheres: duplicates },
-    Family { name: "a giant among tiny ones", spheres: giant },
-    Family { name: "radii of twenty powers of two", spheres: powers_of_two },
-    Family { name: "lines and planes", spheres: flat },
-    Family { name: "clusters of clusters", spheres: clusters },
-    Family { name: "far from the origin", spheres: far },
-    Family { name: "floats of any size", spheres: any_floats },
-    Family { name: "floats of one size", spheres: one_magnitude },
-    Family { name: "the ends of the range", spheres: extremes },
-    Family { name: "radii whose squares overflow", spheres: huge_radii },
-    Family { name: "soup", spheres: soup },
+pub const FAMILIES: [SceneFamily; 12] = [
+    SceneFamily { name: "lattices in contact", spheres: lattice },
+    SceneFamily { name: "duplicates", spheres: duplicates },
+    SceneFamily { name: "a giant among tiny ones", spheres: giant },
+    SceneFamily { name: "radii of twenty powers of two", spheres: powers_of_two },
+    SceneFamily { name: "lines and planes", spheres: flat },
+    SceneFamily { name: "clusters of clusters", spheres: clusters },
+    SceneFamily { name: "far from the origin", spheres: far },
+    SceneFamily { name: "floats of any size", spheres: any_floats },
+    SceneFamily { name: "floats of one size", spheres: one_magnitude },
+    SceneFamily { name: "the ends of the range", spheres: extremes },
+    SceneFamily { name: "radii whose squares overflow", spheres: huge_radii },
+    SceneFamily { name: "soup", spheres: soup },
 ];
 
 fn sphere(center: Vec3, radius: f32) -> Sphere {

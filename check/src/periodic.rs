@@ -9,7 +9,7 @@ use crate::{Choices, TestInput, Words};
 
 /// A family of scenes in a periodic space.
 #[derive(Clone, Copy, Debug)]
-pub struct Family {
+pub struct PeriodicSceneFamily {
     /// The name for reports.
     pub name: &'static str,
     /// Makes the scene of the given words.
@@ -17,13 +17,13 @@ pub struct Family {
 }
 
 /// All families.
-pub const FAMILIES: [Family; 6] = [
-    Family { name: "lattices across the seam", scene: lattice },
-    Family { name: "soup in a box", scene: soup },
-    Family { name: "crowds at the corner of a box", scene: corner },
-    Family { name: "coordinates far outside a box", scene: unwrapped },
-    Family { name: "boxes at the ends of the range", scene: extremes },
-    Family { name: "giants in small boxes", scene: giant },
+pub const FAMILIES: [PeriodicSceneFamily; 6] = [
+    PeriodicSceneFamily { name: "lattices across the seam", scene: lattice },
+    PeriodicSceneFamily { name: "soup in a box", scene: soup },
+    PeriodicSceneFamily { name: "crowds at the corner of a box", scene: corner },
+    PeriodicSceneFamily { name: "coordinates far outside a box", scene: unwrapped },
+    PeriodicSceneFamily { name: "boxes at the ends of the range", scene: extremes },
+    PeriodicSceneFamily { name: "giants in small boxes", scene: giant },
 ];
 
 /// Draws the length of each axis from `lengths`. One axis in four is unbounded.

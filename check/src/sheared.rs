@@ -6,18 +6,18 @@ use lazygrid::{Space, Sphere};
 
 #[cfg(doc)]
 use crate::adversary;
-use crate::periodic::Family;
+use crate::periodic::PeriodicSceneFamily;
 use crate::{Choices, TestInput, Words};
 
 /// All families.
-pub const FAMILIES: [Family; 7] = [
-    Family { name: "lattices across leaning seams", scene: lattice },
-    Family { name: "soup in a box that leans", scene: soup },
-    Family { name: "edges of any direction", scene: directions },
-    Family { name: "coordinates far outside a box that leans", scene: carried_away },
-    Family { name: "seams of a box that leans", scene: corners },
-    Family { name: "boxes that lean at the ends of the range", scene: ends_of_the_range },
-    Family { name: "the largest spheres in space that leans", scene: largest_spheres },
+pub const FAMILIES: [PeriodicSceneFamily; 7] = [
+    PeriodicSceneFamily { name: "lattices across leaning seams", scene: lattice },
+    PeriodicSceneFamily { name: "soup in a box that leans", scene: soup },
+    PeriodicSceneFamily { name: "edges of any direction", scene: directions },
+    PeriodicSceneFamily { name: "coordinates far outside a box that leans", scene: carried_away },
+    PeriodicSceneFamily { name: "seams of a box that leans", scene: corners },
+    PeriodicSceneFamily { name: "boxes that lean at the ends of the range", scene: ends_of_the_range },
+    PeriodicSceneFamily { name: "the largest spheres in space that leans", scene: largest_spheres },
 ];
 
 /// The cell vectors of a box with these lengths and the tilts xy, xz and yz. An axis without a length is not periodic.

@@ -6,7 +6,7 @@ use lazygrid::{Algorithm, Order, Simd};
 use super::{Call, Round};
 use crate::compare::with_species;
 use crate::motion::{stride, walk};
-use crate::periodic::Family;
+use crate::periodic::PeriodicSceneFamily;
 use crate::way::TargetDevice;
 use crate::{
     DetectorVariant, Element, LEFT_OUT_WORDS, Random, TestInput, Words, adversary, periodic, sheared,
@@ -47,7 +47,7 @@ impl Round {
 /// family: spheres of other families may lie so many boxes away that `f64` cannot distinguish the images.
 #[derive(Clone, Copy)]
 struct Leaning {
-    family: Family,
+    family: PeriodicSceneFamily,
     setup: Element,
 }
 
