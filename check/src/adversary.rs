@@ -1,10 +1,10 @@
-//! Families of scenes that are hard on grids. Each makes its spheres from [`Words`], so that tests can shrink a failing
+//! Families of scenes that are hard on grids. Each makes its spheres from [`SceneSeed`], so that tests can shrink a failing
 //! scene and a fuzzer can draw any number of scenes.
 
 use glam::{DVec3, Vec3};
 use lazygrid::{Interaction, Sphere};
 
-use crate::{Choices, SpeciesSetup, Words};
+use crate::{SceneSeed, SeedReader, SpeciesSetup};
 
 /// A family of scenes.
 #[derive(Clone, Copy, Debug)]
@@ -12,7 +12,7 @@ pub struct SceneFamily {
     /// The name for reports.
     pub name: &'static str,
     /// Makes the spheres of the given words.
-    pub spheres: fn(&Words) -> Vec<Sphere>,
+    pub spheres: fn(&SceneSeed) -> Vec<Sphere>,
 }
 
 /// All families.
@@ -41,8 +41,8 @@ fn place(mut coordinate: impl FnMut() -> f32) -> [f32; 3] {
 
 /// Lattices in contact: exact contact for dyadic spacings, just above or below it by rounding for others. Some spheres
 /// have twice the radius or are points.
-pub fn lattice(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+pub fn lattice(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 0.1, 0.3, 1.0 / 3.0, 1e-3, 1.1e-20, 7.7e15]);
     let shift = choices.of(&[0.0_f32, 0.5, 1.0, -4.0, 1e3, -1e6]);
     words.each(|of| {
@@ -52,10 +52,10 @@ pub fn lattice(words: &Words) -> Vec<Sphere> {
 }
 
 /// Copies of a few spheres, including points.
-pub fn duplicates(words: &Words) -> Vec<Sphere> {
+pub fn duplicates(words: &SceneSeed) -> Vec<Sphere> {
     let originals =
         words.each(|of| Sphere::new(place(|| of.between(-2.0, 2.0)), of.of(&[0.0, 1e-3, 1.0, 2.0])));
-    let few = (1 + words.choices().below(5) as usize).min(originals.len());
+    let few = (1 + words.reader().below(5) as usize).min(originals.len());
     words.each(|of| {
         // Skips the words that made the original at the same index.
         let _ = [(); 4].map(|()| of.below(1));
@@ -64,8 +64,8 @@ pub fn duplicates(words: &Words) -> Vec<Sphere> {
 }
 
 /// One huge sphere at a random index, among tiny ones inside it, at its surface and outside.
-pub fn giant(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+pub fn giant(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let tiny = choices.of(&[1e-3_f32, 1.0, 1e10, 1e-30]);
     let radius = choices.of(&[1e6_f32, (1 << 20) as f32]) * tiny;
     let ulp = f64::from(radius) - f64::from(radius.next_down());
@@ -82,8 +82,8 @@ pub fn giant(words: &Words) -> Vec<Sphere> {
 }
 
 /// Radii over twenty powers of two. Centers lie on multiples of a power of two, so that many spheres touch exactly.
-pub fn powers_of_two(words: &Words) -> Vec<Sphere> {
-    let unit = words.choices().of(&[1.0_f32, 0.25, 8.0]);
+pub fn powers_of_two(words: &SceneSeed) -> Vec<Sphere> {
+    let unit = words.reader().of(&[1.0_f32, 0.25, 8.0]);
     words.each(|of| {
         let center = place(|| of.within(32) as f32 * unit);
         Sphere::new(center, (of.within(10) as f32).exp2())
@@ -91,8 +91,8 @@ pub fn powers_of_two(words: &Words) -> Vec<Sphere> {
 }
 
 /// Centers on a line or in a plane, parallel or diagonal to the axes.
-pub fn flat(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+pub fn flat(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let axes = choices.of(&[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]]);
     let diagonal = choices.below(2) == 1;
     let origin = Vec3::from(place(|| choices.between(-5.0, 5.0)));
@@ -104,8 +104,8 @@ pub fn flat(words: &Words) -> Vec<Sphere> {
 }
 
 /// Clusters of clusters of clusters, with radii on all three scales.
-pub fn clusters(words: &Words) -> Vec<Sphere> {
-    let scale = words.choices().of(&[1e-2_f32, 1e-4, 1.0 / 1024.0]);
+pub fn clusters(words: &SceneSeed) -> Vec<Sphere> {
+    let scale = words.reader().of(&[1e-2_f32, 1e-4, 1.0 / 1024.0]);
     words.each(|of| {
         let digits = [(); 3].map(|()| Vec3::from(place(|| of.within(1) as f32)));
         let center = digits.iter().rev().fold(Vec3::ZERO, |at, digit| at * scale + *digit);
@@ -115,8 +115,8 @@ pub fn clusters(words: &Words) -> Vec<Sphere> {
 }
 
 /// Coordinates far from the origin, where adjacent `f32` values are as far apart as the radii are large.
-pub fn far(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+pub fn far(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let exponent = 3 + choices.below(37) as i32;
     let base = if exponent > 38 { f32::MAX } else { 10_f32.powi(exponent) };
     let both_sides = choices.below(2) == 1;
@@ -135,22 +135,22 @@ pub fn far(words: &Words) -> Vec<Sphere> {
 }
 
 /// Draws a finite number of any magnitude.
-fn any_magnitude(of: &mut Choices<'_>) -> f32 {
+fn any_magnitude(of: &mut SeedReader<'_>) -> f32 {
     let x = of.float_below(f32::INFINITY.to_bits());
     of.signed(x)
 }
 
 /// Coordinates and radii log-uniform over all of `f32`.
-pub fn any_floats(words: &Words) -> Vec<Sphere> {
+pub fn any_floats(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| Sphere::new(place(|| any_magnitude(of)), any_magnitude(of).abs()))
 }
 
 /// Values log-uniform over four binades at a random place in the range of `f32`, subnormals included, so that spheres
 /// of any magnitude do meet.
-pub fn one_magnitude(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let lowest = if choices.below(4) == 0 { 0 } else { choices.below(251) };
-    let value = |of: &mut Choices<'_>| {
+    let value = |of: &mut SeedReader<'_>| {
         let x = f32::from_bits(of.below(4 << 23) + (lowest << 23));
         of.signed(x)
     };
@@ -159,7 +159,7 @@ pub fn one_magnitude(words: &Words) -> Vec<Sphere> {
 
 /// Draws a length near which `f32` arithmetic changes: the smallest numbers, the smallest normal one and its neighbors,
 /// numbers whose squares underflow, and numbers whose squares overflow.
-pub(crate) fn extreme_unit(of: &mut Choices<'_>) -> f32 {
+pub(crate) fn extreme_unit(of: &mut SeedReader<'_>) -> f32 {
     let exponents =
         [-76, -149, -147, -130, -127, -126, -125, -120, -101, -64, -41, -39, 59, 64, 100, 119, 121];
     f64::from(of.of(&exponents)).exp2() as f32
@@ -167,8 +167,8 @@ pub(crate) fn extreme_unit(of: &mut Choices<'_>) -> f32 {
 
 /// Spheres a few `extreme_unit`s wide and apart, many of them in contact. Some use a second unit; in some
 /// scenes all are far away along one axis.
-pub fn extremes(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+pub fn extremes(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let (unit, other) = (extreme_unit(&mut choices), extreme_unit(&mut choices));
     let away = choices.of(&[[0.0_f32; 3], [0.0, 1.0, 0.0], [1e30, 0.0, 0.0], [0.0, 0.0, -3e38]]);
     words.each(|of| {
@@ -179,7 +179,7 @@ pub fn extremes(words: &Words) -> Vec<Sphere> {
 }
 
 /// Radii whose squares overflow `f32`, at any position.
-pub fn huge_radii(words: &Words) -> Vec<Sphere> {
+pub fn huge_radii(words: &SceneSeed) -> Vec<Sphere> {
     let least = 1e19_f32.to_bits();
     words.each(|of| {
         let radius = f32::from_bits(least + of.below(f32::MAX.to_bits() - least + 1));
@@ -194,7 +194,7 @@ pub fn huge_radii(words: &Words) -> Vec<Sphere> {
 }
 
 /// A box of overlapping spheres with radii from 0 to a third of the box, without special structure.
-pub fn soup(words: &Words) -> Vec<Sphere> {
+pub fn soup(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| {
         let radius = match of.below(7) {
             0 => 0.0,
@@ -211,7 +211,7 @@ pub const TABLE_WORDS: usize = 41;
 /// Makes up to four species with all kinds of interactions. Distances may be 0, the exact distance of two spheres, or
 /// large compared with all radii. `ids` has one word for each sphere.
 pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> SpeciesSetup {
-    let mut choices = Choices::new(table);
+    let mut choices = SeedReader::new(table);
     let count = 1 + choices.below(4);
     let mut interaction = || {
         let (kind, factor) = (choices.below(6), choices.of(&[1.0_f32, 0.5, 2.0]));
@@ -228,6 +228,6 @@ pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> S
         }
     };
     let rows = (1..=count).map(|len| (0..len).map(|_| interaction()).collect()).collect();
-    let species = ids.iter().map(|&word| Choices::new(&[word]).below(count)).collect();
+    let species = ids.iter().map(|&word| SeedReader::new(&[word]).below(count)).collect();
     SpeciesSetup { species, rows }
 }

@@ -9,7 +9,7 @@ use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths};
 
 use crate::device::{download, download_one, run, upload, upload_one};
 use crate::kernels::{Fault, SIZES, ordered, same, variants};
-use crate::{Random, TestInput, Words, adversary, periodic};
+use crate::{Random, SceneSeed, TestInput, adversary, periodic};
 
 /// Checks that all accumulated values are cleared, and that the number of spheres is the given one, limited to the
 /// capacity.
@@ -90,7 +90,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), Fault> {
 /// Makes coordinates at multiples of half a length, next to these, and anywhere.
 fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     let mut random = Random(seed);
-    let words = Words::drawn(&mut random, 500);
+    let words = SceneSeed::drawn(&mut random, 500);
     let mut spheres = adversary::any_floats(&words);
     spheres.extend((0..500).map(|k| {
         let mut place = |length: Option<f32>| {
@@ -110,7 +110,7 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
 pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
     let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
     for size in SIZES {
-        let mut spheres = adversary::soup(&Words::drawn(&mut Random(size as u64), size));
+        let mut spheres = adversary::soup(&SceneSeed::drawn(&mut Random(size as u64), size));
         let bad = size / 100;
         spheres.iter_mut().take(bad).for_each(|sphere| sphere.center.y = f32::NAN);
         let empty = Bounds { low: [u32::MAX; 3], radius_min: u32::MAX, ..Bounds::zeroed() };

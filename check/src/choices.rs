@@ -3,21 +3,21 @@
 use crate::Random;
 
 /// The words from which one element of a scene is made.
-pub type Element = [u32; 12];
+pub type ElementSeed = [u32; 12];
 
 /// The random input of a scene: words for the scene as a whole, and words for each of its elements (mostly spheres).
 ///
 /// Elements are independent of each other, so that a scene shrinks by removing elements. Smaller words make simpler
 /// elements.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Words {
-    /// Words of the scene as a whole.
-    pub setup: Element,
-    /// Words of each element.
-    pub elements: Vec<Element>,
+pub struct SceneSeed {
+    /// SceneSeed of the scene as a whole.
+    pub setup: ElementSeed,
+    /// SceneSeed of each element.
+    pub elements: Vec<ElementSeed>,
 }
 
-impl Words {
+impl SceneSeed {
     /// Draws random words for a scene of `elements` elements.
     pub fn drawn(random: &mut Random, elements: usize) -> Self {
         let mut element = || [(); 12].map(|()| random.word());
@@ -25,23 +25,23 @@ impl Words {
     }
 
     /// The choices for the scene as a whole.
-    pub fn choices(&self) -> Choices<'_> {
-        Choices::new(&self.setup)
+    pub fn reader(&self) -> SeedReader<'_> {
+        SeedReader::new(&self.setup)
     }
 
     /// Makes one value from the words of each element.
-    pub fn each<T>(&self, mut of: impl FnMut(&mut Choices<'_>) -> T) -> Vec<T> {
-        self.elements.iter().map(|words| of(&mut Choices::new(words))).collect()
+    pub fn each<T>(&self, mut of: impl FnMut(&mut SeedReader<'_>) -> T) -> Vec<T> {
+        self.elements.iter().map(|words| of(&mut SeedReader::new(words))).collect()
     }
 }
 
 /// Draws choices, each from the next word. Uses zeros after the last word.
 #[derive(Debug)]
-pub struct Choices<'a> {
+pub struct SeedReader<'a> {
     words: std::slice::Iter<'a, u32>,
 }
 
-impl<'a> Choices<'a> {
+impl<'a> SeedReader<'a> {
     /// Creates a reader of these words.
     pub fn new(words: &'a [u32]) -> Self {
         Self { words: words.iter() }
@@ -98,16 +98,16 @@ mod tests {
 
     #[test]
     fn small_words_are_simple_and_large_ones_reach_the_end() {
-        let mut least = Choices::new(&[]);
+        let mut least = SeedReader::new(&[]);
         assert_eq!((least.below(7), least.within(3), least.of(&[5, 6]), least.once_in(2)), (0, 0, 5, false));
         assert_eq!((least.between(-1.0, 1.0), least.float_below(9), least.signed(2.0)), (-1.0, 0.0, 2.0));
         let words = [u32::MAX; 5];
-        let mut most = Choices::new(&words);
+        let mut most = SeedReader::new(&words);
         assert_eq!((most.below(7), most.within(3), most.of(&[5, 6]), most.once_in(2)), (6, 3, 6, true));
         assert_eq!(most.float_below(9).to_bits(), 8);
-        let all: Vec<i32> = (0..7).map(|k| Choices::new(&[(k << 29) + (k << 26)]).within(3)).collect();
+        let all: Vec<i32> = (0..7).map(|k| SeedReader::new(&[(k << 29) + (k << 26)]).within(3)).collect();
         assert!(
-            (-3..=3).all(|x| Words::drawn(&mut Random(1), 99).each(|c| c.within(3)).contains(&x)),
+            (-3..=3).all(|x| SceneSeed::drawn(&mut Random(1), 99).each(|c| c.within(3)).contains(&x)),
             "{all:?}"
         );
     }

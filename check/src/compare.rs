@@ -6,8 +6,8 @@ use lazygrid_io::scenes::Scene;
 use crate::adversary::{self, TABLE_WORDS};
 use crate::way::text;
 use crate::{
-    DetectorVariant, Extent, Gpu, LEFT_OUT_WORDS, Random, TestInput, Words, difference, guarded, periodic,
-    scenes, sheared, shrink,
+    DetectorVariant, Extent, Gpu, LEFT_OUT_WORDS, Random, SceneSeed, TestInput, difference, guarded,
+    periodic, scenes, sheared, shrink,
 };
 
 /// The largest scene whose reference tests all pairs. For larger scenes the CPU's cell list is the reference.
@@ -31,19 +31,19 @@ pub fn cases(extent: Extent) -> Vec<Case> {
     let rounds = if extent == Extent::Full { 20 } else { 1 };
     for _ in 0..rounds {
         for family in adversary::FAMILIES {
-            let spheres = (family.spheres)(&Words::drawn(&mut random, 200));
+            let spheres = (family.spheres)(&SceneSeed::drawn(&mut random, 200));
             cases.push(case(family.name, spheres.clone().into()));
             cases.push(case(&format!("{}, species", family.name), with_species(spheres, &mut random)));
         }
         for family in periodic::FAMILIES.into_iter().chain(sheared::FAMILIES) {
-            let scenario = (family.scene)(&Words::drawn(&mut random, 200));
+            let scenario = (family.scene)(&SceneSeed::drawn(&mut random, 200));
             let mixed =
                 TestInput { space: scenario.space, ..with_species(scenario.spheres.clone(), &mut random) };
             cases.push(case(family.name, scenario));
             cases.push(case(&format!("{}, species", family.name), mixed));
         }
         for kind in 0..3 {
-            let words = Words::drawn(&mut random, 200);
+            let words = SceneSeed::drawn(&mut random, 200);
             let mixed = with_species(adversary::soup(&words), &mut random);
             for (name, scenario) in [
                 ("duplicates", adversary::duplicates(&words).into()),

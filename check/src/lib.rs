@@ -2,7 +2,7 @@
 //!
 //! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop
 //!   over pairs (and over all images within the cutoff in triclinic cells).
-//! * [`adversary`], [`periodic`], [`sheared`]: families of scenes that are hard on grids, made from [`Words`] so that
+//! * [`adversary`], [`periodic`], [`sheared`]: families of scenes that are hard on grids, made from [`SceneSeed`] so that
 //!   they shrink.
 //! * [`scenes`]: single hard scenes.
 //! * [`difference`]: compares a result with the expected pairs and explains the first wrong pair.
@@ -55,7 +55,7 @@ pub enum Extent {
     Full,
 }
 
-pub use choices::{Choices, Element, Words};
+pub use choices::{ElementSeed, SceneSeed, SeedReader};
 pub use difference::{Tolerance, checksum, difference};
 pub use left_out::{Excluded, LEFT_OUT_WORDS};
 pub use random::Random;

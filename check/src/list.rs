@@ -9,7 +9,7 @@ use lazygrid_kernels::layout::{Call, Lengths, List, Outcome, Survey};
 
 use crate::device::{download, run, upload, upload_one};
 use crate::kernels::{Fault, SIZES, ordered, same};
-use crate::{Random, Words, adversary};
+use crate::{Random, SceneSeed, adversary};
 
 /// Checks that any number of workgroups finds the bounds, size classes and number of invalid spheres, and clears the
 /// counters.
@@ -18,7 +18,7 @@ use crate::{Random, Words, adversary};
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), Fault> {
     for (size, groups) in SIZES.into_iter().flat_map(|size| [1, 3].map(|groups| (size, groups))) {
-        let mut spheres = adversary::any_floats(&Words::drawn(&mut Random(size as u64), size));
+        let mut spheres = adversary::any_floats(&SceneSeed::drawn(&mut Random(size as u64), size));
         spheres.iter_mut().step_by(100).for_each(|sphere| sphere.center.y = f32::NAN);
         let (counters, density_slots) = (size as u32 + 7, 512);
         let call = Call { spheres: size as u32, counters, density_slots, ..Call::zeroed() };
@@ -188,7 +188,7 @@ pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), Fault> {
 pub(crate) fn spheres_place(own: &GpuDevice) -> Result<(), Fault> {
     for size in SIZES {
         let mut random = Random(size as u64);
-        let spheres = adversary::any_floats(&Words::drawn(&mut random, size));
+        let spheres = adversary::any_floats(&SceneSeed::drawn(&mut random, size));
         let cells = size as u32 / 3 + 1;
         let mut starts = vec![0_u32; cells as usize + 1];
         let homes: Vec<[u32; 2]> = (0..size)

@@ -1,11 +1,11 @@
-//! Families of scenes in periodic spaces, made from [`Words`] like those of [`adversary`].
+//! Families of scenes in periodic spaces, made from [`SceneSeed`] like those of [`adversary`].
 
 use lazygrid::{Space, Sphere};
 
 #[cfg(doc)]
 use crate::adversary;
 use crate::adversary::extreme_unit;
-use crate::{Choices, TestInput, Words};
+use crate::{SceneSeed, SeedReader, TestInput};
 
 /// A family of scenes in a periodic space.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +13,7 @@ pub struct PeriodicSceneFamily {
     /// The name for reports.
     pub name: &'static str,
     /// Makes the scene of the given words.
-    pub scene: fn(&Words) -> TestInput,
+    pub scene: fn(&SceneSeed) -> TestInput,
 }
 
 /// All families.
@@ -27,7 +27,7 @@ pub const FAMILIES: [PeriodicSceneFamily; 6] = [
 ];
 
 /// Draws the length of each axis from `lengths`. One axis in four is unbounded.
-pub fn lengths(of: &mut Choices<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
+pub fn lengths(of: &mut SeedReader<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
     [(); 3].map(|()| {
         let (length, is_unbounded) = (of.of(lengths), of.once_in(4));
         (!is_unbounded).then_some(length)
@@ -45,8 +45,8 @@ fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
 
 /// Lattice sites in exact contact, in a box of a whole number of spacings. Coordinates are shifted by whole boxes and
 /// half spacings. Some spheres have twice the radius, are points, or are larger than the box.
-pub fn lattice(words: &Words) -> TestInput {
-    let mut choices = words.choices();
+pub fn lattice(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 1.0 / 1024.0]);
     let shift = choices.of(&[0.0_f32, 0.5, -1024.0]);
     let counts = lengths(&mut choices, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
@@ -58,8 +58,8 @@ pub fn lattice(words: &Words) -> TestInput {
 }
 
 /// Random spheres with radii from 0 to more than the box, at up to several boxes from the origin.
-pub fn soup(words: &Words) -> TestInput {
-    let mut choices = words.choices();
+pub fn soup(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let lengths = match choices.below(3) {
         0 => lengths(&mut choices, &[8.0, 7.3, 4.1]),
         1 => lengths(&mut choices, &[0.3, 1.1, 2.5, 5.0]),
@@ -79,8 +79,8 @@ pub fn soup(words: &Words) -> TestInput {
 
 /// Spheres at the corner of the box: on the periodic boundary, a few units in the last place away from it, and at the
 /// opposite boundary.
-pub fn corner(words: &Words) -> TestInput {
-    let lengths = lengths(&mut words.choices(), &[1.0, 10.0, 0.1, 3.3]);
+pub fn corner(words: &SceneSeed) -> TestInput {
+    let lengths = lengths(&mut words.reader(), &[1.0, 10.0, 0.1, 3.3]);
     let spheres = words.each(|of| {
         let center = lengths.map(|length| {
             let x = of.of(&[0.0_f32, 0.5, -0.5, 1.0, -1.0, 2.0]) * length.unwrap_or(1.0);
@@ -93,8 +93,8 @@ pub fn corner(words: &Words) -> TestInput {
 }
 
 /// Spheres of an unwrapped simulation, up to 2⁵⁰ boxes away. All values are multiples of 2⁻³⁰.
-pub fn unwrapped(words: &Words) -> TestInput {
-    let mut choices = words.choices();
+pub fn unwrapped(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let lengths = [(); 3].map(|()| {
         let length = choices.of(&[2.0_f32, 1.625, 0.75, 1.0 / 3.0]);
         (length * 1024.0 * 1024.0).round() / (1024.0 * 1024.0)
@@ -111,8 +111,8 @@ pub fn unwrapped(words: &Words) -> TestInput {
 }
 
 /// Boxes and spheres of sizes near which `f32` arithmetic changes, at up to several boxes from the origin.
-pub fn extremes(words: &Words) -> TestInput {
-    let mut choices = words.choices();
+pub fn extremes(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let unit = extreme_unit(&mut choices);
     let of_quarters = |quarters: f64| (0.25 * quarters * f64::from(unit)) as f32;
     let lengths = match choices.once_in(4) {
@@ -129,8 +129,8 @@ pub fn extremes(words: &Words) -> TestInput {
 }
 
 /// One sphere about as large as the box among many much smaller ones.
-pub fn giant(words: &Words) -> TestInput {
-    let mut choices = words.choices();
+pub fn giant(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let lengths = lengths(&mut choices, &[10.0, 6.0, 2.0]);
     let at = [(); 3].map(|()| choices.between(0.0, 10.0));
     let giant = Sphere::new(at, choices.between(0.5, 12.0));

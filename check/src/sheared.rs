@@ -1,4 +1,4 @@
-//! Families of scenes in triclinic cells, made from [`Words`] like those of [`adversary`]. Only the words of the scene
+//! Families of scenes in triclinic cells, made from [`SceneSeed`] like those of [`adversary`]. Only the words of the scene
 //! determine the cell, so that other elements are other spheres in the same cell.
 
 use glam::Vec3;
@@ -7,7 +7,7 @@ use lazygrid::{Space, Sphere};
 #[cfg(doc)]
 use crate::adversary;
 use crate::periodic::PeriodicSceneFamily;
-use crate::{Choices, TestInput, Words};
+use crate::{SceneSeed, SeedReader, TestInput};
 
 /// All families.
 pub const FAMILIES: [PeriodicSceneFamily; 7] = [
@@ -36,14 +36,14 @@ fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> TestInput {
 }
 
 /// Draws a nonempty subset of three cell vectors.
-fn some_of(of: &mut Choices<'_>, edges: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] {
+fn some_of(of: &mut SeedReader<'_>, edges: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] {
     let taken = if of.below(2) == 0 { 7 } else { 1 + of.below(7) };
     [0, 1, 2].map(|k| edges[k].filter(|_| taken >> k & 1 == 1))
 }
 
 /// Lattice sites in exact contact, in cells tilted by whole and half sites, some by more than their length.
-pub fn lattice(words: &Words) -> TestInput {
-    let mut choices = words.choices();
+pub fn lattice(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 1024.0]);
     let shift = choices.of(&[0.0_f32, 0.5, -64.0]);
     let lengths = [(); 3].map(|()| Some(choices.of(&[4.0_f32, 1.0, 2.0, 3.0, 5.0, 7.0]) * spacing));
@@ -58,8 +58,8 @@ pub fn lattice(words: &Words) -> TestInput {
 
 /// Random spheres in cells of any tilt: half a length, as LAMMPS allows, and much more. Radii range from 0 to more than
 /// the cell; coordinates reach several cells from the origin.
-pub fn soup(words: &Words) -> TestInput {
-    let mut choices = words.choices();
+pub fn soup(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let most = choices.of(&[0.5_f32, 0.5, 1.5, 6.0]);
     let lengths = [(); 3].map(|()| choices.between(0.7, 8.0));
     let tilts = [(1, 0), (2, 0), (2, 1)].map(|(_, along)| choices.between(-most, most) * lengths[along]);
@@ -69,8 +69,8 @@ pub fn soup(words: &Words) -> TestInput {
 
 /// Random spheres in cells with vectors of any direction, the longest up to about a hundred times as long as the
 /// shortest.
-pub fn directions(words: &Words) -> TestInput {
-    let mut choices = words.choices();
+pub fn directions(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let mut edge = || {
         let direction = Vec3::from([(); 3].map(|()| choices.between(-1.0, 1.0)));
         direction * choices.of(&[3.0_f32, 0.4, 8.0, 40.0])
@@ -86,7 +86,7 @@ pub fn directions(words: &Words) -> TestInput {
 }
 
 /// Random spheres with radii from 0 to more than a cell, at up to several cells from the origin.
-pub fn sizes(words: &Words) -> Vec<Sphere> {
+pub fn sizes(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| {
         let radius = match of.below(10) {
             0 => 0.0,
@@ -99,9 +99,9 @@ pub fn sizes(words: &Words) -> Vec<Sphere> {
 }
 
 /// Spheres of an unwrapped simulation, shifted by whole cell vectors. All values are multiples of 2⁻⁸ below 2¹⁵.
-pub fn carried_away(words: &Words) -> TestInput {
-    let mut choices = words.choices();
-    let quarters = |of: &mut Choices<'_>, most: i32| of.within(most) as f32 / 4.0;
+pub fn carried_away(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let quarters = |of: &mut SeedReader<'_>, most: i32| of.within(most) as f32 / 4.0;
     let lengths = [(); 3].map(|()| Some(choices.of(&[2.0_f32, 3.25, 1.5])));
     let tilts = [(); 3].map(|()| quarters(&mut choices, 9));
     let edges = some_of(&mut choices, tilted(lengths, tilts));
@@ -116,8 +116,8 @@ pub fn carried_away(words: &Words) -> TestInput {
 }
 
 /// Spheres at the corner of the cell and at its periodic boundaries, or a few units in the last place away.
-pub fn corners(words: &Words) -> TestInput {
-    let mut choices = words.choices();
+pub fn corners(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 10.0, 0.1, 3.3])));
     let tilts = [(); 3].map(|()| choices.of(&[0.0_f32, 0.5, -0.25, 1.0, 0.05]));
     let edges = some_of(&mut choices, tilted(lengths, tilts));
@@ -136,8 +136,8 @@ pub fn corners(words: &Words) -> TestInput {
 }
 
 /// Cells and spheres of sizes near which `f32` arithmetic changes.
-pub fn ends_of_the_range(words: &Words) -> TestInput {
-    let mut choices = words.choices();
+pub fn ends_of_the_range(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let unit = choices.of(&[1e-30_f32, 1e-36, 1e30, 2e36]);
     let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 2.5, 7.0]) * unit));
     let tilts = [(); 3].map(|()| choices.within(6) as f32 * 0.25 * unit);
@@ -151,8 +151,8 @@ pub fn ends_of_the_range(words: &Words) -> TestInput {
 
 /// Spheres of the largest radii, or nearly, in space that is periodic along some cell vectors and unbounded across
 /// them.
-pub fn largest_spheres(words: &Words) -> TestInput {
-    let mut choices = words.choices();
+pub fn largest_spheres(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let unit = choices.of(&[1.0_f32, 1e38, 1e-3]);
     let edges = tilted([Some(unit), Some(2.0 * unit), None], [0.4 * unit, 0.0, 0.0]);
     let spheres = words.each(|of| {
@@ -174,11 +174,11 @@ mod tests {
         for family in FAMILIES {
             let mut leaning = 0;
             for _ in 0..200 {
-                let words = Words::drawn(&mut random, 3);
+                let words = SceneSeed::drawn(&mut random, 3);
                 let TestInput { space, spheres, .. } = (family.scene)(&words);
                 assert!(space.is_periodic() && spheres.len() == 3, "{}: {words:?}", family.name);
                 leaning += usize::from(space.shear().is_some());
-                let others = Words { elements: Words::drawn(&mut random, 5).elements, ..words };
+                let others = SceneSeed { elements: SceneSeed::drawn(&mut random, 5).elements, ..words };
                 assert_eq!((family.scene)(&others).space, space, "{}", family.name);
             }
             // Some cells have tilts of zero.

@@ -8,20 +8,20 @@ use proptest::array::uniform12;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use crate::{TestInput, Words};
+use crate::{SceneSeed, TestInput};
 
 /// A strategy for spheres.
 pub type Spheres = BoxedStrategy<Vec<Sphere>>;
 
-/// Words of mostly a few dozen elements, sometimes none, at most 600.
-pub(crate) fn words() -> impl Strategy<Value = Words> + Clone {
+/// SceneSeed of mostly a few dozen elements, sometimes none, at most 600.
+pub(crate) fn words() -> impl Strategy<Value = SceneSeed> + Clone {
     let element = || uniform12(any::<u32>());
     let elements = prop_oneof![
         3 => vec(element(), 0..12),
         4 => vec(element(), 12..120),
         1 => vec(element(), 120..=600),
     ];
-    (element(), elements).prop_map(|(setup, elements)| Words { setup, elements })
+    (element(), elements).prop_map(|(setup, elements)| SceneSeed { setup, elements })
 }
 
 macro_rules! strategies {

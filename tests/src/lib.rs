@@ -20,5 +20,5 @@ mod gpu;
 mod subject;
 
 pub use gpu::device;
-pub use lazygrid_check::{Choices, SpeciesSetup, TestInput, Tolerance, Words, checksum, difference};
+pub use lazygrid_check::{SceneSeed, SeedReader, SpeciesSetup, TestInput, Tolerance, checksum, difference};
 pub use subject::{Subject, THREADS, in_pool};

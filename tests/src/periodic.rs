@@ -6,7 +6,7 @@ use lazygrid_check::periodic as families;
 use proptest::prelude::*;
 
 use crate::adversary::{self, words};
-use crate::{Choices, Subject, TestInput, Tolerance};
+use crate::{SeedReader, Subject, TestInput, Tolerance};
 
 /// The pairs by definition: `d − L·round(d/L)` on each periodic axis, of coordinates reduced by whole lengths. The
 /// reduction uses remainders, which are exact.
@@ -110,7 +110,7 @@ pub fn mixture() -> impl Strategy<Value = TestInput> {
     let spheres =
         prop_oneof![adversary::soup(), adversary::lattice(), adversary::clusters(), adversary::duplicates()];
     (adversary::mixture(spheres.boxed()), any::<[u32; 6]>()).prop_map(|(scenario, words)| {
-        let lengths = families::lengths(&mut Choices::new(&words), &[1.5, 4.0, 8.0, 0.7]);
+        let lengths = families::lengths(&mut SeedReader::new(&words), &[1.5, 4.0, 8.0, 0.7]);
         TestInput { space: families::space(lengths), ..scenario }
     })
 }

@@ -4,7 +4,7 @@ use lazygrid_check::sheared as families;
 use proptest::prelude::*;
 
 use crate::adversary::words;
-use crate::{TestInput, Words};
+use crate::{SceneSeed, TestInput};
 
 macro_rules! strategies {
     ($($name:ident)*) => {$(
@@ -21,7 +21,7 @@ strategies! { lattice soup directions carried_away corners ends_of_the_range lar
 pub fn mixture() -> impl Strategy<Value = TestInput> {
     let spheres = words().prop_map(|words| families::sizes(&words)).boxed();
     (crate::adversary::mixture(spheres), any::<[u32; 12]>()).prop_map(|(scenario, setup)| {
-        let space = families::soup(&Words { setup, elements: Vec::new() }).space;
+        let space = families::soup(&SceneSeed { setup, elements: Vec::new() }).space;
         TestInput { space, ..scenario }
     })
 }

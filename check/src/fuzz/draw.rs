@@ -9,7 +9,7 @@ use crate::motion::{stride, walk};
 use crate::periodic::PeriodicSceneFamily;
 use crate::way::TargetDevice;
 use crate::{
-    DetectorVariant, Element, LEFT_OUT_WORDS, Random, TestInput, Words, adversary, periodic, sheared,
+    DetectorVariant, ElementSeed, LEFT_OUT_WORDS, Random, SceneSeed, TestInput, adversary, periodic, sheared,
 };
 
 impl Round {
@@ -48,13 +48,13 @@ impl Round {
 #[derive(Clone, Copy)]
 struct Leaning {
     family: PeriodicSceneFamily,
-    setup: Element,
+    setup: ElementSeed,
 }
 
 impl Leaning {
     fn drawn(random: &mut Random) -> Self {
         let family = one_of(random, &sheared::FAMILIES);
-        Self { family, setup: Words::drawn(random, 0).setup }
+        Self { family, setup: SceneSeed::drawn(random, 0).setup }
     }
 }
 
@@ -106,9 +106,9 @@ fn scene(random: &mut Random, leaning: Option<Leaning>) -> TestInput {
         7 => 120 + random.below(480),
         _ => 12 + random.below(108),
     };
-    let words = Words::drawn(random, elements as usize);
+    let words = SceneSeed::drawn(random, elements as usize);
     let mut scenario = match leaning {
-        Some(Leaning { family, setup }) => (family.scene)(&Words { setup, ..words }),
+        Some(Leaning { family, setup }) => (family.scene)(&SceneSeed { setup, ..words }),
         None => straight(random, &words),
     };
     if random.below(4) == 0 {
@@ -122,13 +122,13 @@ fn scene(random: &mut Random, leaning: Option<Leaning>) -> TestInput {
 }
 
 /// Draws a scene without a triclinic cell.
-fn straight(random: &mut Random, words: &Words) -> TestInput {
+fn straight(random: &mut Random, words: &SceneSeed) -> TestInput {
     let mut scenario = match random.below(3) {
         0 => (one_of(random, &periodic::FAMILIES).scene)(words),
         _ => (one_of(random, &adversary::FAMILIES).spheres)(words).into(),
     };
     if random.below(4) == 0 {
-        let more = Words::drawn(random, words.elements.len() / 2);
+        let more = SceneSeed::drawn(random, words.elements.len() / 2);
         scenario.spheres.extend((one_of(random, &adversary::FAMILIES).spheres)(&more));
     }
     scenario

@@ -9,7 +9,7 @@ use super::faults::spoil;
 use super::{Sequence, Settings, Step};
 use crate::fuzz::draw as rounds;
 use crate::way::TargetDevice;
-use crate::{DetectorVariant, Random, SpeciesSetup, TestInput, Words, adversary, periodic, sheared};
+use crate::{DetectorVariant, Random, SceneSeed, SpeciesSetup, TestInput, adversary, periodic, sheared};
 
 /// Mask of the seed, so that a sequence is unrelated to the [round](crate::fuzz::Round) of the same seed.
 const OTHER: u64 = 0x5e90_e4ce;
@@ -130,7 +130,7 @@ fn world(random: &mut Random, variant: DetectorVariant) -> World {
 /// Draws a scene that is hard on grids.
 fn adversarial(random: &mut Random) -> TestInput {
     let elements = 5 + random.below(150) as usize;
-    let words = Words::drawn(random, elements);
+    let words = SceneSeed::drawn(random, elements);
     let family = random.below((adversary::FAMILIES.len() + periodic::FAMILIES.len()) as u32) as usize;
     match adversary::FAMILIES.get(family) {
         Some(family) => (family.spheres)(&words).into(),
