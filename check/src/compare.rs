@@ -6,7 +6,7 @@ use lazygrid_io::scenes::Scene;
 use crate::adversary::{self, TABLE_WORDS};
 use crate::way::text;
 use crate::{
-    DetectorVariant, Extent, Gpu, LEFT_OUT_WORDS, Random, SceneSeed, TestInput, difference, guarded,
+    DetectorVariant, EXCLUSION_WORDS, Extent, Gpu, Random, SceneSeed, TestInput, difference, guarded,
     periodic, scenes, sheared, shrink,
 };
 
@@ -51,9 +51,9 @@ pub fn cases(extent: Extent) -> Vec<Case> {
                 ("soup in a box", periodic::soup(&words)),
                 ("soup in a box that leans", sheared::soup(&words)),
             ] {
-                let mut words = [(); LEFT_OUT_WORDS].map(|()| random.word());
+                let mut words = [(); EXCLUSION_WORDS].map(|()| random.word());
                 words[1] = kind;
-                cases.push(case(&format!("{name}, pairs left out"), scenario.leaving_out(&words)));
+                cases.push(case(&format!("{name}, pairs left out"), scenario.with_exclusions(&words)));
             }
         }
     }

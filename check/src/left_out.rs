@@ -7,17 +7,17 @@ use lazygrid::{Error, Exclusions, Spheres};
 use crate::TestInput;
 
 /// The number of words from which the exclusions of a scene are drawn.
-pub const LEFT_OUT_WORDS: usize = 64;
+pub const EXCLUSION_WORDS: usize = 64;
 
 /// A list of excluded pairs: as the library's [`Exclusions`], and as a plain set for the oracle.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Excluded {
+pub struct ExclusionCase {
     list: Exclusions,
     /// The excluded pairs, with the smaller index first.
     pairs: BTreeSet<(u32, u32)>,
 }
 
-impl Excluded {
+impl ExclusionCase {
     /// Excludes `pairs` of `spheres` spheres. Pairs may be in either order and may repeat.
     ///
     /// # Errors
@@ -57,7 +57,7 @@ impl Excluded {
 impl TestInput {
     /// Adds exclusions drawn from `words`: groups of any size with some spheres in none, a list of pairs in either
     /// order with repetitions, or both.
-    pub fn leaving_out(self, words: &[u32; LEFT_OUT_WORDS]) -> Self {
+    pub fn with_exclusions(self, words: &[u32; EXCLUSION_WORDS]) -> Self {
         let spheres = self.spheres.len();
         let word = |k: usize| words[k % words.len()].rotate_left((k / words.len()) as u32 * 7);
         let most = [2, 5, 1 + spheres as u32 / 2][words[0] as usize % 3];
@@ -74,7 +74,7 @@ impl TestInput {
             excluded: match kind {
                 0 => None,
                 // All indices are below the number of spheres. Without spheres the list is empty.
-                _ => Excluded::new(spheres, (0..4 * spheres).map(pair)).ok(),
+                _ => ExclusionCase::new(spheres, (0..4 * spheres).map(pair)).ok(),
             },
             ..self
         }
@@ -91,7 +91,7 @@ mod tests {
     fn what_is_left_out_stays_so_for_those_kept() {
         let scenario = TestInput {
             groups: Some(vec![7, 7, Spheres::NO_GROUP, Spheres::NO_GROUP, 3]),
-            excluded: Excluded::new(5, [(4, 1), (2, 2), (1, 4), (0, 3)]).ok(),
+            excluded: ExclusionCase::new(5, [(4, 1), (2, 2), (1, 4), (0, 3)]).ok(),
             ..vec![Sphere::new([0.0; 3], 1.0); 5].into()
         };
         let pairs = |of: &[(u32, u32)]| of.iter().map(|&(i, j)| Pair { i, j }).collect::<Vec<_>>();
@@ -107,9 +107,9 @@ mod tests {
 
     #[test]
     fn every_kind_is_drawn() {
-        let mut words = [0x1234_5678; LEFT_OUT_WORDS];
-        let drawn = |words: &[u32; LEFT_OUT_WORDS], spheres| {
-            let scenario = TestInput::from(vec![Sphere::new([0.0; 3], 1.0); spheres]).leaving_out(words);
+        let mut words = [0x1234_5678; EXCLUSION_WORDS];
+        let drawn = |words: &[u32; EXCLUSION_WORDS], spheres| {
+            let scenario = TestInput::from(vec![Sphere::new([0.0; 3], 1.0); spheres]).with_exclusions(words);
             (scenario.groups.is_some(), scenario.excluded.is_some())
         };
         for (kind, expected) in [(0, (true, false)), (1, (false, true)), (2, (true, true))] {

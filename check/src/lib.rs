@@ -57,7 +57,7 @@ pub enum Extent {
 
 pub use choices::{ElementSeed, SceneSeed, SeedReader};
 pub use difference::{Tolerance, checksum, difference};
-pub use left_out::{Excluded, LEFT_OUT_WORDS};
+pub use left_out::{EXCLUSION_WORDS, ExclusionCase};
 pub use random::Random;
 pub use scenario::{SpeciesSetup, TestInput};
 pub use shrink::shrink;

@@ -1,6 +1,6 @@
 use lazygrid::{Config, InputError, Interaction, Interactions, Pair, Query, Space, Sphere, Spheres};
 
-use crate::Excluded;
+use crate::ExclusionCase;
 use crate::images::Images;
 
 /// A test input and the information that determines its pairs.
@@ -14,8 +14,8 @@ pub struct TestInput {
     pub mixture: Option<SpeciesSetup>,
     /// The group of each sphere, or [`Spheres::NO_GROUP`]. Spheres of the same group are not pairs.
     pub groups: Option<Vec<u32>>,
-    /// Excluded pairs.
-    pub excluded: Option<Excluded>,
+    /// ExclusionCase pairs.
+    pub excluded: Option<ExclusionCase>,
 }
 
 /// Species and their interactions.
@@ -115,7 +115,7 @@ impl TestInput {
     }
 
     /// Returns `true` if the pair is excluded by groups or by the list.
-    pub fn leaves_out(&self, i: usize, j: usize) -> bool {
+    pub fn excludes(&self, i: usize, j: usize) -> bool {
         let of_one_group = |groups: &Vec<u32>| groups[i] == groups[j] && groups[i] != Spheres::NO_GROUP;
         self.groups.as_ref().is_some_and(of_one_group)
             || self.excluded.as_ref().is_some_and(|excluded| excluded.has(i as u32, j as u32))
@@ -123,7 +123,7 @@ impl TestInput {
 
     /// The largest center distance at which two spheres are a pair; `None` if they never are.
     pub fn reach(&self, i: usize, j: usize) -> Option<f64> {
-        if self.leaves_out(i, j) {
+        if self.excludes(i, j) {
             return None;
         }
         let interaction = match &self.mixture {

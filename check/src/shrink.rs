@@ -101,7 +101,7 @@ mod tests {
         let words =
             std::array::from_fn(|k| if k == 1 { 2 } else { 0x9e37_79b9_u32.wrapping_mul(k as u32 + 1) });
         let spheres = cloud(3, 500, 5.0, |random| 0.5 * random.unit());
-        let scenario = TestInput::from(spheres).leaving_out(&words);
+        let scenario = TestInput::from(spheres).with_exclusions(&words);
         for ignores_groups in [true, false] {
             let complaint = |scenario: &TestInput| {
                 let mut seen = scenario.clone();

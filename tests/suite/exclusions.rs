@@ -8,7 +8,7 @@ use lazygrid::{
     Spheres,
 };
 use lazygrid_check::motion::{skin_of, walk};
-use lazygrid_check::{Excluded, LEFT_OUT_WORDS};
+use lazygrid_check::{EXCLUSION_WORDS, ExclusionCase};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{Subject, TestInput, adversary, difference, in_pool, periodic, sheared};
 use proptest::collection::vec;
@@ -28,13 +28,13 @@ fn cases() -> impl Strategy<Value = TestInput> {
         1 => sheared::soup(),
         1 => sheared::mixture(),
     ];
-    let words = vec(any::<u32>(), LEFT_OUT_WORDS).prop_map(|words| words.try_into().expect("so many"));
-    (scenarios, words).prop_map(|(scenario, words)| scenario.leaving_out(&words))
+    let words = vec(any::<u32>(), EXCLUSION_WORDS).prop_map(|words| words.try_into().expect("so many"));
+    (scenarios, words).prop_map(|(scenario, words)| scenario.with_exclusions(&words))
 }
 
 /// Checks that no excluded pair is found, and that all other pairs are.
 fn same(subject: Subject, scenario: &TestInput, found: &[Pair], expected: &[Pair]) -> Result<(), String> {
-    if let Some(pair) = found.iter().find(|pair| scenario.leaves_out(pair.i as usize, pair.j as usize)) {
+    if let Some(pair) = found.iter().find(|pair| scenario.excludes(pair.i as usize, pair.j as usize)) {
         return Err(format!("{subject}: {pair:?} is left out, and there"));
     }
     difference(scenario, found, expected, subject.tolerance()).map_err(|text| format!("{subject}: {text}"))
@@ -68,13 +68,13 @@ fn every_kind_of_result() {
     let pairs: Vec<_> = scenario.oracle().iter().step_by(3).map(|pair| (pair.j, pair.i)).collect();
     let all = scenario.oracle().len();
     let without = scenario.query();
-    let excluded = Some(Excluded::new(2000, pairs).expect("of spheres"));
+    let excluded = Some(ExclusionCase::new(2000, pairs).expect("of spheres"));
     let with = TestInput { groups: Some(groups), excluded, ..scenario.clone() };
     let (expected, query) = (with.oracle(), with.query());
     assert!(expected.len() > 30 && expected.len() < all / 2 + all / 4, "{} of {all}", expected.len());
     let most = expected.len() as u64;
     for subject in Subject::each_algorithm() {
-        // Excluded pairs do not count toward the limit.
+        // ExclusionCase pairs do not count toward the limit.
         let mut detector = Detector::new(subject.config().max_pairs(most)).expect("made");
         let found = detector.pairs(query).expect("as many as fit").to_vec();
         same(subject, &with, &found, &expected).unwrap_or_else(|text| panic!("{text}"));

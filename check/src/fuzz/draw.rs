@@ -9,7 +9,7 @@ use crate::motion::{stride, walk};
 use crate::periodic::PeriodicSceneFamily;
 use crate::way::TargetDevice;
 use crate::{
-    DetectorVariant, ElementSeed, LEFT_OUT_WORDS, Random, SceneSeed, TestInput, adversary, periodic, sheared,
+    DetectorVariant, EXCLUSION_WORDS, ElementSeed, Random, SceneSeed, TestInput, adversary, periodic, sheared,
 };
 
 impl Round {
@@ -116,7 +116,7 @@ fn scene(random: &mut Random, leaning: Option<Leaning>) -> TestInput {
         scenario = TestInput { space, ..with_species(scenario.spheres, random) };
     }
     match random.below(4) {
-        0 => scenario.leaving_out(&[(); LEFT_OUT_WORDS].map(|()| random.word())),
+        0 => scenario.with_exclusions(&[(); EXCLUSION_WORDS].map(|()| random.word())),
         _ => scenario,
     }
 }

@@ -5,7 +5,7 @@ use lazygrid::{Sphere, Spheres};
 
 use super::draw::{at_new_places, number, place, radius};
 use crate::motion::walk;
-use crate::{DetectorVariant, Excluded, Random, TestInput};
+use crate::{DetectorVariant, ExclusionCase, Random, TestInput};
 
 /// Number of earlier scenes to keep.
 const REMEMBERED: usize = 4;
@@ -171,7 +171,7 @@ impl World {
         }
         if let Some(list) = excluded {
             // All listed indices are below `n`.
-            *excluded = Excluded::new(n, list.pairs().collect::<Vec<_>>()).ok();
+            *excluded = ExclusionCase::new(n, list.pairs().collect::<Vec<_>>()).ok();
         }
     }
 
@@ -278,7 +278,7 @@ impl World {
                     _ => (0..n).map(|_| (random.below(n as u32), random.below(n as u32))).collect(),
                 };
                 pairs.retain(|_| random.below(2) == 0);
-                self.scenario.excluded = Excluded::new(n, pairs).ok();
+                self.scenario.excluded = ExclusionCase::new(n, pairs).ok();
             }
         }
         "other pairs left out"

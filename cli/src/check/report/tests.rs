@@ -1,6 +1,6 @@
 use lazygrid::{Interaction, Space, Sphere, Spheres};
 use lazygrid_check::sheared::{space, tilted};
-use lazygrid_check::{Excluded, SpeciesSetup};
+use lazygrid_check::{ExclusionCase, SpeciesSetup};
 use lazygrid_io::read::{Frames, Options, pairs};
 
 use super::*;
@@ -54,7 +54,7 @@ fn what_leans_and_what_is_left_out_is_shown() {
     let leaning = TestInput {
         space: space(tilted([Some(4.0), None, Some(0.1)], [9.0, -1.5, 1e-7])),
         groups: Some(vec![u32::MAX - 1, Spheres::NO_GROUP, 0, u32::MAX - 1]),
-        excluded: Excluded::new(4, [(3, 1), (0, 2)]).ok(),
+        excluded: ExclusionCase::new(4, [(3, 1), (0, 2)]).ok(),
         ..vec![Sphere::new([0.5; 3], 1.0); 4].into()
     };
     let directory = tempfile::tempdir().unwrap();
