@@ -10,7 +10,7 @@ use lazygrid_kernels::layout::Lengths;
 
 use crate::Random;
 use crate::device::{download, room, submit, upload, wait};
-use crate::kernels::{Fault, same};
+use crate::kernels::{KernelError, same};
 
 /// Times of several rounds, and the bytes that each round moves.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,7 +80,7 @@ impl Stopwatch {
     ///
     /// # Errors
     /// Fails if the device fails.
-    pub fn copy(&self, n: u32) -> Result<Measured, Fault> {
+    pub fn copy(&self, n: u32) -> Result<Measured, KernelError> {
         let size = u64::from(n.max(2)) * 8;
         let (from, to) = (room(&self.own, size)?, room(&self.own, size)?);
         let times = self.times(|_| (), |encoder| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, size))?;
@@ -91,7 +91,7 @@ impl Stopwatch {
     ///
     /// # Errors
     /// Fails if the device fails or the sums are wrong.
-    pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, Fault> {
+    pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let values = random(n);
         let (fresh, work) = (upload(&self.own, &values)?, room(&self.own, u64::from(n) * 4)?);
         let scan = PrefixScan::new(&self.own.device, subgroups).bind(&work, n)?;
@@ -112,7 +112,7 @@ impl Stopwatch {
     ///
     /// # Errors
     /// Fails if the device fails or the order is wrong.
-    pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, Fault> {
+    pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
         let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];
         let bytes = u64::from(n) * 4;

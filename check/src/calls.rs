@@ -8,7 +8,7 @@ use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths};
 
 use crate::device::{download, download_one, run, upload, upload_one};
-use crate::kernels::{Fault, SIZES, ordered, same, variants};
+use crate::kernels::{KernelError, SIZES, ordered, same, variants};
 use crate::{Random, SceneSeed, TestInput, adversary, periodic};
 
 /// Checks that all accumulated values are cleared, and that the number of spheres is the given one, limited to the
@@ -16,7 +16,7 @@ use crate::{Random, SceneSeed, TestInput, adversary, periodic};
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
         let call = upload(own, &[Call { spheres: most, ..Call::zeroed() }])?;
         let source = upload(own, &[given])?;
@@ -59,7 +59,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     let lengths = [
         [Some(1.0_f32), Some(0.1), Some(3.3)],
         [None, Some(f32::MAX), Some(1.0 / 3.0)],
@@ -107,7 +107,7 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
     for size in SIZES {
         let mut spheres = adversary::soup(&SceneSeed::drawn(&mut Random(size as u64), size));
@@ -160,7 +160,7 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), KernelError> {
     let room = 5000;
     for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
         let call = upload(own, &[Call { entry_capacity: room, ..Call::zeroed() }])?;
@@ -186,7 +186,7 @@ pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 65_535 * k::CROWDED_TILES;
     let blocks = [1, 5, 4096, 65_535, 65_536, most];
     let tiles = [1, k::CROWDED_TILES + 1, 65_535, 131_071, 196_606, 262_141, 1_000_003, most];
@@ -220,7 +220,7 @@ pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         more_than_a_word_of_pairs(own, variant)?;
         for (size, window, room) in [
@@ -275,7 +275,7 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
 }
 
 /// Checks that the count of pairs continues beyond 32 bits.
-fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Fault> {
+fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
     let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); 600];
     let call =
         Call { spheres: 600, pair_capacity: 16, search_groups: 64, window_end: u32::MAX, ..Call::zeroed() };
@@ -294,7 +294,7 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Fa
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
     let room = 40_000_000_u32;
     for (low, high) in
         [(0_u32, 0_u32), (1, 0), (256, 0), (257, 0), (16_776_961, 0), (room, 0), (room + 1, 0), (3, 2)]

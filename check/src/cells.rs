@@ -8,7 +8,7 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Lengths, List, Survey};
 
 use crate::device::{download, download_one, run, upload, upload_one};
-use crate::kernels::{Fault, same};
+use crate::kernels::{KernelError, same};
 use crate::list::surveyed;
 use crate::{Random, TestInput, periodic};
 
@@ -68,7 +68,7 @@ impl Case {
     ///
     /// # Errors
     /// Fails if the device fails.
-    pub(crate) fn choose(self, own: &GpuDevice) -> Result<Chosen, Fault> {
+    pub(crate) fn choose(self, own: &GpuDevice) -> Result<Chosen, KernelError> {
         self.choose_for(own, scene(self.spheres))
     }
 
@@ -76,7 +76,7 @@ impl Case {
     ///
     /// # Errors
     /// Fails if the device fails.
-    pub(crate) fn choose_for(self, own: &GpuDevice, spheres: Vec<Sphere>) -> Result<Chosen, Fault> {
+    pub(crate) fn choose_for(self, own: &GpuDevice, spheres: Vec<Sphere>) -> Result<Chosen, KernelError> {
         let tau = if self.is_dense { TAU } else { u32::MAX };
         let before =
             Outcome { densest: TAU + 1, crowded: 7, found_lo: 7, dispatch_z: 1, ..Outcome::zeroed() };
@@ -92,7 +92,7 @@ impl Case {
         own: &GpuDevice,
         spheres: Vec<Sphere>,
         (tau, before): (u32, Outcome),
-    ) -> Result<Chosen, Fault> {
+    ) -> Result<Chosen, KernelError> {
         let space = periodic::space(self.lengths);
         let call = Call {
             spheres: self.spheres,
@@ -224,7 +224,7 @@ impl Chosen {
         case: impl FnOnce() -> String,
         found: &T,
         expected: impl Fn(bool) -> T,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), KernelError> {
         let fused = expected(true);
         if *found == fused { Ok(()) } else { same(case, found, &expected(false)) }
     }

@@ -106,7 +106,7 @@ pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
 
 /// A failing case, shrunk as far as possible.
 #[derive(Clone, Debug)]
-pub struct Failure {
+pub struct FailedCase {
     /// The name of the scene and the detector variant.
     pub name: String,
     /// A description of the failure.
@@ -173,12 +173,12 @@ impl Case {
         gpu: Option<&Gpu>,
         what: String,
         tries: usize,
-    ) -> Failure {
+    ) -> FailedCase {
         let failing =
             |smaller: &TestInput| judge(smaller, variant, |scenario| variant.pairs(gpu, scenario)).err();
         let (scenario, what) = shrink(self.scenario.clone(), what, tries, failing);
         let name = format!("{}: {variant}", self.name);
-        Failure { name, what, scenario: Some(scenario), options: variant.options(gpu) }
+        FailedCase { name, what, scenario: Some(scenario), options: variant.options(gpu) }
     }
 }
 

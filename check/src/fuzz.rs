@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use lazygrid::Error::TooManyPairs;
 use lazygrid::{Config, Detector, Order, Pair};
 
-use crate::compare::Failure;
+use crate::compare::FailedCase;
 use crate::motion::skin_of;
 use crate::way::text;
 use crate::{DetectorVariant, Gpu, TestInput, Tolerance, difference, guarded, shrink};
@@ -43,7 +43,7 @@ enum Answer {
 impl Round {
     /// Runs the round with a new detector. Returns a failure, if any, with as few calls and spheres as show it. `tries`
     /// limits the attempts of [`shrink`].
-    pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<Failure> {
+    pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<FailedCase> {
         let variant = self.variant;
         self.check_with(tries, |round| guarded(|| round.run(gpu))).map(|(round, what)| {
             let is_plain = round.calls.len() == 1 && round.calls[0].1.mixture.is_none();
@@ -52,7 +52,7 @@ impl Round {
                 (true, Some(call)) => variant.options(gpu) + &round.detect_options(call),
                 _ => String::new(),
             };
-            Failure { name: round.to_string(), what, scenario, options }
+            FailedCase { name: round.to_string(), what, scenario, options }
         })
     }
 
@@ -241,7 +241,7 @@ mod tests {
                     Call::Stream { .. } => 3,
                 }] += 1;
             }
-            if let Some(Failure { name, what, .. }) = round.check(None, 100) {
+            if let Some(FailedCase { name, what, .. }) = round.check(None, 100) {
                 panic!("{name}: {what}");
             }
         }

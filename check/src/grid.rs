@@ -8,7 +8,7 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Bounds, Call, Grid};
 
 use crate::device::{download_one, run, upload, upload_one};
-use crate::kernels::{Fault, ordered, same};
+use crate::kernels::{KernelError, ordered, same};
 use crate::{Random, periodic};
 
 /// Number of bits of a sort key.
@@ -46,7 +46,7 @@ fn bounds(spheres: &[Sphere]) -> Bounds {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
     let spaces = [[None; 3], [Some(20.0), None, Some(1e3)], [Some(3.0); 3]];
     for (count, lengths) in [1, 200, 256].into_iter().flat_map(|count| spaces.map(|space| (count, space))) {
         for radii in [&[0.5_f32][..], &[0.5, 0.01]] {
@@ -75,7 +75,9 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), Fault> {
                     None => open_axis(&grid, (axis, width), &spheres),
                     Some(length) => ring(&grid, (axis, width), length),
                 };
-                sound.map_err(|text| Fault::Wrong(case(&format!("axis {axis}, {text}, {grid:?}"))))?;
+                sound.map_err(|text| {
+                    KernelError::WrongResult(case(&format!("axis {axis}, {text}, {grid:?}")))
+                })?;
             }
             let bits = grid.levels[0].bits;
             let fewest = (0..3).all(|axis| wanted_bits(&grid, axis) == bits[axis]);

@@ -9,14 +9,14 @@ use lazygrid_kernels::layout::{Call, Lengths, Pass, Survey};
 
 use crate::cells::{Case, Chosen, LISTED, ROOM, TAU, cases, level_of, numbers};
 use crate::device::{download, run, upload, upload_one};
-use crate::kernels::{Fault, same};
+use crate::kernels::{KernelError, same};
 
 /// Checks that cells are as large as the spheres assigned to them, fit the table, and hold touching spheres in adjacent
 /// cells.
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
         let Chosen { list, scenario, outcome, .. } = &chosen;
@@ -46,7 +46,7 @@ pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), Fault> {
 
 /// Checks crowds of which a call samples one sphere each: a first call looks again, and a later one uses the occupancy
 /// of the call before.
-fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), Fault> {
+fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
     const SPHERES: u32 = 20_000;
     let sphere = |k: u32| {
         let crowd = (256 * k + SPHERES / 2) / SPHERES;
@@ -66,7 +66,7 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), Fault> {
 }
 
 /// Checks the capacity, cell sizes and table offsets of the levels.
-fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), Fault> {
+fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), KernelError> {
     let Chosen { list, scenario, .. } = chosen;
     let mut base = 0;
     for (level, own) in list.level.iter().enumerate() {
@@ -106,7 +106,7 @@ fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), Fault> {
 }
 
 /// Checks that touching spheres are in adjacent cells of each level that both may be assigned to.
-fn neighbours_are_near(chosen: &Chosen, case: Case) -> Result<(), Fault> {
+fn neighbours_are_near(chosen: &Chosen, case: Case) -> Result<(), KernelError> {
     let Chosen { list, scenario, .. } = chosen;
     let step = scenario.spheres.len().div_ceil(500);
     let valid = scenario.only(|k| scenario.spheres[k].is_valid() && k.is_multiple_of(step));
@@ -139,7 +139,7 @@ fn neighbours_are_near(chosen: &Chosen, case: Case) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn density_count(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn density_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
         let Chosen { call, scenario, list, variant, .. } = &chosen;
@@ -158,7 +158,7 @@ pub(crate) fn density_count(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
         let Chosen { call, scenario, list, variant, .. } = &chosen;
@@ -210,7 +210,7 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
         let Chosen { call, scenario, list, variant, .. } = &chosen;

@@ -14,10 +14,10 @@ pub(crate) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
 
 /// The failure of a check.
 #[derive(Clone, Debug, Error, PartialEq)]
-pub enum Fault {
+pub enum KernelError {
     /// A result differs from the expected one.
     #[error("{0}")]
-    Wrong(String),
+    WrongResult(String),
     /// The device failed.
     #[error(transparent)]
     Device(#[from] Error),
@@ -39,7 +39,7 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 }
 
 /// A check function.
-pub type Run = fn(&GpuDevice, Extent) -> Result<(), Fault>;
+pub type Run = fn(&GpuDevice, Extent) -> Result<(), KernelError>;
 
 /// All checks, in the order in which a call runs the kernels.
 pub const CHECKS: [KernelCheck; 34] = [
@@ -107,7 +107,7 @@ pub(crate) fn same<T: PartialEq + Debug>(
     case: impl FnOnce() -> String,
     found: &T,
     expected: &T,
-) -> Result<(), Fault> {
+) -> Result<(), KernelError> {
     if found == expected {
         return Ok(());
     }
@@ -118,7 +118,7 @@ pub(crate) fn same<T: PartialEq + Debug>(
             None => text,
         }
     };
-    Err(Fault::Wrong(format!("{}: {} instead of {}", case(), short(found), short(expected))))
+    Err(KernelError::WrongResult(format!("{}: {} instead of {}", case(), short(found), short(expected))))
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Lengths, List, Outcome, Survey};
 
 use crate::device::{download, run, upload, upload_one};
-use crate::kernels::{Fault, SIZES, ordered, same};
+use crate::kernels::{KernelError, SIZES, ordered, same};
 use crate::{Random, SceneSeed, adversary};
 
 /// Checks that any number of workgroups finds the bounds, size classes and number of invalid spheres, and clears the
@@ -16,7 +16,7 @@ use crate::{Random, SceneSeed, adversary};
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, groups) in SIZES.into_iter().flat_map(|size| [1, 3].map(|groups| (size, groups))) {
         let mut spheres = adversary::any_floats(&SceneSeed::drawn(&mut Random(size as u64), size));
         spheres.iter_mut().step_by(100).for_each(|sphere| sphere.center.y = f32::NAN);
@@ -59,7 +59,7 @@ pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, periodic) in [0, 1, 300, 2048].into_iter().flat_map(|size| [(size, false), (size, true)]) {
         let mut random = Random(size as u64);
         let mut coordinate = || random.unit() * 20.0 - 10.0;
@@ -103,7 +103,7 @@ fn begun(
     given: [(&'static str, &wgpu::Buffer); 3],
     periodic: bool,
     kernels: &[(&'static k::Kernel, u32)],
-) -> Result<Begun, Fault> {
+) -> Result<Begun, KernelError> {
     let (survey, list) = (upload(own, &[Survey::zeroed()])?, upload_one(own, &List::zeroed())?);
     let (outcome, lengths) = (upload(own, &[Outcome::default()])?, upload(own, &[Lengths::zeroed()])?);
     let (starts, density) = (upload(own, &[7_u32; CELLS as usize + 2])?, upload(own, &[0_u32; 4])?);
@@ -161,7 +161,7 @@ pub(crate) fn surveyed(spheres: &[Sphere], flushes: bool) -> Survey {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), KernelError> {
     let sizes = [(0, 10), (1, 1), (300, 5000), (20_000, 9000), (20_000, 3), (70_000, 4096), (70_000, 1)];
     for (spheres, cells) in sizes {
         let mut random = Random(spheres as u64);
@@ -185,7 +185,7 @@ pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn spheres_place(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn spheres_place(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         let mut random = Random(size as u64);
         let spheres = adversary::any_floats(&SceneSeed::drawn(&mut random, size));
@@ -237,7 +237,7 @@ fn gathered(
     own: &GpuDevice,
     sorted: &wgpu::Buffer,
     (spheres, order): (&[Sphere], &[u32]),
-) -> Result<(), Fault> {
+) -> Result<(), KernelError> {
     let bits = |sphere: &Sphere| bytemuck::cast::<Sphere, [u32; 4]>(*sphere);
     let expected: Vec<[u32; 4]> = order.iter().map(|&at| bits(&spheres[at as usize])).collect();
     let found = download::<[u32; 4]>(own, sorted, order.len())?;

@@ -12,7 +12,7 @@ use lazygrid_kernels::layout::{Bounds, Call, Grid, Level};
 
 use crate::Random;
 use crate::device::{download, download_one, run, upload, upload_one};
-use crate::kernels::{Fault, SIZES, same, variants};
+use crate::kernels::{KernelError, SIZES, same, variants};
 
 const HAS_OWN: u32 = 1 << 31;
 const SLOTS: u32 = 4096;
@@ -160,7 +160,7 @@ fn table(own: &GpuDevice) -> Result<wgpu::Buffer, Error> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn density_clear(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn density_clear(own: &GpuDevice) -> Result<(), KernelError> {
     for slots in [1_u32, 256, 512, 8192] {
         for refinement in [1, 2] {
             let call = upload(own, &[Call { density_slots: slots, ..call(refinement, 0) }])?;
@@ -181,7 +181,7 @@ pub(crate) fn density_clear(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for refinement in [0, 1, 2] {
             let mut spheres = spheres(size);
@@ -228,7 +228,7 @@ pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn levels_refine(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn levels_refine(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for tau in [0, 3, 400, u32::MAX] {
             let cells: Vec<Cells> = spheres(size).iter().map(cells_plain).collect();
@@ -261,7 +261,7 @@ pub(crate) fn levels_refine(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), KernelError> {
     let mut random = Random(5);
     for key_bits in [16_u32, 24, 32] {
         for depths in [1_u32, 0b11, 0b1_0001, 1 << 31 | 1, u32::MAX, 0x0010_8002] {
@@ -343,7 +343,7 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for (size, (refinement, tau)) in SIZES.into_iter().flat_map(|size| {
             [(1, 0), (2, 0), (2, 3), (2, 400), (2, u32::MAX)].map(|settings| (size, settings))

@@ -6,7 +6,7 @@ use lazygrid_kernels::layout::Lengths;
 
 use crate::Random;
 use crate::device::{download, run, submit, upload};
-use crate::kernels::{Fault, same, variants};
+use crate::kernels::{KernelError, same, variants};
 
 /// Numbers of values: around a workgroup, around a tile, and many tiles.
 pub const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 300_000];
@@ -27,7 +27,7 @@ fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub fn scan(own: &GpuDevice, size: usize) -> Result<(), Fault> {
+pub fn scan(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let scan = PrefixScan::new(&own.device, subgroups);
         let mut random = Random(size as u64);
@@ -50,7 +50,7 @@ pub fn scan(own: &GpuDevice, size: usize) -> Result<(), Fault> {
 }
 
 /// Checks the scan of few values by one workgroup, with and without subgroup operations.
-pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for size in [0, 1, 255, 256, 257, 30_002, SCANNED_AT_ONCE as usize] {
             let mut random = Random(size as u64);
@@ -66,7 +66,7 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-fn sort_one(own: &GpuDevice, sort: &RadixSort, keys: &[u32], bits: u32) -> Result<(), Fault> {
+fn sort_one(own: &GpuDevice, sort: &RadixSort, keys: &[u32], bits: u32) -> Result<(), KernelError> {
     let count = keys.len();
     let payload: Vec<u32> = (0..count as u32).collect();
     let input = Keyed { keys: upload(own, keys)?, payload: upload(own, &payload)? };
@@ -99,7 +99,7 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub fn sort(own: &GpuDevice, size: usize) -> Result<(), Fault> {
+pub fn sort(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let sort = RadixSort::new(&own.device, subgroups);
         let [random, others @ ..] = keys_of_each_kind(size);

@@ -8,7 +8,7 @@ use lazygrid_kernels::layout::{Call, Grid, Lengths};
 
 use crate::Random;
 use crate::device::{download, run, run_over, upload, upload_one};
-use crate::kernels::{Fault, same};
+use crate::kernels::{KernelError, same};
 
 /// Capacity of the pair buffer.
 const ROOM: u32 = 1 << 21;
@@ -31,7 +31,7 @@ struct Runs {
 
 impl Runs {
     /// Gives each sphere one entry, in its first cell on all axes.
-    fn of(own: &GpuDevice, spheres: &[Sphere], (keys, passive): (&[u32], u32)) -> Result<Self, Fault> {
+    fn of(own: &GpuDevice, spheres: &[Sphere], (keys, passive): (&[u32], u32)) -> Result<Self, KernelError> {
         let count = keys.len() as u32;
         let call = Call {
             pair_capacity: ROOM,
@@ -70,11 +70,11 @@ impl Runs {
         ]
     }
 
-    fn search(&self, own: &GpuDevice) -> Result<(), Fault> {
+    fn search(&self, own: &GpuDevice) -> Result<(), KernelError> {
         Ok(run(own, &k::RUNS_SEARCH, Variant::default(), self.groups, &self.bound())?)
     }
 
-    fn search_crowded(&self, own: &GpuDevice, variant: Variant) -> Result<(), Fault> {
+    fn search_crowded(&self, own: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
         let dispatch = upload(own, &[0_u32; 4])?;
         let bound = [("call", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
         run(own, &k::CROWDED_OPEN, variant, 1, &bound)?;
@@ -83,7 +83,7 @@ impl Runs {
     }
 
     /// The pairs found so far, sorted.
-    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, Fault> {
+    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, KernelError> {
         let found = download::<Outcome>(own, &self.outcome, 1)?[0].found();
         let mut pairs = download::<Pair>(own, &self.pairs, found as usize)?;
         pairs.sort_unstable();
@@ -96,7 +96,7 @@ impl Runs {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), KernelError> {
     for (actives, passives, passive) in
         [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]
     {
@@ -123,7 +123,7 @@ pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn crowded_search(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn crowded_search(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in crate::kernels::variants(own) {
         for lengths in [&[257_u32][..], &[258, 3, 258], &[1, 900, 40, 600, 7], &[2300]] {
             let keys: Vec<u32> =

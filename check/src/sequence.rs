@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 
 use lazygrid::{Config, Detector, Interaction, Interactions, Order, Skin, Space};
 
-use crate::compare::Failure;
+use crate::compare::FailedCase;
 use crate::way::{TargetDevice, text};
 use crate::{DetectorVariant, Gpu, TestInput, guarded};
 
@@ -87,14 +87,14 @@ impl Sequence {
 
     /// Runs the sequence with a new detector. Returns a failure, if any, with as few calls and spheres as show it,
     /// found in at most `tries` further runs.
-    pub fn check(self, gpu: Option<&Gpu>, tries: usize, tally: &mut Tally) -> Option<Failure> {
+    pub fn check(self, gpu: Option<&Gpu>, tries: usize, tally: &mut Tally) -> Option<FailedCase> {
         let first = self.run_guarded(gpu, tally);
         tally.sequences += 1;
         let wrong = first.err()?;
         let again = |sequence: &Self| sequence.run_guarded(gpu, &mut Tally::default());
         let (sequence, (_, what)) = reduce::reduce(self, wrong, tries, again);
         let scenario = sequence.steps.last().map(|step| step.scenario.clone());
-        Some(Failure { name: sequence.to_string(), what, scenario, options: String::new() })
+        Some(FailedCase { name: sequence.to_string(), what, scenario, options: String::new() })
     }
 
     fn run_guarded(&self, gpu: Option<&Gpu>, tally: &mut Tally) -> Result<(), Wrong> {

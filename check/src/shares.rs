@@ -8,7 +8,7 @@ use lazygrid_kernels::layout::Call;
 
 use crate::cells::{Case, Chosen, cases};
 use crate::device::{download, run, run_over, upload, upload_one};
-use crate::kernels::{Fault, same};
+use crate::kernels::{KernelError, same};
 use crate::{Tolerance, difference};
 
 /// The buffers that the searches of one call share.
@@ -26,7 +26,7 @@ struct Searched {
 
 impl Searched {
     /// Sorts the spheres of a call into cells.
-    fn of(own: &GpuDevice, chosen: &Chosen) -> Result<Self, Fault> {
+    fn of(own: &GpuDevice, chosen: &Chosen) -> Result<Self, KernelError> {
         let Chosen { call, scenario, list, .. } = chosen;
         let (homes, _) = chosen.homes(&chosen.density(false), false);
         let mut order: Vec<u32> = (0..call.spheres).collect();
@@ -66,23 +66,23 @@ impl Searched {
         ]
     }
 
-    fn outcome(&self, own: &GpuDevice) -> Result<Outcome, Fault> {
+    fn outcome(&self, own: &GpuDevice) -> Result<Outcome, KernelError> {
         Ok(download::<Outcome>(own, &self.outcome, 1)?[0])
     }
 
     /// The written pairs. The buffer is large enough for all pairs.
-    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, Fault> {
+    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, KernelError> {
         Ok(download::<Pair>(own, &self.pairs, self.outcome(own)?.found() as usize)?)
     }
 
     /// Searches the first candidates of each sphere.
-    fn first_shares(&self, own: &GpuDevice, chosen: &Chosen) -> Result<(), Fault> {
+    fn first_shares(&self, own: &GpuDevice, chosen: &Chosen) -> Result<(), KernelError> {
         let groups = chosen.call.spheres.div_ceil(k::GROUP);
         Ok(run(own, &k::LIST_SEARCH, chosen.variant, groups, &self.bound())?)
     }
 
     /// Computes the dispatch arguments of the next part of the further candidates and searches it.
-    fn next_part(&self, own: &GpuDevice, chosen: &Chosen) -> Result<(), Fault> {
+    fn next_part(&self, own: &GpuDevice, chosen: &Chosen) -> Result<(), KernelError> {
         let dispatch = upload(own, &[0_u32; 4])?;
         let bound = [("call", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
         run(own, &k::SHARES_OPEN, chosen.variant, 1, &bound)?;
@@ -95,7 +95,7 @@ impl Searched {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         // In a small box nearly all spheres are pairs.
         let case = Case { spheres: case.spheres.min(1500), ..case };
@@ -121,7 +121,7 @@ pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), Fault> {
                 .map(|pair| Pair { i: renumbered(pair.i), j: renumbered(pair.j) })
                 .collect();
             difference(&scenario, &found, &expected, Tolerance::Tangent)
-                .map_err(|text| Fault::Wrong(format!("{text}, {parts} parts, {case:?}")))?;
+                .map_err(|text| KernelError::WrongResult(format!("{text}, {parts} parts, {case:?}")))?;
         }
     }
     Ok(())
@@ -132,7 +132,7 @@ pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn list_search(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn list_search(own: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
         let case = Case { spheres: count, lengths: [None; 3], is_dense: false };
         let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
@@ -161,7 +161,7 @@ pub(crate) fn list_search(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn shares_open(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn shares_open(own: &GpuDevice) -> Result<(), KernelError> {
     let blocks = [1, 5, 4096, 65_535, 65_536, 1_000_000];
     for (blocks, shares) in
         blocks.into_iter().flat_map(|blocks| [1, 7, 50_000].map(|shares| (blocks, shares)))

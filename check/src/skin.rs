@@ -7,7 +7,7 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Skin};
 
 use crate::device::{download, run, run_over, upload};
-use crate::kernels::{Fault, SIZES, same};
+use crate::kernels::{KernelError, SIZES, same};
 use crate::{Random, periodic};
 
 /// A skin of 0.5, whose whole half is the displacement limit.
@@ -47,7 +47,7 @@ fn call(spheres: usize, space: Space) -> (Call, Variant) {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn skin_measure(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn skin_measure(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, lengths) in SIZES.into_iter().flat_map(|size| SPACES.map(|lengths| (size, lengths))) {
         let space = periodic::space(lengths);
         let then = spheres(size, 1);
@@ -105,7 +105,7 @@ pub(crate) fn skin_measure(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), KernelError> {
     let kept = SkinState {
         is_complete: 1,
         spheres: 10,
@@ -164,7 +164,7 @@ pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, rebuilt) in
         SIZES.into_iter().flat_map(|size| [0, SkinState::MOVED].map(|rebuilt| (size, rebuilt)))
     {
@@ -188,7 +188,7 @@ pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn candidates_open(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn candidates_open(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 40_000_000;
     let entries = Outcome::ENTRIES;
     for (low, high, overflow, given) in [
@@ -244,7 +244,7 @@ pub(crate) fn candidates_open(own: &GpuDevice) -> Result<(), Fault> {
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
-pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), Fault> {
+pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
     for (lengths, (window, room)) in SPACES.into_iter().flat_map(|lengths| {
         [(0..u32::MAX, 1 << 16), (100..200, 1 << 16), (0..u32::MAX, 50)].map(|limits| (lengths, limits))
     }) {

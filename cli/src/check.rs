@@ -8,7 +8,7 @@ use std::time::{Instant, SystemTime};
 use indicatif::ProgressBar;
 use lazygrid::Error;
 use lazygrid::gpu::GpuDevice;
-use lazygrid_check::compare::{self, Case, Failure as Fault, Pace};
+use lazygrid_check::compare::{self, Case, FailedCase, Pace};
 use lazygrid_check::fuzz::Round;
 use lazygrid_check::kernels::CHECKS;
 use lazygrid_check::sequence::{Sequence, Tally};
@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Check) -> Result<(), Failure> {
         Ok(done) => done?,
         Err(what) => {
             let name = "the check itself".to_owned();
-            report.failure(Fault { name, what, scenario: None, options: String::new() })?;
+            report.failure(FailedCase { name, what, scenario: None, options: String::new() })?;
         }
     }
     report.finish()
@@ -150,7 +150,9 @@ impl Work<'_> {
                 guarded(|| (check.run)(&gpu.own, self.args.extent()).map_err(|fault| fault.to_string()));
             if let Err(what) = checked {
                 let name = format!("{} ({})", check.name, check.kernels.join(", "));
-                self.tell(|| report.failure(Fault { name, what, scenario: None, options: String::new() }))?;
+                self.tell(|| {
+                    report.failure(FailedCase { name, what, scenario: None, options: String::new() })
+                })?;
             }
         }
         let kernels = CHECKS.iter().map(|check| check.kernels.len()).sum();
@@ -175,7 +177,9 @@ impl Work<'_> {
                 Ok(expected) => expected,
                 Err(what) => {
                     let (name, scenario) = (format!("{}: reference", case.name), Some(case.scenario.clone()));
-                    self.tell(|| report.failure(Fault { name, what, scenario, options: String::new() }))?;
+                    self.tell(|| {
+                        report.failure(FailedCase { name, what, scenario, options: String::new() })
+                    })?;
                     continue;
                 }
             };

@@ -9,7 +9,7 @@ fn sequences_on_the_cpu_are_right() {
             Sequence::drawn(seed, true, false).to_string(),
             Sequence::drawn(seed, true, false).to_string()
         );
-        if let Some(Failure { name, what, .. }) =
+        if let Some(FailedCase { name, what, .. }) =
             Sequence::drawn(seed, true, false).check(None, 300, &mut tally)
         {
             panic!("{name}: {what}");

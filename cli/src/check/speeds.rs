@@ -2,8 +2,8 @@ use std::time::Instant;
 
 use lazygrid::{Algorithm, Backend, Sphere};
 use lazygrid_check::bandwidth::{Measured, Stopwatch};
-use lazygrid_check::compare::Failure as Fault;
-use lazygrid_check::kernels::Fault as Wrong;
+use lazygrid_check::compare::FailedCase;
+use lazygrid_check::kernels::KernelError;
 use lazygrid_check::speed::{self, FULL, Speed, Untimed, forecast};
 use lazygrid_check::{Extent, Gpu, guarded};
 use lazygrid_io::scenes::Scene;
@@ -43,7 +43,7 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Fai
     let watch = Stopwatch::new(gpu.own.clone(), ROUNDS);
     let measured = guarded(|| {
         let watch = watch.map_err(|error| error.to_string())?;
-        let text = |fault: Wrong| fault.to_string();
+        let text = |fault: KernelError| fault.to_string();
         let mut rows = Vec::new();
         let mut seconds = 0.0;
         let sizes: &[u32] = if work.args.quick { &[100_000] } else { &[1_000_000, 10_000_000] };
@@ -72,7 +72,7 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Fai
         Ok((own_clock, rows)) => work.tell(|| report.primitives(own_clock, rows)),
         Err(what) => {
             let name = "copy, scan and sort by the clock".to_owned();
-            work.tell(|| report.failure(Fault { name, what, scenario: None, options: String::new() }))
+            work.tell(|| report.failure(FailedCase { name, what, scenario: None, options: String::new() }))
         }
     }
 }
@@ -166,7 +166,7 @@ impl<'a> Race<'a> {
             Err(Untimed::Failed(what)) => {
                 runner.is_out = true;
                 let name = format!("{algorithm} on {}, {n} spheres, {scene}", self.backend);
-                let fault = Fault { name, what, scenario: None, options: String::new() };
+                let fault = FailedCase { name, what, scenario: None, options: String::new() };
                 self.work.tell(|| report.failure(fault))
             }
         }
