@@ -6,7 +6,7 @@ use lazygrid_io::scenes::Scene;
 use crate::adversary::{self, TABLE_WORDS};
 use crate::way::text;
 use crate::{
-    DetectorVariant, EXCLUSION_WORDS, Extent, Gpu, Random, SceneSeed, TestInput, difference, guarded,
+    DetectorVariant, EXCLUSION_WORDS, Effort, Gpu, Random, SceneSeed, TestInput, difference, guarded,
     periodic, scenes, sheared, shrink,
 };
 
@@ -22,13 +22,13 @@ pub struct Case {
     pub scenario: TestInput,
 }
 
-/// All scenes of an extent. Each call returns the same ones.
-pub fn cases(extent: Extent) -> Vec<Case> {
+/// All scenes of an effort. Each call returns the same ones.
+pub fn cases(effort: Effort) -> Vec<Case> {
     let case = |name: &str, scenario: TestInput| Case { name: name.to_owned(), scenario };
     let mut cases: Vec<Case> =
         scenes::scenes().into_iter().map(|(name, spheres)| case(name, spheres.into())).collect();
     let mut random = Random(1);
-    let rounds = if extent == Extent::Full { 20 } else { 1 };
+    let rounds = if effort == Effort::Full { 20 } else { 1 };
     for _ in 0..rounds {
         for family in adversary::FAMILIES {
             let spheres = (family.spheres)(&SceneSeed::drawn(&mut random, 200));
@@ -57,10 +57,10 @@ pub fn cases(extent: Extent) -> Vec<Case> {
             }
         }
     }
-    let sizes: &[usize] = match extent {
-        Extent::Quick => &[5000],
-        Extent::Usual => &[10_000],
-        Extent::Full => &[20_000, 1_000_000],
+    let sizes: &[usize] = match effort {
+        Effort::Quick => &[5000],
+        Effort::Default => &[10_000],
+        Effort::Full => &[20_000, 1_000_000],
     };
     for &n in sizes {
         for scene in Scene::ALL.into_iter().filter(|scene| *scene != Scene::Point) {
@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn cases_are_the_same_at_any_time_and_valid() {
-        let (once, again) = (cases(Extent::Quick), cases(Extent::Quick));
+        let (once, again) = (cases(Effort::Quick), cases(Effort::Quick));
         assert!(once.iter().zip(&again).all(|(a, b)| a.scenario == b.scenario));
         for Case { name, scenario } in once {
             let valid = |s: &Sphere| s.center.is_finite() && s.radius.is_finite() && s.radius >= 0.0;

@@ -7,7 +7,7 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel::Variant;
 use thiserror::Error;
 
-use crate::{Extent, calls, grid, homes, list, nested, primitives, runs, shares, skin};
+use crate::{Effort, calls, grid, homes, list, nested, primitives, runs, shares, skin};
 
 /// Numbers of spheres: around the size of a workgroup, and many workgroups.
 pub(crate) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
@@ -39,7 +39,7 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 }
 
 /// A check function.
-pub type Run = fn(&GpuDevice, Extent) -> Result<(), KernelError>;
+pub type Run = fn(&GpuDevice, Effort) -> Result<(), KernelError>;
 
 /// All checks, in the order in which a call runs the kernels.
 pub const CHECKS: [KernelCheck; 34] = [
@@ -53,12 +53,12 @@ pub const CHECKS: [KernelCheck; 34] = [
     one("keys of levels", &["levels_settle"], |own, _| nested::levels_settle(own)),
     one("entries", &["entries_emit"], |own, _| nested::entries_emit(own)),
     one("number of entries", &["entries_close"], |own, _| calls::entries_close(own)),
-    one("prefix scan", &["scan_reduce", "scan_spine", "scan_spread"], |own, extent| {
-        sizes(extent).try_for_each(|size| primitives::scan(own, size))
+    one("prefix scan", &["scan_reduce", "scan_spine", "scan_spread"], |own, effort| {
+        sizes(effort).try_for_each(|size| primitives::scan(own, size))
     }),
     one("prefix scan of few values", &["scan_once"], |own, _| primitives::scan_once(own)),
-    one("radix sort", &["radix_count", "radix_scan", "radix_scatter"], |own, extent| {
-        sizes(extent).try_for_each(|size| primitives::sort(own, size))
+    one("radix sort", &["radix_count", "radix_scan", "radix_scatter"], |own, effort| {
+        sizes(effort).try_for_each(|size| primitives::sort(own, size))
     }),
     one("sizes and bounds", &["spheres_survey"], |own, _| list::spheres_survey(own)),
     one("cells of a list", &["list_configure"], |own, _| homes::list_configure(own)),
@@ -83,9 +83,9 @@ pub const CHECKS: [KernelCheck; 34] = [
     one("outcome", &["outcome_finish"], |own, _| calls::outcome_finish(own)),
 ];
 
-fn sizes(extent: Extent) -> impl Iterator<Item = usize> {
-    let most = if extent == Extent::Quick { 5000 } else { usize::MAX };
-    let large = (extent == Extent::Full).then_some(1 << 24);
+fn sizes(effort: Effort) -> impl Iterator<Item = usize> {
+    let most = if effort == Effort::Quick { 5000 } else { usize::MAX };
+    let large = (effort == Effort::Full).then_some(1 << 24);
     primitives::SIZES.into_iter().filter(move |size| *size < most).chain(large)
 }
 

@@ -46,11 +46,11 @@ mod way;
 
 /// The effort of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Extent {
+pub enum Effort {
     /// Small scenes and sizes only: takes seconds.
     Quick,
     /// About a minute, also on a software adapter.
-    Usual,
+    Default,
     /// More and larger scenes and sizes: up to an hour on a software adapter.
     Full,
 }

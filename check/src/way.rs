@@ -6,7 +6,7 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Simd, Skin};
 
 use crate::device::PATIENCE;
 use crate::motion::{skin_of, walk};
-use crate::{Extent, TestInput, Tolerance};
+use crate::{Effort, TestInput, Tolerance};
 
 /// The GPU under test.
 #[derive(Clone, Debug)]
@@ -66,9 +66,9 @@ impl DetectorVariant {
     }
 
     /// Each GPU algorithm with and without subgroup operations and with τ = 1, and a cell list that keeps its
-    /// candidates. A [quick](Extent::Quick) check uses the default settings of each algorithm only, and the cell list
+    /// candidates. A [quick](Effort::Quick) check uses the default settings of each algorithm only, and the cell list
     /// with candidates.
-    pub fn on_gpu(own: &GpuDevice, extent: Extent) -> Vec<Self> {
+    pub fn on_gpu(own: &GpuDevice, effort: Effort) -> Vec<Self> {
         let with = |subgroups, tau| {
             let variant =
                 move |algorithm| Self { tau, ..Self::new(algorithm, TargetDevice::Gpu { subgroups }) };
@@ -76,7 +76,7 @@ impl DetectorVariant {
         };
         let subgroups = own.adapter.has_subgroups;
         let keeping = Self { skin: 0.5, ..Self::new(Algorithm::CellList, TargetDevice::Gpu { subgroups }) };
-        if extent == Extent::Quick {
+        if effort == Effort::Quick {
             return [with(subgroups, None), vec![keeping]].concat();
         }
         let mut variants = with(false, None);

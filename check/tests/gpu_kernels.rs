@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::thread;
 
 use common::device;
-use lazygrid_check::Extent;
+use lazygrid_check::Effort;
 use lazygrid_check::kernels::CHECKS;
 
 /// Runs checks until none is left. Most of the time is spent in the driver's compiler, which uses one core.
@@ -14,7 +14,7 @@ fn faults(next: &AtomicUsize) -> Vec<String> {
     let Some(own) = device() else { return Vec::new() };
     std::iter::from_fn(|| CHECKS.get(next.fetch_add(1, Relaxed)))
         .filter_map(|check| {
-            (check.run)(&own, Extent::Usual).err().map(|fault| format!("{}: {fault}", check.name))
+            (check.run)(&own, Effort::Default).err().map(|fault| format!("{}: {fault}", check.name))
         })
         .collect()
 }

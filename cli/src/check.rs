@@ -147,7 +147,7 @@ impl Work<'_> {
         for (k, check) in CHECKS.iter().enumerate() {
             self.step(from, KERNELS, [k, CHECKS.len()], &format!("kernels: {}", check.name));
             let checked =
-                guarded(|| (check.run)(&gpu.own, self.args.extent()).map_err(|fault| fault.to_string()));
+                guarded(|| (check.run)(&gpu.own, self.args.effort()).map_err(|fault| fault.to_string()));
             if let Err(what) = checked {
                 let name = format!("{} ({})", check.name, check.kernels.join(", "));
                 self.tell(|| {
@@ -162,11 +162,11 @@ impl Work<'_> {
 
     fn scenes(&self, report: &mut Report) -> Result<(), Failure> {
         let (from, start) = (self.bar.position(), Instant::now());
-        let cases = compare::cases(self.args.extent());
+        let cases = compare::cases(self.args.effort());
         let on_gpu = self
             .gpu
             .as_ref()
-            .map_or_else(Vec::new, |gpu| DetectorVariant::on_gpu(&gpu.own, self.args.extent()));
+            .map_or_else(Vec::new, |gpu| DetectorVariant::on_gpu(&gpu.own, self.args.effort()));
         let on_cpu = if self.on_cpu { DetectorVariant::on_cpu() } else { Vec::new() };
         let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);
         let most = if self.args.full { SCENE_SECONDS * 20.0 } else { SCENE_SECONDS };

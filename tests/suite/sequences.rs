@@ -2,7 +2,7 @@
 
 use lazygrid::Backend;
 use lazygrid_check::sequence::{Sequence, Tally};
-use lazygrid_check::{DetectorVariant, Extent, Gpu};
+use lazygrid_check::{DetectorVariant, Effort, Gpu};
 use lazygrid_tests::Subject;
 
 /// Default number of sequences for each CPU variant and each GPU variant.
@@ -39,5 +39,5 @@ fn gpu_answers_do_not_depend_on_earlier_calls() {
     let has_gpu = Subject::all().iter().any(|subject| subject.backend == Backend::Gpu);
     let Some(own) = lazygrid_tests::device().filter(|_| has_gpu) else { return };
     let gpu = Gpu { own, adapter: None };
-    check(&DetectorVariant::on_gpu(&gpu.own, Extent::Quick), Some(&gpu), COUNTS[1]);
+    check(&DetectorVariant::on_gpu(&gpu.own, Effort::Quick), Some(&gpu), COUNTS[1]);
 }

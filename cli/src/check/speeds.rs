@@ -5,7 +5,7 @@ use lazygrid_check::bandwidth::{Measured, Stopwatch};
 use lazygrid_check::compare::FailedCase;
 use lazygrid_check::kernels::KernelError;
 use lazygrid_check::speed::{self, FULL, Speed, Untimed, forecast};
-use lazygrid_check::{Extent, Gpu, guarded};
+use lazygrid_check::{Effort, Gpu, guarded};
 use lazygrid_io::scenes::Scene;
 
 use super::report::{Called, Primitive, Report};
@@ -22,8 +22,8 @@ const ROUNDS: usize = 7;
 
 /// Takes all times, those of the CPU first, which the GPU's counts are held against.
 pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), Failure> {
-    let scenes: &[Scene] = match work.args.extent() {
-        Extent::Full => &[Scene::FiveSizes, Scene::Equal, Scene::Burst],
+    let scenes: &[Scene] = match work.args.effort() {
+        Effort::Full => &[Scene::FiveSizes, Scene::Equal, Scene::Burst],
         _ => &[Scene::FiveSizes],
     };
     if work.on_cpu {
@@ -107,10 +107,10 @@ impl<'a> Race<'a> {
     fn run(mut self, scenes: &[Scene], algorithms: &[Algorithm], report: &mut Report) -> Result<(), Failure> {
         self.work.tell(|| report.speeds_of(self.backend))?;
         let mut sizes = speed::SIZES.to_vec();
-        match self.work.args.extent() {
-            Extent::Quick => sizes.truncate(1),
-            Extent::Usual => {}
-            Extent::Full => sizes.push(FULL),
+        match self.work.args.effort() {
+            Effort::Quick => sizes.truncate(1),
+            Effort::Default => {}
+            Effort::Full => sizes.push(FULL),
         }
         let mut done = 0;
         for &scene in scenes {
