@@ -13,7 +13,7 @@ use crate::list::surveyed;
 use crate::{Random, TestInput, periodic};
 
 /// Capacity of the cell table in tests.
-pub(crate) const ROOM: u32 = 4096;
+pub(crate) const CELL_CAPACITY: u32 = 4096;
 /// The level number of size classes that have no cells: their spheres are kept in a list.
 pub(crate) const LISTED: usize = 255;
 /// The largest occupancy of a coarse cell before smaller spheres move to a finer level.
@@ -21,7 +21,7 @@ pub(crate) const TAU: u32 = 8;
 
 /// The parameters of a cell-list search, and the cell list that the device configured for it.
 #[derive(Clone)]
-pub(crate) struct Chosen {
+pub(crate) struct ConfiguredCellList {
     pub(crate) call: Call,
     pub(crate) scenario: TestInput,
     pub(crate) list: List,
@@ -33,7 +33,7 @@ pub(crate) struct Chosen {
 
 /// A test case of the cell list.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Case {
+pub(crate) struct CellListCase {
     pub(crate) spheres: u32,
     pub(crate) lengths: [Option<f32>; 3],
     /// Whether smaller spheres leave overfull cells, as found by the previous call.
@@ -41,11 +41,11 @@ pub(crate) struct Case {
 }
 
 /// Few and many spheres, in unbounded and periodic space, with and without overfull cells.
-pub(crate) fn cases() -> impl Iterator<Item = Case> {
+pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     let spaces = [[None; 3], [Some(20.0), None, Some(24.5)], [Some(0.75); 3]];
     let sizes = [0, 1, 257, 5000];
     sizes.into_iter().flat_map(move |spheres| {
-        let case = move |lengths, is_dense| Case { spheres, lengths, is_dense };
+        let case = move |lengths, is_dense| CellListCase { spheres, lengths, is_dense };
         spaces.into_iter().flat_map(move |lengths| [false, true].map(|is_dense| case(lengths, is_dense)))
     })
 }
@@ -63,12 +63,12 @@ fn scene(count: u32) -> Vec<Sphere> {
     (0..count).map(sphere).collect()
 }
 
-impl Case {
+impl CellListCase {
     /// Configures the cell list on the device for the case's own scene.
     ///
     /// # Errors
     /// Fails if the device fails.
-    pub(crate) fn choose(self, own: &GpuDevice) -> Result<Chosen, KernelError> {
+    pub(crate) fn choose(self, own: &GpuDevice) -> Result<ConfiguredCellList, KernelError> {
         self.choose_for(own, scene(self.spheres))
     }
 
@@ -76,7 +76,11 @@ impl Case {
     ///
     /// # Errors
     /// Fails if the device fails.
-    pub(crate) fn choose_for(self, own: &GpuDevice, spheres: Vec<Sphere>) -> Result<Chosen, KernelError> {
+    pub(crate) fn choose_for(
+        self,
+        own: &GpuDevice,
+        spheres: Vec<Sphere>,
+    ) -> Result<ConfiguredCellList, KernelError> {
         let tau = if self.is_dense { TAU } else { u32::MAX };
         let before =
             Outcome { densest: TAU + 1, crowded: 7, found_lo: 7, dispatch_z: 1, ..Outcome::zeroed() };
@@ -92,11 +96,11 @@ impl Case {
         own: &GpuDevice,
         spheres: Vec<Sphere>,
         (tau, before): (u32, Outcome),
-    ) -> Result<Chosen, KernelError> {
+    ) -> Result<ConfiguredCellList, KernelError> {
         let space = periodic::space(self.lengths);
         let call = Call {
             spheres: self.spheres,
-            cells: ROOM,
+            cells: CELL_CAPACITY,
             raster_ratio: 2.0,
             tau,
             density_slots: 512,
@@ -124,7 +128,7 @@ impl Case {
             ("lengths", &lengths),
         ];
         run(own, &k::LIST_CONFIGURE, variant, 1, &bound)?;
-        Ok(Chosen {
+        Ok(ConfiguredCellList {
             call,
             scenario: TestInput { space, ..spheres.into() },
             list: download_one(own, &list)?,
@@ -177,7 +181,7 @@ fn cell(list: &List, space: Space, place: Vec3, (level, fused): (usize, bool)) -
     own.base + (z * own.cells.y + y) * own.cells.x + x
 }
 
-impl Chosen {
+impl ConfiguredCellList {
     /// The wrapped center of a sphere, as the device sees it.
     pub(crate) fn place(&self, sphere: &Sphere) -> Vec3 {
         self.scenario.space.wrap(sphere.center)

@@ -15,7 +15,7 @@ const ALL_PAIRS: usize = 4000;
 
 /// A scene and its name.
 #[derive(Clone, Debug)]
-pub struct Case {
+pub struct SceneCase {
     /// A description of what makes the scene hard.
     pub name: String,
     /// The input.
@@ -23,9 +23,9 @@ pub struct Case {
 }
 
 /// All scenes of an effort. Each call returns the same ones.
-pub fn cases(effort: Effort) -> Vec<Case> {
-    let case = |name: &str, scenario: TestInput| Case { name: name.to_owned(), scenario };
-    let mut cases: Vec<Case> =
+pub fn cases(effort: Effort) -> Vec<SceneCase> {
+    let case = |name: &str, scenario: TestInput| SceneCase { name: name.to_owned(), scenario };
+    let mut cases: Vec<SceneCase> =
         scenes::scenes().into_iter().map(|(name, spheres)| case(name, spheres.into())).collect();
     let mut random = Random(1);
     let rounds = if effort == Effort::Full { 20 } else { 1 };
@@ -158,7 +158,7 @@ impl Pace {
     }
 }
 
-impl Case {
+impl SceneCase {
     /// Runs one detector variant and compares its pairs with `expected`. Returns a description of the difference, if
     /// any.
     pub fn fault(&self, variant: &DetectorVariant, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
@@ -213,7 +213,7 @@ mod tests {
     fn cases_are_the_same_at_any_time_and_valid() {
         let (once, again) = (cases(Effort::Quick), cases(Effort::Quick));
         assert!(once.iter().zip(&again).all(|(a, b)| a.scenario == b.scenario));
-        for Case { name, scenario } in once {
+        for SceneCase { name, scenario } in once {
             let valid = |s: &Sphere| s.center.is_finite() && s.radius.is_finite() && s.radius >= 0.0;
             assert!(scenario.spheres.iter().all(valid), "{name}");
         }

@@ -7,7 +7,7 @@ use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Call, Lengths, Pass, Survey};
 
-use crate::cells::{Case, Chosen, LISTED, ROOM, TAU, cases, level_of, numbers};
+use crate::cells::{CELL_CAPACITY, CellListCase, ConfiguredCellList, LISTED, TAU, cases, level_of, numbers};
 use crate::device::{download, run, upload, upload_one};
 use crate::kernels::{KernelError, same};
 
@@ -19,7 +19,7 @@ use crate::kernels::{KernelError, same};
 pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
-        let Chosen { list, scenario, outcome, .. } = &chosen;
+        let ConfiguredCellList { list, scenario, outcome, .. } = &chosen;
         let what = |what: &str| format!("{what}, {case:?}");
         let bad = scenario.spheres.iter().filter(|sphere| !sphere.is_valid()).count() as u32;
         let begun = Outcome {
@@ -58,7 +58,7 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
         (Outcome { dispatch_z: 1, ..Outcome::zeroed() }, false),
         (Outcome { dispatch_z: 1, densest: 9, ..Outcome::zeroed() }, true),
     ] {
-        let case = Case { spheres: SPHERES, lengths: [None; 3], is_dense: false };
+        let case = CellListCase { spheres: SPHERES, lengths: [None; 3], is_dense: false };
         let chosen = case.choose_after(own, (0..SPHERES).map(sphere).collect(), (0, before))?;
         same(|| format!("crowds of {case:?} after {before:?}"), &(chosen.list.is_dense != 0), &expected)?;
     }
@@ -66,8 +66,8 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
 }
 
 /// Checks the capacity, cell sizes and table offsets of the levels.
-fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), KernelError> {
-    let Chosen { list, scenario, .. } = chosen;
+fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
+    let ConfiguredCellList { list, scenario, .. } = chosen;
     let mut base = 0;
     for (level, own) in list.level.iter().enumerate() {
         let what = || format!("level {level} of {own:?}, {} quanta, {case:?}", list.quanta);
@@ -92,7 +92,11 @@ fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), KernelError> {
     }
     let what = |what: &str| format!("{what}, {case:?}");
     same(|| what("cells in all"), &list.cells, &base)?;
-    same(|| what("whether there is room for them"), &(list.cells <= ROOM && list.levels & 1 == 1), &true)?;
+    same(
+        || what("whether there is room for them"),
+        &(list.cells <= CELL_CAPACITY && list.levels & 1 == 1),
+        &true,
+    )?;
     let valid = || scenario.spheres.iter().filter(|sphere| sphere.is_valid());
     let listed = valid().filter(|sphere| level_of(list, sphere.radius) == LISTED).count();
     let is_few = listed <= 8 || valid().count() == listed;
@@ -106,8 +110,8 @@ fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), KernelError> {
 }
 
 /// Checks that touching spheres are in adjacent cells of each level that both may be assigned to.
-fn neighbours_are_near(chosen: &Chosen, case: Case) -> Result<(), KernelError> {
-    let Chosen { list, scenario, .. } = chosen;
+fn neighbours_are_near(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
+    let ConfiguredCellList { list, scenario, .. } = chosen;
     let step = scenario.spheres.len().div_ceil(500);
     let valid = scenario.only(|k| scenario.spheres[k].is_valid() && k.is_multiple_of(step));
     for pair in valid.oracle() {
@@ -142,14 +146,14 @@ fn neighbours_are_near(chosen: &Chosen, case: Case) -> Result<(), KernelError> {
 pub(crate) fn density_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
-        let Chosen { call, scenario, list, variant, .. } = &chosen;
+        let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let (given, of_list) = (upload(own, &[*call])?, upload_one(own, list)?);
         let spheres = upload(own, &scenario.spheres)?;
         let density = upload(own, &vec![0_u32; call.density_slots as usize])?;
         let bound = [("call", &given), ("list", &of_list), ("spheres", &spheres), ("density", &density)];
         run(own, &k::DENSITY_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &bound)?;
         let found = download::<u32>(own, &density, call.density_slots as usize)?;
-        Chosen::agrees(|| format!("{case:?}"), &found, |fused| chosen.density(fused))?;
+        ConfiguredCellList::agrees(|| format!("{case:?}"), &found, |fused| chosen.density(fused))?;
     }
     Ok(())
 }
@@ -161,7 +165,7 @@ pub(crate) fn density_count(own: &GpuDevice) -> Result<(), KernelError> {
 pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
-        let Chosen { call, scenario, list, variant, .. } = &chosen;
+        let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let (table, call) = (chosen.density(true), Call { tau: TAU, ..*call });
         let (given, of_list) = (upload(own, &[call])?, upload_one(own, list)?);
         let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &table)?);
@@ -181,7 +185,7 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
         let mut found = download::<[u32; 2]>(own, &homes, case.spheres as usize)?;
         let cells = found.iter().map(|&[cell, _]| cell).collect();
         let what = |what: &str| format!("{what}, {case:?}");
-        Chosen::agrees(|| what("cells"), &cells, |fused| chosen.homes(&table, fused).0)?;
+        ConfiguredCellList::agrees(|| what("cells"), &cells, |fused| chosen.homes(&table, fused).0)?;
         let counts = download::<u32>(own, &starts, list.cells as usize + 2)?;
         let mut expected = vec![0; counts.len()];
         cells.iter().for_each(|&cell| expected[cell as usize] += 1);
@@ -191,7 +195,11 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
         same(|| what("places"), &found, &places.collect())?;
         let densest = download::<Outcome>(own, &outcome, 1)?[0].densest;
         if list.is_dense == 1 {
-            Chosen::agrees(|| what("the fullest cell"), &densest, |fused| chosen.homes(&table, fused).1)?;
+            ConfiguredCellList::agrees(
+                || what("the fullest cell"),
+                &densest,
+                |fused| chosen.homes(&table, fused).1,
+            )?;
         } else {
             // The smaller spheres enter their cell interleaved with the others, in any order.
             let small = |id: usize| ![0, LISTED].contains(&level_of(list, scenario.spheres[id].radius));
@@ -213,7 +221,7 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
 pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
-        let Chosen { call, scenario, list, variant, .. } = &chosen;
+        let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let (table, tile) = (chosen.density(true), variant.radix_tile());
         let tiles = case.spheres.div_ceil(tile);
         let pass = Pass { shift: 0, mask: 255, is_first: 1 };
@@ -238,14 +246,18 @@ pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), KernelError> {
         run(own, &k::HOMES_KEY, *variant, tiles, &bound)?;
         let found = download::<u32>(own, &keys, case.spheres as usize)?;
         let what = |what: &str| format!("{what}, {case:?}");
-        Chosen::agrees(|| what("keys"), &found, |fused| chosen.homes(&table, fused).0)?;
+        ConfiguredCellList::agrees(|| what("keys"), &found, |fused| chosen.homes(&table, fused).0)?;
         let mut expected = vec![0_u32; 256 * tiles as usize];
         for (tile, keys) in found.chunks(tile as usize).enumerate() {
             keys.iter().for_each(|key| expected[(key & 255) as usize * tiles as usize + tile] += 1);
         }
         same(|| what("digits"), &download::<u32>(own, &counts, expected.len())?, &expected)?;
         let densest = download::<Outcome>(own, &outcome, 1)?[0].densest;
-        Chosen::agrees(|| what("the fullest cell"), &densest, |fused| chosen.homes(&table, fused).1)?;
+        ConfiguredCellList::agrees(
+            || what("the fullest cell"),
+            &densest,
+            |fused| chosen.homes(&table, fused).1,
+        )?;
     }
     Ok(())
 }

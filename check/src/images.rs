@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use lazygrid::Space;
 
 /// The cell vectors of a space as the caller gave them, without the library's reduction.
-pub(crate) struct Images {
+pub(crate) struct ImageOracle {
     given: [Option<[f64; 3]>; 3],
     /// The cell vectors with their original indices, the longest first. The last one needs no loop.
     edges: Vec<(usize, DVec3)>,
@@ -12,7 +12,7 @@ pub(crate) struct Images {
     fractions: Vec<DVec3>,
 }
 
-impl Images {
+impl ImageOracle {
     pub(crate) fn of(space: &Space) -> Self {
         let given = space.edges();
         let numbered = given.into_iter().enumerate();
@@ -117,9 +117,9 @@ mod tests {
     fn distances_by_hand() {
         let of = |edges: [Option<DVec3>; 3]| {
             let edges = edges.map(|edge| edge.map(|edge| edge.to_array()));
-            Images::of(&Space::sheared(edges).expect("edges that span a box"))
+            ImageOracle::of(&Space::sheared(edges).expect("edges that span a box"))
         };
-        let at = |images: &Images, x, y, z| images.distance_squared(DVec3::new(x, y, z), 1.5);
+        let at = |images: &ImageOracle, x, y, z| images.distance_squared(DVec3::new(x, y, z), 1.5);
         let leaning = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5, 3.0, 0.0)), None]);
         assert_eq!(at(&leaning, 1.5, 3.0, 0.0), 0.0);
         assert_eq!(at(&leaning, 1.5, 2.0, 0.5), 1.25);

@@ -11,7 +11,7 @@ use crate::device::{download, run, run_over, upload, upload_one};
 use crate::kernels::{KernelError, same};
 
 /// Capacity of the pair buffer.
-const ROOM: u32 = 1 << 21;
+const PAIR_CAPACITY: u32 = 1 << 21;
 /// Distance along a run up to which the first search compares entries. The second search compares the others.
 const NEAR: u32 = 256;
 
@@ -34,7 +34,7 @@ impl Runs {
     fn of(own: &GpuDevice, spheres: &[Sphere], (keys, passive): (&[u32], u32)) -> Result<Self, KernelError> {
         let count = keys.len() as u32;
         let call = Call {
-            pair_capacity: ROOM,
+            pair_capacity: PAIR_CAPACITY,
             window_end: u32::MAX,
             refinement: passive,
             part_tiles: Call::UNPARTED,
@@ -50,7 +50,7 @@ impl Runs {
             objects: upload(own, &objects)?,
             spheres: upload(own, spheres)?,
             outcome: upload(own, &[Outcome::zeroed()])?,
-            pairs: upload(own, &vec![Pair::zeroed(); ROOM as usize])?,
+            pairs: upload(own, &vec![Pair::zeroed(); PAIR_CAPACITY as usize])?,
             crowded: upload(own, &vec![0_u32; keys.len().div_ceil(256)])?,
             groups: count.div_ceil(256),
         })

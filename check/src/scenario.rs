@@ -1,7 +1,7 @@
 use lazygrid::{Config, InputError, Interaction, Interactions, Pair, Query, Space, Sphere, Spheres};
 
 use crate::ExclusionCase;
-use crate::images::Images;
+use crate::images::ImageOracle;
 
 /// A test input and the information that determines its pairs.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -141,7 +141,7 @@ impl TestInput {
     pub fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
         if self.space.shear().is_some() {
-            return Images::of(&self.space).distance_squared(a.as_dvec3() - b.as_dvec3(), f64::INFINITY);
+            return ImageOracle::of(&self.space).distance_squared(a.as_dvec3() - b.as_dvec3(), f64::INFINITY);
         }
         if self.space.is_periodic() {
             return self.space.distance_squared(a, b);
@@ -156,7 +156,7 @@ impl TestInput {
         if self.space.shear().is_none() {
             return self.pairs_by(|i, j, _| self.distance_squared(i, j));
         }
-        let images = Images::of(&self.space);
+        let images = ImageOracle::of(&self.space);
         self.pairs_by(|i, j, reach| {
             let [a, b] = [i, j].map(|k| self.spheres[k].center.as_dvec3());
             images.distance_squared(a - b, reach)

@@ -6,7 +6,7 @@ use lazygrid::{Pair, Sphere};
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::Call;
 
-use crate::cells::{Case, Chosen, cases};
+use crate::cells::{CellListCase, ConfiguredCellList, cases};
 use crate::device::{download, run, run_over, upload, upload_one};
 use crate::kernels::{KernelError, same};
 use crate::{Tolerance, difference};
@@ -26,8 +26,8 @@ struct Searched {
 
 impl Searched {
     /// Sorts the spheres of a call into cells.
-    fn of(own: &GpuDevice, chosen: &Chosen) -> Result<Self, KernelError> {
-        let Chosen { call, scenario, list, .. } = chosen;
+    fn of(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<Self, KernelError> {
+        let ConfiguredCellList { call, scenario, list, .. } = chosen;
         let (homes, _) = chosen.homes(&chosen.density(false), false);
         let mut order: Vec<u32> = (0..call.spheres).collect();
         order.sort_by_key(|&id| homes[id as usize]);
@@ -76,13 +76,13 @@ impl Searched {
     }
 
     /// Searches the first candidates of each sphere.
-    fn first_shares(&self, own: &GpuDevice, chosen: &Chosen) -> Result<(), KernelError> {
+    fn first_shares(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
         let groups = chosen.call.spheres.div_ceil(k::GROUP);
         Ok(run(own, &k::LIST_SEARCH, chosen.variant, groups, &self.bound())?)
     }
 
     /// Computes the dispatch arguments of the next part of the further candidates and searches it.
-    fn next_part(&self, own: &GpuDevice, chosen: &Chosen) -> Result<(), KernelError> {
+    fn next_part(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
         let dispatch = upload(own, &[0_u32; 4])?;
         let bound = [("call", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
         run(own, &k::SHARES_OPEN, chosen.variant, 1, &bound)?;
@@ -98,7 +98,7 @@ impl Searched {
 pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         // In a small box nearly all spheres are pairs.
-        let case = Case { spheres: case.spheres.min(1500), ..case };
+        let case = CellListCase { spheres: case.spheres.min(1500), ..case };
         let chosen = case.choose(own)?;
         let scenario = chosen.scenario.only(|k| chosen.scenario.spheres[k].is_valid());
         let expected = scenario.oracle();
@@ -106,7 +106,7 @@ pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), KernelError> {
         let valid = (0..).zip(&chosen.scenario.spheres).filter(|(_, sphere)| sphere.is_valid());
         let ids: Vec<u32> = valid.map(|(id, _)| id).collect();
         for part_tiles in [Call::UNPARTED, 1] {
-            let parted = Chosen { call: Call { part_tiles, ..chosen.call }, ..chosen.clone() };
+            let parted = ConfiguredCellList { call: Call { part_tiles, ..chosen.call }, ..chosen.clone() };
             let searched = Searched::of(own, &parted)?;
             searched.first_shares(own, &parted)?;
             let mut parts = 0;
@@ -134,7 +134,7 @@ pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), KernelError> {
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn list_search(own: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
-        let case = Case { spheres: count, lengths: [None; 3], is_dense: false };
+        let case = CellListCase { spheres: count, lengths: [None; 3], is_dense: false };
         let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
         let chosen = case.choose_for(own, spheres)?;
         let searched = Searched::of(own, &chosen)?;

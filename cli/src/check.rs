@@ -8,7 +8,7 @@ use std::time::{Instant, SystemTime};
 use indicatif::ProgressBar;
 use lazygrid::Error;
 use lazygrid::gpu::GpuDevice;
-use lazygrid_check::compare::{self, Case, FailedCase, Pace};
+use lazygrid_check::compare::{self, FailedCase, Pace, SceneCase};
 use lazygrid_check::fuzz::Round;
 use lazygrid_check::kernels::CHECKS;
 use lazygrid_check::sequence::{Sequence, Tally};
@@ -100,7 +100,7 @@ struct Runner<'a> {
     /// In how many scenes its pairs were wrong.
     wrong: usize,
     /// The one of these with the fewest spheres, and what was wrong.
-    smallest: Option<(&'a Case, String)>,
+    smallest: Option<(&'a SceneCase, String)>,
 }
 
 impl<'a> Runner<'a> {
@@ -108,10 +108,10 @@ impl<'a> Runner<'a> {
         Self { variant, pace: Pace::default(), left_out: 0, wrong: 0, smallest: None }
     }
 
-    fn note(&mut self, case: &'a Case, fault: Option<String>) {
+    fn note(&mut self, case: &'a SceneCase, fault: Option<String>) {
         let Some(what) = fault else { return };
         self.wrong += 1;
-        let spheres = |case: &Case| case.scenario.spheres.len();
+        let spheres = |case: &SceneCase| case.scenario.spheres.len();
         if self.smallest.as_ref().is_none_or(|(other, _)| spheres(case) < spheres(other)) {
             self.smallest = Some((case, what));
         }

@@ -4,7 +4,7 @@ use glam::DVec3;
 use lazygrid::{Interaction, Pair};
 
 use crate::TestInput;
-use crate::images::Images;
+use crate::images::ImageOracle;
 
 /// Maximum distance of a coordinate from the origin in periods: beyond it, too few digits of the position in the period
 /// remain.
@@ -15,7 +15,7 @@ const ROUNDING: [f64; 2] = [1e-6, 1e-9];
 /// All pairs of a valid scene in canonical order.
 pub(super) fn pairs(scenario: &TestInput) -> Vec<Pair> {
     let sieve = Sieve::new(scenario);
-    let images = scenario.space.shear().map(|_| Images::of(&scenario.space));
+    let images = scenario.space.shear().map(|_| ImageOracle::of(&scenario.space));
     let is_pair = |i: usize, j: usize| {
         let reach = scenario.reach(i, j);
         reach.is_some_and(|reach| match &images {
@@ -56,7 +56,7 @@ impl Sieve {
         let farthest = farthest(scenario);
         let axis = |row: DVec3, period: f64| Axis::new(scenario, row, (period, farthest));
         let axes = match scenario.space.shear() {
-            Some(_) => Images::of(&scenario.space)
+            Some(_) => ImageOracle::of(&scenario.space)
                 .fractions()
                 .iter()
                 .map(|&row| axis(row, row.length().recip()))
