@@ -8,7 +8,7 @@ use std::error::Error;
 
 use clap::Parser;
 use lazygrid_bench::measure::{Spread, markdown, provenance};
-use lazygrid_check::bandwidth::{Measured, Stopwatch};
+use lazygrid_check::bandwidth::{GpuTimer, Measured};
 
 #[derive(Parser)]
 #[command(about = "Radix sort and prefix scan against the copy bandwidth of the device")]
@@ -39,9 +39,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let Some(own) = lazygrid_tests::device() else { return Ok(()) };
     let adapter = own.adapter.clone();
-    let watch = Stopwatch::new(own, args.rounds)?;
+    let watch = GpuTimer::new(own, args.rounds)?;
     let clock =
-        if watch.is_of_the_device() { "timestamps of the GPU" } else { "wall time, submission included" };
+        if watch.has_gpu_timestamps() { "timestamps of the GPU" } else { "wall time, submission included" };
     println!("{}\n\n{}, {}; {clock}\n", provenance(), adapter.name, adapter.driver);
     let mut rows = Vec::new();
     for &n in &args.n {

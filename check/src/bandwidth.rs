@@ -9,7 +9,7 @@ use lazygrid_kernels::kernel::{DIGIT_BITS, WIDE_TILE};
 use lazygrid_kernels::layout::Lengths;
 
 use crate::Random;
-use crate::device::{download, room, submit, upload, wait};
+use crate::device::{download, storage_buffer, submit, upload, wait};
 use crate::kernels::{KernelError, same};
 
 /// Times of several rounds, and the bytes that each round moves.
@@ -42,14 +42,14 @@ pub(crate) fn median(times: &[f64]) -> f64 {
 
 /// Times commands on the GPU.
 #[derive(Debug)]
-pub struct Stopwatch {
+pub struct GpuTimer {
     own: GpuDevice,
     rounds: usize,
     /// Two timestamp queries and the buffer that they are resolved to, if the device supports timestamps.
     ticks: Option<(wgpu::QuerySet, wgpu::Buffer)>,
 }
 
-impl Stopwatch {
+impl GpuTimer {
     /// Creates a timer of `rounds` rounds, after one more round to warm up.
     ///
     /// # Errors
@@ -72,7 +72,7 @@ impl Stopwatch {
     }
 
     /// Returns `true` if times are GPU timestamps, `false` if they are wall time, which includes the submission.
-    pub fn is_of_the_device(&self) -> bool {
+    pub fn has_gpu_timestamps(&self) -> bool {
         self.ticks.is_some()
     }
 
@@ -82,7 +82,7 @@ impl Stopwatch {
     /// Fails if the device fails.
     pub fn copy(&self, n: u32) -> Result<Measured, KernelError> {
         let size = u64::from(n.max(2)) * 8;
-        let (from, to) = (room(&self.own, size)?, room(&self.own, size)?);
+        let (from, to) = (storage_buffer(&self.own, size)?, storage_buffer(&self.own, size)?);
         let times = self.times(|_| (), |encoder| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, size))?;
         Ok(Measured { times, bytes: 2 * size })
     }
@@ -93,7 +93,7 @@ impl Stopwatch {
     /// Fails if the device fails or the sums are wrong.
     pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let values = random(n);
-        let (fresh, work) = (upload(&self.own, &values)?, room(&self.own, u64::from(n) * 4)?);
+        let (fresh, work) = (upload(&self.own, &values)?, storage_buffer(&self.own, u64::from(n) * 4)?);
         let scan = PrefixScan::new(&self.own.device, subgroups).bind(&work, n)?;
         let renew = |encoder: &mut wgpu::CommandEncoder| copy_all(encoder, &fresh, &work);
         let times = self.times(renew, |encoder| scan.encode(encoder))?;
@@ -116,7 +116,8 @@ impl Stopwatch {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
         let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];
         let bytes = u64::from(n) * 4;
-        let work = Keyed { keys: room(&self.own, bytes)?, payload: room(&self.own, bytes)? };
+        let work =
+            Keyed { keys: storage_buffer(&self.own, bytes)?, payload: storage_buffer(&self.own, bytes)? };
         let sort = RadixSort::new(&self.own.device, subgroups).bind(&work, n, bits)?;
         let renew = |encoder: &mut wgpu::CommandEncoder| {
             copy_all(encoder, &fresh[0], &work.keys);

@@ -161,18 +161,18 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
 /// # Errors
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), KernelError> {
-    let room = 5000;
+    let capacity = 5000;
     for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
-        let call = upload(own, &[Call { entry_capacity: room, ..Call::zeroed() }])?;
+        let call = upload(own, &[Call { entry_capacity: capacity, ..Call::zeroed() }])?;
         let wanted = Outcome { entries_lo: low, entries_hi: high, ..Outcome::zeroed() };
         let (outcome, lengths) = (upload(own, &[wanted])?, upload(own, &[Lengths::zeroed()])?);
         let bound = [("call", &call), ("outcome", &outcome), ("lengths", &lengths)];
         run(own, &k::ENTRIES_CLOSE, Variant::default(), 1, &bound)?;
-        let items = wanted.entries().min(room.into()) as u32;
-        let overflow = if wanted.entries() > room.into() { Outcome::ENTRIES } else { 0 };
+        let items = wanted.entries().min(capacity.into()) as u32;
+        let overflow = if wanted.entries() > capacity.into() { Outcome::ENTRIES } else { 0 };
         let found = download::<Outcome>(own, &outcome, 1)?[0];
         let lengths = download::<Lengths>(own, &lengths, 1)?[0];
-        let case = || format!("{} entries, room for {room}", wanted.entries());
+        let case = || format!("{} entries, capacity {capacity}", wanted.entries());
         same(case, &(lengths.items, found), &(items, Outcome { overflow, ..wanted }))?;
         // One counter per digit and tile.
         let tiles = lengths.counters / 256;
@@ -223,7 +223,7 @@ pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), KernelError> {
 pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         more_than_a_word_of_pairs(own, variant)?;
-        for (size, window, room) in [
+        for (size, window, capacity) in [
             (0_u32, 0..u32::MAX, 16_u32),
             (1, 0..u32::MAX, 16),
             (2, 0..u32::MAX, 16),
@@ -237,7 +237,7 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
             expected.retain(|pair| window.contains(&pair.i));
             let call = Call {
                 spheres: size,
-                pair_capacity: room,
+                pair_capacity: capacity,
                 search_groups: 64,
                 window_begin: window.start,
                 window_end: window.end,
@@ -246,7 +246,7 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
             let grid = upload_one(own, &Grid { spheres: size, ordinary: 1, ..Grid::zeroed() })?;
             let (call, input) = (upload(own, &[call])?, upload(own, &scenario.spheres)?);
             let outcome = upload(own, &[Outcome::zeroed()])?;
-            let pairs = upload(own, &vec![[u32::MAX; 2]; room as usize + 1])?;
+            let pairs = upload(own, &vec![[u32::MAX; 2]; capacity as usize + 1])?;
             let bound = [
                 ("call", &call),
                 ("grid", &grid),
@@ -258,16 +258,17 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
             let found = download::<Outcome>(own, &outcome, 1)?[0].found();
             let case = |what: &str| format!("{what}, {size} at one point, {variant:?}");
             same(|| case("found"), &found, &(expected.len() as u64))?;
-            let mut listed = download::<[u32; 2]>(own, &pairs, room as usize + 1)?;
-            same(|| case("behind the end"), &listed[room as usize], &[u32::MAX; 2])?;
+            let mut listed = download::<[u32; 2]>(own, &pairs, capacity as usize + 1)?;
+            same(|| case("after the end"), &listed[capacity as usize], &[u32::MAX; 2])?;
             listed.retain(|pair| *pair != [u32::MAX; 2]);
             listed.sort_unstable();
             let wanted: Vec<[u32; 2]> = expected.iter().map(|pair| [pair.i, pair.j]).collect();
-            if wanted.len() <= room as usize {
+            if wanted.len() <= capacity as usize {
                 same(|| case("pairs"), &listed, &wanted)?;
             } else {
-                let distinct = listed.windows(2).all(|two| two[0] < two[1]) && listed.len() == room as usize;
-                same(|| case("as many as there is room for"), &distinct, &true)?;
+                let distinct =
+                    listed.windows(2).all(|two| two[0] < two[1]) && listed.len() == capacity as usize;
+                same(|| case("as many as the capacity"), &distinct, &true)?;
             }
         }
     }
@@ -295,19 +296,26 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Ke
 /// # Errors
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
-    let room = 40_000_000_u32;
-    for (low, high) in
-        [(0_u32, 0_u32), (1, 0), (256, 0), (257, 0), (16_776_961, 0), (room, 0), (room + 1, 0), (3, 2)]
-    {
-        let call = upload(own, &[Call { pair_capacity: room, consumer_group: 256, ..Call::zeroed() }])?;
+    let capacity = 40_000_000_u32;
+    for (low, high) in [
+        (0_u32, 0_u32),
+        (1, 0),
+        (256, 0),
+        (257, 0),
+        (16_776_961, 0),
+        (capacity, 0),
+        (capacity + 1, 0),
+        (3, 2),
+    ] {
+        let call = upload(own, &[Call { pair_capacity: capacity, consumer_group: 256, ..Call::zeroed() }])?;
         let given = Outcome { found_lo: low, found_hi: high, ..Outcome::zeroed() };
         let outcome = upload(own, &[given])?;
         run(own, &k::OUTCOME_FINISH, Variant::default(), 1, &[("call", &call), ("outcome", &outcome)])?;
         let found = download::<Outcome>(own, &outcome, 1)?[0];
-        let overflow = if given.found() > room.into() { Outcome::PAIRS } else { 0 };
-        let case = || format!("{} pairs, room for {room}: {found:?}", given.found());
+        let overflow = if given.found() > capacity.into() { Outcome::PAIRS } else { 0 };
+        let case = || format!("{} pairs, capacity {capacity}: {found:?}", given.found());
         same(case, &found.overflow, &overflow)?;
-        let written = given.found().min(room.into());
+        let written = given.found().min(capacity.into());
         let groups = u64::from(found.dispatch_x) * u64::from(found.dispatch_y) * u64::from(found.dispatch_z);
         let enough = groups >= written.div_ceil(256) && groups < written.div_ceil(256) + 65_536;
         same(case, &(enough && found.dispatch_x <= 65_535 && found.dispatch_y >= 1), &true)?;

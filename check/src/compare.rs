@@ -6,7 +6,7 @@ use lazygrid_io::scenes::Scene;
 use crate::adversary::{self, TABLE_WORDS};
 use crate::way::text;
 use crate::{
-    DetectorVariant, EXCLUSION_WORDS, Effort, Gpu, Random, SceneSeed, TestInput, difference, guarded,
+    DetectorVariant, EXCLUSION_WORDS, Effort, Gpu, Random, SceneSeed, TestInput, catch_panic, difference,
     periodic, scenes, sheared, shrink,
 };
 
@@ -97,7 +97,7 @@ pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
         return Ok(scenario.oracle());
     }
     let config = Config::default().backend(Backend::Cpu).algorithm(Algorithm::CellList);
-    guarded(|| {
+    catch_panic(|| {
         let mut detector = Detector::new(scenario.config(config).map_err(text)?).map_err(text)?;
         detector.pairs(scenario.query()).map_err(text)?;
         Ok(detector.into_pairs())
@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(judge(&scenario, &variant, |s| variant.pairs(None, s)), Ok(()));
         let losing = |s: &TestInput| variant.pairs(None, s).map(|pairs| pairs[1..].to_vec());
         assert!(judge(&scenario, &variant, losing).is_err_and(|text| text.contains("1 missing")));
-        let panicking = |_: &TestInput| guarded(|| panic!("out of range"));
+        let panicking = |_: &TestInput| catch_panic(|| panic!("out of range"));
         assert_eq!(judge(&scenario, &variant, panicking), Err("panicked: out of range".to_owned()));
     }
 }

@@ -11,13 +11,13 @@ use lazygrid_kernels::kernel::{Binding, Kernel, Variant};
 use wgpu::BufferUsages;
 
 /// Timeout of each operation on the device.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+pub const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Creates a storage and uniform buffer that can be copied to and from.
 ///
 /// # Errors
 /// Fails if the device refuses an operation.
-pub fn room(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
+pub fn storage_buffer(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
     let usage =
         BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
     buffer(own, bytes, usage)
@@ -30,13 +30,13 @@ fn buffer(own: &GpuDevice, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buff
     own.scoped("a buffer to check with", size, || own.device.create_buffer(&descriptor))
 }
 
-/// Creates a buffer like [`room`] with this content.
+/// Creates a buffer like [`storage_buffer`] with this content.
 ///
 /// # Errors
 /// Fails if the device refuses an operation.
 pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
-    let buffer = room(own, bytes.len() as u64)?;
+    let buffer = storage_buffer(own, bytes.len() as u64)?;
     own.scoped("an upload", bytes.len() as u64, || own.queue.write_buffer(&buffer, 0, bytes))?;
     Ok(buffer)
 }
@@ -44,7 +44,7 @@ pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error
 /// Reads a buffer back after all submitted work is done.
 ///
 /// # Errors
-/// Fails if the device fails or does not finish within [`PATIENCE`].
+/// Fails if the device fails or does not finish within [`TIMEOUT`].
 pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> Result<Vec<T>, Error> {
     if count == 0 {
         return Ok(Vec::new());
@@ -75,7 +75,7 @@ pub fn upload_one<T: ShaderType + WriteInto>(own: &GpuDevice, data: &T) -> Resul
 /// Reads back one structure from the shader's memory layout.
 ///
 /// # Errors
-/// Fails if the device fails or does not finish within [`PATIENCE`].
+/// Fails if the device fails or does not finish within [`TIMEOUT`].
 pub fn download_one<T: ShaderType + CreateFrom>(own: &GpuDevice, from: &wgpu::Buffer) -> Result<T, Error> {
     let bytes = download::<u8>(own, from, T::min_size().get() as usize)?;
     Ok(StorageBuffer::new(bytes).create().expect("all of it"))
@@ -84,11 +84,11 @@ pub fn download_one<T: ShaderType + CreateFrom>(own: &GpuDevice, from: &wgpu::Bu
 /// Waits for all submitted work.
 ///
 /// # Errors
-/// Fails if the work is not done within [`PATIENCE`].
+/// Fails if the work is not done within [`TIMEOUT`].
 pub fn wait(own: &GpuDevice) -> Result<(), Error> {
-    let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
+    let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
     own.device.poll(until).map(drop).map_err(|error| match error {
-        wgpu::PollError::Timeout => Error::Timeout { seconds: PATIENCE.as_secs() },
+        wgpu::PollError::Timeout => Error::Timeout { seconds: TIMEOUT.as_secs() },
         other => Error::Validation { what: "waiting", reason: other.to_string() },
     })
 }

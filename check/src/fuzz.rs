@@ -8,7 +8,7 @@ use lazygrid::{Config, Detector, Order, Pair};
 use crate::compare::FailedCase;
 use crate::motion::skin_of;
 use crate::way::text;
-use crate::{DetectorVariant, Gpu, TestInput, Tolerance, difference, guarded, shrink};
+use crate::{DetectorVariant, Gpu, TestInput, Tolerance, catch_panic, difference, shrink};
 
 pub(crate) mod draw;
 
@@ -45,7 +45,7 @@ impl Round {
     /// limits the attempts of [`shrink`].
     pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<FailedCase> {
         let variant = self.variant;
-        self.check_with(tries, |round| guarded(|| round.run(gpu))).map(|(round, what)| {
+        self.check_with(tries, |round| catch_panic(|| round.run(gpu))).map(|(round, what)| {
             let is_plain = round.calls.len() == 1 && round.calls[0].1.mixture.is_none();
             let (call, scenario) = round.calls.last().cloned().unzip();
             let options = match (is_plain, call) {

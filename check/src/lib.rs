@@ -61,4 +61,4 @@ pub use left_out::{EXCLUSION_WORDS, ExclusionCase};
 pub use random::Random;
 pub use scenario::{SpeciesSetup, TestInput};
 pub use shrink::shrink;
-pub use way::{DetectorVariant, Gpu, TargetDevice, guarded};
+pub use way::{DetectorVariant, Gpu, TargetDevice, catch_panic};

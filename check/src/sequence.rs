@@ -13,7 +13,7 @@ use lazygrid::{Config, Detector, Interaction, Interactions, Order, Skin, Space};
 
 use crate::compare::FailedCase;
 use crate::way::{TargetDevice, text};
-use crate::{DetectorVariant, Gpu, TestInput, guarded};
+use crate::{DetectorVariant, Gpu, TestInput, catch_panic};
 
 mod ask;
 mod definition;
@@ -99,7 +99,7 @@ impl Sequence {
 
     fn run_guarded(&self, gpu: Option<&Gpu>, tally: &mut Tally) -> Result<(), Wrong> {
         let mut at = 0;
-        let run = guarded(|| self.run(gpu, &mut at, tally));
+        let run = catch_panic(|| self.run(gpu, &mut at, tally));
         run.map_err(|what| (at, format!("call {} of {}: {what}", at + 1, self.steps.len())))
     }
 

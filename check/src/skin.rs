@@ -245,7 +245,7 @@ pub(crate) fn candidates_open(own: &GpuDevice) -> Result<(), KernelError> {
 /// # Errors
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
-    for (lengths, (window, room)) in SPACES.into_iter().flat_map(|lengths| {
+    for (lengths, (window, capacity)) in SPACES.into_iter().flat_map(|lengths| {
         [(0..u32::MAX, 1 << 16), (100..200, 1 << 16), (0..u32::MAX, 50)].map(|limits| (lengths, limits))
     }) {
         let space = periodic::space(lengths);
@@ -260,13 +260,14 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
         };
         let expected: Vec<Pair> = candidates.iter().copied().filter(touch).collect();
         let (call, variant) = call(given.len(), space);
-        let call = Call { pair_capacity: room, window_begin: window.start, window_end: window.end, ..call };
+        let call =
+            Call { pair_capacity: capacity, window_begin: window.start, window_end: window.end, ..call };
         let state = SkinState { candidates: candidates.len() as u32, ..SkinState::zeroed() };
         let groups = (candidates.len() as u32).div_ceil(256);
         let (call, candidates) = (upload(own, &[call])?, upload(own, &candidates)?);
         let (state, input) = (upload(own, &[state])?, upload(own, &given)?);
         let (outcome, pairs) =
-            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![Pair::zeroed(); room as usize])?);
+            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![Pair::zeroed(); capacity as usize])?);
         let bound = [
             ("call", &call),
             ("candidates", &candidates),
@@ -278,11 +279,11 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
         // Dispatches more workgroups than needed.
         run_over(own, (&k::CANDIDATES_TEST, variant), [groups.div_ceil(2) + 1, 2, 1], &bound)?;
         let found = download::<Outcome>(own, &outcome, 1)?[0].found();
-        let case = || format!("{lengths:?}, {window:?}, room for {room}");
+        let case = || format!("{lengths:?}, {window:?}, capacity {capacity}");
         same(case, &found, &(expected.len() as u64))?;
-        let mut listed = download::<Pair>(own, &pairs, room.min(found as u32) as usize)?;
+        let mut listed = download::<Pair>(own, &pairs, capacity.min(found as u32) as usize)?;
         listed.sort_unstable();
-        let is_full = expected.len() > room as usize;
+        let is_full = expected.len() > capacity as usize;
         let distinct = listed.windows(2).all(|two| two[0] < two[1])
             && listed.iter().all(|pair| expected.binary_search(pair).is_ok());
         same(case, &(listed == expected || (is_full && distinct)), &true)?;

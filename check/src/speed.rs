@@ -6,8 +6,8 @@ use lazygrid::gpu::{self, Cost, GpuDevice, GpuSession, GpuSettings};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Phase, Skin, Sphere, Spheres};
 
 use crate::bandwidth::median;
-use crate::device::PATIENCE;
-use crate::guarded;
+use crate::catch_panic;
+use crate::device::TIMEOUT;
 use crate::way::text;
 
 /// Numbers of spheres to time.
@@ -39,7 +39,7 @@ pub struct Speed {
 
 /// The reason why an algorithm was not timed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Untimed {
+pub enum SkipReason {
     /// The spheres do not fit in memory.
     TooLarge(String),
     /// A call failed.
@@ -50,17 +50,17 @@ pub enum Untimed {
 ///
 /// # Errors
 /// Fails if the spheres do not fit on the device, or if it fails.
-pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, Untimed> {
+pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     let mut is_too_large = false;
     let mut said = |error: Error| {
         use Error::{DeviceOutOfMemory, LimitExceeded, OutOfMemory};
         is_too_large = matches!(error, LimitExceeded { .. } | OutOfMemory { .. } | DeviceOutOfMemory { .. });
         error.to_string()
     };
-    let speed = guarded(|| {
+    let speed = catch_panic(|| {
         let settings = GpuSettings { algorithm, timed: true, ..GpuSettings::default() };
         let mut session = GpuSession::new(own.clone(), settings).map_err(&mut said)?;
-        session.set_timeout(PATIENCE);
+        session.set_timeout(TIMEOUT);
         let timed = timed(|| {
             let ticket = session.begin(Spheres::from(spheres)).map_err(&mut said)?;
             let pairs = session.finish_count(ticket).map_err(&mut said)?;
@@ -71,29 +71,29 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
         let busy = if stages.is_empty() { timed.seconds } else { stages.iter().map(|(_, s)| s).sum() };
         Ok(Speed { stages, busy, cost: session.cost(), ..timed })
     });
-    speed.map_err(|what| if is_too_large { Untimed::TooLarge(what) } else { Untimed::Failed(what) })
+    speed.map_err(|what| if is_too_large { SkipReason::TooLarge(what) } else { SkipReason::Failed(what) })
 }
 
 /// Times repeated counts of the pairs on the CPU.
 ///
 /// # Errors
 /// Fails if free memory is too small, or if a call fails.
-pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, Untimed> {
+pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     // The spheres do not move, so that a candidate list would never be rebuilt.
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).skin(Skin::Off);
-    let mut detector = Detector::new(config).map_err(|error| Untimed::Failed(error.to_string()))?;
+    let mut detector = Detector::new(config).map_err(|error| SkipReason::Failed(error.to_string()))?;
     let (needed, free) = (detector.memory_for(spheres.len() as u64), free_memory());
     if free.is_some_and(|free| needed > free) {
         let [needed, free] = [needed, free.unwrap_or(0)].map(|bytes| bytes >> 20);
-        return Err(Untimed::TooLarge(format!("{needed} MiB are needed where {free} MiB are free")));
+        return Err(SkipReason::TooLarge(format!("{needed} MiB are needed where {free} MiB are free")));
     }
-    let speed = guarded(|| {
+    let speed = catch_panic(|| {
         timed(|| {
             let pairs = detector.count(spheres).map_err(text)?;
             Ok((pairs, detector.report().phases))
         })
     });
-    speed.map_err(Untimed::Failed)
+    speed.map_err(SkipReason::Failed)
 }
 
 /// Bytes of available memory (Linux's `MemAvailable`), if the system reports it.

@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use lazygrid::gpu::{AdapterId, GpuDevice, GpuSession, GpuSettings};
 use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Simd, Skin};
 
-use crate::device::PATIENCE;
+use crate::device::TIMEOUT;
 use crate::motion::{skin_of, walk};
 use crate::{Effort, TestInput, Tolerance};
 
@@ -107,8 +107,7 @@ impl DetectorVariant {
     /// The settings of a `Detector` of this variant. A `Detector` always uses subgroup operations if the device
     /// supports them.
     pub fn config(&self, gpu: Option<&Gpu>) -> Config {
-        let mut config =
-            Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(PATIENCE);
+        let mut config = Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(TIMEOUT);
         if let Some(tau) = self.tau {
             config = config.tau(tau);
         }
@@ -132,7 +131,7 @@ impl DetectorVariant {
     /// # Errors
     /// Returns the library's error or panic message as text.
     pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> Result<Vec<Pair>, String> {
-        guarded(|| match (self.target, gpu) {
+        catch_panic(|| match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
                 self.pairs_in_session(gpu, subgroups, scenario)
             }
@@ -189,7 +188,7 @@ impl DetectorVariant {
             ..defaults
         };
         let mut session = GpuSession::new(gpu.own.clone(), settings).map_err(text)?;
-        session.set_timeout(PATIENCE);
+        session.set_timeout(TIMEOUT);
         if let Skin::Fixed(distance) = skin_of(&scenario.spheres, self.skin) {
             session.set_skin(Some(distance as f32)).map_err(text)?;
             let ticket = session.begin(self.before(scenario).view()).map_err(text)?;
@@ -236,7 +235,7 @@ impl fmt::Display for DetectorVariant {
 ///
 /// # Errors
 /// Returns the error of `work`, or its panic message.
-pub fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+pub fn catch_panic<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let said = payload.downcast_ref::<String>().map(String::as_str);
         let said = said.or_else(|| payload.downcast_ref::<&str>().copied());

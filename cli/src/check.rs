@@ -12,7 +12,7 @@ use lazygrid_check::compare::{self, FailedCase, Pace, SceneCase};
 use lazygrid_check::fuzz::Round;
 use lazygrid_check::kernels::CHECKS;
 use lazygrid_check::sequence::{Sequence, Tally};
-use lazygrid_check::{DetectorVariant, Gpu, guarded};
+use lazygrid_check::{DetectorVariant, Gpu, catch_panic};
 
 use self::report::Report;
 use crate::args::{Check, Checked};
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Check) -> Result<(), Failure> {
     };
     let work = Work { args, gpu, on_cpu, bar: progress::working(parts) };
     let mut report = Report::new(args, work.gpu.as_ref(), skipped)?;
-    let done = guarded(|| {
+    let done = catch_panic(|| {
         Ok(match args.seed {
             Some(seed) => work.repeat(seed, &mut report),
             None => work.all(&mut report),
@@ -147,7 +147,7 @@ impl Work<'_> {
         for (k, check) in CHECKS.iter().enumerate() {
             self.step(from, KERNELS, [k, CHECKS.len()], &format!("kernels: {}", check.name));
             let checked =
-                guarded(|| (check.run)(&gpu.own, self.args.effort()).map_err(|fault| fault.to_string()));
+                catch_panic(|| (check.run)(&gpu.own, self.args.effort()).map_err(|fault| fault.to_string()));
             if let Err(what) = checked {
                 let name = format!("{} ({})", check.name, check.kernels.join(", "));
                 self.tell(|| {

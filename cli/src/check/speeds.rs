@@ -1,11 +1,11 @@
 use std::time::Instant;
 
 use lazygrid::{Algorithm, Backend, Sphere};
-use lazygrid_check::bandwidth::{Measured, Stopwatch};
+use lazygrid_check::bandwidth::{GpuTimer, Measured};
 use lazygrid_check::compare::FailedCase;
 use lazygrid_check::kernels::KernelError;
-use lazygrid_check::speed::{self, FULL, Speed, Untimed, forecast};
-use lazygrid_check::{Effort, Gpu, guarded};
+use lazygrid_check::speed::{self, FULL, SkipReason, Speed, forecast};
+use lazygrid_check::{Effort, Gpu, catch_panic};
 use lazygrid_io::scenes::Scene;
 
 use super::report::{Called, Primitive, Report};
@@ -40,8 +40,8 @@ pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), Failure> {
 /// Radix sort and scan beside a copy.
 fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Failure> {
     work.bar.set_message("speeds: copy, scan and sort");
-    let watch = Stopwatch::new(gpu.own.clone(), ROUNDS);
-    let measured = guarded(|| {
+    let watch = GpuTimer::new(gpu.own.clone(), ROUNDS);
+    let measured = catch_panic(|| {
         let watch = watch.map_err(|error| error.to_string())?;
         let text = |fault: KernelError| fault.to_string();
         let mut rows = Vec::new();
@@ -66,7 +66,7 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Fai
             rows.push(row("sort, 24 bits", watch.sort(values, 24, true).map_err(text)?));
             seconds = rows[rows.len() - 1].seconds;
         }
-        Ok((watch.is_of_the_device(), rows))
+        Ok((watch.has_gpu_timestamps(), rows))
     });
     match measured {
         Ok((own_clock, rows)) => work.tell(|| report.primitives(own_clock, rows)),
@@ -78,7 +78,7 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Fai
 }
 
 /// Times an algorithm.
-type Time<'a> = &'a dyn Fn(Algorithm, &[Sphere]) -> Result<Speed, Untimed>;
+type Time<'a> = &'a dyn Fn(Algorithm, &[Sphere]) -> Result<Speed, SkipReason>;
 
 /// The times of one backend.
 struct Race<'a> {
@@ -159,11 +159,11 @@ impl<'a> Race<'a> {
                 runner.times.push((n, speed.seconds));
                 self.work.tell(|| report.speed(called, &speed))
             }
-            Err(Untimed::TooLarge(what)) => {
+            Err(SkipReason::TooLarge(what)) => {
                 runner.is_out = true;
                 self.work.tell(|| report.left_out(called, &what))
             }
-            Err(Untimed::Failed(what)) => {
+            Err(SkipReason::Failed(what)) => {
                 runner.is_out = true;
                 let name = format!("{algorithm} on {}, {n} spheres, {scene}", self.backend);
                 let fault = FailedCase { name, what, scenario: None, options: String::new() };
