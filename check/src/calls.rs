@@ -128,10 +128,10 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
         run(own, &k::BOUNDS_REDUCE, Variant::default(), groups, &bound)?;
         let found = download::<Bounds>(own, &bounds, 1)?[0];
         let outcome = download::<Outcome>(own, &outcome, 1)?[0];
-        same(|| format!("bad ones of {size} spheres"), &outcome.quarantined, &(bad as u32))?;
+        same(|| format!("invalid spheres of {size}"), &outcome.quarantined, &(bad as u32))?;
         let valid = &spheres[bad..];
         if valid.is_empty() {
-            same(|| "bounds of nothing".to_owned(), &found, &empty)?;
+            same(|| "bounds without spheres".to_owned(), &found, &empty)?;
             continue;
         }
         let extent = |of: &dyn Fn(&Sphere) -> f32| {
@@ -144,7 +144,7 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
             let (found_low, found_high) = (float(found.low[axis]), float(found.high[axis]));
             let is_held = found.low[axis] <= ordered(low) && found.high[axis] >= ordered(high);
             let is_near = found_low >= low - 1e-4 && found_high <= high + 1e-4;
-            let case = || format!("{low}..{high} held by {found_low}..{found_high}, {size} spheres");
+            let case = || format!("{low}..{high} within {found_low}..{found_high}, {size} spheres");
             same(case, &(is_held && is_near), &true)?;
         }
         // A radius of 0 is increased slightly, to distinguish it from "no radius".
@@ -207,7 +207,9 @@ pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), KernelError> {
             let counts = [x, y, z].iter().all(|groups| (1..=65_535).contains(groups));
             let reaches = counts && y * z >= taken && tiles.div_ceil(x) <= k::CROWDED_TILES;
             let case = || {
-                format!("{blocks} blocks of {tiles} tiles, {part_tiles} a part: {taken} taken by {x} {y} {z}")
+                format!(
+                    "{blocks} blocks of {tiles} tiles, {part_tiles} per submission: {taken} dispatched as {x} {y} {z}"
+                )
             };
             same(case, &(fits && reaches), &true)?;
         }

@@ -11,9 +11,9 @@ pub type ElementSeed = [u32; 12];
 /// elements.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SceneSeed {
-    /// SceneSeed of the scene as a whole.
+    /// Words of the scene as a whole.
     pub setup: ElementSeed,
-    /// SceneSeed of each element.
+    /// Words of each element.
     pub elements: Vec<ElementSeed>,
 }
 

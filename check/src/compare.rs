@@ -22,7 +22,7 @@ pub struct SceneCase {
     pub scenario: TestInput,
 }
 
-/// All scenes of an effort. Each call returns the same ones.
+/// All scenes for an effort. Each call returns the same ones.
 pub fn cases(effort: Effort) -> Vec<SceneCase> {
     let case = |name: &str, scenario: TestInput| SceneCase { name: name.to_owned(), scenario };
     let mut cases: Vec<SceneCase> =
@@ -49,11 +49,11 @@ pub fn cases(effort: Effort) -> Vec<SceneCase> {
                 ("duplicates", adversary::duplicates(&words).into()),
                 ("soup, species", mixed),
                 ("soup in a box", periodic::soup(&words)),
-                ("soup in a box that leans", sheared::soup(&words)),
+                ("soup in a triclinic cell", sheared::soup(&words)),
             ] {
                 let mut words = [(); EXCLUSION_WORDS].map(|()| random.word());
                 words[1] = kind;
-                cases.push(case(&format!("{name}, pairs left out"), scenario.with_exclusions(&words)));
+                cases.push(case(&format!("{name}, exclusions"), scenario.with_exclusions(&words)));
             }
         }
     }
@@ -72,8 +72,8 @@ pub fn cases(effort: Effort) -> Vec<SceneCase> {
             cases.push(case(&format!("{n} spheres, {scene}, periodic"), periodic));
             if scene == Scene::FiveSizes {
                 let edges = sheared::tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
-                let leaning = TestInput { space: sheared::space(edges), ..spheres.into() };
-                cases.push(case(&format!("{n} spheres, {scene}, in a box that leans"), leaning));
+                let triclinic = TestInput { space: sheared::space(edges), ..spheres.into() };
+                cases.push(case(&format!("{n} spheres, {scene}, in a triclinic cell"), triclinic));
             }
         }
     }

@@ -62,7 +62,7 @@ pub fn difference(
     if missing.is_empty() && extra.is_empty() && twice.is_empty() {
         return Ok(());
     }
-    let mut text = format!("{} pairs found where {} are expected", found.len(), expected.len());
+    let mut text = format!("{} pairs found, {} expected", found.len(), expected.len());
     for (kind, pairs) in [("missing", missing), ("extra", extra), ("duplicate", twice)] {
         if let Some(&first) = pairs.first() {
             text += &format!("; {} {kind}, first {}", pairs.len(), describe(scenario, first));

@@ -82,7 +82,7 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
             let bits = grid.levels[0].bits;
             let fewest = (0..3).all(|axis| wanted_bits(&grid, axis) == bits[axis]);
             let folded = bits.element_sum() <= KEY_BITS && bits.cmpge(glam::UVec3::splat(3)).all();
-            same(|| case(&format!("whether {bits:?} bits will do")), &(fewest || folded), &true)?;
+            same(|| case(&format!("{bits:?} bits suffice")), &(fewest || folded), &true)?;
         }
     }
     Ok(())
@@ -103,11 +103,11 @@ fn open_axis(grid: &Grid, (axis, width): (usize, f32), spheres: &[Sphere]) -> Re
     places.sort_by(f32::total_cmp);
     let (median, origin) = (places[places.len() / 2], grid.origin[axis]);
     if origin != median {
-        return Err(format!("begins at {origin}, not {median}"));
+        return Err(format!("starts at {origin}, not {median}"));
     }
     let edge = 1.0 / grid.inverse_edge[axis];
     if !(0.9999 * width..1.02 * width).contains(&edge) {
-        return Err(format!("edges of {edge}, not {width}"));
+        return Err(format!("cell size {edge}, not {width}"));
     }
     let cell = |corner: Vec3| ((corner[axis] - origin) * grid.inverse_edge[axis]).floor() as i32;
     let [low, high] = extent(spheres).map(cell);
@@ -122,11 +122,11 @@ fn ring(grid: &Grid, (axis, width): (usize, f32), length: f32) -> Result<(), Str
     let turns = grid.turns[axis];
     let whole = if turns >= 4.0 { turns % 4.0 == 0.0 } else { turns.log2().fract() == 0.0 };
     if !whole || length / turns < width {
-        return Err(format!("{turns} edges of at least {width} around {length}"));
+        return Err(format!("{turns} cells of at least {width} in a length of {length}"));
     }
     let (corner, inverse) = (grid.origin[axis], grid.inverse_edge[axis]);
     if corner != -0.5 * length || !(0.999_999..1.000_001).contains(&(inverse * length / turns)) {
-        return Err(format!("from {corner} on with {inverse} edges per unit of length"));
+        return Err(format!("starts at {corner} with {inverse} cells per unit of length"));
     }
     let cells = [grid.low[axis], grid.high[axis]];
     if cells == [-1, turns as i32 + 1] { Ok(()) } else { Err(format!("cells {cells:?}")) }

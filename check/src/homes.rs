@@ -30,12 +30,12 @@ pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), KernelError> {
             ..Outcome::zeroed()
         };
         same(|| what("outcome"), outcome, &begun)?;
-        same(|| what("whether the survey is empty"), &(chosen.survey == Survey::zeroed()), &true)?;
+        same(|| what("survey is empty"), &(chosen.survey == Survey::zeroed()), &true)?;
         same(|| what("spheres"), &list.spheres, &case.spheres)?;
         let ordinary = bad < case.spheres;
-        same(|| what("whether all is ordinary"), &(list.ordinary != 0), &ordinary)?;
+        same(|| what("ordinary"), &(list.ordinary != 0), &ordinary)?;
         let dense = case.is_dense && case.spheres > 1;
-        same(|| what("whether spheres leave cells"), &(list.is_dense != 0), &dense)?;
+        same(|| what("spheres leave cells"), &(list.is_dense != 0), &dense)?;
         let lengths = Lengths { items: case.spheres, counters: list.cells + 2 };
         same(|| what("lengths"), &chosen.lengths, &lengths)?;
         levels_are_sound(&chosen, case)?;
@@ -92,19 +92,15 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     }
     let what = |what: &str| format!("{what}, {case:?}");
     same(|| what("cells in all"), &list.cells, &base)?;
-    same(
-        || what("whether there is room for them"),
-        &(list.cells <= CELL_CAPACITY && list.levels & 1 == 1),
-        &true,
-    )?;
+    same(|| what("cells fit the capacity"), &(list.cells <= CELL_CAPACITY && list.levels & 1 == 1), &true)?;
     let valid = || scenario.spheres.iter().filter(|sphere| sphere.is_valid());
     let listed = valid().filter(|sphere| level_of(list, sphere.radius) == LISTED).count();
     let is_few = listed <= 8 || valid().count() == listed;
-    same(|| what("whether few are listed"), &is_few, &true)?;
+    same(|| what("few spheres are listed"), &is_few, &true)?;
     for sphere in valid().filter(|sphere| level_of(list, sphere.radius) != LISTED) {
         let level = if list.is_dense == 0 { 0 } else { level_of(list, sphere.radius) };
         let fits = sphere.radius <= list.level[level].reach && sphere.radius <= list.level[0].reach;
-        same(|| format!("whether {sphere:?} fits level {level}, {case:?}"), &fits, &true)?;
+        same(|| format!("{sphere:?} fits level {level}, {case:?}"), &fits, &true)?;
     }
     Ok(())
 }

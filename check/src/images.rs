@@ -117,19 +117,19 @@ mod tests {
     fn distances_by_hand() {
         let of = |edges: [Option<DVec3>; 3]| {
             let edges = edges.map(|edge| edge.map(|edge| edge.to_array()));
-            ImageOracle::of(&Space::sheared(edges).expect("edges that span a box"))
+            ImageOracle::of(&Space::sheared(edges).expect("linearly independent vectors"))
         };
         let at = |images: &ImageOracle, x, y, z| images.distance_squared(DVec3::new(x, y, z), 1.5);
-        let leaning = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5, 3.0, 0.0)), None]);
-        assert_eq!(at(&leaning, 1.5, 3.0, 0.0), 0.0);
-        assert_eq!(at(&leaning, 1.5, 2.0, 0.5), 1.25);
-        assert_eq!(at(&leaning, 4000.0 - 15.0, -30.0 + 1.0, 0.0), 1.0);
-        assert!(at(&leaning, 0.0, 0.0, 3.0) > 2.25);
+        let triclinic = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5, 3.0, 0.0)), None]);
+        assert_eq!(at(&triclinic, 1.5, 3.0, 0.0), 0.0);
+        assert_eq!(at(&triclinic, 1.5, 2.0, 0.5), 1.25);
+        assert_eq!(at(&triclinic, 4000.0 - 15.0, -30.0 + 1.0, 0.0), 1.0);
+        assert!(at(&triclinic, 0.0, 0.0, 3.0) > 2.25);
         // A cell with a tilt larger than its length has the same images as one with a smaller tilt.
         let far = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5 + 40.0, 3.0, 0.0)), None]);
         for k in 0..50 {
             let [x, y] = [0.61 * f64::from(k), 0.37 * f64::from(k)];
-            let [one, other] = [&leaning, &far].map(|images| at(images, x, y, 0.0));
+            let [one, other] = [&triclinic, &far].map(|images| at(images, x, y, 0.0));
             assert!((one - other).abs() < 1e-9 || one.min(other) > 2.25, "{one} {other}");
         }
         // The nearest image is not the folded one.

@@ -76,7 +76,7 @@ pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), KernelError> {
         let expected = begun(own, given, periodic, &[(&k::SPHERES_SURVEY, 3), (&k::LIST_CONFIGURE, 1)])?;
         let found = begun(own, given, periodic, &[(&k::LIST_BEGIN, 1)])?;
         let case = |what: &str| format!("{what} of {size} spheres, periodic {periodic}");
-        same(|| case("whether the survey is empty"), &found.leaves_no_survey, &true)?;
+        same(|| case("survey is empty"), &found.leaves_no_survey, &true)?;
         same(|| case("the list"), &found.list, &expected.list)?;
         let counts = |begun: &Begun| (begun.outcome.clone(), begun.lengths.clone());
         same(|| case("outcome and lengths"), &counts(&found), &counts(&expected))?;

@@ -293,7 +293,7 @@ pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), KernelError> {
                 )?;
                 end += 1 << bits.element_sum();
             }
-            same(|| case(&format!("room for {end} keys")), &(end <= 1 << (key_bits - 1)), &true)?;
+            same(|| case(&format!("{end} keys fit")), &(end <= 1 << (key_bits - 1)), &true)?;
         }
     }
     Ok(())

@@ -18,7 +18,7 @@ pub struct PeriodicSceneFamily {
 
 /// All families.
 pub const FAMILIES: [PeriodicSceneFamily; 6] = [
-    PeriodicSceneFamily { name: "lattices across the seam", scene: lattice },
+    PeriodicSceneFamily { name: "lattices across a periodic boundary", scene: lattice },
     PeriodicSceneFamily { name: "soup in a box", scene: soup },
     PeriodicSceneFamily { name: "crowds at the corner of a box", scene: corner },
     PeriodicSceneFamily { name: "coordinates far outside a box", scene: unwrapped },

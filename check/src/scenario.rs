@@ -14,7 +14,7 @@ pub struct TestInput {
     pub mixture: Option<SpeciesSetup>,
     /// The group of each sphere, or [`Spheres::NO_GROUP`]. Spheres of the same group are not pairs.
     pub groups: Option<Vec<u32>>,
-    /// ExclusionCase pairs.
+    /// The excluded pairs.
     pub excluded: Option<ExclusionCase>,
 }
 

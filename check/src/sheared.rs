@@ -11,13 +11,13 @@ use crate::{SceneSeed, SeedReader, TestInput};
 
 /// All families.
 pub const FAMILIES: [PeriodicSceneFamily; 7] = [
-    PeriodicSceneFamily { name: "lattices across leaning seams", scene: lattice },
-    PeriodicSceneFamily { name: "soup in a box that leans", scene: soup },
-    PeriodicSceneFamily { name: "edges of any direction", scene: directions },
-    PeriodicSceneFamily { name: "coordinates far outside a box that leans", scene: carried_away },
-    PeriodicSceneFamily { name: "seams of a box that leans", scene: corners },
-    PeriodicSceneFamily { name: "boxes that lean at the ends of the range", scene: ends_of_the_range },
-    PeriodicSceneFamily { name: "the largest spheres in space that leans", scene: largest_spheres },
+    PeriodicSceneFamily { name: "lattices in triclinic cells", scene: lattice },
+    PeriodicSceneFamily { name: "soup in a triclinic cell", scene: soup },
+    PeriodicSceneFamily { name: "cell vectors of any direction", scene: directions },
+    PeriodicSceneFamily { name: "coordinates far outside a triclinic cell", scene: carried_away },
+    PeriodicSceneFamily { name: "boundaries of a triclinic cell", scene: corners },
+    PeriodicSceneFamily { name: "triclinic cells at the ends of the range", scene: ends_of_the_range },
+    PeriodicSceneFamily { name: "the largest spheres in a triclinic cell", scene: largest_spheres },
 ];
 
 /// The cell vectors of a box with these lengths and the tilts xy, xz and yz. An axis without a length is not periodic.
@@ -172,17 +172,17 @@ mod tests {
     fn edges_span_a_box_that_the_elements_do_not_settle() {
         let mut random = Random(3);
         for family in FAMILIES {
-            let mut leaning = 0;
+            let mut triclinic = 0;
             for _ in 0..200 {
                 let words = SceneSeed::drawn(&mut random, 3);
                 let TestInput { space, spheres, .. } = (family.scene)(&words);
                 assert!(space.is_periodic() && spheres.len() == 3, "{}: {words:?}", family.name);
-                leaning += usize::from(space.shear().is_some());
+                triclinic += usize::from(space.shear().is_some());
                 let others = SceneSeed { elements: SceneSeed::drawn(&mut random, 5).elements, ..words };
                 assert_eq!((family.scene)(&others).space, space, "{}", family.name);
             }
             // Some cells have tilts of zero.
-            assert!(leaning > 100, "{}: {leaning}", family.name);
+            assert!(triclinic > 100, "{}: {triclinic}", family.name);
         }
     }
 }

@@ -85,7 +85,7 @@ pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipRea
     let (needed, free) = (detector.memory_for(spheres.len() as u64), free_memory());
     if free.is_some_and(|free| needed > free) {
         let [needed, free] = [needed, free.unwrap_or(0)].map(|bytes| bytes >> 20);
-        return Err(SkipReason::TooLarge(format!("{needed} MiB are needed where {free} MiB are free")));
+        return Err(SkipReason::TooLarge(format!("{needed} MiB needed, {free} MiB free")));
     }
     let speed = catch_panic(|| {
         timed(|| {
@@ -114,7 +114,7 @@ fn timed(mut call: impl FnMut() -> Result<(u64, Vec<Phase>), String>) -> Result<
         let start = Instant::now();
         let (again, phases) = call()?;
         if again != pairs {
-            return Err(format!("{pairs} pairs counted, and then {again} of the same spheres"));
+            return Err(format!("{pairs} pairs counted, then {again} for the same spheres"));
         }
         times.push(start.elapsed().as_secs_f64());
         stages.push(phases);
@@ -180,6 +180,6 @@ mod tests {
         assert!(list.stages.iter().any(|(name, _)| *name == "search"), "{list:?}");
         let mut answers = 0..;
         let changing = timed(|| Ok((answers.next().expect("endless"), vec![])));
-        assert!(changing.is_err_and(|text| text.contains("0 pairs counted, and then 1")));
+        assert!(changing.is_err_and(|text| text.contains("0 pairs counted, then 1")));
     }
 }

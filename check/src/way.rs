@@ -239,7 +239,7 @@ pub fn catch_panic<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, Str
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let said = payload.downcast_ref::<String>().map(String::as_str);
         let said = said.or_else(|| payload.downcast_ref::<&str>().copied());
-        Err(format!("panicked: {}", said.unwrap_or("without a word")))
+        Err(format!("panicked: {}", said.unwrap_or("no message")))
     })
 }
 

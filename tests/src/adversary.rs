@@ -13,7 +13,7 @@ use crate::{SceneSeed, TestInput};
 /// A strategy for spheres.
 pub type Spheres = BoxedStrategy<Vec<Sphere>>;
 
-/// SceneSeed of mostly a few dozen elements, sometimes none, at most 600.
+/// Seeds of mostly a few dozen elements, sometimes none, at most 600.
 pub(crate) fn words() -> impl Strategy<Value = SceneSeed> + Clone {
     let element = || uniform12(any::<u32>());
     let elements = prop_oneof![

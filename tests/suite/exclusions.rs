@@ -74,7 +74,7 @@ fn every_kind_of_result() {
     assert!(expected.len() > 30 && expected.len() < all / 2 + all / 4, "{} of {all}", expected.len());
     let most = expected.len() as u64;
     for subject in Subject::each_algorithm() {
-        // ExclusionCase pairs do not count toward the limit.
+        // Excluded pairs do not count toward the limit.
         let mut detector = Detector::new(subject.config().max_pairs(most)).expect("made");
         let found = detector.pairs(query).expect("as many as fit").to_vec();
         same(subject, &with, &found, &expected).unwrap_or_else(|text| panic!("{text}"));

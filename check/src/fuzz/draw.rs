@@ -19,8 +19,8 @@ impl Round {
         let variant = variant(&mut random, on_cpu, on_gpu);
         let order = if random.below(3) == 0 { Order::Unordered } else { Order::Canonical };
         let max_pairs = if random.below(4) == 0 { random.below(50).into() } else { u64::from(u32::MAX) };
-        let leaning = (random.below(4) == 0).then(|| Leaning::drawn(&mut random));
-        let mut calls = vec![(call(&mut random), scene(&mut random, leaning))];
+        let triclinic = (random.below(4) == 0).then(|| Triclinic::drawn(&mut random));
+        let mut calls = vec![(call(&mut random), scene(&mut random, triclinic))];
         let (space, table) = (calls[0].1.space, calls[0].1.mixture.clone());
         for _ in 0..random.below(if variant.skin > 0.0 { 6 } else { 3 }) {
             let last = &calls[calls.len() - 1].1;
@@ -30,7 +30,7 @@ impl Round {
                 calls.push((call(&mut random), moved));
                 continue;
             }
-            let mut scenario = scene(&mut random, leaning);
+            let mut scenario = scene(&mut random, triclinic);
             scenario.space = space;
             scenario.mixture = table.clone().map(|mut mixture| {
                 let count = mixture.rows.len() as u32;
@@ -46,12 +46,12 @@ impl Round {
 /// A triclinic space: a family and the words of the scene, which determine the cell. All spheres of a round are of that
 /// family: spheres of other families may lie so many boxes away that `f64` cannot distinguish the images.
 #[derive(Clone, Copy)]
-struct Leaning {
+struct Triclinic {
     family: PeriodicSceneFamily,
     setup: ElementSeed,
 }
 
-impl Leaning {
+impl Triclinic {
     fn drawn(random: &mut Random) -> Self {
         let family = one_of(random, &sheared::FAMILIES);
         Self { family, setup: SceneSeed::drawn(random, 0).setup }
@@ -100,16 +100,16 @@ fn call(random: &mut Random) -> Call {
     }
 }
 
-fn scene(random: &mut Random, leaning: Option<Leaning>) -> TestInput {
+fn scene(random: &mut Random, triclinic: Option<Triclinic>) -> TestInput {
     let elements = match random.below(8) {
         0..3 => random.below(12),
         7 => 120 + random.below(480),
         _ => 12 + random.below(108),
     };
     let words = SceneSeed::drawn(random, elements as usize);
-    let mut scenario = match leaning {
-        Some(Leaning { family, setup }) => (family.scene)(&SceneSeed { setup, ..words }),
-        None => straight(random, &words),
+    let mut scenario = match triclinic {
+        Some(Triclinic { family, setup }) => (family.scene)(&SceneSeed { setup, ..words }),
+        None => not_triclinic(random, &words),
     };
     if random.below(4) == 0 {
         let space = scenario.space;
@@ -122,7 +122,7 @@ fn scene(random: &mut Random, leaning: Option<Leaning>) -> TestInput {
 }
 
 /// Draws a scene without a triclinic cell.
-fn straight(random: &mut Random, words: &SceneSeed) -> TestInput {
+fn not_triclinic(random: &mut Random, words: &SceneSeed) -> TestInput {
     let mut scenario = match random.below(3) {
         0 => (one_of(random, &periodic::FAMILIES).scene)(words),
         _ => (one_of(random, &adversary::FAMILIES).spheres)(words).into(),

@@ -251,7 +251,7 @@ fn streamed(
         Ok(Ok(_)) if matches!(ending, Ending::Panic(_)) && has_ended => {
             Err("the panic of the consumer was lost".to_owned())
         }
-        Ok(Ok(said)) if said != handed => Err(format!("{said} pairs are said to be streamed, {handed} were")),
+        Ok(Ok(said)) if said != handed => Err(format!("stream returned {said} pairs but delivered {handed}")),
         Ok(Ok(_)) if has_ended => Ok(Answer::Part(pairs)),
         Ok(Ok(_)) => Ok(Answer::Pairs(pairs)),
     }

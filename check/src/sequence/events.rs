@@ -281,7 +281,7 @@ impl World {
                 self.scenario.excluded = ExclusionCase::new(n, pairs).ok();
             }
         }
-        "other pairs left out"
+        "other exclusions"
     }
 }
 

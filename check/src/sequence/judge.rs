@@ -53,11 +53,11 @@ impl<'a> Judge<'a> {
             (Right::Refused(errors), Answer::Refused(error)) => {
                 return match errors.contains(&format!("{error:?}")) {
                     true => Ok(()),
-                    false => Err(format!("refused with {error:?} where {} is right", errors.join(" or "))),
+                    false => Err(format!("refused with {error:?}, expected {}", errors.join(" or "))),
                 };
             }
             (Right::Refused(errors), _) => {
-                return Err(format!("accepted where {} is right", errors.join(" or ")));
+                return Err(format!("accepted, expected {}", errors.join(" or ")));
             }
             (Right::Pairs(expected, range), _) => (expected, *range),
         };
@@ -173,7 +173,7 @@ impl<'a> Judge<'a> {
         match same {
             true => Ok(()),
             false => {
-                Err(format!("a new detector answers otherwise: {}, not {}", brief(fresh), brief(answer)))
+                Err(format!("a new detector gives another answer: {}, not {}", brief(fresh), brief(answer)))
             }
         }
     }
@@ -197,7 +197,7 @@ fn brief(answer: &Answer) -> String {
 fn in_range(found: u64, [least, most]: [u64; 2]) -> Result<(), String> {
     match (least..=most).contains(&found) {
         true => Ok(()),
-        false => Err(format!("{found} pairs counted where {least} to {most} are right")),
+        false => Err(format!("{found} pairs counted, expected {least} to {most}")),
     }
 }
 
