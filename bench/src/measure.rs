@@ -364,7 +364,7 @@ mod tests {
         Plan { scene: Scene::Equal, n: 10, seed: 1, rounds: 3, steps: 2, moves: Scene::STEP, fresh: false };
 
     #[test]
-    fn order_does_not_matter_but_the_set_does() {
+    fn answers_are_compared_as_sets() {
         let timings = compare(&PLAN, &[fixed(&[[0, 1], [2, 3]]), fixed(&[[2, 3], [0, 1]])]);
         let timings = timings.expect("the same set");
         assert_eq!((timings[0].nanos.len(), timings[1].pairs), (3, 2));
@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn everybody_has_a_turn_and_predecessors_change() {
+    fn all_contenders_run_and_predecessors_change() {
         let mut before_the_last = std::collections::BTreeSet::new();
         for seed in 0..50 {
             let turns = turns(5, seed);

@@ -28,7 +28,7 @@ fn path(folder: &Path) -> &str {
 }
 
 #[test]
-fn the_smallest_size_of_everything() {
+fn smallest_figures_are_right() {
     let folder = tempfile::tempdir().unwrap();
     let run = bench(["figures", "--smallest", "--out", path(folder.path())]).succeeds();
     assert!(run.out.contains("0 with a wrong answer"), "{}", run.out);
@@ -91,7 +91,7 @@ fn the_smallest_size_of_everything() {
 }
 
 #[test]
-fn a_run_goes_on_where_it_was() {
+fn interrupted_run_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let run = |only: &str| {
         bench(["figures", "--smallest", "--only", only, "--out", path(folder.path())]).succeeds();
@@ -109,7 +109,7 @@ fn a_run_goes_on_where_it_was() {
 }
 
 #[test]
-fn what_became_slower_is_said() {
+fn compare_reports_slower_measurements() {
     let folder = tempfile::tempdir().unwrap();
     let [old, new] = ["old", "new"].map(|name| folder.path().join(name));
     bench(["figures", "--smallest", "--only", "tau", "--runs", "5", "--out", path(&old)]).succeeds();
@@ -135,7 +135,7 @@ fn what_became_slower_is_said() {
 }
 
 #[test]
-fn a_wrong_answer_is_an_error_whoever_reads() {
+fn wrong_answer_is_an_error_with_closed_output() {
     let folder = tempfile::tempdir().unwrap();
     let args = ["figures", "--smallest", "--only", "point", "--out", path(folder.path())];
     bench(args).succeeds();

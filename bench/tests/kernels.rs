@@ -19,7 +19,7 @@ fn driver() -> Option<PathBuf> {
 }
 
 #[test]
-fn a_compiler_for_amd_takes_every_kernel() {
+fn amd_compiler_accepts_all_kernels() {
     let Some(driver) = driver() else {
         #[expect(clippy::print_stderr, reason = "a skipped test says why")]
         {

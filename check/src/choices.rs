@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn small_words_are_simple_and_large_ones_reach_the_end() {
+    fn small_words_are_simple_and_large_words_reach_the_limit() {
         let mut least = SeedReader::new(&[]);
         assert_eq!((least.below(7), least.within(3), least.of(&[5, 6]), least.once_in(2)), (0, 0, 5, false));
         assert_eq!((least.between(-1.0, 1.0), least.float_below(9), least.signed(2.0)), (-1.0, 0.0, 2.0));

@@ -189,7 +189,7 @@ mod tests {
     use lazygrid::Simd;
 
     #[test]
-    fn paces_are_those_of_the_quickest_call_that_tells() {
+    fn pace_is_that_of_the_fastest_large_call() {
         let [naive, list] = [Algorithm::Naive, Algorithm::CellList].map(|algorithm| {
             DetectorVariant::new(algorithm, TargetDevice::Cpu { simd: Simd::Portable, threads: Some(1) })
         });
@@ -204,13 +204,13 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_of_many_is_that_of_few() {
+    fn reference_for_large_scenes_matches_the_oracle() {
         let scenario = TestInput::from(Scene::FiveSizes.spheres(ALL_PAIRS + 1, 3));
         assert_eq!(expected(&scenario), Ok(scenario.oracle()));
     }
 
     #[test]
-    fn cases_are_the_same_at_any_time_and_valid() {
+    fn cases_are_reproducible_and_valid() {
         let (once, again) = (cases(Effort::Quick), cases(Effort::Quick));
         assert!(once.iter().zip(&again).all(|(a, b)| a.scenario == b.scenario));
         for SceneCase { name, scenario } in once {
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_detector_that_loses_pairs_or_panics_is_seen() {
+    fn missing_pairs_and_panics_are_detected() {
         let variant = DetectorVariant::new(
             Algorithm::Naive,
             TargetDevice::Cpu { simd: Simd::Portable, threads: Some(1) },

@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_of_error_is_seen() {
+    fn all_kinds_of_errors_are_detected() {
         let exact = |found: &[(u32, u32)]| verdict(&[0.0, 2.0, 4.0, 6.0], found, Tolerance::Exact);
         let fails = |found, word| exact(found).is_err_and(|text| text.contains(word));
         assert_eq!(exact(&[(2, 3), (0, 1), (1, 2)]), Ok(()));
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn only_near_tangency_is_excused() {
+    fn only_tangent_pairs_may_differ_on_the_gpu() {
         use Tolerance::{Exact, Tangent};
         let [none, one] = [&[][..], &[(0, 1)]];
         assert_eq!(verdict(&[0.0, 2.0], none, Tangent), Ok(()));
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_checksum_depends_on_pairs_and_not_on_their_order() {
+    fn checksum_ignores_order_but_not_pairs() {
         let [a, b] = [[(0, 1), (2, 3)], [(2, 3), (0, 1)]].map(|p| checksum(&pairs(&p)));
         assert_eq!(a, b);
         assert_ne!(a, checksum(&pairs(&[(0, 1), (2, 3), (2, 3)])));

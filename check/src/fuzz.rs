@@ -224,7 +224,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rounds_depend_on_their_seeds_alone_and_pass_on_the_cpu() {
+    fn rounds_are_reproducible_and_pass_on_the_cpu() {
         let (mut kinds, mut triclinic, mut less) = ([0; 4], 0, 0);
         for seed in 0..300 {
             let round = Round::drawn(seed, true, false);
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_detector_is_seen_and_its_round_shrinks() {
+    fn broken_detector_is_detected_and_its_round_shrinks() {
         let (mut losing, mut doubling) = (0, 0);
         for seed in 0..60 {
             let round = Round::drawn(seed, true, false);
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn one_sided_neighbours_are_seen() {
+    fn one_sided_neighbors_are_detected() {
         let lists: [&[u32]; 3] = [&[1, 2], &[0], &[0]];
         assert_eq!(pairs_of(3, |i| lists[i]), Ok(vec![Pair { i: 0, j: 1 }, Pair { i: 0, j: 2 }]));
         let lists: [&[u32]; 3] = [&[1, 2], &[0], &[]];

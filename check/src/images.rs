@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn distances_by_hand() {
+    fn image_distances_match_known_values() {
         let of = |edges: [Option<DVec3>; 3]| {
             let edges = edges.map(|edge| edge.map(|edge| edge.to_array()));
             ImageOracle::of(&Space::sheared(edges).expect("linearly independent vectors"))

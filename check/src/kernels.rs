@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_kernel_has_one_check() {
+    fn each_kernel_has_one_check() {
         let mut checked: Vec<&str> = CHECKS.iter().flat_map(|check| check.kernels).copied().collect();
         let mut all: Vec<&str> = KERNELS.iter().map(|kernel| kernel.name).collect();
         checked.sort_unstable();
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_is_said_in_short() {
+    fn long_differences_are_shortened() {
         assert_eq!(same(|| "one".to_owned(), &1, &1), Ok(()));
         let fault = same(|| "many".to_owned(), &vec![7; 1000], &vec![8; 1000]).expect_err("they differ");
         let text = fault.to_string();

@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_left_out_stays_so_for_those_kept() {
+    fn exclusions_of_kept_spheres_remain() {
         let scenario = TestInput {
             groups: Some(vec![7, 7, Spheres::NO_GROUP, Spheres::NO_GROUP, 3]),
             excluded: ExclusionCase::new(5, [(4, 1), (2, 2), (1, 4), (0, 3)]).ok(),
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_is_drawn() {
+    fn all_kinds_of_exclusions_are_drawn() {
         let mut words = [0x1234_5678; EXCLUSION_WORDS];
         let drawn = |words: &[u32; EXCLUSION_WORDS], spheres| {
             let scenario = TestInput::from(vec![Sphere::new([0.0; 3], 1.0); spheres]).with_exclusions(words);

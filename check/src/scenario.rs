@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn the_oracle_by_hand() {
+    fn oracle_matches_known_values() {
         assert_eq!(pairs(&[]), []);
         assert_eq!(pairs(&[[0.0, 0.0, 0.0, 1.0]]), []);
         let touching = [[0.0, 0.0, 0.0, 1.0], [3.0, 4.0, 0.0, 4.0], [0.0, 0.0, -1.5, 0.25]];
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn species_decide_before_radii_do() {
+    fn interactions_override_radii() {
         let spheres = (0..4).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.75)).collect();
         let rows = vec![vec![Interaction::Never], vec![Interaction::Within(3.0), Interaction::Touch]];
         let scenario = TestInput {

@@ -169,7 +169,7 @@ mod tests {
     use crate::Random;
 
     #[test]
-    fn edges_span_a_box_that_the_elements_do_not_settle() {
+    fn cell_does_not_depend_on_elements() {
         let mut random = Random(3);
         for family in FAMILIES {
             let mut triclinic = 0;

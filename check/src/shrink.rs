@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_broken_detector_loses_shrinks_to_two_spheres() {
+    fn missing_pairs_shrink_to_two_spheres() {
         let spheres = cloud(3, 500, 5.0, |random| 0.5 * random.unit());
         let ids = (0..spheres.len() as u32).map(|k| k % 2).collect();
         let rows = vec![vec![Interaction::Touch], vec![Interaction::Touch; 2]];
@@ -97,7 +97,7 @@ mod tests {
 
     /// A detector that ignores groups, or ignores the list, is shown with only that kind of exclusion.
     #[test]
-    fn what_is_left_out_shrinks_with_the_spheres() {
+    fn exclusions_shrink_with_the_spheres() {
         let words =
             std::array::from_fn(|k| if k == 1 { 2 } else { 0x9e37_79b9_u32.wrapping_mul(k as u32 + 1) });
         let spheres = cloud(3, 500, 5.0, |random| 0.5 * random.unit());
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_valid_stays_so() {
+    fn valid_input_stays_valid() {
         let scenario = TestInput::from(vec![lazygrid::Sphere::new([0.3, f32::MAX, -1e38], 1.3e38); 3]);
         let (small, _) = shrink(scenario.clone(), String::new(), 100, |smaller| {
             let nonzero = |s: &lazygrid::Sphere| s.radius > 0.0 && s.center.x > 0.2;
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn no_more_tries_than_allowed() {
+    fn shrinking_respects_the_limit_of_tries() {
         let scenario = TestInput::from(cloud(3, 500, 5.0, |random| 0.5 * random.unit()));
         let mut asked = 0;
         let (small, what) = shrink(scenario.clone(), "first".to_owned(), 7, |_| {

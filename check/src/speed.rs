@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn forecasts_follow_what_was_seen() {
+    fn forecast_extrapolates_measured_times() {
         let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-9;
         assert_eq!(forecast(Algorithm::Naive, &[], 10), 0.0);
         assert!(near(forecast(Algorithm::Naive, &[(10, 1.0)], 100), 100.0));
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_and_stages_of_a_call() {
+    fn algorithms_agree_and_report_phases() {
         let spheres = lazygrid_io::scenes::Scene::FiveSizes.spheres(2000, 1);
         let [naive, list] = [Algorithm::Naive, Algorithm::CellList]
             .map(|algorithm| on_cpu(algorithm, &spheres).expect("counted"));

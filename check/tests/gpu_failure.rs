@@ -38,7 +38,7 @@ fn assert_lost<T>(result: Result<T, impl Into<Error>>) {
 }
 
 #[test]
-fn calls_in_flight_when_the_device_goes_are_told_so() {
+fn lost_device_fails_calls_in_flight() {
     let Some(own) = device() else { return };
     let spheres = cloud(3000);
     let mut session = GpuSession::new(own.clone(), GpuSettings::default()).expect("made");
@@ -65,7 +65,7 @@ fn calls_in_flight_when_the_device_goes_are_told_so() {
 }
 
 #[test]
-fn a_host_application_that_destroys_its_device_is_told_so() {
+fn lost_device_of_the_caller_is_reported() {
     let Some(own) = device() else { return };
     let lent = GpuDevice::lent(&own.device, &own.queue);
     let spheres = cloud(3000);
@@ -80,7 +80,7 @@ fn a_host_application_that_destroys_its_device_is_told_so() {
 }
 
 #[test]
-fn a_new_detector_gives_the_same_answer() {
+fn new_detector_works_after_device_loss() {
     let Some(_) = device() else { return };
     let _alone = alone();
     let spheres = cloud(12_000);
@@ -98,7 +98,7 @@ fn a_new_detector_gives_the_same_answer() {
 }
 
 #[test]
-fn a_stream_whose_device_goes_ends_with_the_error() {
+fn lost_device_ends_a_stream_with_an_error() {
     let Some(_) = device() else { return };
     let _alone = alone();
     // More pairs than the output holds, so that the stream takes several searches.
@@ -123,7 +123,7 @@ fn a_stream_whose_device_goes_ends_with_the_error() {
 }
 
 #[test]
-fn a_request_beyond_the_device_leaves_the_detector_usable() {
+fn oversized_request_leaves_the_detector_usable() {
     let Some(own) = device() else { return };
     let _alone = alone();
     let few = cloud(2000);

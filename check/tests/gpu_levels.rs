@@ -31,7 +31,7 @@ fn every_scene_agrees_for_any_tau() {
 
 /// A crowd next to a few spheres, with some of both on the border between their cells.
 #[test]
-fn settled_and_refined_cells_lose_nothing() {
+fn mixed_refinement_loses_no_pair() {
     let Some(own) = device() else { return };
     let mut spheres = vec![Sphere::new([40.0; 3], 1.0)];
     let mut random = Random(40);
@@ -49,7 +49,7 @@ fn settled_and_refined_cells_lose_nothing() {
 
 /// Spheres of many sizes at one point: each level has spheres, each with entries in eight cells.
 #[test]
-fn entries_beyond_the_plan_are_reported_and_a_session_makes_room() {
+fn entry_overflow_is_reported_and_retried_by_a_session() {
     let Some(own) = device() else { return };
     let spheres: Vec<_> = (0..3000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 15))).collect();
     let pairs = 3000 * 2999 / 2;

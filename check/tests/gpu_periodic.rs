@@ -160,7 +160,7 @@ fn boxes_of_few_cells() {
 /// More cells than keys. If the number of cells along a ring were one or two above a multiple of eight, its ends would
 /// share keys.
 #[test]
-fn folded_rings() {
+fn keys_shared_by_cells_of_a_ring_lose_no_pair() {
     let Some(own) = device() else { return };
     for (k, of) in [[65.5, 66.2, 129.3], [33.1, 257.8, 130.9], [513.4, 90.3, 70.7]].into_iter().enumerate() {
         for axes in [3, 7] {
@@ -176,7 +176,7 @@ fn folded_rings() {
 }
 
 #[test]
-fn nested_grids_go_round_at_every_depth() {
+fn nested_grids_are_periodic_at_all_depths() {
     let Some(own) = device() else { return };
     let boxes = [[8.0, 8.0, 8.0], [1.0, 3.0, 9.0], [0.1, 20.0, 2.5], [0.02, 0.02, 30.0], [4.7, 5.9, 8.3]];
     for (k, of) in boxes.into_iter().enumerate() {
@@ -195,7 +195,7 @@ fn nested_grids_go_round_at_every_depth() {
 
 /// On the periodic boundary, a few units in the last place away, at the opposite boundary, and many boxes away.
 #[test]
-fn spheres_on_the_seam() {
+fn spheres_on_the_periodic_boundary() {
     let Some(own) = device() else { return };
     for (seed, of) in [1.0_f32, 0.1, 10.0, 3.3].into_iter().enumerate() {
         let mut random = Random(seed as u64);
@@ -280,7 +280,7 @@ fn species_in_a_periodic_box() {
 /// Enough spheres that several cells share a key, runs of entries are long, and the periodic boundary cuts the crowd in
 /// two. The naive search is the reference.
 #[test]
-fn crowds_on_the_seam_of_a_large_box() {
+fn crowds_on_the_periodic_boundary_of_a_large_box() {
     let Some(own) = device() else { return };
     let mut spheres = cloud(60, 4000, 1.0, |random| 0.004 * (0.1 + random.unit()));
     spheres.iter_mut().for_each(|s| s.center *= 30.0);

@@ -19,7 +19,7 @@ const ROW: u32 = 256;
 const MANY: usize = 1_100_001;
 
 #[test]
-fn more_than_one_dimension_of_groups() {
+fn dispatch_over_several_dimensions() {
     let Some(own) = device() else { return };
     let own = limited(&own, |limits| Limits { max_compute_workgroups_per_dimension: ROW, ..limits });
     primitives::scan(&own, MANY).unwrap_or_else(|fault| panic!("scan: {fault}"));
@@ -56,7 +56,7 @@ fn both_ways(kernel: &Kernel) -> [String; 2] {
 /// With many tiles a scan takes several rounds, each starting where the last one ended. The thread that starts a round
 /// must not change values that other threads still read.
 #[test]
-fn scans_of_many_tiles_go_on_from_round_to_round() {
+fn scan_of_many_tiles_continues_over_rounds() {
     let Some(own) = device() else { return };
     let tiles = 3 * 2048 + 5_u32;
     let sums = (0..tiles).map(|tile| u64::from(tile) << 20 | 1);
@@ -83,7 +83,7 @@ fn scans_of_many_tiles_go_on_from_round_to_round() {
 
 /// Subgroups may have up to 128 threads, but have far fewer on the devices of test machines.
 #[test]
-fn the_lowest_of_any_threads_of_a_subgroup() {
+fn lowest_lane_of_any_subgroup_mask() {
     let Some(own) = device() else { return };
     let text = RADIX_SCATTER.wgsl(Variant { subgroups: Some(32), ..Variant::default() });
     let begin = text.find("fn lowest_lane").expect("ranking by subgroups");

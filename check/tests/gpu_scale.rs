@@ -47,7 +47,7 @@ fn lists_agree(own: &GpuDevice, spheres: &[Sphere], detector: &mut Detector, alg
 }
 
 #[test]
-fn a_million_and_more_spheres_in_one_call() {
+fn millions_of_spheres_in_one_call() {
     let Some(own) = device() else { return };
     for (n, algorithm) in [(2_000_000, Algorithm::CellList), (600_000, Algorithm::LazyGrid)] {
         // The spheres fill a twentieth of the box.

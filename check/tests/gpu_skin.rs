@@ -53,7 +53,7 @@ fn walk(spheres: &mut [Sphere], part: f32, random: &mut Random) {
 
 /// Each call finds the pairs of its own spheres, and most calls reuse the candidate list.
 #[test]
-fn candidates_never_change_an_answer() {
+fn candidate_lists_never_change_an_answer() {
     let Some(own) = device() else { return };
     let mut table = Interactions::new(2, Interaction::Touch).expect("two species");
     table.set(0, 0, Interaction::Never).expect("a species");
@@ -101,7 +101,7 @@ fn candidates_never_change_an_answer() {
 
 /// Two spheres approach each other, each by almost the displacement limit, without a rebuild.
 #[test]
-fn half_a_skin_each_is_not_too_far() {
+fn displacement_within_the_limit_keeps_the_list() {
     let Some(own) = device() else { return };
     for (radius, skin) in [(1.0_f32, 0.5_f32), (1.0, 1e-3), (1e-6, 1e-7), (1e6, 1e4)] {
         let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin).expect("made");
@@ -123,7 +123,7 @@ fn half_a_skin_each_is_not_too_far() {
 /// Two spheres slightly more than a skin apart are not candidates; each exceeds the displacement limit before they
 /// touch.
 #[test]
-fn more_than_half_a_skin_each_is_too_far() {
+fn displacement_beyond_the_limit_rebuilds_the_list() {
     let Some(own) = device() else { return };
     for (radius, skin) in [(1.0_f32, 0.5_f32), (1e-6, 1e-7), (1e6, 1e4)] {
         let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin).expect("made");
@@ -138,7 +138,7 @@ fn more_than_half_a_skin_each_is_too_far() {
 }
 
 #[test]
-fn other_spheres_have_candidates_found_anew() {
+fn changed_spheres_rebuild_the_list() {
     let Some(own) = device() else { return };
     let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), 0.5).expect("made");
     let mut scenario = TestInput::from(cloud(6, 900, 6.0, |_| 0.3));
@@ -165,7 +165,7 @@ fn other_spheres_have_candidates_found_anew() {
 }
 
 #[test]
-fn another_species_has_candidates_found_anew() {
+fn changed_species_rebuild_the_list() {
     let Some(own) = device() else { return };
     let rows = vec![vec![Interaction::Touch], vec![Interaction::Within(1.5), Interaction::Never]];
     let mut table = Interactions::new(2, Interaction::Touch).expect("two species");
@@ -193,7 +193,7 @@ fn another_species_has_candidates_found_anew() {
 /// Radii that are too large to add half a skin without loss, up to the largest float. No candidate list is kept, and
 /// the pairs are correct.
 #[test]
-fn candidates_are_never_kept_for_the_largest_radii() {
+fn largest_radii_have_no_candidate_list() {
     let Some(own) = device() else { return };
     for radius in [2e30, f32::MAX] {
         let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), 0.5).expect("made");
@@ -208,7 +208,7 @@ fn candidates_are_never_kept_for_the_largest_radii() {
 
 /// Each call reports the overflow until the capacity suffices.
 #[test]
-fn too_many_candidates_are_said_with_their_number() {
+fn candidate_overflow_reports_the_needed_capacity() {
     let Some(own) = device() else { return };
     let settings = GpuSettings { pair_capacity: 600_000, ..GpuSettings::default() };
     let mut detector = GpuSkinDetector::new(&own.device, settings, 0.5).expect("made");
@@ -224,7 +224,7 @@ fn too_many_candidates_are_said_with_their_number() {
 }
 
 #[test]
-fn skins_that_no_arithmetic_can_follow_are_refused() {
+fn skins_out_of_range_are_refused() {
     let Some(own) = device() else { return };
     for skin in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20] {
         let refused = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin);

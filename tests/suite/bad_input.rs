@@ -28,7 +28,7 @@ fn refusal(config: &Config, spheres: Spheres<'_>) -> Error {
 }
 
 #[test]
-fn spheres_that_are_not_finite_or_negative() {
+fn non_finite_or_negative_spheres_are_refused() {
     let good = Sphere::new([1.0, 2.0, 3.0], 0.5);
     let bad = [
         Sphere::new([f32::NAN, 0.0, 0.0], 1.0),
@@ -57,7 +57,7 @@ fn spheres_that_are_not_finite_or_negative() {
 }
 
 #[test]
-fn the_message_names_index_value_and_number() {
+fn bad_sphere_message_names_index_value_and_count() {
     let spheres = [[0.0, 0.0, 0.0, 1.0], [4.5, 0.0, 0.0, -2.5], [0.0, f32::NAN, 0.0, 1.0]];
     let text = refusal(&Config::default(), spheres[..].into()).to_string();
     for part in ["sphere 1", "4.5", "-2.5", "2 of 3"] {
@@ -66,7 +66,7 @@ fn the_message_names_index_value_and_number() {
 }
 
 #[test]
-fn zero_of_either_sign_is_good() {
+fn signed_zeros_are_valid() {
     let spheres = [[0.0, -0.0, 0.0, -0.0], [-0.0, 0.0, 0.0, 0.0]];
     for subject in Subject::all() {
         let mut detector = Detector::new(subject.config()).expect("a detector");
@@ -75,7 +75,7 @@ fn zero_of_either_sign_is_good() {
 }
 
 #[test]
-fn species_that_are_missing_or_out_of_range() {
+fn missing_or_invalid_species_are_refused() {
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 3];
     let table = Interactions::new(2, Interaction::Touch).expect("a table");
     let config = Config::default().interactions(table);
@@ -87,7 +87,7 @@ fn species_that_are_missing_or_out_of_range() {
 }
 
 #[test]
-fn tables_that_make_no_sense() {
+fn invalid_interaction_tables_are_refused() {
     let species = Interactions::MAX_SPECIES + 1;
     let too_many = InputError::SpeciesCount { count: species, limit: Interactions::MAX_SPECIES };
     assert_eq!(Interactions::new(species, Interaction::Never), Err(too_many));
@@ -105,7 +105,7 @@ fn tables_that_make_no_sense() {
 }
 
 #[test]
-fn columns_of_different_lengths() {
+fn columns_of_different_lengths_are_refused() {
     let (two, three) = (&[0.0_f32; 2][..], &[0.0_f32; 3][..]);
     for (k, name) in [(1, "y"), (2, "z"), (3, "r")] {
         let mut columns = [three; 4];
@@ -122,7 +122,7 @@ fn columns_of_different_lengths() {
 }
 
 #[test]
-fn settings_out_of_range() {
+fn settings_out_of_range_are_refused() {
     let refused = |config: Config| Detector::new(config.backend(Backend::Cpu)).expect_err("refused");
     for subject in Subject::each_algorithm() {
         let with = |ratio| Detector::new(subject.config().raster_ratio(ratio));

@@ -129,7 +129,7 @@ fn agrees(detector: &mut Detector, query: Query<'_>, expected: &[Pair]) -> Resul
 }
 
 #[test]
-fn every_space_and_magnitude_gives_the_pairs_of_the_contract() {
+fn pairs_match_the_contract_in_all_spaces_and_magnitudes() {
     let mut random = Random(7);
     for (number, space) in spaces().into_iter().enumerate() {
         for offset in [[0.0; 3], [1e3, -2e3, 5e2], [1e9, 1e9, -1e9]] {
@@ -172,7 +172,7 @@ fn no_magnitude_overflows_or_underflows() {
 
 /// `f32` spheres and the same numbers in `f64` give identical pairs, also as columns and as points.
 #[test]
-fn the_same_numbers_in_both_precisions_give_the_same_pairs() {
+fn equal_numbers_in_both_precisions_give_equal_pairs() {
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
         let narrow = scene.spheres(1500, 3);
         let row = |sphere: &Sphere| {
@@ -270,7 +270,7 @@ fn candidates_of_f64_spheres_lose_no_pair() {
 
 /// The frame of a call with `f32` spheres does not support radii as large as those of the next call.
 #[test]
-fn calls_of_both_precisions_take_turns() {
+fn calls_of_both_precisions_can_alternate() {
     let edges = [Some([4.0, 0.0, 0.0]), Some([1.0, 4.0, 0.0]), Some([0.0, 1.0, 4.0])];
     let space = Space::sheared(edges).expect("edges");
     let narrow = [[0.0_f32, 0.0, 0.0, 0.5], [0.9, 0.0, 0.0, 0.5], [2.0, 2.0, 0.0, 0.1]];

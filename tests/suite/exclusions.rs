@@ -62,7 +62,7 @@ fn groups_and_lists_on_any_spheres() {
 }
 
 #[test]
-fn every_kind_of_result() {
+fn all_kinds_of_results_agree() {
     let scenario = TestInput::from(Scene::FiveSizes.spheres(2000, 3));
     let groups = (0..2000).map(|k| if k % 3 == 0 { Spheres::NO_GROUP } else { k % 11 }).collect();
     let pairs: Vec<_> = scenario.oracle().iter().step_by(3).map(|pair| (pair.j, pair.i)).collect();
@@ -133,7 +133,7 @@ fn pairs_across_two_sets() {
 
 /// Candidate lists do not depend on exclusions, which may change with each call.
 #[test]
-fn candidates_that_are_kept() {
+fn candidate_lists_never_change_a_result() {
     let mut subjects = Subject::all();
     subjects.retain(|subject| subject.backend == Backend::Gpu || subject.algorithm == Algorithm::CellList);
     let moves = select(vec![0.0, 1e-3, 0.3]);
@@ -157,7 +157,7 @@ fn candidates_that_are_kept() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn exclusions_of_wrong_size_are_refused() {
     let spheres = [Sphere::new([0.0; 3], 1.0); 4];
     let view = Spheres::from(&spheres);
     let error = view.with_groups(&[1, 2]).expect_err("too few");
@@ -184,7 +184,7 @@ fn what_does_not_fit_is_refused() {
 
 /// A session supports neither groups nor triclinic cells; its errors refer to `Detector`.
 #[test]
-fn sessions_refuse_by_name() {
+fn sessions_refuse_groups_and_triclinic_cells() {
     let Some(device) = lazygrid_tests::device() else { return };
     let own = || device.clone();
     let spheres = [Sphere::new([0.0; 3], 1.0); 2];

@@ -13,14 +13,14 @@ fn agree(scenario: &TestInput, settings: &Config) -> Result<(), String> {
 }
 
 #[test]
-fn any_table_on_any_spheres() {
+fn random_tables_on_random_spheres() {
     check(80, (adversary::mixture(adversary::any_spheres()), settings()), |(scenario, settings)| {
         agree(&scenario, &settings)
     });
 }
 
 #[test]
-fn any_table_on_crowded_boxes() {
+fn random_tables_in_crowded_boxes() {
     check(96, (adversary::mixture(adversary::soup()), settings()), |(scenario, settings)| {
         agree(&scenario, &settings)
     });
@@ -59,7 +59,7 @@ fn species_that_never_pair() {
 
 /// Species ids without a table have no effect.
 #[test]
-fn ids_without_a_table() {
+fn ids_without_a_table_have_no_effect() {
     check(32, adversary::any_spheres(), |spheres| {
         let scenario = TestInput::from(spheres);
         let ids = vec![7; scenario.spheres.len()];
@@ -76,7 +76,7 @@ fn ids_without_a_table() {
 
 /// The sum of two effective radii is at least their interaction distance, also if half of it is not representable.
 #[test]
-fn effective_radii_reach_every_distance() {
+fn effective_radii_cover_all_distances() {
     let subnormal = f32::from_bits(1);
     let distances = [0.0, subnormal, 3.0 * subnormal, f32::MIN_POSITIVE.next_up(), 0.1, 1.0, f32::MAX];
     for (k, &far) in distances.iter().enumerate() {

@@ -32,7 +32,7 @@ fn a_stream_of_half_a_million_coincident_spheres_can_be_stopped() {
 }
 
 #[test]
-fn a_list_of_too_many_pairs_is_refused_by_its_number() {
+fn list_of_too_many_pairs_is_refused_with_its_count() {
     let limit = 1 << 20;
     for subject in Subject::each_algorithm() {
         let (n, found) = match subject.backend {

@@ -90,7 +90,7 @@ fn on_cpu(subjects: Vec<Subject>) -> impl Iterator<Item = Subject> {
 const FIXED: usize = 16 << 10;
 
 #[test]
-fn a_second_call_allocates_nothing_of_the_size_of_the_input() {
+fn second_call_allocates_nothing_proportional_to_the_input() {
     const N: usize = 80_000;
     let mut measurement = Measurement::alone();
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
@@ -167,7 +167,7 @@ fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
 
 /// For the most demanding kind of scene. Equal spheres take nearly as much with single-level grids.
 #[test]
-fn memory_for_is_no_more_than_half_as_much_again_as_is_taken() {
+fn memory_for_exceeds_the_peak_by_at_most_half() {
     let mut measurement = Measurement::alone();
     for subject in on_cpu(Subject::each_algorithm()) {
         let n = if subject.algorithm == Algorithm::Naive { 5000 } else { 20_000 };

@@ -129,7 +129,7 @@ fn spaces() -> [Space; 7] {
 const RADII: [f64; 4] = [0.3, 1.0, 1.5, 2.9];
 
 #[test]
-fn all_images_within_reach_are_found() {
+fn all_images_within_the_cutoff_are_found() {
     let mut state = 5;
     for space in spaces() {
         for radius in RADII {
@@ -235,7 +235,7 @@ fn lists_far_from_the_origin() {
 }
 
 #[test]
-fn quantities_that_were_not_asked_for_are_empty() {
+fn unrequested_quantities_are_empty() {
     let spheres = [[0.0_f32, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]];
     let mut detector = Detector::new(Config::default()).expect("a detector");
     let list = detector.neighbor_list(&spheres, ListOptions::full()).expect("a list");
@@ -245,7 +245,7 @@ fn quantities_that_were_not_asked_for_are_empty() {
 }
 
 #[test]
-fn what_lists_refuse() {
+fn neighbor_lists_refuse_invalid_input() {
     let small = Space::periodic([Some(1.0); 3]).expect("lengths");
     let mut detector = Detector::new(Config::default().space(small)).expect("a detector");
     let list = |detector: &mut Detector, spheres: &[[f64; 4]]| {

@@ -33,7 +33,7 @@ fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
 }
 
 #[test]
-fn lattices_in_contact_across_the_seam() {
+fn lattices_in_contact_across_the_periodic_boundary() {
     check(80, (periodic::lattice(), settings()), |(spheres, settings)| {
         judge(&spheres, &oracle(&spheres), &settings)
     });
@@ -61,7 +61,7 @@ fn coordinates_far_outside() {
 }
 
 #[test]
-fn lengths_that_devices_flush_or_whose_squares_do_not_fit() {
+fn subnormal_lengths_and_overflowing_squares() {
     check(96, (periodic::extremes(), settings()), |(spheres, settings)| {
         judge(&spheres, &oracle(&spheres), &settings)
     });
@@ -98,7 +98,7 @@ fn the_oracle_agrees_with_all_images() {
 
 /// A full periodic lattice has three contacts per site. None is lost or found twice at the periodic boundary.
 #[test]
-fn a_full_lattice_goes_round() {
+fn full_periodic_lattice_has_three_contacts_per_site() {
     for (k, spacing) in [(3_usize, 0.5_f32), (4, 1.0), (10, 0.25), (21, 3.0)] {
         let place = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing);
         let spheres: Vec<_> = (0..k * k * k).map(|at| Sphere::new(place(at), 0.5 * spacing)).collect();
@@ -113,7 +113,7 @@ fn a_full_lattice_goes_round() {
 
 /// Enough spheres for many cells, levels and chunks of work: all algorithms and thread counts give identical pairs.
 #[test]
-fn large_boxes_give_the_same_bytes() {
+fn large_boxes_give_identical_pairs() {
     let cases = [
         (&[0.5_f32][..], [Some(20.0); 3], 20.0),
         (&[0.5, 0.25, 0.125, 0.06, 0.03], [Some(16.0), None, Some(14.0)], 16.0),
@@ -160,7 +160,7 @@ fn uniform_boxes_by_the_formula() {
 
 /// Lists, neighbor lists, counts, streams and columns give the same pairs.
 #[test]
-fn every_kind_of_result() {
+fn all_kinds_of_results_agree() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
     let periodic = in_box(spheres, [Some(5.0), Some(10.0), None]);
     let (expected, spheres) = (oracle(&periodic), &periodic.spheres);
@@ -191,7 +191,7 @@ fn every_kind_of_result() {
 }
 
 #[test]
-fn a_box_twice_as_long_as_apart() {
+fn box_length_decides_contact_across_the_boundary() {
     let spheres =
         [Sphere::new([0.0; 3], 0.5), Sphere::new([9.0, 0.0, 0.0], 0.5), Sphere::new([5.0, 0.0, 0.0], 30.0)];
     let count = |lengths| {
@@ -206,7 +206,7 @@ fn a_box_twice_as_long_as_apart() {
 }
 
 #[test]
-fn bad_spheres_are_named_as_they_were_given() {
+fn bad_spheres_are_named_by_input_coordinates() {
     let mut spheres = uniform(100, &[0.1], 5.0, 1);
     spheres[40].center.y = f32::INFINITY;
     spheres[70].radius = -1.0;
@@ -224,14 +224,14 @@ fn bad_spheres_are_named_as_they_were_given() {
 }
 
 #[test]
-fn lengths_that_are_none_are_refused() {
+fn invalid_lengths_are_refused() {
     let error = Space::periodic([Some(1.0), Some(-2.0), None]).expect_err("no such length").to_string();
     assert!(error.contains("-2") && error.contains("axis y"), "{error}");
 }
 
 /// All results of a GPU agree too. Its count comes from the device alone.
 #[test]
-fn every_kind_of_result_of_the_gpu() {
+fn all_kinds_of_results_on_the_gpu_agree() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
     let periodic = in_box(spheres, [Some(5.0), Some(10.0), None]);
     let (expected, spheres) = (oracle(&periodic), &periodic.spheres);

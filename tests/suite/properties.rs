@@ -97,7 +97,7 @@ fn any_magnitude_with_subnormals() {
 }
 
 #[test]
-fn lengths_that_devices_flush_or_whose_squares_do_not_fit() {
+fn subnormal_lengths_and_overflowing_squares() {
     every_subject_agrees(128, adversary::extremes());
 }
 

@@ -188,7 +188,7 @@ fn subjects() -> impl Iterator<Item = Subject> {
 
 /// A single test, as all tests share the allocator.
 #[test]
-fn refused_memory_is_an_error_wherever_it_happens() {
+fn failed_allocation_is_an_error_wherever_it_occurs() {
     let sizes = Scene::FiveSizes.spheres(1300, 41);
     let burst = Scene::Burst.spheres(1200, 42);
     // All in one cell, whose size a giant determines.

@@ -60,7 +60,7 @@ fn count_equals_the_list() {
 }
 
 #[test]
-fn too_many_pairs_names_the_exact_number() {
+fn too_many_pairs_reports_the_exact_count() {
     check(32, (small_spheres(), any::<proptest::sample::Index>()), |(scenario, limit)| {
         let oracle = scenario.oracle();
         let limit = limit.index(oracle.len() + 2) as u64;
@@ -210,7 +210,7 @@ fn rows_and_columns_are_the_same() {
 }
 
 #[test]
-fn threads_of_its_own_or_of_the_caller() {
+fn own_and_caller_threads_agree() {
     let scenario = TestInput::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(3000, 3));
     let expected = scenario.oracle();
     for algorithm in Algorithm::CPU {
@@ -231,7 +231,7 @@ fn detect_is_a_detector_with_default_settings() {
 }
 
 #[test]
-fn a_report_says_what_ran_and_why() {
+fn report_names_algorithm_and_reason() {
     for n in [0, 100, 5000] {
         let spheres = lazygrid_io::scenes::Scene::FiveSizes.spheres(n, 4);
         for subject in Subject::all() {

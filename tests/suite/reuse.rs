@@ -64,7 +64,7 @@ fn any_sequence_of_inputs_and_calls() {
 }
 
 #[test]
-fn after_errors() {
+fn calls_after_errors_are_right() {
     let good = TestInput::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(1000, 9));
     let mut bad = good.clone();
     bad.spheres[10].radius = f32::NAN;
@@ -85,7 +85,7 @@ fn after_errors() {
 
 /// The steps of a simulation, where the detector starts from the order of the previous step.
 #[test]
-fn a_running_simulation() {
+fn simulation_steps_are_right() {
     use lazygrid_io::scenes::Scene;
     for scene in Scene::ALL {
         let mut scenario = TestInput::from(scene.spheres(600, 21));

@@ -49,7 +49,7 @@ fn quick_ones() -> impl Iterator<Item = Subject> {
 
 /// Enough spheres for many chunks of work, which threads take in different orders.
 #[test]
-fn the_same_bytes_for_any_number_of_threads() {
+fn pairs_are_identical_for_any_number_of_threads() {
     let mut lists: Vec<((String, Order), Vec<Pair>)> = Vec::new();
     for scene in [Scene::FiveSizes, Scene::Burst] {
         let [on_cpu, on_gpu] = [20_000, 6_000].map(|n| TestInput::from(scene.spheres(n, 8)));
@@ -83,7 +83,7 @@ fn the_same_bytes_for_any_number_of_threads() {
 
 /// A detector that starts from the order of the previous step must not show it in the order of the result.
 #[test]
-fn the_same_bytes_at_every_step_for_any_number_of_threads() {
+fn pairs_are_identical_at_each_step_for_any_number_of_threads() {
     for order in [Order::Canonical, Order::Unordered] {
         let mut spheres = Scene::FiveSizes.spheres(20_000, 8);
         let mut detectors: Vec<(Subject, Detector)> = quick_ones()
@@ -107,7 +107,7 @@ fn the_same_bytes_at_every_step_for_any_number_of_threads() {
 
 /// Radii that devices may flush to zero, at distances that they do not.
 #[test]
-fn a_crowd_about_the_smallest_normal_number() {
+fn crowd_near_the_smallest_normal_number() {
     let pair = [lazygrid::Sphere::new([0.0; 3], 1e-38), lazygrid::Sphere::new([1.5e-38, 0.0, 0.0], 1e-38)];
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut unit = || (rng.next_u32() >> 8) as f32 / (1 << 24) as f32;
@@ -128,7 +128,7 @@ fn a_crowd_about_the_smallest_normal_number() {
 
 /// A lattice in exact contact: each edge of the lattice is a pair.
 #[test]
-fn a_full_lattice_has_its_edges() {
+fn full_lattice_has_one_pair_per_edge() {
     for (k, spacing) in [(2_usize, 1.0_f32), (9, 0.5), (21, 3.0)] {
         let place = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing - 7.0 * spacing);
         let spheres: Vec<_> =

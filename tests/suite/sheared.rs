@@ -40,7 +40,7 @@ fn leaning(n: usize, radii: &[f32], edge: f32) -> TestInput {
 }
 
 #[test]
-fn lattices_in_contact_across_seams() {
+fn lattices_in_contact_across_triclinic_boundaries() {
     agree(96, sheared::lattice());
 }
 
@@ -50,7 +50,7 @@ fn soups_in_boxes_of_any_tilt() {
 }
 
 #[test]
-fn edges_of_any_direction() {
+fn cell_vectors_of_any_direction() {
     agree(96, sheared::directions());
 }
 
@@ -60,28 +60,28 @@ fn coordinates_far_outside() {
 }
 
 #[test]
-fn corners_and_seams() {
+fn corners_and_periodic_boundaries() {
     agree(96, sheared::corners());
 }
 
 #[test]
-fn lengths_whose_squares_do_not_fit() {
+fn lengths_with_overflowing_squares() {
     agree(64, sheared::ends_of_the_range());
 }
 
 #[test]
-fn spheres_as_large_as_can_be() {
+fn largest_spheres() {
     agree(48, sheared::largest_spheres());
 }
 
 #[test]
-fn species_in_sheared_boxes() {
+fn species_in_triclinic_cells() {
     agree(96, sheared::mixture());
 }
 
 /// The library's distance agrees with the loop, and does not depend on the order of the two points.
 #[test]
-fn the_distance_of_nearest_images() {
+fn distance_matches_nearest_images() {
     let scenarios = prop_oneof![sheared::soup(), sheared::directions(), sheared::lattice()];
     check(150, scenarios, |mut scenario| {
         scenario.spheres.truncate(30);
@@ -114,7 +114,7 @@ fn the_distance_of_nearest_images() {
 
 /// The distance to a nearby image of a point is exact, for any shift.
 #[test]
-fn distances_far_below_a_length() {
+fn tiny_distances_to_images_are_exact() {
     let edges = [[10.0, 0.0, 0.0], [-0.25, 10.0, 0.0], [0.5, 1.0, 0.1]].map(Vec3::from);
     let space = families::space(edges.map(Some));
     let tiny = f32::from_bits(3);
@@ -134,7 +134,7 @@ fn distances_far_below_a_length() {
 
 /// A cell tilted by whole lengths has the same images as one without tilt.
 #[test]
-fn whole_tilts_are_none() {
+fn tilts_by_whole_lengths_have_no_effect() {
     let spheres = uniform(800, &[0.4, 0.2], [Vec3::X * 8.0, Vec3::Y * 4.0, Vec3::Z * 6.0], 2);
     let straight = Space::periodic([Some(8.0), Some(4.0), Some(6.0)]).expect("a box");
     let edges = tilted([Some(8.0), Some(4.0), Some(6.0)], [16.0, -8.0, 12.0]);
@@ -149,7 +149,7 @@ fn whole_tilts_are_none() {
 /// Enough spheres for many cells, levels and chunks of work: all algorithms, thread counts and devices give identical
 /// pairs.
 #[test]
-fn large_boxes_give_the_same_bytes() {
+fn large_boxes_give_identical_pairs() {
     let cases: [(&[f32], f32); 3] = [
         (&[0.5], 20.0),
         (&[0.5, 0.25, 0.125, 0.06, 0.03], 16.0),
@@ -175,7 +175,7 @@ fn large_boxes_give_the_same_bytes() {
 
 /// Lists, neighbor lists, counts, streams and limits agree.
 #[test]
-fn every_kind_of_result() {
+fn all_kinds_of_results_agree() {
     let scenario = leaning(2000, &[0.4, 0.1], 8.0);
     let expected = scenario.oracle();
     let most = expected.len() as u64;
@@ -228,7 +228,7 @@ fn pairs_across_two_sets() {
 
 /// Candidate lists never affect a result.
 #[test]
-fn candidates_that_are_kept() {
+fn candidate_lists_never_change_a_result() {
     let scenarios =
         prop_oneof![sheared::soup(), sheared::lattice(), sheared::mixture(), sheared::directions()];
     let mut subjects = Subject::all();
@@ -254,7 +254,7 @@ fn candidates_that_are_kept() {
 
 /// If spheres move little, candidate lists are reused, also in a triclinic cell.
 #[test]
-fn candidates_serve() {
+fn candidate_lists_are_reused() {
     for subject in Subject::each_algorithm() {
         if subject.algorithm != Algorithm::CellList {
             continue;
@@ -274,7 +274,7 @@ fn candidates_serve() {
 }
 
 #[test]
-fn edges_along_axes_are_lengths() {
+fn axis_parallel_vectors_are_lengths() {
     let edges = [[0.0, -5.0, 0.0], [0.0, 0.0, 7.0], [3.0, 0.0, 0.0]].map(Some);
     let space = Space::sheared(edges).expect("a box");
     assert_eq!(space, Space::periodic([Some(3.0), Some(5.0), Some(7.0)]).expect("a box"));
@@ -285,7 +285,7 @@ fn edges_along_axes_are_lengths() {
 }
 
 #[test]
-fn edges_that_span_no_box_are_refused() {
+fn dependent_cell_vectors_are_refused() {
     let along = Vec3::new(1.0, 1.0, 0.0);
     for edges in [
         [Some(along), Some(2.0 * along), None],
@@ -305,7 +305,7 @@ fn edges_that_span_no_box_are_refused() {
 }
 
 #[test]
-fn bad_spheres_are_named_as_they_were_given() {
+fn bad_spheres_are_named_by_input_coordinates() {
     let mut scenario = leaning(100, &[0.1], 5.0);
     scenario.spheres[40].center.y = f32::INFINITY;
     scenario.spheres[70].radius = -1.0;

@@ -6,7 +6,7 @@ use std::process::Command;
 use lazygrid::{Algorithm, Backend};
 
 #[test]
-fn names_are_read_back() {
+fn names_can_be_parsed() {
     let mut names = BTreeSet::new();
     for algorithm in Algorithm::ALL {
         assert_eq!(algorithm.to_string().parse(), Ok(algorithm));
@@ -96,7 +96,7 @@ fn all_packages_have_one_version() {
 }
 
 #[test]
-fn dependencies_point_one_way() {
+fn dependencies_respect_the_layers() {
     let metadata = metadata();
     let layers = BTreeMap::from(LAYERS);
     let packages = metadata["packages"].as_array().expect("packages");

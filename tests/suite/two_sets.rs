@@ -86,7 +86,7 @@ fn arbitrary_sets() {
 
 /// Sets of different sizes and numbers: on some levels, searching from the other set is worthwhile.
 #[test]
-fn scenes_and_giants() {
+fn scenes_with_giants_in_either_set() {
     let giants =
         (0..20_u8).map(|k| Sphere::new([f32::from(k % 4), f32::from(k / 4), 0.0].map(|x| 9.0 * x), 8.0));
     let mut subjects = Subject::all();
@@ -131,7 +131,7 @@ fn species_of_either_set() {
 }
 
 #[test]
-fn what_is_wrong_is_said_of_the_set_that_has_it() {
+fn errors_name_the_set() {
     let mut subjects = Subject::all();
     subjects.retain(|subject| subject.algorithm == Algorithm::CellList && subject.threads == 1);
     subjects.into_iter().for_each(says_what_is_wrong);

@@ -42,7 +42,7 @@ mod tests {
     use super::typed;
 
     #[test]
-    fn words_can_be_typed_again() {
+    fn words_are_quoted_for_a_shell() {
         let words = ["lazygrid-bench", "--only", "3a,4", "my folder", "it's", ""].map(str::to_owned);
         assert_eq!(typed(&words), r"lazygrid-bench --only 3a,4 'my folder' 'it'\''s' ''");
     }

@@ -152,14 +152,14 @@ mod tests {
     }
 
     #[test]
-    fn a_burst_is_looked_at_ever_more_rarely_and_at_its_end() {
+    fn burst_moments_grow_geometrically_up_to_the_end() {
         assert_eq!(moments(10, 1000), [1, 10, 100, 1000]);
         assert_eq!(moments(100, 400), [1, 100, 400]);
         assert_eq!(moments(10, 1), [1]);
     }
 
     #[test]
-    fn no_step_takes_a_carrier_further_than_its_radius() {
+    fn steps_are_no_longer_than_radii() {
         let model = model(N).expect("the scenario");
         for (species, kind) in (0..).zip(&model.species) {
             let step = model.step_length(species);
@@ -169,7 +169,7 @@ mod tests {
 
     /// No carriers overlap, all sizes are spread over the ball, and the ball is about as wide as necessary.
     #[test]
-    fn the_burst_begins_as_a_ball_at_contact() {
+    fn burst_starts_as_a_ball_without_overlaps() {
         let model = model(4000).expect("the scenario");
         let Shape::Shell(_, radius) = model.transmitters[0].shape else { panic!("no ball") };
         let begun = spheres(&begin(model, 1).expect("carriers find their places"));
@@ -193,7 +193,7 @@ mod tests {
 
     /// Contacts push carriers that start at one point into about the initial ball of `begin`.
     #[test]
-    fn a_burst_from_one_point_becomes_the_ball() {
+    fn burst_from_one_point_spreads_to_the_initial_ball() {
         const STEPS: u32 = 1000;
         let mut model = model(N).expect("the scenario");
         let mut from_ball = begin(model.clone(), 1).expect("carriers find their places");
@@ -213,7 +213,7 @@ mod tests {
 
     /// Contacts spread carriers faster than diffusion alone, and equally fast with shorter steps.
     #[test]
-    fn steps_are_short_enough_for_contact() {
+    fn contact_spreads_equally_with_shorter_steps() {
         let model = model(N).expect("the scenario");
         let begun = begin(model.clone(), 1).expect("carriers find their places");
         let from = spread(spheres(&begun).into_iter());

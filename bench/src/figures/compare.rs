@@ -122,7 +122,7 @@ mod tests {
     use crate::figures::Environment;
 
     #[test]
-    fn only_what_leaves_the_noise_counts() {
+    fn only_changes_beyond_the_noise_count() {
         let old = row(&[1.0, 1.1, 1.2, 1.3, 1.4]);
         let change = |new: &Row| difference(&old, new).map(|d| d.change);
         let of = |wall: &[f64]| change(&row(wall));
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_is_compared_by_its_bytes() {
+    fn memory_is_compared_in_bytes() {
         let with = |bytes: f64, wall: f64| Row { bytes: Some(bytes), ..row(&[wall]) };
         let change = |after: &Row| difference(&with(100.0, 1.0), after).map(|d| d.change);
         assert_eq!(change(&with(104.0, 9.0)), Some(Change::Same));
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_lost_only_where_it_was_asked_for() {
+    fn missing_row_is_lost_only_if_requested() {
         let two = || vec![row(&[1.0; 5]), Row { engine: "f".to_owned(), ..row(&[1.0; 5]) }];
         let old = results(Scale::Quick, Figure::F4, two());
         let lost = |new: &Results| differences(&old, new).iter().filter(|d| d.change == Change::Lost).count();
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn other_circumstances_are_said() {
+    fn different_circumstances_are_listed() {
         let old = results(Scale::Quick, Figure::F4, vec![]);
         assert!(circumstances(&old, &old).is_empty());
         let mut new = results(Scale::Full, Figure::F4, vec![]);

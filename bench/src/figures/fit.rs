@@ -24,7 +24,7 @@ mod tests {
     use super::exponent;
 
     #[test]
-    fn powers_are_found() {
+    fn exponents_of_powers_are_fitted() {
         let points = || [10.0_f64, 100.0, 1000.0, 1e4, 1e5].into_iter().map(|n| (n, 3e-9 * n.powf(1.25)));
         assert!((exponent(points().skip(1)).unwrap() - 1.25).abs() < 1e-9);
         assert!((exponent(points().chain([(0.0, 1.0), (1.0, 0.0)])).unwrap() - 1.25).abs() < 1e-9);

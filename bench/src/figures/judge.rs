@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_at_tangency_may_fall_either_way_and_others_may_not() {
+    fn only_tangent_pairs_may_differ() {
         let spheres = row();
         let reference = Reference::of(&spheres).expect("valid spheres");
         let of = |pairs: &[(u32, u32)]| pairs.iter().map(|&(i, j)| Pair::new(i, j)).collect::<Vec<_>>();
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_pair_is_wrong() {
+    fn missing_pair_is_wrong() {
         let spheres = [0.0, 1.0].map(|x| Sphere::new([x, 0.0, 0.0], 1.0));
         let reference = Reference::of(&spheres).expect("valid spheres");
         let verdict = reference.tangent(&[]);

@@ -312,7 +312,7 @@ mod tests {
 
     /// Otherwise points would share cached files, or rows would share cells of a table.
     #[test]
-    fn every_point_has_a_file_and_every_row_a_place_of_its_own() {
+    fn point_files_and_row_cells_are_unique() {
         for scale in [Scale::Smallest, Scale::Quick, Scale::Full] {
             let (only, command) = (Figure::ALL.to_vec(), String::new());
             let points = Settings { scale, only, runs: None, minutes: 1.0, seed: 1, command }.points();

@@ -296,7 +296,7 @@ mod tests {
     /// A wrong answer is an error in any run and in spite of other engines that agree with it; the other engines
     /// continue.
     #[test]
-    fn a_wrong_answer_is_an_error() {
+    fn wrong_answer_is_an_error() {
         let point = Point {
             figure: Figure::F3a,
             scene: Scene::Equal,

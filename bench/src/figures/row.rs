@@ -173,7 +173,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn quartiles_are_as_far_from_either_end() {
+    fn quartiles_are_interpolated() {
         assert_eq!(quartiles(&[4.0, 1.0, 3.0, 2.0]), (1.75, 3.25));
         assert_eq!(quartiles(&[1.0, 2.0, 3.0, 4.0, 5.0]), (2.0, 4.0));
         assert_eq!(quartiles(&[7.0]), (7.0, 7.0));

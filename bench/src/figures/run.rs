@@ -250,7 +250,7 @@ mod tests {
 
     /// Without any time no point starts, and all missing points are named.
     #[test]
-    fn points_for_which_there_is_no_time_are_named() {
+    fn skipped_points_are_named() {
         let folder = tempfile::tempdir().expect("a folder");
         let only = vec![Figure::F3a];
         let command = String::new();

@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_that_say_the_same_are_a_line() {
+    fn constant_columns_become_a_line() {
         let refused = Compiled {
             programs: Vec::new(),
             error: Some("VK_ERROR".to_owned()),

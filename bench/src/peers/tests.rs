@@ -6,7 +6,7 @@ use lazygrid_io::scenes::Scene;
 
 /// All peers find the naive detector's pairs at each step.
 #[test]
-fn peers_agree_with_the_judge() {
+fn peers_agree_with_naive() {
     for scene in Scene::ALL {
         let n = if scene == Scene::Point { 200 } else { 1500 };
         let plan = Plan { scene, n, seed: 3, rounds: 2, steps: 4, moves: Scene::STEP, fresh: false };
@@ -25,7 +25,7 @@ fn peers_agree_with_the_judge() {
 
 /// Coincident points, spheres that just touch, and a row of cells along one axis.
 #[test]
-fn cells_of_odd_shapes() {
+fn cell_list_handles_unusual_shapes() {
     let points = |n: usize| (0..n).map(|k| Sphere::new([(k / 2) as f32, 0.0, 0.0], 0.0)).collect();
     let row = |gap: f32| (0..100).map(|k| Sphere::new([k as f32 * gap, 7.0, -7.0], 0.5)).collect();
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
@@ -44,7 +44,7 @@ fn cells_of_odd_shapes() {
 
 /// Spheres that move apart by more than their cells: the octree grows, splits and merges without losing pairs.
 #[test]
-fn a_cloud_that_spreads_and_gathers() {
+fn peers_follow_a_cloud_that_spreads_and_shrinks() {
     let mut spheres = Scene::FiveSizes.spheres(4000, 5);
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
     let searches =
@@ -61,7 +61,7 @@ fn a_cloud_that_spreads_and_gathers() {
 /// Spheres so far from the origin that boxes often end exactly at cell borders: crossing a border must not lose a
 /// sphere.
 #[test]
-fn boxes_that_touch_the_borders_of_cells() {
+fn boxes_at_cell_borders_lose_no_pair() {
     let mut spheres = Scene::Equal.spheres(4000, 6);
     spheres.iter_mut().for_each(|sphere| sphere.center += 30_000.0);
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);

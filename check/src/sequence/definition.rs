@@ -114,7 +114,7 @@ mod tests {
     use crate::sequence::Sequence;
 
     #[test]
-    fn pairs_are_those_of_the_oracle() {
+    fn definition_matches_the_oracle() {
         let (mut pairs_seen, mut triclinic) = (0, 0);
         for seed in 0..400 {
             let sequence = Sequence::drawn(seed, true, false);

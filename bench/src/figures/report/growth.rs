@@ -161,7 +161,7 @@ mod tests {
     use super::listed;
 
     #[test]
-    fn phases_of_the_gpu_are_within_the_wait() {
+    fn gpu_phases_are_listed_within_the_wait() {
         let phases = |names: &[&str]| listed(&names.iter().map(|&n| (n.to_owned(), 1.0)).collect::<Vec<_>>());
         assert_eq!(
             phases(&["upload", "wait", "survey", "search", "read"]),

@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_faster_is_said_once_and_noise_is_not() {
+    fn faster_peers_are_noted_once_without_noise() {
         let rows = [
             engine("recursive-grid", 10, &[1.0, 1.0]),
             engine("recursive-grid", 100, &[1.0, 1.0]),

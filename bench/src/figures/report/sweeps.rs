@@ -155,7 +155,7 @@ mod tests {
     use super::limit;
 
     #[test]
-    fn where_threads_stop_helping() {
+    fn scaling_limit_of_threads() {
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 4.0), (4.0, 2.0)]), "it scales up to there");
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 4.0), (4.0, 3.9)]), "more than 2 threads gain less than 5 %");
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 8.1)]), "more than one thread gains less than 5 %");

@@ -200,7 +200,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_run_has_no_spread() {
+    fn median_of_one_run_has_no_spread() {
         assert_eq!(median(&[]), None);
         assert_eq!(median(&[0.25]).as_deref(), Some("250 ms (1 run)"));
         assert_eq!(median(&[1e-3, 2e-3, 3e-3]).as_deref(), Some("2.00 ms (1.50–2.50; 3)"));

@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_recursion_is_for_is_said_with_medians_of_steps() {
+    fn recursion_is_evaluated_by_medians_of_steps() {
         let rows = [
             at(OURS, 1.0, &[1.0, 2.0, 1.0]),
             at(WITHOUT, 1.0, &[3.0, 2.0, 4.0]),
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn growth_is_that_over_the_logarithm_of_the_ratio() {
+    fn growth_is_fitted_to_the_logarithm_of_the_ratio() {
         let of = |engine: &str, k: f64| {
             let time = |ratio: f64| (ratio.log2() + 1.0).powf(k);
             [1.0, 4.0, 32.0, 1024.0].map(|ratio| at(engine, ratio, &[time(ratio)]))
