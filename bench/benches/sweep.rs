@@ -10,7 +10,7 @@ use std::error::Error;
 use clap::{Parser, ValueEnum};
 use lazygrid::gpu::GpuSettings;
 use lazygrid::{Algorithm, Backend, Config, Order, Skin};
-use lazygrid_bench::measure::{Contender, Options, Plan, compare, markdown, provenance};
+use lazygrid_bench::measure::{ContenderFactory, Options, Plan, compare, markdown, provenance};
 use lazygrid_io::scenes::Scene;
 
 #[derive(Parser)]
@@ -88,8 +88,8 @@ impl Args {
 }
 
 fn tau(args: &Args) -> Result<(), Box<dyn Error>> {
-    let contenders = |config: Config| -> Vec<Contender> {
-        args.tau.iter().map(|&tau| Contender::list(tau.to_string(), config.clone().tau(tau))).collect()
+    let contenders = |config: Config| -> Vec<ContenderFactory> {
+        args.tau.iter().map(|&tau| ContenderFactory::list(tau.to_string(), config.clone().tau(tau))).collect()
     };
     if args.backend == Backend::Cpu {
         let table = table(args, &contenders(args.config(Algorithm::RecursiveGrid)))?;
@@ -109,8 +109,9 @@ fn raster_ratio(args: &Args) -> Result<(), Box<dyn Error>> {
         _ => [Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid],
     };
     for algorithm in algorithms {
-        let contender =
-            |ratio: f32| Contender::list(ratio.to_string(), args.config(algorithm).raster_ratio(ratio));
+        let contender = |ratio: f32| {
+            ContenderFactory::list(ratio.to_string(), args.config(algorithm).raster_ratio(ratio))
+        };
         let table = table(args, &args.ratios().map(contender).collect::<Vec<_>>())?;
         println!("### {algorithm} over the raster ratio, ns per sphere and step\n\n{table}");
     }
@@ -119,10 +120,13 @@ fn raster_ratio(args: &Args) -> Result<(), Box<dyn Error>> {
 
 fn skin(args: &Args) -> Result<(), Box<dyn Error>> {
     let config = |skin| args.config(Algorithm::Auto).skin(skin);
-    let mut contenders =
-        vec![Contender::list("off", config(Skin::Off)), Contender::list("auto", config(Skin::Auto))];
+    let mut contenders = vec![
+        ContenderFactory::list("off", config(Skin::Off)),
+        ContenderFactory::list("auto", config(Skin::Auto)),
+    ];
     // The largest radius of the scenes is 1.
-    let fixed = |&part: &f32| Contender::list(part.to_string(), config(Skin::Fixed(f64::from(2.0 * part))));
+    let fixed =
+        |&part: &f32| ContenderFactory::list(part.to_string(), config(Skin::Fixed(f64::from(2.0 * part))));
     contenders.extend(args.skin.iter().map(fixed));
     let moves = args.options.moves;
     println!("### skins, moves of {moves} radii, ns per sphere and step\n\n{}", table(args, &contenders)?);
@@ -130,7 +134,7 @@ fn skin(args: &Args) -> Result<(), Box<dyn Error>> {
 }
 
 /// A table with a row per scene and number of spheres and a column per contender, the fastest in bold.
-fn table(args: &Args, contenders: &[Contender]) -> Result<String, Box<dyn Error>> {
+fn table(args: &Args, contenders: &[ContenderFactory]) -> Result<String, Box<dyn Error>> {
     let mut rows = vec![];
     for plan in args.options.plans() {
         let mut row = vec![plan.scene.to_string(), plan.n.to_string()];
@@ -146,8 +150,8 @@ fn crossover(args: &Args) -> Result<(), Box<dyn Error>> {
         Backend::Cpu => &Algorithm::CPU,
         _ => &Algorithm::GPU,
     };
-    let contenders: Vec<Contender> =
-        algorithms.iter().map(|&a| Contender::list(a.name(), args.config(a))).collect();
+    let contenders: Vec<ContenderFactory> =
+        algorithms.iter().map(|&a| ContenderFactory::list(a.name(), args.config(a))).collect();
     let mut rows = vec![];
     for &scene in &args.options.scene {
         for &n in &args.sizes {
@@ -173,7 +177,7 @@ fn crossover(args: &Args) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn fastest_in_bold(plan: &Plan, contenders: &[Contender]) -> Result<Vec<String>, Box<dyn Error>> {
+fn fastest_in_bold(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<String>, Box<dyn Error>> {
     let medians: Vec<f64> = compare(plan, contenders)?.iter().map(|t| t.median()).collect();
     let fastest = medians.iter().copied().fold(f64::INFINITY, f64::min);
     let cell = |m: f64| if m == fastest { format!("**{m:.1}**") } else { format!("{m:.1}") };

@@ -1,6 +1,6 @@
 //! The paper's evaluation on the machine at hand: `lazygrid-bench figures`.
 //!
-//! Data flows one way: [`Settings`] → points → races between [`Engine`]s → [`Row`]s → files. A time is reported only if
+//! Data flows one way: [`Settings`] → points → races between [`Contender`]s → [`Row`]s → files. A time is reported only if
 //! its answer matched the reference.
 
 mod burst;
@@ -17,7 +17,7 @@ mod report;
 mod row;
 mod run;
 
-pub use engine::Engine;
+pub use engine::Contender;
 pub use environment::{Adapter, Environment};
 pub use figure::Figure;
 pub use memory::{Sample, measure as measure_memory};

@@ -66,14 +66,14 @@ pub trait Search {
 pub type Make = Box<dyn Fn() -> Result<Box<dyn Search>, Box<dyn Error>>>;
 
 /// A named kind of search.
-pub struct Contender {
+pub struct ContenderFactory {
     /// The name in tables.
     pub name: String,
     /// Creates a search without earlier steps.
     pub make: Make,
 }
 
-impl Contender {
+impl ContenderFactory {
     /// Creates a contender from its name and its constructor.
     pub fn new<S: Search + 'static>(
         name: impl Into<String>,
@@ -239,7 +239,7 @@ fn scramble(i: u32, j: u32) -> u64 {
 ///
 /// # Errors
 /// Fails if a search fails or two answers differ.
-pub fn compare(plan: &Plan, contenders: &[Contender]) -> Result<Vec<Timing>, Box<dyn Error>> {
+pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
     let mut lanes = contenders.iter().map(Lane::new).collect::<Result<Vec<_>, _>>()?;
     let mut motion = Motion::new(plan);
     // All contenders read the spheres from the same memory, as in a simulation.
@@ -290,13 +290,13 @@ impl Motion {
 
 /// One contender and its state.
 struct Lane<'a> {
-    contender: &'a Contender,
+    contender: &'a ContenderFactory,
     search: Box<dyn Search>,
     timing: Timing,
 }
 
 impl<'a> Lane<'a> {
-    fn new(contender: &'a Contender) -> Result<Self, Box<dyn Error>> {
+    fn new(contender: &'a ContenderFactory) -> Result<Self, Box<dyn Error>> {
         let timing = Timing { name: contender.name.clone(), nanos: vec![], note: String::new(), pairs: 0 };
         Ok(Self { contender, search: (contender.make)()?, timing })
     }
@@ -356,8 +356,8 @@ mod tests {
         }
     }
 
-    fn fixed(pairs: &'static [[u32; 2]]) -> Contender {
-        Contender::new("fixed", || Ok(Fixed(pairs.iter().map(|&[i, j]| Pair::new(i, j)).collect())))
+    fn fixed(pairs: &'static [[u32; 2]]) -> ContenderFactory {
+        ContenderFactory::new("fixed", || Ok(Fixed(pairs.iter().map(|&[i, j]| Pair::new(i, j)).collect())))
     }
 
     const PLAN: Plan =

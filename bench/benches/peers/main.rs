@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
 use lazygrid::{Algorithm, Backend, Config, Order, Skin};
-use lazygrid_bench::measure::{Contender, Options, Plan, Timing, compare, markdown, provenance};
+use lazygrid_bench::measure::{ContenderFactory, Options, Plan, Timing, compare, markdown, provenance};
 use lazygrid_bench::peers::{cell_list, lammps, parry, verlet};
 use lazygrid_io::scenes::Scene;
 
@@ -149,7 +149,7 @@ fn heading(mode: Mode, plan: &Plan) -> String {
     )
 }
 
-fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<Contender> {
+fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<ContenderFactory> {
     let mut contenders = match mode {
         Mode::Running => parry::running(),
         Mode::Yardstick => {
@@ -179,13 +179,13 @@ fn config(args: &Args, algorithm: Algorithm, output: Output, threads: usize) -> 
     Config::default().backend(Backend::Cpu).algorithm(algorithm).threads(threads).order(order).skin(skin)
 }
 
-fn contender(args: &Args, algorithm: Algorithm, output: Output, threads: usize) -> Contender {
+fn contender(args: &Args, algorithm: Algorithm, output: Output, threads: usize) -> ContenderFactory {
     let config = config(args, algorithm, output, threads);
     match output {
-        Output::List => Contender::list(algorithm.name(), config),
-        Output::Unordered => Contender::list(format!("{algorithm}, unordered"), config),
-        Output::Stream => Contender::stream(format!("{algorithm}, stream"), config),
-        Output::Count => Contender::count(format!("{algorithm}, count"), config),
+        Output::List => ContenderFactory::list(algorithm.name(), config),
+        Output::Unordered => ContenderFactory::list(format!("{algorithm}, unordered"), config),
+        Output::Stream => ContenderFactory::stream(format!("{algorithm}, stream"), config),
+        Output::Count => ContenderFactory::count(format!("{algorithm}, count"), config),
     }
 }
 

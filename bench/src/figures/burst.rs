@@ -10,7 +10,7 @@ use lazygrid_sim::{Contact, Model, Shape, Simulation, State};
 use super::plan::Point;
 use super::race::{Limits, Race};
 use super::row::Row;
-use super::{Engine, Figure};
+use super::{Contender, Figure};
 
 /// The scenario file, which `lazygrid simulate` can run too.
 const SCENARIO: &str = include_str!("../../../simulator/scenarios/burst.toml");
@@ -25,7 +25,7 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
     2 ns, in which the smallest move no more than their radius along each axis. Engines are timed after 1, 10, 100 … \
     steps in figure 5a, after 1, 100, 10 000 … in 5b, and at the end. The cost of a step grows with the number of \
     carriers, and so does the time in which a burst comes apart: large bursts are followed for a shorter time, in which \
-    little of them does. Every engine finds the pairs of the same consecutive steps from each moment on, as contacts \
+    little of them does. Every contender finds the pairs of the same consecutive steps from each moment on, as contacts \
     leave them. The first of them brings its structure up to date and does not count. Times are of the search alone, on \
     all threads, but for N3Sim's sweep, which has one.";
 
@@ -54,7 +54,7 @@ pub(super) fn rows(
     (point, steps): (&Point, u32),
     limits: Limits,
     seed: u64,
-    left_out: impl Fn(Engine) -> Option<String>,
+    left_out: impl Fn(Contender) -> Option<String>,
 ) -> Result<Vec<Row>, Box<dyn Error>> {
     // A burst of a million carriers takes minutes at each moment.
     let moments = moments(if point.figure == Figure::F5a { 10 } else { 100 }, steps);

@@ -3,13 +3,13 @@ use std::fmt;
 use lazygrid::{Algorithm, Backend, Config, Order, Skin};
 
 use super::race::Unavailable;
-use crate::measure::Contender;
+use crate::measure::ContenderFactory;
 use crate::peers::{cell_list, lammps, octree, parry, sweep, verlet};
 use lazygrid_io::scenes::Scene;
 
 /// A contender in the figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Engine {
+pub enum Contender {
     /// A lazygrid algorithm on the CPU; pairs in any order. Only `Auto` keeps candidates between steps.
     Cpu {
         /// The algorithm; `Auto` lets the CPU path choose.
@@ -46,20 +46,20 @@ pub enum Engine {
     Octree,
 }
 
-impl Engine {
+impl Contender {
     /// A CPU algorithm with default settings.
     pub const fn cpu(algorithm: Algorithm, threads: Option<usize>) -> Self {
         Self::Cpu { algorithm, threads, tau: None, ratio: None }
     }
 
-    /// Creates the contender for `n` spheres of a scene that move by `moves` radii per step.
-    pub fn contender(self, scene: Scene, n: usize, moves: f32) -> Contender {
+    /// Creates the factory of searches for `n` spheres of a scene that move by `moves` radii per step.
+    pub fn factory(self, scene: Scene, n: usize, moves: f32) -> ContenderFactory {
         let name = self.to_string();
         match self {
-            Self::Cpu { .. } => Contender::list(name, self.config()),
+            Self::Cpu { .. } => ContenderFactory::list(name, self.config()),
             Self::Gpu(algorithm) => {
                 let config = Config::default().backend(Backend::Gpu).algorithm(algorithm);
-                Contender::list(name, config.order(Order::Unordered))
+                ContenderFactory::list(name, config.order(Order::Unordered))
             }
             Self::BulletAsShipped | Self::BulletTuned => self.bullet(scene, n),
             Self::Parry => parry::refitted(name),
@@ -68,7 +68,7 @@ impl Engine {
             Self::PlainCellList => cell_list::tuned(name, scene),
             Self::Verlet => verlet::tuned(name, scene, moves),
             Self::Lammps if lammps::is_named() => lammps::tuned(name, moves),
-            Self::Lammps => Unavailable::LAMMPS.contender(name),
+            Self::Lammps => Unavailable::LAMMPS.factory(name),
             Self::SortAndSweep => sweep::running(),
             Self::Octree => octree::running(),
         }
@@ -94,15 +94,15 @@ impl Engine {
     }
 
     #[cfg(feature = "bullet")]
-    fn bullet(self, scene: Scene, n: usize) -> Contender {
+    fn bullet(self, scene: Scene, n: usize) -> ContenderFactory {
         use crate::peers::bullet::{Tuning, running};
         let tuning = if self == Self::BulletTuned { Tuning::best(scene, n) } else { Tuning::SHIPPED };
         running(self.to_string(), tuning)
     }
 
     #[cfg(not(feature = "bullet"))]
-    fn bullet(self, _: Scene, _: usize) -> Contender {
-        Unavailable::BULLET.contender(self.to_string())
+    fn bullet(self, _: Scene, _: usize) -> ContenderFactory {
+        Unavailable::BULLET.factory(self.to_string())
     }
 
     /// The varied parameter of the sweeps: τ, the cell ratio, or the number of threads.
@@ -137,7 +137,7 @@ impl Engine {
     }
 }
 
-impl fmt::Display for Engine {
+impl fmt::Display for Contender {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = match self {
             Self::Cpu { algorithm: Algorithm::Auto, .. } => "CPU path's own choice",

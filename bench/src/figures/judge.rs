@@ -4,7 +4,7 @@ use std::error::Error;
 
 use lazygrid::{Algorithm, Backend, Config, Order, Pair, Sphere};
 
-use crate::measure::{Contender, Digest, Found};
+use crate::measure::{ContenderFactory, Digest, Found};
 use crate::peers::cell_list;
 
 /// Maximum number of spheres for the naive reference. Above it, the reference is the plain cell list, which is checked
@@ -26,7 +26,7 @@ impl<'a> Reference<'a> {
     pub(super) fn of(spheres: &'a [Sphere]) -> Result<Self, Box<dyn Error>> {
         let naive = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
         let contender = match spheres.len() {
-            ..=NAIVE_REFERENCE => Contender::list("naive", naive.order(Order::Unordered)),
+            ..=NAIVE_REFERENCE => ContenderFactory::list("naive", naive.order(Order::Unordered)),
             _ => cell_list::running(),
         };
         let mut search = (contender.make)()?;

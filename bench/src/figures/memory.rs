@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::Path;
 use std::process::Command;
 
-use super::Engine;
+use super::Contender;
 use super::judge::Reference;
 use super::plan::Point;
 use super::row::{Row, Status};
@@ -20,13 +20,13 @@ const SEED: u64 = 1;
 ///
 /// # Errors
 /// Fails if the engine is unknown, or if it reports an error.
-pub fn measure(engine: &str, scene: Scene, n: usize, steps: u32) -> Result<Sample, Box<dyn Error>> {
-    let known = Engine::for_memory();
-    let engine = known.iter().find(|e| e.to_string() == engine).ok_or_else(|| {
-        let names: Vec<String> = known.iter().map(Engine::to_string).collect();
-        format!("unknown engine '{engine}'; expected one of {}", names.join(", "))
+pub fn measure(contender: &str, scene: Scene, n: usize, steps: u32) -> Result<Sample, Box<dyn Error>> {
+    let known = Contender::for_memory();
+    let contender = known.iter().find(|e| e.to_string() == contender).ok_or_else(|| {
+        let names: Vec<String> = known.iter().map(Contender::to_string).collect();
+        format!("unknown contender '{contender}'; expected one of {}", names.join(", "))
     })?;
-    sample(&engine.contender(scene, n, Scene::STEP), scene, n, steps, SEED)
+    sample(&contender.factory(scene, n, Scene::STEP), scene, n, steps, SEED)
 }
 
 /// One row per engine. `program` is the `lazygrid-bench` command.
@@ -37,14 +37,16 @@ pub(super) fn rows(point: &Point, program: &Path) -> Result<Vec<Row>, Box<dyn Er
     let mut spheres = point.scene.spheres(point.n, SEED);
     (0..point.runs as u32).for_each(|step| Scene::advance(&mut spheres, SEED, step));
     let reference = Reference::of(&spheres)?;
-    let row = |&engine: &Engine| {
-        let mut row = Row::new(point, engine);
-        if cfg!(not(feature = "bullet")) && matches!(engine, Engine::BulletAsShipped | Engine::BulletTuned) {
+    let row = |&contender: &Contender| {
+        let mut row = Row::new(point, contender);
+        if cfg!(not(feature = "bullet"))
+            && matches!(contender, Contender::BulletAsShipped | Contender::BulletTuned)
+        {
             (row.status, row.reason) =
                 (Status::NotAvailable, "not built in; build with --features bullet".into());
             return row;
         }
-        let checked = spawn(point, engine, program).and_then(|sample| {
+        let checked = spawn(point, contender, program).and_then(|sample| {
             reference.check(Digest { pairs: sample.pairs, sum: sample.sum })?;
             Ok(sample)
         });
@@ -58,12 +60,12 @@ pub(super) fn rows(point: &Point, program: &Path) -> Result<Vec<Row>, Box<dyn Er
         }
         row
     };
-    Ok(point.engines.iter().map(row).collect())
+    Ok(point.contenders.iter().map(row).collect())
 }
 
-fn spawn(point: &Point, engine: Engine, program: &Path) -> Result<Sample, Box<dyn Error>> {
+fn spawn(point: &Point, contender: Contender, program: &Path) -> Result<Sample, Box<dyn Error>> {
     let output = Command::new(program)
-        .args(["measure-memory", &engine.to_string(), point.scene.name()])
+        .args(["measure-memory", &contender.to_string(), point.scene.name()])
         .args([point.n.to_string(), point.runs.to_string()])
         .output()?;
     if !output.status.success() {

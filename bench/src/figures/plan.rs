@@ -3,7 +3,7 @@
 use lazygrid::Algorithm;
 use serde::{Deserialize, Serialize};
 
-use super::{Engine, Figure};
+use super::{Contender, Figure};
 use lazygrid_io::scenes::{Scene, Transceivers};
 
 /// The size of the figures.
@@ -63,7 +63,7 @@ pub(super) struct Point {
     pub(super) scene: Scene,
     pub(super) n: usize,
     pub(super) motion: Motion,
-    pub(super) engines: Vec<Engine>,
+    pub(super) contenders: Vec<Contender>,
     pub(super) runs: usize,
 }
 
@@ -100,13 +100,13 @@ impl Point {
     }
 
     /// The value of the parameter that the figure varies, which belongs to the scene or the engine.
-    pub(super) fn setting(&self, engine: Engine) -> Option<f64> {
+    pub(super) fn setting(&self, contender: Contender) -> Option<f64> {
         match (self.figure, self.scene) {
             // The decimal number as written: 0.1, not the nearest `f32`.
             (Figure::Moves, _) => self.moves().to_string().parse().ok(),
             (Figure::Transceivers, Scene::Transceivers(of)) => Some(of.count.into()),
             (Figure::SizeRatio, Scene::Transceivers(of)) => Some(of.ratio.into()),
-            (figure, _) => figure.varied().and_then(|_| engine.setting()),
+            (figure, _) => figure.varied().and_then(|_| contender.setting()),
         }
     }
 
@@ -123,7 +123,7 @@ impl Point {
             Figure::Moves => 0.5,
             _ => 1.0,
         };
-        share * self.engines.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
+        share * self.contenders.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
     }
 }
 
@@ -143,7 +143,7 @@ impl Settings {
                 scene,
                 n,
                 motion,
-                engines: engines(figure),
+                contenders: contenders(figure),
                 runs: self.runs.unwrap_or(self.runs_of(figure)),
             })
         };
@@ -244,35 +244,40 @@ fn mixtures(counts: &[u32], ratios: &[u32]) -> Vec<Scene> {
     ratios.iter().flat_map(of).collect()
 }
 
-fn engines(figure: Figure) -> Vec<Engine> {
-    let on_gpu = |algorithms: &[Algorithm]| algorithms.iter().map(|&a| Engine::Gpu(a)).collect::<Vec<_>>();
+fn contenders(figure: Figure) -> Vec<Contender> {
+    let on_gpu = |algorithms: &[Algorithm]| algorithms.iter().map(|&a| Contender::Gpu(a)).collect::<Vec<_>>();
     let gpu = on_gpu(&Algorithm::GPU);
     let grids = [Algorithm::HashGrid, Algorithm::ArrayGrid, Algorithm::RecursiveGrid];
     match figure {
         Figure::F3a | Figure::F3b | Figure::Point => {
-            let cpu = Algorithm::CPU.map(|a| Engine::cpu(a, None));
+            let cpu = Algorithm::CPU.map(|a| Contender::cpu(a, None));
             cpu.into_iter().chain(gpu).collect()
         }
         Figure::F4 => {
             // These run in a pool of one thread.
             let ours = [Algorithm::RecursiveGrid, Algorithm::CellList, Algorithm::Auto];
-            let ours = ours.map(|a| Engine::cpu(a, None));
-            let trees = [Engine::BulletAsShipped, Engine::BulletTuned, Engine::Parry];
-            let more = [Engine::ParryMargin, Engine::ParryOptimised, Engine::PlainCellList, Engine::Verlet];
+            let ours = ours.map(|a| Contender::cpu(a, None));
+            let trees = [Contender::BulletAsShipped, Contender::BulletTuned, Contender::Parry];
+            let more = [
+                Contender::ParryMargin,
+                Contender::ParryOptimised,
+                Contender::PlainCellList,
+                Contender::Verlet,
+            ];
             ours.into_iter().chain(trees).chain(more).collect()
         }
         Figure::Moves => {
-            let ours = [Algorithm::CellList, Algorithm::Auto].map(|a| Engine::cpu(a, None));
-            ours.into_iter().chain([Engine::PlainCellList, Engine::Verlet, Engine::Lammps]).collect()
+            let ours = [Algorithm::CellList, Algorithm::Auto].map(|a| Contender::cpu(a, None));
+            ours.into_iter().chain([Contender::PlainCellList, Contender::Verlet, Contender::Lammps]).collect()
         }
         Figure::F5a | Figure::F5b => {
             // The paper's grid, and the GPU path's own choice: small inputs use the naive algorithm.
             let gpu = on_gpu(&[Algorithm::LazyGrid, Algorithm::Auto]);
-            let cpu = [Engine::cpu(Algorithm::Auto, None), Engine::Octree, Engine::SortAndSweep];
+            let cpu = [Contender::cpu(Algorithm::Auto, None), Contender::Octree, Contender::SortAndSweep];
             gpu.into_iter().chain(cpu).collect()
         }
         Figure::Tau => [4, 8, 16, 32, 64, 128, 256, 512, 1024]
-            .map(|tau| Engine::Cpu {
+            .map(|tau| Contender::Cpu {
                 algorithm: Algorithm::RecursiveGrid,
                 threads: None,
                 tau: Some(tau),
@@ -282,7 +287,7 @@ fn engines(figure: Figure) -> Vec<Engine> {
         Figure::Ratio => {
             let ratios = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
             let of = |algorithm| {
-                ratios.map(|ratio| Engine::Cpu { algorithm, threads: None, tau: None, ratio: Some(ratio) })
+                ratios.map(|ratio| Contender::Cpu { algorithm, threads: None, tau: None, ratio: Some(ratio) })
             };
             grids.into_iter().flat_map(of).collect()
         }
@@ -290,16 +295,16 @@ fn engines(figure: Figure) -> Vec<Engine> {
             let cores = std::thread::available_parallelism().map_or(1, usize::from);
             let threads = || std::iter::successors(Some(1), |t| Some(t * 2)).take_while(|&t| t < cores);
             let of = |algorithm| {
-                threads().chain([cores]).map(move |threads| Engine::cpu(algorithm, Some(threads)))
+                threads().chain([cores]).map(move |threads| Contender::cpu(algorithm, Some(threads)))
             };
             grids.into_iter().chain([Algorithm::CellList]).flat_map(of).collect()
         }
-        Figure::Memory => Engine::for_memory(),
+        Figure::Memory => Contender::for_memory(),
         Figure::Transceivers | Figure::SizeRatio => {
             let ours = grids.into_iter().chain([Algorithm::CellList, Algorithm::Auto]);
-            let peers = [Engine::BulletTuned, Engine::Parry, Engine::PlainCellList];
-            let earlier = [Engine::SortAndSweep, Engine::Octree];
-            ours.map(|a| Engine::cpu(a, None)).chain(peers).chain(earlier).collect()
+            let peers = [Contender::BulletTuned, Contender::Parry, Contender::PlainCellList];
+            let earlier = [Contender::SortAndSweep, Contender::Octree];
+            ours.map(|a| Contender::cpu(a, None)).chain(peers).chain(earlier).collect()
         }
     }
 }
@@ -318,11 +323,11 @@ mod tests {
             let points = Settings { scale, only, runs: None, minutes: 1.0, seed: 1, command }.points();
             let files: BTreeSet<String> = points.iter().map(Point::key).collect();
             assert_eq!(files.len(), points.len(), "{scale:?}");
-            let place = |point: &Point, engine: Engine| {
-                let setting = point.setting(engine).map(f64::to_bits);
-                (point.figure, point.kind(), point.n, setting, engine.to_string())
+            let place = |point: &Point, contender: Contender| {
+                let setting = point.setting(contender).map(f64::to_bits);
+                (point.figure, point.kind(), point.n, setting, contender.to_string())
             };
-            let rows = || points.iter().flat_map(|p| p.engines.iter().map(move |&e| place(p, e)));
+            let rows = || points.iter().flat_map(|p| p.contenders.iter().map(move |&e| place(p, e)));
             assert_eq!(rows().count(), rows().collect::<BTreeSet<_>>().len(), "{scale:?}");
         }
     }

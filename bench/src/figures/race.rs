@@ -10,8 +10,8 @@ use thiserror::Error;
 use super::judge::Reference;
 use super::plan::Point;
 use super::row::{Row, Status};
-use super::{Engine, Figure};
-use crate::measure::{Contender, Digest, Found, Search, Spread, turns};
+use super::{Contender, Figure};
+use crate::measure::{ContenderFactory, Digest, Found, Search, Spread, turns};
 
 /// Multiple of its time that an engine may use to reach the minimum number of runs.
 const MORE: u32 = 3;
@@ -30,9 +30,9 @@ impl Unavailable {
     pub(super) const BULLET: Self = Self("not built in; build with --features bullet");
     pub(super) const LAMMPS: Self = Self("set LAZYGRID_LAMMPS to the path of liblammps.so");
 
-    /// A contender whose creation fails with this reason.
-    pub(super) fn contender(self, name: String) -> Contender {
-        Contender::new(name, move || Err::<Nothing, _>(self.into()))
+    /// A factory that fails with this reason.
+    pub(super) fn factory(self, name: String) -> ContenderFactory {
+        ContenderFactory::new(name, move || Err::<Nothing, _>(self.into()))
     }
 }
 
@@ -69,7 +69,7 @@ pub(super) struct Race<'a> {
 }
 
 struct Lane {
-    engine: Engine,
+    contender: Contender,
     search: Option<Box<dyn Search>>,
     phases: Vec<Vec<Phase>>,
     used: Duration,
@@ -79,20 +79,24 @@ struct Lane {
 }
 
 impl<'a> Race<'a> {
-    /// Creates all engines of the point. `left_out` returns a reason for engines to skip.
-    pub(super) fn new(point: &'a Point, limits: Limits, left_out: impl Fn(Engine) -> Option<String>) -> Self {
-        let lane = |&engine: &Engine| {
-            let mut lane = Lane::new(point, engine);
-            match left_out(engine) {
+    /// Creates all contenders of the point. `left_out` returns a reason for engines to skip.
+    pub(super) fn new(
+        point: &'a Point,
+        limits: Limits,
+        left_out: impl Fn(Contender) -> Option<String>,
+    ) -> Self {
+        let lane = |&contender: &Contender| {
+            let mut lane = Lane::new(point, contender);
+            match left_out(contender) {
                 Some(reason) => lane.leave(Status::LeftOut, reason),
-                None => match (engine.contender(point.scene, point.n, point.moves()).make)() {
+                None => match (contender.factory(point.scene, point.n, point.moves()).make)() {
                     Ok(search) => lane.search = Some(search),
                     Err(error) => lane.fail(error.as_ref()),
                 },
             }
             lane
         };
-        Self { point, limits, lanes: point.engines.iter().map(lane).collect(), frames: 0, began: None }
+        Self { point, limits, lanes: point.contenders.iter().map(lane).collect(), frames: 0, began: None }
     }
 
     /// Returns `true` if no engine has runs left.
@@ -140,10 +144,10 @@ impl<'a> Race<'a> {
 }
 
 impl Lane {
-    fn new(point: &Point, engine: Engine) -> Self {
-        let row = Row::new(point, engine);
+    fn new(point: &Point, contender: Contender) -> Self {
+        let row = Row::new(point, contender);
         Self {
-            engine,
+            contender,
             search: None,
             phases: vec![],
             used: Duration::ZERO,
@@ -196,7 +200,7 @@ impl Lane {
         let Some(found) = self.last else { return };
         let verdict = match (reference.check(found), &mut self.search) {
             // Compares the list pair by pair, as a GPU may round differently from the reference.
-            (Err(reason), Some(search)) if self.engine.rounds_freely() => match search.run(spheres) {
+            (Err(reason), Some(search)) if self.contender.rounds_freely() => match search.run(spheres) {
                 Ok(again) if Digest::of(&again) != found => Err("another answer when asked again".to_owned()),
                 Ok(Found::Pairs(pairs)) => reference.tangent(pairs),
                 Ok(Found::Count(_)) => Err(reason),
@@ -226,7 +230,7 @@ impl Lane {
     }
 
     fn take_row(&mut self, point: &Point, at: Option<f64>) -> Row {
-        let fresh = Self::new(point, self.engine).row;
+        let fresh = Self::new(point, self.contender).row;
         let (status, reason) = match (self.row.status, at) {
             // A wrong engine takes no further part.
             (Status::Error, Some(at)) => (Status::LeftOut, format!("wrong at {at} s")),
@@ -302,13 +306,19 @@ mod tests {
             scene: Scene::Equal,
             n: 300,
             motion: Motion::Fresh,
-            engines: vec![Engine::PlainCellList, Engine::Octree, Engine::Parry, Engine::SortAndSweep],
+            contenders: vec![
+                Contender::PlainCellList,
+                Contender::Octree,
+                Contender::Parry,
+                Contender::SortAndSweep,
+            ],
             runs: 3,
         };
         let spheres = Scene::Equal.spheres(300, 1);
         // Without any time each engine runs once.
         let limits = Limits { runs: 3, at_least: 3, time: Duration::ZERO, in_all: Duration::ZERO };
-        let mut race = Race::new(&point, limits, |e| (e == Engine::SortAndSweep).then(|| "too slow".into()));
+        let mut race =
+            Race::new(&point, limits, |e| (e == Contender::SortAndSweep).then(|| "too slow".into()));
         race.lanes[2].search = Some(Box::new(Broken));
         race.frame(&spheres, true).expect("the reference works");
         // The right number of pairs, with the last one replaced.

@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::plan::Point;
-use super::{Engine, Environment, Settings};
+use super::{Contender, Environment, Settings};
 use crate::measure::Spread;
 
 /// The outcome of a measurement.
@@ -67,13 +67,13 @@ pub struct Row {
 
 impl Row {
     /// A row without measurements.
-    pub(super) fn new(point: &Point, engine: Engine) -> Self {
+    pub(super) fn new(point: &Point, contender: Contender) -> Self {
         Self {
             figure: point.figure.name().to_owned(),
             scene: point.kind(),
             n: point.n,
-            at: point.setting(engine),
-            engine: engine.to_string(),
+            at: point.setting(contender),
+            engine: contender.to_string(),
             status: Status::Ok,
             reason: String::new(),
             pairs: 0,

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::plan::{Motion, Point, Scale, Settings};
 use super::race::{Limits, Race};
 use super::row::{Results, Row};
-use super::{Engine, Environment, Figure, burst, memory};
+use super::{Contender, Environment, Figure, burst, memory};
 use lazygrid_io::scenes::Scene;
 
 /// Fraction of a point's time for the runs that count; the rest is for spheres, references and warm-ups.
@@ -139,18 +139,18 @@ fn rows_of(
     program: &Path,
 ) -> Result<Vec<Row>, Box<dyn Error>> {
     let at_least = if settings.scale == Scale::Full { 3 } else { 2 };
-    let time = share.mul_f64(MEASURED / point.engines.len().max(1) as f64);
+    let time = share.mul_f64(MEASURED / point.contenders.len().max(1) as f64);
     let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time, in_all: share };
-    let too_long = |engine: Engine| {
-        let seconds = predicted(engine, point, earlier)?;
-        let most = (PATIENCE * time.as_secs_f64()).max(always(engine, point.scene));
+    let too_long = |contender: Contender| {
+        let seconds = predicted(contender, point, earlier)?;
+        let most = (PATIENCE * time.as_secs_f64()).max(always(contender, point.scene));
         (seconds > most && settings.scale != Scale::Smallest)
             .then(|| format!("left out: a run would take about {seconds:.1} s"))
     };
     // Figures that compare engines leave none out.
-    let left_out = |engine: Engine| match point.motion {
+    let left_out = |contender: Contender| match point.motion {
         Motion::Steps { .. } | Motion::Simulated { .. } => None,
-        _ => too_long(engine),
+        _ => too_long(contender),
     };
     match point.motion {
         Motion::Processes => memory::rows(point, program),
@@ -195,25 +195,25 @@ fn race(
 
 /// Seconds that a run may always take, even if earlier points overran their time: engines whose time grows linearly
 /// should appear at the largest size.
-fn always(engine: Engine, scene: Scene) -> f64 {
-    if is_quadratic(engine, scene) { 2.0 } else { 120.0 }
+fn always(contender: Contender, scene: Scene) -> f64 {
+    if is_quadratic(contender, scene) { 2.0 } else { 120.0 }
 }
 
 /// Returns `true` if the time of a run grows quadratically with the number of spheres. At one point, all spheres touch
 /// each other.
-fn is_quadratic(engine: Engine, scene: Scene) -> bool {
-    engine.is_quadratic() || scene == Scene::Point
+fn is_quadratic(contender: Contender, scene: Scene) -> bool {
+    contender.is_quadratic() || scene == Scene::Point
 }
 
 /// The predicted seconds of a run, from the largest smaller point of the same figure and scene and its slowest moment.
-fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
-    let name = engine.to_string();
+fn predicted(contender: Contender, point: &Point, earlier: &[Row]) -> Option<f64> {
+    let name = contender.to_string();
     let same = earlier.iter().filter(|row| {
         let same = row.figure == point.figure.name() && row.scene == point.kind();
         same && row.engine == name && !row.wall.is_empty()
     });
     let last = same.max_by(|a, b| a.n.cmp(&b.n).then(a.median().total_cmp(&b.median())))?;
-    let exponent = if is_quadratic(engine, point.scene) { 2.0 } else { 1.1 };
+    let exponent = if is_quadratic(contender, point.scene) { 2.0 } else { 1.1 };
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 

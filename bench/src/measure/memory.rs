@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use lazygrid::{Pair, Sphere};
 
-use super::{Contender, Digest, Search, Spread};
+use super::{ContenderFactory, Digest, Search, Spread};
 use lazygrid_io::scenes::Scene;
 
 /// The time and memory of a search in a separate process.
@@ -28,7 +28,7 @@ pub struct Sample {
 /// # Errors
 /// Returns the error of the search.
 pub fn sample(
-    contender: &Contender,
+    contender: &ContenderFactory,
     scene: Scene,
     n: usize,
     steps: u32,

@@ -6,7 +6,7 @@ use std::ptr::NonNull;
 
 use lazygrid::{Pair, Sphere};
 
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, Search};
 use lazygrid_io::scenes::Scene;
 
 /// The settings of Bullet.
@@ -45,7 +45,7 @@ impl Tuning {
 }
 
 /// The candidate settings; a margin of 0.05 that is not deferred is the default.
-pub fn tunings(scene: Scene) -> Vec<Contender> {
+pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     let margins: &[f32] = match scene {
         Scene::Equal | Scene::FiveSizes => &[0.05, 0.1, 0.25, 0.5, 1.0, 2.0],
         // Large margins would make nearly all boxes overlap here.
@@ -62,8 +62,8 @@ pub fn tunings(scene: Scene) -> Vec<Contender> {
 }
 
 /// Bullet with these settings.
-pub fn running(name: impl Into<String>, tuning: Tuning) -> Contender {
-    Contender::new(name, move || Bullet::new(tuning))
+pub fn running(name: impl Into<String>, tuning: Tuning) -> ContenderFactory {
+    ContenderFactory::new(name, move || Bullet::new(tuning))
 }
 
 /// The version of Bullet's headers.

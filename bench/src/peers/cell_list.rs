@@ -7,7 +7,7 @@ use std::error::Error;
 use lazygrid::{Pair, Sphere};
 
 use super::class::Class;
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, Search};
 use lazygrid_io::scenes::Scene;
 
 /// Maximum number of classes; the smallest spheres and points share the last one.
@@ -43,7 +43,7 @@ impl Tuning {
 }
 
 /// The candidate settings.
-pub fn tunings(scene: Scene) -> Vec<Contender> {
+pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     let classes: &[f32] = match scene {
         Scene::Equal => &[4.0],
         Scene::FiveSizes => &[2.0, 4.0, 32.0],
@@ -60,17 +60,17 @@ pub fn tunings(scene: Scene) -> Vec<Contender> {
 }
 
 /// The baseline for any spheres, which starts from the order of the previous step.
-pub fn running() -> Contender {
+pub fn running() -> ContenderFactory {
     with("plain cell list", Tuning::DEFAULT)
 }
 
 /// The baseline with the fastest settings for a scene.
-pub fn tuned(name: impl Into<String>, scene: Scene) -> Contender {
+pub fn tuned(name: impl Into<String>, scene: Scene) -> ContenderFactory {
     with(name, Tuning::best(scene))
 }
 
-fn with(name: impl Into<String>, tuning: Tuning) -> Contender {
-    Contender::new(name, move || Ok(CellList::new(tuning)))
+fn with(name: impl Into<String>, tuning: Tuning) -> ContenderFactory {
+    ContenderFactory::new(name, move || Ok(CellList::new(tuning)))
 }
 
 pub(super) struct CellList {

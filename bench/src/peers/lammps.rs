@@ -15,7 +15,7 @@ use lazygrid::Sphere;
 use libloading::Library;
 use tempfile::NamedTempFile;
 
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, Search};
 
 /// The environment variable with the path of `liblammps.so`.
 pub const VARIABLE: &str = "LAZYGRID_LAMMPS";
@@ -43,12 +43,12 @@ type Create = unsafe extern "C" fn(
 /// LAMMPS for equal spheres of radius 1, with the fastest skin for steps of `moves` radii, by [`skins`] in `cargo bench
 /// -p lazygrid-bench --bench peers -- --mode skins --scene equal --output unordered --algorithm auto --steps 100
 /// --rounds 3 --moves 0.01`.
-pub fn tuned(name: impl Into<String>, moves: f32) -> Contender {
+pub fn tuned(name: impl Into<String>, moves: f32) -> ContenderFactory {
     with(name, best(moves))
 }
 
 /// The candidate skins; empty without LAMMPS.
-pub fn skins() -> Vec<Contender> {
+pub fn skins() -> Vec<ContenderFactory> {
     let of = |skin: f32| with(format!("LAMMPS, skin {skin}"), skin);
     if is_named() { [0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0].map(of).into() } else { Vec::new() }
 }
@@ -66,8 +66,8 @@ fn best(moves: f32) -> f32 {
     }
 }
 
-fn with(name: impl Into<String>, skin: f32) -> Contender {
-    Contender::new(name, move || Lammps::new(skin))
+fn with(name: impl Into<String>, skin: f32) -> ContenderFactory {
+    ContenderFactory::new(name, move || Lammps::new(skin))
 }
 
 /// An instance and its library.

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::half_extent;
 use super::sweep::{Interval, sort, sweep};
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, Search};
 
 /// Number of spheres above which a leaf is split, if that separates them.
 const SPLIT_ABOVE: usize = 256;
@@ -26,8 +26,8 @@ const DEEPEST: u32 = 20;
 const ROOM: f32 = 1.5;
 
 /// The octree, in the rayon pool of the caller.
-pub fn running() -> Contender {
-    Contender::new("octree (BiNS2)", || Ok(Octree::default()))
+pub fn running() -> ContenderFactory {
+    ContenderFactory::new("octree (BiNS2)", || Ok(Octree::default()))
 }
 
 /// An axis-aligned box.

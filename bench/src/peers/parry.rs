@@ -8,7 +8,7 @@ use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
 
 use super::{half_extent, touch};
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, Search};
 
 /// The update of the tree before each traversal.
 #[derive(Clone, Copy, Debug)]
@@ -24,7 +24,7 @@ enum Upkeep {
 
 /// The candidate settings of a tree that is kept between steps. Full rebuilds are not included: within a hundred steps
 /// of the scenes, they cost more than they gain.
-pub fn running() -> Vec<Contender> {
+pub fn running() -> Vec<ContenderFactory> {
     vec![
         refitted("parry3d refit"),
         with_margin("parry3d refit, margin"),
@@ -33,25 +33,25 @@ pub fn running() -> Vec<Contender> {
 }
 
 /// A tree that is refitted at each step.
-pub fn refitted(name: impl Into<String>) -> Contender {
-    Contender::new(name, || Ok(Living::new(Upkeep::Refit)))
+pub fn refitted(name: impl Into<String>) -> ContenderFactory {
+    ContenderFactory::new(name, || Ok(Living::new(Upkeep::Refit)))
 }
 
 /// A refitted tree with a margin of a fifth of the radius.
-pub fn with_margin(name: impl Into<String>) -> Contender {
-    Contender::new(name, || Ok(Living::new(Upkeep::Fat(0.2))))
+pub fn with_margin(name: impl Into<String>) -> ContenderFactory {
+    ContenderFactory::new(name, || Ok(Living::new(Upkeep::Fat(0.2))))
 }
 
 /// A refitted tree that is partly rebuilt at each step.
-pub fn optimised(name: impl Into<String>) -> Contender {
-    Contender::new(name, || Ok(Living::new(Upkeep::Optimize)))
+pub fn optimised(name: impl Into<String>) -> ContenderFactory {
+    ContenderFactory::new(name, || Ok(Living::new(Upkeep::Optimize)))
 }
 
 /// The two methods of building a tree from scratch.
-pub fn scratch() -> Vec<Contender> {
+pub fn scratch() -> Vec<ContenderFactory> {
     [("binned", BvhBuildStrategy::Binned), ("PLOC", BvhBuildStrategy::Ploc)]
         .map(|(name, strategy)| {
-            Contender::new(format!("parry3d {name}"), move || Ok(Built { strategy, pairs: vec![] }))
+            ContenderFactory::new(format!("parry3d {name}"), move || Ok(Built { strategy, pairs: vec![] }))
         })
         .into()
 }

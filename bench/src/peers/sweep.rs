@@ -7,11 +7,11 @@ use glam::DVec3;
 use lazygrid::{Pair, Sphere};
 
 use super::{half_extent, touch};
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, Search};
 
 /// Sweep and prune along an axis on which the variance of the centers is (nearly) the largest.
-pub fn running() -> Contender {
-    Contender::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
+pub fn running() -> ContenderFactory {
+    ContenderFactory::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
 }
 
 /// The interval of a sphere with a copy of the sphere, so that the sweep reads memory in order.

@@ -1,7 +1,7 @@
 use lazygrid::{Algorithm, Backend, Config};
 
 use super::*;
-use crate::measure::{Contender, Plan, compare};
+use crate::measure::{ContenderFactory, Plan, compare};
 use lazygrid_io::scenes::Scene;
 
 /// All peers find the naive detector's pairs at each step.
@@ -11,7 +11,7 @@ fn peers_agree_with_naive() {
         let n = if scene == Scene::Point { 200 } else { 1500 };
         let plan = Plan { scene, n, seed: 3, rounds: 2, steps: 4, moves: Scene::STEP, fresh: false };
         let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
-        let mut contenders = vec![Contender::list("naive", judge)];
+        let mut contenders = vec![ContenderFactory::list("naive", judge)];
         contenders.extend([cell_list::running(), octree::running(), sweep::running()]);
         contenders.extend(cell_list::tunings(scene));
         contenders.extend(parry::running());
@@ -31,11 +31,11 @@ fn cell_list_handles_unusual_shapes() {
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
     for spheres in [points(1), points(2), points(9), points(100), row(1.0), row(1.001), row(0.1)] {
         let spheres: Vec<Sphere> = spheres;
-        let digest = |contender: &Contender| {
+        let digest = |contender: &ContenderFactory| {
             let mut search = (contender.make)().expect("made");
             crate::measure::Digest::of(&search.run(&spheres).expect("found"))
         };
-        let expected = digest(&Contender::list("naive", judge.clone()));
+        let expected = digest(&ContenderFactory::list("naive", judge.clone()));
         for contender in cell_list::tunings(Scene::FiveSizes) {
             assert_eq!(digest(&contender), expected, "{}: {} spheres", contender.name, spheres.len());
         }
@@ -48,7 +48,7 @@ fn peers_follow_a_cloud_that_spreads_and_shrinks() {
     let mut spheres = Scene::FiveSizes.spheres(4000, 5);
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
     let searches =
-        [Contender::list("naive", judge), octree::running(), cell_list::running(), sweep::running()];
+        [ContenderFactory::list("naive", judge), octree::running(), cell_list::running(), sweep::running()];
     let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
     for factor in [1.0, 1.2, 1.5, 0.5, 0.5, 0.3, 1.0, 2.0, 1.4] {
         spheres.iter_mut().for_each(|sphere| sphere.center *= factor);
@@ -66,7 +66,7 @@ fn boxes_at_cell_borders_lose_no_pair() {
     spheres.iter_mut().for_each(|sphere| sphere.center += 30_000.0);
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
     let searches =
-        [Contender::list("naive", judge), octree::running(), cell_list::running(), sweep::running()];
+        [ContenderFactory::list("naive", judge), octree::running(), cell_list::running(), sweep::running()];
     let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
     for step in 0..40 {
         let digests: Vec<_> =

@@ -7,7 +7,7 @@ use lazygrid::{Pair, Sphere};
 
 use super::cell_list::CellList;
 use super::touch;
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, Search};
 use lazygrid_io::scenes::Scene;
 
 /// The fastest skin for a benchmark scene with steps of `moves` radii, if the largest radius is 1. From [`skins`] in
@@ -27,18 +27,18 @@ fn best(scene: Scene, moves: f32) -> f32 {
 }
 
 /// The list with the fastest skin for a scene and its steps.
-pub fn tuned(name: impl Into<String>, scene: Scene, moves: f32) -> Contender {
+pub fn tuned(name: impl Into<String>, scene: Scene, moves: f32) -> ContenderFactory {
     with(name, scene, best(scene, moves))
 }
 
 /// The candidate skins.
-pub fn skins(scene: Scene) -> Vec<Contender> {
+pub fn skins(scene: Scene) -> Vec<ContenderFactory> {
     let of = |skin: f32| with(format!("Verlet list, skin {skin}"), scene, skin);
     [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 2.5].map(of).into()
 }
 
-fn with(name: impl Into<String>, scene: Scene, skin: f32) -> Contender {
-    Contender::new(name, move || Ok(Verlet::new(scene, skin)))
+fn with(name: impl Into<String>, scene: Scene, skin: f32) -> ContenderFactory {
+    ContenderFactory::new(name, move || Ok(Verlet::new(scene, skin)))
 }
 
 struct Verlet {
