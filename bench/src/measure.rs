@@ -30,7 +30,7 @@ pub enum Found<'a> {
 }
 
 /// A search for overlapping pairs of moving spheres, with its state between steps.
-pub trait Search {
+pub trait PairFinder {
     /// Receives the spheres of the next call, outside the measured time: information that a program has before it
     /// searches, because it stores its spheres elsewhere.
     ///
@@ -63,7 +63,7 @@ pub trait Search {
 }
 
 /// Creates a search.
-pub type Make = Box<dyn Fn() -> Result<Box<dyn Search>, Box<dyn Error>>>;
+pub type Make = Box<dyn Fn() -> Result<Box<dyn PairFinder>, Box<dyn Error>>>;
 
 /// A named kind of search.
 pub struct ContenderFactory {
@@ -75,7 +75,7 @@ pub struct ContenderFactory {
 
 impl ContenderFactory {
     /// Creates a contender from its name and its constructor.
-    pub fn new<S: Search + 'static>(
+    pub fn new<S: PairFinder + 'static>(
         name: impl Into<String>,
         make: impl Fn() -> Result<S, Box<dyn Error>> + 'static,
     ) -> Self {
@@ -100,7 +100,7 @@ impl ContenderFactory {
 
 struct List(Detector);
 
-impl Search for List {
+impl PairFinder for List {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         Ok(Found::Pairs(self.0.pairs(spheres)?))
     }
@@ -123,7 +123,7 @@ impl Search for List {
 
 struct Count(Detector);
 
-impl Search for Count {
+impl PairFinder for Count {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         Ok(Found::Count(self.0.count(spheres)?))
     }
@@ -135,7 +135,7 @@ impl Search for Count {
 
 struct Stream(Detector);
 
-impl Search for Stream {
+impl PairFinder for Stream {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         /// Maximum number of pairs in a chunk (8 MiB).
         const CHUNK: usize = 1 << 20;
@@ -291,7 +291,7 @@ impl Motion {
 /// One contender and its state.
 struct Lane<'a> {
     contender: &'a ContenderFactory,
-    search: Box<dyn Search>,
+    search: Box<dyn PairFinder>,
     timing: Timing,
 }
 
@@ -350,7 +350,7 @@ mod tests {
 
     struct Fixed(Vec<Pair>);
 
-    impl Search for Fixed {
+    impl PairFinder for Fixed {
         fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
             Ok(Found::Pairs(&self.0))
         }

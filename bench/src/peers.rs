@@ -1,5 +1,5 @@
 //! The peers that lazygrid is compared with: trees used by C++ and Rust programs, the methods of earlier
-//! nanosimulators, and a plain cell list as the baseline. Each is a [`Search`](crate::measure::Search) with the same
+//! nanosimulators, and a plain cell list as the baseline. Each is a [`PairFinder`](crate::measure::PairFinder) with the same
 //! exact test.
 
 #[cfg(feature = "bullet")]

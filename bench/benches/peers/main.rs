@@ -34,7 +34,7 @@ struct Args {
     /// Number of threads of `--mode sizes`
     #[arg(long, default_value_t = 1)]
     threads: usize,
-    /// Search at each step, without a skin
+    /// PairFinder at each step, without a skin
     #[arg(long)]
     anew: bool,
     /// Write each value to this CSV file

@@ -11,7 +11,7 @@ use super::judge::Reference;
 use super::plan::Point;
 use super::row::{Row, Status};
 use super::{Contender, Figure};
-use crate::measure::{ContenderFactory, Digest, Found, Search, Spread, turns};
+use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns};
 
 /// Multiple of its time that an engine may use to reach the minimum number of runs.
 const MORE: u32 = 3;
@@ -32,14 +32,14 @@ impl Unavailable {
 
     /// A factory that fails with this reason.
     pub(super) fn factory(self, name: String) -> ContenderFactory {
-        ContenderFactory::new(name, move || Err::<Nothing, _>(self.into()))
+        ContenderFactory::new(name, move || Err::<NoFinder, _>(self.into()))
     }
 }
 
 /// An uninhabited search type.
-enum Nothing {}
+enum NoFinder {}
 
-impl Search for Nothing {
+impl PairFinder for NoFinder {
     fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         match *self {}
     }
@@ -70,7 +70,7 @@ pub(super) struct Race<'a> {
 
 struct Lane {
     contender: Contender,
-    search: Option<Box<dyn Search>>,
+    search: Option<Box<dyn PairFinder>>,
     phases: Vec<Vec<Phase>>,
     used: Duration,
     last: Option<Digest>,
@@ -281,9 +281,9 @@ mod tests {
     use crate::figures::plan::Motion;
     use lazygrid_io::scenes::Scene;
 
-    struct Liar(Vec<Pair>);
+    struct WrongFinder(Vec<Pair>);
 
-    impl Search for Liar {
+    impl PairFinder for WrongFinder {
         fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
             Ok(Found::Pairs(&self.0))
         }
@@ -291,7 +291,7 @@ mod tests {
 
     struct Broken;
 
-    impl Search for Broken {
+    impl PairFinder for Broken {
         fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
             Err(lazygrid::Error::GpuUnavailable { reason: "it is gone".into() }.into())
         }
@@ -325,7 +325,7 @@ mod tests {
         let mut pairs = lazygrid::detect(&spheres).expect("valid spheres");
         let last = pairs.pop().expect("some pairs");
         pairs.push(if last == Pair::new(298, 299) { Pair::new(0, 299) } else { Pair::new(298, 299) });
-        race.lanes[1].search = Some(Box::new(Liar(pairs)));
+        race.lanes[1].search = Some(Box::new(WrongFinder(pairs)));
         while !race.is_over() {
             race.frame(&spheres, false).expect("the reference works");
         }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use lazygrid::{Pair, Sphere};
 
-use super::{ContenderFactory, Digest, Search, Spread};
+use super::{ContenderFactory, Digest, PairFinder, Spread};
 use lazygrid_io::scenes::Scene;
 
 /// The time and memory of a search in a separate process.
@@ -39,7 +39,7 @@ pub fn sample(
     // Resets the peak to the present value.
     let reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
     let mut search = (contender.make)()?;
-    let timed = |search: &mut dyn Search, spheres: &[Sphere]| -> Result<(f64, Digest), Box<dyn Error>> {
+    let timed = |search: &mut dyn PairFinder, spheres: &[Sphere]| -> Result<(f64, Digest), Box<dyn Error>> {
         search.prepare(spheres)?;
         let start = Instant::now();
         let answer = search.run(spheres)?;

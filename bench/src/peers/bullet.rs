@@ -6,7 +6,7 @@ use std::ptr::NonNull;
 
 use lazygrid::{Pair, Sphere};
 
-use crate::measure::{ContenderFactory, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
 /// The settings of Bullet.
@@ -116,7 +116,7 @@ impl Drop for Bullet {
     }
 }
 
-impl Search for Bullet {
+impl PairFinder for Bullet {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         let n = u32::try_from(spheres.len())?;
         if *self.proxies.get_or_insert(spheres.len()) != spheres.len() {

@@ -7,7 +7,7 @@ use std::error::Error;
 use lazygrid::{Pair, Sphere};
 
 use super::class::Class;
-use crate::measure::{ContenderFactory, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
 /// Maximum number of classes; the smallest spheres and points share the last one.
@@ -120,7 +120,7 @@ impl CellList {
     }
 }
 
-impl Search for CellList {
+impl PairFinder for CellList {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         Ok(Found::Pairs(self.pairs_of(spheres)))
     }

@@ -15,7 +15,7 @@ use lazygrid::Sphere;
 use libloading::Library;
 use tempfile::NamedTempFile;
 
-use crate::measure::{ContenderFactory, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 
 /// The environment variable with the path of `liblammps.so`.
 pub const VARIABLE: &str = "LAZYGRID_LAMMPS";
@@ -191,7 +191,7 @@ impl Drop for Lammps {
     }
 }
 
-impl Search for Lammps {
+impl PairFinder for Lammps {
     fn prepare(&mut self, spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         match self.atoms {
             None => self.begin(spheres)?,

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::half_extent;
 use super::sweep::{Interval, sort, sweep};
-use crate::measure::{ContenderFactory, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 
 /// Number of spheres above which a leaf is split, if that separates them.
 const SPLIT_ABOVE: usize = 256;
@@ -122,7 +122,7 @@ struct Octree {
     pairs: Vec<Pair>,
 }
 
-impl Search for Octree {
+impl PairFinder for Octree {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         mem::swap(&mut self.boxes, &mut self.before);
         spheres.par_iter().map(Bounds::of).collect_into_vec(&mut self.boxes);

@@ -8,7 +8,7 @@ use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
 
 use super::{half_extent, touch};
-use crate::measure::{ContenderFactory, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 
 /// The update of the tree before each traversal.
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +71,7 @@ impl Living {
     }
 }
 
-impl Search for Living {
+impl PairFinder for Living {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         let margin = if let Upkeep::Fat(margin) = self.upkeep { margin } else { 0.0 };
         if self.tree.is_empty() {
@@ -95,7 +95,7 @@ struct Built {
     pairs: Vec<Pair>,
 }
 
-impl Search for Built {
+impl PairFinder for Built {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         let tree = build(spheres, self.strategy);
         query(&tree, &mut BvhWorkspace::default(), spheres, &mut self.pairs);

@@ -7,7 +7,7 @@ use glam::DVec3;
 use lazygrid::{Pair, Sphere};
 
 use super::{half_extent, touch};
-use crate::measure::{ContenderFactory, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 
 /// Sweep and prune along an axis on which the variance of the centers is (nearly) the largest.
 pub fn running() -> ContenderFactory {
@@ -41,7 +41,7 @@ struct Sweep {
     pairs: Vec<Pair>,
 }
 
-impl Search for Sweep {
+impl PairFinder for Sweep {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         let spread = variances(spheres);
         let widest = spread.max_position();

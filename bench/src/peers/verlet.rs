@@ -7,7 +7,7 @@ use lazygrid::{Pair, Sphere};
 
 use super::cell_list::CellList;
 use super::touch;
-use crate::measure::{ContenderFactory, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
 /// The fastest skin for a benchmark scene with steps of `moves` radii, if the largest radius is 1. From [`skins`] in
@@ -106,7 +106,7 @@ impl Verlet {
     }
 }
 
-impl Search for Verlet {
+impl PairFinder for Verlet {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         if !self.advance(spheres) {
             self.find(spheres);
