@@ -1,6 +1,6 @@
 //! The paper's evaluation on the machine at hand: `lazygrid-bench figures`.
 //!
-//! Data flows one way: [`Settings`] → points → races between [`Contender`]s → [`Row`]s → files. A time is reported only if
+//! Data flows one way: [`Settings`] → points → comparisons of [`Contender`]s → [`Row`]s → files. A time is reported only if
 //! its answer matched the reference.
 
 mod burst;

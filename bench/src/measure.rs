@@ -240,24 +240,24 @@ fn scramble(i: u32, j: u32) -> u64 {
 /// # Errors
 /// Fails if a search fails or two answers differ.
 pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
-    let mut lanes = contenders.iter().map(Lane::new).collect::<Result<Vec<_>, _>>()?;
+    let mut runs = contenders.iter().map(ContenderRun::new).collect::<Result<Vec<_>, _>>()?;
     let mut motion = Motion::new(plan);
     // All contenders read the spheres from the same memory, as in a simulation.
     let mut now = motion.frames[0].clone();
     for round in 0..=plan.rounds {
         let frames = motion.next_round();
         let mut expected = vec![None; frames.len()];
-        for k in turns(lanes.len(), plan.seed.wrapping_add(round as u64)) {
-            lanes[k].play(plan, frames, &mut expected, &mut now)?;
+        for k in turns(runs.len(), plan.seed.wrapping_add(round as u64)) {
+            runs[k].play(plan, frames, &mut expected, &mut now)?;
         }
     }
-    Ok(lanes.into_iter().map(Lane::timing).collect())
+    Ok(runs.into_iter().map(ContenderRun::timing).collect())
 }
 
-/// A random permutation of the numbers below `lanes`. A new order for each round changes each contender's predecessor,
+/// A random permutation of the numbers below `count`. A new order for each round changes each contender's predecessor,
 /// which a rotation would not.
-pub fn turns(lanes: usize, seed: u64) -> Vec<usize> {
-    let mut turns: Vec<usize> = (0..lanes).collect();
+pub fn turns(count: usize, seed: u64) -> Vec<usize> {
+    let mut turns: Vec<usize> = (0..count).collect();
     turns.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
     turns
 }
@@ -289,13 +289,13 @@ impl Motion {
 }
 
 /// One contender and its state.
-struct Lane<'a> {
+struct ContenderRun<'a> {
     contender: &'a ContenderFactory,
     search: Box<dyn PairFinder>,
     timing: Timing,
 }
 
-impl<'a> Lane<'a> {
+impl<'a> ContenderRun<'a> {
     fn new(contender: &'a ContenderFactory) -> Result<Self, Box<dyn Error>> {
         let timing = Timing { name: contender.name.clone(), nanos: vec![], note: String::new(), pairs: 0 };
         Ok(Self { contender, search: (contender.make)()?, timing })

@@ -8,7 +8,7 @@ use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Contact, Model, Shape, Simulation, State};
 
 use super::plan::Point;
-use super::race::{Limits, Race};
+use super::race::{Comparison, Limits};
 use super::row::Row;
 use super::{Contender, Figure};
 
@@ -58,7 +58,7 @@ pub(super) fn rows(
 ) -> Result<Vec<Row>, Box<dyn Error>> {
     // A burst of a million carriers takes minutes at each moment.
     let moments = moments(if point.figure == Figure::F5a { 10 } else { 100 }, steps);
-    let mut race = Race::new(
+    let mut comparison = Comparison::new(
         point,
         Limits {
             time: limits.time / moments.len() as u32,
@@ -77,12 +77,12 @@ pub(super) fn rows(
         let state = burst.state().clone();
         let mut timed = Simulation::resume(burst.model().clone(), seed, Algorithm::Auto, state)?;
         let mut warm_up = true;
-        while !race.is_over() {
-            race.frame(&spheres(&timed), warm_up)?;
+        while !comparison.is_over() {
+            comparison.frame(&spheres(&timed), warm_up)?;
             timed.step()?;
             warm_up = false;
         }
-        rows.extend(race.take_rows(Some(f64::from(moment) / STEPS_PER_SECOND)));
+        rows.extend(comparison.take_rows(Some(f64::from(moment) / STEPS_PER_SECOND)));
     }
     Ok(rows)
 }

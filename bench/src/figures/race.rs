@@ -59,16 +59,16 @@ pub(super) struct Limits {
 }
 
 /// The running comparison of the engines of a point.
-pub(super) struct Race<'a> {
+pub(super) struct Comparison<'a> {
     point: &'a Point,
     limits: Limits,
-    lanes: Vec<Lane>,
+    runs: Vec<ContenderRun>,
     frames: usize,
     /// The start of the first run that counts.
     began: Option<Instant>,
 }
 
-struct Lane {
+struct ContenderRun {
     contender: Contender,
     search: Option<Box<dyn PairFinder>>,
     phases: Vec<Vec<Phase>>,
@@ -78,30 +78,30 @@ struct Lane {
     row: Row,
 }
 
-impl<'a> Race<'a> {
+impl<'a> Comparison<'a> {
     /// Creates all contenders of the point. `left_out` returns a reason for engines to skip.
     pub(super) fn new(
         point: &'a Point,
         limits: Limits,
         left_out: impl Fn(Contender) -> Option<String>,
     ) -> Self {
-        let lane = |&contender: &Contender| {
-            let mut lane = Lane::new(point, contender);
+        let run = |&contender: &Contender| {
+            let mut run = ContenderRun::new(point, contender);
             match left_out(contender) {
-                Some(reason) => lane.leave(Status::LeftOut, reason),
+                Some(reason) => run.leave(Status::LeftOut, reason),
                 None => match (contender.factory(point.scene, point.n, point.moves()).make)() {
-                    Ok(search) => lane.search = Some(search),
-                    Err(error) => lane.fail(error.as_ref()),
+                    Ok(search) => run.search = Some(search),
+                    Err(error) => run.fail(error.as_ref()),
                 },
             }
-            lane
+            run
         };
-        Self { point, limits, lanes: point.contenders.iter().map(lane).collect(), frames: 0, began: None }
+        Self { point, limits, runs: point.contenders.iter().map(run).collect(), frames: 0, began: None }
     }
 
     /// Returns `true` if no engine has runs left.
     pub(super) fn is_over(&self) -> bool {
-        self.lanes.iter().all(|lane| lane.is_done(self.limits, self.is_late()))
+        self.runs.iter().all(|run| run.is_done(self.limits, self.is_late()))
     }
 
     /// Returns `true` if the time of all engines is used up.
@@ -118,19 +118,19 @@ impl<'a> Race<'a> {
         if !warm_up {
             self.began.get_or_insert_with(Instant::now);
         }
-        let (lanes, limits, is_late) = (self.lanes.len(), self.limits, self.is_late());
-        for turn in turns(lanes, self.frames as u64) {
-            let lane = &mut self.lanes[turn];
-            lane.last = None;
-            if warm_up || !lane.is_done(limits, is_late) {
-                lane.wake(self.point, spheres);
-                lane.run(spheres, warm_up);
+        let (runs, limits, is_late) = (self.runs.len(), self.limits, self.is_late());
+        for turn in turns(runs, self.frames as u64) {
+            let run = &mut self.runs[turn];
+            run.last = None;
+            if warm_up || !run.is_done(limits, is_late) {
+                run.wake(self.point, spheres);
+                run.run(spheres, warm_up);
             }
         }
         self.frames += 1;
-        if self.lanes.iter().any(|lane| lane.last.is_some()) {
+        if self.runs.iter().any(|run| run.last.is_some()) {
             let reference = Reference::of(spheres)?;
-            self.lanes.iter_mut().for_each(|lane| lane.judge(&reference, spheres));
+            self.runs.iter_mut().for_each(|run| run.judge(&reference, spheres));
         }
         Ok(())
     }
@@ -139,11 +139,11 @@ impl<'a> Race<'a> {
     pub(super) fn take_rows(&mut self, at: Option<f64>) -> Vec<Row> {
         let point = self.point;
         self.began = None;
-        self.lanes.iter_mut().map(|lane| lane.take_row(point, at)).collect()
+        self.runs.iter_mut().map(|run| run.take_row(point, at)).collect()
     }
 }
 
-impl Lane {
+impl ContenderRun {
     fn new(point: &Point, contender: Contender) -> Self {
         let row = Row::new(point, contender);
         Self {
@@ -317,19 +317,19 @@ mod tests {
         let spheres = Scene::Equal.spheres(300, 1);
         // Without any time each engine runs once.
         let limits = Limits { runs: 3, at_least: 3, time: Duration::ZERO, in_all: Duration::ZERO };
-        let mut race =
-            Race::new(&point, limits, |e| (e == Contender::SortAndSweep).then(|| "too slow".into()));
-        race.lanes[2].search = Some(Box::new(Broken));
-        race.frame(&spheres, true).expect("the reference works");
+        let mut comparison =
+            Comparison::new(&point, limits, |e| (e == Contender::SortAndSweep).then(|| "too slow".into()));
+        comparison.runs[2].search = Some(Box::new(Broken));
+        comparison.frame(&spheres, true).expect("the reference works");
         // The right number of pairs, with the last one replaced.
         let mut pairs = lazygrid::detect(&spheres).expect("valid spheres");
         let last = pairs.pop().expect("some pairs");
         pairs.push(if last == Pair::new(298, 299) { Pair::new(0, 299) } else { Pair::new(298, 299) });
-        race.lanes[1].search = Some(Box::new(WrongFinder(pairs)));
-        while !race.is_over() {
-            race.frame(&spheres, false).expect("the reference works");
+        comparison.runs[1].search = Some(Box::new(WrongFinder(pairs)));
+        while !comparison.is_over() {
+            comparison.frame(&spheres, false).expect("the reference works");
         }
-        let rows = race.take_rows(None);
+        let rows = comparison.take_rows(None);
         let statuses: Vec<Status> = rows.iter().map(|row| row.status).collect();
         assert_eq!(statuses, [Status::Ok, Status::Error, Status::NotAvailable, Status::LeftOut]);
         assert!(rows[1].wall.is_empty() && rows[1].reason.contains("wrong answer"), "{}", rows[1].reason);

@@ -9,7 +9,7 @@ use rayon::ThreadPoolBuilder;
 use serde::{Deserialize, Serialize};
 
 use super::plan::{Motion, Point, Scale, Settings};
-use super::race::{Limits, Race};
+use super::race::{Comparison, Limits};
 use super::row::{Results, Row};
 use super::{Contender, Environment, Figure, burst, memory};
 use lazygrid_io::scenes::Scene;
@@ -159,7 +159,7 @@ fn rows_of(
             let sample = |k: usize, spheres: &mut Vec<_>| {
                 *spheres = point.scene.spheres(point.n, settings.seed + k as u64);
             };
-            race(Race::new(point, limits, left_out), 1, sample)
+            run_comparison(Comparison::new(point, limits, left_out), 1, sample)
         }
         Motion::Steps { part } => {
             let sample = |k: usize, spheres: &mut Vec<_>| match k.checked_sub(1) {
@@ -167,7 +167,9 @@ fn rows_of(
                 Some(step) => Scene::advance_by(part, spheres, settings.seed, step as u32),
             };
             // A tree with a margin enlarges its boxes in the second frame.
-            let single = || race(Race::new(point, limits, left_out), 2, sample).map_err(|e| e.to_string());
+            let single = || {
+                run_comparison(Comparison::new(point, limits, left_out), 2, sample).map_err(|e| e.to_string())
+            };
             match point.figure.is_single_threaded() {
                 // A pool per detector would add a thread switch to each call.
                 true => Ok(ThreadPoolBuilder::new().num_threads(1).build()?.install(single)?),
@@ -178,19 +180,19 @@ fn rows_of(
 }
 
 /// Runs a comparison to its end on the spheres that `change` makes for each frame; the first frames are warm-ups.
-fn race(
-    mut race: Race<'_>,
+fn run_comparison(
+    mut comparison: Comparison<'_>,
     warm_ups: usize,
     mut change: impl FnMut(usize, &mut Vec<lazygrid::Sphere>),
 ) -> Result<Vec<Row>, Box<dyn Error>> {
     let mut spheres = vec![];
     let mut frame = 0;
-    while !race.is_over() {
+    while !comparison.is_over() {
         change(frame, &mut spheres);
-        race.frame(&spheres, frame < warm_ups)?;
+        comparison.frame(&spheres, frame < warm_ups)?;
         frame += 1;
     }
-    Ok(race.take_rows(None))
+    Ok(comparison.take_rows(None))
 }
 
 /// Seconds that a run may always take, even if earlier points overran their time: engines whose time grows linearly
