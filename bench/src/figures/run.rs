@@ -17,7 +17,7 @@ use lazygrid_io::scenes::Scene;
 /// Fraction of a point's time for the runs that count; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;
 /// An engine is left out if one run would take this multiple of its time at the point, and more than [`always`].
-const PATIENCE: f64 = 4.0;
+const MAX_TIME_FACTOR: f64 = 4.0;
 
 /// Multiple of the time budget after which remaining points, the largest ones, are left out.
 const OVERRUN: f64 = 1.5;
@@ -37,9 +37,10 @@ pub struct Progress {
 
 /// A finished point as stored in the folder.
 #[derive(Serialize, Deserialize)]
-struct Kept {
+struct CachedPoint {
     /// The fingerprint of build, settings and machine.
-    mark: String,
+    #[serde(rename = "mark")]
+    fingerprint: String,
     /// The time of the point in seconds.
     seconds: f64,
     rows: Vec<Row>,
@@ -59,28 +60,32 @@ pub fn run(
 ) -> Result<Results, Box<dyn Error>> {
     let environment = Environment::here();
     let points = settings.points();
-    let kept_in = folder.join("points");
-    fs::create_dir_all(&kept_in).map_err(|e| format!("{}: cannot create: {e}", kept_in.display()))?;
-    let mark = mark(settings, &environment, program);
-    let path_of = |point: &Point| kept_in.join(format!("{}.json", point.key()));
-    let kept: Vec<Option<Kept>> = points.iter().map(|p| load(&path_of(p), &mark)).collect();
+    let cache = folder.join("points");
+    fs::create_dir_all(&cache).map_err(|e| format!("{}: cannot create: {e}", cache.display()))?;
+    let fingerprint = fingerprint(settings, &environment, program);
+    let path_of = |point: &Point| cache.join(format!("{}.json", point.key()));
+    let cached: Vec<Option<CachedPoint>> = points.iter().map(|p| load(&path_of(p), &fingerprint)).collect();
 
-    let mut clock = Clock::new(settings, &points, &kept);
+    let mut budget = TimeBudget::new(settings, &points, &cached);
     let (mut rows, mut seconds, mut missing) = (vec![], 0.0, vec![]);
-    for (done, (point, kept)) in points.iter().zip(kept).enumerate() {
+    for (done, (point, cached)) in points.iter().zip(cached).enumerate() {
         let next = format!("{}: {} {}", point.figure, point.n, point.name());
-        report(&Progress { done, points: points.len(), next: next.clone(), left: clock.left() });
-        let new = match kept {
-            Some(kept) => kept,
-            None if clock.is_over() => {
+        report(&Progress { done, points: points.len(), next: next.clone(), left: budget.left() });
+        let new = match cached {
+            Some(cached) => cached,
+            None if budget.is_over() => {
                 missing.push(next);
                 continue;
             }
             None => {
                 let began = Instant::now();
-                let rows = rows_of(point, settings, clock.share(point), &rows, program)?;
-                clock.spent(point);
-                let new = Kept { mark: mark.clone(), seconds: began.elapsed().as_secs_f64(), rows };
+                let rows = rows_of(point, settings, budget.share(point), &rows, program)?;
+                budget.spent(point);
+                let new = CachedPoint {
+                    fingerprint: fingerprint.clone(),
+                    seconds: began.elapsed().as_secs_f64(),
+                    rows,
+                };
                 save(&path_of(point), &new)?;
                 new
             }
@@ -95,7 +100,7 @@ pub fn run(
 }
 
 /// The time budget, shared by the remaining points.
-struct Clock {
+struct TimeBudget {
     end: Instant,
     /// The time after which no further point starts.
     latest: Instant,
@@ -103,10 +108,10 @@ struct Clock {
     weight: f64,
 }
 
-impl Clock {
-    fn new(settings: &Settings, points: &[Point], kept: &[Option<Kept>]) -> Self {
+impl TimeBudget {
+    fn new(settings: &Settings, points: &[Point], cached: &[Option<CachedPoint>]) -> Self {
         let all: f64 = points.iter().map(Point::weight).sum();
-        let left = points.iter().zip(kept).filter(|(_, kept)| kept.is_none());
+        let left = points.iter().zip(cached).filter(|(_, cached)| cached.is_none());
         let weight: f64 = left.map(|(point, _)| point.weight()).sum();
         let seconds = settings.minutes * 60.0 * weight / all.max(f64::MIN_POSITIVE);
         let (now, time) = (Instant::now(), Duration::from_secs_f64(seconds.clamp(0.0, 1e7)));
@@ -143,7 +148,7 @@ fn rows_of(
     let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time, in_all: share };
     let too_long = |contender: Contender| {
         let seconds = predicted(contender, point, earlier)?;
-        let most = (PATIENCE * time.as_secs_f64()).max(always(contender, point.scene));
+        let most = (MAX_TIME_FACTOR * time.as_secs_f64()).max(always(contender, point.scene));
         (seconds > most && settings.scale != Scale::Smallest)
             .then(|| format!("left out: a run would take about {seconds:.1} s"))
     };
@@ -221,7 +226,7 @@ fn predicted(contender: Contender, point: &Point, earlier: &[Row]) -> Option<f64
 
 /// The fingerprint that cached results must share: settings other than the choice of figures, commit, build, machine
 /// and adapter.
-fn mark(settings: &Settings, environment: &Environment, program: &Path) -> String {
+fn fingerprint(settings: &Settings, environment: &Environment, program: &Path) -> String {
     let Settings { scale, runs, minutes, seed, only: _, command: _ } = settings;
     let built = fs::metadata(program).ok().and_then(|file| {
         let modified = file.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
@@ -232,15 +237,15 @@ fn mark(settings: &Settings, environment: &Environment, program: &Path) -> Strin
     format!("{scale:?}, {runs:?} runs, {minutes} min, seed {seed}, {commit}, {built}, {machine}, {graphics}")
 }
 
-fn load(path: &Path, mark: &str) -> Option<Kept> {
-    let kept: Kept = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
-    (kept.mark == mark).then_some(kept)
+fn load(path: &Path, fingerprint: &str) -> Option<CachedPoint> {
+    let cached: CachedPoint = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
+    (cached.fingerprint == fingerprint).then_some(cached)
 }
 
-fn save(path: &Path, kept: &Kept) -> Result<(), Box<dyn Error>> {
+fn save(path: &Path, cached: &CachedPoint) -> Result<(), Box<dyn Error>> {
     // Writes to a temporary name first, so that an interrupted run leaves no partial file.
     let draft = path.with_extension("part");
-    fs::write(&draft, serde_json::to_vec(kept)?)
+    fs::write(&draft, serde_json::to_vec(cached)?)
         .and_then(|()| fs::rename(&draft, path))
         .map_err(|e| format!("{}: cannot write: {e}", path.display()))?;
     Ok(())
