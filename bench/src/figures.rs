@@ -21,7 +21,7 @@ pub use engine::Contender;
 pub use environment::{Adapter, Environment};
 pub use figure::Figure;
 pub use memory::{Sample, measure as measure_memory};
-pub use plan::{Scale, Settings};
+pub use plan::{RunScale, Settings};
 pub use report::write as write_report;
 pub use row::{Results, Row, Status};
 pub use run::{Progress, run};

@@ -241,7 +241,7 @@ fn scramble(i: u32, j: u32) -> u64 {
 /// Fails if a search fails or two answers differ.
 pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
     let mut runs = contenders.iter().map(ContenderRun::new).collect::<Result<Vec<_>, _>>()?;
-    let mut motion = Motion::new(plan);
+    let mut motion = MovingScene::new(plan);
     // All contenders read the spheres from the same memory, as in a simulation.
     let mut now = motion.frames[0].clone();
     for round in 0..=plan.rounds {
@@ -263,14 +263,14 @@ pub fn turns(count: usize, seed: u64) -> Vec<usize> {
 }
 
 /// The spheres at consecutive steps.
-struct Motion {
+struct MovingScene {
     seed: u64,
     moves: f32,
     step: u32,
     frames: Vec<Vec<Sphere>>,
 }
 
-impl Motion {
+impl MovingScene {
     fn new(plan: &Plan) -> Self {
         let start = plan.scene.spheres(plan.n, plan.seed);
         Self { seed: plan.seed, moves: plan.moves, step: 0, frames: vec![start; plan.steps.max(1)] }

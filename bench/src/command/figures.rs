@@ -1,7 +1,7 @@
 use std::time::Duration;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
-use lazygrid_bench::figures::{self, Figure, Progress, Results, Scale, Settings};
+use lazygrid_bench::figures::{self, Figure, Progress, Results, RunScale, Settings};
 
 use crate::command::args::{Figures, MeasureMemory};
 use crate::command::failure::Failure;
@@ -36,14 +36,14 @@ pub(crate) fn run(args: &Figures) -> Result<(), Failure> {
 
 fn settings(args: &Figures) -> Settings {
     let scale = match (args.quick, args.smallest) {
-        (_, true) => Scale::Smallest,
-        (true, _) => Scale::Quick,
-        _ => Scale::Full,
+        (_, true) => RunScale::Smallest,
+        (true, _) => RunScale::Quick,
+        _ => RunScale::Full,
     };
     let mut only = if args.only.is_empty() { Figure::ALL.to_vec() } else { args.only.clone() };
     only.sort();
     only.dedup();
-    let minutes = args.budget_minutes.unwrap_or(if scale == Scale::Full { 30.0 } else { 1.75 });
+    let minutes = args.budget_minutes.unwrap_or(if scale == RunScale::Full { 30.0 } else { 1.75 });
     let command = invocation::command();
     Settings { scale, only, runs: args.runs.map(Into::into), minutes, seed: 1, command }
 }

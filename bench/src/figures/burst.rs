@@ -7,7 +7,7 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Sphere};
 use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Contact, Model, Shape, Simulation, State};
 
-use super::plan::Point;
+use super::plan::DataPoint;
 use super::race::{Comparison, Limits};
 use super::row::Row;
 use super::{Contender, Figure};
@@ -51,7 +51,7 @@ fn moments(times: u32, last: u32) -> Vec<u32> {
 
 /// The rows of each timed moment, up to that after `steps` steps.
 pub(super) fn rows(
-    (point, steps): (&Point, u32),
+    (point, steps): (&DataPoint, u32),
     limits: Limits,
     seed: u64,
     left_out: impl Fn(Contender) -> Option<String>,

@@ -116,7 +116,7 @@ fn changed(old: &Row, new: &Row) -> Option<(f64, Change)> {
 #[cfg(test)]
 mod tests {
     use super::super::figure::Figure;
-    use super::super::plan::{Scale, Settings};
+    use super::super::plan::{RunScale, Settings};
     use super::super::row::tests::row;
     use super::*;
     use crate::figures::Environment;
@@ -145,7 +145,7 @@ mod tests {
         assert_eq!(change(&with(90.0, 9.0)), Some(Change::Smaller));
     }
 
-    fn results(scale: Scale, only: Figure, rows: Vec<Row>) -> Results {
+    fn results(scale: RunScale, only: Figure, rows: Vec<Row>) -> Results {
         let command = String::new();
         let settings = Settings { scale, only: vec![only], runs: None, minutes: 1.0, seed: 1, command };
         let environment = Environment {
@@ -164,21 +164,21 @@ mod tests {
     #[test]
     fn missing_row_is_lost_only_if_requested() {
         let two = || vec![row(&[1.0; 5]), Row { engine: "f".to_owned(), ..row(&[1.0; 5]) }];
-        let old = results(Scale::Quick, Figure::F4, two());
+        let old = results(RunScale::Quick, Figure::F4, two());
         let lost = |new: &Results| differences(&old, new).iter().filter(|d| d.change == Change::Lost).count();
-        assert_eq!(lost(&results(Scale::Quick, Figure::F4, two())), 0);
-        assert_eq!(lost(&results(Scale::Quick, Figure::F4, vec![row(&[1.0; 5])])), 1);
-        assert_eq!(lost(&results(Scale::Full, Figure::F4, vec![row(&[1.0; 5])])), 1);
+        assert_eq!(lost(&results(RunScale::Quick, Figure::F4, two())), 0);
+        assert_eq!(lost(&results(RunScale::Quick, Figure::F4, vec![row(&[1.0; 5])])), 1);
+        assert_eq!(lost(&results(RunScale::Full, Figure::F4, vec![row(&[1.0; 5])])), 1);
         // The new run has other sizes, or another figure.
-        assert_eq!(lost(&results(Scale::Full, Figure::F4, vec![])), 0);
-        assert_eq!(lost(&results(Scale::Quick, Figure::F3a, vec![])), 0);
+        assert_eq!(lost(&results(RunScale::Full, Figure::F4, vec![])), 0);
+        assert_eq!(lost(&results(RunScale::Quick, Figure::F3a, vec![])), 0);
     }
 
     #[test]
     fn different_circumstances_are_listed() {
-        let old = results(Scale::Quick, Figure::F4, vec![]);
+        let old = results(RunScale::Quick, Figure::F4, vec![]);
         assert!(circumstances(&old, &old).is_empty());
-        let mut new = results(Scale::Full, Figure::F4, vec![]);
+        let mut new = results(RunScale::Full, Figure::F4, vec![]);
         new.settings.runs = Some(3);
         new.environment.cores = 4;
         assert_eq!(circumstances(&old, &new).len(), 3);

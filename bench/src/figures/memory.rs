@@ -6,7 +6,7 @@ use std::process::Command;
 
 use super::Contender;
 use super::judge::Reference;
-use super::plan::Point;
+use super::plan::DataPoint;
 use super::row::{Row, Status};
 use crate::measure::Digest;
 pub use crate::measure::memory::Sample;
@@ -33,7 +33,7 @@ pub fn measure(contender: &str, scene: Scene, n: usize, steps: u32) -> Result<Sa
 ///
 /// # Errors
 /// Fails if the reference fails.
-pub(super) fn rows(point: &Point, program: &Path) -> Result<Vec<Row>, Box<dyn Error>> {
+pub(super) fn rows(point: &DataPoint, program: &Path) -> Result<Vec<Row>, Box<dyn Error>> {
     let mut spheres = point.scene.spheres(point.n, SEED);
     (0..point.runs as u32).for_each(|step| Scene::advance(&mut spheres, SEED, step));
     let reference = Reference::of(&spheres)?;
@@ -63,7 +63,7 @@ pub(super) fn rows(point: &Point, program: &Path) -> Result<Vec<Row>, Box<dyn Er
     Ok(point.contenders.iter().map(row).collect())
 }
 
-fn spawn(point: &Point, contender: Contender, program: &Path) -> Result<Sample, Box<dyn Error>> {
+fn spawn(point: &DataPoint, contender: Contender, program: &Path) -> Result<Sample, Box<dyn Error>> {
     let output = Command::new(program)
         .args(["measure-memory", &contender.to_string(), point.scene.name()])
         .args([point.n.to_string(), point.runs.to_string()])

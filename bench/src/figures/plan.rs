@@ -9,7 +9,7 @@ use lazygrid_io::scenes::{Scene, Transceivers};
 /// The size of the figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Scale {
+pub enum RunScale {
     /// A few hundred spheres: checks answers, times are meaningless.
     Smallest,
     /// Under three minutes on two cores.
@@ -22,7 +22,7 @@ pub enum Scale {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// The size of the figures.
-    pub scale: Scale,
+    pub scale: RunScale,
     /// The figures to run.
     pub only: Vec<Figure>,
     /// The maximum number of runs, or steps, of an engine at a point; `None` for the number in the paper, or fewer if
@@ -39,7 +39,7 @@ pub struct Settings {
 
 /// The change of the spheres between runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Motion {
+pub(super) enum SceneUpdate {
     /// Each run has a new sample of the scene.
     Fresh,
     /// Each sphere moves by a fraction of its radius.
@@ -58,16 +58,16 @@ pub(super) enum Motion {
 
 /// A data point: a number of spheres of a scene in a figure, and its engines.
 #[derive(Clone, Debug)]
-pub(super) struct Point {
+pub(super) struct DataPoint {
     pub(super) figure: Figure,
     pub(super) scene: Scene,
     pub(super) n: usize,
-    pub(super) motion: Motion,
+    pub(super) update: SceneUpdate,
     pub(super) contenders: Vec<Contender>,
     pub(super) runs: usize,
 }
 
-impl Point {
+impl DataPoint {
     /// The unique file name of the point.
     pub(super) fn key(&self) -> String {
         let moves = self.moves();
@@ -79,7 +79,7 @@ impl Point {
 
     /// The displacement of a sphere per step, in radii. The default if the point has no steps.
     pub(super) fn moves(&self) -> f32 {
-        if let Motion::Steps { part } = self.motion { part } else { Scene::STEP }
+        if let SceneUpdate::Steps { part } = self.update { part } else { Scene::STEP }
     }
 
     /// The name of the scene with all its parameters.
@@ -129,20 +129,21 @@ impl Point {
 
 impl Settings {
     /// All points, small ones first, so that time that they do not use goes to the large ones.
-    pub(super) fn points(&self) -> Vec<Point> {
-        let mut points: Vec<Point> = self.only.iter().flat_map(|&figure| self.points_of(figure)).collect();
+    pub(super) fn points(&self) -> Vec<DataPoint> {
+        let mut points: Vec<DataPoint> =
+            self.only.iter().flat_map(|&figure| self.points_of(figure)).collect();
         points.sort_by_key(|point| (point.n, point.figure));
         points
     }
 
-    fn points_of(&self, figure: Figure) -> Vec<Point> {
+    fn points_of(&self, figure: Figure) -> Vec<DataPoint> {
         let sizes = self.sizes(figure);
         let of = |(scene, n): (Scene, usize)| {
-            self.motions(figure, n).into_iter().map(move |motion| Point {
+            self.updates(figure, n).into_iter().map(move |update| DataPoint {
                 figure,
                 scene,
                 n,
-                motion,
+                update,
                 contenders: contenders(figure),
                 runs: self.runs.unwrap_or(self.runs_of(figure)),
             })
@@ -151,26 +152,28 @@ impl Settings {
         scenes.flat_map(|scene| sizes.iter().map(move |&n| (scene, n))).flat_map(of).collect()
     }
 
-    fn motions(&self, figure: Figure, n: usize) -> Vec<Motion> {
+    fn updates(&self, figure: Figure, n: usize) -> Vec<SceneUpdate> {
         match figure {
-            Figure::F3a | Figure::F3b | Figure::Point => vec![Motion::Fresh],
-            Figure::F5a | Figure::F5b => vec![Motion::Simulated { steps: self.steps_of_a_burst(figure, n) }],
-            Figure::Memory => vec![Motion::Processes],
-            Figure::F4 | Figure::Transceivers | Figure::SizeRatio => {
-                vec![Motion::Steps { part: Scene::STEP }]
+            Figure::F3a | Figure::F3b | Figure::Point => vec![SceneUpdate::Fresh],
+            Figure::F5a | Figure::F5b => {
+                vec![SceneUpdate::Simulated { steps: self.steps_of_a_burst(figure, n) }]
             }
-            Figure::Tau | Figure::Ratio | Figure::Threads => vec![Motion::Steps { part: Scene::STEP }],
-            Figure::Moves => [0.001, 0.01, 0.1].map(|part| Motion::Steps { part }).into(),
+            Figure::Memory => vec![SceneUpdate::Processes],
+            Figure::F4 | Figure::Transceivers | Figure::SizeRatio => {
+                vec![SceneUpdate::Steps { part: Scene::STEP }]
+            }
+            Figure::Tau | Figure::Ratio | Figure::Threads => vec![SceneUpdate::Steps { part: Scene::STEP }],
+            Figure::Moves => [0.001, 0.01, 0.1].map(|part| SceneUpdate::Steps { part }).into(),
         }
     }
 
     /// The number of steps of a burst of `n` carriers. A step takes about 0.2 µs per carrier on two cores.
     fn steps_of_a_burst(&self, figure: Figure, n: usize) -> u32 {
         let moves: usize = match (self.scale, figure) {
-            (Scale::Smallest, _) => 20_000,
-            (Scale::Quick, _) => 10_000_000,
-            (Scale::Full, Figure::F5a) => 200_000_000,
-            (Scale::Full, _) => 100_000_000,
+            (RunScale::Smallest, _) => 20_000,
+            (RunScale::Quick, _) => 10_000_000,
+            (RunScale::Full, Figure::F5a) => 200_000_000,
+            (RunScale::Full, _) => 100_000_000,
         };
         (moves / n.max(1)).clamp(1, 1_000_000) as u32
     }
@@ -178,14 +181,14 @@ impl Settings {
     /// The default number of runs: that of the paper at full scale.
     fn runs_of(&self, figure: Figure) -> usize {
         match (self.scale, figure) {
-            (Scale::Smallest, _) => 2,
-            (Scale::Quick, Figure::F5a | Figure::F5b) => 5,
+            (RunScale::Smallest, _) => 2,
+            (RunScale::Quick, Figure::F5a | Figure::F5b) => 5,
             (_, Figure::Memory) => 3,
-            (Scale::Quick, _) => 20,
-            (Scale::Full, Figure::F3a | Figure::F3b) => 200,
-            (Scale::Full, Figure::F4 | Figure::Moves) => 100,
-            (Scale::Full, Figure::F5a | Figure::F5b) => 10,
-            (Scale::Full, _) => 30,
+            (RunScale::Quick, _) => 20,
+            (RunScale::Full, Figure::F3a | Figure::F3b) => 200,
+            (RunScale::Full, Figure::F4 | Figure::Moves) => 100,
+            (RunScale::Full, Figure::F5a | Figure::F5b) => 10,
+            (RunScale::Full, _) => 30,
         }
     }
 
@@ -197,14 +200,14 @@ impl Settings {
             Figure::F5a | Figure::F5b => vec![Scene::Burst],
             Figure::Point => vec![Scene::Point],
             Figure::Transceivers => match self.scale {
-                Scale::Smallest => mixtures(&[1, 20], &[10]),
-                Scale::Quick => mixtures(&[1, 100], &[10, 1000]),
-                Scale::Full => mixtures(&[1, 10, 30, 100, 1000, 10_000], &[10, 100, 1000]),
+                RunScale::Smallest => mixtures(&[1, 20], &[10]),
+                RunScale::Quick => mixtures(&[1, 100], &[10, 1000]),
+                RunScale::Full => mixtures(&[1, 10, 30, 100, 1000, 10_000], &[10, 100, 1000]),
             },
             Figure::SizeRatio => match self.scale {
-                Scale::Smallest => mixtures(&[2], &[1, 4, 64]),
-                Scale::Quick => mixtures(&[10], &[1, 4, 16, 64, 256]),
-                Scale::Full => mixtures(&[10], &[1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024]),
+                RunScale::Smallest => mixtures(&[2], &[1, 4, 64]),
+                RunScale::Quick => mixtures(&[10], &[1, 4, 16, 64, 256]),
+                RunScale::Full => mixtures(&[10], &[1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024]),
             },
             Figure::Tau | Figure::Ratio | Figure::Memory => {
                 vec![Scene::Equal, Scene::FiveSizes, Scene::Burst]
@@ -215,24 +218,24 @@ impl Settings {
     fn sizes(&self, figure: Figure) -> &'static [usize] {
         use Figure::*;
         match (self.scale, figure) {
-            (Scale::Smallest, Memory) => &[1000],
-            (Scale::Smallest, Point) => &[60],
-            (Scale::Smallest, _) => &[200],
-            (Scale::Quick, F3a | F3b | F4) => &[1000, 10_000, 100_000],
-            (Scale::Quick, F5a) => &[20_000],
-            (Scale::Quick, F5b) => &[1000, 10_000],
-            (Scale::Quick, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[20_000],
-            (Scale::Quick, Threads | Memory) => &[100_000],
-            (Scale::Quick, Point) => &[100, 1000],
-            (Scale::Full, F3a | F3b) => &[100, 300, 1000, 3000, 10_000, 100_000, 1_000_000, 10_000_000],
-            (Scale::Full, F4) => &[1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000],
-            (Scale::Full, F5a) => &[500_000],
-            (Scale::Full, F5b) => &[1000, 10_000, 100_000, 1_000_000],
-            (Scale::Full, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[100_000],
-            (Scale::Full, Threads) => &[10_000, 100_000, 1_000_000],
+            (RunScale::Smallest, Memory) => &[1000],
+            (RunScale::Smallest, Point) => &[60],
+            (RunScale::Smallest, _) => &[200],
+            (RunScale::Quick, F3a | F3b | F4) => &[1000, 10_000, 100_000],
+            (RunScale::Quick, F5a) => &[20_000],
+            (RunScale::Quick, F5b) => &[1000, 10_000],
+            (RunScale::Quick, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[20_000],
+            (RunScale::Quick, Threads | Memory) => &[100_000],
+            (RunScale::Quick, Point) => &[100, 1000],
+            (RunScale::Full, F3a | F3b) => &[100, 300, 1000, 3000, 10_000, 100_000, 1_000_000, 10_000_000],
+            (RunScale::Full, F4) => &[1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000],
+            (RunScale::Full, F5a) => &[500_000],
+            (RunScale::Full, F5b) => &[1000, 10_000, 100_000, 1_000_000],
+            (RunScale::Full, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[100_000],
+            (RunScale::Full, Threads) => &[10_000, 100_000, 1_000_000],
             // Building trees for a million spheres takes minutes, and each engine does so in its own process.
-            (Scale::Full, Memory) => &[100_000],
-            (Scale::Full, Point) => &[100, 1000, 3000, 10_000],
+            (RunScale::Full, Memory) => &[100_000],
+            (RunScale::Full, Point) => &[100, 1000, 3000, 10_000],
         }
     }
 }
@@ -318,12 +321,12 @@ mod tests {
     /// Otherwise points would share cached files, or rows would share cells of a table.
     #[test]
     fn point_files_and_row_cells_are_unique() {
-        for scale in [Scale::Smallest, Scale::Quick, Scale::Full] {
+        for scale in [RunScale::Smallest, RunScale::Quick, RunScale::Full] {
             let (only, command) = (Figure::ALL.to_vec(), String::new());
             let points = Settings { scale, only, runs: None, minutes: 1.0, seed: 1, command }.points();
-            let files: BTreeSet<String> = points.iter().map(Point::key).collect();
+            let files: BTreeSet<String> = points.iter().map(DataPoint::key).collect();
             assert_eq!(files.len(), points.len(), "{scale:?}");
-            let place = |point: &Point, contender: Contender| {
+            let place = |point: &DataPoint, contender: Contender| {
                 let setting = point.setting(contender).map(f64::to_bits);
                 (point.figure, point.kind(), point.n, setting, contender.to_string())
             };

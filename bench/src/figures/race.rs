@@ -8,7 +8,7 @@ use lazygrid::{Phase, Sphere};
 use thiserror::Error;
 
 use super::judge::Reference;
-use super::plan::Point;
+use super::plan::DataPoint;
 use super::row::{Row, Status};
 use super::{Contender, Figure};
 use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns};
@@ -60,7 +60,7 @@ pub(super) struct Limits {
 
 /// The running comparison of the engines of a point.
 pub(super) struct Comparison<'a> {
-    point: &'a Point,
+    point: &'a DataPoint,
     limits: Limits,
     runs: Vec<ContenderRun>,
     frames: usize,
@@ -81,7 +81,7 @@ struct ContenderRun {
 impl<'a> Comparison<'a> {
     /// Creates all contenders of the point. `left_out` returns a reason for engines to skip.
     pub(super) fn new(
-        point: &'a Point,
+        point: &'a DataPoint,
         limits: Limits,
         left_out: impl Fn(Contender) -> Option<String>,
     ) -> Self {
@@ -144,7 +144,7 @@ impl<'a> Comparison<'a> {
 }
 
 impl ContenderRun {
-    fn new(point: &Point, contender: Contender) -> Self {
+    fn new(point: &DataPoint, contender: Contender) -> Self {
         let row = Row::new(point, contender);
         Self {
             contender,
@@ -165,7 +165,7 @@ impl ContenderRun {
     }
 
     /// Repeats the search until the engine's threads run on separate cores.
-    fn wake(&mut self, point: &Point, spheres: &[Sphere]) {
+    fn wake(&mut self, point: &DataPoint, spheres: &[Sphere]) {
         let Some(search) = self.search.as_mut().filter(|_| point.figure == Figure::Threads) else { return };
         let begun = Instant::now();
         while begun.elapsed() < WAKING {
@@ -229,7 +229,7 @@ impl ContenderRun {
         self.phases.clear();
     }
 
-    fn take_row(&mut self, point: &Point, at: Option<f64>) -> Row {
+    fn take_row(&mut self, point: &DataPoint, at: Option<f64>) -> Row {
         let fresh = Self::new(point, self.contender).row;
         let (status, reason) = match (self.row.status, at) {
             // A wrong engine takes no further part.
@@ -278,7 +278,7 @@ mod tests {
     use lazygrid::Pair;
 
     use super::*;
-    use crate::figures::plan::Motion;
+    use crate::figures::plan::SceneUpdate;
     use lazygrid_io::scenes::Scene;
 
     struct WrongFinder(Vec<Pair>);
@@ -301,11 +301,11 @@ mod tests {
     /// continue.
     #[test]
     fn wrong_answer_is_an_error() {
-        let point = Point {
+        let point = DataPoint {
             figure: Figure::F3a,
             scene: Scene::Equal,
             n: 300,
-            motion: Motion::Fresh,
+            update: SceneUpdate::Fresh,
             contenders: vec![
                 Contender::PlainCellList,
                 Contender::Octree,

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::plan::Point;
+use super::plan::DataPoint;
 use super::{Contender, Environment, Settings};
 use crate::measure::Spread;
 
@@ -67,7 +67,7 @@ pub struct Row {
 
 impl Row {
     /// A row without measurements.
-    pub(super) fn new(point: &Point, contender: Contender) -> Self {
+    pub(super) fn new(point: &DataPoint, contender: Contender) -> Self {
         Self {
             figure: point.figure.name().to_owned(),
             scene: point.kind(),

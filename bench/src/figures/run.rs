@@ -8,7 +8,7 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 use rayon::ThreadPoolBuilder;
 use serde::{Deserialize, Serialize};
 
-use super::plan::{Motion, Point, Scale, Settings};
+use super::plan::{DataPoint, RunScale, SceneUpdate, Settings};
 use super::race::{Comparison, Limits};
 use super::row::{Results, Row};
 use super::{Contender, Environment, Figure, burst, memory};
@@ -63,7 +63,7 @@ pub fn run(
     let cache = folder.join("points");
     fs::create_dir_all(&cache).map_err(|e| format!("{}: cannot create: {e}", cache.display()))?;
     let fingerprint = fingerprint(settings, &environment, program);
-    let path_of = |point: &Point| cache.join(format!("{}.json", point.key()));
+    let path_of = |point: &DataPoint| cache.join(format!("{}.json", point.key()));
     let cached: Vec<Option<CachedPoint>> = points.iter().map(|p| load(&path_of(p), &fingerprint)).collect();
 
     let mut budget = TimeBudget::new(settings, &points, &cached);
@@ -109,8 +109,8 @@ struct TimeBudget {
 }
 
 impl TimeBudget {
-    fn new(settings: &Settings, points: &[Point], cached: &[Option<CachedPoint>]) -> Self {
-        let all: f64 = points.iter().map(Point::weight).sum();
+    fn new(settings: &Settings, points: &[DataPoint], cached: &[Option<CachedPoint>]) -> Self {
+        let all: f64 = points.iter().map(DataPoint::weight).sum();
         let left = points.iter().zip(cached).filter(|(_, cached)| cached.is_none());
         let weight: f64 = left.map(|(point, _)| point.weight()).sum();
         let seconds = settings.minutes * 60.0 * weight / all.max(f64::MIN_POSITIVE);
@@ -127,46 +127,46 @@ impl TimeBudget {
     }
 
     /// The time for this point.
-    fn share(&self, point: &Point) -> Duration {
+    fn share(&self, point: &DataPoint) -> Duration {
         self.left().mul_f64((point.weight() / self.weight).clamp(0.0, 1.0))
     }
 
-    fn spent(&mut self, point: &Point) {
+    fn spent(&mut self, point: &DataPoint) {
         self.weight = (self.weight - point.weight()).max(f64::MIN_POSITIVE);
     }
 }
 
 fn rows_of(
-    point: &Point,
+    point: &DataPoint,
     settings: &Settings,
     share: Duration,
     earlier: &[Row],
     program: &Path,
 ) -> Result<Vec<Row>, Box<dyn Error>> {
-    let at_least = if settings.scale == Scale::Full { 3 } else { 2 };
+    let at_least = if settings.scale == RunScale::Full { 3 } else { 2 };
     let time = share.mul_f64(MEASURED / point.contenders.len().max(1) as f64);
     let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time, in_all: share };
     let too_long = |contender: Contender| {
         let seconds = predicted(contender, point, earlier)?;
         let most = (MAX_TIME_FACTOR * time.as_secs_f64()).max(always(contender, point.scene));
-        (seconds > most && settings.scale != Scale::Smallest)
+        (seconds > most && settings.scale != RunScale::Smallest)
             .then(|| format!("left out: a run would take about {seconds:.1} s"))
     };
     // Figures that compare engines leave none out.
-    let left_out = |contender: Contender| match point.motion {
-        Motion::Steps { .. } | Motion::Simulated { .. } => None,
+    let left_out = |contender: Contender| match point.update {
+        SceneUpdate::Steps { .. } | SceneUpdate::Simulated { .. } => None,
         _ => too_long(contender),
     };
-    match point.motion {
-        Motion::Processes => memory::rows(point, program),
-        Motion::Simulated { steps } => burst::rows((point, steps), limits, settings.seed, left_out),
-        Motion::Fresh => {
+    match point.update {
+        SceneUpdate::Processes => memory::rows(point, program),
+        SceneUpdate::Simulated { steps } => burst::rows((point, steps), limits, settings.seed, left_out),
+        SceneUpdate::Fresh => {
             let sample = |k: usize, spheres: &mut Vec<_>| {
                 *spheres = point.scene.spheres(point.n, settings.seed + k as u64);
             };
             run_comparison(Comparison::new(point, limits, left_out), 1, sample)
         }
-        Motion::Steps { part } => {
+        SceneUpdate::Steps { part } => {
             let sample = |k: usize, spheres: &mut Vec<_>| match k.checked_sub(1) {
                 None => *spheres = point.scene.spheres(point.n, settings.seed),
                 Some(step) => Scene::advance_by(part, spheres, settings.seed, step as u32),
@@ -213,7 +213,7 @@ fn is_quadratic(contender: Contender, scene: Scene) -> bool {
 }
 
 /// The predicted seconds of a run, from the largest smaller point of the same figure and scene and its slowest moment.
-fn predicted(contender: Contender, point: &Point, earlier: &[Row]) -> Option<f64> {
+fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option<f64> {
     let name = contender.to_string();
     let same = earlier.iter().filter(|row| {
         let same = row.figure == point.figure.name() && row.scene == point.kind();
@@ -261,7 +261,8 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let only = vec![Figure::F3a];
         let command = String::new();
-        let settings = Settings { scale: Scale::Full, only, runs: Some(1), minutes: 0.0, seed: 1, command };
+        let settings =
+            Settings { scale: RunScale::Full, only, runs: Some(1), minutes: 0.0, seed: 1, command };
         let results = run(&settings, folder.path(), Path::new("lazygrid"), |_| ()).expect("nothing is run");
         assert!(results.rows.is_empty());
         assert_eq!(results.missing.len(), settings.points().len());
