@@ -151,7 +151,7 @@ fn heading(mode: Mode, plan: &Plan) -> String {
 
 fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<ContenderFactory> {
     let mut contenders = match mode {
-        Mode::Running => parry::running(),
+        Mode::Running => parry::incremental(),
         Mode::Yardstick => {
             std::iter::once(parry::refitted("parry3d refit")).chain(cell_list::tunings(plan.scene)).collect()
         }
@@ -159,7 +159,7 @@ fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<ContenderFactory> {
             let of_lammps = if plan.scene == Scene::Equal { lammps::skins() } else { vec![] };
             verlet::skins(plan.scene).into_iter().chain(of_lammps).collect()
         }
-        Mode::Scratch => parry::scratch(),
+        Mode::Scratch => parry::from_scratch(),
         #[cfg(feature = "bullet")]
         Mode::Bullet => lazygrid_bench::peers::bullet::tunings(plan.scene),
         Mode::Threads | Mode::Sizes => vec![],

@@ -69,8 +69,8 @@ impl Contender {
             Self::Verlet => verlet::tuned(name, scene, moves),
             Self::Lammps if lammps::is_named() => lammps::tuned(name, moves),
             Self::Lammps => Unavailable::LAMMPS.factory(name),
-            Self::SortAndSweep => sweep::running(),
-            Self::Octree => octree::running(),
+            Self::SortAndSweep => sweep::incremental(),
+            Self::Octree => octree::incremental(),
         }
     }
 
@@ -95,9 +95,9 @@ impl Contender {
 
     #[cfg(feature = "bullet")]
     fn bullet(self, scene: Scene, n: usize) -> ContenderFactory {
-        use crate::peers::bullet::{Tuning, running};
+        use crate::peers::bullet::{Tuning, incremental};
         let tuning = if self == Self::BulletTuned { Tuning::best(scene, n) } else { Tuning::SHIPPED };
-        running(self.to_string(), tuning)
+        incremental(self.to_string(), tuning)
     }
 
     #[cfg(not(feature = "bullet"))]

@@ -27,7 +27,7 @@ impl<'a> Reference<'a> {
         let naive = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
         let contender = match spheres.len() {
             ..=NAIVE_REFERENCE => ContenderFactory::list("naive", naive.order(Order::Unordered)),
-            _ => cell_list::running(),
+            _ => cell_list::incremental(),
         };
         let mut search = (contender.make)()?;
         let found = search.run(spheres)?;

@@ -55,14 +55,14 @@ pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     for &margin in margins {
         for (name, deferred) in [("", false), (", deferred", true)] {
             let tuning = Tuning { margin: Some(margin), deferred };
-            tunings.push(running(format!("Bullet, margin {margin}{name}"), tuning));
+            tunings.push(incremental(format!("Bullet, margin {margin}{name}"), tuning));
         }
     }
     tunings
 }
 
 /// Bullet with these settings.
-pub fn running(name: impl Into<String>, tuning: Tuning) -> ContenderFactory {
+pub fn incremental(name: impl Into<String>, tuning: Tuning) -> ContenderFactory {
     ContenderFactory::new(name, move || Bullet::new(tuning))
 }
 

@@ -6,7 +6,7 @@ use std::error::Error;
 
 use lazygrid::{Pair, Sphere};
 
-use super::class::Class;
+use super::class::SizeClassGrid;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
@@ -60,7 +60,7 @@ pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
 }
 
 /// The baseline for any spheres, which starts from the order of the previous step.
-pub fn running() -> ContenderFactory {
+pub fn incremental() -> ContenderFactory {
     with("plain cell list", Tuning::DEFAULT)
 }
 
@@ -76,7 +76,7 @@ fn with(name: impl Into<String>, tuning: Tuning) -> ContenderFactory {
 pub(super) struct CellList {
     tuning: Tuning,
     /// The classes, from the largest spheres to the smallest.
-    classes: Vec<Class>,
+    classes: Vec<SizeClassGrid>,
     pairs: Vec<Pair>,
     spheres: usize,
 }
@@ -108,7 +108,7 @@ impl CellList {
     /// Sorts the spheres into classes by size, once: radii do not change between steps.
     fn classify(&mut self, spheres: &[Sphere]) {
         let largest = spheres.iter().fold(0.0_f32, |largest, s| largest.max(s.radius));
-        self.classes = std::iter::repeat_with(Class::default).take(CLASSES).collect();
+        self.classes = std::iter::repeat_with(SizeClassGrid::default).take(CLASSES).collect();
         for (k, sphere) in (0..).zip(spheres) {
             let halvings = (largest / sphere.radius).log2();
             // A radius of 0 gives infinity; if all radii are 0, the result is NaN, which becomes 0.

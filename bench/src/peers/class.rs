@@ -19,7 +19,7 @@ const LANES: usize = 8;
 
 /// The spheres of one class in cell order.
 #[derive(Default)]
-pub(super) struct Class {
+pub(super) struct SizeClassGrid {
     pub(super) order: Vec<u32>,
     /// Coordinates and radii in cell order, with `LANES` more entries at the end, so that the last run can be read in
     /// full vectors.
@@ -42,7 +42,7 @@ pub(super) struct Class {
     largest: f32,
 }
 
-impl Class {
+impl SizeClassGrid {
     /// Sorts the class, whose members are `order`, into cells with a size of `edge` times the largest diameter. Starts
     /// from the order of the previous step, so that reads and writes are local.
     #[inline(always)]

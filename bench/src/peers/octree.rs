@@ -26,7 +26,7 @@ const DEEPEST: u32 = 20;
 const ROOM: f32 = 1.5;
 
 /// The octree, in the rayon pool of the caller.
-pub fn running() -> ContenderFactory {
+pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("octree (BiNS2)", || Ok(Octree::default()))
 }
 

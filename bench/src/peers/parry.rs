@@ -12,7 +12,7 @@ use crate::measure::{ContenderFactory, Found, PairFinder};
 
 /// The update of the tree before each traversal.
 #[derive(Clone, Copy, Debug)]
-enum Upkeep {
+enum TreeUpdate {
     /// Updates all leaves with their exact boxes, then all inner boxes; the topology stays.
     Refit,
     /// Like `Refit`, but updates a leaf only if its sphere has left its box, which has a margin of this fraction of the
@@ -24,7 +24,7 @@ enum Upkeep {
 
 /// The candidate settings of a tree that is kept between steps. Full rebuilds are not included: within a hundred steps
 /// of the scenes, they cost more than they gain.
-pub fn running() -> Vec<ContenderFactory> {
+pub fn incremental() -> Vec<ContenderFactory> {
     vec![
         refitted("parry3d refit"),
         with_margin("parry3d refit, margin"),
@@ -34,46 +34,48 @@ pub fn running() -> Vec<ContenderFactory> {
 
 /// A tree that is refitted at each step.
 pub fn refitted(name: impl Into<String>) -> ContenderFactory {
-    ContenderFactory::new(name, || Ok(Living::new(Upkeep::Refit)))
+    ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Refit)))
 }
 
 /// A refitted tree with a margin of a fifth of the radius.
 pub fn with_margin(name: impl Into<String>) -> ContenderFactory {
-    ContenderFactory::new(name, || Ok(Living::new(Upkeep::Fat(0.2))))
+    ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Fat(0.2))))
 }
 
 /// A refitted tree that is partly rebuilt at each step.
 pub fn optimised(name: impl Into<String>) -> ContenderFactory {
-    ContenderFactory::new(name, || Ok(Living::new(Upkeep::Optimize)))
+    ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Optimize)))
 }
 
 /// The two methods of building a tree from scratch.
-pub fn scratch() -> Vec<ContenderFactory> {
+pub fn from_scratch() -> Vec<ContenderFactory> {
     [("binned", BvhBuildStrategy::Binned), ("PLOC", BvhBuildStrategy::Ploc)]
         .map(|(name, strategy)| {
-            ContenderFactory::new(format!("parry3d {name}"), move || Ok(Built { strategy, pairs: vec![] }))
+            ContenderFactory::new(format!("parry3d {name}"), move || {
+                Ok(RebuiltTree { strategy, pairs: vec![] })
+            })
         })
         .into()
 }
 
 /// A tree kept between steps.
-struct Living {
-    upkeep: Upkeep,
+struct PersistentTree {
+    update: TreeUpdate,
     tree: Bvh,
     workspace: BvhWorkspace,
     pairs: Vec<Pair>,
 }
 
-impl Living {
-    fn new(upkeep: Upkeep) -> Self {
+impl PersistentTree {
+    fn new(update: TreeUpdate) -> Self {
         let (tree, workspace) = (Bvh::new(), BvhWorkspace::default());
-        Self { upkeep, tree, workspace, pairs: vec![] }
+        Self { update, tree, workspace, pairs: vec![] }
     }
 }
 
-impl PairFinder for Living {
+impl PairFinder for PersistentTree {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
-        let margin = if let Upkeep::Fat(margin) = self.upkeep { margin } else { 0.0 };
+        let margin = if let TreeUpdate::Fat(margin) = self.update { margin } else { 0.0 };
         if self.tree.is_empty() {
             self.tree = build(spheres, BvhBuildStrategy::Binned);
         }
@@ -81,7 +83,7 @@ impl PairFinder for Living {
             self.tree.insert_or_update_partially(aabb(sphere), index, margin * sphere.radius);
         }
         self.tree.refit(&mut self.workspace);
-        if let Upkeep::Optimize = self.upkeep {
+        if let TreeUpdate::Optimize = self.update {
             self.tree.optimize_incremental(&mut self.workspace);
         }
         query(&self.tree, &mut self.workspace, spheres, &mut self.pairs);
@@ -90,12 +92,12 @@ impl PairFinder for Living {
 }
 
 /// A tree rebuilt for each search.
-struct Built {
+struct RebuiltTree {
     strategy: BvhBuildStrategy,
     pairs: Vec<Pair>,
 }
 
-impl PairFinder for Built {
+impl PairFinder for RebuiltTree {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         let tree = build(spheres, self.strategy);
         query(&tree, &mut BvhWorkspace::default(), spheres, &mut self.pairs);

@@ -10,7 +10,7 @@ use super::{half_extent, touch};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
 /// Sweep and prune along an axis on which the variance of the centers is (nearly) the largest.
-pub fn running() -> ContenderFactory {
+pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
 }
 

@@ -12,9 +12,9 @@ fn peers_agree_with_naive() {
         let plan = Plan { scene, n, seed: 3, rounds: 2, steps: 4, moves: Scene::STEP, fresh: false };
         let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
         let mut contenders = vec![ContenderFactory::list("naive", judge)];
-        contenders.extend([cell_list::running(), octree::running(), sweep::running()]);
+        contenders.extend([cell_list::incremental(), octree::incremental(), sweep::incremental()]);
         contenders.extend(cell_list::tunings(scene));
-        contenders.extend(parry::running());
+        contenders.extend(parry::incremental());
         contenders.extend(verlet::skins(scene));
         #[cfg(feature = "bullet")]
         contenders.extend(bullet::tunings(scene));
@@ -47,8 +47,12 @@ fn cell_list_handles_unusual_shapes() {
 fn peers_follow_a_cloud_that_spreads_and_shrinks() {
     let mut spheres = Scene::FiveSizes.spheres(4000, 5);
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
-    let searches =
-        [ContenderFactory::list("naive", judge), octree::running(), cell_list::running(), sweep::running()];
+    let searches = [
+        ContenderFactory::list("naive", judge),
+        octree::incremental(),
+        cell_list::incremental(),
+        sweep::incremental(),
+    ];
     let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
     for factor in [1.0, 1.2, 1.5, 0.5, 0.5, 0.3, 1.0, 2.0, 1.4] {
         spheres.iter_mut().for_each(|sphere| sphere.center *= factor);
@@ -65,8 +69,12 @@ fn boxes_at_cell_borders_lose_no_pair() {
     let mut spheres = Scene::Equal.spheres(4000, 6);
     spheres.iter_mut().for_each(|sphere| sphere.center += 30_000.0);
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
-    let searches =
-        [ContenderFactory::list("naive", judge), octree::running(), cell_list::running(), sweep::running()];
+    let searches = [
+        ContenderFactory::list("naive", judge),
+        octree::incremental(),
+        cell_list::incremental(),
+        sweep::incremental(),
+    ];
     let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
     for step in 0..40 {
         let digests: Vec<_> =
