@@ -11,7 +11,7 @@ use lazygrid_bench::measure::{Spread, markdown, provenance};
 use lazygrid_check::bandwidth::{GpuTimer, Measured};
 
 #[derive(Parser)]
-#[command(about = "Radix sort and prefix scan against the copy bandwidth of the device")]
+#[command(about = "Radix sort and prefix scan compared with the copy bandwidth of the device")]
 struct Args {
     /// Numbers of values, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [1_000_000, 10_000_000])]

@@ -17,7 +17,7 @@ use lazygrid_check::device::{download, submit, upload, wait};
 use lazygrid_io::scenes::Scene;
 
 #[derive(Parser)]
-#[command(about = "Candidates that are kept on the GPU against a cell list at every step")]
+#[command(about = "Candidate lists on the GPU compared with a cell list at each step")]
 struct Args {
     /// Scenes, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [Scene::Equal, Scene::FiveSizes])]
@@ -42,20 +42,20 @@ struct Args {
 }
 
 /// A detector under measurement.
-enum Runner {
-    Every(Box<GpuDetector>),
-    Kept(Box<GpuSkinDetector>),
+enum TimedDetector {
+    EachStep(Box<GpuDetector>),
+    Candidates(Box<GpuSkinDetector>),
 }
 
-impl Runner {
+impl TimedDetector {
     fn encode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
     ) -> Result<GpuPairs, lazygrid::Error> {
         match self {
-            Self::Every(detector) => detector.encode(encoder, input),
-            Self::Kept(detector) => detector.encode(encoder, input),
+            Self::EachStep(detector) => detector.encode(encoder, input),
+            Self::Candidates(detector) => detector.encode(encoder, input),
         }
     }
 
@@ -68,7 +68,7 @@ impl Runner {
         let outcome = download::<Outcome>(own, &found.outcome, 1)?[0];
         match outcome.overflow {
             0 => Ok((seconds, outcome.found())),
-            _ => Err(format!("what was found does not fit: {outcome:?}").into()),
+            _ => Err(format!("buffers are too small: {outcome:?}").into()),
         }
     }
 }
@@ -83,7 +83,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut rows = Vec::new();
     for (&scene, &n) in args.scene.iter().flat_map(|scene| args.n.iter().map(move |n| (scene, n))) {
         for &moves in &args.moves {
-            let seconds = race(&own, &args, (scene, n, moves))?;
+            let seconds = compare(&own, &args, (scene, n, moves))?;
             let per_sphere = |s: &f64| format!("{:.1} ({:.2})", s / n as f64 * 1e9, s / seconds[0]);
             let head = [scene.to_string(), n.to_string(), moves.to_string()];
             rows.push(head.into_iter().chain(seconds.iter().map(per_sphere)).collect());
@@ -98,7 +98,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// The mean seconds per step of each detector, the cell list at each step first.
-fn race(
+fn compare(
     own: &GpuDevice,
     args: &Args,
     (scene, n, moves): (Scene, usize, f32),
@@ -109,10 +109,14 @@ fn race(
         pair_capacity: (4 * n as u32).max(1 << 20),
         ..GpuSettings::default()
     };
-    let mut runners = vec![Runner::Every(Box::new(GpuDetector::new(&own.device, settings())?))];
+    let mut runners = vec![TimedDetector::EachStep(Box::new(GpuDetector::new(&own.device, settings())?))];
     for part in &args.skin {
         // The largest radius of the scenes is 1.
-        runners.push(Runner::Kept(Box::new(GpuSkinDetector::new(&own.device, settings(), 2.0 * part)?)));
+        runners.push(TimedDetector::Candidates(Box::new(GpuSkinDetector::new(
+            &own.device,
+            settings(),
+            2.0 * part,
+        )?)));
     }
     let mut sums = vec![0.0; runners.len()];
     for step in 0..=args.steps {

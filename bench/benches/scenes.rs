@@ -14,7 +14,7 @@ use lazygrid_bench::measure::{markdown, provenance};
 use lazygrid_io::scenes::Scene;
 
 #[derive(Parser)]
-#[command(about = "The cell list on the GPU in scenes that are hard on grids")]
+#[command(about = "The GPU cell list in scenes that are hard on grids")]
 struct Args {
     /// Number of spheres of each scene
     #[arg(long, default_value_t = 1_000_000)]
@@ -48,15 +48,15 @@ struct Args {
 }
 
 /// A scene, and whether all algorithms handle it well.
-struct Given {
+struct BenchScene {
     name: &'static str,
     spheres: Vec<Sphere>,
     is_even: bool,
 }
 
 /// One algorithm on one scene, with the times of each phase.
-struct Runner<'a> {
-    given: &'a Given,
+struct SceneRun<'a> {
+    given: &'a BenchScene,
     algorithm: Algorithm,
     sort: &'static str,
     session: GpuSession,
@@ -64,7 +64,7 @@ struct Runner<'a> {
     stages: Vec<[Duration; Phase::ALL.len()]>,
 }
 
-impl Runner<'_> {
+impl SceneRun<'_> {
     fn run(&mut self, is_warm: bool) -> Result<(), Box<dyn Error>> {
         let ticket = self.session.begin(Spheres::from(&self.given.spheres))?;
         self.pairs = self.session.finish_count(ticket)?;
@@ -120,19 +120,19 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn runner<'a>(
     own: &GpuDevice,
-    given: &'a Given,
+    given: &'a BenchScene,
     (algorithm, radix_from): (Algorithm, u32),
-) -> Result<Runner<'a>, Box<dyn Error>> {
+) -> Result<SceneRun<'a>, Box<dyn Error>> {
     let pair_capacity = if given.name == "burst" { 24 } else { 4 } * given.spheres.len() as u32;
     let settings =
         GpuSettings { algorithm, pair_capacity, radix_from, timed: true, ..GpuSettings::default() };
     let session = GpuSession::new(own.clone(), settings)?;
     let is_counted = algorithm == Algorithm::CellList && given.spheres.len() < radix_from as usize;
     let sort = if is_counted { "by counting" } else { "by radix" };
-    Ok(Runner { given, algorithm, sort, session, pairs: 0, stages: Vec::new() })
+    Ok(SceneRun { given, algorithm, sort, session, pairs: 0, stages: Vec::new() })
 }
 
-fn scenes(args: &Args) -> Vec<Given> {
+fn scenes(args: &Args) -> Vec<BenchScene> {
     let equal = Scene::Equal.spheres(args.n, 1);
     let mut giant = equal.clone();
     if let Some(sphere) = giant.first_mut() {
@@ -143,7 +143,7 @@ fn scenes(args: &Args) -> Vec<Given> {
         |sphere: &Sphere| Sphere { center: sphere.center + glam::Vec3::X * 2.0 * args.apart, ..*sphere };
     let there: Vec<_> = Scene::Equal.spheres(args.n - args.n / 2, 2).iter().map(far).collect();
     clumps.extend(there);
-    let given = |name, spheres, is_even| Given { name, spheres, is_even };
+    let given = |name, spheres, is_even| BenchScene { name, spheres, is_even };
     vec![
         given("equal", equal, true),
         given("five sizes", Scene::FiveSizes.spheres(args.n, 1), true),
@@ -155,17 +155,18 @@ fn scenes(args: &Args) -> Vec<Given> {
 
 /// A row per runner: milliseconds of each phase and their sum. Further columns are the ratio to the first row with the
 /// same sort and number of spheres, and the ratio of the other algorithm to the cell list.
-fn table(runners: &[Runner<'_>]) -> String {
-    let sum = |runner: &Runner<'_>| runner.median().iter().sum::<f64>();
+fn table(runners: &[SceneRun<'_>]) -> String {
+    let sum = |runner: &SceneRun<'_>| runner.median().iter().sum::<f64>();
     let rows: Vec<Vec<String>> = runners
         .iter()
         .map(|runner| {
             let stages = runner.median().into_iter().map(|seconds| format!("{:.1}", seconds * 1e3));
             let is_list = runner.algorithm == Algorithm::CellList;
-            let same = |other: &&Runner<'_>| is_list && std::ptr::eq(other.given, runner.given);
+            let same = |other: &&SceneRun<'_>| is_list && std::ptr::eq(other.given, runner.given);
             let other = runners.iter().filter(same).find(|other| other.algorithm != Algorithm::CellList);
-            let is_base = |base: &&Runner<'_>| base.algorithm == runner.algorithm && base.sort == runner.sort;
-            let as_many = |base: &&Runner<'_>| base.given.spheres.len() == runner.given.spheres.len();
+            let is_base =
+                |base: &&SceneRun<'_>| base.algorithm == runner.algorithm && base.sort == runner.sort;
+            let as_many = |base: &&SceneRun<'_>| base.given.spheres.len() == runner.given.spheres.len();
             let base = runners.iter().find(is_base).filter(|_| is_list).filter(as_many);
             let ratio = |of: Option<f64>| of.map_or(String::new(), |ratio| format!("{ratio:.2}"));
             [runner.given.name.to_owned(), runner.given.spheres.len().to_string()]

@@ -14,7 +14,7 @@ use lazygrid_bench::measure::{ContenderFactory, Options, Plan, compare, markdown
 use lazygrid_io::scenes::Scene;
 
 #[derive(Parser)]
-#[command(about = "Times of the algorithms over their settings and over the number of spheres")]
+#[command(about = "Times of the algorithms by their settings and by the number of spheres")]
 struct Args {
     /// Backend: cpu or gpu, also with a software adapter
     #[arg(long, default_value_t = Backend::Cpu)]

@@ -97,7 +97,7 @@ pub struct Kernels {
 
 impl Kernels {
     /// The kernel variants that the driver rejected.
-    pub fn refused(&self) -> impl Iterator<Item = &Compiled> {
+    pub fn rejected(&self) -> impl Iterator<Item = &Compiled> {
         self.compiled.iter().filter(|compiled| compiled.error.is_some())
     }
 }

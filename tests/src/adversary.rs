@@ -26,7 +26,7 @@ pub(crate) fn words() -> impl Strategy<Value = SceneSeed> + Clone {
 
 macro_rules! strategies {
     ($($name:ident)*) => {$(
-        #[doc = concat!("Of [`lazygrid_check::adversary::", stringify!($name), "`].")]
+        #[doc = concat!("A strategy for [`lazygrid_check::adversary::", stringify!($name), "`].")]
         pub fn $name() -> Spheres {
             words().prop_map(|words| families::$name(&words)).boxed()
         }

@@ -95,7 +95,7 @@ pub fn judge(scenario: &TestInput, expected: &[Pair], settings: &Config) -> Resu
 
 macro_rules! strategies {
     ($($name:ident)*) => {$(
-        #[doc = concat!("Of [`lazygrid_check::periodic::", stringify!($name), "`].")]
+        #[doc = concat!("A strategy for [`lazygrid_check::periodic::", stringify!($name), "`].")]
         pub fn $name() -> impl Strategy<Value = TestInput> {
             words().prop_map(|words| families::$name(&words))
         }

@@ -8,7 +8,7 @@ use crate::{SceneSeed, TestInput};
 
 macro_rules! strategies {
     ($($name:ident)*) => {$(
-        #[doc = concat!("Of [`lazygrid_check::sheared::", stringify!($name), "`].")]
+        #[doc = concat!("A strategy for [`lazygrid_check::sheared::", stringify!($name), "`].")]
         pub fn $name() -> impl Strategy<Value = TestInput> {
             words().prop_map(|words| families::$name(&words))
         }

@@ -20,7 +20,7 @@ use lazygrid_io::scenes::Scene;
 const NAIVE_LIMIT: usize = 20_000;
 
 #[derive(Parser)]
-#[command(about = "lazygrid beside parry3d, exact pairs checked equal before any time is reported")]
+#[command(about = "lazygrid compared with parry3d; checks that all pairs are equal before it reports times")]
 struct Args {
     /// Comparisons, separated by commas
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Mode::Running, Mode::Scratch])]

@@ -12,7 +12,7 @@ use lazygrid_kernels::kernel::KERNELS;
 /// Repeat the paper's figures on this machine, compare runs, and inspect GPU kernels as Vulkan drivers compile them.
 #[derive(Debug, Parser)]
 #[command(name = "lazygrid-bench", version, arg_required_else_help = true)]
-#[command(after_help = "Exit code: 0 done; 1 a wrong answer, a loss or a failure; 2 wrong usage.")]
+#[command(after_help = "Exit code: 0 success; 1 wrong answer, regression or failure; 2 wrong usage.")]
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -33,12 +33,14 @@ pub(crate) enum Command {
 /// Repeat the paper's evaluation on this machine. Engines take turns on the same spheres, and each answer is checked
 /// before its time counts. Writes results.json, results.csv, plots, report.html and RESULTS.md.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "A run that was interrupted goes on where it was, with the same settings and build.
-Exit code 1 where an engine gave a wrong answer. Bullet takes part where built with --features bullet.
+#[command(
+    after_help = "An interrupted run resumes if settings and build are the same. Exit code 1 if an engine gave a wrong answer.
+Bullet takes part if built with --features bullet.
 
 Examples:
   lazygrid-bench figures --quick
-  lazygrid-bench figures --only 4 --budget-minutes 5 --out trees")]
+  lazygrid-bench figures --only 4 --budget-minutes 5 --out trees"
+)]
 pub(crate) struct Figures {
     /// Smaller sizes and fewer runs: under three minutes on two cores
     #[arg(long)]

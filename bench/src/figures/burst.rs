@@ -110,7 +110,7 @@ fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
             return Ok(burst);
         }
     }
-    Err(format!("carriers still overlap after {PUSHES} pushes at the beginning").into())
+    Err(format!("carriers still overlap after {PUSHES} initial pushes").into())
 }
 
 /// The scenario with `n` carriers (rounded down to a multiple of ten), in a ball, with time steps that resolve

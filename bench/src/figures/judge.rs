@@ -71,7 +71,7 @@ impl<'a> Reference<'a> {
         let extra: Vec<Pair> = found.iter().filter(|p| absent(&reference, p)).copied().collect();
         let wrong = |pairs: &[Pair]| pairs.iter().filter(|p| self.ulps(p).abs() > 4.0).count();
         let faults =
-            [("twice", listed - found.len()), ("missing", wrong(&missing)), ("extra", wrong(&extra))];
+            [("duplicate", listed - found.len()), ("missing", wrong(&missing)), ("extra", wrong(&extra))];
         let faults: Vec<String> = faults
             .iter()
             .filter(|(_, count)| *count > 0)
@@ -117,7 +117,7 @@ mod tests {
             let verdict = reference.tangent(&of(pairs));
             assert!(verdict.as_ref().is_err_and(|text| text.ends_with(fault)), "{pairs:?}: {verdict:?}");
         };
-        wrong(&[(2, 3), (2, 3)], "1 twice");
+        wrong(&[(2, 3), (2, 3)], "1 duplicate");
         wrong(&[(2, 3), (0, 1)], "1 extra");
         wrong(&[(2, 3), (0, 3), (0, 2)], "2 extra");
     }

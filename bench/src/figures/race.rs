@@ -201,7 +201,9 @@ impl ContenderRun {
         let verdict = match (reference.check(found), &mut self.search) {
             // Compares the list pair by pair, as a GPU may round differently from the reference.
             (Err(reason), Some(search)) if self.contender.rounds_freely() => match search.run(spheres) {
-                Ok(again) if Digest::of(&again) != found => Err("another answer when asked again".to_owned()),
+                Ok(again) if Digest::of(&again) != found => {
+                    Err("repeated search gave another answer".to_owned())
+                }
                 Ok(Found::Pairs(pairs)) => reference.tangent(pairs),
                 Ok(Found::Count(_)) => Err(reason),
                 Err(error) => Err(error.to_string()),

@@ -32,11 +32,11 @@ impl Display for Kernels {
                 "The driver says nothing of what it made (no VK_KHR_pipeline_executable_properties)."
             )?;
         }
-        let refused: Vec<_> = self.refused().collect();
-        writeln!(f, "\n{} texts, {} refused", self.compiled.len(), refused.len())?;
-        for compiled in refused {
+        let rejected: Vec<_> = self.rejected().collect();
+        writeln!(f, "\n{} kernel variants, {} rejected", self.compiled.len(), rejected.len())?;
+        for compiled in rejected {
             let reason = compiled.error.as_deref().unwrap_or_default();
-            writeln!(f, "refused: {}, {}: {reason}", compiled.kernel, compiled.variant)?;
+            writeln!(f, "rejected: {}, {}: {reason}", compiled.kernel, compiled.variant)?;
         }
         Ok(())
     }
@@ -87,7 +87,7 @@ mod tests {
 
     #[test]
     fn constant_columns_become_a_line() {
-        let refused = Compiled {
+        let rejected = Compiled {
             programs: Vec::new(),
             error: Some("VK_ERROR".to_owned()),
             ..compiled("radix_count", 0)
@@ -96,7 +96,7 @@ mod tests {
             adapter: "Card".to_owned(),
             driver: "driver 1".to_owned(),
             has_statistics: true,
-            compiled: vec![compiled("scan_once", 24), compiled("cells_index", 8), refused],
+            compiled: vec![compiled("scan_once", 24), compiled("cells_index", 8), rejected],
         };
         let expected = "Card, driver 1
 
@@ -107,8 +107,8 @@ mod tests {
 
 Everywhere: subgroup 32, workgroup bytes 64, Spills 0.
 
-3 texts, 1 refused
-refused: radix_count, plain: VK_ERROR
+3 kernel variants, 1 rejected
+rejected: radix_count, plain: VK_ERROR
 ";
         assert_eq!(kernels.to_string(), expected);
     }

@@ -120,7 +120,7 @@ impl PairFinder for Bullet {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         let n = u32::try_from(spheres.len())?;
         if *self.proxies.get_or_insert(spheres.len()) != spheres.len() {
-            return Err("Bullet's proxies are kept: the number of spheres must not change".into());
+            return Err("the number of spheres must not change, as Bullet's proxies are kept".into());
         }
         let (mut pairs, mut found) = (std::ptr::null(), 0);
         // SAFETY: `spheres` are `n` rows of four floats (`Sphere` is `repr(C)`), read during the call only, and as many

@@ -97,14 +97,12 @@ impl Lammps {
             open(words.len() as c_int, words.as_mut_ptr(), std::ptr::null_mut())
         };
         if handle.is_null() {
-            return Err("LAMMPS does not start".into());
+            return Err("LAMMPS failed to start".into());
         }
         let lammps = Self { handle, library, skin, atoms: None };
         match lammps.setting(c"tagint")? {
             4 => Ok(lammps),
-            bytes => {
-                Err(format!("ids of this LAMMPS have {bytes} bytes, and only those of 4 are read").into())
-            }
+            bytes => Err(format!("this LAMMPS has ids of {bytes} bytes; only 4 bytes are supported").into()),
         }
     }
 
@@ -145,7 +143,7 @@ impl Lammps {
     /// Creates the box and its atoms, and sets up the search.
     fn begin(&mut self, spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         if spheres.iter().any(|sphere| sphere.radius != 1.0) {
-            return Err("LAMMPS is set up for spheres of radius 1".into());
+            return Err("LAMMPS supports only spheres of radius 1 here".into());
         }
         let mut table = NamedTempFile::new()?;
         writeln!(table, "# energy 1\n\nONE\nN 2 R 0.000001 2.5\n\n1 0.000001 1.0 0.0\n2 2.5 1.0 0.0")?;
@@ -173,7 +171,7 @@ impl Lammps {
         };
         self.check()?;
         if made != count {
-            return Err(format!("LAMMPS took {made} of {count} atoms").into());
+            return Err(format!("LAMMPS created {made} of {count} atoms").into());
         }
         self.atoms = Some(spheres.len());
         // Sorts the atoms by position and builds the first neighbor list.
@@ -196,11 +194,11 @@ impl PairFinder for Lammps {
         match self.atoms {
             None => self.begin(spheres)?,
             Some(atoms) if atoms == spheres.len() => {}
-            Some(_) => return Err("LAMMPS's atoms are kept: their number must not change".into()),
+            Some(_) => return Err("the number of spheres must not change, as LAMMPS's atoms are kept".into()),
         }
         let [ids, places] = [self.extract(c"id")?, self.extract(c"x")?];
         if ids.is_null() || places.is_null() {
-            return Err("LAMMPS does not say where its atoms are".into());
+            return Err("LAMMPS returned no ids or coordinates of its atoms".into());
         }
         // SAFETY: `id` is an array with one number for each atom of this process, which has all atoms, each from 1 to
         // their number; the array is not accessed otherwise during the call.
