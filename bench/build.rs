@@ -1,4 +1,4 @@
-//! Notes the commit that is built, and compiles the shim to Bullet where the feature `bullet` asks for it.
+//! Records the commit of the build, and compiles the Bullet shim if the feature `bullet` is enabled.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,7 +10,7 @@ fn main() {
     bullet();
 }
 
-/// The crates that figures are built from, by their folders.
+/// The folders of the crates that figures depend on.
 const CRATES: [&str; 9] = [
     "kernels",
     "host-fallback",
@@ -23,7 +23,7 @@ const CRATES: [&str; 9] = [
     "bench",
 ];
 
-/// The commit of the source tree, and whether what is built differs from it. Nothing without git, or outside a clone.
+/// The commit of the source tree, marked if the sources differ from it. `None` without git or outside a clone.
 fn commit() -> Option<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
     let git = |args: &[&str]| {
@@ -31,7 +31,7 @@ fn commit() -> Option<String> {
         output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
     };
     let watch = |path: &Path| {
-        // What is not there would count as changed each time.
+        // Cargo treats a missing file as changed at each build.
         if path.exists() {
             println!("cargo::rerun-if-changed={}", path.display());
         }
@@ -41,9 +41,9 @@ fn commit() -> Option<String> {
     sources.push("bench/build.rs".to_owned());
     sources.push("bench/shim".to_owned());
     sources.iter().for_each(|source| watch(&root.join(source)));
-    // A copy may lie in somebody else's repository.
+    // The sources may be a copy inside another repository.
     git(&["ls-files", "--error-unmatch", "bench/build.rs"])?;
-    // A commit, a checkout and a rebase each add a line to the log of HEAD.
+    // Commits, checkouts and rebases each add a line to the log of HEAD.
     for name in ["HEAD", "logs/HEAD"] {
         watch(&root.join(git(&["rev-parse", "--git-path", name])?));
     }
@@ -54,7 +54,7 @@ fn commit() -> Option<String> {
     Some(if changes.is_empty() { commit } else { format!("{commit} with changes") })
 }
 
-/// `BULLET_INCLUDE` names Bullet's headers where they are not where Debian has them.
+/// Compiles the shim. `BULLET_INCLUDE` overrides Debian's path of Bullet's headers.
 #[cfg(feature = "bullet")]
 fn bullet() {
     const DEBIAN: &str = "/usr/include/bullet";

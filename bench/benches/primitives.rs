@@ -1,5 +1,5 @@
-//! Radix sort and prefix scan of the GPU engine beside what the device takes for a copy: pairs per second, bytes
-//! moved, and the part of the copy's bandwidth that they use. Markdown on standard output.
+//! Radix sort and prefix scan of the GPU engine compared with a copy on the device: values per second, bytes moved, and
+//! fraction of the copy's bandwidth. Prints Markdown.
 //!
 //! `cargo bench -p lazygrid-bench --bench primitives -- --n 1000000,10000000 --bits 24,25,32`
 #![allow(clippy::print_stdout)]
@@ -8,24 +8,24 @@ use std::error::Error;
 
 use clap::Parser;
 use lazygrid_bench::measure::{Spread, markdown, provenance};
-use lazygrid_check::bandwidth::{Measured, Stopwatch};
+use lazygrid_check::bandwidth::{GpuTimer, Measured};
 
 #[derive(Parser)]
-#[command(about = "Radix sort and prefix scan against the copy bandwidth of the device")]
+#[command(about = "Radix sort and prefix scan compared with the copy bandwidth of the device")]
 struct Args {
     /// Numbers of values, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [1_000_000, 10_000_000])]
     n: Vec<u32>,
-    /// Key bits of the sort, separated by commas; whole passes of eight are made
+    /// Key bits of the sort, separated by commas; rounded up to passes of eight bits
     #[arg(long, value_delimiter = ',', default_values_t = [24, 25, 32])]
     bits: Vec<u32>,
-    /// Rounds that count; one more comes first to warm up
+    /// Rounds, after one to warm up
     #[arg(long, default_value_t = 30)]
     rounds: usize,
-    /// Without subgroup operations
+    /// Use no subgroup operations
     #[arg(long)]
     no_subgroups: bool,
-    /// Check the answers at small sizes instead of measuring; also without `--bench`, which `cargo bench` passes
+    /// Check answers at small sizes instead of measuring (the default without `--bench`, which `cargo bench` passes)
     #[arg(long)]
     quick: bool,
     #[arg(long, hide = true)]
@@ -39,9 +39,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let Some(own) = lazygrid_tests::device() else { return Ok(()) };
     let adapter = own.adapter.clone();
-    let watch = Stopwatch::new(own, args.rounds)?;
+    let watch = GpuTimer::new(own, args.rounds)?;
     let clock =
-        if watch.is_of_the_device() { "timestamps of the GPU" } else { "wall time, submission included" };
+        if watch.has_gpu_timestamps() { "timestamps of the GPU" } else { "wall time, submission included" };
     println!("{}\n\n{}, {}; {clock}\n", provenance(), adapter.name, adapter.driver);
     let mut rows = Vec::new();
     for &n in &args.n {

@@ -1,6 +1,5 @@
-//! Spheres that stay on the GPU: the cell list at every step beside candidates that are kept, by the clock on the wall from
-//! submission to completion. Detectors take turns at every step; spheres are moved by the host between. Markdown on
-//! standard output.
+//! Spheres that stay on the GPU: the cell list at each step compared with candidate lists, by wall time from submission
+//! to completion. Detectors take turns at each step, and the host moves the spheres in between. Prints Markdown.
 //!
 //! `cargo bench -p lazygrid-bench --bench resident -- --n 1000000 --moves 0.01,0.1 --skin 0.25,0.5`
 #![allow(clippy::print_stdout)]
@@ -18,7 +17,7 @@ use lazygrid_check::device::{download, submit, upload, wait};
 use lazygrid_io::scenes::Scene;
 
 #[derive(Parser)]
-#[command(about = "Candidates that are kept on the GPU against a cell list at every step")]
+#[command(about = "Candidate lists on the GPU compared with a cell list at each step")]
 struct Args {
     /// Scenes, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [Scene::Equal, Scene::FiveSizes])]
@@ -26,41 +25,41 @@ struct Args {
     /// Numbers of spheres, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [100_000])]
     n: Vec<usize>,
-    /// How far spheres go in a step, in radii, separated by commas
+    /// Displacements of spheres per step, in radii, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [0.001, 0.01, 0.1])]
     moves: Vec<f32>,
-    /// Skins as parts of the largest diameter, separated by commas
+    /// Skins as fractions of the largest diameter, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [0.125, 0.25, 0.5])]
     skin: Vec<f32>,
     /// Steps, after one to warm up
     #[arg(long, default_value_t = 30)]
     steps: u32,
-    /// Check the answers at small sizes instead of measuring; also without `--bench`, which `cargo bench` passes
+    /// Check answers at small sizes instead of measuring (the default without `--bench`, which `cargo bench` passes)
     #[arg(long)]
     quick: bool,
     #[arg(long, hide = true)]
     bench: bool,
 }
 
-/// One of those who take turns.
-enum Runner {
-    Every(Box<GpuDetector>),
-    Kept(Box<GpuSkinDetector>),
+/// A detector under measurement.
+enum TimedDetector {
+    EachStep(Box<GpuDetector>),
+    Candidates(Box<GpuSkinDetector>),
 }
 
-impl Runner {
+impl TimedDetector {
     fn encode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
     ) -> Result<GpuPairs, lazygrid::Error> {
         match self {
-            Self::Every(detector) => detector.encode(encoder, input),
-            Self::Kept(detector) => detector.encode(encoder, input),
+            Self::EachStep(detector) => detector.encode(encoder, input),
+            Self::Candidates(detector) => detector.encode(encoder, input),
         }
     }
 
-    /// Seconds of a step, and how many pairs it found.
+    /// Runs a step. Returns its seconds and its number of pairs.
     fn step(&mut self, own: &GpuDevice, input: &GpuSpheres<'_>) -> Result<(f64, u64), Box<dyn Error>> {
         let start = Instant::now();
         let found = submit(own, |encoder| self.encode(encoder, input))?;
@@ -69,7 +68,7 @@ impl Runner {
         let outcome = download::<Outcome>(own, &found.outcome, 1)?[0];
         match outcome.overflow {
             0 => Ok((seconds, outcome.found())),
-            _ => Err(format!("what was found does not fit: {outcome:?}").into()),
+            _ => Err(format!("buffers are too small: {outcome:?}").into()),
         }
     }
 }
@@ -84,7 +83,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut rows = Vec::new();
     for (&scene, &n) in args.scene.iter().flat_map(|scene| args.n.iter().map(move |n| (scene, n))) {
         for &moves in &args.moves {
-            let seconds = race(&own, &args, (scene, n, moves))?;
+            let seconds = compare(&own, &args, (scene, n, moves))?;
             let per_sphere = |s: &f64| format!("{:.1} ({:.2})", s / n as f64 * 1e9, s / seconds[0]);
             let head = [scene.to_string(), n.to_string(), moves.to_string()];
             rows.push(head.into_iter().chain(seconds.iter().map(per_sphere)).collect());
@@ -98,8 +97,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Mean seconds of a step by each of the runners, the cell list at every step first.
-fn race(
+/// The mean seconds per step of each detector, the cell list at each step first.
+fn compare(
     own: &GpuDevice,
     args: &Args,
     (scene, n, moves): (Scene, usize, f32),
@@ -110,10 +109,14 @@ fn race(
         pair_capacity: (4 * n as u32).max(1 << 20),
         ..GpuSettings::default()
     };
-    let mut runners = vec![Runner::Every(Box::new(GpuDetector::new(&own.device, settings())?))];
+    let mut runners = vec![TimedDetector::EachStep(Box::new(GpuDetector::new(&own.device, settings())?))];
     for part in &args.skin {
         // The largest radius of the scenes is 1.
-        runners.push(Runner::Kept(Box::new(GpuSkinDetector::new(&own.device, settings(), 2.0 * part)?)));
+        runners.push(TimedDetector::Candidates(Box::new(GpuSkinDetector::new(
+            &own.device,
+            settings(),
+            2.0 * part,
+        )?)));
     }
     let mut sums = vec![0.0; runners.len()];
     for step in 0..=args.steps {
@@ -122,7 +125,7 @@ fn race(
         let mut found = None;
         for (runner, sum) in runners.iter_mut().zip(&mut sums) {
             let (seconds, pairs) = runner.step(own, &input)?;
-            // Within 4 ulp of tangency pairs may fall either way, but always the same.
+            // Tangent pairs may be found or missed, but all detectors agree on them.
             if *found.get_or_insert(pairs) != pairs {
                 return Err(format!("{pairs} pairs at step {step}, not {found:?}").into());
             }

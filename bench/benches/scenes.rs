@@ -1,5 +1,5 @@
-//! What the cell list on the GPU makes of scenes that are hard on grids, beside the same number of equal spheres and beside
-//! another algorithm: times of the GPU's own clock, stage by stage, from calls that take turns. Markdown on standard output.
+//! The GPU cell list in hard scenes, compared with the same number of equal spheres and with another algorithm: GPU
+//! timestamps of each phase, from interleaved calls. Prints Markdown.
 //!
 //! `cargo bench -p lazygrid-bench --bench scenes -- --n 1000000 --against lazy-grid`
 #![allow(clippy::print_stdout)]
@@ -14,24 +14,24 @@ use lazygrid_bench::measure::{markdown, provenance};
 use lazygrid_io::scenes::Scene;
 
 #[derive(Parser)]
-#[command(about = "The cell list on the GPU in scenes that are hard on grids")]
+#[command(about = "The GPU cell list in scenes that are hard on grids")]
 struct Args {
-    /// Spheres of each scene
+    /// Number of spheres of each scene
     #[arg(long, default_value_t = 1_000_000)]
     n: usize,
-    /// Spheres of the burst
+    /// Number of spheres of the burst
     #[arg(long, default_value_t = 100_000)]
     burst: usize,
-    /// How many times as large as the others the one giant is
+    /// Radius of the giant over that of the others
     #[arg(long, default_value_t = 100.0)]
     giant: f32,
-    /// How many diameters lie between two clumps
+    /// Distance of the two clumps in diameters
     #[arg(long, default_value_t = 1e6)]
     apart: f32,
-    /// Another algorithm, which the cell list is compared with where there is neither giant nor gap
+    /// Algorithm to compare with, in scenes without giant or gap
     #[arg(long)]
     against: Option<Algorithm>,
-    /// From how many spheres on the cell list is sorted by radix; several take turns
+    /// Numbers of spheres at or above which the cell list uses the radix sort, separated by commas; they take turns
     #[arg(long, value_delimiter = ',', default_values_t = [GpuSettings::RADIX_FROM])]
     radix_from: Vec<u32>,
     /// Only the scenes of equal and of five sizes
@@ -40,23 +40,23 @@ struct Args {
     /// Rounds, after one to warm up
     #[arg(long, default_value_t = 5)]
     rounds: usize,
-    /// Check the answers at small sizes instead of measuring; also without `--bench`, which `cargo bench` passes
+    /// Check answers at small sizes instead of measuring (the default without `--bench`, which `cargo bench` passes)
     #[arg(long)]
     quick: bool,
     #[arg(long, hide = true)]
     bench: bool,
 }
 
-/// Spheres, and whether every algorithm does well with them.
-struct Given {
+/// A scene, and whether all algorithms handle it well.
+struct BenchScene {
     name: &'static str,
     spheres: Vec<Sphere>,
     is_even: bool,
 }
 
-/// One algorithm on one scene, with the times of each stage.
-struct Runner<'a> {
-    given: &'a Given,
+/// One algorithm on one scene, with the times of each phase.
+struct SceneRun<'a> {
+    given: &'a BenchScene,
     algorithm: Algorithm,
     sort: &'static str,
     session: GpuSession,
@@ -64,7 +64,7 @@ struct Runner<'a> {
     stages: Vec<[Duration; Phase::ALL.len()]>,
 }
 
-impl Runner<'_> {
+impl SceneRun<'_> {
     fn run(&mut self, is_warm: bool) -> Result<(), Box<dyn Error>> {
         let ticket = self.session.begin(Spheres::from(&self.given.spheres))?;
         self.pairs = self.session.finish_count(ticket)?;
@@ -75,7 +75,7 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Seconds of each stage of the call that took the median of all.
+    /// Seconds of each phase of the call with the median total.
     fn median(&self) -> [f64; Phase::ALL.len()] {
         let mut stages = self.stages.clone();
         stages.sort_by_key(|stages| stages.iter().sum::<Duration>());
@@ -107,7 +107,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             runner.run(round > 0)?;
         }
         for (a, b) in runners.iter().zip(&runners[1..]) {
-            // Within 4 ulp of tangency pairs may fall either way.
+            // Pairs within 4 ulp of tangency may be found or missed.
             if std::ptr::eq(a.given, b.given) && a.pairs.abs_diff(b.pairs) > 1 + a.pairs / 100_000 {
                 let (a, b, name) = (a.pairs, b.pairs, a.given.name);
                 return Err(format!("{a} pairs and {b} in {name}").into());
@@ -120,19 +120,19 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn runner<'a>(
     own: &GpuDevice,
-    given: &'a Given,
+    given: &'a BenchScene,
     (algorithm, radix_from): (Algorithm, u32),
-) -> Result<Runner<'a>, Box<dyn Error>> {
+) -> Result<SceneRun<'a>, Box<dyn Error>> {
     let pair_capacity = if given.name == "burst" { 24 } else { 4 } * given.spheres.len() as u32;
     let settings =
         GpuSettings { algorithm, pair_capacity, radix_from, timed: true, ..GpuSettings::default() };
     let session = GpuSession::new(own.clone(), settings)?;
     let is_counted = algorithm == Algorithm::CellList && given.spheres.len() < radix_from as usize;
     let sort = if is_counted { "by counting" } else { "by radix" };
-    Ok(Runner { given, algorithm, sort, session, pairs: 0, stages: Vec::new() })
+    Ok(SceneRun { given, algorithm, sort, session, pairs: 0, stages: Vec::new() })
 }
 
-fn scenes(args: &Args) -> Vec<Given> {
+fn scenes(args: &Args) -> Vec<BenchScene> {
     let equal = Scene::Equal.spheres(args.n, 1);
     let mut giant = equal.clone();
     if let Some(sphere) = giant.first_mut() {
@@ -143,7 +143,7 @@ fn scenes(args: &Args) -> Vec<Given> {
         |sphere: &Sphere| Sphere { center: sphere.center + glam::Vec3::X * 2.0 * args.apart, ..*sphere };
     let there: Vec<_> = Scene::Equal.spheres(args.n - args.n / 2, 2).iter().map(far).collect();
     clumps.extend(there);
-    let given = |name, spheres, is_even| Given { name, spheres, is_even };
+    let given = |name, spheres, is_even| BenchScene { name, spheres, is_even };
     vec![
         given("equal", equal, true),
         given("five sizes", Scene::FiveSizes.spheres(args.n, 1), true),
@@ -153,19 +153,20 @@ fn scenes(args: &Args) -> Vec<Given> {
     ]
 }
 
-/// One row per runner: milliseconds of each stage, their sum, that over the first row's with the same sort where there are as
-/// many spheres, and that of the other algorithm over the cell list's.
-fn table(runners: &[Runner<'_>]) -> String {
-    let sum = |runner: &Runner<'_>| runner.median().iter().sum::<f64>();
+/// A row per runner: milliseconds of each phase and their sum. Further columns are the ratio to the first row with the
+/// same sort and number of spheres, and the ratio of the other algorithm to the cell list.
+fn table(runners: &[SceneRun<'_>]) -> String {
+    let sum = |runner: &SceneRun<'_>| runner.median().iter().sum::<f64>();
     let rows: Vec<Vec<String>> = runners
         .iter()
         .map(|runner| {
             let stages = runner.median().into_iter().map(|seconds| format!("{:.1}", seconds * 1e3));
             let is_list = runner.algorithm == Algorithm::CellList;
-            let same = |other: &&Runner<'_>| is_list && std::ptr::eq(other.given, runner.given);
+            let same = |other: &&SceneRun<'_>| is_list && std::ptr::eq(other.given, runner.given);
             let other = runners.iter().filter(same).find(|other| other.algorithm != Algorithm::CellList);
-            let is_base = |base: &&Runner<'_>| base.algorithm == runner.algorithm && base.sort == runner.sort;
-            let as_many = |base: &&Runner<'_>| base.given.spheres.len() == runner.given.spheres.len();
+            let is_base =
+                |base: &&SceneRun<'_>| base.algorithm == runner.algorithm && base.sort == runner.sort;
+            let as_many = |base: &&SceneRun<'_>| base.given.spheres.len() == runner.given.spheres.len();
             let base = runners.iter().find(is_base).filter(|_| is_list).filter(as_many);
             let ratio = |of: Option<f64>| of.map_or(String::new(), |ratio| format!("{ratio:.2}"));
             [runner.given.name.to_owned(), runner.given.spheres.len().to_string()]

@@ -1,4 +1,4 @@
-//! Small benchmarks for whoever changes a detector: each stage of every algorithm, and every kind of result, by scene.
+//! Small benchmarks for changes of a detector: each phase of each algorithm, and each kind of result, by scene.
 //!
 //! `cargo bench -p lazygrid-bench --bench stages -- cell-list/burst/stage/sort`
 
@@ -9,7 +9,7 @@ use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_gr
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Skin, Sphere, gpu};
 use lazygrid_io::scenes::Scene;
 
-/// Few enough that one call is a matter of milliseconds even for the slow algorithms.
+/// Number of spheres, for which a call takes milliseconds even with slow algorithms.
 const N: usize = 5_000;
 const SEED: u64 = 1;
 
@@ -22,7 +22,7 @@ fn algorithms(criterion: &mut Criterion) {
             Backend::Gpu => format!("{algorithm} on the GPU"),
             _ => algorithm.to_string(),
         };
-        // The spheres stand still, so that candidates would be kept for ever.
+        // The spheres do not move, so that a candidate list would never be rebuilt.
         let config = Config::default().backend(backend).algorithm(algorithm).skin(Skin::Off);
         for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst, Scene::BurstLinear] {
             let spheres = scene.spheres(N, SEED);
@@ -39,7 +39,7 @@ fn detector(config: &Config) -> Detector {
     Detector::new(config.clone()).expect("an algorithm of its backend")
 }
 
-/// Each stage by the time that the detector reports of it.
+/// Benchmarks each phase by the time that the detector reports.
 fn stages(group: &mut BenchmarkGroup<'_, WallTime>, config: &Config, spheres: &[Sphere]) {
     let mut detector = detector(config);
     detector.pairs(spheres).expect("valid spheres");
@@ -59,7 +59,7 @@ fn stages(group: &mut BenchmarkGroup<'_, WallTime>, config: &Config, spheres: &[
     }
 }
 
-/// Whole calls.
+/// Benchmarks whole calls.
 fn results(group: &mut BenchmarkGroup<'_, WallTime>, config: &Config, spheres: &[Sphere]) {
     let mut ordered = detector(config);
     let mut unordered = detector(&config.clone().order(Order::Unordered));

@@ -1,5 +1,5 @@
-//! Where the defaults come from: τ and the raster ratio of the paper's grids, and the number of spheres at which
-//! one algorithm overtakes another. Markdown on standard output.
+//! Measurements for the defaults: τ and the cell ratio of the paper's grids, and the number of spheres at which one
+//! algorithm overtakes another. Prints Markdown.
 //!
 //! `cargo bench -p lazygrid-bench --bench sweep -- --what tau --scene burst --n 100000`
 //! `cargo bench -p lazygrid-bench --bench sweep -- --backend gpu --what tau,raster-ratio`
@@ -10,31 +10,31 @@ use std::error::Error;
 use clap::{Parser, ValueEnum};
 use lazygrid::gpu::GpuSettings;
 use lazygrid::{Algorithm, Backend, Config, Order, Skin};
-use lazygrid_bench::measure::{Contender, Options, Plan, compare, markdown, provenance};
+use lazygrid_bench::measure::{ContenderFactory, Options, Plan, compare, markdown, provenance};
 use lazygrid_io::scenes::Scene;
 
 #[derive(Parser)]
-#[command(about = "Times of the algorithms over their settings and over the number of spheres")]
+#[command(about = "Times of the algorithms by their settings and by the number of spheres")]
 struct Args {
-    /// Where to run: cpu or gpu; a software adapter will do
+    /// Backend: cpu or gpu, also with a software adapter
     #[arg(long, default_value_t = Backend::Cpu)]
     backend: Backend,
-    /// What to vary, separated by commas
+    /// Parameters to vary, separated by commas
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [What::Tau, What::RasterRatio, What::Crossover])]
     what: Vec<What>,
     /// Values of τ, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [0, 4, 8, 16, 32, 64, 128, 256])]
     tau: Vec<u32>,
-    /// Raster ratios, separated by commas
+    /// Cell ratios (cell size over largest diameter), separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0])]
     raster_ratio: Vec<f32>,
     /// Numbers of spheres of the crossover, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [10, 30, 100, 200, 300, 500, 1000, 2000, 5000, 20_000])]
     sizes: Vec<usize>,
-    /// Fixed skins, separated by commas
+    /// Fixed skins as fractions of the largest diameter, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [0.125, 0.25, 0.5, 1.0])]
     skin: Vec<f32>,
-    /// Threads
+    /// Number of threads
     #[arg(long, default_value_t = 1)]
     threads: usize,
     #[command(flatten)]
@@ -43,13 +43,13 @@ struct Args {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum What {
-    /// τ of the recursive grid; on the GPU of the lazy grid, at each raster ratio.
+    /// τ of the recursive grid; on the GPU, of LazyGrid at each cell ratio.
     Tau,
-    /// Cell edge over largest diameter, for the grids of the paper.
+    /// Cell ratio (cell size over largest diameter) of the paper's grids.
     RasterRatio,
     /// All algorithms as the number of spheres grows.
     Crossover,
-    /// Skins of the CPU path, fixed ones as parts of the largest diameter; one round should be many steps.
+    /// Skins on the CPU, fixed ones as fractions of the largest diameter; a round should have many steps.
     Skin,
 }
 
@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     args.options = args.options.shrunk();
     println!("{}\n", provenance());
-    // Inside a pool of that size: a pool per detector would add the way to its thread and back to every call.
+    // Runs in a pool of that size: a pool per detector would add a thread switch to each call.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
     Ok(pool
         .install(|| args.what.iter().try_for_each(|&what| sweep(&args, what).map_err(|e| e.to_string())))?)
@@ -80,7 +80,7 @@ impl Args {
         Config::default().backend(self.backend).order(Order::Unordered).algorithm(algorithm)
     }
 
-    /// The raster ratios that the backend takes.
+    /// The cell ratios that the backend supports.
     fn ratios(&self) -> impl Iterator<Item = f32> {
         let least = if self.backend == Backend::Gpu { GpuSettings::MIN_RASTER_RATIO } else { 0.0 };
         self.raster_ratio.iter().copied().filter(move |&ratio| ratio >= least)
@@ -88,8 +88,8 @@ impl Args {
 }
 
 fn tau(args: &Args) -> Result<(), Box<dyn Error>> {
-    let contenders = |config: Config| -> Vec<Contender> {
-        args.tau.iter().map(|&tau| Contender::list(tau.to_string(), config.clone().tau(tau))).collect()
+    let contenders = |config: Config| -> Vec<ContenderFactory> {
+        args.tau.iter().map(|&tau| ContenderFactory::list(tau.to_string(), config.clone().tau(tau))).collect()
     };
     if args.backend == Backend::Cpu {
         let table = table(args, &contenders(args.config(Algorithm::RecursiveGrid)))?;
@@ -109,8 +109,9 @@ fn raster_ratio(args: &Args) -> Result<(), Box<dyn Error>> {
         _ => [Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid],
     };
     for algorithm in algorithms {
-        let contender =
-            |ratio: f32| Contender::list(ratio.to_string(), args.config(algorithm).raster_ratio(ratio));
+        let contender = |ratio: f32| {
+            ContenderFactory::list(ratio.to_string(), args.config(algorithm).raster_ratio(ratio))
+        };
         let table = table(args, &args.ratios().map(contender).collect::<Vec<_>>())?;
         println!("### {algorithm} over the raster ratio, ns per sphere and step\n\n{table}");
     }
@@ -119,18 +120,21 @@ fn raster_ratio(args: &Args) -> Result<(), Box<dyn Error>> {
 
 fn skin(args: &Args) -> Result<(), Box<dyn Error>> {
     let config = |skin| args.config(Algorithm::Auto).skin(skin);
-    let mut contenders =
-        vec![Contender::list("off", config(Skin::Off)), Contender::list("auto", config(Skin::Auto))];
+    let mut contenders = vec![
+        ContenderFactory::list("off", config(Skin::Off)),
+        ContenderFactory::list("auto", config(Skin::Auto)),
+    ];
     // The largest radius of the scenes is 1.
-    let fixed = |&part: &f32| Contender::list(part.to_string(), config(Skin::Fixed(f64::from(2.0 * part))));
+    let fixed =
+        |&part: &f32| ContenderFactory::list(part.to_string(), config(Skin::Fixed(f64::from(2.0 * part))));
     contenders.extend(args.skin.iter().map(fixed));
     let moves = args.options.moves;
     println!("### skins, moves of {moves} radii, ns per sphere and step\n\n{}", table(args, &contenders)?);
     Ok(())
 }
 
-/// One row per scene and number of spheres, one column per contender, the fastest in bold.
-fn table(args: &Args, contenders: &[Contender]) -> Result<String, Box<dyn Error>> {
+/// A table with a row per scene and number of spheres and a column per contender, the fastest in bold.
+fn table(args: &Args, contenders: &[ContenderFactory]) -> Result<String, Box<dyn Error>> {
     let mut rows = vec![];
     for plan in args.options.plans() {
         let mut row = vec![plan.scene.to_string(), plan.n.to_string()];
@@ -146,12 +150,12 @@ fn crossover(args: &Args) -> Result<(), Box<dyn Error>> {
         Backend::Cpu => &Algorithm::CPU,
         _ => &Algorithm::GPU,
     };
-    let contenders: Vec<Contender> =
-        algorithms.iter().map(|&a| Contender::list(a.name(), args.config(a))).collect();
+    let contenders: Vec<ContenderFactory> =
+        algorithms.iter().map(|&a| ContenderFactory::list(a.name(), args.config(a))).collect();
     let mut rows = vec![];
     for &scene in &args.options.scene {
         for &n in &args.sizes {
-            // As many calls as make a round long enough to time.
+            // Enough calls for a round that is long enough to time.
             let steps = if args.options.is_quick() {
                 2
             } else {
@@ -173,7 +177,7 @@ fn crossover(args: &Args) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn fastest_in_bold(plan: &Plan, contenders: &[Contender]) -> Result<Vec<String>, Box<dyn Error>> {
+fn fastest_in_bold(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<String>, Box<dyn Error>> {
     let medians: Vec<f64> = compare(plan, contenders)?.iter().map(|t| t.median()).collect();
     let fastest = medians.iter().copied().fold(f64::INFINITY, f64::min);
     let cell = |m: f64| if m == fastest { format!("**{m:.1}**") } else { format!("{m:.1}") };

@@ -1,7 +1,7 @@
-//! The paper's evaluation on the machine at hand: what `lazygrid-bench figures` runs, checks, measures and writes.
+//! The paper's evaluation on the machine at hand: `lazygrid-bench figures`.
 //!
-//! Data flows one way: [`Settings`] → points → races between [`Engine`]s → [`Row`]s → files. No time is reported of an
-//! answer that was not checked against the reference.
+//! Data flows one way: [`Settings`] → points → comparisons of [`Contender`]s → [`Row`]s → files. A time is reported only if
+//! its answer matched the reference.
 
 mod burst;
 pub mod compare;
@@ -17,11 +17,11 @@ mod report;
 mod row;
 mod run;
 
-pub use engine::Engine;
+pub use engine::Contender;
 pub use environment::{Adapter, Environment};
 pub use figure::Figure;
 pub use memory::{Sample, measure as measure_memory};
-pub use plan::{Scale, Settings};
+pub use plan::{RunScale, Settings};
 pub use report::write as write_report;
 pub use row::{Results, Row, Status};
 pub use run::{Progress, run};

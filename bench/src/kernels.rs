@@ -1,5 +1,5 @@
-//! What the compilers in Vulkan drivers make of the GPU kernels: registers, values kept in memory for want of them, code.
-//! Nothing is run, so that a driver needs no GPU where it can do without one.
+//! Statistics of Vulkan drivers about the compiled GPU kernels: registers, spills, code size. No kernel is run, so that
+//! some drivers need no GPU.
 
 mod spirv;
 mod table;
@@ -13,15 +13,15 @@ use serde::Serialize;
 
 use vulkan::Compiler;
 
-/// A number that a driver says of a program.
+/// The value of a driver statistic.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Number {
-    /// Without a sign; of two values that are true or false, 1 or 0.
+    /// An unsigned integer; 1 or 0 for booleans.
     Whole(u64),
-    /// With a sign.
+    /// A signed integer.
     Signed(i64),
-    /// With a fraction.
+    /// A floating-point number.
     Real(f64),
 }
 
@@ -35,88 +35,88 @@ impl fmt::Display for Number {
     }
 }
 
-/// What a driver says of a program, in its own words.
+/// A statistic that a driver reports about a program.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Statistic {
-    /// What it is.
+    /// The driver's name of the statistic.
     pub name: String,
-    /// How much of it.
+    /// The value.
     pub value: Number,
 }
 
-/// A form of a program, such as its assembly.
+/// A representation of a program, such as its assembly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Text {
-    /// What it is, in the driver's words.
+    /// The driver's name of the representation.
     pub name: String,
     /// The text.
     pub text: String,
 }
 
-/// One program that a driver made of a kernel. Some make several, for subgroups of different sizes.
+/// A program that a driver compiled from a kernel. Some drivers compile several, for different subgroup sizes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Program {
-    /// What the driver calls it.
+    /// The driver's name of the program.
     pub name: String,
     /// Threads per subgroup.
     pub subgroup: u32,
-    /// What the driver says of it.
+    /// The driver's statistics.
     pub statistics: Vec<Statistic>,
-    /// Its forms, where they were asked for.
+    /// The representations, if requested.
     #[serde(skip)]
     pub texts: Vec<Text>,
 }
 
-/// What became of one text of a kernel.
+/// The compilation result of a kernel variant.
 #[derive(Clone, Debug, Serialize)]
 pub struct Compiled {
     /// The kernel.
     pub kernel: &'static str,
-    /// Which of its texts.
+    /// The variant.
     pub variant: String,
-    /// Bytes of its variables in workgroup memory.
+    /// Bytes of variables in workgroup memory.
     pub workgroup_memory: u32,
-    /// What the driver made of it: none where it does not say.
+    /// The compiled programs; empty if the driver reports none.
     pub programs: Vec<Program>,
-    /// Why it made nothing of it.
+    /// The error, if the driver rejected the kernel.
     pub error: Option<String>,
 }
 
-/// What one adapter made of all kernels.
+/// The compilation results of all kernels for one adapter.
 #[derive(Clone, Debug, Serialize)]
 pub struct Kernels {
     /// The adapter.
     pub adapter: String,
     /// Its driver.
     pub driver: String,
-    /// Whether the driver says anything of its programs (`VK_KHR_pipeline_executable_properties`).
+    /// Whether the driver reports statistics (`VK_KHR_pipeline_executable_properties`).
     pub has_statistics: bool,
-    /// Text by text.
+    /// The results, one per kernel variant.
     pub compiled: Vec<Compiled>,
 }
 
 impl Kernels {
-    /// The texts of which the driver made nothing.
-    pub fn refused(&self) -> impl Iterator<Item = &Compiled> {
+    /// The kernel variants that the driver rejected.
+    pub fn rejected(&self) -> impl Iterator<Item = &Compiled> {
         self.compiled.iter().filter(|compiled| compiled.error.is_some())
     }
 }
 
-/// What is compiled.
+/// The selection of kernels and outputs.
 #[derive(Clone, Debug, Default)]
 pub struct Wanted {
-    /// Only kernels of these names; all where there are none.
+    /// Names of the kernels to compile; empty for all.
     pub only: Vec<String>,
-    /// Also the texts of devices without subgroup operations, and of those with little workgroup memory.
+    /// Whether to include variants for devices without subgroup operations or with little workgroup memory.
     pub other_devices: bool,
-    /// Also the forms of each program.
+    /// Whether to include representations such as assembly.
     pub texts: bool,
 }
 
-/// Compiles the kernels for an adapter, as the engine has them.
+/// Compiles the kernels for an adapter, as the engine does.
 ///
 /// # Errors
-/// Where Vulkan does not open the adapter. That a kernel was refused is said with the kernel.
+/// Fails if Vulkan does not open the adapter. Rejected kernels are part of the result.
 pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, String> {
     let compiler = Compiler::open(&adapter.name, adapter.has_subgroups)?;
     let smallest = adapter.has_subgroups.then_some(adapter.subgroup_sizes[0]);
@@ -126,7 +126,7 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
         |kernel: &&&Kernel| wanted.only.is_empty() || wanted.only.iter().any(|name| name == kernel.name);
     for kernel in KERNELS.iter().filter(is_wanted) {
         for variant in variants(kernel, own, wanted.other_devices) {
-            // Said before, since a driver may take the whole program with it.
+            // Logged before compiling, as a driver may crash the process.
             log::info!("{}: {}, {}", adapter.name, kernel.name, label(variant, kernel.reduced(own)));
             compiled.push(compile_one(&compiler, kernel, (variant, own), wanted.texts));
         }
@@ -135,7 +135,7 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
     Ok(Kernels { adapter: name, driver, has_statistics: compiler.has_statistics(), compiled })
 }
 
-/// The texts of a kernel that differ, those of calls of every kind on a device that is given `own`.
+/// The distinct variants of a kernel for calls of all kinds, on a device with variant `own`.
 fn variants(kernel: &Kernel, own: Variant, other_devices: bool) -> Vec<Variant> {
     let mut bases = vec![own];
     if other_devices {
@@ -173,7 +173,7 @@ fn compile_one(
     Compiled { kernel: kernel.name, variant, workgroup_memory, programs, error }
 }
 
-/// What distinguishes a text from the one for calls without anything special.
+/// The difference of a variant from that of default calls.
 fn label(variant: Variant, own: Variant) -> String {
     let said = [
         (variant.periodic, "periodic"),

@@ -1,10 +1,10 @@
-//! The figures of the paper, the peers lazygrid is compared with, how engines are timed beside each other, and what drivers
-//! make of the GPU kernels.
+//! The figures of the paper, the peers that lazygrid is compared with, interleaved timing, and statistics of Vulkan
+//! drivers about the GPU kernels.
 
 pub mod figures;
 pub mod kernels;
 pub mod measure;
 pub mod peers;
 
-/// The commit that this was built from, with a word where its sources had changes; `unknown` without git or outside a clone.
+/// The commit of the build, marked `with changes` if its sources had changed; `unknown` without git or outside a clone.
 pub const COMMIT: &str = env!("LAZYGRID_COMMIT");

@@ -1,5 +1,5 @@
-//! The `lazygrid-bench` command: the figures of the paper, what changed between two runs of them, and what drivers make of
-//! the GPU kernels.
+//! The `lazygrid-bench` command: the figures of the paper, comparisons of two runs, and Vulkan driver statistics of the
+//! GPU kernels.
 
 mod command {
     pub(crate) mod args;
@@ -30,17 +30,17 @@ fn main() -> ExitCode {
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
-        // Whoever reads has read enough, as in `lazygrid-bench … | head -1`.
+        // The reader has closed the pipe, as in `lazygrid-bench … | head -1`.
         Err(Failure::Stdout(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(failure) => {
-            // Where standard error is closed nobody can be told.
+            // If standard error is closed, the message cannot be delivered.
             let _ = writeln!(io::stderr(), "error: {failure}");
             ExitCode::FAILURE
         }
     }
 }
 
-/// Writes to standard output at once, so that a pipe sees each result when it is there.
+/// Writes to standard output and flushes, so that a pipe sees each result immediately.
 fn print(text: impl AsRef<[u8]>) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     out.write_all(text.as_ref()).and_then(|()| out.flush()).map_err(Failure::Stdout)

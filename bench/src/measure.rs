@@ -1,5 +1,5 @@
-//! How benchmarks compare ways to find pairs: the same spheres for all, answers checked before any time is
-//! reported, rounds interleaved, ratios taken within rounds.
+//! Compares searches for pairs: the same spheres for all, answers checked before times are reported, rounds
+//! interleaved, and ratios taken within rounds.
 
 pub mod memory;
 mod options;
@@ -20,62 +20,62 @@ use lazygrid_io::scenes::Scene;
 pub use options::Options;
 pub use present::{Spread, markdown, provenance};
 
-/// What a search found.
+/// The result of a search.
 #[derive(Clone, Copy, Debug)]
 pub enum Found<'a> {
-    /// Every pair once, in any order.
+    /// Each pair once, in any order.
     Pairs(&'a [Pair]),
-    /// How many pairs there are.
+    /// The number of pairs.
     Count(u64),
 }
 
-/// A way to find the overlapping pairs of moving spheres, with what it keeps from step to step.
-pub trait Search {
-    /// Takes note of the spheres of the call that comes next, for nothing: what a program that has them elsewhere knows
-    /// before it searches.
+/// A search for overlapping pairs of moving spheres, with its state between steps.
+pub trait PairFinder {
+    /// Receives the spheres of the next call, outside the measured time: information that a program has before it
+    /// searches, because it stores its spheres elsewhere.
     ///
     /// # Errors
-    /// Whatever the search refuses or lacks.
+    /// Returns the error of the search.
     fn prepare(&mut self, _spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         Ok(())
     }
 
-    /// The pairs of these spheres: those of the last call, a little moved.
+    /// Finds the pairs of these spheres, which are those of the last call after a small displacement.
     ///
     /// # Errors
-    /// Whatever the search refuses or lacks.
+    /// Returns the error of the search.
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>>;
 
-    /// Time of each phase of the last call; empty where the search does not tell them apart.
+    /// The time of each phase of the last call; empty if unknown.
     fn phases(&self) -> Vec<Phase> {
         Vec::new()
     }
 
-    /// Time the GPU was at work during the last call; `None` where it does not tell or there is none.
+    /// The GPU time of the last call; `None` without a GPU or timestamps.
     fn gpu_time(&self) -> Option<Duration> {
         None
     }
 
-    /// What is worth saying about the last call beside its time; empty if nothing is.
+    /// A note on the last call; empty if there is none.
     fn note(&self) -> String {
         String::new()
     }
 }
 
-/// Makes a search.
-pub type Make = Box<dyn Fn() -> Result<Box<dyn Search>, Box<dyn Error>>>;
+/// Creates a search.
+pub type Make = Box<dyn Fn() -> Result<Box<dyn PairFinder>, Box<dyn Error>>>;
 
-/// A kind of search.
-pub struct Contender {
-    /// Its name in tables.
+/// A named kind of search.
+pub struct ContenderFactory {
+    /// The name in tables.
     pub name: String,
-    /// Makes one that has seen no spheres yet.
+    /// Creates a search without earlier steps.
     pub make: Make,
 }
 
-impl Contender {
-    /// A contender from its name and what makes it.
-    pub fn new<S: Search + 'static>(
+impl ContenderFactory {
+    /// Creates a contender from its name and its constructor.
+    pub fn new<S: PairFinder + 'static>(
         name: impl Into<String>,
         make: impl Fn() -> Result<S, Box<dyn Error>> + 'static,
     ) -> Self {
@@ -92,7 +92,7 @@ impl Contender {
         Self::new(name, move || Ok(Count(Detector::new(config.clone())?)))
     }
 
-    /// A lazygrid detector that hands pairs over in chunks, which are dropped.
+    /// A lazygrid detector that streams pairs in chunks, which are dropped.
     pub fn stream(name: impl Into<String>, config: Config) -> Self {
         Self::new(name, move || Ok(Stream(Detector::new(config.clone())?)))
     }
@@ -100,7 +100,7 @@ impl Contender {
 
 struct List(Detector);
 
-impl Search for List {
+impl PairFinder for List {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         Ok(Found::Pairs(self.0.pairs(spheres)?))
     }
@@ -123,7 +123,7 @@ impl Search for List {
 
 struct Count(Detector);
 
-impl Search for Count {
+impl PairFinder for Count {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         Ok(Found::Count(self.0.count(spheres)?))
     }
@@ -135,9 +135,9 @@ impl Search for Count {
 
 struct Stream(Detector);
 
-impl Search for Stream {
+impl PairFinder for Stream {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
-        /// Pairs in a chunk at most, 8 MiB.
+        /// Maximum number of pairs in a chunk (8 MiB).
         const CHUNK: usize = 1 << 20;
         let mut pairs = 0;
         self.0.stream(spheres, CHUNK, |chunk| {
@@ -152,26 +152,26 @@ impl Search for Stream {
     }
 }
 
-/// The spheres of a comparison and how often they move.
+/// The spheres and steps of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
-    /// Which scene.
+    /// The scene.
     pub scene: Scene,
-    /// How many spheres.
+    /// The number of spheres.
     pub n: usize,
-    /// Seed of the scene and of all steps.
+    /// The seed of the scene and of all steps.
     pub seed: u64,
-    /// Rounds that count; one more comes first to warm up.
+    /// The number of rounds that count, after one to warm up.
     pub rounds: usize,
-    /// Steps of each contender in each round, at least one.
+    /// The number of steps of each contender in each round, at least one.
     pub steps: usize,
-    /// The part of its radius by which each sphere moves in a step.
+    /// The displacement of each sphere per step, in radii.
     pub moves: f32,
-    /// Whether each step is given a new search, which knows nothing of earlier steps.
+    /// Whether each step creates a new search, without state of earlier steps.
     pub fresh: bool,
 }
 
-/// The time of one contender.
+/// The times of one contender.
 #[derive(Clone, Debug)]
 pub struct Timing {
     /// The contender's name.
@@ -180,34 +180,34 @@ pub struct Timing {
     pub nanos: Vec<f64>,
     /// The contender's own note on its last step.
     pub note: String,
-    /// Pairs at the last step.
+    /// The number of pairs at the last step.
     pub pairs: u64,
 }
 
 impl Timing {
-    /// Median of the rounds, in nanoseconds per sphere and step.
+    /// The median of the rounds, in nanoseconds per sphere and step.
     pub fn median(&self) -> f64 {
         Spread::of(&self.nanos).median
     }
 
-    /// How many times as long as `other` this one takes, round by round.
+    /// The ratio of this time to that of `other`, round by round.
     pub fn over(&self, other: &Self) -> Spread {
         let ratios: Vec<f64> = self.nanos.iter().zip(&other.nanos).map(|(a, b)| a / b).collect();
         Spread::of(&ratios)
     }
 }
 
-/// Number of pairs and a sum over them that does not depend on their order.
+/// The number of pairs, and a checksum that does not depend on their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest {
-    /// How many pairs there are.
+    /// The number of pairs.
     pub pairs: u64,
-    /// The sum; none where pairs were only counted.
+    /// The checksum; `None` if pairs were only counted.
     pub sum: Option<u64>,
 }
 
 impl Digest {
-    /// The digest of what a search found.
+    /// The digest of a result.
     pub fn of(found: &Found<'_>) -> Self {
         match found {
             Found::Count(pairs) => Self { pairs: *pairs, sum: None },
@@ -218,13 +218,13 @@ impl Digest {
         }
     }
 
-    /// Whether both are of the same set, as far as both know it.
+    /// Returns `true` if both may be of the same set: equal counts, and equal checksums if both have one.
     pub fn agrees(&self, other: &Self) -> bool {
         self.pairs == other.pairs && (self.sum.is_none() || other.sum.is_none() || self.sum == other.sum)
     }
 }
 
-/// The finaliser of SplitMix64, so that sums of different pair sets do not coincide by arithmetic.
+/// The finalizer of SplitMix64, which avoids equal sums of different sets of pairs.
 fn scramble(i: u32, j: u32) -> u64 {
     let mut x = (u64::from(i) << 32 | u64::from(j)).wrapping_add(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -232,51 +232,51 @@ fn scramble(i: u32, j: u32) -> u64 {
     x ^ (x >> 31)
 }
 
-/// Runs all contenders through the same motion, round by round, and returns their times in the same order.
-/// Every answer of every step is compared, by number and checksum, with that of the first contender to list
-/// pairs; neither that nor the motion is timed. Nobody skips a step, however slow: a search that is kept from step to
-/// step would find its spheres further away than they move.
+/// Runs all contenders through the same motion, round by round, and returns their times in the same order. The answers
+/// of all steps are compared, by number and checksum, with those of the first contender that lists pairs. Neither the
+/// comparison nor the motion is timed. No contender skips a step, however slow it is: a search that is kept between
+/// steps would otherwise see larger displacements.
 ///
 /// # Errors
-/// Where a search fails or two answers differ.
-pub fn compare(plan: &Plan, contenders: &[Contender]) -> Result<Vec<Timing>, Box<dyn Error>> {
-    let mut lanes = contenders.iter().map(Lane::new).collect::<Result<Vec<_>, _>>()?;
-    let mut motion = Motion::new(plan);
-    // Where every contender finds the spheres at every step, as it would in a simulation.
+/// Fails if a search fails or two answers differ.
+pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
+    let mut runs = contenders.iter().map(ContenderRun::new).collect::<Result<Vec<_>, _>>()?;
+    let mut motion = MovingScene::new(plan);
+    // All contenders read the spheres from the same memory, as in a simulation.
     let mut now = motion.frames[0].clone();
     for round in 0..=plan.rounds {
         let frames = motion.next_round();
         let mut expected = vec![None; frames.len()];
-        for k in turns(lanes.len(), plan.seed.wrapping_add(round as u64)) {
-            lanes[k].play(plan, frames, &mut expected, &mut now)?;
+        for k in turns(runs.len(), plan.seed.wrapping_add(round as u64)) {
+            runs[k].play(plan, frames, &mut expected, &mut now)?;
         }
     }
-    Ok(lanes.into_iter().map(Lane::timing).collect())
+    Ok(runs.into_iter().map(ContenderRun::timing).collect())
 }
 
-/// Who runs when: the numbers below `lanes` in an order drawn from `seed`. A new order for each round leaves nobody
-/// always behind the same predecessor, which a rotation would: only who begins would change.
-pub fn turns(lanes: usize, seed: u64) -> Vec<usize> {
-    let mut turns: Vec<usize> = (0..lanes).collect();
+/// A random permutation of the numbers below `count`. A new order for each round changes each contender's predecessor,
+/// which a rotation would not.
+pub fn turns(count: usize, seed: u64) -> Vec<usize> {
+    let mut turns: Vec<usize> = (0..count).collect();
     turns.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
     turns
 }
 
-/// The spheres, step after step.
-struct Motion {
+/// The spheres at consecutive steps.
+struct MovingScene {
     seed: u64,
     moves: f32,
     step: u32,
     frames: Vec<Vec<Sphere>>,
 }
 
-impl Motion {
+impl MovingScene {
     fn new(plan: &Plan) -> Self {
         let start = plan.scene.spheres(plan.n, plan.seed);
         Self { seed: plan.seed, moves: plan.moves, step: 0, frames: vec![start; plan.steps.max(1)] }
     }
 
-    /// The frames of the next round; the last one is where the round after it starts.
+    /// The frames of the next round. The last one is the start of the round after it.
     fn next_round(&mut self) -> &[Vec<Sphere>] {
         let mut last = self.frames[self.frames.len() - 1].clone();
         for frame in &mut self.frames {
@@ -288,15 +288,15 @@ impl Motion {
     }
 }
 
-/// One contender on its way through the rounds.
-struct Lane<'a> {
-    contender: &'a Contender,
-    search: Box<dyn Search>,
+/// One contender and its state.
+struct ContenderRun<'a> {
+    contender: &'a ContenderFactory,
+    search: Box<dyn PairFinder>,
     timing: Timing,
 }
 
-impl<'a> Lane<'a> {
-    fn new(contender: &'a Contender) -> Result<Self, Box<dyn Error>> {
+impl<'a> ContenderRun<'a> {
+    fn new(contender: &'a ContenderFactory) -> Result<Self, Box<dyn Error>> {
         let timing = Timing { name: contender.name.clone(), nanos: vec![], note: String::new(), pairs: 0 };
         Ok(Self { contender, search: (contender.make)()?, timing })
     }
@@ -338,7 +338,7 @@ impl<'a> Lane<'a> {
     }
 
     fn timing(self) -> Timing {
-        // The first round warmed up.
+        // The first round was the warm-up.
         let nanos = self.timing.nanos[1..].to_vec();
         Timing { nanos, note: self.search.note(), ..self.timing }
     }
@@ -350,21 +350,21 @@ mod tests {
 
     struct Fixed(Vec<Pair>);
 
-    impl Search for Fixed {
+    impl PairFinder for Fixed {
         fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
             Ok(Found::Pairs(&self.0))
         }
     }
 
-    fn fixed(pairs: &'static [[u32; 2]]) -> Contender {
-        Contender::new("fixed", || Ok(Fixed(pairs.iter().map(|&[i, j]| Pair::new(i, j)).collect())))
+    fn fixed(pairs: &'static [[u32; 2]]) -> ContenderFactory {
+        ContenderFactory::new("fixed", || Ok(Fixed(pairs.iter().map(|&[i, j]| Pair::new(i, j)).collect())))
     }
 
     const PLAN: Plan =
         Plan { scene: Scene::Equal, n: 10, seed: 1, rounds: 3, steps: 2, moves: Scene::STEP, fresh: false };
 
     #[test]
-    fn order_does_not_matter_but_the_set_does() {
+    fn answers_are_compared_as_sets() {
         let timings = compare(&PLAN, &[fixed(&[[0, 1], [2, 3]]), fixed(&[[2, 3], [0, 1]])]);
         let timings = timings.expect("the same set");
         assert_eq!((timings[0].nanos.len(), timings[1].pairs), (3, 2));
@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn everybody_has_a_turn_and_predecessors_change() {
+    fn all_contenders_run_and_predecessors_change() {
         let mut before_the_last = std::collections::BTreeSet::new();
         for seed in 0..50 {
             let turns = turns(5, seed);

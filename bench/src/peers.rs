@@ -1,5 +1,6 @@
-//! What lazygrid is compared with: the trees that C++ and Rust programs take, the ways of earlier nanosimulators, and
-//! a plain cell list as the yardstick. Each is a [`Search`](crate::measure::Search) with one exact test.
+//! The peers that lazygrid is compared with: trees used by C++ and Rust programs, the methods of earlier
+//! nanosimulators, and a plain cell list as the baseline. Each is a [`PairFinder`](crate::measure::PairFinder) with the same
+//! exact test.
 
 #[cfg(feature = "bullet")]
 pub mod bullet;
@@ -13,7 +14,7 @@ pub mod verlet;
 
 use lazygrid::Sphere;
 
-/// The exact test of all lazygrid detectors: in `f64`, which is needed only next to tangency.
+/// The exact test of all lazygrid detectors: in `f64` if the spheres are near tangency.
 #[inline]
 fn touch(a: &Sphere, b: &Sphere) -> bool {
     let reach = a.radius + b.radius;
@@ -25,8 +26,8 @@ fn touch(a: &Sphere, b: &Sphere) -> bool {
     a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= reach * reach
 }
 
-/// Half the edge of a box around a sphere: a few ulp more than its radius, as the box's own rounding might lose a
-/// pair in contact.
+/// Half the size of a box around a sphere: a few ulp more than its radius, as rounding of the box might otherwise lose
+/// a tangent pair.
 #[inline]
 fn half_extent(sphere: &Sphere) -> f32 {
     sphere.radius + (sphere.center.abs().max_element() + sphere.radius) * f32::EPSILON

@@ -1,4 +1,4 @@
-//! The figures at their smallest: every engine gives the right answer, and all files are there. No time is judged.
+//! The figures at the smallest scale: each engine gives the right answer, and all files exist. Times are not checked.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::ffi::OsStr;
@@ -28,7 +28,7 @@ fn path(folder: &Path) -> &str {
 }
 
 #[test]
-fn the_smallest_size_of_everything() {
+fn smallest_figures_are_right() {
     let folder = tempfile::tempdir().unwrap();
     let run = bench(["figures", "--smallest", "--out", path(folder.path())]).succeeds();
     assert!(run.out.contains("0 with a wrong answer"), "{}", run.out);
@@ -58,7 +58,7 @@ fn the_smallest_size_of_everything() {
     for row in rows.iter().filter(measured) {
         assert!(!row["wall"].as_array().unwrap().is_empty(), "{row}");
     }
-    // All engines at one point and moment found as many pairs.
+    // All engines at one point and moment must find the same number of pairs.
     for (a, b) in rows.iter().filter(measured).zip(rows.iter().filter(measured).skip(1)) {
         let same = ["figure", "scene", "n"].iter().all(|key| a[key] == b[key]);
         if same && (a["at"] == b["at"] || a["figure"] == "tau") {
@@ -76,7 +76,7 @@ fn the_smallest_size_of_everything() {
     );
     let text = read(folder.path(), "RESULTS.md");
     assert!(text.contains("| engine |"));
-    // The command that was really run, to its last word.
+    // The complete command that was run.
     assert!(text.contains(&format!("figures --smallest --out {}\n```", path(folder.path()))), "{text}");
     assert!(!page.contains('`'), "Markdown in HTML");
     for plot in [
@@ -91,14 +91,14 @@ fn the_smallest_size_of_everything() {
 }
 
 #[test]
-fn a_run_goes_on_where_it_was() {
+fn interrupted_run_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let run = |only: &str| {
         bench(["figures", "--smallest", "--only", only, "--out", path(folder.path())]).succeeds();
         results(folder.path())["rows"].as_array().unwrap().clone()
     };
     let first = run("point,tau");
-    // Times of a second measurement would not be the same to the last digit.
+    // Times of a repeated measurement would differ in the last digits.
     let again = run("tau");
     assert!(!again.is_empty());
     assert!(again.iter().all(|row| first.contains(row)), "measured again");
@@ -109,7 +109,7 @@ fn a_run_goes_on_where_it_was() {
 }
 
 #[test]
-fn what_became_slower_is_said() {
+fn compare_reports_slower_measurements() {
     let folder = tempfile::tempdir().unwrap();
     let [old, new] = ["old", "new"].map(|name| folder.path().join(name));
     bench(["figures", "--smallest", "--only", "tau", "--runs", "5", "--out", path(&old)]).succeeds();
@@ -129,13 +129,13 @@ fn what_became_slower_is_said() {
     assert!(changed.out.contains("1 broken, 1 lost, 1 slower"), "{}", changed.out);
     assert!(changed.out.starts_with("broken   tau"), "{}", changed.out);
     assert!(changed.out.contains("lost     tau equal 200"), "{}", changed.out);
-    // Whoever stops reading does not make it right.
+    // A closed standard output does not change the exit code.
     assert_eq!(BENCH.run_with_closed_output(["compare", path(&old), path(&new)]).code, Some(1));
     assert_eq!(BENCH.run_with_closed_output(["compare", path(&old), path(&old)]).code, Some(0));
 }
 
 #[test]
-fn a_wrong_answer_is_an_error_whoever_reads() {
+fn wrong_answer_is_an_error_with_closed_output() {
     let folder = tempfile::tempdir().unwrap();
     let args = ["figures", "--smallest", "--only", "point", "--out", path(folder.path())];
     bench(args).succeeds();

@@ -1,4 +1,4 @@
-//! A compiler of a real GPU takes every kernel: Mesa's for AMD, whose driver runs without one and then only compiles.
+//! A real GPU compiler accepts all kernels: Mesa's for AMD, whose driver can compile without a GPU.
 
 use std::collections::HashSet;
 use std::fs;
@@ -8,7 +8,7 @@ use std::process::Command;
 use lazygrid_kernels::kernel::KERNELS;
 use serde_json::Value;
 
-/// Where Vulkan's loader finds the driver, if it is installed.
+/// The path of the driver's manifest, if it is installed.
 fn driver() -> Option<PathBuf> {
     let entries = fs::read_dir("/usr/share/vulkan/icd.d").ok()?;
     let mut paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
@@ -19,7 +19,7 @@ fn driver() -> Option<PathBuf> {
 }
 
 #[test]
-fn a_compiler_for_amd_takes_every_kernel() {
+fn amd_compiler_accepts_all_kernels() {
     let Some(driver) = driver() else {
         #[expect(clippy::print_stderr, reason = "a skipped test says why")]
         {
@@ -51,7 +51,7 @@ fn a_compiler_for_amd_takes_every_kernel() {
             named.unwrap_or_else(|| panic!("{name} of {one}"))["value"].as_u64().unwrap()
         };
         assert!(of("VGPRs") > 0 && of("Code size") > 0, "{one}");
-        // What is kept in memory for want of registers, or since it is indexed, is slow on every GPU.
+        // Spilled registers and indexed private arrays are slow on all GPUs.
         assert_eq!([of("Spilled VGPRs"), of("Spilled SGPRs"), of("Scratch size")], [0; 3], "{one}");
     }
 }

@@ -1,34 +1,34 @@
-//! Families of spheres that are hard on grids. Each makes a scene of given words, so that tests can shrink what
-//! fails, and whoever draws words at random gets any number of scenes.
+//! Families of scenes that are hard on grids. Each makes its spheres from [`SceneSeed`], so that tests can shrink a failing
+//! scene and a fuzzer can draw any number of scenes.
 
 use glam::{DVec3, Vec3};
 use lazygrid::{Interaction, Sphere};
 
-use crate::{Choices, Mixture, Words};
+use crate::{SceneSeed, SeedReader, SpeciesSetup};
 
-/// A kind of scene.
+/// A family of scenes.
 #[derive(Clone, Copy, Debug)]
-pub struct Family {
-    /// What it is called.
+pub struct SceneFamily {
+    /// The name for reports.
     pub name: &'static str,
-    /// The spheres of some words.
-    pub spheres: fn(&Words) -> Vec<Sphere>,
+    /// Makes the spheres of the given words.
+    pub spheres: fn(&SceneSeed) -> Vec<Sphere>,
 }
 
-/// All of them.
-pub const FAMILIES: [Family; 12] = [
-    Family { name: "lattices in contact", spheres: lattice },
-    Family { name: "duplicates", spheres: duplicates },
-    Family { name: "a giant among tiny ones", spheres: giant },
-    Family { name: "radii of twenty powers of two", spheres: powers_of_two },
-    Family { name: "lines and planes", spheres: flat },
-    Family { name: "clusters of clusters", spheres: clusters },
-    Family { name: "far from the origin", spheres: far },
-    Family { name: "floats of any size", spheres: any_floats },
-    Family { name: "floats of one size", spheres: one_magnitude },
-    Family { name: "the ends of the range", spheres: extremes },
-    Family { name: "radii whose squares overflow", spheres: huge_radii },
-    Family { name: "soup", spheres: soup },
+/// All families.
+pub const FAMILIES: [SceneFamily; 12] = [
+    SceneFamily { name: "lattices in contact", spheres: lattice },
+    SceneFamily { name: "duplicates", spheres: duplicates },
+    SceneFamily { name: "a giant among tiny ones", spheres: giant },
+    SceneFamily { name: "radii of twenty powers of two", spheres: powers_of_two },
+    SceneFamily { name: "lines and planes", spheres: flat },
+    SceneFamily { name: "clusters of clusters", spheres: clusters },
+    SceneFamily { name: "far from the origin", spheres: far },
+    SceneFamily { name: "floats of any size", spheres: any_floats },
+    SceneFamily { name: "floats of one size", spheres: one_magnitude },
+    SceneFamily { name: "the ends of the range", spheres: extremes },
+    SceneFamily { name: "radii whose squares overflow", spheres: huge_radii },
+    SceneFamily { name: "soup", spheres: soup },
 ];
 
 fn sphere(center: Vec3, radius: f32) -> Sphere {
@@ -39,10 +39,10 @@ fn place(mut coordinate: impl FnMut() -> f32) -> [f32; 3] {
     [coordinate(), coordinate(), coordinate()]
 }
 
-/// Lattices in contact: exactly so for dyadic spacings, and on either side of it by rounding for others. Some
-/// spheres are twice as large or points.
-pub fn lattice(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+/// Lattices in contact: exact contact for dyadic spacings, just above or below it by rounding for others. Some spheres
+/// have twice the radius or are points.
+pub fn lattice(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 0.1, 0.3, 1.0 / 3.0, 1e-3, 1.1e-20, 7.7e15]);
     let shift = choices.of(&[0.0_f32, 0.5, 1.0, -4.0, 1e3, -1e6]);
     words.each(|of| {
@@ -51,21 +51,21 @@ pub fn lattice(words: &Words) -> Vec<Sphere> {
     })
 }
 
-/// Copies of a few spheres, points among them.
-pub fn duplicates(words: &Words) -> Vec<Sphere> {
+/// Copies of a few spheres, including points.
+pub fn duplicates(words: &SceneSeed) -> Vec<Sphere> {
     let originals =
         words.each(|of| Sphere::new(place(|| of.between(-2.0, 2.0)), of.of(&[0.0, 1e-3, 1.0, 2.0])));
-    let few = (1 + words.choices().below(5) as usize).min(originals.len());
+    let few = (1 + words.reader().below(5) as usize).min(originals.len());
     words.each(|of| {
-        // Behind the words of an original.
+        // Skips the words that made the original at the same index.
         let _ = [(); 4].map(|()| of.below(1));
         of.of(&originals[..few])
     })
 }
 
-/// One huge sphere, somewhere in the list, among tiny ones in it, about its surface and beyond.
-pub fn giant(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+/// One huge sphere at a random index, among tiny ones inside it, at its surface and outside.
+pub fn giant(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let tiny = choices.of(&[1e-3_f32, 1.0, 1e10, 1e-30]);
     let radius = choices.of(&[1e6_f32, (1 << 20) as f32]) * tiny;
     let ulp = f64::from(radius) - f64::from(radius.next_down());
@@ -81,18 +81,18 @@ pub fn giant(words: &Words) -> Vec<Sphere> {
     spheres
 }
 
-/// Radii over twenty powers of two, centres on multiples of a power of two, so that many touch exactly.
-pub fn powers_of_two(words: &Words) -> Vec<Sphere> {
-    let unit = words.choices().of(&[1.0_f32, 0.25, 8.0]);
+/// Radii over twenty powers of two. Centers lie on multiples of a power of two, so that many spheres touch exactly.
+pub fn powers_of_two(words: &SceneSeed) -> Vec<Sphere> {
+    let unit = words.reader().of(&[1.0_f32, 0.25, 8.0]);
     words.each(|of| {
         let center = place(|| of.within(32) as f32 * unit);
         Sphere::new(center, (of.within(10) as f32).exp2())
     })
 }
 
-/// Centres on a line or in a plane, along axes or across them.
-pub fn flat(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+/// Centers on a line or in a plane, parallel or diagonal to the axes.
+pub fn flat(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let axes = choices.of(&[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]]);
     let diagonal = choices.below(2) == 1;
     let origin = Vec3::from(place(|| choices.between(-5.0, 5.0)));
@@ -103,9 +103,9 @@ pub fn flat(words: &Words) -> Vec<Sphere> {
     })
 }
 
-/// Clusters of clusters of clusters, with sizes of all three scales.
-pub fn clusters(words: &Words) -> Vec<Sphere> {
-    let scale = words.choices().of(&[1e-2_f32, 1e-4, 1.0 / 1024.0]);
+/// Clusters of clusters of clusters, with radii on all three scales.
+pub fn clusters(words: &SceneSeed) -> Vec<Sphere> {
+    let scale = words.reader().of(&[1e-2_f32, 1e-4, 1.0 / 1024.0]);
     words.each(|of| {
         let digits = [(); 3].map(|()| Vec3::from(place(|| of.within(1) as f32)));
         let center = digits.iter().rev().fold(Vec3::ZERO, |at, digit| at * scale + *digit);
@@ -114,9 +114,9 @@ pub fn clusters(words: &Words) -> Vec<Sphere> {
     })
 }
 
-/// Far from the origin, where neighbouring coordinates are units in the last place apart.
-pub fn far(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+/// Coordinates far from the origin, where adjacent `f32` values are as far apart as the radii are large.
+pub fn far(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let exponent = 3 + choices.below(37) as i32;
     let base = if exponent > 38 { f32::MAX } else { 10_f32.powi(exponent) };
     let both_sides = choices.below(2) == 1;
@@ -134,41 +134,41 @@ pub fn far(words: &Words) -> Vec<Sphere> {
     })
 }
 
-/// A finite number of any magnitude.
-fn any_magnitude(of: &mut Choices<'_>) -> f32 {
+/// Draws a finite number of any magnitude.
+fn any_magnitude(of: &mut SeedReader<'_>) -> f32 {
     let x = of.float_below(f32::INFINITY.to_bits());
     of.signed(x)
 }
 
-/// Every value log-uniform over all of `f32`.
-pub fn any_floats(words: &Words) -> Vec<Sphere> {
+/// Coordinates and radii log-uniform over all of `f32`.
+pub fn any_floats(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| Sphere::new(place(|| any_magnitude(of)), any_magnitude(of).abs()))
 }
 
-/// Values log-uniform over a few powers of two somewhere in the range of `f32`, subnormals included, so that
-/// spheres of any magnitude do meet.
-pub fn one_magnitude(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+/// Values log-uniform over four binades at a random place in the range of `f32`, subnormals included, so that spheres
+/// of any magnitude do meet.
+pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let lowest = if choices.below(4) == 0 { 0 } else { choices.below(251) };
-    let value = |of: &mut Choices<'_>| {
+    let value = |of: &mut SeedReader<'_>| {
         let x = f32::from_bits(of.below(4 << 23) + (lowest << 23));
         of.signed(x)
     };
     words.each(|of| Sphere::new(place(|| value(of)), value(of).abs()))
 }
 
-/// Lengths at which arithmetic in `f32` changes: the smallest numbers, those that many devices take for zero and their
-/// neighbours, those whose squares underflow, and as far up.
-pub(crate) fn extreme_unit(of: &mut Choices<'_>) -> f32 {
+/// Draws a length near which `f32` arithmetic changes: the smallest numbers, the smallest normal one and its neighbors,
+/// numbers whose squares underflow, and numbers whose squares overflow.
+pub(crate) fn extreme_unit(of: &mut SeedReader<'_>) -> f32 {
     let exponents =
         [-76, -149, -147, -130, -127, -126, -125, -120, -101, -64, -41, -39, 59, 64, 100, 119, 121];
     f64::from(of.of(&exponents)).exp2() as f32
 }
 
-/// Spheres a few such units wide and apart, many of them in contact; some of another unit, some about a place that is
-/// far away on one axis.
-pub fn extremes(words: &Words) -> Vec<Sphere> {
-    let mut choices = words.choices();
+/// Spheres a few `extreme_unit`s wide and apart, many of them in contact. Some use a second unit; in some
+/// scenes all are far away along one axis.
+pub fn extremes(words: &SceneSeed) -> Vec<Sphere> {
+    let mut choices = words.reader();
     let (unit, other) = (extreme_unit(&mut choices), extreme_unit(&mut choices));
     let away = choices.of(&[[0.0_f32; 3], [0.0, 1.0, 0.0], [1e30, 0.0, 0.0], [0.0, 0.0, -3e38]]);
     words.each(|of| {
@@ -178,23 +178,23 @@ pub fn extremes(words: &Words) -> Vec<Sphere> {
     })
 }
 
-/// Radii whose squares overflow `f32`, anywhere.
-pub fn huge_radii(words: &Words) -> Vec<Sphere> {
+/// Radii whose squares overflow `f32`, at any position.
+pub fn huge_radii(words: &SceneSeed) -> Vec<Sphere> {
     let least = 1e19_f32.to_bits();
     words.each(|of| {
         let radius = f32::from_bits(least + of.below(f32::MAX.to_bits() - least + 1));
         let center = place(|| match of.below(3) {
             0 => of.between(-1e20, 1e20),
             1 => any_magnitude(of),
-            // The span of all numbers is none.
+            // `between` needs a finite span, so that draw half the range and double it.
             _ => 2.0 * of.between(-0.5 * f32::MAX, 0.5 * f32::MAX),
         });
         Sphere::new(center, radius)
     })
 }
 
-/// Nothing special: a box with many overlaps and radii from nothing to large.
-pub fn soup(words: &Words) -> Vec<Sphere> {
+/// A box of overlapping spheres with radii from 0 to a third of the box, without special structure.
+pub fn soup(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| {
         let radius = match of.below(7) {
             0 => 0.0,
@@ -205,13 +205,13 @@ pub fn soup(words: &Words) -> Vec<Sphere> {
     })
 }
 
-/// How many words settle an interaction table.
+/// The number of words from which [`mixture`] makes an interaction table.
 pub const TABLE_WORDS: usize = 41;
 
-/// Up to four species, with interactions of every kind: distances that are none, that are somebody's exact distance from
-/// somebody else, and that are large beside all radii. One word of `ids` for each sphere.
-pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> Mixture {
-    let mut choices = Choices::new(table);
+/// Makes up to four species with all kinds of interactions. Distances may be 0, the exact distance of two spheres, or
+/// large compared with all radii. `ids` has one word for each sphere.
+pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> SpeciesSetup {
+    let mut choices = SeedReader::new(table);
     let count = 1 + choices.below(4);
     let mut interaction = || {
         let (kind, factor) = (choices.below(6), choices.of(&[1.0_f32, 0.5, 2.0]));
@@ -228,6 +228,6 @@ pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> M
         }
     };
     let rows = (1..=count).map(|len| (0..len).map(|_| interaction()).collect()).collect();
-    let species = ids.iter().map(|&word| Choices::new(&[word]).below(count)).collect();
-    Mixture { species, rows }
+    let species = ids.iter().map(|&word| SeedReader::new(&[word]).below(count)).collect();
+    SpeciesSetup { species, rows }
 }

@@ -1,5 +1,5 @@
-//! What radix sort and prefix scan take beside a copy, by the device's own clock where it has one. Every answer is
-//! checked.
+//! Times of the radix sort and the prefix scan compared with a plain copy, taken with GPU timestamps if the device has
+//! them. Each result is checked.
 
 use std::time::Instant;
 
@@ -9,51 +9,51 @@ use lazygrid_kernels::kernel::{DIGIT_BITS, WIDE_TILE};
 use lazygrid_kernels::layout::Lengths;
 
 use crate::Random;
-use crate::device::{download, room, submit, upload, wait};
-use crate::kernels::{Fault, same};
+use crate::device::{download, storage_buffer, submit, upload, wait};
+use crate::kernels::{KernelError, same};
 
-/// Times of some rounds, and the bytes that each was spent on.
+/// Times of several rounds, and the bytes that each round moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
-    /// Seconds of each round.
+    /// Time of each round in seconds.
     pub times: Vec<f64>,
     /// Bytes that a round reads and writes.
     pub bytes: u64,
 }
 
 impl Measured {
-    /// The median of the times in seconds; 0 where there are none.
+    /// The median time in seconds; 0 without times.
     pub fn median(&self) -> f64 {
         median(&self.times)
     }
 
-    /// Bytes per second.
+    /// The bandwidth in bytes per second.
     pub fn bandwidth(&self) -> f64 {
         self.bytes as f64 / self.median().max(1e-9)
     }
 }
 
-/// The median; 0 of nothing.
+/// The median; 0 for an empty slice.
 pub(crate) fn median(times: &[f64]) -> f64 {
     let mut sorted = times.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Takes the times.
+/// Times commands on the GPU.
 #[derive(Debug)]
-pub struct Stopwatch {
+pub struct GpuTimer {
     own: GpuDevice,
     rounds: usize,
-    /// Two timestamps and where they are resolved to, where the device has them.
+    /// Two timestamp queries and the buffer that they are resolved to, if the device supports timestamps.
     ticks: Option<(wgpu::QuerySet, wgpu::Buffer)>,
 }
 
-impl Stopwatch {
-    /// Of so many rounds; one more comes first to warm up.
+impl GpuTimer {
+    /// Creates a timer of `rounds` rounds, after one more round to warm up.
     ///
     /// # Errors
-    /// Where the device refuses a small buffer.
+    /// Fails if the device refuses a small buffer.
     pub fn new(own: GpuDevice, rounds: usize) -> Result<Self, Error> {
         let ticks = own.adapter.has_timestamps.then(|| {
             let descriptor =
@@ -71,29 +71,29 @@ impl Stopwatch {
         Ok(Self { rounds, ticks: ticks.transpose()?, own })
     }
 
-    /// Whether times are those of the device's own clock; else they are wall time, submission included.
-    pub fn is_of_the_device(&self) -> bool {
+    /// Returns `true` if times are GPU timestamps, `false` if they are wall time, which includes the submission.
+    pub fn has_gpu_timestamps(&self) -> bool {
         self.ticks.is_some()
     }
 
-    /// A copy of what a sort of so many keys reads and writes once: keys and payload.
+    /// Times a copy of the `n` keys and payloads that one pass of a sort reads and writes.
     ///
     /// # Errors
-    /// Where the device fails.
-    pub fn copy(&self, n: u32) -> Result<Measured, Fault> {
+    /// Fails if the device fails.
+    pub fn copy(&self, n: u32) -> Result<Measured, KernelError> {
         let size = u64::from(n.max(2)) * 8;
-        let (from, to) = (room(&self.own, size)?, room(&self.own, size)?);
+        let (from, to) = (storage_buffer(&self.own, size)?, storage_buffer(&self.own, size)?);
         let times = self.times(|_| (), |encoder| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, size))?;
         Ok(Measured { times, bytes: 2 * size })
     }
 
-    /// A scan, which reads every value twice and writes it once.
+    /// Times a prefix scan, which reads each value twice and writes it once.
     ///
     /// # Errors
-    /// Where the device fails, or the sums are wrong.
-    pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, Fault> {
+    /// Fails if the device fails or the sums are wrong.
+    pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let values = random(n);
-        let (fresh, work) = (upload(&self.own, &values)?, room(&self.own, u64::from(n) * 4)?);
+        let (fresh, work) = (upload(&self.own, &values)?, storage_buffer(&self.own, u64::from(n) * 4)?);
         let scan = PrefixScan::new(&self.own.device, subgroups).bind(&work, n)?;
         let renew = |encoder: &mut wgpu::CommandEncoder| copy_all(encoder, &fresh, &work);
         let times = self.times(renew, |encoder| scan.encode(encoder))?;
@@ -108,15 +108,16 @@ impl Stopwatch {
         Ok(Measured { times, bytes: 12 * u64::from(n) })
     }
 
-    /// A sort, each pass of which counts the keys, scans the counters, and moves keys and payload.
+    /// Times a radix sort. Each pass counts the keys, scans the counters, and moves keys and payload.
     ///
     /// # Errors
-    /// Where the device fails, or the order is wrong.
-    pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, Fault> {
+    /// Fails if the device fails or the order is wrong.
+    pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
         let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];
         let bytes = u64::from(n) * 4;
-        let work = Keyed { keys: room(&self.own, bytes)?, payload: room(&self.own, bytes)? };
+        let work =
+            Keyed { keys: storage_buffer(&self.own, bytes)?, payload: storage_buffer(&self.own, bytes)? };
         let sort = RadixSort::new(&self.own.device, subgroups).bind(&work, n, bits)?;
         let renew = |encoder: &mut wgpu::CommandEncoder| {
             copy_all(encoder, &fresh[0], &work.keys);
@@ -128,12 +129,13 @@ impl Stopwatch {
         expected.sort_by_key(|&at| keys[at as usize] & mask);
         let found = download(&self.own, &sort.sorted().payload, n as usize)?;
         same(|| format!("a sort of {n} by {bits} bits"), &found, &expected)?;
-        // Keys counted, moved with their payload, and a counter per digit and tile written, scanned and read.
+        // The keys are counted, then moved with their payload; a counter per digit and tile is written, scanned and
+        // read.
         let a_pass = 20 * u64::from(n) + 16 * u64::from(Lengths::for_sort(n, WIDE_TILE).counters);
         Ok(Measured { times, bytes: u64::from(bits.div_ceil(DIGIT_BITS)) * a_pass })
     }
 
-    /// Seconds of each round: `prepare` is recorded before what is timed.
+    /// Returns the seconds of each round. `prepare` is recorded before the timed commands.
     fn times(
         &self,
         prepare: impl Fn(&mut wgpu::CommandEncoder),
@@ -172,7 +174,7 @@ impl Stopwatch {
     }
 }
 
-/// A pass without work whose beginning waits for all that was recorded before.
+/// Writes a timestamp at the beginning of an empty pass, which waits for all commands recorded before it.
 fn stamp(encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet, at: u32) {
     let writes = wgpu::ComputePassTimestampWrites {
         query_set: queries,

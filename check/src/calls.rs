@@ -1,4 +1,4 @@
-//! The kernels that every call has, one by one, against plain sequential functions.
+//! Checks of the kernels that most calls share, each against a plain sequential function.
 
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome};
@@ -8,14 +8,15 @@ use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::{Bounds, Call, Grid, Lengths};
 
 use crate::device::{download, download_one, run, upload, upload_one};
-use crate::kernels::{Fault, SIZES, ordered, same, variants};
-use crate::{Random, Scenario, Words, adversary, periodic};
+use crate::kernels::{KernelError, SIZES, ordered, same, variants};
+use crate::{Random, SceneSeed, TestInput, adversary, periodic};
 
-/// What a call accumulates is cleared, and has as many spheres as were given, or as there is room for.
+/// Checks that all accumulated values are cleared, and that the number of spheres is the given one, limited to the
+/// capacity.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
         let call = upload(own, &[Call { spheres: most, ..Call::zeroed() }])?;
         let source = upload(own, &[given])?;
@@ -37,7 +38,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
         same(|| case("spheres"), &download_one::<Grid>(own, &grid)?.spheres, &given.min(most))?;
         let found = download::<Outcome>(own, &outcome, 1)?[0];
         let overflow = if given > most { Outcome::SPHERES } else { 0 };
-        // What the last kernel of a call settles may be anything.
+        // The last kernel of a call sets these, so they may hold anything here.
         let (x, y, z) = (found.dispatch_x, found.dispatch_y, found.dispatch_z);
         let cleared = Outcome {
             overflow,
@@ -45,7 +46,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
             dispatch_x: x,
             dispatch_y: y,
             dispatch_z: z,
-            // What the call before found is of use to this one.
+            // The occupancy that the previous call found is kept for this one.
             densest: 1,
             ..Outcome::zeroed()
         };
@@ -54,11 +55,11 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Images nearest to the origin are exact, at any distance and of any length.
+/// Checks that wrapped coordinates are exact, at any distance from the origin and for any length of the box.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     let lengths = [
         [Some(1.0_f32), Some(0.1), Some(3.3)],
         [None, Some(f32::MAX), Some(1.0 / 3.0)],
@@ -78,7 +79,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), Fault> {
         let found = download::<[f32; 4]>(own, &wrapped, spheres.len())?;
         for (sphere, found) in spheres.iter().zip(found) {
             let center = space.wrap(sphere.center).to_array();
-            // Zero has two signs.
+            // Compares numbers, not bits: zero has two signs.
             let same_place = center == [found[0], found[1], found[2]] && found[3] == sphere.radius;
             same(|| format!("{sphere:?} in {lengths:?} at {center:?}: {found:?}"), &same_place, &true)?;
         }
@@ -86,10 +87,10 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Coordinates at halves and whole lengths, next to these, and anywhere.
+/// Makes coordinates at multiples of half a length, next to these, and anywhere.
 fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     let mut random = Random(seed);
-    let words = Words::drawn(&mut random, 500);
+    let words = SceneSeed::drawn(&mut random, 500);
     let mut spheres = adversary::any_floats(&words);
     spheres.extend((0..500).map(|k| {
         let mut place = |length: Option<f32>| {
@@ -102,14 +103,14 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     spheres
 }
 
-/// Bounds hold all valid spheres and little more, and the others are counted.
+/// Checks that the bounds contain all valid spheres with little margin, and that invalid spheres are counted.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
     for size in SIZES {
-        let mut spheres = adversary::soup(&Words::drawn(&mut Random(size as u64), size));
+        let mut spheres = adversary::soup(&SceneSeed::drawn(&mut Random(size as u64), size));
         let bad = size / 100;
         spheres.iter_mut().take(bad).for_each(|sphere| sphere.center.y = f32::NAN);
         let empty = Bounds { low: [u32::MAX; 3], radius_min: u32::MAX, ..Bounds::zeroed() };
@@ -127,10 +128,10 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
         run(own, &k::BOUNDS_REDUCE, Variant::default(), groups, &bound)?;
         let found = download::<Bounds>(own, &bounds, 1)?[0];
         let outcome = download::<Outcome>(own, &outcome, 1)?[0];
-        same(|| format!("bad ones of {size} spheres"), &outcome.quarantined, &(bad as u32))?;
+        same(|| format!("invalid spheres of {size}"), &outcome.quarantined, &(bad as u32))?;
         let valid = &spheres[bad..];
         if valid.is_empty() {
-            same(|| "bounds of nothing".to_owned(), &found, &empty)?;
+            same(|| "bounds without spheres".to_owned(), &found, &empty)?;
             continue;
         }
         let extent = |of: &dyn Fn(&Sphere) -> f32| {
@@ -143,10 +144,10 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
             let (found_low, found_high) = (float(found.low[axis]), float(found.high[axis]));
             let is_held = found.low[axis] <= ordered(low) && found.high[axis] >= ordered(high);
             let is_near = found_low >= low - 1e-4 && found_high <= high + 1e-4;
-            let case = || format!("{low}..{high} held by {found_low}..{found_high}, {size} spheres");
+            let case = || format!("{low}..{high} within {found_low}..{found_high}, {size} spheres");
             same(case, &(is_held && is_near), &true)?;
         }
-        // A radius of zero gets something to be told from nothing.
+        // A radius of 0 is increased slightly, to distinguish it from "no radius".
         let [least, most] = extent(&|sphere| sphere.radius);
         let radii = [found.radius_min, found.radius_max].map(f32::from_bits);
         let near = radii[0] >= least && radii[0] <= least + 1e-30 && radii[1] == most;
@@ -155,37 +156,37 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// As many entries are sorted as there are, or as there is room for.
+/// Checks that the number of sorted entries is the number of entries, limited to the capacity.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), Fault> {
-    let room = 5000;
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn entries_close(own: &GpuDevice) -> Result<(), KernelError> {
+    let capacity = 5000;
     for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
-        let call = upload(own, &[Call { entry_capacity: room, ..Call::zeroed() }])?;
+        let call = upload(own, &[Call { entry_capacity: capacity, ..Call::zeroed() }])?;
         let wanted = Outcome { entries_lo: low, entries_hi: high, ..Outcome::zeroed() };
         let (outcome, lengths) = (upload(own, &[wanted])?, upload(own, &[Lengths::zeroed()])?);
         let bound = [("call", &call), ("outcome", &outcome), ("lengths", &lengths)];
         run(own, &k::ENTRIES_CLOSE, Variant::default(), 1, &bound)?;
-        let items = wanted.entries().min(room.into()) as u32;
-        let overflow = if wanted.entries() > room.into() { Outcome::ENTRIES } else { 0 };
+        let items = wanted.entries().min(capacity.into()) as u32;
+        let overflow = if wanted.entries() > capacity.into() { Outcome::ENTRIES } else { 0 };
         let found = download::<Outcome>(own, &outcome, 1)?[0];
         let lengths = download::<Lengths>(own, &lengths, 1)?[0];
-        let case = || format!("{} entries, room for {room}", wanted.entries());
+        let case = || format!("{} entries, capacity {capacity}", wanted.entries());
         same(case, &(lengths.items, found), &(items, Outcome { overflow, ..wanted }))?;
-        // A counter per digit and tile.
+        // One counter per digit and tile.
         let tiles = lengths.counters / 256;
         same(case, &(lengths.counters % 256 == 0 && (tiles > 0) == (items > 0) && tiles <= items), &true)?;
     }
     Ok(())
 }
 
-/// The crowded search is opened for any crowd: up to the most blocks and tiles that a plan allows, which take the crowd of
-/// one cell with all entries there are.
+/// Checks the dispatch arguments of the search in overfull cells, up to the largest numbers of blocks and tiles that a
+/// plan allows. These are enough if one cell has all entries.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 65_535 * k::CROWDED_TILES;
     let blocks = [1, 5, 4096, 65_535, 65_536, most];
     let tiles = [1, k::CROWDED_TILES + 1, 65_535, 131_071, 196_606, 262_141, 1_000_003, most];
@@ -206,7 +207,9 @@ pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), Fault> {
             let counts = [x, y, z].iter().all(|groups| (1..=65_535).contains(groups));
             let reaches = counts && y * z >= taken && tiles.div_ceil(x) <= k::CROWDED_TILES;
             let case = || {
-                format!("{blocks} blocks of {tiles} tiles, {part_tiles} a part: {taken} taken by {x} {y} {z}")
+                format!(
+                    "{blocks} blocks of {tiles} tiles, {part_tiles} per submission: {taken} dispatched as {x} {y} {z}"
+                )
             };
             same(case, &(fits && reaches), &true)?;
         }
@@ -214,14 +217,15 @@ pub(crate) fn crowded_open(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// All pairs of one point, in a window, with more than there is room for, with and without subgroup operations.
+/// Checks the pairs of spheres at one point: with a window, with too small a capacity, with and without subgroup
+/// operations.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         more_than_a_word_of_pairs(own, variant)?;
-        for (size, window, room) in [
+        for (size, window, capacity) in [
             (0_u32, 0..u32::MAX, 16_u32),
             (1, 0..u32::MAX, 16),
             (2, 0..u32::MAX, 16),
@@ -230,12 +234,12 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
             (1000, 0..u32::MAX, 1000),
         ] {
             let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); size as usize];
-            let scenario = Scenario::from(spheres);
+            let scenario = TestInput::from(spheres);
             let mut expected = scenario.oracle();
             expected.retain(|pair| window.contains(&pair.i));
             let call = Call {
                 spheres: size,
-                pair_capacity: room,
+                pair_capacity: capacity,
                 search_groups: 64,
                 window_begin: window.start,
                 window_end: window.end,
@@ -244,7 +248,7 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
             let grid = upload_one(own, &Grid { spheres: size, ordinary: 1, ..Grid::zeroed() })?;
             let (call, input) = (upload(own, &[call])?, upload(own, &scenario.spheres)?);
             let outcome = upload(own, &[Outcome::zeroed()])?;
-            let pairs = upload(own, &vec![[u32::MAX; 2]; room as usize + 1])?;
+            let pairs = upload(own, &vec![[u32::MAX; 2]; capacity as usize + 1])?;
             let bound = [
                 ("call", &call),
                 ("grid", &grid),
@@ -256,24 +260,25 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), Fault> {
             let found = download::<Outcome>(own, &outcome, 1)?[0].found();
             let case = |what: &str| format!("{what}, {size} at one point, {variant:?}");
             same(|| case("found"), &found, &(expected.len() as u64))?;
-            let mut listed = download::<[u32; 2]>(own, &pairs, room as usize + 1)?;
-            same(|| case("behind the end"), &listed[room as usize], &[u32::MAX; 2])?;
+            let mut listed = download::<[u32; 2]>(own, &pairs, capacity as usize + 1)?;
+            same(|| case("after the end"), &listed[capacity as usize], &[u32::MAX; 2])?;
             listed.retain(|pair| *pair != [u32::MAX; 2]);
             listed.sort_unstable();
             let wanted: Vec<[u32; 2]> = expected.iter().map(|pair| [pair.i, pair.j]).collect();
-            if wanted.len() <= room as usize {
+            if wanted.len() <= capacity as usize {
                 same(|| case("pairs"), &listed, &wanted)?;
             } else {
-                let distinct = listed.windows(2).all(|two| two[0] < two[1]) && listed.len() == room as usize;
-                same(|| case("as many as there is room for"), &distinct, &true)?;
+                let distinct =
+                    listed.windows(2).all(|two| two[0] < two[1]) && listed.len() == capacity as usize;
+                same(|| case("as many as the capacity"), &distinct, &true)?;
             }
         }
     }
     Ok(())
 }
 
-/// The number of pairs goes on beyond 32 bits.
-fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Fault> {
+/// Checks that the count of pairs continues beyond 32 bits.
+fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
     let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); 600];
     let call =
         Call { spheres: 600, pair_capacity: 16, search_groups: 64, window_end: u32::MAX, ..Call::zeroed() };
@@ -288,24 +293,31 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Fa
     same(|| format!("found beyond 32 bits, {variant:?}"), &found, &(before.found() + 600 * 599 / 2))
 }
 
-/// A thread for each pair that was written, and a flag where not all were.
+/// Checks that the dispatch arguments give each written pair a thread, and that an overflow is reported.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), Fault> {
-    let room = 40_000_000_u32;
-    for (low, high) in
-        [(0_u32, 0_u32), (1, 0), (256, 0), (257, 0), (16_776_961, 0), (room, 0), (room + 1, 0), (3, 2)]
-    {
-        let call = upload(own, &[Call { pair_capacity: room, consumer_group: 256, ..Call::zeroed() }])?;
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
+    let capacity = 40_000_000_u32;
+    for (low, high) in [
+        (0_u32, 0_u32),
+        (1, 0),
+        (256, 0),
+        (257, 0),
+        (16_776_961, 0),
+        (capacity, 0),
+        (capacity + 1, 0),
+        (3, 2),
+    ] {
+        let call = upload(own, &[Call { pair_capacity: capacity, consumer_group: 256, ..Call::zeroed() }])?;
         let given = Outcome { found_lo: low, found_hi: high, ..Outcome::zeroed() };
         let outcome = upload(own, &[given])?;
         run(own, &k::OUTCOME_FINISH, Variant::default(), 1, &[("call", &call), ("outcome", &outcome)])?;
         let found = download::<Outcome>(own, &outcome, 1)?[0];
-        let overflow = if given.found() > room.into() { Outcome::PAIRS } else { 0 };
-        let case = || format!("{} pairs, room for {room}: {found:?}", given.found());
+        let overflow = if given.found() > capacity.into() { Outcome::PAIRS } else { 0 };
+        let case = || format!("{} pairs, capacity {capacity}: {found:?}", given.found());
         same(case, &found.overflow, &overflow)?;
-        let written = given.found().min(room.into());
+        let written = given.found().min(capacity.into());
         let groups = u64::from(found.dispatch_x) * u64::from(found.dispatch_y) * u64::from(found.dispatch_z);
         let enough = groups >= written.div_ceil(256) && groups < written.div_ceil(256) + 65_536;
         same(case, &(enough && found.dispatch_x <= 65_535 && found.dispatch_y >= 1), &true)?;

@@ -1,5 +1,4 @@
-//! The cells of a cell list as the device chooses them, and which of them a sphere is at home in, as plain sequential
-//! functions.
+//! Sequential versions of the device's cell assignment: the cells of a cell list and the cell of each sphere.
 
 use bytemuck::Zeroable;
 use glam::Vec3;
@@ -9,22 +8,22 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Lengths, List, Survey};
 
 use crate::device::{download, download_one, run, upload, upload_one};
-use crate::kernels::{Fault, same};
+use crate::kernels::{KernelError, same};
 use crate::list::surveyed;
-use crate::{Random, Scenario, periodic};
+use crate::{Random, TestInput, periodic};
 
-/// Cells that the table has room for.
-pub(crate) const ROOM: u32 = 4096;
-/// The level of classes that are listed.
+/// Capacity of the cell table in tests.
+pub(crate) const CELL_CAPACITY: u32 = 4096;
+/// The level number of size classes that have no cells: their spheres are kept in a list.
 pub(crate) const LISTED: usize = 255;
-/// Spheres that leave crowded cells of the first level leave those with more than this.
+/// The largest occupancy of a coarse cell before smaller spheres move to a finer level.
 pub(crate) const TAU: u32 = 8;
 
-/// A call of the cell list, and what the device chose for it.
+/// The parameters of a cell-list search, and the cell list that the device configured for it.
 #[derive(Clone)]
-pub(crate) struct Chosen {
+pub(crate) struct ConfiguredCellList {
     pub(crate) call: Call,
-    pub(crate) scenario: Scenario,
+    pub(crate) scenario: TestInput,
     pub(crate) list: List,
     pub(crate) variant: Variant,
     pub(crate) lengths: Lengths,
@@ -32,26 +31,26 @@ pub(crate) struct Chosen {
     pub(crate) survey: Survey,
 }
 
-/// What a call is like.
+/// A test case of the cell list.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Case {
+pub(crate) struct CellListCase {
     pub(crate) spheres: u32,
     pub(crate) lengths: [Option<f32>; 3],
-    /// Whether smaller spheres leave crowded cells, which the call before found.
+    /// Whether smaller spheres leave overfull cells, as found by the previous call.
     pub(crate) is_dense: bool,
 }
 
-/// Few spheres and many, in unbounded and periodic spaces, with and without leaving crowded cells.
-pub(crate) fn cases() -> impl Iterator<Item = Case> {
+/// Few and many spheres, in unbounded and periodic space, with and without overfull cells.
+pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     let spaces = [[None; 3], [Some(20.0), None, Some(24.5)], [Some(0.75); 3]];
     let sizes = [0, 1, 257, 5000];
     sizes.into_iter().flat_map(move |spheres| {
-        let case = move |lengths, is_dense| Case { spheres, lengths, is_dense };
+        let case = move |lengths, is_dense| CellListCase { spheres, lengths, is_dense };
         spaces.into_iter().flat_map(move |lengths| [false, true].map(|is_dense| case(lengths, is_dense)))
     })
 }
 
-/// Spheres of three sizes, a third of them crowded, few far larger ones, and some that are not valid.
+/// Spheres of three sizes, a third of them crowded in one place, a few much larger ones, and some invalid ones.
 fn scene(count: u32) -> Vec<Sphere> {
     let mut random = Random(u64::from(count));
     let mut coordinate = |edge: f32| (random.unit() - 0.5) * edge;
@@ -64,40 +63,44 @@ fn scene(count: u32) -> Vec<Sphere> {
     (0..count).map(sphere).collect()
 }
 
-impl Case {
-    /// Has the device choose cells.
+impl CellListCase {
+    /// Configures the cell list on the device for the case's own scene.
     ///
     /// # Errors
-    /// Where the device fails.
-    pub(crate) fn choose(self, own: &GpuDevice) -> Result<Chosen, Fault> {
+    /// Fails if the device fails.
+    pub(crate) fn choose(self, own: &GpuDevice) -> Result<ConfiguredCellList, KernelError> {
         self.choose_for(own, scene(self.spheres))
     }
 
-    /// The same for given spheres.
+    /// Configures the cell list on the device for these spheres.
     ///
     /// # Errors
-    /// Where the device fails.
-    pub(crate) fn choose_for(self, own: &GpuDevice, spheres: Vec<Sphere>) -> Result<Chosen, Fault> {
+    /// Fails if the device fails.
+    pub(crate) fn choose_for(
+        self,
+        own: &GpuDevice,
+        spheres: Vec<Sphere>,
+    ) -> Result<ConfiguredCellList, KernelError> {
         let tau = if self.is_dense { TAU } else { u32::MAX };
         let before =
             Outcome { densest: TAU + 1, crowded: 7, found_lo: 7, dispatch_z: 1, ..Outcome::zeroed() };
         self.choose_after(own, spheres, (tau, before))
     }
 
-    /// The same for this τ, after this outcome of a call before.
+    /// Configures the cell list on the device for this τ and this outcome of the previous call.
     ///
     /// # Errors
-    /// Where the device fails.
+    /// Fails if the device fails.
     pub(crate) fn choose_after(
         self,
         own: &GpuDevice,
         spheres: Vec<Sphere>,
         (tau, before): (u32, Outcome),
-    ) -> Result<Chosen, Fault> {
+    ) -> Result<ConfiguredCellList, KernelError> {
         let space = periodic::space(self.lengths);
         let call = Call {
             spheres: self.spheres,
-            cells: ROOM,
+            cells: CELL_CAPACITY,
             raster_ratio: 2.0,
             tau,
             density_slots: 512,
@@ -125,9 +128,9 @@ impl Case {
             ("lengths", &lengths),
         ];
         run(own, &k::LIST_CONFIGURE, variant, 1, &bound)?;
-        Ok(Chosen {
+        Ok(ConfiguredCellList {
             call,
-            scenario: Scenario { space, ..spheres.into() },
+            scenario: TestInput { space, ..spheres.into() },
             list: download_one(own, &list)?,
             variant,
             lengths: download::<Lengths>(own, &lengths, 1)?[0],
@@ -137,13 +140,14 @@ impl Case {
     }
 }
 
-/// The level of spheres of this radius.
+/// The level of spheres with this radius.
 pub(crate) fn level_of(list: &List, radius: f32) -> usize {
     let class = (radius.to_bits() >> 23) as usize;
     (list.class_levels[class / 4] >> (class % 4 * 8) & 255) as usize
 }
 
-/// The cell of a place along each axis, not yet brought round the ring; `fused` says how a device rounds.
+/// The cell of a point along each axis, before wrapping around the ring of cells. `fused` selects the rounding of a
+/// fused multiply-add.
 pub(crate) fn numbers(list: &List, space: Space, place: Vec3, (level, fused): (usize, bool)) -> [u32; 3] {
     let own = &list.level[level];
     let quanta = i64::from(list.quanta);
@@ -169,7 +173,7 @@ pub(crate) fn numbers(list: &List, space: Space, place: Vec3, (level, fused): (u
     })
 }
 
-/// The place of a sphere's cell in the table.
+/// The index of a point's cell in the table.
 fn cell(list: &List, space: Space, place: Vec3, (level, fused): (usize, bool)) -> u32 {
     let own = &list.level[level];
     let [x, y, z] = numbers(list, space, place, (level, fused));
@@ -177,19 +181,19 @@ fn cell(list: &List, space: Space, place: Vec3, (level, fused): (usize, bool)) -
     own.base + (z * own.cells.y + y) * own.cells.x + x
 }
 
-impl Chosen {
-    /// Where spheres are for the device.
+impl ConfiguredCellList {
+    /// The wrapped center of a sphere, as the device sees it.
     pub(crate) fn place(&self, sphere: &Sphere) -> Vec3 {
         self.scenario.space.wrap(sphere.center)
     }
 
-    /// The cell of level 0 of each valid sphere that is not listed.
+    /// The level-0 cell of a sphere; `None` if the sphere is invalid or listed.
     fn coarsest(&self, sphere: &Sphere, fused: bool) -> Option<u32> {
         let has_cell = sphere.is_valid() && level_of(&self.list, sphere.radius) != LISTED;
         has_cell.then(|| cell(&self.list, self.scenario.space, self.place(sphere), (0, fused)))
     }
 
-    /// How many spheres each counter of the table has.
+    /// The expected value of each occupancy counter.
     pub(crate) fn density(&self, fused: bool) -> Vec<u32> {
         let mut density = vec![0; self.call.density_slots as usize];
         let slots = density.len();
@@ -198,7 +202,7 @@ impl Chosen {
         density
     }
 
-    /// The cell of a sphere; where it leaves a crowded one, how many spheres that has.
+    /// The cell of a sphere, and the occupancy of the overfull cell that it left (0 if it left none).
     fn home(&self, sphere: &Sphere, density: &[u32], fused: bool) -> (u32, u32) {
         let (list, space) = (&self.list, self.scenario.space);
         let Some(coarsest) = self.coarsest(sphere, fused) else {
@@ -212,19 +216,19 @@ impl Chosen {
         }
     }
 
-    /// The cell of every sphere, and the most spheres of a cell that one leaves.
+    /// The cell of each sphere, and the largest occupancy of a cell that a sphere left.
     pub(crate) fn homes(&self, density: &[u32], fused: bool) -> (Vec<u32>, u32) {
         let homes = self.scenario.spheres.iter().map(|sphere| self.home(sphere, density, fused));
         let (cells, crowds): (Vec<u32>, Vec<u32>) = homes.unzip();
         (cells, crowds.into_iter().max().unwrap_or(0))
     }
 
-    /// Holds what the device found against what it may have to be, however it rounds.
+    /// Checks a device result against the expected results with and without fused multiply-add.
     pub(crate) fn agrees<T: PartialEq + std::fmt::Debug>(
         case: impl FnOnce() -> String,
         found: &T,
         expected: impl Fn(bool) -> T,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), KernelError> {
         let fused = expected(true);
         if *found == fused { Ok(()) } else { same(case, found, &expected(false)) }
     }

@@ -1,48 +1,48 @@
-//! What generators of scenes decide by.
+//! Random input from which scene generators draw their choices.
 
 use crate::Random;
 
-/// The words of one element of a scene.
-pub type Element = [u32; 12];
+/// The words from which one element of a scene is made.
+pub type ElementSeed = [u32; 12];
 
-/// All that a scene is made of: some words that settle it as a whole, and some for each of its elements, mostly spheres.
+/// The random input of a scene: words for the scene as a whole, and words for each of its elements (mostly spheres).
 ///
-/// Elements are independent of each other, so that a scene can be shrunk by leaving some of them out; the smaller a
-/// word is, the simpler is what comes of it.
+/// Elements are independent of each other, so that a scene shrinks by removing elements. Smaller words make simpler
+/// elements.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Words {
-    /// What settles the scene.
-    pub setup: Element,
-    /// What settles each element.
-    pub elements: Vec<Element>,
+pub struct SceneSeed {
+    /// Words of the scene as a whole.
+    pub setup: ElementSeed,
+    /// Words of each element.
+    pub elements: Vec<ElementSeed>,
 }
 
-impl Words {
-    /// At random.
+impl SceneSeed {
+    /// Draws random words for a scene of `elements` elements.
     pub fn drawn(random: &mut Random, elements: usize) -> Self {
         let mut element = || [(); 12].map(|()| random.word());
         Self { setup: element(), elements: (0..elements).map(|_| element()).collect() }
     }
 
-    /// The choices about the scene.
-    pub fn choices(&self) -> Choices<'_> {
-        Choices::new(&self.setup)
+    /// The choices for the scene as a whole.
+    pub fn reader(&self) -> SeedReader<'_> {
+        SeedReader::new(&self.setup)
     }
 
-    /// Something for each element.
-    pub fn each<T>(&self, mut of: impl FnMut(&mut Choices<'_>) -> T) -> Vec<T> {
-        self.elements.iter().map(|words| of(&mut Choices::new(words))).collect()
+    /// Makes one value from the words of each element.
+    pub fn each<T>(&self, mut of: impl FnMut(&mut SeedReader<'_>) -> T) -> Vec<T> {
+        self.elements.iter().map(|words| of(&mut SeedReader::new(words))).collect()
     }
 }
 
-/// Choices by one word after the other; by zeros when there are no more words.
+/// Draws choices, each from the next word. Uses zeros after the last word.
 #[derive(Debug)]
-pub struct Choices<'a> {
+pub struct SeedReader<'a> {
     words: std::slice::Iter<'a, u32>,
 }
 
-impl<'a> Choices<'a> {
-    /// By these words.
+impl<'a> SeedReader<'a> {
+    /// Creates a reader of these words.
     pub fn new(words: &'a [u32]) -> Self {
         Self { words: words.iter() }
     }
@@ -51,41 +51,42 @@ impl<'a> Choices<'a> {
         self.words.next().copied().unwrap_or(0)
     }
 
-    /// A number below `limit`.
+    /// Draws a number below `limit`.
     pub fn below(&mut self, limit: u32) -> u32 {
         ((u64::from(self.word()) * u64::from(limit)) >> 32) as u32
     }
 
-    /// One of these, the first for small words.
+    /// Draws one of `values`; small words give the first.
     ///
     /// # Panics
-    /// Where there are none.
+    /// Panics if `values` is empty.
     pub fn of<T: Copy>(&mut self, values: &[T]) -> T {
         values[self.below(values.len() as u32) as usize]
     }
 
-    /// Whether something is so that is so once in `times`; not for small words.
+    /// Returns `true` with probability `1 / times`; `false` for small words.
     pub fn once_in(&mut self, times: u32) -> bool {
         self.below(times) + 1 == times
     }
 
-    /// A whole number from `-most` to `most`, near zero for small words.
+    /// Draws an integer from `-most` to `most`, near zero for small words.
     pub fn within(&mut self, most: i32) -> i32 {
         let number = self.below(2 * most as u32 + 1) as i32;
         if number % 2 == 0 { number / 2 } else { -(number / 2) - 1 }
     }
 
-    /// A number from `low` to `high`, which are no further apart than the largest float.
+    /// Draws a number from `low` to `high`, whose difference must be a finite float.
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (self.word() >> 8) as f32 / (1 << 24) as f32 * (high - low)
     }
 
-    /// Any number, not negative, below the one with these bits: uniform in its bits, so log-uniform in its value.
+    /// Draws a non-negative number below the float with these bits: uniform in its bits, so nearly log-uniform in its
+    /// value.
     pub fn float_below(&mut self, bits: u32) -> f32 {
         f32::from_bits(self.below(bits))
     }
 
-    /// The number, or its opposite.
+    /// Returns `x` or `-x`.
     pub fn signed(&mut self, x: f32) -> f32 {
         if self.below(2) == 0 { x } else { -x }
     }
@@ -96,17 +97,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn small_words_are_simple_and_large_ones_reach_the_end() {
-        let mut least = Choices::new(&[]);
+    fn small_words_are_simple_and_large_words_reach_the_limit() {
+        let mut least = SeedReader::new(&[]);
         assert_eq!((least.below(7), least.within(3), least.of(&[5, 6]), least.once_in(2)), (0, 0, 5, false));
         assert_eq!((least.between(-1.0, 1.0), least.float_below(9), least.signed(2.0)), (-1.0, 0.0, 2.0));
         let words = [u32::MAX; 5];
-        let mut most = Choices::new(&words);
+        let mut most = SeedReader::new(&words);
         assert_eq!((most.below(7), most.within(3), most.of(&[5, 6]), most.once_in(2)), (6, 3, 6, true));
         assert_eq!(most.float_below(9).to_bits(), 8);
-        let all: Vec<i32> = (0..7).map(|k| Choices::new(&[(k << 29) + (k << 26)]).within(3)).collect();
+        let all: Vec<i32> = (0..7).map(|k| SeedReader::new(&[(k << 29) + (k << 26)]).within(3)).collect();
         assert!(
-            (-3..=3).all(|x| Words::drawn(&mut Random(1), 99).each(|c| c.within(3)).contains(&x)),
+            (-3..=3).all(|x| SceneSeed::drawn(&mut Random(1), 99).each(|c| c.within(3)).contains(&x)),
             "{all:?}"
         );
     }

@@ -1,4 +1,4 @@
-//! Every way to get the pairs of a scene, against their definition.
+//! Comparison of each detector variant with the definition of the pairs.
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Sphere};
 use lazygrid_io::scenes::Scene;
@@ -6,61 +6,61 @@ use lazygrid_io::scenes::Scene;
 use crate::adversary::{self, TABLE_WORDS};
 use crate::way::text;
 use crate::{
-    Extent, Gpu, LEFT_OUT_WORDS, Random, Scenario, Way, Words, difference, guarded, periodic, scenes,
-    sheared, shrink,
+    DetectorVariant, EXCLUSION_WORDS, Effort, Gpu, Random, SceneSeed, TestInput, catch_panic, difference,
+    periodic, scenes, sheared, shrink,
 };
 
-/// Up to so many spheres all pairs are looked at; of more, the CPU's cell list has the word.
+/// The largest scene whose reference tests all pairs. For larger scenes the CPU's cell list is the reference.
 const ALL_PAIRS: usize = 4000;
 
-/// A scene to be searched.
+/// A scene and its name.
 #[derive(Clone, Debug)]
-pub struct Case {
-    /// What is hard about it.
+pub struct SceneCase {
+    /// A description of what makes the scene hard.
     pub name: String,
-    /// What it is.
-    pub scenario: Scenario,
+    /// The input.
+    pub scenario: TestInput,
 }
 
-/// All of an extent, the same at any time.
-pub fn cases(extent: Extent) -> Vec<Case> {
-    let case = |name: &str, scenario: Scenario| Case { name: name.to_owned(), scenario };
-    let mut cases: Vec<Case> =
+/// All scenes for an effort. Each call returns the same ones.
+pub fn cases(effort: Effort) -> Vec<SceneCase> {
+    let case = |name: &str, scenario: TestInput| SceneCase { name: name.to_owned(), scenario };
+    let mut cases: Vec<SceneCase> =
         scenes::scenes().into_iter().map(|(name, spheres)| case(name, spheres.into())).collect();
     let mut random = Random(1);
-    let rounds = if extent == Extent::Full { 20 } else { 1 };
+    let rounds = if effort == Effort::Full { 20 } else { 1 };
     for _ in 0..rounds {
         for family in adversary::FAMILIES {
-            let spheres = (family.spheres)(&Words::drawn(&mut random, 200));
+            let spheres = (family.spheres)(&SceneSeed::drawn(&mut random, 200));
             cases.push(case(family.name, spheres.clone().into()));
             cases.push(case(&format!("{}, species", family.name), with_species(spheres, &mut random)));
         }
         for family in periodic::FAMILIES.into_iter().chain(sheared::FAMILIES) {
-            let scenario = (family.scene)(&Words::drawn(&mut random, 200));
+            let scenario = (family.scene)(&SceneSeed::drawn(&mut random, 200));
             let mixed =
-                Scenario { space: scenario.space, ..with_species(scenario.spheres.clone(), &mut random) };
+                TestInput { space: scenario.space, ..with_species(scenario.spheres.clone(), &mut random) };
             cases.push(case(family.name, scenario));
             cases.push(case(&format!("{}, species", family.name), mixed));
         }
         for kind in 0..3 {
-            let words = Words::drawn(&mut random, 200);
+            let words = SceneSeed::drawn(&mut random, 200);
             let mixed = with_species(adversary::soup(&words), &mut random);
             for (name, scenario) in [
                 ("duplicates", adversary::duplicates(&words).into()),
                 ("soup, species", mixed),
                 ("soup in a box", periodic::soup(&words)),
-                ("soup in a box that leans", sheared::soup(&words)),
+                ("soup in a triclinic cell", sheared::soup(&words)),
             ] {
-                let mut words = [(); LEFT_OUT_WORDS].map(|()| random.word());
+                let mut words = [(); EXCLUSION_WORDS].map(|()| random.word());
                 words[1] = kind;
-                cases.push(case(&format!("{name}, pairs left out"), scenario.leaving_out(&words)));
+                cases.push(case(&format!("{name}, exclusions"), scenario.with_exclusions(&words)));
             }
         }
     }
-    let sizes: &[usize] = match extent {
-        Extent::Quick => &[5000],
-        Extent::Usual => &[10_000],
-        Extent::Full => &[20_000, 1_000_000],
+    let sizes: &[usize] = match effort {
+        Effort::Quick => &[5000],
+        Effort::Default => &[10_000],
+        Effort::Full => &[20_000, 1_000_000],
     };
     for &n in sizes {
         for scene in Scene::ALL.into_iter().filter(|scene| *scene != Scene::Point) {
@@ -68,122 +68,131 @@ pub fn cases(extent: Extent) -> Vec<Case> {
             let edge = spheres.iter().map(|sphere| sphere.center.x).fold(0.0, f32::max);
             let space = periodic::space([Some(edge), None, Some(1.5 * edge)]);
             cases.push(case(&format!("{n} spheres, {scene}"), spheres.clone().into()));
-            let periodic = Scenario { space, ..spheres.clone().into() };
+            let periodic = TestInput { space, ..spheres.clone().into() };
             cases.push(case(&format!("{n} spheres, {scene}, periodic"), periodic));
             if scene == Scene::FiveSizes {
                 let edges = sheared::tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
-                let leaning = Scenario { space: sheared::space(edges), ..spheres.into() };
-                cases.push(case(&format!("{n} spheres, {scene}, in a box that leans"), leaning));
+                let triclinic = TestInput { space: sheared::space(edges), ..spheres.into() };
+                cases.push(case(&format!("{n} spheres, {scene}, in a triclinic cell"), triclinic));
             }
         }
     }
     cases
 }
 
-/// The spheres with species and a table of interactions.
-pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> Scenario {
+/// Adds random species and a random interaction table.
+pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> TestInput {
     let table = [(); TABLE_WORDS].map(|()| random.word());
     let ids: Vec<u32> = spheres.iter().map(|_| random.word()).collect();
     let mixture = adversary::mixture(&spheres, &table, &ids);
-    Scenario { mixture: Some(mixture), ..spheres.into() }
+    TestInput { mixture: Some(mixture), ..spheres.into() }
 }
 
-/// The pairs that there are, in canonical order.
+/// The expected pairs, in canonical order.
 ///
 /// # Errors
-/// Where the reference for many spheres fails.
-pub fn expected(scenario: &Scenario) -> Result<Vec<Pair>, String> {
+/// Fails if the reference detector for large scenes fails.
+pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
     if scenario.spheres.len() <= ALL_PAIRS {
         return Ok(scenario.oracle());
     }
     let config = Config::default().backend(Backend::Cpu).algorithm(Algorithm::CellList);
-    guarded(|| {
+    catch_panic(|| {
         let mut detector = Detector::new(scenario.config(config).map_err(text)?).map_err(text)?;
         detector.pairs(scenario.query()).map_err(text)?;
         Ok(detector.into_pairs())
     })
 }
 
-/// What went wrong with a scene, made as small as could be done.
+/// A failing case, shrunk as far as possible.
 #[derive(Clone, Debug)]
-pub struct Failure {
-    /// What failed.
+pub struct FailedCase {
+    /// The name of the scene and the detector variant.
     pub name: String,
-    /// How, in words.
+    /// A description of the failure.
     pub what: String,
-    /// The scene, if it is one that failed.
-    pub scenario: Option<Scenario>,
-    /// The options of `lazygrid detect` that show it, as far as it has them; empty where it cannot.
+    /// The failing scene, if the failure has one.
+    pub scenario: Option<TestInput>,
+    /// The options of `lazygrid detect` that reproduce the failure, as far as they exist; empty if there are none.
     pub options: String,
 }
 
-/// What is wrong with the pairs that a detector gives for a scene.
+/// Compares the pairs that a detector finds in a scene with the expected pairs.
 ///
 /// # Errors
-/// That, in words.
+/// Describes the first difference, or the detector's error.
 pub fn judge(
-    scenario: &Scenario,
-    way: &Way,
-    pairs: impl FnOnce(&Scenario) -> Result<Vec<Pair>, String>,
+    scenario: &TestInput,
+    variant: &DetectorVariant,
+    pairs: impl FnOnce(&TestInput) -> Result<Vec<Pair>, String>,
 ) -> Result<(), String> {
-    difference(scenario, &pairs(scenario)?, &expected(scenario)?, way.tolerance())
+    difference(scenario, &pairs(scenario)?, &expected(scenario)?, variant.tolerance())
 }
 
-/// What a way takes on this machine, as seen so far.
+/// The speed of a detector variant on this machine, estimated from its calls so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pace {
-    /// Seconds per unit of work, the least that was seen.
+    /// The smallest measured time per unit of work in seconds.
     rate: Option<f64>,
 }
 
 impl Pace {
-    /// Fewer spheres say nothing about more.
+    /// Minimum number of spheres of a call that counts: smaller calls say little about larger ones.
     const TELLING: usize = 1000;
 
-    /// Seconds that so many spheres will take; 0 as long as nothing is known.
-    pub fn forecast(self, way: &Way, spheres: usize) -> f64 {
-        self.rate.unwrap_or(0.0) * Self::work(way, spheres)
+    /// The predicted seconds of a call with `spheres` spheres; 0 before the first measurement.
+    pub fn forecast(self, variant: &DetectorVariant, spheres: usize) -> f64 {
+        self.rate.unwrap_or(0.0) * Self::work(variant, spheres)
     }
 
-    /// Takes note of what so many spheres took.
-    pub fn saw(&mut self, way: &Way, spheres: usize, seconds: f64) {
+    /// Records the time of a call with `spheres` spheres.
+    pub fn saw(&mut self, variant: &DetectorVariant, spheres: usize, seconds: f64) {
         if spheres >= Self::TELLING {
-            let rate = seconds / Self::work(way, spheres);
+            let rate = seconds / Self::work(variant, spheres);
             self.rate = Some(self.rate.map_or(rate, |least| least.min(rate)));
         }
     }
 
-    fn work(way: &Way, spheres: usize) -> f64 {
-        (spheres as f64).powi(if way.algorithm == Algorithm::Naive { 2 } else { 1 })
+    fn work(variant: &DetectorVariant, spheres: usize) -> f64 {
+        (spheres as f64).powi(if variant.algorithm == Algorithm::Naive { 2 } else { 1 })
     }
 }
 
-impl Case {
-    /// Goes one way, whose pairs are to be the `expected` ones. Returns what is wrong, if anything.
-    pub fn fault(&self, way: &Way, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
-        let found = way.pairs(gpu, &self.scenario);
-        found.and_then(|found| difference(&self.scenario, &found, expected, way.tolerance())).err()
+impl SceneCase {
+    /// Runs one detector variant and compares its pairs with `expected`. Returns a description of the difference, if
+    /// any.
+    pub fn fault(&self, variant: &DetectorVariant, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
+        let found = variant.pairs(gpu, &self.scenario);
+        found.and_then(|found| difference(&self.scenario, &found, expected, variant.tolerance())).err()
     }
 
-    /// What is wrong with one way, shown with as few spheres as [`shrink`] comes to in so many tries.
-    pub fn failure(&self, way: &Way, gpu: Option<&Gpu>, what: String, tries: usize) -> Failure {
-        let failing = |smaller: &Scenario| judge(smaller, way, |scenario| way.pairs(gpu, scenario)).err();
+    /// Shrinks a failure of one detector variant with at most `tries` attempts of [`shrink`].
+    pub fn failure(
+        &self,
+        variant: &DetectorVariant,
+        gpu: Option<&Gpu>,
+        what: String,
+        tries: usize,
+    ) -> FailedCase {
+        let failing =
+            |smaller: &TestInput| judge(smaller, variant, |scenario| variant.pairs(gpu, scenario)).err();
         let (scenario, what) = shrink(self.scenario.clone(), what, tries, failing);
-        let name = format!("{}: {way}", self.name);
-        Failure { name, what, scenario: Some(scenario), options: way.options(gpu) }
+        let name = format!("{}: {variant}", self.name);
+        FailedCase { name, what, scenario: Some(scenario), options: variant.options(gpu) }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::way::Place;
+    use crate::way::TargetDevice;
     use lazygrid::Simd;
 
     #[test]
-    fn paces_are_those_of_the_quickest_call_that_tells() {
-        let [naive, list] = [Algorithm::Naive, Algorithm::CellList]
-            .map(|algorithm| Way::new(algorithm, Place::Cpu { simd: Simd::Portable, threads: Some(1) }));
+    fn pace_is_that_of_the_fastest_large_call() {
+        let [naive, list] = [Algorithm::Naive, Algorithm::CellList].map(|algorithm| {
+            DetectorVariant::new(algorithm, TargetDevice::Cpu { simd: Simd::Portable, threads: Some(1) })
+        });
         let mut pace = Pace::default();
         pace.saw(&naive, 10, 5.0);
         assert_eq!(pace.forecast(&naive, 1000), 0.0);
@@ -195,29 +204,32 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_of_many_is_that_of_few() {
-        let scenario = Scenario::from(Scene::FiveSizes.spheres(ALL_PAIRS + 1, 3));
+    fn reference_for_large_scenes_matches_the_oracle() {
+        let scenario = TestInput::from(Scene::FiveSizes.spheres(ALL_PAIRS + 1, 3));
         assert_eq!(expected(&scenario), Ok(scenario.oracle()));
     }
 
     #[test]
-    fn cases_are_the_same_at_any_time_and_valid() {
-        let (once, again) = (cases(Extent::Quick), cases(Extent::Quick));
+    fn cases_are_reproducible_and_valid() {
+        let (once, again) = (cases(Effort::Quick), cases(Effort::Quick));
         assert!(once.iter().zip(&again).all(|(a, b)| a.scenario == b.scenario));
-        for Case { name, scenario } in once {
+        for SceneCase { name, scenario } in once {
             let valid = |s: &Sphere| s.center.is_finite() && s.radius.is_finite() && s.radius >= 0.0;
             assert!(scenario.spheres.iter().all(valid), "{name}");
         }
     }
 
     #[test]
-    fn a_detector_that_loses_pairs_or_panics_is_seen() {
-        let way = Way::new(Algorithm::Naive, Place::Cpu { simd: Simd::Portable, threads: Some(1) });
-        let scenario = Scenario::from(scenes::cloud(1, 300, 4.0, |random| random.unit()));
-        assert_eq!(judge(&scenario, &way, |s| way.pairs(None, s)), Ok(()));
-        let losing = |s: &Scenario| way.pairs(None, s).map(|pairs| pairs[1..].to_vec());
-        assert!(judge(&scenario, &way, losing).is_err_and(|text| text.contains("1 missing")));
-        let panicking = |_: &Scenario| guarded(|| panic!("out of range"));
-        assert_eq!(judge(&scenario, &way, panicking), Err("panicked: out of range".to_owned()));
+    fn missing_pairs_and_panics_are_detected() {
+        let variant = DetectorVariant::new(
+            Algorithm::Naive,
+            TargetDevice::Cpu { simd: Simd::Portable, threads: Some(1) },
+        );
+        let scenario = TestInput::from(scenes::cloud(1, 300, 4.0, |random| random.unit()));
+        assert_eq!(judge(&scenario, &variant, |s| variant.pairs(None, s)), Ok(()));
+        let losing = |s: &TestInput| variant.pairs(None, s).map(|pairs| pairs[1..].to_vec());
+        assert!(judge(&scenario, &variant, losing).is_err_and(|text| text.contains("1 missing")));
+        let panicking = |_: &TestInput| catch_panic(|| panic!("out of range"));
+        assert_eq!(judge(&scenario, &variant, panicking), Err("panicked: out of range".to_owned()));
     }
 }

@@ -1,4 +1,4 @@
-//! Buffers to and fro, and kernels by themselves.
+//! Uploads, readbacks and runs of single kernels.
 
 use std::time::Duration;
 
@@ -10,14 +10,14 @@ use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid_kernels::kernel::{Binding, Kernel, Variant};
 use wgpu::BufferUsages;
 
-/// How long anything that is checked may take.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+/// Timeout of each operation on the device.
+pub const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// A buffer that can be bound in any way and copied to and from.
+/// Creates a storage and uniform buffer that can be copied to and from.
 ///
 /// # Errors
-/// Where the device refuses it.
-pub fn room(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
+/// Fails if the device refuses an operation.
+pub fn storage_buffer(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
     let usage =
         BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
     buffer(own, bytes, usage)
@@ -30,21 +30,21 @@ fn buffer(own: &GpuDevice, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buff
     own.scoped("a buffer to check with", size, || own.device.create_buffer(&descriptor))
 }
 
-/// Such a buffer with something in it.
+/// Creates a buffer like [`storage_buffer`] with this content.
 ///
 /// # Errors
-/// Where the device refuses it.
+/// Fails if the device refuses an operation.
 pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
-    let buffer = room(own, bytes.len() as u64)?;
+    let buffer = storage_buffer(own, bytes.len() as u64)?;
     own.scoped("an upload", bytes.len() as u64, || own.queue.write_buffer(&buffer, 0, bytes))?;
     Ok(buffer)
 }
 
-/// What is in a buffer once all that was submitted is done.
+/// Reads a buffer back after all submitted work is done.
 ///
 /// # Errors
-/// Where the device fails, or does not finish in [`PATIENCE`].
+/// Fails if the device fails or does not finish within [`TIMEOUT`].
 pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> Result<Vec<T>, Error> {
     if count == 0 {
         return Ok(Vec::new());
@@ -62,41 +62,41 @@ pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> R
     Ok(bytemuck::pod_collect_to_vec(&view[..bytes as usize]))
 }
 
-/// As [`upload`], of a structure that a shader lays out otherwise than memory.
+/// Uploads one structure in the shader's memory layout, which differs from Rust's.
 ///
 /// # Errors
-/// Where the device refuses it.
+/// Fails if the device refuses an operation.
 pub fn upload_one<T: ShaderType + WriteInto>(own: &GpuDevice, data: &T) -> Result<wgpu::Buffer, Error> {
     let mut bytes = StorageBuffer::new(Vec::<u8>::new());
     bytes.write(data).expect("a vector grows");
     upload(own, bytes.as_ref())
 }
 
-/// As [`download`], of such a structure.
+/// Reads back one structure from the shader's memory layout.
 ///
 /// # Errors
-/// Where the device fails, or does not finish in [`PATIENCE`].
+/// Fails if the device fails or does not finish within [`TIMEOUT`].
 pub fn download_one<T: ShaderType + CreateFrom>(own: &GpuDevice, from: &wgpu::Buffer) -> Result<T, Error> {
     let bytes = download::<u8>(own, from, T::min_size().get() as usize)?;
     Ok(StorageBuffer::new(bytes).create().expect("all of it"))
 }
 
-/// Waits for all that was submitted.
+/// Waits for all submitted work.
 ///
 /// # Errors
-/// Where it is not done in [`PATIENCE`].
+/// Fails if the work is not done within [`TIMEOUT`].
 pub fn wait(own: &GpuDevice) -> Result<(), Error> {
-    let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
+    let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
     own.device.poll(until).map(drop).map_err(|error| match error {
-        wgpu::PollError::Timeout => Error::Timeout { seconds: PATIENCE.as_secs() },
+        wgpu::PollError::Timeout => Error::Timeout { seconds: TIMEOUT.as_secs() },
         other => Error::Validation { what: "waiting", reason: other.to_string() },
     })
 }
 
-/// Records and submits.
+/// Records commands and submits them.
 ///
 /// # Errors
-/// Where the device refuses something, or `record` fails.
+/// Fails if the device refuses an operation or `record` fails.
 pub fn submit<R>(
     own: &GpuDevice,
     record: impl FnOnce(&mut wgpu::CommandEncoder) -> Result<R, Error>,
@@ -109,13 +109,13 @@ pub fn submit<R>(
     })?
 }
 
-/// Runs one kernel on buffers given by the names of its bindings.
+/// Runs one kernel in `groups` workgroups, on buffers given by the names of its bindings.
 ///
 /// # Errors
-/// Where the device refuses it.
+/// Fails if the device refuses an operation.
 ///
 /// # Panics
-/// Where a binding has no buffer.
+/// Panics if a binding has no buffer.
 pub fn run(
     own: &GpuDevice,
     kernel: &'static Kernel,
@@ -126,13 +126,13 @@ pub fn run(
     run_over(own, (kernel, variant), [groups, 1, 1], buffers)
 }
 
-/// The same over so many workgroups of each dimension.
+/// Runs one kernel over the given number of workgroups in each dimension.
 ///
 /// # Errors
-/// Where the device refuses it.
+/// Fails if the device refuses an operation.
 ///
 /// # Panics
-/// Where a binding has no buffer.
+/// Panics if a binding has no buffer.
 pub fn run_over(
     own: &GpuDevice,
     (kernel, variant): (&'static Kernel, Variant),

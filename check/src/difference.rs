@@ -1,22 +1,23 @@
 use lazygrid::Pair;
 
-use crate::Scenario;
+use crate::TestInput;
 
-/// How far from the definition a result may be.
+/// The deviation from the definition that a result may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tolerance {
-    /// Not at all: the CPU path.
+    /// None: for the CPU.
     Exact,
-    /// Pairs within 4 ulp of tangency, relative to the squared reach, may fall either way, within 5 ulp in a periodic
-    /// space, as a distance across the seam is the sum of two, and none in a sheared one: the GPU path.
+    /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may be found or missed. In a
+    /// periodic space the limit is 5 ulp, as a distance across the periodic boundary is the sum of two. Triclinic cells
+    /// are exact.
     Tangent,
 }
 
 impl Tolerance {
-    /// Whether a pair may as well be missing, or be there.
-    pub fn allows(self, scenario: &Scenario, pair: Pair) -> bool {
+    /// Returns `true` if the pair may be found or missed.
+    pub fn allows(self, scenario: &TestInput, pair: Pair) -> bool {
         if scenario.space.shear().is_some() {
-            // There the host has the last word.
+            // The host applies the exact test to all pairs of a triclinic cell.
             return false;
         }
         let ulps = if scenario.space.is_periodic() { 5.0 } else { 4.0 } * f64::from(f32::EPSILON);
@@ -30,13 +31,13 @@ impl Tolerance {
     }
 }
 
-/// Compares pairs, in any order, with the `expected` ones in canonical order.
+/// Compares `found`, in any order, with the `expected` pairs in canonical order.
 ///
 /// # Errors
-/// A description of what differs: how many pairs are missing, extra, duplicate or malformed, and the first of
-/// each kind with its spheres and the gap between them.
+/// Describes the difference: the numbers of missing, extra, duplicate and malformed pairs, and the first of each with
+/// its spheres and the gap between them.
 pub fn difference(
-    scenario: &Scenario,
+    scenario: &TestInput,
     found: &[Pair],
     expected: &[Pair],
     tolerance: Tolerance,
@@ -61,7 +62,7 @@ pub fn difference(
     if missing.is_empty() && extra.is_empty() && twice.is_empty() {
         return Ok(());
     }
-    let mut text = format!("{} pairs found where {} are expected", found.len(), expected.len());
+    let mut text = format!("{} pairs found, {} expected", found.len(), expected.len());
     for (kind, pairs) in [("missing", missing), ("extra", extra), ("duplicate", twice)] {
         if let Some(&first) = pairs.first() {
             text += &format!("; {} {kind}, first {}", pairs.len(), describe(scenario, first));
@@ -70,7 +71,7 @@ pub fn difference(
     Err(text)
 }
 
-fn describe(scenario: &Scenario, pair: Pair) -> String {
+fn describe(scenario: &TestInput, pair: Pair) -> String {
     let (i, j) = (pair.i as usize, pair.j as usize);
     let sphere = |k: usize| {
         let s = scenario.spheres[k];
@@ -81,9 +82,9 @@ fn describe(scenario: &Scenario, pair: Pair) -> String {
     format!("{} and {}, {gap}", sphere(i), sphere(j))
 }
 
-/// A digest of a set of pairs, the same for any order of them; duplicates count.
+/// A digest of the pairs that does not depend on their order. Duplicates count.
 pub fn checksum(pairs: &[Pair]) -> u64 {
-    // The finaliser of SplitMix64: pairs that differ in one bit differ in half of the digest's.
+    // The finalizer of SplitMix64: a change of one bit of a pair changes about half the bits of the digest.
     let mix = |pair: &Pair| {
         let mut x = u64::from(pair.i) << 32 | u64::from(pair.j);
         x = (x ^ x >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -103,15 +104,15 @@ mod tests {
         of.iter().map(|&(i, j)| Pair { i, j }).collect()
     }
 
-    /// What is wrong with a result for unit spheres at these places along a line.
+    /// Compares a result for unit spheres at these positions along a line with the oracle.
     fn verdict(places: &[f32], found: &[(u32, u32)], tolerance: Tolerance) -> Result<(), String> {
         let row: Vec<_> = places.iter().map(|&x| Sphere::new([x, 0.0, 0.0], 1.0)).collect();
-        let scenario = Scenario::from(row);
+        let scenario = TestInput::from(row);
         difference(&scenario, &pairs(found), &scenario.oracle(), tolerance)
     }
 
     #[test]
-    fn every_kind_of_error_is_seen() {
+    fn all_kinds_of_errors_are_detected() {
         let exact = |found: &[(u32, u32)]| verdict(&[0.0, 2.0, 4.0, 6.0], found, Tolerance::Exact);
         let fails = |found, word| exact(found).is_err_and(|text| text.contains(word));
         assert_eq!(exact(&[(2, 3), (0, 1), (1, 2)]), Ok(()));
@@ -124,12 +125,13 @@ mod tests {
     }
 
     #[test]
-    fn only_near_tangency_is_excused() {
+    fn only_tangent_pairs_may_differ_on_the_gpu() {
         use Tolerance::{Exact, Tangent};
         let [none, one] = [&[][..], &[(0, 1)]];
         assert_eq!(verdict(&[0.0, 2.0], none, Tangent), Ok(()));
         assert!(verdict(&[0.0, 2.0], none, Exact).is_err());
-        // A unit in the last place of 2 moves the squared distance by 2 ulp, relative to the squared reach.
+        // Moving by a unit in the last place of 2 changes the squared distance by 2 ulp, relative to the squared
+        // cutoff.
         let ulp = 2.0 * f32::EPSILON;
         assert_eq!(verdict(&[0.0, 2.0 + ulp], one, Tangent), Ok(()));
         assert!(verdict(&[0.0, 2.0 + ulp], one, Exact).is_err());
@@ -139,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_checksum_depends_on_pairs_and_not_on_their_order() {
+    fn checksum_ignores_order_but_not_pairs() {
         let [a, b] = [[(0, 1), (2, 3)], [(2, 3), (0, 1)]].map(|p| checksum(&pairs(&p)));
         assert_eq!(a, b);
         assert_ne!(a, checksum(&pairs(&[(0, 1), (2, 3), (2, 3)])));

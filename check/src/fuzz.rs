@@ -1,27 +1,27 @@
-//! Scenes, settings and calls drawn at random. A round depends on its seed alone.
+//! Rounds of random scenes, settings and calls. A round depends only on its seed.
 
 use std::ops::ControlFlow;
 
 use lazygrid::Error::TooManyPairs;
 use lazygrid::{Config, Detector, Order, Pair};
 
-use crate::compare::Failure;
+use crate::compare::FailedCase;
 use crate::motion::skin_of;
 use crate::way::text;
-use crate::{Gpu, Scenario, Tolerance, Way, difference, guarded, shrink};
+use crate::{DetectorVariant, Gpu, TestInput, Tolerance, catch_panic, difference, shrink};
 
 pub(crate) mod draw;
 
-/// What one detector is asked, call by call.
+/// The settings of one detector and its calls.
 #[derive(Clone, Debug)]
 pub struct Round {
-    /// What it depends on.
+    /// The seed that determines the round.
     pub seed: u64,
-    way: Way,
+    variant: DetectorVariant,
     order: Order,
     max_pairs: u64,
-    /// All with the same space and table of interactions.
-    calls: Vec<(Call, Scenario)>,
+    /// The calls and their inputs, all with the same space and interaction table.
+    calls: Vec<(Call, TestInput)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +32,7 @@ enum Call {
     Stream { chunk: usize },
 }
 
-/// What a detector answers.
+/// The result of a call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Answer {
     Pairs(Vec<Pair>),
@@ -41,26 +41,26 @@ enum Answer {
 }
 
 impl Round {
-    /// Runs it with a new detector. Returns what is wrong, if anything, with as few calls and spheres as show it. `tries`
-    /// are those of [`shrink`].
-    pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<Failure> {
-        let way = self.way;
-        self.check_with(tries, |round| guarded(|| round.run(gpu))).map(|(round, what)| {
+    /// Runs the round with a new detector. Returns a failure, if any, with as few calls and spheres as show it. `tries`
+    /// limits the attempts of [`shrink`].
+    pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<FailedCase> {
+        let variant = self.variant;
+        self.check_with(tries, |round| catch_panic(|| round.run(gpu))).map(|(round, what)| {
             let is_plain = round.calls.len() == 1 && round.calls[0].1.mixture.is_none();
             let (call, scenario) = round.calls.last().cloned().unzip();
             let options = match (is_plain, call) {
-                (true, Some(call)) => way.options(gpu) + &round.detect_options(call),
+                (true, Some(call)) => variant.options(gpu) + &round.detect_options(call),
                 _ => String::new(),
             };
-            Failure { name: round.to_string(), what, scenario, options }
+            FailedCase { name: round.to_string(), what, scenario, options }
         })
     }
 
-    /// The same with any detector: `run` says what is wrong with a round.
+    /// Like [`check`](Self::check) for any detector: `run` returns a description of what is wrong with a round.
     fn check_with(self, tries: usize, run: impl Fn(&Self) -> Result<(), String>) -> Option<(Self, String)> {
         let mut what = run(&self).err()?;
         let mut round = self;
-        // Calls first, from the last on, then the spheres of each call.
+        // First removes calls, starting with the last, then the spheres of each call.
         for k in (0..round.calls.len()).rev().filter(|_| tries > 0) {
             let mut fewer = round.clone();
             fewer.calls.remove(k);
@@ -70,7 +70,7 @@ impl Round {
         }
         for k in (0..round.calls.len()).rev() {
             let mut smaller = round.clone();
-            let failing = |scenario: &Scenario| {
+            let failing = |scenario: &TestInput| {
                 smaller.calls[k].1 = scenario.clone();
                 run(&smaller).err()
             };
@@ -82,17 +82,20 @@ impl Round {
     }
 
     fn run(&self, gpu: Option<&Gpu>) -> Result<(), String> {
-        let config = self.way.config(gpu).order(self.order).max_pairs(self.max_pairs);
-        let with_first = |config: Config, (_, first): &(Call, Scenario)| {
-            first.config(config.skin(skin_of(&first.spheres, self.way.skin)))
+        let config = self.variant.config(gpu).order(self.order).max_pairs(self.max_pairs);
+        let with_first = |config: Config, (_, first): &(Call, TestInput)| {
+            first.config(config.skin(skin_of(&first.spheres, self.variant.skin)))
         };
         let config = self.calls.iter().take(1).try_fold(config, with_first);
         let mut detector = Detector::new(config.map_err(text)?).map_err(text)?;
         self.judge(|call, scenario| answer(&mut detector, call, scenario))
     }
 
-    /// Whether all answers are right.
-    fn judge(&self, mut answer: impl FnMut(Call, &Scenario) -> Result<Answer, String>) -> Result<(), String> {
+    /// Checks all answers.
+    fn judge(
+        &self,
+        mut answer: impl FnMut(Call, &TestInput) -> Result<Answer, String>,
+    ) -> Result<(), String> {
         self.calls.iter().enumerate().try_for_each(|(k, (call, scenario))| {
             let answer = answer(*call, scenario);
             let verdict = answer.and_then(|answer| self.judge_one(*call, scenario, &answer));
@@ -100,12 +103,12 @@ impl Round {
         })
     }
 
-    fn judge_one(&self, call: Call, scenario: &Scenario, answer: &Answer) -> Result<(), String> {
-        let (expected, tolerance) = (scenario.oracle(), self.way.tolerance());
+    fn judge_one(&self, call: Call, scenario: &TestInput, answer: &Answer) -> Result<(), String> {
+        let (expected, tolerance) = (scenario.oracle(), self.variant.tolerance());
         let [least, most] = counts(scenario, &expected, tolerance);
         let in_range = |found: u64| match (least..=most).contains(&found) {
             true => Ok(()),
-            false => Err(format!("{found} pairs counted where {least} to {most} are right")),
+            false => Err(format!("{found} pairs counted, expected {least} to {most}")),
         };
         let is_limited = matches!(call, Call::List | Call::Neighbors);
         match answer {
@@ -141,14 +144,14 @@ impl std::fmt::Display for Round {
             .iter()
             .map(|(call, scenario)| format!("{call:?} of {} spheres", scenario.spheres.len()))
             .collect();
-        let Self { seed, way, order, max_pairs, .. } = self;
+        let Self { seed, variant, order, max_pairs, .. } = self;
         let calls = calls.join(", then ").to_lowercase();
-        write!(f, "fuzz seed {seed}: {way}, {order:?}, at most {max_pairs} pairs: {calls}")
+        write!(f, "fuzz seed {seed}: {variant}, {order:?}, at most {max_pairs} pairs: {calls}")
     }
 }
 
-/// The fewest and the most pairs that are right.
-pub(crate) fn counts(scenario: &Scenario, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
+/// The smallest and the largest number of pairs within the tolerance.
+pub(crate) fn counts(scenario: &TestInput, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     if tolerance == Tolerance::Exact {
         return [expected.len() as u64; 2];
     }
@@ -165,7 +168,7 @@ pub(crate) fn counts(scenario: &Scenario, expected: &[Pair], tolerance: Toleranc
     [least, most]
 }
 
-fn answer(detector: &mut Detector, call: Call, scenario: &Scenario) -> Result<Answer, String> {
+fn answer(detector: &mut Detector, call: Call, scenario: &TestInput) -> Result<Answer, String> {
     let refused = |error| match error {
         TooManyPairs { found, .. } => Ok(Answer::TooMany(found)),
         other => Err(other.to_string()),
@@ -187,7 +190,7 @@ fn answer(detector: &mut Detector, call: Call, scenario: &Scenario) -> Result<An
             });
             match streamed {
                 Ok(handed) if handed != pairs.len() as u64 => {
-                    Err(format!("{handed} pairs are said to be streamed, {} were", pairs.len()))
+                    Err(format!("stream returned {handed} pairs but delivered {}", pairs.len()))
                 }
                 Ok(_) if longest > chunk => Err(format!("{longest} pairs in a chunk of {chunk}")),
                 Ok(_) => Ok(Answer::Pairs(pairs)),
@@ -197,16 +200,16 @@ fn answer(detector: &mut Detector, call: Call, scenario: &Scenario) -> Result<An
     }
 }
 
-/// The pairs of neighbour lists, each of which has to be in two of them.
+/// The pairs of neighbor lists, each of which must be in the lists of both spheres.
 pub(crate) fn pairs_of<'a>(spheres: usize, list: impl Fn(usize) -> &'a [u32]) -> Result<Vec<Pair>, String> {
     let mut pairs = Vec::new();
     for i in 0..spheres {
         if !list(i).windows(2).all(|two| two[0] < two[1]) {
-            return Err(format!("the neighbours of {i} do not ascend"));
+            return Err(format!("the neighbors of {i} do not ascend"));
         }
         for &j in list(i) {
             if j as usize >= spheres || list(j as usize).binary_search(&(i as u32)).is_err() {
-                return Err(format!("{j} is a neighbour of {i}, and not the other way round"));
+                return Err(format!("{j} is in the list of {i}, but {i} is not in the list of {j}"));
             }
             if j > i as u32 {
                 pairs.push(Pair { i: i as u32, j });
@@ -221,15 +224,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rounds_depend_on_their_seeds_alone_and_pass_on_the_cpu() {
-        let (mut kinds, mut leaning, mut less) = ([0; 4], 0, 0);
+    fn rounds_are_reproducible_and_pass_on_the_cpu() {
+        let (mut kinds, mut triclinic, mut less) = ([0; 4], 0, 0);
         for seed in 0..300 {
             let round = Round::drawn(seed, true, false);
             assert_eq!(round.to_string(), Round::drawn(seed, true, false).to_string());
             let space = round.calls[0].1.space;
             assert!(round.calls.iter().all(|(_, scenario)| scenario.space == space), "{round}");
             for (call, scenario) in &round.calls {
-                leaning += usize::from(space.shear().is_some());
+                triclinic += usize::from(space.shear().is_some());
                 less += usize::from(scenario.groups.is_some() || scenario.excluded.is_some());
                 kinds[match call {
                     Call::List => 0,
@@ -238,15 +241,15 @@ mod tests {
                     Call::Stream { .. } => 3,
                 }] += 1;
             }
-            if let Some(Failure { name, what, .. }) = round.check(None, 100) {
+            if let Some(FailedCase { name, what, .. }) = round.check(None, 100) {
                 panic!("{name}: {what}");
             }
         }
         assert!(kinds.iter().all(|kind| *kind > 50), "{kinds:?}");
-        assert!(leaning > 80 && less > 80, "{leaning} in spaces that lean, {less} with pairs left out");
+        assert!(triclinic > 80 && less > 80, "{triclinic} triclinic, {less} with exclusions");
     }
 
-    /// Answers by the definition, but for one thing.
+    /// Answers by the definition, after `spoil` has changed the pairs.
     fn answers(round: &Round, spoil: impl Fn(&mut Vec<Pair>)) -> Result<(), String> {
         round.judge(|call, scenario| {
             let mut pairs = scenario.oracle();
@@ -261,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_detector_is_seen_and_its_round_shrinks() {
+    fn broken_detector_is_detected_and_its_round_shrinks() {
         let (mut losing, mut doubling) = (0, 0);
         for seed in 0..60 {
             let round = Round::drawn(seed, true, false);
@@ -290,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn one_sided_neighbours_are_seen() {
+    fn one_sided_neighbors_are_detected() {
         let lists: [&[u32]; 3] = [&[1, 2], &[0], &[0]];
         assert_eq!(pairs_of(3, |i| lists[i]), Ok(vec![Pair { i: 0, j: 1 }, Pair { i: 0, j: 2 }]));
         let lists: [&[u32]; 3] = [&[1, 2], &[0], &[]];

@@ -1,4 +1,4 @@
-//! The kernel that chooses the paper's grids, against plain sequential functions.
+//! Check of the kernel that configures the paper's grids, against plain sequential functions.
 
 use bytemuck::Zeroable;
 use glam::Vec3;
@@ -8,13 +8,13 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Bounds, Call, Grid};
 
 use crate::device::{download_one, run, upload, upload_one};
-use crate::kernels::{Fault, ordered, same};
+use crate::kernels::{KernelError, ordered, same};
 use crate::{Random, periodic};
 
-/// Bits of a key.
+/// Number of bits of a sort key.
 const KEY_BITS: u32 = 24;
 
-/// Dense spheres of these radii, up to so many, at places that no two samples share.
+/// A dense scene of `count` spheres with these radii in turn, at distinct positions.
 fn scene(count: usize, radii: &[f32], space: Space) -> Vec<Sphere> {
     let mut random = Random(count as u64);
     let mut coordinate = || random.unit() * 20.0 - 7.0;
@@ -23,7 +23,7 @@ fn scene(count: usize, radii: &[f32], space: Space) -> Vec<Sphere> {
     (0..count).map(sphere).collect()
 }
 
-/// The corners of all boxes.
+/// The bounding box of all spheres.
 fn extent(spheres: &[Sphere]) -> [Vec3; 2] {
     let corner = |sign: f32| spheres.iter().map(move |sphere| sphere.center + sign * sphere.radius);
     [corner(-1.0).fold(Vec3::INFINITY, Vec3::min), corner(1.0).fold(Vec3::NEG_INFINITY, Vec3::max)]
@@ -41,11 +41,12 @@ fn bounds(spheres: &[Sphere]) -> Bounds {
     }
 }
 
-/// The grid begins at the median of the spheres, its cells are as wide as asked for, and its keys tell them apart.
+/// Checks that the grid starts at the median center, that its cells have the requested size, and that its keys
+/// distinguish them.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
     let spaces = [[None; 3], [Some(20.0), None, Some(1e3)], [Some(3.0); 3]];
     for (count, lengths) in [1, 200, 256].into_iter().flat_map(|count| spaces.map(|space| (count, space))) {
         for radii in [&[0.5_f32][..], &[0.5, 0.01]] {
@@ -74,18 +75,20 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), Fault> {
                     None => open_axis(&grid, (axis, width), &spheres),
                     Some(length) => ring(&grid, (axis, width), length),
                 };
-                sound.map_err(|text| Fault::Wrong(case(&format!("axis {axis}, {text}, {grid:?}"))))?;
+                sound.map_err(|text| {
+                    KernelError::WrongResult(case(&format!("axis {axis}, {text}, {grid:?}")))
+                })?;
             }
             let bits = grid.levels[0].bits;
             let fewest = (0..3).all(|axis| wanted_bits(&grid, axis) == bits[axis]);
             let folded = bits.element_sum() <= KEY_BITS && bits.cmpge(glam::UVec3::splat(3)).all();
-            same(|| case(&format!("whether {bits:?} bits will do")), &(fewest || folded), &true)?;
+            same(|| case(&format!("{bits:?} bits suffice")), &(fewest || folded), &true)?;
         }
     }
     Ok(())
 }
 
-/// Bits that tell all cells of an axis apart.
+/// Number of bits that distinguish all cells of an axis.
 fn wanted_bits(grid: &Grid, axis: usize) -> u32 {
     match grid.turns[axis] {
         0.0 => u32::BITS - (grid.high[axis].abs_diff(grid.low[axis])).leading_zeros(),
@@ -94,17 +97,17 @@ fn wanted_bits(grid: &Grid, axis: usize) -> u32 {
     }
 }
 
-/// An unbounded axis: what is wrong with it.
+/// Checks an unbounded axis. Returns what is wrong.
 fn open_axis(grid: &Grid, (axis, width): (usize, f32), spheres: &[Sphere]) -> Result<(), String> {
     let mut places: Vec<f32> = spheres.iter().map(|sphere| sphere.center[axis]).collect();
     places.sort_by(f32::total_cmp);
     let (median, origin) = (places[places.len() / 2], grid.origin[axis]);
     if origin != median {
-        return Err(format!("begins at {origin}, not {median}"));
+        return Err(format!("starts at {origin}, not {median}"));
     }
     let edge = 1.0 / grid.inverse_edge[axis];
     if !(0.9999 * width..1.02 * width).contains(&edge) {
-        return Err(format!("edges of {edge}, not {width}"));
+        return Err(format!("cell size {edge}, not {width}"));
     }
     let cell = |corner: Vec3| ((corner[axis] - origin) * grid.inverse_edge[axis]).floor() as i32;
     let [low, high] = extent(spheres).map(cell);
@@ -114,16 +117,16 @@ fn open_axis(grid: &Grid, (axis, width): (usize, f32), spheres: &[Sphere]) -> Re
     }
 }
 
-/// A periodic axis: what is wrong with it.
+/// Checks a periodic axis. Returns what is wrong.
 fn ring(grid: &Grid, (axis, width): (usize, f32), length: f32) -> Result<(), String> {
     let turns = grid.turns[axis];
     let whole = if turns >= 4.0 { turns % 4.0 == 0.0 } else { turns.log2().fract() == 0.0 };
     if !whole || length / turns < width {
-        return Err(format!("{turns} edges of at least {width} around {length}"));
+        return Err(format!("{turns} cells of at least {width} in a length of {length}"));
     }
     let (corner, inverse) = (grid.origin[axis], grid.inverse_edge[axis]);
     if corner != -0.5 * length || !(0.999_999..1.000_001).contains(&(inverse * length / turns)) {
-        return Err(format!("from {corner} on with {inverse} edges per unit of length"));
+        return Err(format!("starts at {corner} with {inverse} cells per unit of length"));
     }
     let cells = [grid.low[axis], grid.high[axis]];
     if cells == [-1, turns as i32 + 1] { Ok(()) } else { Err(format!("cells {cells:?}")) }

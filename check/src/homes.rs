@@ -1,4 +1,4 @@
-//! The kernels that choose the cells of a cell list and find those of its spheres, one by one, against plain sequential
+//! Checks of the kernels that configure a cell list and assign its spheres to cells, each against plain sequential
 //! functions.
 
 use bytemuck::Zeroable;
@@ -7,18 +7,19 @@ use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Call, Lengths, Pass, Survey};
 
-use crate::cells::{Case, Chosen, LISTED, ROOM, TAU, cases, level_of, numbers};
+use crate::cells::{CELL_CAPACITY, CellListCase, ConfiguredCellList, LISTED, TAU, cases, level_of, numbers};
 use crate::device::{download, run, upload, upload_one};
-use crate::kernels::{Fault, same};
+use crate::kernels::{KernelError, same};
 
-/// Cells are as wide as the spheres that are at home there, fit the table, and have spheres that touch next to each other.
+/// Checks that cells are as large as the spheres assigned to them, fit the table, and hold touching spheres in adjacent
+/// cells.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
-        let Chosen { list, scenario, outcome, .. } = &chosen;
+        let ConfiguredCellList { list, scenario, outcome, .. } = &chosen;
         let what = |what: &str| format!("{what}, {case:?}");
         let bad = scenario.spheres.iter().filter(|sphere| !sphere.is_valid()).count() as u32;
         let begun = Outcome {
@@ -29,12 +30,12 @@ pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), Fault> {
             ..Outcome::zeroed()
         };
         same(|| what("outcome"), outcome, &begun)?;
-        same(|| what("whether the survey is empty"), &(chosen.survey == Survey::zeroed()), &true)?;
+        same(|| what("survey is empty"), &(chosen.survey == Survey::zeroed()), &true)?;
         same(|| what("spheres"), &list.spheres, &case.spheres)?;
         let ordinary = bad < case.spheres;
-        same(|| what("whether all is ordinary"), &(list.ordinary != 0), &ordinary)?;
+        same(|| what("ordinary"), &(list.ordinary != 0), &ordinary)?;
         let dense = case.is_dense && case.spheres > 1;
-        same(|| what("whether spheres leave cells"), &(list.is_dense != 0), &dense)?;
+        same(|| what("spheres leave cells"), &(list.is_dense != 0), &dense)?;
         let lengths = Lengths { items: case.spheres, counters: list.cells + 2 };
         same(|| what("lengths"), &chosen.lengths, &lengths)?;
         levels_are_sound(&chosen, case)?;
@@ -43,8 +44,9 @@ pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), Fault> {
     first_calls_miss_no_crowd(own)
 }
 
-/// Crowds of which a call samples one sphere each: a first call looks again, and a later one knows.
-fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), Fault> {
+/// Checks crowds of which a call samples one sphere each: a first call looks again, and a later one uses the occupancy
+/// of the call before.
+fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
     const SPHERES: u32 = 20_000;
     let sphere = |k: u32| {
         let crowd = (256 * k + SPHERES / 2) / SPHERES;
@@ -56,16 +58,16 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), Fault> {
         (Outcome { dispatch_z: 1, ..Outcome::zeroed() }, false),
         (Outcome { dispatch_z: 1, densest: 9, ..Outcome::zeroed() }, true),
     ] {
-        let case = Case { spheres: SPHERES, lengths: [None; 3], is_dense: false };
+        let case = CellListCase { spheres: SPHERES, lengths: [None; 3], is_dense: false };
         let chosen = case.choose_after(own, (0..SPHERES).map(sphere).collect(), (0, before))?;
         same(|| format!("crowds of {case:?} after {before:?}"), &(chosen.list.is_dense != 0), &expected)?;
     }
     Ok(())
 }
 
-/// Levels have room, edges and places in the table.
-fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), Fault> {
-    let Chosen { list, scenario, .. } = chosen;
+/// Checks the capacity, cell sizes and table offsets of the levels.
+fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
+    let ConfiguredCellList { list, scenario, .. } = chosen;
     let mut base = 0;
     for (level, own) in list.level.iter().enumerate() {
         let what = || format!("level {level} of {own:?}, {} quanta, {case:?}", list.quanta);
@@ -79,7 +81,7 @@ fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), Fault> {
                 && own.scale == list.level[0].scale * (level as f32).exp2()
                 && (2.0 * own.reach..2.1 * own.reach).contains(&edge);
             same(what, &edges, &true)?;
-            // Before this many quanta are no whole number of 32 bits.
+            // At the coordinate `far`, the number of quanta reaches 2³⁰.
             same(what, &(f32::from_bits(own.far) * own.scale), &((1_u32 << 30) as f32))?;
             for (length, cells) in scenario.space.lengths().into_iter().zip(own.cells.to_array()) {
                 let is_wide = length.is_none_or(|length| length / f64::from(cells) >= edge.into());
@@ -90,22 +92,22 @@ fn levels_are_sound(chosen: &Chosen, case: Case) -> Result<(), Fault> {
     }
     let what = |what: &str| format!("{what}, {case:?}");
     same(|| what("cells in all"), &list.cells, &base)?;
-    same(|| what("whether there is room for them"), &(list.cells <= ROOM && list.levels & 1 == 1), &true)?;
+    same(|| what("cells fit the capacity"), &(list.cells <= CELL_CAPACITY && list.levels & 1 == 1), &true)?;
     let valid = || scenario.spheres.iter().filter(|sphere| sphere.is_valid());
     let listed = valid().filter(|sphere| level_of(list, sphere.radius) == LISTED).count();
     let is_few = listed <= 8 || valid().count() == listed;
-    same(|| what("whether few are listed"), &is_few, &true)?;
+    same(|| what("few spheres are listed"), &is_few, &true)?;
     for sphere in valid().filter(|sphere| level_of(list, sphere.radius) != LISTED) {
         let level = if list.is_dense == 0 { 0 } else { level_of(list, sphere.radius) };
         let fits = sphere.radius <= list.level[level].reach && sphere.radius <= list.level[0].reach;
-        same(|| format!("whether {sphere:?} fits level {level}, {case:?}"), &fits, &true)?;
+        same(|| format!("{sphere:?} fits level {level}, {case:?}"), &fits, &true)?;
     }
     Ok(())
 }
 
-/// Spheres that touch are in neighbouring cells of every level that both could be at home in.
-fn neighbours_are_near(chosen: &Chosen, case: Case) -> Result<(), Fault> {
-    let Chosen { list, scenario, .. } = chosen;
+/// Checks that touching spheres are in adjacent cells of each level that both may be assigned to.
+fn neighbours_are_near(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
+    let ConfiguredCellList { list, scenario, .. } = chosen;
     let step = scenario.spheres.len().div_ceil(500);
     let valid = scenario.only(|k| scenario.spheres[k].is_valid() && k.is_multiple_of(step));
     for pair in valid.oracle() {
@@ -133,33 +135,33 @@ fn neighbours_are_near(chosen: &Chosen, case: Case) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Each cell's counter has the spheres that are not listed, where smaller ones may leave cells.
+/// Checks that each counter holds the number of spheres that are not listed, if smaller spheres may leave cells.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn density_count(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn density_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
-        let Chosen { call, scenario, list, variant, .. } = &chosen;
+        let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let (given, of_list) = (upload(own, &[*call])?, upload_one(own, list)?);
         let spheres = upload(own, &scenario.spheres)?;
         let density = upload(own, &vec![0_u32; call.density_slots as usize])?;
         let bound = [("call", &given), ("list", &of_list), ("spheres", &spheres), ("density", &density)];
         run(own, &k::DENSITY_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &bound)?;
         let found = download::<u32>(own, &density, call.density_slots as usize)?;
-        Chosen::agrees(|| format!("{case:?}"), &found, |fused| chosen.density(fused))?;
+        ConfiguredCellList::agrees(|| format!("{case:?}"), &found, |fused| chosen.density(fused))?;
     }
     Ok(())
 }
 
-/// Every sphere gets its cell and a place there of its own, and crowded cells are reported.
+/// Checks that each sphere gets its cell and a distinct rank in it, and that overfull cells are reported.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
-        let Chosen { call, scenario, list, variant, .. } = &chosen;
+        let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let (table, call) = (chosen.density(true), Call { tau: TAU, ..*call });
         let (given, of_list) = (upload(own, &[call])?, upload_one(own, list)?);
         let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &table)?);
@@ -179,7 +181,7 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), Fault> {
         let mut found = download::<[u32; 2]>(own, &homes, case.spheres as usize)?;
         let cells = found.iter().map(|&[cell, _]| cell).collect();
         let what = |what: &str| format!("{what}, {case:?}");
-        Chosen::agrees(|| what("cells"), &cells, |fused| chosen.homes(&table, fused).0)?;
+        ConfiguredCellList::agrees(|| what("cells"), &cells, |fused| chosen.homes(&table, fused).0)?;
         let counts = download::<u32>(own, &starts, list.cells as usize + 2)?;
         let mut expected = vec![0; counts.len()];
         cells.iter().for_each(|&cell| expected[cell as usize] += 1);
@@ -189,9 +191,13 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), Fault> {
         same(|| what("places"), &found, &places.collect())?;
         let densest = download::<Outcome>(own, &outcome, 1)?[0].densest;
         if list.is_dense == 1 {
-            Chosen::agrees(|| what("the fullest cell"), &densest, |fused| chosen.homes(&table, fused).1)?;
+            ConfiguredCellList::agrees(
+                || what("the fullest cell"),
+                &densest,
+                |fused| chosen.homes(&table, fused).1,
+            )?;
         } else {
-            // The smaller spheres come to their cell among the others, in any order.
+            // The smaller spheres enter their cell interleaved with the others, in any order.
             let small = |id: usize| ![0, LISTED].contains(&level_of(list, scenario.spheres[id].radius));
             let mut smaller = vec![0; counts.len()];
             (0..cells.len()).filter(|&id| small(id)).for_each(|id| smaller[cells[id] as usize] += 1);
@@ -204,14 +210,14 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Every sphere's key is its cell, and the digits of the first pass are counted.
+/// Checks that each sphere's key is its cell, and that the digits of the first sort pass are counted.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
-        let Chosen { call, scenario, list, variant, .. } = &chosen;
+        let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let (table, tile) = (chosen.density(true), variant.radix_tile());
         let tiles = case.spheres.div_ceil(tile);
         let pass = Pass { shift: 0, mask: 255, is_first: 1 };
@@ -236,14 +242,18 @@ pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), Fault> {
         run(own, &k::HOMES_KEY, *variant, tiles, &bound)?;
         let found = download::<u32>(own, &keys, case.spheres as usize)?;
         let what = |what: &str| format!("{what}, {case:?}");
-        Chosen::agrees(|| what("keys"), &found, |fused| chosen.homes(&table, fused).0)?;
+        ConfiguredCellList::agrees(|| what("keys"), &found, |fused| chosen.homes(&table, fused).0)?;
         let mut expected = vec![0_u32; 256 * tiles as usize];
         for (tile, keys) in found.chunks(tile as usize).enumerate() {
             keys.iter().for_each(|key| expected[(key & 255) as usize * tiles as usize + tile] += 1);
         }
         same(|| what("digits"), &download::<u32>(own, &counts, expected.len())?, &expected)?;
         let densest = download::<Outcome>(own, &outcome, 1)?[0].densest;
-        Chosen::agrees(|| what("the fullest cell"), &densest, |fused| chosen.homes(&table, fused).1)?;
+        ConfiguredCellList::agrees(
+            || what("the fullest cell"),
+            &densest,
+            |fused| chosen.homes(&table, fused).1,
+        )?;
     }
     Ok(())
 }

@@ -1,18 +1,18 @@
-//! Distances in spaces whose edges lean, by looking at images one after the other: what judges detectors there.
+//! Distances in triclinic cells by enumeration of images: the reference for detectors.
 
 use glam::{DMat3, DVec3};
 use lazygrid::Space;
 
-/// The edges of a space as they were given, and nothing that the library makes of them.
-pub(crate) struct Images {
+/// The cell vectors of a space as the caller gave them, without the library's reduction.
+pub(crate) struct ImageOracle {
     given: [Option<[f64; 3]>; 3],
-    /// The edges with their places among those given, the longest first. Along the last one no loop is needed.
+    /// The cell vectors with their original indices, the longest first. The last one needs no loop.
     edges: Vec<(usize, DVec3)>,
-    /// For each edge what gives the part of it that a vector has.
+    /// The rows of the inverse matrix, which give the fractional coordinates of a vector.
     fractions: Vec<DVec3>,
 }
 
-impl Images {
+impl ImageOracle {
     pub(crate) fn of(space: &Space) -> Self {
         let given = space.edges();
         let numbered = given.into_iter().enumerate();
@@ -23,26 +23,27 @@ impl Images {
         Self { given, edges, fractions }
     }
 
-    /// For each edge the vector whose product with another is the part of the edge that the other has.
+    /// For each cell vector, the row whose product with a vector is its fractional coordinate.
     pub(crate) fn fractions(&self) -> &[DVec3] {
         &self.fractions
     }
 
-    /// The least squared length of this vector and all its images, with an infinite `reach`. With another it may be that of any
-    /// image within reach, and where there is none, of any at all.
+    /// The smallest squared length of `apart` and all its images, if `reach` is infinite. For a finite `reach` it may
+    /// be that of any image within `reach`, or of any image at all if none is within it.
     ///
-    /// What is in reach has no more of an edge than as many times the height across the other edges as fit the reach.
+    /// An image within `reach` has a fractional coordinate of at most `reach` over the height of the cell along that
+    /// vector.
     pub(crate) fn distance_squared(&self, apart: DVec3, reach: f64) -> f64 {
         let mut shift = [0.0; 3];
         for ((k, _), row) in self.edges.iter().zip(&self.fractions) {
             shift[*k] = -row.dot(apart).round();
         }
         let folded = self.image(apart, shift);
-        // With a reach beyond that, one look is enough.
+        // If the folded image is within `reach`, no search is needed.
         if reach.is_finite() && folded.length() <= reach {
             return squared(folded);
         }
-        // No image is farther away along the edges than this one is.
+        // The nearest image is no longer than the folded one, which bounds the search.
         let along = self.edges.iter().zip(&self.fractions).map(|((_, edge), row)| *edge * row.dot(folded));
         let looked_at = reach.min(along.sum::<DVec3>().length());
         let turns = self.fractions.iter().map(|row| {
@@ -52,7 +53,7 @@ impl Images {
         self.nearest((apart, shift), folded, &turns.collect::<Vec<_>>())
     }
 
-    /// The image of a vector by numbers of edges, as the contract computes it.
+    /// The image of a vector shifted by multiples of the cell vectors, rounded as the contract specifies.
     fn image(&self, vector: DVec3, shift: [f64; 3]) -> DVec3 {
         let component = |axis: usize| {
             let terms = [0, 1, 2].map(|k| self.given[k].map_or(0.0, |edge| shift[k] * edge[axis]));
@@ -61,8 +62,9 @@ impl Images {
         DVec3::new(component(0), component(1), component(2))
     }
 
-    /// The least squared length of the image of a vector and those that are these turns of each remaining edge from it, where
-    /// `near` is about that image. Along the last edge that is where the parabola has its least, or beside it.
+    /// The smallest squared length of the image at `shift` and the images that differ from it by `turns` of each
+    /// remaining cell vector. `near` is approximately that image. Along the last vector, the minimum of the parabola
+    /// and its two neighbors suffice.
     fn nearest(&self, (vector, shift): (DVec3, [f64; 3]), near: DVec3, turns: &[[i32; 2]]) -> f64 {
         let at = self.edges.len() - turns.len();
         let Some((k, edge)) = self.edges.get(at) else { return squared(self.image(vector, shift)) };
@@ -89,8 +91,8 @@ fn squared(vector: DVec3) -> f64 {
     vector.x * vector.x + vector.y * vector.y + vector.z * vector.z
 }
 
-/// For each edge what gives the part of it that a vector has: across the other edges, and within the plane or the line of
-/// all of them.
+/// The rows that give the fractional coordinates of a vector: the inverse matrix, or its pseudoinverse within the plane
+/// or line of the cell vectors.
 fn fractions(edges: &[DVec3]) -> Vec<DVec3> {
     match *edges {
         [a] => vec![a / a.length_squared()],
@@ -112,25 +114,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn distances_by_hand() {
+    fn image_distances_match_known_values() {
         let of = |edges: [Option<DVec3>; 3]| {
             let edges = edges.map(|edge| edge.map(|edge| edge.to_array()));
-            Images::of(&Space::sheared(edges).expect("edges that span a box"))
+            ImageOracle::of(&Space::sheared(edges).expect("linearly independent vectors"))
         };
-        let at = |images: &Images, x, y, z| images.distance_squared(DVec3::new(x, y, z), 1.5);
-        let leaning = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5, 3.0, 0.0)), None]);
-        assert_eq!(at(&leaning, 1.5, 3.0, 0.0), 0.0);
-        assert_eq!(at(&leaning, 1.5, 2.0, 0.5), 1.25);
-        assert_eq!(at(&leaning, 4000.0 - 15.0, -30.0 + 1.0, 0.0), 1.0);
-        assert!(at(&leaning, 0.0, 0.0, 3.0) > 2.25);
-        // A box that leans by more than it is long has the images of one that leans less.
+        let at = |images: &ImageOracle, x, y, z| images.distance_squared(DVec3::new(x, y, z), 1.5);
+        let triclinic = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5, 3.0, 0.0)), None]);
+        assert_eq!(at(&triclinic, 1.5, 3.0, 0.0), 0.0);
+        assert_eq!(at(&triclinic, 1.5, 2.0, 0.5), 1.25);
+        assert_eq!(at(&triclinic, 4000.0 - 15.0, -30.0 + 1.0, 0.0), 1.0);
+        assert!(at(&triclinic, 0.0, 0.0, 3.0) > 2.25);
+        // A cell with a tilt larger than its length has the same images as one with a smaller tilt.
         let far = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5 + 40.0, 3.0, 0.0)), None]);
         for k in 0..50 {
             let [x, y] = [0.61 * f64::from(k), 0.37 * f64::from(k)];
-            let [one, other] = [&leaning, &far].map(|images| at(images, x, y, 0.0));
+            let [one, other] = [&triclinic, &far].map(|images| at(images, x, y, 0.0));
             assert!((one - other).abs() < 1e-9 || one.min(other) > 2.25, "{one} {other}");
         }
-        // The nearest of all, not only the first look.
+        // The nearest image is not the folded one.
         let flat = of([Some(DVec3::X * 0.5), Some(DVec3::new(1.375, 1.0, 0.0)), None]);
         let apart = DVec3::new(-0.25, 2.75, 0.25);
         assert_eq!(flat.distance_squared(apart, f64::INFINITY), 0.140625);

@@ -1,4 +1,4 @@
-//! Every kernel by itself, against a plain sequential function.
+//! Checks of single kernels, each against a plain sequential function.
 
 use std::fmt::Debug;
 
@@ -7,30 +7,30 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel::Variant;
 use thiserror::Error;
 
-use crate::{Extent, calls, grid, homes, list, nested, primitives, runs, shares, skin};
+use crate::{Effort, calls, grid, homes, list, nested, primitives, runs, shares, skin};
 
-/// Around a workgroup, and many.
+/// Numbers of spheres: around the size of a workgroup, and many workgroups.
 pub(crate) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
 
-/// Why something is not right.
+/// The failure of a check.
 #[derive(Clone, Debug, Error, PartialEq)]
-pub enum Fault {
-    /// A result is not what it has to be.
+pub enum KernelError {
+    /// A result differs from the expected one.
     #[error("{0}")]
-    Wrong(String),
+    WrongResult(String),
     /// The device failed.
     #[error(transparent)]
     Device(#[from] Error),
 }
 
-/// One of the checks: kernels, and what they have to do.
+/// A check of one or more kernels.
 #[derive(Clone, Copy, Debug)]
 pub struct KernelCheck {
-    /// What is checked.
+    /// The name of the check.
     pub name: &'static str,
-    /// The kernels that do it.
+    /// The names of the checked kernels.
     pub kernels: &'static [&'static str],
-    /// Checks it.
+    /// The function that runs the check.
     pub run: Run,
 }
 
@@ -38,58 +38,58 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
     KernelCheck { name, kernels, run }
 }
 
-/// A check on a device, of some extent.
-pub type Run = fn(&GpuDevice, Extent) -> Result<(), Fault>;
+/// A check function.
+pub type Run = fn(&GpuDevice, Effort) -> Result<(), KernelError>;
 
-/// All checks, in the order of a call.
+/// All checks, in the order in which a call runs the kernels.
 pub const CHECKS: [KernelCheck; 34] = [
-    one("call begin", &["call_begin"], |own, _| calls::call_begin(own)),
-    one("images nearest to the origin", &["spheres_wrap"], |own, _| calls::spheres_wrap(own)),
+    one("start of a call", &["call_begin"], |own, _| calls::call_begin(own)),
+    one("wrapped coordinates", &["spheres_wrap"], |own, _| calls::spheres_wrap(own)),
     one("bounds", &["bounds_reduce"], |own, _| calls::bounds_reduce(own)),
     one("grid", &["grid_configure"], |own, _| grid::grid_configure(own)),
-    one("density table", &["density_clear"], |own, _| nested::density_clear(own)),
+    one("occupancy table", &["density_clear"], |own, _| nested::density_clear(own)),
     one("cells", &["cells_find"], |own, _| nested::cells_find(own)),
     one("deeper levels", &["levels_refine"], |own, _| nested::levels_refine(own)),
     one("keys of levels", &["levels_settle"], |own, _| nested::levels_settle(own)),
     one("entries", &["entries_emit"], |own, _| nested::entries_emit(own)),
     one("number of entries", &["entries_close"], |own, _| calls::entries_close(own)),
-    one("prefix scan", &["scan_reduce", "scan_spine", "scan_spread"], |own, extent| {
-        sizes(extent).try_for_each(|size| primitives::scan(own, size))
+    one("prefix scan", &["scan_reduce", "scan_spine", "scan_spread"], |own, effort| {
+        sizes(effort).try_for_each(|size| primitives::scan(own, size))
     }),
     one("prefix scan of few values", &["scan_once"], |own, _| primitives::scan_once(own)),
-    one("radix sort", &["radix_count", "radix_scan", "radix_scatter"], |own, extent| {
-        sizes(extent).try_for_each(|size| primitives::sort(own, size))
+    one("radix sort", &["radix_count", "radix_scan", "radix_scatter"], |own, effort| {
+        sizes(effort).try_for_each(|size| primitives::sort(own, size))
     }),
-    one("sizes and bounds", &["spheres_survey"], |own, _| list::spheres_survey(own)),
-    one("cells of a list", &["list_configure"], |own, _| homes::list_configure(own)),
+    one("size classes and bounds", &["spheres_survey"], |own, _| list::spheres_survey(own)),
+    one("cells of a cell list", &["list_configure"], |own, _| homes::list_configure(own)),
     one("cells of few spheres", &["list_begin"], |own, _| list::list_begin(own)),
-    one("spheres of the first cells", &["density_count"], |own, _| homes::density_count(own)),
-    one("homes and places", &["homes_count"], |own, _| homes::homes_count(own)),
-    one("homes as keys", &["homes_key"], |own, _| homes::homes_key(own)),
-    one("beginnings of cells", &["cells_index"], |own, _| list::cells_index(own)),
-    one("spheres in order", &["spheres_place", "spheres_gather"], |own, _| list::spheres_place(own)),
+    one("occupancy of the first cells", &["density_count"], |own, _| homes::density_count(own)),
+    one("cells and ranks", &["homes_count"], |own, _| homes::homes_count(own)),
+    one("cells as sort keys", &["homes_key"], |own, _| homes::homes_key(own)),
+    one("starts of cells", &["cells_index"], |own, _| list::cells_index(own)),
+    one("spheres in cell order", &["spheres_place", "spheres_gather"], |own, _| list::spheres_place(own)),
     one("first candidates", &["list_search"], |own, _| shares::list_search(own)),
-    one("sizes of the search of further candidates", &["shares_open"], |own, _| shares::shares_open(own)),
+    one("dispatch of the search of further candidates", &["shares_open"], |own, _| shares::shares_open(own)),
     one("further candidates", &["shares_search"], |own, _| shares::shares_search(own)),
-    one("runs of a cell", &["runs_search"], |own, _| runs::runs_search(own)),
-    one("sizes of the crowded search", &["crowded_open"], |own, _| calls::crowded_open(own)),
-    one("crowded search", &["crowded_search"], |own, _| runs::crowded_search(own)),
-    one("how far spheres have gone", &["skin_measure"], |own, _| skin::skin_measure(own)),
-    one("whether candidates have lapsed", &["skin_decide"], |own, _| skin::skin_decide(own)),
-    one("spheres that are kept", &["skin_keep"], |own, _| skin::skin_keep(own)),
-    one("sizes of the test of candidates", &["candidates_open"], |own, _| skin::candidates_open(own)),
+    one("near pairs in runs", &["runs_search"], |own, _| runs::runs_search(own)),
+    one("dispatch of the search of far pairs in runs", &["crowded_open"], |own, _| calls::crowded_open(own)),
+    one("far pairs in runs", &["crowded_search"], |own, _| runs::crowded_search(own)),
+    one("displacements", &["skin_measure"], |own, _| skin::skin_measure(own)),
+    one("rebuild of the candidate list", &["skin_decide"], |own, _| skin::skin_decide(own)),
+    one("reference positions", &["skin_keep"], |own, _| skin::skin_keep(own)),
+    one("dispatch of the candidate test", &["candidates_open"], |own, _| skin::candidates_open(own)),
     one("pairs among candidates", &["candidates_test"], |own, _| skin::candidates_test(own)),
     one("all pairs", &["naive_search"], |own, _| calls::naive_search(own)),
     one("outcome", &["outcome_finish"], |own, _| calls::outcome_finish(own)),
 ];
 
-fn sizes(extent: Extent) -> impl Iterator<Item = usize> {
-    let most = if extent == Extent::Quick { 5000 } else { usize::MAX };
-    let large = (extent == Extent::Full).then_some(1 << 24);
+fn sizes(effort: Effort) -> impl Iterator<Item = usize> {
+    let most = if effort == Effort::Quick { 5000 } else { usize::MAX };
+    let large = (effort == Effort::Full).then_some(1 << 24);
     primitives::SIZES.into_iter().filter(move |size| *size < most).chain(large)
 }
 
-/// Without subgroup operations, and with them where the device has them.
+/// The default variants without and, if the device supports them, with subgroup operations.
 pub(crate) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
     let smallest = own.adapter.has_subgroups.then_some(own.adapter.subgroup_sizes[0]);
     let subgroups = smallest.filter(|&size| size >= 4);
@@ -97,17 +97,17 @@ pub(crate) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
     [None, subgroups].into_iter().take(1 + usize::from(subgroups.is_some())).map(with)
 }
 
-/// Unsigned integers in the order of the floats.
+/// Maps a float to an unsigned integer with the same order.
 pub(crate) fn ordered(x: f32) -> u32 {
     if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 }
 }
 
-/// Holds what was found against what has to be.
+/// Compares a result with the expected one.
 pub(crate) fn same<T: PartialEq + Debug>(
     case: impl FnOnce() -> String,
     found: &T,
     expected: &T,
-) -> Result<(), Fault> {
+) -> Result<(), KernelError> {
     if found == expected {
         return Ok(());
     }
@@ -118,7 +118,7 @@ pub(crate) fn same<T: PartialEq + Debug>(
             None => text,
         }
     };
-    Err(Fault::Wrong(format!("{}: {} instead of {}", case(), short(found), short(expected))))
+    Err(KernelError::WrongResult(format!("{}: {} instead of {}", case(), short(found), short(expected))))
 }
 
 #[cfg(test)]
@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_kernel_has_one_check() {
+    fn each_kernel_has_one_check() {
         let mut checked: Vec<&str> = CHECKS.iter().flat_map(|check| check.kernels).copied().collect();
         let mut all: Vec<&str> = KERNELS.iter().map(|kernel| kernel.name).collect();
         checked.sort_unstable();
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_is_said_in_short() {
+    fn long_differences_are_shortened() {
         assert_eq!(same(|| "one".to_owned(), &1, &1), Ok(()));
         let fault = same(|| "many".to_owned(), &vec![7; 1000], &vec![8; 1000]).expect_err("they differ");
         let text = fault.to_string();

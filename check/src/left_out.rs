@@ -1,52 +1,52 @@
-//! Pairs that are left out of scenarios: groups, and lists.
+//! Exclusions of scenarios: groups and lists of pairs.
 
 use std::collections::BTreeSet;
 
 use lazygrid::{Error, Exclusions, Spheres};
 
-use crate::Scenario;
+use crate::TestInput;
 
-/// How many words settle what is left out.
-pub const LEFT_OUT_WORDS: usize = 64;
+/// The number of words from which the exclusions of a scene are drawn.
+pub const EXCLUSION_WORDS: usize = 64;
 
-/// A list of pairs that are none: as a detector is given it, and as a plain set, which judges that.
+/// A list of excluded pairs: as the library's [`Exclusions`], and as a plain set for the oracle.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Excluded {
+pub struct ExclusionCase {
     list: Exclusions,
-    /// The smaller index first.
+    /// The excluded pairs, with the smaller index first.
     pairs: BTreeSet<(u32, u32)>,
 }
 
-impl Excluded {
-    /// These pairs among so many spheres, each in either order and as often as one likes.
+impl ExclusionCase {
+    /// Excludes `pairs` of `spheres` spheres. Pairs may be in either order and may repeat.
     ///
     /// # Errors
-    /// That of [`Exclusions::new`].
+    /// Returns the error of [`Exclusions::new`].
     pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, Error> {
         let pairs: Vec<(u32, u32)> = pairs.into_iter().collect();
         let list = Exclusions::new(spheres, pairs.iter().copied())?;
         Ok(Self { list, pairs: pairs.into_iter().map(|(i, j)| (i.min(j), i.max(j))).collect() })
     }
 
-    /// As a detector is given it.
+    /// The exclusions as the library's type.
     pub fn list(&self) -> &Exclusions {
         &self.list
     }
 
-    /// The pairs, each once and with the smaller index first.
+    /// The excluded pairs, each once and with the smaller index first.
     pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> {
         self.pairs.iter().copied()
     }
 
-    /// Whether this pair is one of them.
+    /// Returns `true` if the pair is excluded.
     pub(crate) fn has(&self, i: u32, j: u32) -> bool {
         self.pairs.contains(&(i.min(j), i.max(j)))
     }
 
-    /// The pairs of those spheres that are kept, whose indices ascend.
+    /// The exclusions among the spheres in `kept`, whose indices must ascend.
     ///
     /// # Panics
-    /// Never: where a sphere is kept is a place among those kept.
+    /// Never panics: an index into `kept` is smaller than its length.
     pub(crate) fn only(&self, kept: &[usize]) -> Self {
         let place = |k: u32| kept.binary_search(&(k as usize)).ok().map(|place| place as u32);
         let pairs = self.pairs().filter_map(|(i, j)| place(i).zip(place(j)));
@@ -54,10 +54,10 @@ impl Excluded {
     }
 }
 
-impl Scenario {
-    /// The same with groups of any size, and some spheres in none; with a list of pairs in either order, some of them more
-    /// than once; or with both.
-    pub fn leaving_out(self, words: &[u32; LEFT_OUT_WORDS]) -> Self {
+impl TestInput {
+    /// Adds exclusions drawn from `words`: groups of any size with some spheres in none, a list of pairs in either
+    /// order with repetitions, or both.
+    pub fn with_exclusions(self, words: &[u32; EXCLUSION_WORDS]) -> Self {
         let spheres = self.spheres.len();
         let word = |k: usize| words[k % words.len()].rotate_left((k / words.len()) as u32 * 7);
         let most = [2, 5, 1 + spheres as u32 / 2][words[0] as usize % 3];
@@ -73,8 +73,8 @@ impl Scenario {
             groups: (kind != 1).then(|| (0..spheres).map(group).collect()),
             excluded: match kind {
                 0 => None,
-                // Indices are below the number of spheres; without a sphere there is no pair.
-                _ => Excluded::new(spheres, (0..4 * spheres).map(pair)).ok(),
+                // All indices are below the number of spheres. Without spheres the list is empty.
+                _ => ExclusionCase::new(spheres, (0..4 * spheres).map(pair)).ok(),
             },
             ..self
         }
@@ -88,10 +88,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_left_out_stays_so_for_those_kept() {
-        let scenario = Scenario {
+    fn exclusions_of_kept_spheres_remain() {
+        let scenario = TestInput {
             groups: Some(vec![7, 7, Spheres::NO_GROUP, Spheres::NO_GROUP, 3]),
-            excluded: Excluded::new(5, [(4, 1), (2, 2), (1, 4), (0, 3)]).ok(),
+            excluded: ExclusionCase::new(5, [(4, 1), (2, 2), (1, 4), (0, 3)]).ok(),
             ..vec![Sphere::new([0.0; 3], 1.0); 5].into()
         };
         let pairs = |of: &[(u32, u32)]| of.iter().map(|&(i, j)| Pair { i, j }).collect::<Vec<_>>();
@@ -106,10 +106,10 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_is_drawn() {
-        let mut words = [0x1234_5678; LEFT_OUT_WORDS];
-        let drawn = |words: &[u32; LEFT_OUT_WORDS], spheres| {
-            let scenario = Scenario::from(vec![Sphere::new([0.0; 3], 1.0); spheres]).leaving_out(words);
+    fn all_kinds_of_exclusions_are_drawn() {
+        let mut words = [0x1234_5678; EXCLUSION_WORDS];
+        let drawn = |words: &[u32; EXCLUSION_WORDS], spheres| {
+            let scenario = TestInput::from(vec![Sphere::new([0.0; 3], 1.0); spheres]).with_exclusions(words);
             (scenario.groups.is_some(), scenario.excluded.is_some())
         };
         for (kind, expected) in [(0, (true, false)), (1, (false, true)), (2, (true, true))] {

@@ -1,14 +1,16 @@
-//! What holds lazygrid to its promises on the machine at hand: `lazygrid check`, and what the tests share with it.
+//! Correctness and speed checks of lazygrid on the machine at hand, for `lazygrid check` and for the tests:
 //!
-//! * [`Scenario`] — spheres, their species, their space and what is left out of their pairs, and the [oracle](Scenario::oracle): a plain
-//!   double loop, over all images in reach where edges lean;
-//! * [`adversary`], [`periodic`], [`sheared`] — families of scenes that are hard on grids, made of [`Words`] so that they shrink;
-//! * [`scenes`] — single ones, each chosen for one thing;
-//! * [`difference`] — compares a result with the expected pairs and explains the first wrong one;
-//! * [`Way`], [`compare`] — every algorithm and what it runs on, against those pairs; [`shrink`] makes what fails small;
-//! * [`fuzz`] — scenes, settings and calls at random;
-//! * [`kernels`] — each GPU kernel against a sequential function;
-//! * [`bandwidth`], [`speed`] — copies, the building blocks and every algorithm by the clock.
+//! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop
+//!   over pairs (and over all images within the cutoff in triclinic cells).
+//! * [`adversary`], [`periodic`], [`sheared`]: families of scenes that are hard on grids, made from [`SceneSeed`] so that
+//!   they shrink.
+//! * [`scenes`]: single hard scenes.
+//! * [`difference`]: compares a result with the expected pairs and explains the first wrong pair.
+//! * [`DetectorVariant`], [`compare`]: runs each algorithm on each target and compares it with the expected pairs; [`shrink`]
+//!   minimizes failing scenes.
+//! * [`fuzz`]: random scenes, settings and calls.
+//! * [`kernels`]: each GPU kernel against a sequential function.
+//! * [`bandwidth`], [`speed`]: times of copies, of the building blocks and of each algorithm.
 
 pub mod adversary;
 pub mod bandwidth;
@@ -42,21 +44,21 @@ mod shrink;
 mod skin;
 mod way;
 
-/// How much is checked.
+/// The effort of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Extent {
-    /// Small scenes and sizes only: seconds.
+pub enum Effort {
+    /// Small scenes and sizes only: takes seconds.
     Quick,
-    /// What takes about a minute, also in software.
-    Usual,
-    /// More and larger scenes and sizes, which take software an hour.
+    /// About a minute, also on a software adapter.
+    Default,
+    /// More and larger scenes and sizes: up to an hour on a software adapter.
     Full,
 }
 
-pub use choices::{Choices, Element, Words};
+pub use choices::{ElementSeed, SceneSeed, SeedReader};
 pub use difference::{Tolerance, checksum, difference};
-pub use left_out::{Excluded, LEFT_OUT_WORDS};
+pub use left_out::{EXCLUSION_WORDS, ExclusionCase};
 pub use random::Random;
-pub use scenario::{Mixture, Scenario};
+pub use scenario::{SpeciesSetup, TestInput};
 pub use shrink::shrink;
-pub use way::{Gpu, Place, Way, guarded};
+pub use way::{DetectorVariant, Gpu, TargetDevice, catch_panic};

@@ -1,4 +1,4 @@
-//! The kernels of the cell list one by one, against plain sequential functions.
+//! Checks of the cell-list kernels, each against plain sequential functions.
 
 use bytemuck::Zeroable;
 use encase::ShaderType;
@@ -8,16 +8,17 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Lengths, List, Outcome, Survey};
 
 use crate::device::{download, run, upload, upload_one};
-use crate::kernels::{Fault, SIZES, ordered, same};
-use crate::{Random, Words, adversary};
+use crate::kernels::{KernelError, SIZES, ordered, same};
+use crate::{Random, SceneSeed, adversary};
 
-/// Bounds, sizes and the number of bad spheres are found, and counters cleared, by any number of workgroups.
+/// Checks that any number of workgroups finds the bounds, size classes and number of invalid spheres, and clears the
+/// counters.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, groups) in SIZES.into_iter().flat_map(|size| [1, 3].map(|groups| (size, groups))) {
-        let mut spheres = adversary::any_floats(&Words::drawn(&mut Random(size as u64), size));
+        let mut spheres = adversary::any_floats(&SceneSeed::drawn(&mut Random(size as u64), size));
         spheres.iter_mut().step_by(100).for_each(|sphere| sphere.center.y = f32::NAN);
         let (counters, density_slots) = (size as u32 + 7, 512);
         let call = Call { spheres: size as u32, counters, density_slots, ..Call::zeroed() };
@@ -35,7 +36,7 @@ pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), Fault> {
         ];
         run(own, &k::SPHERES_SURVEY, Variant::default(), groups, &bound)?;
         let found = download::<Survey>(own, &survey, 1)?[0];
-        // Devices may take subnormal radii for zero.
+        // Devices may flush subnormal radii to zero.
         let [kept, flushed] = [false, true].map(|flushes| surveyed(&spheres, flushes));
         let expected = if found.smallest == flushed.smallest { flushed } else { kept };
         let case = |what: &str| format!("{what} of {size} spheres, {groups} workgroups");
@@ -53,11 +54,12 @@ pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// One workgroup finds the cells that many do, and leaves the survey as it was.
+/// Checks that the single-workgroup kernel configures the same cells as the kernels for many spheres, and leaves the
+/// statistics cleared.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, periodic) in [0, 1, 300, 2048].into_iter().flat_map(|size| [(size, false), (size, true)]) {
         let mut random = Random(size as u64);
         let mut coordinate = || random.unit() * 20.0 - 10.0;
@@ -74,7 +76,7 @@ pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), Fault> {
         let expected = begun(own, given, periodic, &[(&k::SPHERES_SURVEY, 3), (&k::LIST_CONFIGURE, 1)])?;
         let found = begun(own, given, periodic, &[(&k::LIST_BEGIN, 1)])?;
         let case = |what: &str| format!("{what} of {size} spheres, periodic {periodic}");
-        same(|| case("whether the survey is empty"), &found.leaves_no_survey, &true)?;
+        same(|| case("survey is empty"), &found.leaves_no_survey, &true)?;
         same(|| case("the list"), &found.list, &expected.list)?;
         let counts = |begun: &Begun| (begun.outcome.clone(), begun.lengths.clone());
         same(|| case("outcome and lengths"), &counts(&found), &counts(&expected))?;
@@ -83,10 +85,10 @@ pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Cells that the table has room for.
+/// Capacity of the cell table.
 const CELLS: u32 = 4096;
 
-/// How a call begins, as bytes where it is a structure.
+/// The results of the kernels that start a call; structures as bytes.
 struct Begun {
     leaves_no_survey: bool,
     list: Vec<u8>,
@@ -95,13 +97,13 @@ struct Begun {
     starts: Vec<u32>,
 }
 
-/// Runs kernels that begin a call, each of so many workgroups.
+/// Runs kernels that start a call, each with its number of workgroups.
 fn begun(
     own: &GpuDevice,
     given: [(&'static str, &wgpu::Buffer); 3],
     periodic: bool,
     kernels: &[(&'static k::Kernel, u32)],
-) -> Result<Begun, Fault> {
+) -> Result<Begun, KernelError> {
     let (survey, list) = (upload(own, &[Survey::zeroed()])?, upload_one(own, &List::zeroed())?);
     let (outcome, lengths) = (upload(own, &[Outcome::default()])?, upload(own, &[Lengths::zeroed()])?);
     let (starts, density) = (upload(own, &[7_u32; CELLS as usize + 2])?, upload(own, &[0_u32; 4])?);
@@ -128,10 +130,10 @@ fn begun(
     })
 }
 
-/// Radii are at least so large that devices do not flush them.
+/// Offset of all radii, which keeps them above the subnormal numbers that devices flush.
 const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
-/// What is known of these spheres, where devices take subnormal numbers for zero or not.
+/// The expected statistics of these spheres, on a device that flushes subnormal numbers or one that does not.
 pub(crate) fn surveyed(spheres: &[Sphere], flushes: bool) -> Survey {
     let mut survey = Survey::zeroed();
     for sphere in spheres {
@@ -154,11 +156,12 @@ pub(crate) fn surveyed(spheres: &[Sphere], flushes: bool) -> Survey {
     survey
 }
 
-/// Each cell begins at the first sphere that is not in a cell before it, whether cells are many or one has all spheres.
+/// Checks that each cell starts at the first sphere that is not in an earlier cell, for many cells and for one cell
+/// with all spheres.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), KernelError> {
     let sizes = [(0, 10), (1, 1), (300, 5000), (20_000, 9000), (20_000, 3), (70_000, 4096), (70_000, 1)];
     for (spheres, cells) in sizes {
         let mut random = Random(spheres as u64);
@@ -178,14 +181,14 @@ pub(crate) fn cells_index(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Spheres come to the places that their cells begin at.
+/// Checks that spheres are scattered to the ranges of their cells.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn spheres_place(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn spheres_place(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         let mut random = Random(size as u64);
-        let spheres = adversary::any_floats(&Words::drawn(&mut random, size));
+        let spheres = adversary::any_floats(&SceneSeed::drawn(&mut random, size));
         let cells = size as u32 / 3 + 1;
         let mut starts = vec![0_u32; cells as usize + 1];
         let homes: Vec<[u32; 2]> = (0..size)
@@ -220,7 +223,7 @@ pub(crate) fn spheres_place(own: &GpuDevice) -> Result<(), Fault> {
         same(|| format!("order of {size} spheres"), &download::<u32>(own, &places, size)?, &order)?;
         same(|| format!("cells of {size} spheres"), &download::<u32>(own, &cells, size)?, &expected_cells)?;
         gathered(own, &sorted, (&spheres, &order))?;
-        // The other way to the same.
+        // The gathering kernel must give the same order.
         let sorted = upload(own, &vec![[0_u32; 4]; size])?;
         let bound =
             [("call", &call), ("list", &list), ("spheres", &input), ("order", &places), ("sorted", &sorted)];
@@ -234,7 +237,7 @@ fn gathered(
     own: &GpuDevice,
     sorted: &wgpu::Buffer,
     (spheres, order): (&[Sphere], &[u32]),
-) -> Result<(), Fault> {
+) -> Result<(), KernelError> {
     let bits = |sphere: &Sphere| bytemuck::cast::<Sphere, [u32; 4]>(*sphere);
     let expected: Vec<[u32; 4]> = order.iter().map(|&at| bits(&spheres[at as usize])).collect();
     let found = download::<[u32; 4]>(own, sorted, order.len())?;

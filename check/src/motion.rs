@@ -1,27 +1,27 @@
-//! Spheres that move, and candidates that are kept meanwhile.
+//! Moving spheres, and skins for their candidate lists.
 
 use lazygrid::{Skin, Sphere};
 
-/// A skin in proportion to the scene: this part of some sphere's radius, or of the distance of two neighbours in the
-/// list where it has none.
+/// A skin in proportion to the scene: `part` times the first nonzero radius, or times the first nonzero distance of
+/// consecutive spheres if all radii are 0.
 pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     let radius = spheres.iter().map(|sphere| sphere.radius).find(|&radius| radius > 0.0);
     let apart = |two: &[Sphere]| two[0].center.distance(two[1].center);
     let distance = spheres.windows(2).map(apart).find(|&distance| distance > 0.0);
-    // A distance may be more than `f32` holds.
+    // The distance may exceed the range of `f32`.
     match part * radius.or(distance).unwrap_or(1.0).min(f32::MAX) {
         0.0 => Skin::Auto,
         distance => Skin::Fixed(distance.clamp(1e-14, 1e17).into()),
     }
 }
 
-/// The largest radius, or 1 where there is none: what [`walk`] takes a part of.
+/// The largest radius, or 1 if all radii are 0: the unit of [`walk`].
 pub(crate) fn stride(spheres: &[Sphere]) -> f32 {
     let radius = spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
     if radius > 0.0 { radius.min(1e30) } else { 1.0 }
 }
 
-/// Moves the spheres by about this part of the largest of their radii, or of 1 where they have none.
+/// Moves each sphere by up to `part` times the largest radius (or 1 if all radii are 0) along each axis.
 pub fn walk(spheres: &mut [Sphere], part: f32, step: u32) {
     let far = part * stride(spheres);
     for (sphere, k) in spheres.iter_mut().zip(0_u32..) {

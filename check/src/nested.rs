@@ -1,4 +1,4 @@
-//! The kernels of the nested grids, one by one, against plain sequential functions.
+//! Checks of the kernels of the nested grids, each against plain sequential functions.
 
 use std::collections::HashMap;
 
@@ -12,12 +12,12 @@ use lazygrid_kernels::layout::{Bounds, Call, Grid, Level};
 
 use crate::Random;
 use crate::device::{download, download_one, run, upload, upload_one};
-use crate::kernels::{Fault, SIZES, same, variants};
+use crate::kernels::{KernelError, SIZES, same, variants};
 
 const HAS_OWN: u32 = 1 << 31;
 const SLOTS: u32 = 4096;
 
-/// Depth, first cell and span of a sphere.
+/// The depth, first cell and extra cells of a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Cells {
     first: [i32; 3],
@@ -47,7 +47,7 @@ impl Cells {
     }
 }
 
-/// Cells of edge 8 at depth 0 with a corner at the origin: powers of two, so that nothing is rounded.
+/// A grid with cells of size 8 at depth 0 and a cell corner at the origin. Powers of two avoid rounding.
 fn grid(spheres: usize, refinement: u32) -> Grid {
     let mut grid = Grid {
         inverse_edge: Vec3::splat(0.125),
@@ -75,7 +75,7 @@ fn call(refinement: u32, tau: u32) -> Call {
     }
 }
 
-/// Sizes over eight powers of two, positions in eighths; every third at one place.
+/// Radii over eight powers of two, at multiples of an eighth; every third sphere is at the same point.
 fn spheres(count: usize) -> Vec<Sphere> {
     let mut random = Random(count as u64);
     let mut place = || (random.word() % 1024) as f32 / 8.0 - 64.0;
@@ -125,7 +125,7 @@ fn is_dense(counter: u32, tau: u32) -> bool {
     counter & !HAS_OWN > tau
 }
 
-/// The density table after the first level, and after all.
+/// The expected occupancy table after the first level, and after all levels.
 fn density_plain(cells: &[Cells], tau: u32) -> (Vec<u32>, Vec<u32>) {
     let mut first = vec![0; 2 * SLOTS as usize];
     for own in cells {
@@ -156,11 +156,11 @@ fn table(own: &GpuDevice) -> Result<wgpu::Buffer, Error> {
     upload(own, &vec![0_u32; 2 * SLOTS as usize])
 }
 
-/// The density table is cleared to its end where it is used.
+/// Checks that the occupancy table is cleared to its end if it is used.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn density_clear(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn density_clear(own: &GpuDevice) -> Result<(), KernelError> {
     for slots in [1_u32, 256, 512, 8192] {
         for refinement in [1, 2] {
             let call = upload(own, &[Call { density_slots: slots, ..call(refinement, 0) }])?;
@@ -177,11 +177,11 @@ pub(crate) fn density_clear(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Cells are found, and the first level is counted.
+/// Checks the cells of the spheres and the occupancy of the first level.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for refinement in [0, 1, 2] {
             let mut spheres = spheres(size);
@@ -224,11 +224,11 @@ pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Deeper levels are counted below dense cells.
+/// Checks the occupancy of deeper levels below overfull cells.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn levels_refine(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn levels_refine(own: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for tau in [0, 3, 400, u32::MAX] {
             let cells: Vec<Cells> = spheres(size).iter().map(cells_plain).collect();
@@ -257,11 +257,11 @@ pub(crate) fn levels_refine(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Keys are shared out among the levels without overlap.
+/// Checks that the levels get disjoint ranges of keys.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), KernelError> {
     let mut random = Random(5);
     for key_bits in [16_u32, 24, 32] {
         for depths in [1_u32, 0b11, 0b1_0001, 1 << 31 | 1, u32::MAX, 0x0010_8002] {
@@ -285,7 +285,7 @@ pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), Fault> {
             for depth in (0..32).filter(|depth| grid.depths >> depth & 1 == 1) {
                 let Level { bits, base } = grid.levels[depth];
                 same(|| case(&format!("the first key of depth {depth}")), &u64::from(base), &end)?;
-                // A fold repeats after eight cells.
+                // With three bits per axis, a key repeats after eight cells.
                 same(
                     || case(&format!("{bits:?} bits of three or more")),
                     &bits.cmpge(UVec3::splat(3)).all(),
@@ -293,13 +293,13 @@ pub(crate) fn levels_settle(own: &GpuDevice) -> Result<(), Fault> {
                 )?;
                 end += 1 << bits.element_sum();
             }
-            same(|| case(&format!("room for {end} keys")), &(end <= 1 << (key_bits - 1)), &true)?;
+            same(|| case(&format!("{end} keys fit")), &(end <= 1 << (key_bits - 1)), &true)?;
         }
     }
     Ok(())
 }
 
-/// What `entries_emit` is to write: (key, object), sorted.
+/// The entries that `entries_emit` must write, as sorted (key, object).
 fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec<[u32; 2]> {
     let mut entries = Vec::new();
     for (index, own) in cells.iter().enumerate() {
@@ -339,11 +339,11 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
     entries
 }
 
-/// Entries follow the spheres down, with and without subgroup operations.
+/// Checks the entries of spheres on all levels, with and without subgroup operations.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for (size, (refinement, tau)) in SIZES.into_iter().flat_map(|size| {
             [(1, 0), (2, 0), (2, 3), (2, 400), (2, u32::MAX)].map(|settings| (size, settings))

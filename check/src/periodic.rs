@@ -1,52 +1,52 @@
-//! Families of spheres in periodic spaces, made of words as those of [`adversary`].
+//! Families of scenes in periodic spaces, made from [`SceneSeed`] like those of [`adversary`].
 
 use lazygrid::{Space, Sphere};
 
 #[cfg(doc)]
 use crate::adversary;
 use crate::adversary::extreme_unit;
-use crate::{Choices, Scenario, Words};
+use crate::{SceneSeed, SeedReader, TestInput};
 
-/// A kind of scene in a periodic space.
+/// A family of scenes in a periodic space.
 #[derive(Clone, Copy, Debug)]
-pub struct Family {
-    /// What it is called.
+pub struct PeriodicSceneFamily {
+    /// The name for reports.
     pub name: &'static str,
-    /// The scene of some words.
-    pub scene: fn(&Words) -> Scenario,
+    /// Makes the scene of the given words.
+    pub scene: fn(&SceneSeed) -> TestInput,
 }
 
-/// All of them.
-pub const FAMILIES: [Family; 6] = [
-    Family { name: "lattices across the seam", scene: lattice },
-    Family { name: "soup in a box", scene: soup },
-    Family { name: "crowds at the corner of a box", scene: corner },
-    Family { name: "coordinates far outside a box", scene: unwrapped },
-    Family { name: "boxes at the ends of the range", scene: extremes },
-    Family { name: "giants in small boxes", scene: giant },
+/// All families.
+pub const FAMILIES: [PeriodicSceneFamily; 6] = [
+    PeriodicSceneFamily { name: "lattices across a periodic boundary", scene: lattice },
+    PeriodicSceneFamily { name: "soup in a box", scene: soup },
+    PeriodicSceneFamily { name: "crowds at the corner of a box", scene: corner },
+    PeriodicSceneFamily { name: "coordinates far outside a box", scene: unwrapped },
+    PeriodicSceneFamily { name: "boxes at the ends of the range", scene: extremes },
+    PeriodicSceneFamily { name: "giants in small boxes", scene: giant },
 ];
 
-/// An axis in four is unbounded; the others have lengths from those given.
-pub fn lengths(of: &mut Choices<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
+/// Draws the length of each axis from `lengths`. One axis in four is unbounded.
+pub fn lengths(of: &mut SeedReader<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
     [(); 3].map(|()| {
         let (length, is_unbounded) = (of.of(lengths), of.once_in(4));
         (!is_unbounded).then_some(length)
     })
 }
 
-/// The space of these lengths, which are finite and above zero.
+/// Creates the periodic space of these lengths, which must be finite and above zero.
 pub fn space(lengths: [Option<f32>; 3]) -> Space {
     Space::periodic(lengths.map(|length| length.map(f64::from))).unwrap_or_default()
 }
 
-fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> Scenario {
-    Scenario { space: space(lengths), ..spheres.into() }
+fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
+    TestInput { space: space(lengths), ..spheres.into() }
 }
 
-/// Sites of a lattice in exact contact whose box is a whole number of spacings, moved by whole boxes and by half
-/// spacings; some spheres are twice as large, points, or larger than the box.
-pub fn lattice(words: &Words) -> Scenario {
-    let mut choices = words.choices();
+/// Lattice sites in exact contact, in a box of a whole number of spacings. Coordinates are shifted by whole boxes and
+/// half spacings. Some spheres have twice the radius, are points, or are larger than the box.
+pub fn lattice(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 1.0 / 1024.0]);
     let shift = choices.of(&[0.0_f32, 0.5, -1024.0]);
     let counts = lengths(&mut choices, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
@@ -57,9 +57,9 @@ pub fn lattice(words: &Words) -> Scenario {
     in_box(spheres, counts.map(|count| count.map(|count| count * spacing)))
 }
 
-/// Spheres at random, of sizes from nothing to more than the box, with coordinates up to a few boxes outside.
-pub fn soup(words: &Words) -> Scenario {
-    let mut choices = words.choices();
+/// Random spheres with radii from 0 to more than the box, at up to several boxes from the origin.
+pub fn soup(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let lengths = match choices.below(3) {
         0 => lengths(&mut choices, &[8.0, 7.3, 4.1]),
         1 => lengths(&mut choices, &[0.3, 1.1, 2.5, 5.0]),
@@ -77,9 +77,10 @@ pub fn soup(words: &Words) -> Scenario {
     in_box(spheres, lengths)
 }
 
-/// Spheres at the corner of the box: on the seam, next to it by some units in the last place, at its far end.
-pub fn corner(words: &Words) -> Scenario {
-    let lengths = lengths(&mut words.choices(), &[1.0, 10.0, 0.1, 3.3]);
+/// Spheres at the corner of the box: on the periodic boundary, a few units in the last place away from it, and at the
+/// opposite boundary.
+pub fn corner(words: &SceneSeed) -> TestInput {
+    let lengths = lengths(&mut words.reader(), &[1.0, 10.0, 0.1, 3.3]);
     let spheres = words.each(|of| {
         let center = lengths.map(|length| {
             let x = of.of(&[0.0_f32, 0.5, -0.5, 1.0, -1.0, 2.0]) * length.unwrap_or(1.0);
@@ -91,9 +92,9 @@ pub fn corner(words: &Words) -> Scenario {
     in_box(spheres, lengths)
 }
 
-/// Spheres that an unwrapped simulation has carried away, up to 2⁵⁰ boxes; all values multiples of 2⁻³⁰.
-pub fn unwrapped(words: &Words) -> Scenario {
-    let mut choices = words.choices();
+/// Spheres of an unwrapped simulation, up to 2⁵⁰ boxes away. All values are multiples of 2⁻³⁰.
+pub fn unwrapped(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let lengths = [(); 3].map(|()| {
         let length = choices.of(&[2.0_f32, 1.625, 0.75, 1.0 / 3.0]);
         (length * 1024.0 * 1024.0).round() / (1024.0 * 1024.0)
@@ -109,14 +110,14 @@ pub fn unwrapped(words: &Words) -> Scenario {
     in_box(spheres, lengths.map(Some))
 }
 
-/// Spheres and boxes of lengths at which arithmetic in `f32` changes, up to some boxes outside.
-pub fn extremes(words: &Words) -> Scenario {
-    let mut choices = words.choices();
+/// Boxes and spheres of sizes near which `f32` arithmetic changes, at up to several boxes from the origin.
+pub fn extremes(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let unit = extreme_unit(&mut choices);
     let of_quarters = |quarters: f64| (0.25 * quarters * f64::from(unit)) as f32;
     let lengths = match choices.once_in(4) {
         true => lengths(&mut choices, &[1.0, 3e38]),
-        // The smallest units have no parts.
+        // The smallest units cannot be divided.
         false => lengths(&mut choices, &[1.0, 2.5, 7.0, 16.0, 0.25])
             .map(|length| length.map(|length| of_quarters(4.0 * f64::from(length)).max(unit))),
     };
@@ -127,9 +128,9 @@ pub fn extremes(words: &Words) -> Scenario {
     in_box(spheres, lengths)
 }
 
-/// One sphere of about the size of the box among many far smaller ones.
-pub fn giant(words: &Words) -> Scenario {
-    let mut choices = words.choices();
+/// One sphere about as large as the box among many much smaller ones.
+pub fn giant(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let lengths = lengths(&mut choices, &[10.0, 6.0, 2.0]);
     let at = [(); 3].map(|()| choices.between(0.0, 10.0));
     let giant = Sphere::new(at, choices.between(0.5, 12.0));

@@ -1,4 +1,4 @@
-//! Radix sort and prefix scan on the device against plain sequential functions.
+//! Checks of the radix sort and the prefix scan on the device, against plain sequential functions.
 
 use lazygrid::gpu::{GpuDevice, Keyed, PrefixScan, RadixSort};
 use lazygrid_kernels::kernel::{SCAN_ONCE, SCANNED_AT_ONCE};
@@ -6,11 +6,11 @@ use lazygrid_kernels::layout::Lengths;
 
 use crate::Random;
 use crate::device::{download, run, submit, upload};
-use crate::kernels::{Fault, same, variants};
+use crate::kernels::{KernelError, same, variants};
 
-/// Around a workgroup, a tile, and many tiles.
+/// Numbers of values: around a workgroup, around a tile, and many tiles.
 pub const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 300_000];
-/// From how many keys on only random ones are sorted, by two numbers of bits.
+/// Number of keys at or above which only random keys are sorted, by two numbers of bits.
 const MANY: usize = 100_000;
 
 fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
@@ -23,15 +23,15 @@ fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
     (before.collect(), total)
 }
 
-/// The scan of so many values of every kind, with and without subgroup operations.
+/// Checks the scan of `size` values of several kinds, with and without subgroup operations.
 ///
 /// # Errors
-/// What is wrong.
-pub fn scan(own: &GpuDevice, size: usize) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub fn scan(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let scan = PrefixScan::new(&own.device, subgroups);
         let mut random = Random(size as u64);
-        // Random values sum to far more than 32 bits hold.
+        // The sum of random values exceeds 32 bits.
         let random = (0..size).map(|_| random.word()).collect();
         for values in [random, vec![1; size], vec![u32::MAX; size]] {
             let buffer = upload(own, &values)?;
@@ -49,12 +49,12 @@ pub fn scan(own: &GpuDevice, size: usize) -> Result<(), Fault> {
     Ok(())
 }
 
-/// The scan of few values by one workgroup, with and without subgroup operations.
-pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), Fault> {
+/// Checks the scan of few values by one workgroup, with and without subgroup operations.
+pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for size in [0, 1, 255, 256, 257, 30_002, SCANNED_AT_ONCE as usize] {
             let mut random = Random(size as u64);
-            // Whose sum 32 bits hold, as that of counters does.
+            // The sum fits 32 bits, as that of counters does.
             let values: Vec<u32> = (0..size).map(|_| random.word() >> 16).collect();
             let lengths = upload(own, &[Lengths { items: 0, counters: size as u32 }])?;
             let buffer = upload(own, &values)?;
@@ -66,7 +66,7 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-fn sort_one(own: &GpuDevice, sort: &RadixSort, keys: &[u32], bits: u32) -> Result<(), Fault> {
+fn sort_one(own: &GpuDevice, sort: &RadixSort, keys: &[u32], bits: u32) -> Result<(), KernelError> {
     let count = keys.len();
     let payload: Vec<u32> = (0..count as u32).collect();
     let input = Keyed { keys: upload(own, keys)?, payload: upload(own, &payload)? };
@@ -94,12 +94,12 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
     ]
 }
 
-/// The sort of so many keys, with and without subgroup operations: of random ones by some numbers of bits, of keys of other
-/// kinds by two and four digits; of many keys only of random ones, by three and four.
+/// Checks the sort of `size` keys, with and without subgroup operations. Sorts random keys by several numbers of bits, and
+/// other kinds of keys by 13 and 32 bits. From 100,000 keys, sorts only random ones, by 24 and 32 bits.
 ///
 /// # Errors
-/// What is wrong.
-pub fn sort(own: &GpuDevice, size: usize) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub fn sort(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let sort = RadixSort::new(&own.device, subgroups);
         let [random, others @ ..] = keys_of_each_kind(size);

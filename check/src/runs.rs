@@ -1,4 +1,4 @@
-//! The searches of the paper's grids, one by one, against all pairs of each run.
+//! Checks of the searches of the paper's grids, each against all pairs of each run of equal keys.
 
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
@@ -8,14 +8,14 @@ use lazygrid_kernels::layout::{Call, Grid, Lengths};
 
 use crate::Random;
 use crate::device::{download, run, run_over, upload, upload_one};
-use crate::kernels::{Fault, same};
+use crate::kernels::{KernelError, same};
 
-/// Pairs that there is room for.
-const ROOM: u32 = 1 << 21;
-/// Entries up to this far behind one along its run are not left to the crowded search.
+/// Capacity of the pair buffer.
+const PAIR_CAPACITY: u32 = 1 << 21;
+/// Distance along a run up to which the first search compares entries. The second search compares the others.
 const NEAR: u32 = 256;
 
-/// Entries of some runs.
+/// The buffers of a search in runs of entries.
 struct Runs {
     call: wgpu::Buffer,
     grid: wgpu::Buffer,
@@ -30,11 +30,11 @@ struct Runs {
 }
 
 impl Runs {
-    /// The entry of each sphere is in the cell where it begins.
-    fn of(own: &GpuDevice, spheres: &[Sphere], (keys, passive): (&[u32], u32)) -> Result<Self, Fault> {
+    /// Gives each sphere one entry, in its first cell on all axes.
+    fn of(own: &GpuDevice, spheres: &[Sphere], (keys, passive): (&[u32], u32)) -> Result<Self, KernelError> {
         let count = keys.len() as u32;
         let call = Call {
-            pair_capacity: ROOM,
+            pair_capacity: PAIR_CAPACITY,
             window_end: u32::MAX,
             refinement: passive,
             part_tiles: Call::UNPARTED,
@@ -50,7 +50,7 @@ impl Runs {
             objects: upload(own, &objects)?,
             spheres: upload(own, spheres)?,
             outcome: upload(own, &[Outcome::zeroed()])?,
-            pairs: upload(own, &vec![Pair::zeroed(); ROOM as usize])?,
+            pairs: upload(own, &vec![Pair::zeroed(); PAIR_CAPACITY as usize])?,
             crowded: upload(own, &vec![0_u32; keys.len().div_ceil(256)])?,
             groups: count.div_ceil(256),
         })
@@ -70,11 +70,11 @@ impl Runs {
         ]
     }
 
-    fn search(&self, own: &GpuDevice) -> Result<(), Fault> {
+    fn search(&self, own: &GpuDevice) -> Result<(), KernelError> {
         Ok(run(own, &k::RUNS_SEARCH, Variant::default(), self.groups, &self.bound())?)
     }
 
-    fn search_crowded(&self, own: &GpuDevice, variant: Variant) -> Result<(), Fault> {
+    fn search_crowded(&self, own: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
         let dispatch = upload(own, &[0_u32; 4])?;
         let bound = [("call", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
         run(own, &k::CROWDED_OPEN, variant, 1, &bound)?;
@@ -82,8 +82,8 @@ impl Runs {
         Ok(run_over(own, (&k::CROWDED_SEARCH, variant), groups, &self.bound())?)
     }
 
-    /// The pairs found so far.
-    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, Fault> {
+    /// The pairs found so far, sorted.
+    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, KernelError> {
         let found = download::<Outcome>(own, &self.outcome, 1)?[0].found();
         let mut pairs = download::<Pair>(own, &self.pairs, found as usize)?;
         pairs.sort_unstable();
@@ -91,11 +91,12 @@ impl Runs {
     }
 }
 
-/// Active entries meet all of their run: all spheres at one point, so that nothing but runs and marks decides.
+/// Checks that active entries meet all entries of their run. All spheres are at one point, so that only runs and marks
+/// matter.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), KernelError> {
     for (actives, passives, passive) in
         [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]
     {
@@ -117,16 +118,17 @@ pub(crate) fn runs_search(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Of runs of any length the first search finds the pairs whose entries are near each other, and the crowded one the others.
+/// Checks that, in runs of any length, the first search finds the pairs of entries near each other, and the second
+/// search finds the others.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn crowded_search(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn crowded_search(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in crate::kernels::variants(own) {
         for lengths in [&[257_u32][..], &[258, 3, 258], &[1, 900, 40, 600, 7], &[2300]] {
             let keys: Vec<u32> =
                 (0..).zip(lengths).flat_map(|(run, &length)| (0..length).map(move |_| run)).collect();
-            // Multiples of a quarter, so that no distance is rounded.
+            // Multiples of a quarter avoid rounding.
             let mut random = Random(keys.len() as u64);
             let mut coordinate = || random.below(16) as f32 / 4.0;
             let spheres: Vec<Sphere> =

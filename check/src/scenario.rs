@@ -1,42 +1,42 @@
 use lazygrid::{Config, InputError, Interaction, Interactions, Pair, Query, Space, Sphere, Spheres};
 
-use crate::Excluded;
-use crate::images::Images;
+use crate::ExclusionCase;
+use crate::images::ImageOracle;
 
-/// An input, and what it takes to say which pairs it has.
+/// A test input and the information that determines its pairs.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Scenario {
+pub struct TestInput {
     /// The spheres.
     pub spheres: Vec<Sphere>,
-    /// Where they live.
+    /// The space of the spheres.
     pub space: Space,
-    /// Their species; `None`: all that touch are pairs.
-    pub mixture: Option<Mixture>,
-    /// The group of each sphere, no two of which are a pair; [`Spheres::NO_GROUP`] for a sphere in none.
+    /// Species and interactions; `None` if all touching spheres are pairs.
+    pub mixture: Option<SpeciesSetup>,
+    /// The group of each sphere, or [`Spheres::NO_GROUP`]. Spheres of the same group are not pairs.
     pub groups: Option<Vec<u32>>,
-    /// Pairs that are none, whatever their spheres.
-    pub excluded: Option<Excluded>,
+    /// The excluded pairs.
+    pub excluded: Option<ExclusionCase>,
 }
 
-/// Species, and what makes two of them a pair.
+/// Species and their interactions.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Mixture {
-    /// One id per sphere.
+pub struct SpeciesSetup {
+    /// The species id of each sphere.
     pub species: Vec<u32>,
     /// The lower triangle of the table, row by row: `rows[a][b]` for `b ≤ a`.
     pub rows: Vec<Vec<Interaction>>,
 }
 
-impl Mixture {
-    /// What makes `a` and `b` a pair.
+impl SpeciesSetup {
+    /// The interaction of species `a` and `b`.
     fn between(&self, a: u32, b: u32) -> Interaction {
         self.rows[a.max(b) as usize][a.min(b) as usize]
     }
 
-    /// The same as the library's table.
+    /// Converts the table to the library's type.
     ///
     /// # Errors
-    /// A distance that is none.
+    /// Fails if a distance is invalid.
     pub fn interactions(&self) -> Result<Interactions, InputError> {
         let mut table = Interactions::new(self.rows.len() as u32, Interaction::Never)?;
         for (a, row) in self.rows.iter().enumerate() {
@@ -48,14 +48,14 @@ impl Mixture {
     }
 }
 
-impl From<Vec<Sphere>> for Scenario {
+impl From<Vec<Sphere>> for TestInput {
     fn from(spheres: Vec<Sphere>) -> Self {
         Self { spheres, ..Self::default() }
     }
 }
 
-impl Scenario {
-    /// The question that a detector answers.
+impl TestInput {
+    /// The query for a detector.
     pub fn query(&self) -> Query<'_> {
         let query = Query::new(self.view());
         self.excluded.as_ref().map_or(query, |excluded| query.without(excluded.list()))
@@ -73,18 +73,18 @@ impl Scenario {
         spheres
     }
 
-    /// The rules between its species.
+    /// The interaction table, if the scenario has species.
     ///
     /// # Errors
-    /// As [`Mixture::interactions`].
+    /// Fails like [`SpeciesSetup::interactions`].
     pub fn interactions(&self) -> Result<Option<Interactions>, InputError> {
-        self.mixture.as_ref().map(Mixture::interactions).transpose()
+        self.mixture.as_ref().map(SpeciesSetup::interactions).transpose()
     }
 
-    /// `config` with this scenario's space and interactions.
+    /// Adds this scenario's space and interactions to `config`.
     ///
     /// # Errors
-    /// As [`Mixture::interactions`].
+    /// Fails like [`SpeciesSetup::interactions`].
     pub fn config(&self, config: Config) -> Result<Config, InputError> {
         let config = if self.space.is_periodic() { config.space(self.space) } else { config };
         Ok(match self.interactions()? {
@@ -93,10 +93,10 @@ impl Scenario {
         })
     }
 
-    /// Only those of its spheres that are to be kept.
+    /// The scenario with only the spheres for which `keep` returns `true`.
     pub fn only(&self, mut keep: impl FnMut(usize) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.spheres.len()).filter(|&k| keep(k)).collect();
-        let mixture = self.mixture.as_ref().map(|mixture| Mixture {
+        let mixture = self.mixture.as_ref().map(|mixture| SpeciesSetup {
             species: kept.iter().map(|&k| mixture.species[k]).collect(),
             rows: mixture.rows.clone(),
         });
@@ -109,21 +109,21 @@ impl Scenario {
         }
     }
 
-    /// Whether there is more to decide on than what a device does: its edges lean, or something is left out.
+    /// Returns `true` if the host filters the pairs of a device: the cell is triclinic, or pairs are excluded.
     pub fn is_refined(&self) -> bool {
         self.space.shear().is_some() || self.groups.is_some() || self.excluded.is_some()
     }
 
-    /// Whether the two are left out, by their groups or by the list.
-    pub fn leaves_out(&self, i: usize, j: usize) -> bool {
+    /// Returns `true` if the pair is excluded by groups or by the list.
+    pub fn excludes(&self, i: usize, j: usize) -> bool {
         let of_one_group = |groups: &Vec<u32>| groups[i] == groups[j] && groups[i] != Spheres::NO_GROUP;
         self.groups.as_ref().is_some_and(of_one_group)
             || self.excluded.as_ref().is_some_and(|excluded| excluded.has(i as u32, j as u32))
     }
 
-    /// The largest centre distance at which two spheres are a pair; `None` where they never are.
+    /// The largest center distance at which two spheres are a pair; `None` if they never are.
     pub fn reach(&self, i: usize, j: usize) -> Option<f64> {
-        if self.leaves_out(i, j) {
+        if self.excludes(i, j) {
             return None;
         }
         let interaction = match &self.mixture {
@@ -137,11 +137,11 @@ impl Scenario {
         }
     }
 
-    /// The squared distance of two centres, or of their nearest images.
+    /// The squared distance of two centers, or of their nearest images.
     pub fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
         if self.space.shear().is_some() {
-            return Images::of(&self.space).distance_squared(a.as_dvec3() - b.as_dvec3(), f64::INFINITY);
+            return ImageOracle::of(&self.space).distance_squared(a.as_dvec3() - b.as_dvec3(), f64::INFINITY);
         }
         if self.space.is_periodic() {
             return self.space.distance_squared(a, b);
@@ -150,21 +150,21 @@ impl Scenario {
         dx * dx + dy * dy + dz * dz
     }
 
-    /// All pairs in canonical order, as the contract defines them. As simple as can be, because it judges the
-    /// judge of unbounded spaces. Where edges lean it looks at all images that may be in reach.
+    /// All pairs in canonical order, as the contract defines them. The code is as simple as possible, as all other
+    /// results are compared with it. In triclinic cells it tests all images that may be within the cutoff.
     pub fn oracle(&self) -> Vec<Pair> {
         if self.space.shear().is_none() {
             return self.pairs_by(|i, j, _| self.distance_squared(i, j));
         }
-        let images = Images::of(&self.space);
+        let images = ImageOracle::of(&self.space);
         self.pairs_by(|i, j, reach| {
             let [a, b] = [i, j].map(|k| self.spheres[k].center.as_dvec3());
             images.distance_squared(a - b, reach)
         })
     }
 
-    /// All pairs in canonical order, by what says the squared distance of two spheres, or where that is beyond the given
-    /// reach, something that is.
+    /// All pairs in canonical order. `apart` returns the squared distance of two spheres; beyond the given cutoff, any
+    /// larger value will do.
     pub fn pairs_by(&self, apart: impl Fn(usize, usize, f64) -> f64) -> Vec<Pair> {
         let mut pairs = Vec::new();
         for i in 0..self.spheres.len() {
@@ -187,12 +187,12 @@ mod tests {
     use super::*;
 
     fn pairs(spheres: &[[f32; 4]]) -> Vec<(u32, u32)> {
-        let scenario = Scenario::from(spheres.iter().map(|&s| s.into()).collect::<Vec<_>>());
+        let scenario = TestInput::from(spheres.iter().map(|&s| s.into()).collect::<Vec<_>>());
         scenario.oracle().iter().map(|p| (p.i, p.j)).collect()
     }
 
     #[test]
-    fn the_oracle_by_hand() {
+    fn oracle_matches_known_values() {
         assert_eq!(pairs(&[]), []);
         assert_eq!(pairs(&[[0.0, 0.0, 0.0, 1.0]]), []);
         let touching = [[0.0, 0.0, 0.0, 1.0], [3.0, 4.0, 0.0, 4.0], [0.0, 0.0, -1.5, 0.25]];
@@ -209,13 +209,13 @@ mod tests {
     }
 
     #[test]
-    fn species_decide_before_radii_do() {
+    fn interactions_override_radii() {
         let spheres = (0..4).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.75)).collect();
         let rows = vec![vec![Interaction::Never], vec![Interaction::Within(3.0), Interaction::Touch]];
-        let scenario = Scenario {
+        let scenario = TestInput {
             spheres,
-            mixture: Some(Mixture { species: vec![0, 0, 1, 1], rows }),
-            ..Scenario::default()
+            mixture: Some(SpeciesSetup { species: vec![0, 0, 1, 1], rows }),
+            ..TestInput::default()
         };
         let expected = [(0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(i, j)| Pair { i, j });
         assert_eq!(scenario.oracle(), expected);

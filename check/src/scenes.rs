@@ -1,10 +1,10 @@
-//! Scenes that break grids, each chosen for one thing.
+//! Single scenes that are hard on grids, each for one reason.
 
 use lazygrid::Sphere;
 
 use crate::Random;
 
-/// So many spheres, uniform in a cube from the origin on.
+/// `n` spheres with centers uniform in the cube from the origin to `extent`.
 pub fn cloud(seed: u64, n: usize, extent: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
     let mut random = Random(seed);
     (0..n)
@@ -19,7 +19,7 @@ fn moved(spheres: Vec<Sphere>, by: f32) -> Vec<Sphere> {
     spheres.into_iter().map(|s| Sphere::new(s.center + by, s.radius)).collect()
 }
 
-/// Scenes that break grids, and their names.
+/// The hard scenes and their names.
 pub fn scenes() -> Vec<(&'static str, Vec<Sphere>)> {
     let lattice = |edge: f32, radius: f32| -> Vec<Sphere> {
         let at = |i: i32| [(i % 10) as f32 * edge, (i / 10 % 10) as f32 * edge, (i / 100) as f32 * edge];

@@ -1,9 +1,9 @@
-//! Sequences of calls of one detector, drawn at random. A sequence depends on its seed alone.
+//! Sequences of random calls of one detector. A sequence depends only on its seed.
 //!
-//! A detector keeps candidates, plans, samples, forecasts and buffers from call to call. None of these may show in an
-//! answer. A sequence therefore mostly keeps its spheres, so that candidates serve calls, and in between changes radii,
-//! numbers, species, groups and places, and makes calls that fail, stop, break off or panic. Every answer must be that of
-//! the definition and that of a new detector.
+//! A detector keeps candidates, plans, samples, forecasts and buffers from call to call. None of these may affect an
+//! answer. A sequence therefore mostly keeps its spheres, so that candidate lists are reused. In between it changes
+//! radii, numbers, species, groups and positions, and makes calls that fail, are cancelled, break off or panic. Each
+//! answer must match the definition and a new detector.
 
 use std::fmt;
 use std::sync::Arc;
@@ -11,9 +11,9 @@ use std::sync::atomic::AtomicBool;
 
 use lazygrid::{Config, Detector, Interaction, Interactions, Order, Skin, Space};
 
-use crate::compare::Failure;
-use crate::way::{Place, text};
-use crate::{Gpu, Scenario, Way, guarded};
+use crate::compare::FailedCase;
+use crate::way::{TargetDevice, text};
+use crate::{DetectorVariant, Gpu, TestInput, catch_panic};
 
 mod ask;
 mod definition;
@@ -36,75 +36,74 @@ pub struct Sequence {
     steps: Vec<Step>,
 }
 
-/// The settings of the detector.
+/// The settings of a detector.
 #[derive(Clone, Debug)]
 struct Settings {
-    way: Way,
+    variant: DetectorVariant,
     skin: Skin,
     order: Order,
     max_pairs: u64,
     space: Space,
-    /// The lower triangle of the interaction table, as a [`Mixture`](crate::Mixture) has it.
+    /// The lower triangle of the interaction table, as in [`SpeciesSetup`](crate::SpeciesSetup).
     rows: Option<Vec<Vec<Interaction>>>,
 }
 
 /// One call.
 #[derive(Clone, Debug)]
 struct Step {
-    /// The input. It may be invalid.
-    scenario: Scenario,
-    /// What differs from the call before.
+    /// The input, which may be invalid.
+    scenario: TestInput,
+    /// The changes since the previous call.
     changes: Vec<&'static str>,
     ask: Ask,
 }
 
-/// The number of calls that sequences made, and what became of the calls.
+/// Counts of the calls of sequences and of their outcomes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Sequences that were run.
+    /// Number of sequences.
     pub sequences: u64,
-    /// Calls of all sequences.
+    /// Number of calls in all sequences.
     pub calls: u64,
-    /// Calls that candidates of an earlier call answered.
+    /// Number of calls that a candidate list of an earlier call answered.
     pub served: u64,
-    /// Calls that an error ended.
+    /// Number of calls that ended with an error.
     pub refused: u64,
 }
 
-/// A wrong answer: the index of its call, and what is wrong.
+/// A wrong answer: the index of its call and a description.
 type Wrong = (usize, String);
 
 impl Sequence {
-    /// Draws the sequence of this seed, on the CPU unless a GPU is checked.
+    /// Draws the sequence of this seed. Uses the CPU, the GPU or both, as allowed.
     pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
-        draw::sequence(seed, |random| draw::way(random, on_cpu, on_gpu))
+        draw::sequence(seed, |random| draw::variant(random, on_cpu, on_gpu))
     }
 
-    /// Draws the sequence of this seed for a given algorithm and place. The skin of `way` is not used: the seed decides
-    /// on the skin.
-    pub fn drawn_for(seed: u64, way: Way) -> Self {
-        draw::sequence(seed, |_| way)
+    /// Draws the sequence of this seed for a given variant. The seed determines the skin; that of `variant` is ignored.
+    pub fn drawn_for(seed: u64, variant: DetectorVariant) -> Self {
+        draw::sequence(seed, |_| variant)
     }
 
-    /// Runs the sequence with a new detector. Returns what is wrong, if anything, with as few calls and spheres as show
-    /// it, found in at most `tries` further runs.
-    pub fn check(self, gpu: Option<&Gpu>, tries: usize, tally: &mut Tally) -> Option<Failure> {
+    /// Runs the sequence with a new detector. Returns a failure, if any, with as few calls and spheres as show it,
+    /// found in at most `tries` further runs.
+    pub fn check(self, gpu: Option<&Gpu>, tries: usize, tally: &mut Tally) -> Option<FailedCase> {
         let first = self.run_guarded(gpu, tally);
         tally.sequences += 1;
         let wrong = first.err()?;
         let again = |sequence: &Self| sequence.run_guarded(gpu, &mut Tally::default());
         let (sequence, (_, what)) = reduce::reduce(self, wrong, tries, again);
         let scenario = sequence.steps.last().map(|step| step.scenario.clone());
-        Some(Failure { name: sequence.to_string(), what, scenario, options: String::new() })
+        Some(FailedCase { name: sequence.to_string(), what, scenario, options: String::new() })
     }
 
     fn run_guarded(&self, gpu: Option<&Gpu>, tally: &mut Tally) -> Result<(), Wrong> {
         let mut at = 0;
-        let run = guarded(|| self.run(gpu, &mut at, tally));
+        let run = catch_panic(|| self.run(gpu, &mut at, tally));
         run.map_err(|what| (at, format!("call {} of {}: {what}", at + 1, self.steps.len())))
     }
 
-    /// Runs all calls. `at` is the index of the present one.
+    /// Runs all calls and stores the index of the current one in `at`.
     fn run(&self, gpu: Option<&Gpu>, at: &mut usize, tally: &mut Tally) -> Result<(), String> {
         let stop = Arc::new(AtomicBool::new(false));
         let config = self.settings.config(gpu)?.stop(stop.clone());
@@ -139,7 +138,7 @@ impl Sequence {
 
 impl Settings {
     fn config(&self, gpu: Option<&Gpu>) -> Result<Config, String> {
-        let config = self.way.config(gpu).skin(self.skin).order(self.order).max_pairs(self.max_pairs);
+        let config = self.variant.config(gpu).skin(self.skin).order(self.order).max_pairs(self.max_pairs);
         let config = if self.space.is_periodic() { config.space(self.space) } else { config };
         let Some(rows) = &self.rows else { return Ok(config) };
         let mut table = Interactions::new(rows.len() as u32, Interaction::Never).map_err(text)?;
@@ -151,26 +150,26 @@ impl Settings {
         Ok(config.interactions(table))
     }
 
-    /// The same for a detector that answers one call. Threads change no answer, and a pool of its own would take longer than
-    /// the call.
+    /// Adapts `config` to a detector that answers one call. Threads change no answer, and creating a pool would take
+    /// longer than the call.
     fn fresh(&self, config: Config) -> Config {
-        match self.way.place {
-            Place::Cpu { .. } => config.threads(1),
-            Place::Gpu { .. } => config,
+        match self.variant.target {
+            TargetDevice::Cpu { .. } => config.threads(1),
+            TargetDevice::Gpu { .. } => config,
         }
     }
 
-    /// Returns `true` if the answer to call `k` is compared with that of a new detector. On a GPU a new detector takes longer
-    /// than many calls, so that only errors and every eighth call are compared.
+    /// Returns `true` if the answer to call `k` is compared with a new detector. On a GPU creating a detector takes
+    /// longer than many calls, so that only errors and every eighth call are compared.
     fn compares_with_new(&self, k: usize, answer: &Answer) -> bool {
-        let is_on_cpu = matches!(self.way.place, Place::Cpu { .. });
+        let is_on_cpu = matches!(self.variant.target, TargetDevice::Cpu { .. });
         is_on_cpu || k % 8 == 7 || matches!(answer, Answer::Refused(_))
     }
 }
 
 impl fmt::Display for Sequence {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Settings { way, skin, order, max_pairs, space, rows } = &self.settings;
+        let Settings { variant, skin, order, max_pairs, space, rows } = &self.settings;
         let space = match (space.is_periodic(), space.shear().is_some()) {
             (_, true) => "triclinic",
             (true, false) => "periodic",
@@ -178,7 +177,7 @@ impl fmt::Display for Sequence {
         };
         write!(
             f,
-            "fuzz seed {}: sequence, {way}, {skin:?}, {order:?}, at most {max_pairs} pairs, ",
+            "fuzz seed {}: sequence, {variant}, {skin:?}, {order:?}, at most {max_pairs} pairs, ",
             self.seed
         )?;
         write!(f, "{space} space")?;

@@ -1,4 +1,4 @@
-//! The searches of a cell list, one by one, against all pairs.
+//! Checks of the searches of a cell list, against all pairs.
 
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
@@ -6,12 +6,12 @@ use lazygrid::{Pair, Sphere};
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::Call;
 
-use crate::cells::{Case, Chosen, cases};
+use crate::cells::{CellListCase, ConfiguredCellList, cases};
 use crate::device::{download, run, run_over, upload, upload_one};
-use crate::kernels::{Fault, same};
+use crate::kernels::{KernelError, same};
 use crate::{Tolerance, difference};
 
-/// What the searches of one call share.
+/// The buffers that the searches of one call share.
 struct Searched {
     call: wgpu::Buffer,
     list: wgpu::Buffer,
@@ -25,9 +25,9 @@ struct Searched {
 }
 
 impl Searched {
-    /// Sorts the spheres of a call by cells.
-    fn of(own: &GpuDevice, chosen: &Chosen) -> Result<Self, Fault> {
-        let Chosen { call, scenario, list, .. } = chosen;
+    /// Sorts the spheres of a call into cells.
+    fn of(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<Self, KernelError> {
+        let ConfiguredCellList { call, scenario, list, .. } = chosen;
         let (homes, _) = chosen.homes(&chosen.density(false), false);
         let mut order: Vec<u32> = (0..call.spheres).collect();
         order.sort_by_key(|&id| homes[id as usize]);
@@ -66,23 +66,23 @@ impl Searched {
         ]
     }
 
-    fn outcome(&self, own: &GpuDevice) -> Result<Outcome, Fault> {
+    fn outcome(&self, own: &GpuDevice) -> Result<Outcome, KernelError> {
         Ok(download::<Outcome>(own, &self.outcome, 1)?[0])
     }
 
-    /// The pairs that were written, which are all that were found.
-    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, Fault> {
+    /// The written pairs. The buffer is large enough for all pairs.
+    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, KernelError> {
         Ok(download::<Pair>(own, &self.pairs, self.outcome(own)?.found() as usize)?)
     }
 
-    /// Searches the first share of each sphere's candidates.
-    fn first_shares(&self, own: &GpuDevice, chosen: &Chosen) -> Result<(), Fault> {
+    /// Searches the first candidates of each sphere.
+    fn first_shares(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
         let groups = chosen.call.spheres.div_ceil(k::GROUP);
         Ok(run(own, &k::LIST_SEARCH, chosen.variant, groups, &self.bound())?)
     }
 
-    /// Opens and searches the next part of the further ones.
-    fn next_part(&self, own: &GpuDevice, chosen: &Chosen) -> Result<(), Fault> {
+    /// Computes the dispatch arguments of the next part of the further candidates and searches it.
+    fn next_part(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
         let dispatch = upload(own, &[0_u32; 4])?;
         let bound = [("call", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
         run(own, &k::SHARES_OPEN, chosen.variant, 1, &bound)?;
@@ -91,23 +91,22 @@ impl Searched {
     }
 }
 
-/// Both searches together find every pair once, in one part and in several; the first alone finds those of spheres that
-/// have few candidates.
+/// Checks that both searches together find each pair once, in one submission or in several.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
-        // In a small box nearly all are pairs.
-        let case = Case { spheres: case.spheres.min(1500), ..case };
+        // In a small box nearly all spheres are pairs.
+        let case = CellListCase { spheres: case.spheres.min(1500), ..case };
         let chosen = case.choose(own)?;
         let scenario = chosen.scenario.only(|k| chosen.scenario.spheres[k].is_valid());
         let expected = scenario.oracle();
-        // Those that are not valid pair with nothing, but have numbers.
+        // Invalid spheres have indices but no pairs.
         let valid = (0..).zip(&chosen.scenario.spheres).filter(|(_, sphere)| sphere.is_valid());
         let ids: Vec<u32> = valid.map(|(id, _)| id).collect();
         for part_tiles in [Call::UNPARTED, 1] {
-            let parted = Chosen { call: Call { part_tiles, ..chosen.call }, ..chosen.clone() };
+            let parted = ConfiguredCellList { call: Call { part_tiles, ..chosen.call }, ..chosen.clone() };
             let searched = Searched::of(own, &parted)?;
             searched.first_shares(own, &parted)?;
             let mut parts = 0;
@@ -122,20 +121,20 @@ pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), Fault> {
                 .map(|pair| Pair { i: renumbered(pair.i), j: renumbered(pair.j) })
                 .collect();
             difference(&scenario, &found, &expected, Tolerance::Tangent)
-                .map_err(|text| Fault::Wrong(format!("{text}, {parts} parts, {case:?}")))?;
+                .map_err(|text| KernelError::WrongResult(format!("{text}, {parts} parts, {case:?}")))?;
         }
     }
     Ok(())
 }
 
-/// Of spheres at one point each has those behind it for candidates. The first share of them is searched at once, and blocks
-/// with more are listed.
+/// Checks spheres at one point, where the candidates of a sphere are all spheres after it. The first search covers its
+/// share of the candidates, and lists blocks with more.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn list_search(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn list_search(own: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
-        let case = Case { spheres: count, lengths: [None; 3], is_dense: false };
+        let case = CellListCase { spheres: count, lengths: [None; 3], is_dense: false };
         let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
         let chosen = case.choose_for(own, spheres)?;
         let searched = Searched::of(own, &chosen)?;
@@ -158,11 +157,11 @@ pub(crate) fn list_search(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Parts have as many blocks as their tiles allow, and one at least.
+/// Checks that a part has as many blocks as its number of tiles allows, and at least one.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn shares_open(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn shares_open(own: &GpuDevice) -> Result<(), KernelError> {
     let blocks = [1, 5, 4096, 65_535, 65_536, 1_000_000];
     for (blocks, shares) in
         blocks.into_iter().flat_map(|blocks| [1, 7, 50_000].map(|shares| (blocks, shares)))

@@ -1,49 +1,49 @@
-//! Families of spheres in spaces whose edges lean, made of words as those of [`adversary`]. The space is settled by the words
-//! for the scene alone, so that other elements are other spheres in the same space.
+//! Families of scenes in triclinic cells, made from [`SceneSeed`] like those of [`adversary`]. Only the words of the scene
+//! determine the cell, so that other elements are other spheres in the same cell.
 
 use glam::Vec3;
 use lazygrid::{Space, Sphere};
 
 #[cfg(doc)]
 use crate::adversary;
-use crate::periodic::Family;
-use crate::{Choices, Scenario, Words};
+use crate::periodic::PeriodicSceneFamily;
+use crate::{SceneSeed, SeedReader, TestInput};
 
-/// All of them.
-pub const FAMILIES: [Family; 7] = [
-    Family { name: "lattices across leaning seams", scene: lattice },
-    Family { name: "soup in a box that leans", scene: soup },
-    Family { name: "edges of any direction", scene: directions },
-    Family { name: "coordinates far outside a box that leans", scene: carried_away },
-    Family { name: "seams of a box that leans", scene: corners },
-    Family { name: "boxes that lean at the ends of the range", scene: ends_of_the_range },
-    Family { name: "the largest spheres in space that leans", scene: largest_spheres },
+/// All families.
+pub const FAMILIES: [PeriodicSceneFamily; 7] = [
+    PeriodicSceneFamily { name: "lattices in triclinic cells", scene: lattice },
+    PeriodicSceneFamily { name: "soup in a triclinic cell", scene: soup },
+    PeriodicSceneFamily { name: "cell vectors of any direction", scene: directions },
+    PeriodicSceneFamily { name: "coordinates far outside a triclinic cell", scene: carried_away },
+    PeriodicSceneFamily { name: "boundaries of a triclinic cell", scene: corners },
+    PeriodicSceneFamily { name: "triclinic cells at the ends of the range", scene: ends_of_the_range },
+    PeriodicSceneFamily { name: "the largest spheres in a triclinic cell", scene: largest_spheres },
 ];
 
-/// The edges of a box of these lengths with the tilts xy, xz and yz; an axis without a length does not repeat.
+/// The cell vectors of a box with these lengths and the tilts xy, xz and yz. An axis without a length is not periodic.
 pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3>; 3] {
     let [x, y, z] = lengths;
     [x.map(|x| Vec3::new(x, 0.0, 0.0)), y.map(|y| Vec3::new(xy, y, 0.0)), z.map(|z| Vec3::new(xz, yz, z))]
 }
 
-/// The space of these edges, which span a box.
+/// Creates the space of these cell vectors, which must be linearly independent.
 pub fn space(edges: [Option<Vec3>; 3]) -> Space {
     Space::sheared(edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()))).unwrap_or_default()
 }
 
-fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> Scenario {
-    Scenario { space: space(edges), ..spheres.into() }
+fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> TestInput {
+    TestInput { space: space(edges), ..spheres.into() }
 }
 
-/// Some of three edges, one at least.
-fn some_of(of: &mut Choices<'_>, edges: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] {
+/// Draws a nonempty subset of three cell vectors.
+fn some_of(of: &mut SeedReader<'_>, edges: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] {
     let taken = if of.below(2) == 0 { 7 } else { 1 + of.below(7) };
     [0, 1, 2].map(|k| edges[k].filter(|_| taken >> k & 1 == 1))
 }
 
-/// Sites of a lattice in exact contact in boxes whose edges lean by whole and half sites, some by more than a length.
-pub fn lattice(words: &Words) -> Scenario {
-    let mut choices = words.choices();
+/// Lattice sites in exact contact, in cells tilted by whole and half sites, some by more than their length.
+pub fn lattice(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 1024.0]);
     let shift = choices.of(&[0.0_f32, 0.5, -64.0]);
     let lengths = [(); 3].map(|()| Some(choices.of(&[4.0_f32, 1.0, 2.0, 3.0, 5.0, 7.0]) * spacing));
@@ -56,10 +56,10 @@ pub fn lattice(words: &Words) -> Scenario {
     in_space(spheres, edges)
 }
 
-/// Spheres at random in boxes of any tilt: half a length, as LAMMPS allows, and far more. Sizes from points to more than
-/// the box, coordinates up to some boxes outside.
-pub fn soup(words: &Words) -> Scenario {
-    let mut choices = words.choices();
+/// Random spheres in cells of any tilt: half a length, as LAMMPS allows, and much more. Radii range from 0 to more than
+/// the cell; coordinates reach several cells from the origin.
+pub fn soup(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let most = choices.of(&[0.5_f32, 0.5, 1.5, 6.0]);
     let lengths = [(); 3].map(|()| choices.between(0.7, 8.0));
     let tilts = [(1, 0), (2, 0), (2, 1)].map(|(_, along)| choices.between(-most, most) * lengths[along]);
@@ -67,15 +67,16 @@ pub fn soup(words: &Words) -> Scenario {
     in_space(sizes(words), edges)
 }
 
-/// Spheres at random in boxes with edges of any direction, the longest up to some hundred times as long as the shortest.
-pub fn directions(words: &Words) -> Scenario {
-    let mut choices = words.choices();
+/// Random spheres in cells with vectors of any direction, the longest up to about a hundred times as long as the
+/// shortest.
+pub fn directions(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let mut edge = || {
         let direction = Vec3::from([(); 3].map(|()| choices.between(-1.0, 1.0)));
         direction * choices.of(&[3.0_f32, 0.4, 8.0, 40.0])
     };
     let mut edges = [edge(), edge(), edge()];
-    // Edges in one plane span no box.
+    // Replaces nearly coplanar vectors.
     let volume = edges[0].cross(edges[1]).dot(edges[2]);
     if volume.abs() < 1e-2 * edges.iter().map(|edge| edge.length()).product::<f32>() {
         edges = [Vec3::new(3.0, 1.0, 0.0), Vec3::new(0.0, 4.0, -1.0), Vec3::new(2.0, 0.0, 5.0)];
@@ -84,8 +85,8 @@ pub fn directions(words: &Words) -> Scenario {
     in_space(sizes(words), edges)
 }
 
-/// From points to more than a box, at up to some boxes from the origin.
-pub fn sizes(words: &Words) -> Vec<Sphere> {
+/// Random spheres with radii from 0 to more than a cell, at up to several cells from the origin.
+pub fn sizes(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| {
         let radius = match of.below(10) {
             0 => 0.0,
@@ -97,10 +98,10 @@ pub fn sizes(words: &Words) -> Vec<Sphere> {
     })
 }
 
-/// Spheres that an unwrapped simulation has carried away by whole edges; all values multiples of 2⁻⁸ below 2¹⁵.
-pub fn carried_away(words: &Words) -> Scenario {
-    let mut choices = words.choices();
-    let quarters = |of: &mut Choices<'_>, most: i32| of.within(most) as f32 / 4.0;
+/// Spheres of an unwrapped simulation, shifted by whole cell vectors. All values are multiples of 2⁻⁸ below 2¹⁵.
+pub fn carried_away(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
+    let quarters = |of: &mut SeedReader<'_>, most: i32| of.within(most) as f32 / 4.0;
     let lengths = [(); 3].map(|()| Some(choices.of(&[2.0_f32, 3.25, 1.5])));
     let tilts = [(); 3].map(|()| quarters(&mut choices, 9));
     let edges = some_of(&mut choices, tilted(lengths, tilts));
@@ -114,9 +115,9 @@ pub fn carried_away(words: &Words) -> Scenario {
     in_space(spheres, edges)
 }
 
-/// Spheres at the corner of the box and about the seams, by some units in the last place.
-pub fn corners(words: &Words) -> Scenario {
-    let mut choices = words.choices();
+/// Spheres at the corner of the cell and at its periodic boundaries, or a few units in the last place away.
+pub fn corners(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 10.0, 0.1, 3.3])));
     let tilts = [(); 3].map(|()| choices.of(&[0.0_f32, 0.5, -0.25, 1.0, 0.05]));
     let edges = some_of(&mut choices, tilted(lengths, tilts));
@@ -134,9 +135,9 @@ pub fn corners(words: &Words) -> Scenario {
     in_space(spheres, edges)
 }
 
-/// Boxes and spheres of lengths at which arithmetic in `f32` changes.
-pub fn ends_of_the_range(words: &Words) -> Scenario {
-    let mut choices = words.choices();
+/// Cells and spheres of sizes near which `f32` arithmetic changes.
+pub fn ends_of_the_range(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let unit = choices.of(&[1e-30_f32, 1e-36, 1e30, 2e36]);
     let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 2.5, 7.0]) * unit));
     let tilts = [(); 3].map(|()| choices.within(6) as f32 * 0.25 * unit);
@@ -148,9 +149,10 @@ pub fn ends_of_the_range(words: &Words) -> Scenario {
     in_space(spheres, edges)
 }
 
-/// Spheres as large as they can be, or nearly, in space that repeats along some edges and is unbounded across them.
-pub fn largest_spheres(words: &Words) -> Scenario {
-    let mut choices = words.choices();
+/// Spheres of the largest radii, or nearly, in space that is periodic along some cell vectors and unbounded across
+/// them.
+pub fn largest_spheres(words: &SceneSeed) -> TestInput {
+    let mut choices = words.reader();
     let unit = choices.of(&[1.0_f32, 1e38, 1e-3]);
     let edges = tilted([Some(unit), Some(2.0 * unit), None], [0.4 * unit, 0.0, 0.0]);
     let spheres = words.each(|of| {
@@ -167,20 +169,20 @@ mod tests {
     use crate::Random;
 
     #[test]
-    fn edges_span_a_box_that_the_elements_do_not_settle() {
+    fn cell_does_not_depend_on_elements() {
         let mut random = Random(3);
         for family in FAMILIES {
-            let mut leaning = 0;
+            let mut triclinic = 0;
             for _ in 0..200 {
-                let words = Words::drawn(&mut random, 3);
-                let Scenario { space, spheres, .. } = (family.scene)(&words);
+                let words = SceneSeed::drawn(&mut random, 3);
+                let TestInput { space, spheres, .. } = (family.scene)(&words);
                 assert!(space.is_periodic() && spheres.len() == 3, "{}: {words:?}", family.name);
-                leaning += usize::from(space.shear().is_some());
-                let others = Words { elements: Words::drawn(&mut random, 5).elements, ..words };
+                triclinic += usize::from(space.shear().is_some());
+                let others = SceneSeed { elements: SceneSeed::drawn(&mut random, 5).elements, ..words };
                 assert_eq!((family.scene)(&others).space, space, "{}", family.name);
             }
-            // Some have tilts of zero.
-            assert!(leaning > 100, "{}: {leaning}", family.name);
+            // Some cells have tilts of zero.
+            assert!(triclinic > 100, "{}: {triclinic}", family.name);
         }
     }
 }

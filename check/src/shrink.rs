@@ -1,19 +1,19 @@
 use glam::Vec3;
 
-use crate::Scenario;
+use crate::TestInput;
 
-/// Makes a scenario smaller that fails: with nothing left out, or less; without spheres that it fails without, in ever smaller
-/// groups down to single ones; and then with rounder numbers. `failing` says what is wrong, if anything, and is asked at most `tries` times.
-/// Returns the smallest that fails, and what is wrong with it.
+/// Shrinks a failing scenario: first removes exclusions, then spheres in ever smaller groups down to single ones, then
+/// rounds numbers. `failing` returns a description of what is wrong, if anything, and is called at most `tries` times.
+/// Returns the smallest failing scenario and its description.
 pub fn shrink(
-    scenario: Scenario,
+    scenario: TestInput,
     what: String,
     tries: usize,
-    mut failing: impl FnMut(&Scenario) -> Option<String>,
-) -> (Scenario, String) {
+    mut failing: impl FnMut(&TestInput) -> Option<String>,
+) -> (TestInput, String) {
     let mut left = tries;
     let mut best = (scenario, what);
-    let mut attempt = |best: &mut (Scenario, String), smaller: Scenario| {
+    let mut attempt = |best: &mut (TestInput, String), smaller: TestInput| {
         if left == 0 {
             return false;
         }
@@ -34,7 +34,7 @@ pub fn shrink(
         let (before, mut from) = (best.0.spheres.len(), 0);
         while from < best.0.spheres.len() {
             let smaller = best.0.only(|k| !(from..from + group).contains(&k));
-            // Where a group went, the next one begins at the same place.
+            // After a removal, the next group starts at the same index.
             if !attempt(&mut best, smaller) {
                 from += group;
             }
@@ -48,7 +48,7 @@ pub fn shrink(
             let sphere = &mut smaller.spheres[k];
             sphere.center = Vec3::from(sphere.center.to_array().map(rounder));
             sphere.radius = rounder(sphere.radius);
-            // What overflows would fail for another reason.
+            // A scenario that overflows would fail for another reason.
             let is_valid = sphere.center.is_finite() && sphere.radius.is_finite();
             if is_valid && smaller != best.0 && attempt(&mut best, smaller) {
                 break;
@@ -62,11 +62,11 @@ pub fn shrink(
 mod tests {
     use super::*;
     use crate::scenes::cloud;
-    use crate::{Mixture, Tolerance, difference};
+    use crate::{SpeciesSetup, Tolerance, difference};
     use lazygrid::{Interaction, Pair};
 
-    /// A detector that never finds the pairs of spheres at an odd and an even place.
-    fn broken(scenario: &Scenario) -> Vec<Pair> {
+    /// A detector that misses the pairs of a sphere with a radius above 0.3 and a sphere with a smaller one.
+    fn broken(scenario: &TestInput) -> Vec<Pair> {
         let mut pairs = scenario.oracle();
         pairs.retain(|pair| {
             (scenario.spheres[pair.i as usize].radius > 0.3)
@@ -75,18 +75,18 @@ mod tests {
         pairs
     }
 
-    fn complaint(scenario: &Scenario) -> Option<String> {
+    fn complaint(scenario: &TestInput) -> Option<String> {
         difference(scenario, &broken(scenario), &scenario.oracle(), Tolerance::Exact).err()
     }
 
     #[test]
-    fn what_a_broken_detector_loses_shrinks_to_two_spheres() {
+    fn missing_pairs_shrink_to_two_spheres() {
         let spheres = cloud(3, 500, 5.0, |random| 0.5 * random.unit());
         let ids = (0..spheres.len() as u32).map(|k| k % 2).collect();
         let rows = vec![vec![Interaction::Touch], vec![Interaction::Touch; 2]];
-        let species = Mixture { species: ids, rows };
+        let species = SpeciesSetup { species: ids, rows };
         for mixture in [None, Some(species)] {
-            let scenario = Scenario { mixture, ..Scenario::from(spheres.clone()) };
+            let scenario = TestInput { mixture, ..TestInput::from(spheres.clone()) };
             let what = complaint(&scenario).expect("it is broken");
             let (small, what) = shrink(scenario, what, 5000, complaint);
             assert_eq!(small.spheres.len(), 2, "{small:?}");
@@ -95,15 +95,15 @@ mod tests {
         }
     }
 
-    /// What finds pairs that are listed, and what finds those of one group, is shown with only what it takes.
+    /// A detector that ignores groups, or ignores the list, is shown with only that kind of exclusion.
     #[test]
-    fn what_is_left_out_shrinks_with_the_spheres() {
+    fn exclusions_shrink_with_the_spheres() {
         let words =
             std::array::from_fn(|k| if k == 1 { 2 } else { 0x9e37_79b9_u32.wrapping_mul(k as u32 + 1) });
         let spheres = cloud(3, 500, 5.0, |random| 0.5 * random.unit());
-        let scenario = Scenario::from(spheres).leaving_out(&words);
+        let scenario = TestInput::from(spheres).with_exclusions(&words);
         for ignores_groups in [true, false] {
-            let complaint = |scenario: &Scenario| {
+            let complaint = |scenario: &TestInput| {
                 let mut seen = scenario.clone();
                 if ignores_groups {
                     seen.groups = None
@@ -121,8 +121,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_valid_stays_so() {
-        let scenario = Scenario::from(vec![lazygrid::Sphere::new([0.3, f32::MAX, -1e38], 1.3e38); 3]);
+    fn valid_input_stays_valid() {
+        let scenario = TestInput::from(vec![lazygrid::Sphere::new([0.3, f32::MAX, -1e38], 1.3e38); 3]);
         let (small, _) = shrink(scenario.clone(), String::new(), 100, |smaller| {
             let nonzero = |s: &lazygrid::Sphere| s.radius > 0.0 && s.center.x > 0.2;
             assert!(smaller.spheres.iter().all(|s| s.center.is_finite() && s.radius.is_finite()));
@@ -133,8 +133,8 @@ mod tests {
     }
 
     #[test]
-    fn no_more_tries_than_allowed() {
-        let scenario = Scenario::from(cloud(3, 500, 5.0, |random| 0.5 * random.unit()));
+    fn shrinking_respects_the_limit_of_tries() {
+        let scenario = TestInput::from(cloud(3, 500, 5.0, |random| 0.5 * random.unit()));
         let mut asked = 0;
         let (small, what) = shrink(scenario.clone(), "first".to_owned(), 7, |_| {
             asked += 1;

@@ -1,4 +1,4 @@
-//! The kernels of candidates that outlive a call, one by one, against plain sequential functions.
+//! Checks of the kernels of candidate lists, each against plain sequential functions.
 
 use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, SkinState};
@@ -7,16 +7,16 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Skin};
 
 use crate::device::{download, run, run_over, upload};
-use crate::kernels::{Fault, SIZES, same};
+use crate::kernels::{KernelError, SIZES, same};
 use crate::{Random, periodic};
 
-/// Half a skin of 0.5, all of which may be used up.
+/// A skin of 0.5, whose whole half is the displacement limit.
 const SKIN: Skin = Skin { half: 0.25, usable: 0.0625, capacity: 1000 };
 
-/// The lengths of a box and those of unbounded space.
+/// Lengths of unbounded space and of a periodic box.
 const SPACES: [[Option<f32>; 3]; 2] = [[None; 3], [Some(16.0), None, Some(8.0)]];
 
-/// Spheres at multiples of an eighth in such a box, so that no distance is rounded; some are not valid.
+/// Spheres at multiples of an eighth in the box, which avoids rounding; some are invalid.
 fn spheres(count: usize, seed: u64) -> Vec<Sphere> {
     let mut random = Random(seed);
     let mut coordinate = |edge: u32| random.below(8 * edge) as f32 / 8.0 - edge as f32 / 2.0;
@@ -28,7 +28,7 @@ fn spheres(count: usize, seed: u64) -> Vec<Sphere> {
         .collect()
 }
 
-/// What is kept of a sphere.
+/// The reference position and inflated radius stored for a sphere.
 fn widened(sphere: &Sphere) -> [f32; 4] {
     let [x, y, z] = sphere.center.to_array();
     match sphere.is_valid() {
@@ -43,11 +43,11 @@ fn call(spheres: usize, space: Space) -> (Call, Variant) {
     (call.in_space(space), Variant { periodic: space.is_periodic(), ..Variant::default() })
 }
 
-/// The farthest sphere is found, and whether one is another.
+/// Checks that the largest displacement is found, and that a changed sphere is detected.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn skin_measure(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn skin_measure(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, lengths) in SIZES.into_iter().flat_map(|size| SPACES.map(|lengths| (size, lengths))) {
         let space = periodic::space(lengths);
         let then = spheres(size, 1);
@@ -101,11 +101,11 @@ pub(crate) fn skin_measure(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Candidates are found anew where they are not all there, or spheres are others or have gone too far.
+/// Checks that the list is rebuilt if it is incomplete, if spheres changed, or if a displacement exceeds the limit.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), KernelError> {
     let kept = SkinState {
         is_complete: 1,
         spheres: 10,
@@ -160,11 +160,11 @@ pub(crate) fn skin_decide(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Spheres are kept, widened, where candidates are found anew, and else stay as they were.
+/// Checks that a rebuild stores reference positions and inflated radii, and that they stay unchanged otherwise.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, rebuilt) in
         SIZES.into_iter().flat_map(|size| [0, SkinState::MOVED].map(|rebuilt| (size, rebuilt)))
     {
@@ -184,11 +184,11 @@ pub(crate) fn skin_keep(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// A thread for each candidate that was written, and a flag where not all were.
+/// Checks that the dispatch arguments give each written candidate a thread, and that an overflow is reported.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn candidates_open(own: &GpuDevice) -> Result<(), Fault> {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn candidates_open(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 40_000_000;
     let entries = Outcome::ENTRIES;
     for (low, high, overflow, given) in [
@@ -240,12 +240,12 @@ pub(crate) fn candidates_open(own: &GpuDevice) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Of all candidates those that touch are written, in a window, and as many as there is room for.
+/// Checks that the touching candidates are written, within a window and up to the capacity.
 ///
 /// # Errors
-/// What is wrong.
-pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), Fault> {
-    for (lengths, (window, room)) in SPACES.into_iter().flat_map(|lengths| {
+/// Fails if a result is wrong or the device fails.
+pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
+    for (lengths, (window, capacity)) in SPACES.into_iter().flat_map(|lengths| {
         [(0..u32::MAX, 1 << 16), (100..200, 1 << 16), (0..u32::MAX, 50)].map(|limits| (lengths, limits))
     }) {
         let space = periodic::space(lengths);
@@ -260,13 +260,14 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), Fault> {
         };
         let expected: Vec<Pair> = candidates.iter().copied().filter(touch).collect();
         let (call, variant) = call(given.len(), space);
-        let call = Call { pair_capacity: room, window_begin: window.start, window_end: window.end, ..call };
+        let call =
+            Call { pair_capacity: capacity, window_begin: window.start, window_end: window.end, ..call };
         let state = SkinState { candidates: candidates.len() as u32, ..SkinState::zeroed() };
         let groups = (candidates.len() as u32).div_ceil(256);
         let (call, candidates) = (upload(own, &[call])?, upload(own, &candidates)?);
         let (state, input) = (upload(own, &[state])?, upload(own, &given)?);
         let (outcome, pairs) =
-            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![Pair::zeroed(); room as usize])?);
+            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![Pair::zeroed(); capacity as usize])?);
         let bound = [
             ("call", &call),
             ("candidates", &candidates),
@@ -275,14 +276,14 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), Fault> {
             ("outcome", &outcome),
             ("pairs", &pairs),
         ];
-        // More workgroups than there is work for.
+        // Dispatches more workgroups than needed.
         run_over(own, (&k::CANDIDATES_TEST, variant), [groups.div_ceil(2) + 1, 2, 1], &bound)?;
         let found = download::<Outcome>(own, &outcome, 1)?[0].found();
-        let case = || format!("{lengths:?}, {window:?}, room for {room}");
+        let case = || format!("{lengths:?}, {window:?}, capacity {capacity}");
         same(case, &found, &(expected.len() as u64))?;
-        let mut listed = download::<Pair>(own, &pairs, room.min(found as u32) as usize)?;
+        let mut listed = download::<Pair>(own, &pairs, capacity.min(found as u32) as usize)?;
         listed.sort_unstable();
-        let is_full = expected.len() > room as usize;
+        let is_full = expected.len() > capacity as usize;
         let distinct = listed.windows(2).all(|two| two[0] < two[1])
             && listed.iter().all(|pair| expected.binary_search(pair).is_ok());
         same(case, &(listed == expected || (is_full && distinct)), &true)?;

@@ -1,4 +1,4 @@
-//! How long every algorithm takes, stage by stage.
+//! Times of each algorithm, phase by phase.
 
 use std::time::Instant;
 
@@ -6,60 +6,61 @@ use lazygrid::gpu::{self, Cost, GpuDevice, GpuSession, GpuSettings};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Phase, Skin, Sphere, Spheres};
 
 use crate::bandwidth::median;
-use crate::device::PATIENCE;
-use crate::guarded;
+use crate::catch_panic;
+use crate::device::TIMEOUT;
 use crate::way::text;
 
-/// Numbers of spheres that are timed.
+/// Numbers of spheres to time.
 pub const SIZES: [usize; 4] = [10_000, 100_000, 1_000_000, 10_000_000];
-/// One more where there is time.
+/// An additional number of spheres for full checks.
 pub const FULL: usize = 100_000_000;
-/// Rounds that count, at most, after one to warm up.
+/// Maximum number of timed rounds, after one round to warm up.
 const ROUNDS: usize = 5;
-/// No further round begins after so many seconds.
+/// Seconds after which no further round starts.
 const SECONDS: f64 = 0.5;
 
-/// How long the calls of one algorithm took.
+/// The times of one algorithm.
 #[derive(Clone, Debug)]
 pub struct Speed {
-    /// How many pairs were counted.
+    /// The number of pairs.
     pub pairs: u64,
-    /// Seconds of a call, upload of spheres and readback of the count included: the median of the rounds.
+    /// Median seconds of a call, including the upload of spheres and the readback of the count.
     pub seconds: f64,
-    /// Seconds that the GPU was busy, by its own clock where it has one; on the CPU those of the whole call.
+    /// Seconds that the GPU was busy, from GPU timestamps if available; the median of the whole call otherwise and on
+    /// the CPU.
     pub busy: f64,
-    /// Seconds of each stage, in the order of the work: medians.
+    /// Median seconds of each phase, in execution order.
     pub stages: Vec<(&'static str, f64)>,
-    /// How many rounds there were.
+    /// The number of timed rounds.
     pub rounds: usize,
-    /// What a call cost the GPU by its plan; `None` on the CPU.
+    /// The dispatches and memory traffic of a call by its plan; `None` on the CPU.
     pub cost: Option<Cost>,
 }
 
-/// Why there is no time.
+/// The reason why an algorithm was not timed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Untimed {
-    /// So many spheres do not fit.
+pub enum SkipReason {
+    /// The spheres do not fit in memory.
     TooLarge(String),
-    /// Something is wrong.
+    /// A call failed.
     Failed(String),
 }
 
-/// Counts the pairs on the GPU, some times.
+/// Times repeated counts of the pairs on the GPU.
 ///
 /// # Errors
-/// Where the device cannot hold so many, or fails.
-pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, Untimed> {
+/// Fails if the spheres do not fit on the device, or if it fails.
+pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     let mut is_too_large = false;
     let mut said = |error: Error| {
         use Error::{DeviceOutOfMemory, LimitExceeded, OutOfMemory};
         is_too_large = matches!(error, LimitExceeded { .. } | OutOfMemory { .. } | DeviceOutOfMemory { .. });
         error.to_string()
     };
-    let speed = guarded(|| {
+    let speed = catch_panic(|| {
         let settings = GpuSettings { algorithm, timed: true, ..GpuSettings::default() };
         let mut session = GpuSession::new(own.clone(), settings).map_err(&mut said)?;
-        session.set_timeout(PATIENCE);
+        session.set_timeout(TIMEOUT);
         let timed = timed(|| {
             let ticket = session.begin(Spheres::from(spheres)).map_err(&mut said)?;
             let pairs = session.finish_count(ticket).map_err(&mut said)?;
@@ -70,32 +71,32 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
         let busy = if stages.is_empty() { timed.seconds } else { stages.iter().map(|(_, s)| s).sum() };
         Ok(Speed { stages, busy, cost: session.cost(), ..timed })
     });
-    speed.map_err(|what| if is_too_large { Untimed::TooLarge(what) } else { Untimed::Failed(what) })
+    speed.map_err(|what| if is_too_large { SkipReason::TooLarge(what) } else { SkipReason::Failed(what) })
 }
 
-/// Counts the pairs on the CPU, some times.
+/// Times repeated counts of the pairs on the CPU.
 ///
 /// # Errors
-/// Where there is no memory for so many, or a call fails.
-pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, Untimed> {
-    // The spheres stand still, so that candidates would be kept for ever.
+/// Fails if free memory is too small, or if a call fails.
+pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
+    // The spheres do not move, so that a candidate list would never be rebuilt.
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).skin(Skin::Off);
-    let mut detector = Detector::new(config).map_err(|error| Untimed::Failed(error.to_string()))?;
+    let mut detector = Detector::new(config).map_err(|error| SkipReason::Failed(error.to_string()))?;
     let (needed, free) = (detector.memory_for(spheres.len() as u64), free_memory());
     if free.is_some_and(|free| needed > free) {
         let [needed, free] = [needed, free.unwrap_or(0)].map(|bytes| bytes >> 20);
-        return Err(Untimed::TooLarge(format!("{needed} MiB are needed where {free} MiB are free")));
+        return Err(SkipReason::TooLarge(format!("{needed} MiB needed, {free} MiB free")));
     }
-    let speed = guarded(|| {
+    let speed = catch_panic(|| {
         timed(|| {
             let pairs = detector.count(spheres).map_err(text)?;
             Ok((pairs, detector.report().phases))
         })
     });
-    speed.map_err(Untimed::Failed)
+    speed.map_err(SkipReason::Failed)
 }
 
-/// Bytes of memory that programs may take without pushing others out, where the system tells.
+/// Bytes of available memory (Linux's `MemAvailable`), if the system reports it.
 fn free_memory() -> Option<u64> {
     let told = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = told.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
@@ -113,14 +114,14 @@ fn timed(mut call: impl FnMut() -> Result<(u64, Vec<Phase>), String>) -> Result<
         let start = Instant::now();
         let (again, phases) = call()?;
         if again != pairs {
-            return Err(format!("{pairs} pairs counted, and then {again} of the same spheres"));
+            return Err(format!("{pairs} pairs counted, then {again} for the same spheres"));
         }
         times.push(start.elapsed().as_secs_f64());
         stages.push(phases);
         spent = begun.elapsed().as_secs_f64() - once;
     }
     if times.is_empty() {
-        // One call has to do, warm or not.
+        // A slow call is timed only once, without warm-up.
         times.push(once);
         stages.push(first);
     }
@@ -140,9 +141,8 @@ fn timed(mut call: impl FnMut() -> Result<(u64, Vec<Phase>), String>) -> Result<
     })
 }
 
-/// How long a call of `spheres` takes that took `seconds` with fewer, given the sizes and times before: as the last step
-/// went, and at least in proportion. With one time alone the square of the number is assumed for all pairs, and
-/// proportion for the rest.
+/// Predicts the seconds of a call with `spheres` spheres from the sizes and times of smaller calls. Continues the
+/// growth of the last step, and at least linear growth (quadratic for `Naive`). Returns 0 without earlier times.
 pub fn forecast(algorithm: Algorithm, before: &[(usize, f64)], spheres: usize) -> f64 {
     let Some(&(last, seconds)) = before.last() else { return 0.0 };
     let growth = (spheres as f64 / last as f64).ln();
@@ -161,18 +161,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn forecasts_follow_what_was_seen() {
+    fn forecast_extrapolates_measured_times() {
         let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-9;
         assert_eq!(forecast(Algorithm::Naive, &[], 10), 0.0);
         assert!(near(forecast(Algorithm::Naive, &[(10, 1.0)], 100), 100.0));
         assert!(near(forecast(Algorithm::CellList, &[(10, 1.0)], 100), 10.0));
         assert!(near(forecast(Algorithm::CellList, &[(10, 1.0), (100, 20.0)], 1000), 400.0));
-        // What was dominated by a constant goes on in proportion at least.
+        // Times dominated by a constant grow at least linearly.
         assert!(near(forecast(Algorithm::CellList, &[(10, 1.0), (100, 2.0)], 1000), 20.0));
     }
 
     #[test]
-    fn counts_and_stages_of_a_call() {
+    fn algorithms_agree_and_report_phases() {
         let spheres = lazygrid_io::scenes::Scene::FiveSizes.spheres(2000, 1);
         let [naive, list] = [Algorithm::Naive, Algorithm::CellList]
             .map(|algorithm| on_cpu(algorithm, &spheres).expect("counted"));
@@ -180,6 +180,6 @@ mod tests {
         assert!(list.stages.iter().any(|(name, _)| *name == "search"), "{list:?}");
         let mut answers = 0..;
         let changing = timed(|| Ok((answers.next().expect("endless"), vec![])));
-        assert!(changing.is_err_and(|text| text.contains("0 pairs counted, and then 1")));
+        assert!(changing.is_err_and(|text| text.contains("0 pairs counted, then 1")));
     }
 }

@@ -4,134 +4,135 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use lazygrid::gpu::{AdapterId, GpuDevice, GpuSession, GpuSettings};
 use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Simd, Skin};
 
-use crate::device::PATIENCE;
+use crate::device::TIMEOUT;
 use crate::motion::{skin_of, walk};
-use crate::{Extent, Scenario, Tolerance};
+use crate::{Effort, TestInput, Tolerance};
 
-/// The GPU that is checked.
+/// The GPU under test.
 #[derive(Clone, Debug)]
 pub struct Gpu {
     /// The device.
     pub own: GpuDevice,
-    /// How it was asked for, where it was.
+    /// The requested adapter, if the caller named one.
     pub adapter: Option<AdapterId>,
 }
 
-/// One way to get the pairs of a scene.
+/// A detector variant under test: algorithm, target and settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Way {
-    /// Which detector.
+pub struct DetectorVariant {
+    /// The algorithm.
     pub algorithm: Algorithm,
-    /// Where it runs.
-    pub place: Place,
-    /// τ, where it is not the default.
+    /// The target device.
+    pub target: TargetDevice,
+    /// τ, or `None` for the default.
     pub tau: Option<u32>,
-    /// The raster ratio, where it is not the default.
+    /// The cell ratio (cell size over largest diameter), or `None` for the default.
     pub raster_ratio: Option<f32>,
-    /// The skin with which candidates are kept from call to call, as a part of a radius; 0 where the detector decides.
+    /// The skin of the candidate list as a fraction of a radius; 0 leaves the choice to the detector.
     pub skin: f32,
 }
 
-/// Where a detector runs, and with what.
+/// The target of a detector and its target-specific settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
-    /// On the CPU.
+pub enum TargetDevice {
+    /// The CPU.
     Cpu {
-        /// The widest vector code.
+        /// The widest SIMD instruction set to use.
         simd: Simd,
-        /// So many threads; `None`: those of the process.
+        /// The number of threads; `None` uses the global thread pool.
         threads: Option<usize>,
     },
-    /// On the GPU.
+    /// The GPU.
     Gpu {
-        /// Whether subgroup operations are used.
+        /// Whether kernels use subgroup operations.
         subgroups: bool,
     },
 }
 
-impl Way {
-    /// A way with default settings.
-    pub fn new(algorithm: Algorithm, place: Place) -> Self {
-        Self { algorithm, place, tau: None, raster_ratio: None, skin: 0.0 }
+impl DetectorVariant {
+    /// Creates a variant with default settings.
+    pub fn new(algorithm: Algorithm, target: TargetDevice) -> Self {
+        Self { algorithm, target, tau: None, raster_ratio: None, skin: 0.0 }
     }
 
-    /// Every algorithm of the CPU on one thread with every width of vectors that the processor has, and on all threads.
+    /// Each CPU algorithm on one thread with each SIMD width of the processor, and on all threads with the widest.
     pub fn on_cpu() -> Vec<Self> {
         let widest = Simd::detect();
         let mut widths = vec![Simd::Avx512, Simd::Avx2, Simd::Portable];
         widths.drain(..widths.iter().position(|width| *width == widest).unwrap_or(0));
-        let places = widths.into_iter().map(|simd| Place::Cpu { simd, threads: Some(1) });
-        let places = places.chain([Place::Cpu { simd: widest, threads: None }]);
-        places.flat_map(|place| Algorithm::CPU.map(|algorithm| Self::new(algorithm, place))).collect()
+        let targets = widths.into_iter().map(|simd| TargetDevice::Cpu { simd, threads: Some(1) });
+        let targets = targets.chain([TargetDevice::Cpu { simd: widest, threads: None }]);
+        targets.flat_map(|target| Algorithm::CPU.map(|algorithm| Self::new(algorithm, target))).collect()
     }
 
-    /// Every algorithm of the GPU with and without subgroup operations, and with cells that are split where they hold more
-    /// than one smaller sphere; and with candidates that are kept. For a [quick](Extent::Quick) look each as a detector has it
-    /// by default.
-    pub fn on_gpu(own: &GpuDevice, extent: Extent) -> Vec<Self> {
+    /// Each GPU algorithm with and without subgroup operations and with τ = 1, and a cell list that keeps its
+    /// candidates. A [quick](Effort::Quick) check uses the default settings of each algorithm only, and the cell list
+    /// with candidates.
+    pub fn on_gpu(own: &GpuDevice, effort: Effort) -> Vec<Self> {
         let with = |subgroups, tau| {
-            let way = move |algorithm| Self { tau, ..Self::new(algorithm, Place::Gpu { subgroups }) };
-            Algorithm::GPU.map(way).to_vec()
+            let variant =
+                move |algorithm| Self { tau, ..Self::new(algorithm, TargetDevice::Gpu { subgroups }) };
+            Algorithm::GPU.map(variant).to_vec()
         };
         let subgroups = own.adapter.has_subgroups;
-        let keeping = Self { skin: 0.5, ..Self::new(Algorithm::CellList, Place::Gpu { subgroups }) };
-        if extent == Extent::Quick {
+        let keeping = Self { skin: 0.5, ..Self::new(Algorithm::CellList, TargetDevice::Gpu { subgroups }) };
+        if effort == Effort::Quick {
             return [with(subgroups, None), vec![keeping]].concat();
         }
-        let mut ways = with(false, None);
+        let mut variants = with(false, None);
         if subgroups {
-            ways.extend(with(true, None));
+            variants.extend(with(true, None));
         }
-        ways.extend(with(subgroups, Some(1)));
-        ways.push(keeping);
-        ways
+        variants.extend(with(subgroups, Some(1)));
+        variants.push(keeping);
+        variants
     }
 
-    /// The backend.
+    /// The backend of the target.
     pub fn backend(&self) -> Backend {
-        match self.place {
-            Place::Cpu { .. } => Backend::Cpu,
-            Place::Gpu { .. } => Backend::Gpu,
+        match self.target {
+            TargetDevice::Cpu { .. } => Backend::Cpu,
+            TargetDevice::Gpu { .. } => Backend::Gpu,
         }
     }
 
-    /// How far results may be from the definition.
+    /// The deviation from the definition that results may have.
     pub fn tolerance(&self) -> Tolerance {
-        match self.place {
-            Place::Cpu { .. } => Tolerance::Exact,
-            Place::Gpu { .. } => Tolerance::Tangent,
+        match self.target {
+            TargetDevice::Cpu { .. } => Tolerance::Exact,
+            TargetDevice::Gpu { .. } => Tolerance::Tangent,
         }
     }
 
-    /// The settings of a `Detector` that goes this way, but for subgroups, which it uses where there are any.
+    /// The settings of a `Detector` of this variant. A `Detector` always uses subgroup operations if the device
+    /// supports them.
     pub fn config(&self, gpu: Option<&Gpu>) -> Config {
-        let mut config =
-            Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(PATIENCE);
+        let mut config = Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(TIMEOUT);
         if let Some(tau) = self.tau {
             config = config.tau(tau);
         }
         if let Some(ratio) = self.raster_ratio {
             config = config.raster_ratio(ratio);
         }
-        match self.place {
-            Place::Cpu { simd, threads } => {
+        match self.target {
+            TargetDevice::Cpu { simd, threads } => {
                 let config = config.simd(simd);
                 threads.map_or(config.clone(), |threads| config.threads(threads))
             }
-            Place::Gpu { .. } => match gpu.and_then(|gpu| gpu.adapter.clone()) {
+            TargetDevice::Gpu { .. } => match gpu.and_then(|gpu| gpu.adapter.clone()) {
                 Some(adapter) => config.adapter(adapter),
                 None => config,
             },
         }
     }
 
-    /// The pairs, in any order.
+    /// Finds the pairs of a scenario, in any order.
     ///
     /// # Errors
-    /// The library's error, or how it panicked, as text.
-    pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &Scenario) -> Result<Vec<Pair>, String> {
-        guarded(|| match (self.place, gpu) {
-            (Place::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
+    /// Returns the library's error or panic message as text.
+    pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> Result<Vec<Pair>, String> {
+        catch_panic(|| match (self.target, gpu) {
+            (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
                 self.pairs_in_session(gpu, subgroups, scenario)
             }
             _ => {
@@ -147,25 +148,30 @@ impl Way {
         })
     }
 
-    /// Whether a scenario can be searched this way. What the host has the last word on is searched by a `Detector`, which uses
-    /// subgroup operations where there are any.
-    pub fn takes(&self, gpu: Option<&Gpu>, scenario: &Scenario) -> bool {
-        match (self.place, gpu) {
-            (Place::Gpu { subgroups }, Some(gpu)) => {
+    /// Returns `true` if the variant supports the scenario. Scenarios with a host-side filter need a `Detector`, which
+    /// uses subgroup operations if the device supports them.
+    pub fn takes(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> bool {
+        match (self.target, gpu) {
+            (TargetDevice::Gpu { subgroups }, Some(gpu)) => {
                 subgroups == gpu.own.adapter.has_subgroups || !scenario.is_refined()
             }
             _ => true,
         }
     }
 
-    /// The scenario of the call before, so that the one that is looked at is answered from candidates of an earlier one.
-    fn before(&self, scenario: &Scenario) -> Scenario {
+    /// The scenario of the previous call, whose candidate list then answers the tested call.
+    fn before(&self, scenario: &TestInput) -> TestInput {
         let mut before = scenario.clone();
         walk(&mut before.spheres, 0.1 * self.skin, 1);
         before
     }
 
-    fn pairs_in_session(&self, gpu: &Gpu, subgroups: bool, scenario: &Scenario) -> Result<Vec<Pair>, String> {
+    fn pairs_in_session(
+        &self,
+        gpu: &Gpu,
+        subgroups: bool,
+        scenario: &TestInput,
+    ) -> Result<Vec<Pair>, String> {
         let defaults = GpuSettings::default();
         let settings = GpuSettings {
             algorithm: self.algorithm,
@@ -177,12 +183,12 @@ impl Way {
                 .max(GpuSettings::MIN_RASTER_RATIO),
             interactions: scenario.interactions().map_err(text)?,
             space: scenario.space,
-            // So little that many scenes have to be repeated with more room.
+            // A small capacity, so that many scenes overflow and are retried.
             pair_capacity: 1 << 12,
             ..defaults
         };
         let mut session = GpuSession::new(gpu.own.clone(), settings).map_err(text)?;
-        session.set_timeout(PATIENCE);
+        session.set_timeout(TIMEOUT);
         if let Skin::Fixed(distance) = skin_of(&scenario.spheres, self.skin) {
             session.set_skin(Some(distance as f32)).map_err(text)?;
             let ticket = session.begin(self.before(scenario).view()).map_err(text)?;
@@ -192,13 +198,15 @@ impl Way {
         Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
     }
 
-    /// The options of `lazygrid detect` that go this way, as far as it has them.
+    /// The options of `lazygrid detect` for this variant, as far as they exist.
     pub fn options(&self, gpu: Option<&Gpu>) -> String {
         let mut options = format!(" --backend {} --algorithm {}", self.backend(), self.algorithm);
-        if let (Place::Gpu { .. }, Some(adapter)) = (self.place, gpu.and_then(|gpu| gpu.adapter.as_ref())) {
+        if let (TargetDevice::Gpu { .. }, Some(adapter)) =
+            (self.target, gpu.and_then(|gpu| gpu.adapter.as_ref()))
+        {
             options += &format!(" --adapter '{adapter}'");
         }
-        if let Place::Cpu { threads: Some(threads), .. } = self.place {
+        if let TargetDevice::Cpu { threads: Some(threads), .. } = self.target {
             options += &format!(" --threads {threads}");
         }
         let tau = self.tau.map(|tau| format!(" --tau {tau}"));
@@ -207,13 +215,15 @@ impl Way {
     }
 }
 
-impl fmt::Display for Way {
+impl fmt::Display for DetectorVariant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} on {}", self.algorithm, self.backend())?;
-        match self.place {
-            Place::Cpu { simd, threads: None } => write!(f, ", all threads, {simd:?}")?,
-            Place::Cpu { simd, threads: Some(threads) } => write!(f, ", threads {threads}, {simd:?}")?,
-            Place::Gpu { subgroups } => write!(f, ", subgroups {}", if subgroups { "on" } else { "off" })?,
+        match self.target {
+            TargetDevice::Cpu { simd, threads: None } => write!(f, ", all threads, {simd:?}")?,
+            TargetDevice::Cpu { simd, threads: Some(threads) } => write!(f, ", threads {threads}, {simd:?}")?,
+            TargetDevice::Gpu { subgroups } => {
+                write!(f, ", subgroups {}", if subgroups { "on" } else { "off" })?
+            }
         }
         self.tau.map_or(Ok(()), |tau| write!(f, ", τ {tau}"))?;
         self.raster_ratio.map_or(Ok(()), |ratio| write!(f, ", raster ratio {ratio}"))?;
@@ -221,15 +231,15 @@ impl fmt::Display for Way {
     }
 }
 
-/// Does what must not, and on an unknown machine may, panic.
+/// Runs `work` and turns a panic into an error.
 ///
 /// # Errors
-/// That of `work`, or what it said when it panicked.
-pub fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+/// Returns the error of `work`, or its panic message.
+pub fn catch_panic<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let said = payload.downcast_ref::<String>().map(String::as_str);
         let said = said.or_else(|| payload.downcast_ref::<&str>().copied());
-        Err(format!("panicked: {}", said.unwrap_or("without a word")))
+        Err(format!("panicked: {}", said.unwrap_or("no message")))
     })
 }
 

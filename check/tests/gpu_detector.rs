@@ -1,4 +1,4 @@
-//! `GpuDetector` on a caller's device against all pairs in f64, over scenes that break grids.
+//! `GpuDetector` on a caller's device: hard scenes against all pairs in `f64`.
 
 mod common;
 
@@ -7,7 +7,7 @@ use common::scenes::{cloud, detect, detect_with, judge, scenes, settings, touchi
 use common::{Random, device, download, upload};
 use lazygrid::gpu::{Count, GpuDetector, GpuDevice, GpuSettings, GpuSpheres, Outcome, wgpu};
 use lazygrid::{Algorithm, Backend, Error, Interaction, Interactions, Pair, Space, Sphere};
-use lazygrid_check::{Mixture, Scenario, Tolerance, difference};
+use lazygrid_check::{SpeciesSetup, TestInput, Tolerance, difference};
 
 const ALGORITHMS: [Algorithm; 5] = Algorithm::GPU;
 
@@ -21,7 +21,7 @@ fn every_scene_agrees_with_all_pairs() {
                 let scene = format!("{name}, {algorithm}, subgroups {subgroups}");
                 let mut found = detect(&own, &mut detector, &spheres);
                 if found.outcome.overflow & Outcome::ENTRIES != 0 {
-                    // Many levels, all of them refined, have more entries than there is room for at first.
+                    // Many refined levels have more entries than the initial capacity.
                     assert!(detector.set_entry_capacity(found.outcome.entries()), "{scene}");
                     found = detect(&own, &mut detector, &spheres);
                 }
@@ -38,9 +38,9 @@ fn every_scene_agrees_with_all_pairs() {
     }
 }
 
-/// Two cells on some axes, of which a ring of two would make neighbours on both sides; one on others.
+/// Two cells on some axes, one on others. A periodic grid would make the two cells neighbors on both sides.
 #[test]
-fn clouds_of_few_cells_have_each_pair_once() {
+fn grid_of_few_cells_finds_each_pair_once() {
     let Some(own) = device() else { return };
     let mut detector = GpuDetector::new(&own.device, settings(Algorithm::CellList, true)).expect("made");
     for widths in [[0.5, 0.5, 0.5], [1.1, 0.5, 2.6], [0.2, 1.2, 0.0], [3.1, 0.6, 1.3]] {
@@ -53,10 +53,10 @@ fn clouds_of_few_cells_have_each_pair_once() {
     }
 }
 
-/// Grains on the skins of far larger spheres, also on the far side of those that lie lowest: there the cells that they look
-/// into begin below the lowest centre. A crowd elsewhere has all grains leave the cells of the large ones.
+/// Small spheres at the surfaces of much larger ones, also on the low side of the lowest ones: there their neighbor
+/// cells start below the lowest center. A crowd elsewhere makes all small spheres leave the cells of the large ones.
 #[test]
-fn grains_about_the_lowest_spheres_meet_them() {
+fn small_spheres_below_the_lowest_center_are_found() {
     let Some(own) = device() else { return };
     let settings = GpuSettings { tau: 8, ..settings(Algorithm::CellList, true) };
     let mut detector = GpuDetector::new(&own.device, settings).expect("made");
@@ -78,7 +78,7 @@ fn grains_about_the_lowest_spheres_meet_them() {
 }
 
 #[test]
-fn overflow_stops_writing_and_keeps_counting() {
+fn overflow_stops_writing_but_not_counting() {
     let Some(own) = device() else { return };
     let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); 3000];
     for algorithm in ALGORITHMS {
@@ -128,7 +128,7 @@ fn bad_spheres_are_quarantined_and_counted() {
 }
 
 #[test]
-fn the_number_of_spheres_may_come_from_a_buffer() {
+fn sphere_count_is_read_from_a_buffer() {
     let Some(own) = device() else { return };
     let spheres = cloud(21, 3000, 12.0, |_| 0.4);
     let buffer = upload(&own, &spheres);
@@ -152,7 +152,7 @@ fn the_number_of_spheres_may_come_from_a_buffer() {
 }
 
 #[test]
-fn interactions_decide_what_is_a_pair() {
+fn interactions_determine_pairs() {
     let Some(own) = device() else { return };
     let spheres = cloud(22, 2500, 10.0, |random| 0.05 + 0.2 * random.unit());
     let mut random = Random(23);
@@ -179,9 +179,9 @@ fn interactions_decide_what_is_a_pair() {
     }
 }
 
-/// A radius, a distance and the coordinates around a median may be -0.0, whose bits are those of no small number.
+/// A radius, a distance or coordinates around a median may be -0.0, whose bits are those of a large integer.
 #[test]
-fn the_sign_of_zero_says_nothing() {
+fn sign_of_zero_is_ignored() {
     let Some(own) = device() else { return };
     let mut spheres = cloud(25, 1500, 4.0, |_| 0.5);
     for (k, sphere) in spheres.iter_mut().enumerate() {
@@ -215,7 +215,7 @@ fn the_sign_of_zero_says_nothing() {
 }
 
 #[test]
-fn a_call_says_what_it_would_use_and_why() {
+fn choice_reports_algorithm_and_reason() {
     let Some(own) = device() else { return };
     let detector = GpuDetector::new(&own.device, settings(Algorithm::Auto, true)).expect("made");
     for (spheres, expected) in [(10, Algorithm::Naive), (1_000_000, Algorithm::CellList)] {
@@ -228,7 +228,7 @@ fn a_call_says_what_it_would_use_and_why() {
 }
 
 #[test]
-fn calls_of_changing_size_reuse_what_is_there() {
+fn calls_of_changing_size_reuse_buffers() {
     let Some(own) = device() else { return };
     let mut detector = GpuDetector::new(&own.device, settings(Algorithm::Auto, true)).expect("made");
     let reserved = detector.reserve(6000).expect("fits");
@@ -241,7 +241,7 @@ fn calls_of_changing_size_reuse_what_is_there() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_with_the_remedy() {
+fn oversized_input_is_refused_with_the_remedy() {
     let Some(own) = device() else { return };
     let mut detector = GpuDetector::new(&own.device, settings(Algorithm::ArrayGrid, true)).expect("made");
     let buffer = upload(&own, &[Sphere::zeroed(); 10]);
@@ -262,7 +262,7 @@ fn what_does_not_fit_is_refused_with_the_remedy() {
 }
 
 #[test]
-fn windows_part_the_result() {
+fn windows_partition_the_result() {
     let Some(own) = device() else { return };
     let mut spheres = cloud(24, 2000, 12.0, |_| 0.4);
     spheres.extend(vec![Sphere::new([1.0; 3], 0.3); 700]);
@@ -298,7 +298,7 @@ fn species_outside_the_table_are_quarantined() {
 }
 
 #[test]
-fn a_host_application_with_default_limits_and_no_features() {
+fn default_limits_without_features_are_sufficient() {
     if device().is_none() {
         return;
     }
@@ -323,10 +323,10 @@ fn a_host_application_with_default_limits_and_no_features() {
     assert!(matches!(error, Error::LimitExceeded { needed: 10, limit: 8, .. }), "{error}");
 }
 
-/// A simulation that takes the order over at every step, sorted by counting and by radix, in a box and of species: pairs name
-/// places, which are those of the spheres that come back.
+/// A simulation that reuses the cell order at each step, with counting sort and radix sort, a periodic box, and
+/// species. Pairs hold indices in cell order, which are those of the returned spheres.
 #[test]
-fn a_caller_may_take_the_sorted_order_over() {
+fn caller_can_reuse_the_cell_order() {
     let Some(own) = device() else { return };
     let boxed = Space::periodic([Some(9.0), None, Some(8.5)]).expect("a box");
     let mut table = Interactions::new(2, Interaction::Touch).expect("two species");
@@ -365,14 +365,14 @@ fn a_caller_may_take_the_sorted_order_over() {
                 let same = image.center == space.wrap(center) && image.radius.to_bits() == radius.to_bits();
                 assert!(same, "{image:?} of {center}");
             }
-            let scenario = Scenario {
-                mixture: species.then(|| Mixture {
+            let scenario = TestInput {
+                mixture: species.then(|| SpeciesSetup {
                     species: order.iter().map(|&at| ids[at as usize]).collect(),
                     rows: vec![vec![Interaction::Never], vec![Interaction::Touch; 2]],
                 }),
                 spheres: images[..3999].to_vec(),
                 space,
-                ..Scenario::default()
+                ..TestInput::default()
             };
             let expected = scenario.oracle();
             assert!(expected.len() > 1000);
@@ -387,9 +387,9 @@ fn a_caller_may_take_the_sorted_order_over() {
     }
 }
 
-/// Where there is no such order pairs name the spheres as given, and the outcome says so.
+/// Without a cell order, pairs hold input indices and the outcome says so.
 #[test]
-fn without_a_cell_list_there_is_no_sorted_order() {
+fn only_the_cell_list_has_a_cell_order() {
     let Some(own) = device() else { return };
     for algorithm in ALGORITHMS {
         let settings = GpuSettings { sorted_pairs: true, ..settings(algorithm, true) };

@@ -1,5 +1,5 @@
-//! Devices that are lost in mid-run, and requests that are too large: a typed error, and the way on from there.
-//! The process shares one device, so that the tests that destroy it take turns.
+//! Lost devices and requests that are too large: typed errors, and recovery. The tests share one device; those that
+//! destroy it run one at a time.
 
 mod common;
 
@@ -11,7 +11,7 @@ use common::{Random, device};
 use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Pair, Sphere, Spheres};
 
-/// Whoever holds it has the shared device for itself.
+/// Locks the shared device for one test.
 fn alone() -> MutexGuard<'static, ()> {
     static ALONE: Mutex<()> = Mutex::new(());
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
@@ -38,14 +38,14 @@ fn assert_lost<T>(result: Result<T, impl Into<Error>>) {
 }
 
 #[test]
-fn calls_in_flight_when_the_device_goes_are_told_so() {
+fn lost_device_fails_calls_in_flight() {
     let Some(own) = device() else { return };
     let spheres = cloud(3000);
     let mut session = GpuSession::new(own.clone(), GpuSettings::default()).expect("made");
     let tickets = [(); 2].map(|()| session.begin(Spheres::from(&spheres)).expect("begun"));
     own.device.destroy();
     for ticket in tickets {
-        // The device may have been faster.
+        // The call may have finished before the device was destroyed.
         match session.finish(ticket, u64::MAX).map(<[Pair]>::to_vec) {
             Ok(mut pairs) => {
                 pairs.sort_unstable();
@@ -54,7 +54,7 @@ fn calls_in_flight_when_the_device_goes_are_told_so() {
             lost => assert_lost(lost),
         }
     }
-    // Nor does it come back.
+    // A destroyed device stays unusable.
     for _ in 0..2 {
         match session.begin(Spheres::from(&spheres)) {
             Ok(ticket) => assert_lost(session.finish_count(ticket)),
@@ -65,7 +65,7 @@ fn calls_in_flight_when_the_device_goes_are_told_so() {
 }
 
 #[test]
-fn a_host_application_that_destroys_its_device_is_told_so() {
+fn lost_device_of_the_caller_is_reported() {
     let Some(own) = device() else { return };
     let lent = GpuDevice::lent(&own.device, &own.queue);
     let spheres = cloud(3000);
@@ -80,7 +80,7 @@ fn a_host_application_that_destroys_its_device_is_told_so() {
 }
 
 #[test]
-fn a_new_detector_gives_the_same_answer() {
+fn new_detector_works_after_device_loss() {
     let Some(_) = device() else { return };
     let _alone = alone();
     let spheres = cloud(12_000);
@@ -91,17 +91,17 @@ fn a_new_detector_gives_the_same_answer() {
     assert_lost(detector.pairs(&spheres));
     assert_lost(detector.count(&spheres));
     assert_lost(detector.neighbors(&spheres));
-    // The dead device is not handed out again.
+    // A new detector does not get the destroyed device.
     let mut detector = gpu();
     assert_eq!(detector.pairs(&spheres).expect("found"), expected);
     assert_eq!(detector.count(&spheres).expect("counted"), expected.len() as u64);
 }
 
 #[test]
-fn a_stream_whose_device_goes_ends_with_the_error() {
+fn lost_device_ends_a_stream_with_an_error() {
     let Some(_) = device() else { return };
     let _alone = alone();
-    // More pairs than an output holds, so that the stream is several searches.
+    // More pairs than the output holds, so that the stream takes several searches.
     let spheres = vec![Sphere::new([1.0; 3], 0.5); 3000];
     let mut detector = gpu();
     let mut handed = 0;
@@ -123,7 +123,7 @@ fn a_stream_whose_device_goes_ends_with_the_error() {
 }
 
 #[test]
-fn a_request_beyond_the_device_leaves_the_detector_usable() {
+fn oversized_request_leaves_the_detector_usable() {
     let Some(own) = device() else { return };
     let _alone = alone();
     let few = cloud(2000);
@@ -139,8 +139,8 @@ fn a_request_beyond_the_device_leaves_the_detector_usable() {
     }
 }
 
-/// Where a software adapter's memory is that of the process, the system can be told to grant no more of it. In a
-/// process of its own, as nothing else there could run.
+/// A software adapter uses the memory of the process, which `prlimit` can restrict. The test runs in a process of its
+/// own, as nothing else could run there.
 #[test]
 fn out_of_memory_leaves_the_detector_usable() {
     let Some(own) = device() else { return };
@@ -180,9 +180,9 @@ fn run_out_of_memory() {
     };
     allow(&limit.to_string());
     let refused = detector.count(&many);
-    // Memory is still short, and few spheres still fit.
+    // Few spheres still fit in the little memory.
     let found = detector.pairs(&few).map(<[_]>::to_vec);
-    // 15 million pairs do not.
+    // 15 million pairs do not fit.
     let crowd = vec![Sphere::new([1.0; 3], 0.5); 5500];
     let crowded = detector.pairs(&crowd).map(<[_]>::len);
     let found_then = detector.pairs(&few).map(<[_]>::to_vec);

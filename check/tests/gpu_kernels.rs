@@ -1,4 +1,4 @@
-//! The kernels one by one against plain sequential functions, as `lazygrid check` does it.
+//! Single kernels against plain sequential functions, as in `lazygrid check`.
 
 mod common;
 
@@ -6,15 +6,15 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::thread;
 
 use common::device;
-use lazygrid_check::Extent;
+use lazygrid_check::Effort;
 use lazygrid_check::kernels::CHECKS;
 
-/// Takes one check after another. Most of the time goes into a driver's compiler, which is on one core.
+/// Runs checks until none is left. Most of the time is spent in the driver's compiler, which uses one core.
 fn faults(next: &AtomicUsize) -> Vec<String> {
     let Some(own) = device() else { return Vec::new() };
     std::iter::from_fn(|| CHECKS.get(next.fetch_add(1, Relaxed)))
         .filter_map(|check| {
-            (check.run)(&own, Extent::Usual).err().map(|fault| format!("{}: {fault}", check.name))
+            (check.run)(&own, Effort::Default).err().map(|fault| format!("{}: {fault}", check.name))
         })
         .collect()
 }

@@ -1,4 +1,4 @@
-//! EagerGrid and LazyGrid where several levels share the work, against all pairs in f64.
+//! EagerGrid and LazyGrid with several levels, against all pairs in `f64`.
 
 mod common;
 
@@ -7,7 +7,7 @@ use common::{Random, device};
 use lazygrid::gpu::{GpuDetector, GpuDevice, GpuSession, GpuSettings, Outcome};
 use lazygrid::{Algorithm, Sphere, Spheres};
 
-/// The pairs, sorted, and what else a session with these settings found. It shares its compiled kernels.
+/// Runs a session with these settings and returns the outcome and the sorted pairs. Sessions share compiled kernels.
 fn detect_in_session(own: &GpuDevice, settings: GpuSettings, spheres: &[Sphere]) -> Found {
     let mut session = GpuSession::new(own.clone(), settings).expect("made");
     let ticket = session.begin(Spheres::from(spheres)).expect("begun");
@@ -29,9 +29,9 @@ fn every_scene_agrees_for_any_tau() {
     }
 }
 
-/// A crowd beside a few spheres, with some of both on the border between their cells.
+/// A crowd next to a few spheres, with some of both on the border between their cells.
 #[test]
-fn settled_and_refined_cells_lose_nothing() {
+fn mixed_refinement_loses_no_pair() {
     let Some(own) = device() else { return };
     let mut spheres = vec![Sphere::new([40.0; 3], 1.0)];
     let mut random = Random(40);
@@ -47,9 +47,9 @@ fn settled_and_refined_cells_lose_nothing() {
     }
 }
 
-/// At one point, so that every level has its spheres: more than eight entries each, in all of eight cells.
+/// Spheres of many sizes at one point: each level has spheres, each with entries in eight cells.
 #[test]
-fn entries_beyond_the_plan_are_reported_and_a_session_makes_room() {
+fn entry_overflow_is_reported_and_retried_by_a_session() {
     let Some(own) = device() else { return };
     let spheres: Vec<_> = (0..3000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 15))).collect();
     let pairs = 3000 * 2999 / 2;

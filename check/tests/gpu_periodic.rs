@@ -1,4 +1,4 @@
-//! `GpuDetector` in periodic spaces against all pairs of nearest images in f64.
+//! `GpuDetector` in periodic spaces against all pairs of nearest images in `f64`.
 
 mod common;
 
@@ -6,7 +6,7 @@ use common::{Random, device};
 use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings, Outcome};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
-/// Spheres in a space.
+/// Spheres in a periodic space.
 struct Scene {
     name: String,
     lengths: [Option<f32>; 3],
@@ -23,7 +23,7 @@ impl Scene {
         Space::periodic(self.lengths.map(|length| length.map(f64::from))).expect("lengths")
     }
 
-    /// The largest distance at which two are a pair.
+    /// The largest distance at which two spheres are a pair; `None` if they never are.
     fn reach(&self, i: usize, j: usize) -> Option<f64> {
         let touch = || f64::from(self.spheres[i].radius) + f64::from(self.spheres[j].radius);
         let Some((species, table)) = &self.species else { return Some(touch()) };
@@ -34,7 +34,7 @@ impl Scene {
         }
     }
 
-    /// The squared distance by definition, `d − L·round(d/L)`, of coordinates reduced exactly by whole lengths.
+    /// The squared distance by definition, `d − L·round(d/L)`, after exact reduction of coordinates by whole lengths.
     fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
         let along = |axis: usize| {
@@ -48,7 +48,7 @@ impl Scene {
         (0..3).map(|axis| along(axis).powi(2)).sum()
     }
 
-    /// Holds sorted pairs against all of them, once each; within five ulp of tangency either is right.
+    /// Checks sorted pairs: each occurs once, and only pairs within five ulp of tangency may be missing or extra.
     fn judge(&self, context: &str, pairs: &[Pair]) -> Result<(), String> {
         let name = &self.name;
         if !pairs.windows(2).all(|two| two[0] < two[1]) {
@@ -81,7 +81,7 @@ impl Scene {
 fn detect(own: &GpuDevice, scene: &Scene, settings: GpuSettings) -> (Outcome, Vec<Pair>) {
     let interactions = scene.species.as_ref().map(|(_, table)| table.clone());
     let settings = GpuSettings { space: scene.space(), interactions, ..settings };
-    // Sessions of one device share its compiled kernels.
+    // Sessions of one device share their compiled kernels.
     let mut session = GpuSession::new(own.clone(), settings).expect("made");
     let mut spheres = Spheres::from(&scene.spheres);
     if let Some((species, _)) = &scene.species {
@@ -93,7 +93,7 @@ fn detect(own: &GpuDevice, scene: &Scene, settings: GpuSettings) -> (Outcome, Ve
     (*session.outcome(), pairs)
 }
 
-/// Every algorithm; LazyGrid with τ of 0, 1 and 8, which refines deeply.
+/// All algorithms; LazyGrid also with τ of 0, 1 and 8, for deep refinement.
 fn subjects() -> impl Iterator<Item = GpuSettings> {
     Algorithm::GPU.into_iter().flat_map(|algorithm| {
         let taus: &[u32] = if algorithm == Algorithm::LazyGrid { &[0, 1, 8] } else { &[0] };
@@ -122,17 +122,17 @@ fn cloud(seed: u64, n: usize, extent: f32, radius: impl Fn(&mut Random) -> f32) 
         .collect()
 }
 
-/// The spaces with these lengths where the bits of `axes` say so.
+/// The lengths of the axes whose bits are set in `axes`; other axes are unbounded.
 fn lengths(axes: usize, of: [f32; 3]) -> [Option<f32>; 3] {
     [0, 1, 2].map(|axis| (axes >> axis & 1 == 1).then_some(of[axis]))
 }
 
-/// Radii of nine octaves and more.
+/// A radius from a range of twelve octaves.
 fn octaves(random: &mut Random) -> f32 {
     0.5 * (-((random.word() % 11) as f32) - random.unit()).exp2()
 }
 
-/// Spheres of which every other coordinate is at the seam of a cube with this edge.
+/// Spheres with about half their coordinates near the periodic boundary of a cube with this edge.
 fn at_seams(seed: u64, n: usize, edge: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
     let mut random = Random(seed);
     let mut place = || match random.word() % 2 {
@@ -143,7 +143,7 @@ fn at_seams(seed: u64, n: usize, edge: f32, radius: impl Fn(&mut Random) -> f32)
     centers.into_iter().map(|center| Sphere::new(center, radius(&mut random))).collect()
 }
 
-/// By the default ratio the first cells are twice as wide as the largest diameter, here one unit.
+/// With the default cell ratio, the coarsest cells are twice as large as the largest diameter: here one unit.
 #[test]
 fn boxes_of_few_cells() {
     let Some(own) = device() else { return };
@@ -157,9 +157,10 @@ fn boxes_of_few_cells() {
     }
 }
 
-/// More cells than keys: where a ring had one or two cells more than a multiple of eight, its ends would share keys.
+/// More cells than keys. If the number of cells along a ring were one or two above a multiple of eight, its ends would
+/// share keys.
 #[test]
-fn folded_rings() {
+fn keys_shared_by_cells_of_a_ring_lose_no_pair() {
     let Some(own) = device() else { return };
     for (k, of) in [[65.5, 66.2, 129.3], [33.1, 257.8, 130.9], [513.4, 90.3, 70.7]].into_iter().enumerate() {
         for axes in [3, 7] {
@@ -175,13 +176,13 @@ fn folded_rings() {
 }
 
 #[test]
-fn nested_grids_go_round_at_every_depth() {
+fn nested_grids_are_periodic_at_all_depths() {
     let Some(own) = device() else { return };
     let boxes = [[8.0, 8.0, 8.0], [1.0, 3.0, 9.0], [0.1, 20.0, 2.5], [0.02, 0.02, 30.0], [4.7, 5.9, 8.3]];
     for (k, of) in boxes.into_iter().enumerate() {
         for axes in [2 + k, 7] {
             let mut spheres = cloud(100 + k as u64, 200, 8.0, octaves);
-            // A crowd on the seams, so that dense cells lie there.
+            // A crowd at the periodic boundary makes its cells overfull.
             let mut random = Random(k as u64);
             spheres.extend((0..150).map(|_| {
                 let center = [0, 1, 2].map(|axis| of[axis] * 0.5 + 0.05 * (random.unit() - 0.5));
@@ -192,9 +193,9 @@ fn nested_grids_go_round_at_every_depth() {
     }
 }
 
-/// On the seam, next to it by some units in the last place, at its far end, and many boxes away from there.
+/// On the periodic boundary, a few units in the last place away, at the opposite boundary, and many boxes away.
 #[test]
-fn spheres_on_the_seam() {
+fn spheres_on_the_periodic_boundary() {
     let Some(own) = device() else { return };
     for (seed, of) in [1.0_f32, 0.1, 10.0, 3.3].into_iter().enumerate() {
         let mut random = Random(seed as u64);
@@ -233,7 +234,7 @@ fn giants_and_lattices() {
     let mut giants = cloud(30, 300, 10.0, |_| 0.05);
     giants.extend([4.0, 12.0].map(|radius| Sphere::new([9.5; 3], radius)));
     check(&own, &Scene::new("giants", lengths(7, [10.0, 6.0, 2.0]), giants));
-    // A full lattice in contact goes round, three contacts a site.
+    // A full periodic lattice in contact has three contacts per site.
     for (count, spacing) in [(3_usize, 0.5_f32), (4, 1.0), (7, 0.25)] {
         let site = |k: usize| [k % count, k / count % count, k / count / count].map(|c| c as f32 * spacing);
         let sites: Vec<_> = (0..count.pow(3)).map(|k| Sphere::new(site(k), 0.5 * spacing)).collect();
@@ -246,7 +247,7 @@ fn giants_and_lattices() {
     }
 }
 
-/// Boxes from the smallest to the largest floats.
+/// Box lengths from the smallest to the largest floats.
 #[test]
 fn lengths_of_every_magnitude() {
     let Some(own) = device() else { return };
@@ -276,9 +277,10 @@ fn species_in_a_periodic_box() {
     check(&own, &Scene { species: Some((species, table)), ..scene });
 }
 
-/// So many that keys are folded, runs are crowded, and the seam cuts the crowd in two; the naive search judges.
+/// Enough spheres that several cells share a key, runs of entries are long, and the periodic boundary cuts the crowd in
+/// two. The naive search is the reference.
 #[test]
-fn crowds_on_the_seam_of_a_large_box() {
+fn crowds_on_the_periodic_boundary_of_a_large_box() {
     let Some(own) = device() else { return };
     let mut spheres = cloud(60, 4000, 1.0, |random| 0.004 * (0.1 + random.unit()));
     spheres.iter_mut().for_each(|s| s.center *= 30.0);

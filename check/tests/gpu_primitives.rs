@@ -1,5 +1,5 @@
-//! Radix sort and prefix scan where one dimension of a dispatch does not hold all workgroups, and of them what the drivers of
-//! test machines do not show; `gpu_kernels` has the others.
+//! Radix sort and prefix scan with more workgroups than one dispatch dimension holds, and cases that the drivers of
+//! test machines do not show. `gpu_kernels` has the other cases.
 
 mod common;
 
@@ -13,20 +13,20 @@ use lazygrid_check::primitives;
 use lazygrid_kernels::kernel::{Access, Kernel, RADIX_SCAN, RADIX_SCATTER, SCAN_SPINE, SCAN_TILE, Variant};
 use lazygrid_kernels::layout::Lengths;
 
-/// Workgroups along one dimension: as few as a pass of the sort has digits, which no device is short of.
+/// Workgroups along one dimension: the number of digits of a sort pass, which each device supports.
 const ROW: u32 = 256;
-/// More tiles than a row holds, and in the last row fewer than in the others.
+/// More tiles than a row of workgroups, with a partial last row.
 const MANY: usize = 1_100_001;
 
 #[test]
-fn more_than_one_dimension_of_groups() {
+fn dispatch_over_several_dimensions() {
     let Some(own) = device() else { return };
     let own = limited(&own, |limits| Limits { max_compute_workgroups_per_dimension: ROW, ..limits });
     primitives::scan(&own, MANY).unwrap_or_else(|fault| panic!("scan: {fault}"));
     primitives::sort(&own, MANY).unwrap_or_else(|fault| panic!("sort: {fault}"));
 }
 
-/// Runs one workgroup of a text whose bindings are these buffers.
+/// Runs one workgroup of a shader with these buffers as its bindings.
 fn run_text(own: &GpuDevice, name: &'static str, text: String, buffers: &[(Access, &wgpu::Buffer)]) {
     let accesses = buffers.iter().map(|(access, _)| *access);
     let (pipeline, layout) = own.compile(name, accesses, text).expect("compiled");
@@ -43,8 +43,8 @@ fn run_text(own: &GpuDevice, name: &'static str, text: String, buffers: &[(Acces
     });
 }
 
-/// The kernel's text, and the same with its threads the other way round. Between two barriers they come in any order, but
-/// drivers in software take the first ones first.
+/// The kernel's shader, and a version with its threads in reverse order. Between two barriers threads may run in any
+/// order, but software adapters start with the first.
 fn both_ways(kernel: &Kernel) -> [String; 2] {
     let forwards = kernel.wgsl(Variant::default());
     let turned = "given: Place) {\n    let place = Place(255u - given.lane);";
@@ -53,10 +53,10 @@ fn both_ways(kernel: &Kernel) -> [String; 2] {
     [forwards, backwards]
 }
 
-/// Of so many tiles a scan takes several rounds, each from where the one before ended. Who begins the next one may not change
-/// what others still read.
+/// With many tiles a scan takes several rounds, each starting where the last one ended. The thread that starts a round
+/// must not change values that other threads still read.
 #[test]
-fn scans_of_many_tiles_go_on_from_round_to_round() {
+fn scan_of_many_tiles_continues_over_rounds() {
     let Some(own) = device() else { return };
     let tiles = 3 * 2048 + 5_u32;
     let sums = (0..tiles).map(|tile| u64::from(tile) << 20 | 1);
@@ -81,9 +81,9 @@ fn scans_of_many_tiles_go_on_from_round_to_round() {
     }
 }
 
-/// Subgroups have up to 128 threads, on the devices of test machines far fewer.
+/// Subgroups may have up to 128 threads, but have far fewer on the devices of test machines.
 #[test]
-fn the_lowest_of_any_threads_of_a_subgroup() {
+fn lowest_lane_of_any_subgroup_mask() {
     let Some(own) = device() else { return };
     let text = RADIX_SCATTER.wgsl(Variant { subgroups: Some(32), ..Variant::default() });
     let begin = text.find("fn lowest_lane").expect("ranking by subgroups");

@@ -1,4 +1,4 @@
-//! Many spheres in one call, and many calls one after another.
+//! Many spheres in one call, and many consecutive calls.
 
 mod common;
 
@@ -21,12 +21,12 @@ fn cpu() -> Detector {
     Detector::new(Config::default().backend(Backend::Cpu)).expect("the CPU")
 }
 
-/// Spheres within rounding of tangency may fall either way; a few in ten million pairs do.
+/// Pairs within rounding of tangency may be found or missed: a few in ten million pairs.
 fn agree(gpu: u64, cpu: u64) -> bool {
     gpu.abs_diff(cpu) <= 2 + cpu / 1_000_000
 }
 
-/// Holds the lists of a grid and of the cell list against the CPU's, pair by pair.
+/// Compares pair lists on the GPU with those of the CPU.
 fn lists_agree(own: &GpuDevice, spheres: &[Sphere], detector: &mut Detector, algorithms: &[Algorithm]) {
     let expected = detector.pairs(spheres).expect("valid");
     for &algorithm in algorithms {
@@ -47,16 +47,16 @@ fn lists_agree(own: &GpuDevice, spheres: &[Sphere], detector: &mut Detector, alg
 }
 
 #[test]
-fn a_million_and_more_spheres_in_one_call() {
+fn millions_of_spheres_in_one_call() {
     let Some(own) = device() else { return };
     for (n, algorithm) in [(2_000_000, Algorithm::CellList), (600_000, Algorithm::LazyGrid)] {
-        // A twentieth of the box is filled.
+        // The spheres fill a twentieth of the box.
         let edge = (n as f32 * 4.188_79 * 0.125 / 0.05).cbrt();
         lists_agree(&own, &uniform(1, n, edge, 0.5), &mut cpu(), &[algorithm]);
     }
 }
 
-/// Every pair of blocks has to be looked at, by invocations whose loops a software rasteriser may end early.
+/// Each pair of blocks must be tested by invocations with long loops, which a software adapter may end early.
 #[test]
 fn fourteen_thousand_coincident_spheres_are_counted_exactly() {
     let Some(own) = device() else { return };
@@ -69,12 +69,12 @@ fn fourteen_thousand_coincident_spheres_are_counted_exactly() {
     }
 }
 
-/// Thousands in each of some twenty cells.
+/// Thousands of spheres in each of about twenty cells.
 #[test]
 fn eighty_thousand_crowded_spheres() {
     let Some(own) = device() else { return };
     let mut spheres = uniform(4, 80_000, 4.0, 0.1);
-    // Its size makes the cells large.
+    // One large sphere makes the cells large.
     spheres.push(Sphere::new([2.0; 3], 0.4));
     let settings = GpuSettings { algorithm: Algorithm::ArrayGrid, ..GpuSettings::default() };
     let mut session = GpuSession::new(own, settings).expect("made");
@@ -84,7 +84,7 @@ fn eighty_thousand_crowded_spheres() {
     assert!(agree(found, expected), "{found} instead of {expected}");
 }
 
-/// Entries at ten levels in all of eight cells, most of them passive, searched in many parts.
+/// Entries at ten levels in eight cells each, most of them passive, searched in many submissions.
 #[test]
 fn ten_thousand_spheres_of_ten_sizes_at_one_point() {
     let Some(own) = device() else { return };
@@ -110,7 +110,7 @@ fn one_giant_among_a_hundred_thousand_grains() {
     lists_agree(&own, &spheres, &mut detector, &[Algorithm::LazyGrid, Algorithm::CellList]);
 }
 
-/// `LAZYGRID_SOAK` sets the number of steps; a release is worth 20 000. Counts and lists take turns.
+/// `LAZYGRID_SOAK` sets the number of steps (20,000 for a release). Counts and lists alternate.
 #[test]
 fn soak_of_changing_sizes_and_shapes() {
     let Some(own) = device() else { return };
@@ -118,7 +118,7 @@ fn soak_of_changing_sizes_and_shapes() {
     let mut session = GpuSession::new(own.clone(), GpuSettings::default()).expect("made");
     session.set_timeout(Duration::from_secs(60));
     let mut detector = cpu();
-    // Both calls in flight see the largest input and the largest result, so that whatever grows after is a leak.
+    // Both calls in flight first get the largest input and the largest result, so that any later growth is a leak.
     let largest = [uniform(0, LARGEST, 20.0, 0.5), vec![Sphere::new([0.0; 3], 0.25); CROWD]];
     for spheres in &largest {
         let tickets = [(); 2].map(|()| session.begin(Spheres::from(spheres)).expect("begun"));
@@ -134,7 +134,7 @@ fn soak_of_changing_sizes_and_shapes() {
             true => session.finish_count(ticket).expect("counted"),
             false => session.finish(ticket, u64::MAX).expect("found").len() as u64,
         };
-        // Every hundredth, and of every hundred another one, so that each kind of scene and result is among them.
+        // Checks one step in each hundred, at a changing position, to cover each kind of scene and result.
         if step % 100 == step / 100 % 100 {
             let expected = count_on_cpu(&mut detector, &spheres);
             assert!(agree(found, expected), "step {step}: {found} instead of {expected}");
@@ -147,13 +147,13 @@ fn soak_of_changing_sizes_and_shapes() {
     }
 }
 
-/// The most spheres of a step, and the most of a step in which nearly all of them touch.
+/// The largest number of spheres of a step, and of a step in which nearly all spheres touch.
 const LARGEST: usize = 5000;
 const CROWD: usize = 600;
-/// Bytes of the device: uniforms of a call come and go.
+/// Bytes by which the device memory may vary, as uniform buffers come and go.
 const SLACK: u64 = 16 << 10;
 
-/// Spheres, boxes, crowds and points of changing number.
+/// Dense, sparse and crowded boxes and lines of spheres, of changing number.
 fn scene(step: u64) -> Vec<Sphere> {
     let mut random = Random(step);
     let n = if step % 11 == 3 { LARGEST } else { random.word() as usize % LARGEST };
@@ -165,7 +165,7 @@ fn scene(step: u64) -> Vec<Sphere> {
     }
 }
 
-/// Bytes that the device has allocated, and those that the session holds of them.
+/// Bytes that the device has allocated, and bytes that the session holds.
 fn held(own: &GpuDevice, session: &GpuSession) -> [u64; 2] {
     let allocated = own.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes);
     [allocated, session.held_bytes()]

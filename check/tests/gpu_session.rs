@@ -1,4 +1,4 @@
-//! `GpuSession` and `Detector` on the GPU: what is uploaded, found and read back, against the CPU path.
+//! `GpuSession` and `Detector` on the GPU against the CPU.
 
 mod common;
 
@@ -8,7 +8,7 @@ use common::{Random, device, limited};
 use lazygrid::gpu::{GpuSession, GpuSettings, wgpu};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, Rebuilt, Sphere, Spheres};
 
-/// Radii and places are multiples of a power of two, so that no rounding happens and results agree exactly.
+/// Radii and coordinates are multiples of a power of two, which avoids rounding, so that results agree exactly.
 fn cloud(seed: u64, n: usize, extent: u32) -> Vec<Sphere> {
     let mut random = Random(seed);
     (0..n)
@@ -29,7 +29,7 @@ fn gpu(config: Config) -> Detector {
 }
 
 #[test]
-fn lists_counts_neighbours_and_streams_agree_with_the_cpu() {
+fn lists_counts_neighbors_and_streams_agree_with_the_cpu() {
     let Some(_) = device() else { return };
     for algorithm in [Algorithm::Auto, Algorithm::Naive, Algorithm::ArrayGrid] {
         let mut detector = gpu(Config::default().algorithm(algorithm));
@@ -60,14 +60,14 @@ fn lists_counts_neighbours_and_streams_agree_with_the_cpu() {
             let report = detector.report();
             assert_eq!((report.backend, report.pairs), (Backend::Gpu, wanted.len() as u64));
             let is_timed = report.phases.iter().any(|phase| phase.name == "search");
-            // A call that candidates answer searches nothing.
+            // A call answered from the candidate list has no search phase.
             assert!(report.adapter.is_some() && (is_timed || report.candidates.is_some()));
         }
     }
 }
 
 #[test]
-fn columns_are_taken_as_well_as_rows() {
+fn columns_are_accepted() {
     let Some(_) = device() else { return };
     let spheres = cloud(1, 5000, 10);
     let column = |k: usize| -> Vec<f32> {
@@ -79,7 +79,7 @@ fn columns_are_taken_as_well_as_rows() {
 }
 
 #[test]
-fn too_many_pairs_are_refused_with_their_number() {
+fn too_many_pairs_are_refused_with_their_count() {
     let Some(_) = device() else { return };
     let spheres = vec![Sphere::new([0.5; 3], 1.0); 3000];
     let all = 3000 * 2999 / 2;
@@ -90,7 +90,7 @@ fn too_many_pairs_are_refused_with_their_number() {
 }
 
 #[test]
-fn a_result_beyond_the_output_comes_in_windows() {
+fn large_result_is_delivered_in_windows() {
     let Some(own) = device() else { return };
     let mut spheres = cloud(2, 3000, 10);
     spheres.extend(vec![Sphere::new([1.5; 3], 0.25); 500]);
@@ -114,7 +114,7 @@ fn a_result_beyond_the_output_comes_in_windows() {
 }
 
 #[test]
-fn two_calls_overlap_and_a_third_waits_its_turn() {
+fn third_call_in_flight_is_refused() {
     let Some(own) = device() else { return };
     let scenes: Vec<_> = (0..6).map(|k| cloud(k, 1000 + 700 * k as usize, 8)).collect();
     let mut session = GpuSession::new(own, GpuSettings::default()).expect("made");
@@ -133,9 +133,10 @@ fn two_calls_overlap_and_a_third_waits_its_turn() {
     assert_eq!(pairs, expected(&scenes[5]));
 }
 
-/// Crowds of a thousand, a block of entries at a time, with another call in flight that uses the same buffers.
+/// Crowds of a thousand spheres, searched one block of entries at a time, while another call in flight uses the same
+/// buffers.
 #[test]
-fn crowded_searches_go_on_over_several_submissions() {
+fn crowded_searches_continue_over_several_submissions() {
     let Some(own) = device() else { return };
     let scenes: Vec<_> = (0..3)
         .map(|k| {
@@ -165,10 +166,10 @@ fn crowded_searches_go_on_over_several_submissions() {
     }
 }
 
-/// Groups that LazyGrid settles in one cell and EagerGrid hands down over twenty levels, for which a first call has no
-/// room; and a crowd, which takes several submissions.
+/// Groups that LazyGrid keeps in one cell and EagerGrid distributes over twenty levels, beyond the entry capacity of a
+/// first call; and a crowd, which takes several submissions.
 #[test]
-fn a_call_that_is_repeated_keeps_its_algorithm_and_its_pairs() {
+fn retried_call_keeps_its_algorithm_and_pairs() {
     let Some(own) = device() else { return };
     let mut spheres = vec![Sphere::new([-9.0; 3], 0.5); 900];
     let mut random = Random(7);
@@ -199,9 +200,10 @@ fn a_call_that_is_repeated_keeps_its_algorithm_and_its_pairs() {
     }
 }
 
-/// Twenty sizes at one point have more entries than the device can bind, however coarse the grid; one level has not.
+/// Twenty sizes at one point have more entries than a device binding holds, however coarse the grid. One level has
+/// fewer.
 #[test]
-fn where_levels_do_not_fit_one_level_serves() {
+fn one_level_is_used_if_entries_exceed_the_limit() {
     let Some(own) = device() else { return };
     let own = limited(&own, |limits| wgpu::Limits { max_storage_buffer_binding_size: 256 << 10, ..limits });
     let n = 2000_u64;
@@ -214,16 +216,16 @@ fn where_levels_do_not_fit_one_level_serves() {
         assert_eq!(session.finish_count(ticket), Ok(n * (n - 1) / 2));
         assert_eq!(session.algorithm(), Algorithm::ArrayGrid);
     }
-    // The next call is tried with all levels again.
+    // The next call uses all levels again.
     let few = cloud(6, 1000, 8);
     let ticket = session.begin(Spheres::from(&few)).expect("begun");
     assert_eq!(session.finish_count(ticket), Ok(expected(&few).len() as u64));
     assert_eq!(session.algorithm(), Algorithm::LazyGrid);
 }
 
-/// More pairs of one sphere than the output held at first.
+/// One sphere has more pairs than the initial capacity of the output.
 #[test]
-fn a_stream_of_a_giant_among_grains_makes_room() {
+fn stream_grows_the_output_for_a_giant() {
     let Some(own) = device() else { return };
     let grain = |k: u32| [k % 20, k / 20 % 20, k / 400].map(|at| at as f32);
     let mut spheres = vec![Sphere::new([10.0; 3], 50.0)];
@@ -240,9 +242,9 @@ fn a_stream_of_a_giant_among_grains_makes_room() {
     assert_eq!((streamed, handed == expected(&spheres)), (Ok(()), true));
 }
 
-/// Room that one call needed is not asked for by calls of fewer spheres.
+/// A capacity raised by one call does not apply to calls of fewer spheres.
 #[test]
-fn room_for_entries_is_for_calls_of_that_size() {
+fn entry_capacity_is_kept_per_input_size() {
     let Some(own) = device() else { return };
     let spheres: Vec<_> = (0..3000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 15))).collect();
     let settings = GpuSettings { algorithm: Algorithm::EagerGrid, ..GpuSettings::default() };
@@ -255,9 +257,9 @@ fn room_for_entries_is_for_calls_of_that_size() {
     assert!(memory(&session, 30) < few + (64 << 10), "{} instead of {few}", memory(&session, 30));
 }
 
-/// It is asked of `Auto` what `Auto` would do, whatever the last call took.
+/// The estimate for `Auto` does not depend on the algorithm of the last call.
 #[test]
-fn memory_is_told_for_what_was_asked() {
+fn memory_estimate_does_not_depend_on_the_last_call() {
     let Some(_) = device() else { return };
     let mut detector = gpu(Config::default());
     let before = detector.memory_for(1_000_000);
@@ -267,7 +269,7 @@ fn memory_is_told_for_what_was_asked() {
 }
 
 #[test]
-fn a_dropped_ticket_frees_its_place() {
+fn dropped_ticket_frees_its_slot() {
     let Some(own) = device() else { return };
     let scenes: Vec<_> = (0..4).map(|k| cloud(k, 2000 + 500 * k as usize, 8)).collect();
     let mut session = GpuSession::new(own, GpuSettings::default()).expect("made");
@@ -294,9 +296,9 @@ fn unordered_lists_have_the_same_pairs() {
     assert_eq!(pairs, expected(&spheres));
 }
 
-/// Candidates that do not fit have room made for them, or are done without for a while; answers stay the same.
+/// If candidates overflow, the capacity grows or the list is not used for a while; answers stay the same.
 #[test]
-fn candidates_that_do_not_fit_never_fail_a_call() {
+fn candidate_overflow_never_fails_a_call() {
     let Some(own) = device() else { return };
     let settings = GpuSettings { pair_capacity: 1 << 10, ..GpuSettings::default() };
     let own = limited(&own, |limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..limits });
@@ -309,7 +311,7 @@ fn candidates_that_do_not_fit_never_fail_a_call() {
         assert_eq!(found, (n * (n - 1) / 2) as u64, "{n}, {what}");
         session.kept().map(|kept| (kept.count, kept.age, kept.rebuilt))
     };
-    // Of 4096 candidates that there is room for by the pairs, and 131 072 that there can be.
+    // The initial capacity is 4096 candidates, the largest one 131,072.
     assert_eq!(count(80, "few"), Some((3160, 0, Some(Rebuilt::First))));
     assert_eq!(count(80, "few again"), Some((3160, 1, None)));
     assert_eq!(count(400, "more"), Some((79_800, 0, Some(Rebuilt::First))));

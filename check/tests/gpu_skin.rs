@@ -1,4 +1,4 @@
-//! `GpuSkinDetector` against all pairs, over simulations in which little moves and in which much does.
+//! `GpuSkinDetector` against all pairs, in simulations with small and large displacements.
 
 mod common;
 
@@ -6,13 +6,13 @@ use common::{Random, device, download, submit, upload};
 use lazygrid::gpu::{Count, GpuDevice, GpuSettings, GpuSkinDetector, GpuSpheres, Outcome, SkinState};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere};
 use lazygrid_check::scenes::cloud;
-use lazygrid_check::{Mixture, Scenario, Tolerance, difference};
+use lazygrid_check::{SpeciesSetup, TestInput, Tolerance, difference};
 
-/// What a call found, and what is known of the candidates behind it.
+/// The outcome and pairs of a call, and the state of the candidate list.
 fn ask(
     own: &GpuDevice,
     detector: &mut GpuSkinDetector,
-    scenario: &Scenario,
+    scenario: &TestInput,
 ) -> (Outcome, Vec<Pair>, SkinState) {
     let n = scenario.spheres.len() as u32;
     let at_most = n + 5;
@@ -20,7 +20,7 @@ fn ask(
     let species =
         scenario.mixture.as_ref().map(|mixture| upload(own, &[&mixture.species[..], &[0; 5]].concat()));
     let known = upload(own, &[n]);
-    // Of every second call the device alone knows how many spheres it has.
+    // For odd numbers of spheres, only the device knows the number.
     let count = if n.is_multiple_of(2) { Count::Host(n) } else { Count::Buffer { buffer: &known, at_most } };
     let spheres = GpuSpheres::new(&input, count);
     let spheres = species.iter().fold(spheres, |spheres, species| spheres.with_species(species));
@@ -30,7 +30,7 @@ fn ask(
     (outcome, download(own, &output.pairs, outcome.found().min(output.capacity.into()) as usize), state)
 }
 
-fn judge(own: &GpuDevice, detector: &mut GpuSkinDetector, scenario: &Scenario, case: &str) -> SkinState {
+fn judge(own: &GpuDevice, detector: &mut GpuSkinDetector, scenario: &TestInput, case: &str) -> SkinState {
     let (outcome, pairs, state) = ask(own, detector, scenario);
     assert_eq!(outcome.overflow, 0, "{case}: {outcome:?}");
     let valid = scenario.only(|k| scenario.spheres[k].is_valid());
@@ -51,9 +51,9 @@ fn walk(spheres: &mut [Sphere], part: f32, random: &mut Random) {
     }
 }
 
-/// Every call has the pairs of its own spheres, and most are served from candidates.
+/// Each call finds the pairs of its own spheres, and most calls reuse the candidate list.
 #[test]
-fn candidates_never_change_an_answer() {
+fn candidate_lists_never_change_an_answer() {
     let Some(own) = device() else { return };
     let mut table = Interactions::new(2, Interaction::Touch).expect("two species");
     table.set(0, 0, Interaction::Never).expect("a species");
@@ -78,12 +78,14 @@ fn candidates_never_change_an_answer() {
             ..GpuSettings::default()
         };
         let mut detector = GpuSkinDetector::new(&own.device, settings, 0.3).expect("made");
-        let mut scenario = Scenario {
+        let mut scenario = TestInput {
             spheres: cloud(3, count, 9.0, |random| [0.4, 0.1][random.below(2) as usize]),
-            mixture: has_species
-                .then(|| Mixture { species: (0..count as u32).map(|k| k % 2).collect(), rows: rows.clone() }),
+            mixture: has_species.then(|| SpeciesSetup {
+                species: (0..count as u32).map(|k| k % 2).collect(),
+                rows: rows.clone(),
+            }),
             space,
-            ..Scenario::default()
+            ..TestInput::default()
         };
         scenario.spheres[17].center.x = f32::INFINITY;
         let mut random = Random(4);
@@ -97,19 +99,19 @@ fn candidates_never_change_an_answer() {
     }
 }
 
-/// Two spheres that run at each other, each as fast as it may without candidates being found anew.
+/// Two spheres approach each other, each by almost the displacement limit, without a rebuild.
 #[test]
-fn half_a_skin_each_is_not_too_far() {
+fn displacement_within_the_limit_keeps_the_list() {
     let Some(own) = device() else { return };
     for (radius, skin) in [(1.0_f32, 0.5_f32), (1.0, 1e-3), (1e-6, 1e-7), (1e6, 1e4)] {
         let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin).expect("made");
         let at = |gone: f32| {
             let x = radius + 0.4985 * skin - gone;
-            Scenario::from(vec![Sphere::new([-x, 0.0, 0.0], radius), Sphere::new([x, 0.0, 0.0], radius)])
+            TestInput::from(vec![Sphere::new([-x, 0.0, 0.0], radius), Sphere::new([x, 0.0, 0.0], radius)])
         };
         let mut served = 0;
         for step in 0..40 {
-            // They touch at last, a little before either has used up its half.
+            // They touch in the end, just before either reaches the displacement limit.
             let gone = 0.4994 * skin * (step as f32 / 30.0).min(1.0);
             let state = judge(&own, &mut detector, &at(gone), &format!("{radius}, {skin}, step {step}"));
             served += u32::from(state.rebuilt == 0);
@@ -118,9 +120,10 @@ fn half_a_skin_each_is_not_too_far() {
     }
 }
 
-/// Two that are a little more than a skin apart are no candidates: each may go half of it and no farther.
+/// Two spheres slightly more than a skin apart are not candidates; each exceeds the displacement limit before they
+/// touch.
 #[test]
-fn more_than_half_a_skin_each_is_too_far() {
+fn displacement_beyond_the_limit_rebuilds_the_list() {
     let Some(own) = device() else { return };
     for (radius, skin) in [(1.0_f32, 0.5_f32), (1e-6, 1e-7), (1e6, 1e4)] {
         let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin).expect("made");
@@ -128,18 +131,18 @@ fn more_than_half_a_skin_each_is_too_far() {
             let x = radius + 0.502 * skin - gone;
             let spheres = [-x, x].map(|x| Sphere::new([x, 0.0, 0.0], radius));
             let case = format!("{radius}, {skin}, gone {gone}");
-            let state = judge(&own, &mut detector, &Scenario::from(spheres.to_vec()), &case);
+            let state = judge(&own, &mut detector, &TestInput::from(spheres.to_vec()), &case);
             assert_eq!(state.rebuilt, rebuilt, "{case}: {state:?}");
         }
     }
 }
 
 #[test]
-fn other_spheres_have_candidates_found_anew() {
+fn changed_spheres_rebuild_the_list() {
     let Some(own) = device() else { return };
     let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), 0.5).expect("made");
-    let mut scenario = Scenario::from(cloud(6, 900, 6.0, |_| 0.3));
-    let mut ask = |scenario: &Scenario, rebuilt: u32, case: &str| {
+    let mut scenario = TestInput::from(cloud(6, 900, 6.0, |_| 0.3));
+    let mut ask = |scenario: &TestInput, rebuilt: u32, case: &str| {
         let state = judge(&own, &mut detector, scenario, case);
         assert_eq!(state.rebuilt, rebuilt, "{case}: {state:?}");
     };
@@ -162,7 +165,7 @@ fn other_spheres_have_candidates_found_anew() {
 }
 
 #[test]
-fn another_species_has_candidates_found_anew() {
+fn changed_species_rebuild_the_list() {
     let Some(own) = device() else { return };
     let rows = vec![vec![Interaction::Touch], vec![Interaction::Within(1.5), Interaction::Never]];
     let mut table = Interactions::new(2, Interaction::Touch).expect("two species");
@@ -171,12 +174,12 @@ fn another_species_has_candidates_found_anew() {
     let settings = GpuSettings { interactions: Some(table), ..GpuSettings::default() };
     let mut detector = GpuSkinDetector::new(&own.device, settings, 0.2).expect("made");
     let species: Vec<u32> = (0..700).map(|k| k % 2).collect();
-    let mut scenario = Scenario {
+    let mut scenario = TestInput {
         spheres: cloud(9, 700, 7.0, |_| 0.3),
-        mixture: Some(Mixture { species, rows }),
-        ..Scenario::default()
+        mixture: Some(SpeciesSetup { species, rows }),
+        ..TestInput::default()
     };
-    // One that stays, and one after which it pairs with others and farther away.
+    // A sphere that keeps its species, and one whose new species has other and more distant partners.
     for (change, rebuilt) in [(None, SkinState::FIRST), (None, 0), (Some(601), SkinState::CHANGED), (None, 0)]
     {
         if let (Some(k), Some(mixture)) = (change, &mut scenario.mixture) {
@@ -187,14 +190,14 @@ fn another_species_has_candidates_found_anew() {
     }
 }
 
-/// A radius from which half a skin may be lost, up to the largest: no candidates are kept for it, and it is a sphere as any
-/// other.
+/// Radii that are too large to add half a skin without loss, up to the largest float. No candidate list is kept, and
+/// the pairs are correct.
 #[test]
-fn candidates_are_never_kept_for_the_largest_radii() {
+fn largest_radii_have_no_candidate_list() {
     let Some(own) = device() else { return };
     for radius in [2e30, f32::MAX] {
         let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), 0.5).expect("made");
-        let mut scenario = Scenario::from(cloud(11, 300, 6.0, |_| 0.3));
+        let mut scenario = TestInput::from(cloud(11, 300, 6.0, |_| 0.3));
         scenario.spheres[7].radius = radius;
         for rebuilt in [SkinState::FIRST, SkinState::CHANGED, SkinState::CHANGED] {
             let state = judge(&own, &mut detector, &scenario, &format!("{radius:e}"));
@@ -203,14 +206,14 @@ fn candidates_are_never_kept_for_the_largest_radii() {
     }
 }
 
-/// What does not fit is said, call after call, until there is room.
+/// Each call reports the overflow until the capacity suffices.
 #[test]
-fn too_many_candidates_are_said_with_their_number() {
+fn candidate_overflow_reports_the_needed_capacity() {
     let Some(own) = device() else { return };
     let settings = GpuSettings { pair_capacity: 600_000, ..GpuSettings::default() };
     let mut detector = GpuSkinDetector::new(&own.device, settings, 0.5).expect("made");
     detector.set_candidate_capacity(1000);
-    let scenario = Scenario::from(vec![Sphere::new([1.0; 3], 0.5); 1000]);
+    let scenario = TestInput::from(vec![Sphere::new([1.0; 3], 0.5); 1000]);
     for _ in 0..2 {
         let (outcome, ..) = ask(&own, &mut detector, &scenario);
         assert_eq!((outcome.overflow, outcome.entries()), (Outcome::CANDIDATES, 499_500), "{outcome:?}");
@@ -221,7 +224,7 @@ fn too_many_candidates_are_said_with_their_number() {
 }
 
 #[test]
-fn skins_that_no_arithmetic_can_follow_are_refused() {
+fn skins_out_of_range_are_refused() {
     let Some(own) = device() else { return };
     for skin in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20] {
         let refused = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin);

@@ -9,7 +9,7 @@ use clap::builder::TypedValueParser;
 use clap::{Parser, Subcommand};
 use lazygrid::gpu::AdapterId;
 use lazygrid::{Algorithm, Backend, MAX_SPHERES, Skin, Space};
-use lazygrid_check::Extent;
+use lazygrid_check::Effort;
 use lazygrid_io::read::Format;
 use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::{SphereFormat, TableFormat};
@@ -304,11 +304,11 @@ pub(crate) struct Check {
 
 impl Check {
     /// How much is checked.
-    pub(crate) fn extent(&self) -> Extent {
+    pub(crate) fn effort(&self) -> Effort {
         match (self.quick, self.full) {
-            (true, _) => Extent::Quick,
-            (_, true) => Extent::Full,
-            _ => Extent::Usual,
+            (true, _) => Effort::Quick,
+            (_, true) => Effort::Full,
+            _ => Effort::Default,
         }
     }
 }

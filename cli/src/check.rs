@@ -8,11 +8,11 @@ use std::time::{Instant, SystemTime};
 use indicatif::ProgressBar;
 use lazygrid::Error;
 use lazygrid::gpu::GpuDevice;
-use lazygrid_check::compare::{self, Case, Failure as Fault, Pace};
+use lazygrid_check::compare::{self, FailedCase, Pace, SceneCase};
 use lazygrid_check::fuzz::Round;
 use lazygrid_check::kernels::CHECKS;
 use lazygrid_check::sequence::{Sequence, Tally};
-use lazygrid_check::{Gpu, Way, guarded};
+use lazygrid_check::{DetectorVariant, Gpu, catch_panic};
 
 use self::report::Report;
 use crate::args::{Check, Checked};
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Check) -> Result<(), Failure> {
     };
     let work = Work { args, gpu, on_cpu, bar: progress::working(parts) };
     let mut report = Report::new(args, work.gpu.as_ref(), skipped)?;
-    let done = guarded(|| {
+    let done = catch_panic(|| {
         Ok(match args.seed {
             Some(seed) => work.repeat(seed, &mut report),
             None => work.all(&mut report),
@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Check) -> Result<(), Failure> {
         Ok(done) => done?,
         Err(what) => {
             let name = "the check itself".to_owned();
-            report.failure(Fault { name, what, scenario: None, options: String::new() })?;
+            report.failure(FailedCase { name, what, scenario: None, options: String::new() })?;
         }
     }
     report.finish()
@@ -93,25 +93,25 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, Failure> {
 
 /// One of the ways to search scenes.
 struct Runner<'a> {
-    way: &'a Way,
+    variant: &'a DetectorVariant,
     pace: Pace,
     /// How many scenes would have taken long.
     left_out: usize,
     /// In how many scenes its pairs were wrong.
     wrong: usize,
     /// The one of these with the fewest spheres, and what was wrong.
-    smallest: Option<(&'a Case, String)>,
+    smallest: Option<(&'a SceneCase, String)>,
 }
 
 impl<'a> Runner<'a> {
-    fn new(way: &'a Way) -> Self {
-        Self { way, pace: Pace::default(), left_out: 0, wrong: 0, smallest: None }
+    fn new(variant: &'a DetectorVariant) -> Self {
+        Self { variant, pace: Pace::default(), left_out: 0, wrong: 0, smallest: None }
     }
 
-    fn note(&mut self, case: &'a Case, fault: Option<String>) {
+    fn note(&mut self, case: &'a SceneCase, fault: Option<String>) {
         let Some(what) = fault else { return };
         self.wrong += 1;
-        let spheres = |case: &Case| case.scenario.spheres.len();
+        let spheres = |case: &SceneCase| case.scenario.spheres.len();
         if self.smallest.as_ref().is_none_or(|(other, _)| spheres(case) < spheres(other)) {
             self.smallest = Some((case, what));
         }
@@ -147,10 +147,12 @@ impl Work<'_> {
         for (k, check) in CHECKS.iter().enumerate() {
             self.step(from, KERNELS, [k, CHECKS.len()], &format!("kernels: {}", check.name));
             let checked =
-                guarded(|| (check.run)(&gpu.own, self.args.extent()).map_err(|fault| fault.to_string()));
+                catch_panic(|| (check.run)(&gpu.own, self.args.effort()).map_err(|fault| fault.to_string()));
             if let Err(what) = checked {
                 let name = format!("{} ({})", check.name, check.kernels.join(", "));
-                self.tell(|| report.failure(Fault { name, what, scenario: None, options: String::new() }))?;
+                self.tell(|| {
+                    report.failure(FailedCase { name, what, scenario: None, options: String::new() })
+                })?;
             }
         }
         let kernels = CHECKS.iter().map(|check| check.kernels.len()).sum();
@@ -160,9 +162,12 @@ impl Work<'_> {
 
     fn scenes(&self, report: &mut Report) -> Result<(), Failure> {
         let (from, start) = (self.bar.position(), Instant::now());
-        let cases = compare::cases(self.args.extent());
-        let on_gpu = self.gpu.as_ref().map_or_else(Vec::new, |gpu| Way::on_gpu(&gpu.own, self.args.extent()));
-        let on_cpu = if self.on_cpu { Way::on_cpu() } else { Vec::new() };
+        let cases = compare::cases(self.args.effort());
+        let on_gpu = self
+            .gpu
+            .as_ref()
+            .map_or_else(Vec::new, |gpu| DetectorVariant::on_gpu(&gpu.own, self.args.effort()));
+        let on_cpu = if self.on_cpu { DetectorVariant::on_cpu() } else { Vec::new() };
         let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);
         let most = if self.args.full { SCENE_SECONDS * 20.0 } else { SCENE_SECONDS };
         let mut runners: Vec<Runner<'_>> = on_gpu.iter().chain(&on_cpu).map(Runner::new).collect();
@@ -172,28 +177,30 @@ impl Work<'_> {
                 Ok(expected) => expected,
                 Err(what) => {
                     let (name, scenario) = (format!("{}: reference", case.name), Some(case.scenario.clone()));
-                    self.tell(|| report.failure(Fault { name, what, scenario, options: String::new() }))?;
+                    self.tell(|| {
+                        report.failure(FailedCase { name, what, scenario, options: String::new() })
+                    })?;
                     continue;
                 }
             };
             let spheres = case.scenario.spheres.len();
             for runner in &mut runners {
-                if !runner.way.takes(self.gpu.as_ref(), &case.scenario) {
+                if !runner.variant.takes(self.gpu.as_ref(), &case.scenario) {
                     continue;
                 }
-                if runner.pace.forecast(runner.way, spheres) > most {
+                if runner.pace.forecast(runner.variant, spheres) > most {
                     runner.left_out += 1;
                     continue;
                 }
                 let start = Instant::now();
-                let fault = case.fault(runner.way, self.gpu.as_ref(), &expected);
-                runner.pace.saw(runner.way, spheres, start.elapsed().as_secs_f64());
+                let fault = case.fault(runner.variant, self.gpu.as_ref(), &expected);
+                runner.pace.saw(runner.variant, spheres, start.elapsed().as_secs_f64());
                 runner.note(case, fault);
             }
         }
         let mut left_out: Vec<(String, usize)> = Vec::new();
-        for Runner { way, wrong, smallest, left_out: scenes, .. } in runners {
-            let name = format!("{} on {}", way.algorithm, way.backend());
+        for Runner { variant, wrong, smallest, left_out: scenes, .. } in runners {
+            let name = format!("{} on {}", variant.algorithm, variant.backend());
             match left_out.iter_mut().find(|(other, _)| *other == name) {
                 _ if scenes == 0 => {}
                 Some((_, all)) => *all += scenes,
@@ -201,7 +208,7 @@ impl Work<'_> {
             }
             if let Some((case, what)) = smallest {
                 self.bar.set_message(format!("making small: {}", case.name));
-                let mut fault = case.failure(way, self.gpu.as_ref(), what, TRIES);
+                let mut fault = case.failure(variant, self.gpu.as_ref(), what, TRIES);
                 fault.what += &format!("; wrong in {wrong} of {} scenes, this was the smallest", cases.len());
                 self.tell(|| report.failure(fault))?;
             }

@@ -1,11 +1,11 @@
-//! What every target does with its bytes.
+//! The check that all fuzz targets share.
 
 use std::io::Cursor;
 
 use lazygrid_io::read::{Format, Frames, Options};
 
-/// Reads `bytes` as a file of known and of unknown length, with ids and without. Whatever they are, there is no panic, every sphere is
-/// valid, there are no more of them than bytes, and nothing follows an error.
+/// Reads `bytes` as a file, with and without a known length and ids. Checks that reading never panics, all spheres are
+/// valid, there are at most as many spheres as bytes, and nothing follows an error.
 pub fn read(format: Option<Format>, bytes: &[u8]) {
     let radii = [("A".to_owned(), 1.0), ("1".to_owned(), 0.5)];
     for (length, ids) in [(None, true), (Some(bytes.len() as u64), false)] {
@@ -27,7 +27,7 @@ pub fn read(format: Option<Format>, bytes: &[u8]) {
                 }
             }
         }
-        // Compressed bytes may hold any number.
+        // Compressed files (gzip, zstd) may hold more spheres than bytes.
         assert!(spheres <= bytes.len() || bytes.starts_with(b"\x1F\x8B") || bytes.starts_with(b"\x28\xB5\x2F\xFD"));
     }
 }

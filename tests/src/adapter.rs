@@ -1,11 +1,11 @@
-//! What becomes of a test where there is no adapter. Tests of several crates include this file.
+//! Skips tests if no GPU adapter exists. Tests of several crates include this file.
 
 use lazygrid::Error;
 
-/// What was opened. Without an adapter nothing, and a word on standard error why the test is skipped.
+/// Returns the opened object. If no adapter exists, returns `None` and prints that the test is skipped.
 ///
 /// # Panics
-/// Where there is none although `LAZYGRID_REQUIRE_GPU` is set, or where it cannot be used.
+/// Panics if no adapter exists but `LAZYGRID_REQUIRE_GPU` is set, or if an adapter exists but cannot be used.
 pub(crate) fn or_skip<T>(opened: Result<T, Error>) -> Option<T> {
     match opened {
         Ok(opened) => Some(opened),

@@ -1,5 +1,5 @@
-//! The spheres of [`lazygrid_check::adversary`] as `proptest` strategies that shrink: elements go one by one, then the
-//! words of the rest get smaller.
+//! The families of [`lazygrid_check::adversary`] as `proptest` strategies. They shrink by removing elements, then by
+//! reducing words.
 
 use lazygrid::Sphere;
 use lazygrid_check::adversary as families;
@@ -8,25 +8,25 @@ use proptest::array::uniform12;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use crate::{Scenario, Words};
+use crate::{SceneSeed, TestInput};
 
 /// A strategy for spheres.
 pub type Spheres = BoxedStrategy<Vec<Sphere>>;
 
-/// Mostly a few dozen elements, sometimes none, at most 600.
-pub(crate) fn words() -> impl Strategy<Value = Words> + Clone {
+/// Seeds of mostly a few dozen elements, sometimes none, at most 600.
+pub(crate) fn words() -> impl Strategy<Value = SceneSeed> + Clone {
     let element = || uniform12(any::<u32>());
     let elements = prop_oneof![
         3 => vec(element(), 0..12),
         4 => vec(element(), 12..120),
         1 => vec(element(), 120..=600),
     ];
-    (element(), elements).prop_map(|(setup, elements)| Words { setup, elements })
+    (element(), elements).prop_map(|(setup, elements)| SceneSeed { setup, elements })
 }
 
 macro_rules! strategies {
     ($($name:ident)*) => {$(
-        #[doc = concat!("Of [`lazygrid_check::adversary::", stringify!($name), "`].")]
+        #[doc = concat!("A strategy for [`lazygrid_check::adversary::", stringify!($name), "`].")]
         pub fn $name() -> Spheres {
             words().prop_map(|words| families::$name(&words)).boxed()
         }
@@ -37,7 +37,7 @@ strategies! {
     lattice duplicates giant powers_of_two flat clusters far any_floats one_magnitude extremes huge_radii soup
 }
 
-/// Any of them, and lists put together from two of them.
+/// Spheres of any family, or of two families together.
 pub fn any_spheres() -> Spheres {
     let family = 0..families::FAMILIES.len();
     let one =
@@ -51,12 +51,12 @@ pub fn any_spheres() -> Spheres {
     prop_oneof![3 => one, 1 => two].boxed()
 }
 
-/// Spheres of up to four species, with interactions of every kind.
-pub fn mixture(spheres: Spheres) -> impl Strategy<Value = Scenario> {
+/// Spheres of up to four species with all kinds of interactions.
+pub fn mixture(spheres: Spheres) -> impl Strategy<Value = TestInput> {
     let table = vec(any::<u32>(), TABLE_WORDS);
     (spheres, vec(any::<u32>(), 601), table).prop_map(|(spheres, ids, table)| {
         let table = table.try_into().expect("so many words");
         let mixture = families::mixture(&spheres, &table, &ids[..spheres.len()]);
-        Scenario { spheres, mixture: Some(mixture), ..Scenario::default() }
+        TestInput { spheres, mixture: Some(mixture), ..TestInput::default() }
     })
 }

@@ -1,4 +1,4 @@
-//! Running the command, and reading what it wrote without the crate's own readers.
+//! Runs a command, and reads its output without the crate's own readers.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::ffi::OsStr;
@@ -8,7 +8,7 @@ use std::process::{Command, Output, Stdio};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// What a run of the command did.
+/// The result of a run.
 pub struct Run {
     /// The exit code.
     pub code: Option<i32>,
@@ -18,7 +18,7 @@ pub struct Run {
     pub err: String,
 }
 
-/// Whether there is a GPU, or must be one; where there is none, a word on standard error why something is skipped.
+/// Returns `true` if a GPU exists or is required. Otherwise prints that a test is skipped.
 pub fn has_gpu() -> bool {
     let has_one = !lazygrid::gpu::adapters().is_empty() || std::env::var_os("LAZYGRID_REQUIRE_GPU").is_some();
     if !has_one {
@@ -30,35 +30,35 @@ pub fn has_gpu() -> bool {
     has_one
 }
 
-/// A built command, by the path of its binary.
+/// A built command: the path of its binary.
 #[derive(Clone, Copy, Debug)]
 pub struct Program(pub &'static str);
 
 impl Program {
     fn command(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Command {
         let mut command = Command::new(self.0);
-        // Without a run-time directory some Vulkan layers complain on standard error.
+        // Without `XDG_RUNTIME_DIR` some Vulkan layers print warnings on standard error.
         command
             .args(args)
             .env("XDG_RUNTIME_DIR", std::env::temp_dir())
-            // Results say of which commit they are. A commit or an edit while tests run is no concern of theirs.
+            // Hides the Git repository: results name their commit, which may change while tests run.
             .env("GIT_DIR", "none")
             .env_remove("RUST_LOG")
             .stdin(Stdio::null());
         command
     }
 
-    /// Runs it with these arguments.
+    /// Runs the command with these arguments.
     pub fn run(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
         self.command(args).output().unwrap().into()
     }
 
-    /// Runs it with these arguments and a cache directory of its own (on Linux).
+    /// Runs the command with these arguments and this cache directory (on Linux).
     pub fn run_with_cache(self, cache: &str, args: &[&str]) -> Run {
         self.command(args).env("XDG_CACHE_HOME", cache).output().unwrap().into()
     }
 
-    /// Runs it with a standard output that nobody reads.
+    /// Runs the command with a standard output whose reader is closed.
     pub fn run_with_closed_output(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
@@ -75,48 +75,49 @@ impl From<Output> for Run {
 }
 
 impl Run {
-    /// Exit code 0.
+    /// Asserts that the exit code is 0.
     pub fn succeeds(self) -> Self {
         assert_eq!(self.code, Some(0), "{}", self.err);
         self
     }
 
-    /// Fails as for bad input: one line on standard error, nothing of a panic.
+    /// Asserts that the command failed like for bad input: exit code 1, and an error as the last line of standard
+    /// error.
     pub fn fails(self) -> Self {
         assert_eq!(self.code, Some(1), "{}", self.err);
         assert!(self.err.lines().last().is_some_and(|line| line.starts_with("error: ")), "{}", self.err);
         self
     }
 
-    /// The one object that was printed.
+    /// The single JSON object on standard output.
     pub fn json(&self) -> Value {
         let mut objects = self.json_lines();
         assert_eq!(objects.len(), 1, "{}", self.out);
         objects.remove(0)
     }
 
-    /// The objects that were printed, one on a line.
+    /// The JSON objects on standard output, one per line.
     pub fn json_lines(&self) -> Vec<Value> {
         self.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
     }
 }
 
-/// A file of `tests/data`.
+/// The path of a file in `tests/data`.
 pub fn data(name: &str) -> String {
     format!("{}/data/{name}", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// A directory that goes away with the test.
+/// A temporary directory.
 pub struct Scratch(TempDir);
 
 impl Scratch {
-    /// An empty one.
+    /// Creates an empty directory.
     #[expect(clippy::new_without_default, reason = "a default that makes a directory would surprise")]
     pub fn new() -> Self {
         Self(TempDir::new().unwrap())
     }
 
-    /// The path of a file in it.
+    /// The path of a file in the directory.
     pub fn path(&self, name: &str) -> String {
         self.0.path().join(name).to_str().unwrap().to_owned()
     }
@@ -128,7 +129,7 @@ impl Scratch {
         path
     }
 
-    /// The names of all files, temporary ones included.
+    /// The sorted names of all files, including temporary ones.
     pub fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
@@ -137,7 +138,7 @@ impl Scratch {
     }
 }
 
-/// The shape and the 32-bit words of a NumPy file, `N` in a row.
+/// The shape and the 32-bit words of a NumPy file, in rows of `N`.
 pub fn npy<const N: usize>(path: &str, kind: &str) -> (String, Vec<[u32; N]>) {
     let bytes = fs::read(path).unwrap();
     assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
@@ -152,7 +153,7 @@ pub fn npy<const N: usize>(path: &str, kind: &str) -> (String, Vec<[u32; N]>) {
     (shape.to_owned(), rows.to_vec())
 }
 
-/// The rows of a table `i,j`.
+/// The rows of a CSV table with the columns `i,j`.
 pub fn table(path: &str) -> Vec<[u32; 2]> {
     let text = fs::read_to_string(path).unwrap();
     let mut lines = text.lines();

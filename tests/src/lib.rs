@@ -1,14 +1,14 @@
-//! What the tests in `suite/` share.
+//! Helpers of the tests in `suite/`:
 //!
-//! * [`Scenario`] — spheres, perhaps with species, and the [oracle](Scenario::oracle): a plain double loop, which
-//!   `lazygrid check` judges by too;
-//! * [`Subject`] — one way to run a detector; [`Subject::all`] is the list that a new backend joins;
-//! * [`periodic`] — oracles and generators of scenarios in periodic spaces;
-//! * [`sheared`] — the same of spaces whose edges lean;
-//! * [`difference`] — compares a result with the expected pairs and explains the first wrong one;
-//! * [`device`] — an adapter of the GPU, where there is one;
-//! * [`command`] — a built command from outside;
-//! * [`adversary`] — generators of spheres that are hard on grids, with shrinking.
+//! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop
+//!   that `lazygrid check` uses too.
+//! * [`Subject`]: a detector variant; [`Subject::all`] lists all variants, and a new backend is added there.
+//! * [`periodic`]: oracles and generators of scenarios in periodic spaces.
+//! * [`sheared`]: generators of scenarios in triclinic cells.
+//! * [`difference`]: compares a result with the expected pairs and explains the first wrong pair.
+//! * [`device`]: a GPU device, if an adapter exists.
+//! * [`command`]: runs built commands.
+//! * [`adversary`]: generators of spheres that are hard on grids, with shrinking.
 
 pub mod adversary;
 pub mod command;
@@ -20,5 +20,5 @@ mod gpu;
 mod subject;
 
 pub use gpu::device;
-pub use lazygrid_check::{Choices, Mixture, Scenario, Tolerance, Words, checksum, difference};
+pub use lazygrid_check::{SceneSeed, SeedReader, SpeciesSetup, TestInput, Tolerance, checksum, difference};
 pub use subject::{Subject, THREADS, in_pool};

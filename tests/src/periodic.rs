@@ -1,16 +1,16 @@
-//! Spheres in periodic spaces: the plain loops that judge detectors there, and the families of
-//! [`lazygrid_check::periodic`] as strategies that shrink.
+//! Scenarios in periodic spaces: reference loops, and the families of [`lazygrid_check::periodic`] as strategies that
+//! shrink.
 
 use lazygrid::{Config, Pair};
 use lazygrid_check::periodic as families;
 use proptest::prelude::*;
 
 use crate::adversary::{self, words};
-use crate::{Choices, Scenario, Subject, Tolerance};
+use crate::{SeedReader, Subject, TestInput, Tolerance};
 
-/// The pairs by definition: `d − L·round(d/L)` on every periodic axis, of coordinates that have been reduced by
-/// whole lengths, which remainders do without rounding.
-pub fn oracle(scenario: &Scenario) -> Vec<Pair> {
+/// The pairs by definition: `d − L·round(d/L)` on each periodic axis, of coordinates reduced by whole lengths. The
+/// reduction uses remainders, which are exact.
+pub fn oracle(scenario: &TestInput) -> Vec<Pair> {
     let lengths = scenario.space.lengths();
     scenario.pairs_by(|i, j, _| {
         let (a, b) = (scenario.spheres[i].center, scenario.spheres[j].center);
@@ -28,8 +28,8 @@ pub fn oracle(scenario: &Scenario) -> Vec<Pair> {
     })
 }
 
-/// The pairs by looking at all images one length away and nearer: right where all spheres lie in the box.
-pub fn oracle_of_images(scenario: &Scenario) -> Vec<Pair> {
+/// The pairs by enumeration of all images up to one length away: correct if all spheres lie in the box.
+pub fn oracle_of_images(scenario: &TestInput) -> Vec<Pair> {
     let lengths = scenario.space.lengths();
     scenario.pairs_by(|i, j, _| {
         let (a, b) = (scenario.spheres[i].center, scenario.spheres[j].center);
@@ -47,9 +47,9 @@ pub fn oracle_of_images(scenario: &Scenario) -> Vec<Pair> {
     })
 }
 
-/// The pairs by whole numbers, for radii, coordinates and lengths that are multiples of 2⁻³⁰ and lengths below
-/// 2²⁰: right at any distance.
-pub fn oracle_of_integers(scenario: &Scenario) -> Vec<Pair> {
+/// The pairs by integer arithmetic: correct at any distance, if radii, coordinates and lengths are multiples of 2⁻³⁰
+/// and lengths are below 2²⁰.
+pub fn oracle_of_integers(scenario: &TestInput) -> Vec<Pair> {
     let whole = |x: f64| (x * f64::from(1 << 30)) as i128;
     let lengths = scenario.space.lengths().map(|length| length.map(whole));
     let spheres: Vec<[i128; 4]> = scenario
@@ -77,11 +77,12 @@ pub fn oracle_of_integers(scenario: &Scenario) -> Vec<Pair> {
     pairs
 }
 
-/// Judges every subject: those of the CPU in both orders, those of the GPU, which orders on the host, in one.
+/// Checks all variants: CPU variants in both orders, GPU variants in canonical order only, as the host sorts their
+/// pairs.
 ///
 /// # Errors
-/// What is wrong with whose result.
-pub fn judge(scenario: &Scenario, expected: &[Pair], settings: &Config) -> Result<(), String> {
+/// Describes the first wrong result and its variant.
+pub fn judge(scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String> {
     Subject::in_turn(scenario).into_iter().try_for_each(|subject| match subject.tolerance() {
         Tolerance::Exact => subject.judge(scenario, expected, settings),
         Tolerance::Tangent => {
@@ -94,8 +95,8 @@ pub fn judge(scenario: &Scenario, expected: &[Pair], settings: &Config) -> Resul
 
 macro_rules! strategies {
     ($($name:ident)*) => {$(
-        #[doc = concat!("Of [`lazygrid_check::periodic::", stringify!($name), "`].")]
-        pub fn $name() -> impl Strategy<Value = Scenario> {
+        #[doc = concat!("A strategy for [`lazygrid_check::periodic::", stringify!($name), "`].")]
+        pub fn $name() -> impl Strategy<Value = TestInput> {
             words().prop_map(|words| families::$name(&words))
         }
     )*};
@@ -103,12 +104,13 @@ macro_rules! strategies {
 
 strategies! { lattice soup corner unwrapped extremes giant }
 
-/// Spheres that are hard on grids without seams, in boxes of moderate lengths; four species of every interaction.
-pub fn mixture() -> impl Strategy<Value = Scenario> {
+/// Spheres that are hard on unbounded grids, in boxes of moderate lengths, with four species and all kinds of
+/// interactions.
+pub fn mixture() -> impl Strategy<Value = TestInput> {
     let spheres =
         prop_oneof![adversary::soup(), adversary::lattice(), adversary::clusters(), adversary::duplicates()];
     (adversary::mixture(spheres.boxed()), any::<[u32; 6]>()).prop_map(|(scenario, words)| {
-        let lengths = families::lengths(&mut Choices::new(&words), &[1.5, 4.0, 8.0, 0.7]);
-        Scenario { space: families::space(lengths), ..scenario }
+        let lengths = families::lengths(&mut SeedReader::new(&words), &[1.5, 4.0, 8.0, 0.7]);
+        TestInput { space: families::space(lengths), ..scenario }
     })
 }

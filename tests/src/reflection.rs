@@ -1,5 +1,5 @@
-//! What a WGSL text says of itself, by naga and without a device. Tests of several crates include this file, and have
-//! `Access` beside it.
+//! Reflection of WGSL shaders with naga, without a device. Tests of several crates include this file and must define
+//! `Access` in the parent module.
 
 use std::num::NonZeroU64;
 
@@ -8,10 +8,10 @@ use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
 use super::Access;
 
-/// A valid text.
+/// Parses and validates a shader.
 ///
 /// # Panics
-/// Where it is none, with the place.
+/// Panics with the location of the error if the shader is invalid.
 pub(crate) fn parse(name: &str, source: &str) -> (Module, ModuleInfo) {
     let module = naga::front::wgsl::parse_str(source)
         .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string(source)));
@@ -22,7 +22,7 @@ pub(crate) fn parse(name: &str, source: &str) -> (Module, ModuleInfo) {
     (module, info)
 }
 
-/// The number, the name and the use of each binding in group 0.
+/// The number, name and access of each binding in group 0.
 pub(crate) fn bindings(name: &str, module: &Module) -> Vec<(u32, String, Access)> {
     let bound = module.global_variables.iter().filter_map(|(_, global)| {
         let binding = global.binding.as_ref()?;
@@ -40,10 +40,10 @@ pub(crate) fn bindings(name: &str, module: &Module) -> Vec<(u32, String, Access)
     found
 }
 
-/// A structure: its name, its size, and the name and the offset of each member.
+/// A structure: its name, its size, and the name and offset of each member.
 pub(crate) type Structure = (String, usize, Vec<(String, usize)>);
 
-/// The structures of a text.
+/// The structures of a shader.
 pub(crate) fn structures(module: &Module) -> Vec<Structure> {
     let found = module.types.iter().filter_map(|(_, ty)| {
         let TypeInner::Struct { members, span } = &ty.inner else { return None };
@@ -53,14 +53,14 @@ pub(crate) fn structures(module: &Module) -> Vec<Structure> {
     found.collect()
 }
 
-/// The text as SPIR-V.
+/// Translates the shader to SPIR-V.
 pub(crate) fn spirv(name: &str, (module, info): (&Module, &ModuleInfo)) -> Vec<u32> {
     let options = naga::back::spv::Options { lang_version: (1, 3), ..Default::default() };
     naga::back::spv::write_vec(module, info, &options, None).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// The same of a Rust structure: its fields with their places in memory, where `repr(C)` keeps them in order, and what
-/// its layout in a buffer says of as many fields.
+/// The layout of a Rust structure. `fields` are sorted by their offsets in memory, as `repr(C)` keeps their order;
+/// `offsets` are those in a shader buffer.
 pub(crate) fn laid_out<const N: usize>(
     name: &str,
     size: NonZeroU64,
@@ -73,7 +73,8 @@ pub(crate) fn laid_out<const N: usize>(
     (name.to_owned(), size.get() as usize, members.collect())
 }
 
-/// A Rust structure as [`structures`] has those of a text. One of `words` lies in a buffer as in memory.
+/// Describes a Rust structure like [`structures`] those of a shader. A structure of `words` has the same layout in a
+/// buffer as in memory.
 macro_rules! layout {
     ($type:ident { $($field:ident),* $(,)? }) => {
         laid_out(

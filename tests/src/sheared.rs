@@ -1,15 +1,15 @@
-//! Spheres in spaces whose edges lean: the families of [`lazygrid_check::sheared`] as strategies that shrink.
+//! Scenarios in triclinic cells: the families of [`lazygrid_check::sheared`] as strategies that shrink.
 
 use lazygrid_check::sheared as families;
 use proptest::prelude::*;
 
 use crate::adversary::words;
-use crate::{Scenario, Words};
+use crate::{SceneSeed, TestInput};
 
 macro_rules! strategies {
     ($($name:ident)*) => {$(
-        #[doc = concat!("Of [`lazygrid_check::sheared::", stringify!($name), "`].")]
-        pub fn $name() -> impl Strategy<Value = Scenario> {
+        #[doc = concat!("A strategy for [`lazygrid_check::sheared::", stringify!($name), "`].")]
+        pub fn $name() -> impl Strategy<Value = TestInput> {
             words().prop_map(|words| families::$name(&words))
         }
     )*};
@@ -17,11 +17,11 @@ macro_rules! strategies {
 
 strategies! { lattice soup directions carried_away corners ends_of_the_range largest_spheres }
 
-/// Species with interactions of every kind, in boxes that lean.
-pub fn mixture() -> impl Strategy<Value = Scenario> {
+/// Species with all kinds of interactions, in triclinic cells.
+pub fn mixture() -> impl Strategy<Value = TestInput> {
     let spheres = words().prop_map(|words| families::sizes(&words)).boxed();
     (crate::adversary::mixture(spheres), any::<[u32; 12]>()).prop_map(|(scenario, setup)| {
-        let space = families::soup(&Words { setup, elements: Vec::new() }).space;
-        Scenario { space, ..scenario }
+        let space = families::soup(&SceneSeed { setup, elements: Vec::new() }).space;
+        TestInput { space, ..scenario }
     })
 }

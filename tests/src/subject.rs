@@ -5,29 +5,29 @@ use std::sync::LazyLock;
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Pair, Sphere};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::{Scenario, Tolerance, difference};
+use crate::{TestInput, Tolerance, difference};
 
-/// The numbers of threads that every CPU detector is run with: none to share with, a few, and more than cores.
+/// The numbers of threads of the CPU variants: one, a few, and usually more than cores.
 pub const THREADS: [usize; 3] = [1, 2, 7];
 
-/// One way to run a detector: what the suite's every scenario is given to.
+/// A detector variant. The suite runs all scenarios with all variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Subject {
-    /// Where it runs.
+    /// The backend.
     pub backend: Backend,
-    /// Which detector.
+    /// The algorithm.
     pub algorithm: Algorithm,
-    /// How many threads the CPU path has.
+    /// The number of threads on the CPU.
     pub threads: usize,
 }
 
 impl Subject {
-    /// Every subject. A backend joins the suite here. `LAZYGRID_SUBJECTS=gpu` leaves out those of the CPU, which a
-    /// GPU's driver or its settings change nothing for; `LAZYGRID_SUBJECTS=gpu/cell-list` leaves one algorithm, and
-    /// `LAZYGRID_SUBJECTS=cpu` those of the CPU.
+    /// All variants. A new backend is added here. `LAZYGRID_SUBJECTS=cpu` or `=gpu` selects the variants of one
+    /// backend: changing a GPU driver or its settings does not affect the CPU. `LAZYGRID_SUBJECTS=gpu/cell-list`
+    /// selects one GPU algorithm.
     ///
     /// # Panics
-    /// Where `LAZYGRID_SUBJECTS` has another value, or a GPU that is required is missing.
+    /// Panics if `LAZYGRID_SUBJECTS` has another value, or if a required GPU is missing.
     pub fn all() -> Vec<Self> {
         let cpu = |algorithm| THREADS.map(|threads| Self { backend: Backend::Cpu, algorithm, threads });
         let on_cpu = Algorithm::CPU.into_iter().chain([Algorithm::Auto]).flat_map(cpu);
@@ -46,12 +46,13 @@ impl Subject {
         }
     }
 
-    /// The subjects for one of many scenarios: all of the CPU, and two of the GPU's, which the scenario draws, so that a
-    /// property of many cases has each of them often enough on a driver in software. All where `LAZYGRID_SUBJECTS` is set.
+    /// The variants for one of many scenarios: all CPU variants, and two GPU variants chosen by the scenario. A
+    /// property with many cases thus covers each GPU variant, which is slow on a software adapter. All variants if
+    /// `LAZYGRID_SUBJECTS` is set.
     ///
     /// # Panics
-    /// As [`all`](Self::all).
-    pub fn in_turn(scenario: &Scenario) -> Vec<Self> {
+    /// Panics like [`all`](Self::all).
+    pub fn in_turn(scenario: &TestInput) -> Vec<Self> {
         let mut subjects = Self::all();
         if env::var_os("LAZYGRID_SUBJECTS").is_none() {
             let gpus = Algorithm::GPU.len();
@@ -63,17 +64,17 @@ impl Subject {
         subjects
     }
 
-    /// The subjects on their fewest threads: one for each backend and algorithm.
+    /// The variants with the fewest threads: one for each backend and algorithm.
     pub fn each_algorithm() -> Vec<Self> {
         Self::all().into_iter().filter(|subject| subject.threads == THREADS[0]).collect()
     }
 
-    /// Settings that ask for this subject.
+    /// The settings of this variant.
     pub fn config(self) -> Config {
         Config::default().backend(self.backend).algorithm(self.algorithm)
     }
 
-    /// How far results may be from the definition.
+    /// The deviation from the definition that results may have.
     pub fn tolerance(self) -> Tolerance {
         match self.backend {
             Backend::Cpu => Tolerance::Exact,
@@ -81,16 +82,16 @@ impl Subject {
         }
     }
 
-    /// Runs `work` with this subject's threads.
+    /// Runs `work` with this variant's number of threads.
     pub fn run<T: Send>(self, work: impl FnOnce() -> T + Send) -> T {
         in_pool(self.threads, work)
     }
 
-    /// Asks a new detector with these settings for the pairs.
+    /// Finds the pairs with a new detector of these settings.
     ///
     /// # Errors
-    /// The library's error, as text.
-    pub fn pairs(self, scenario: &Scenario, settings: Config) -> Result<Vec<Pair>, String> {
+    /// Returns the library's error as text.
+    pub fn pairs(self, scenario: &TestInput, settings: Config) -> Result<Vec<Pair>, String> {
         let config = scenario.config(settings).map_err(|e| e.to_string())?;
         let config = config.backend(self.backend).algorithm(self.algorithm);
         self.run(|| {
@@ -100,12 +101,12 @@ impl Subject {
         })
     }
 
-    /// The list that this subject's other results are held against: the `expected` pairs, or its own list, itself
-    /// held against them, where pairs in tangency may fall either way.
+    /// The reference for this variant's other results: the `expected` pairs if it is exact. Otherwise its own list,
+    /// compared with them, as tangent pairs may be found or missed.
     ///
     /// # Errors
-    /// What is wrong with its list.
-    pub fn own_pairs(self, scenario: &Scenario, expected: &[Pair]) -> Result<Vec<Pair>, String> {
+    /// Describes the first difference of its list, or its error.
+    pub fn own_pairs(self, scenario: &TestInput, expected: &[Pair]) -> Result<Vec<Pair>, String> {
         if self.tolerance() == Tolerance::Exact {
             return Ok(expected.to_vec());
         }
@@ -114,12 +115,12 @@ impl Subject {
         Ok(found)
     }
 
-    /// Judges this subject on a scenario whose pairs are known: in both orders, on the GPU in one of them, as only the host
-    /// puts pairs in order.
+    /// Checks this variant on a scenario with known pairs, in both orders. GPU variants use one of the orders, as only
+    /// the host sorts pairs.
     ///
     /// # Errors
-    /// What is wrong with its result.
-    pub fn judge(self, scenario: &Scenario, expected: &[Pair], settings: &Config) -> Result<(), String> {
+    /// Describes the first difference, or the error.
+    pub fn judge(self, scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String> {
         let orders = [Order::Canonical, Order::Unordered];
         let orders = match self.backend {
             Backend::Gpu => &orders[drawn(scenario) / Algorithm::GPU.len() % 2..][..1],
@@ -137,8 +138,8 @@ impl Subject {
     }
 }
 
-/// A number by the scenario's spheres.
-fn drawn(scenario: &Scenario) -> usize {
+/// A number derived from the scenario's spheres.
+fn drawn(scenario: &TestInput) -> usize {
     let word = |hash: u32, bits: u32| (hash.rotate_left(5) ^ bits).wrapping_mul(0x9e37_79b9);
     let hash = |hash, sphere: &Sphere| word(word(hash, sphere.center.x.to_bits()), sphere.radius.to_bits());
     (scenario.spheres.iter().fold(1, hash) >> 16) as usize
@@ -150,11 +151,10 @@ impl fmt::Display for Subject {
     }
 }
 
-/// Runs `work` in one of the suite's pools, which are made once: a pool per detector would cost more than most
-/// scenarios do.
+/// Runs `work` in one of the suite's pools. They are created once, as creating a pool takes longer than most scenarios.
 ///
 /// # Panics
-/// Where `threads` is not one of [`THREADS`].
+/// Panics if `threads` is not one of [`THREADS`].
 pub fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     static POOLS: LazyLock<[ThreadPool; 3]> = LazyLock::new(|| {
         THREADS.map(|n| ThreadPoolBuilder::new().num_threads(n).build().expect("threads of the system"))

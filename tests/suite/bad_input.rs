@@ -1,4 +1,4 @@
-//! Bad input is refused by index, value and number, whatever the algorithm and the question.
+//! Each algorithm and query refuses bad input with its index, values and count.
 
 use std::ops::ControlFlow;
 
@@ -7,7 +7,7 @@ use lazygrid::{
 };
 use lazygrid_tests::Subject;
 
-/// The error of every subject's every question about these spheres; they must all be the same.
+/// The error of all variants and all queries for these spheres; all must return the same error.
 fn refusal(config: &Config, spheres: Spheres<'_>) -> Error {
     let mut errors = Vec::new();
     for subject in Subject::all() {
@@ -22,13 +22,13 @@ fn refusal(config: &Config, spheres: Spheres<'_>) -> Error {
         });
     }
     let first = errors.swap_remove(0);
-    // As text, because NaN is not equal to itself.
+    // Compared as text, because NaN is not equal to itself.
     errors.iter().for_each(|error| assert_eq!(format!("{error:?}"), format!("{first:?}")));
     first
 }
 
 #[test]
-fn spheres_that_are_not_finite_or_negative() {
+fn non_finite_or_negative_spheres_are_refused() {
     let good = Sphere::new([1.0, 2.0, 3.0], 0.5);
     let bad = [
         Sphere::new([f32::NAN, 0.0, 0.0], 1.0),
@@ -57,7 +57,7 @@ fn spheres_that_are_not_finite_or_negative() {
 }
 
 #[test]
-fn the_message_names_index_value_and_number() {
+fn bad_sphere_message_names_index_value_and_count() {
     let spheres = [[0.0, 0.0, 0.0, 1.0], [4.5, 0.0, 0.0, -2.5], [0.0, f32::NAN, 0.0, 1.0]];
     let text = refusal(&Config::default(), spheres[..].into()).to_string();
     for part in ["sphere 1", "4.5", "-2.5", "2 of 3"] {
@@ -66,7 +66,7 @@ fn the_message_names_index_value_and_number() {
 }
 
 #[test]
-fn zero_of_either_sign_is_good() {
+fn signed_zeros_are_valid() {
     let spheres = [[0.0, -0.0, 0.0, -0.0], [-0.0, 0.0, 0.0, 0.0]];
     for subject in Subject::all() {
         let mut detector = Detector::new(subject.config()).expect("a detector");
@@ -75,7 +75,7 @@ fn zero_of_either_sign_is_good() {
 }
 
 #[test]
-fn species_that_are_missing_or_out_of_range() {
+fn missing_or_invalid_species_are_refused() {
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 3];
     let table = Interactions::new(2, Interaction::Touch).expect("a table");
     let config = Config::default().interactions(table);
@@ -87,7 +87,7 @@ fn species_that_are_missing_or_out_of_range() {
 }
 
 #[test]
-fn tables_that_make_no_sense() {
+fn invalid_interaction_tables_are_refused() {
     let species = Interactions::MAX_SPECIES + 1;
     let too_many = InputError::SpeciesCount { count: species, limit: Interactions::MAX_SPECIES };
     assert_eq!(Interactions::new(species, Interaction::Never), Err(too_many));
@@ -105,7 +105,7 @@ fn tables_that_make_no_sense() {
 }
 
 #[test]
-fn columns_of_different_lengths() {
+fn columns_of_different_lengths_are_refused() {
     let (two, three) = (&[0.0_f32; 2][..], &[0.0_f32; 3][..]);
     for (k, name) in [(1, "y"), (2, "z"), (3, "r")] {
         let mut columns = [three; 4];
@@ -122,7 +122,7 @@ fn columns_of_different_lengths() {
 }
 
 #[test]
-fn settings_out_of_range() {
+fn settings_out_of_range_are_refused() {
     let refused = |config: Config| Detector::new(config.backend(Backend::Cpu)).expect_err("refused");
     for subject in Subject::each_algorithm() {
         let with = |ratio| Detector::new(subject.config().raster_ratio(ratio));

@@ -1,4 +1,4 @@
-//! Spheres, lengths and distances in `f64`: every algorithm gives the pairs of the contract's expression, to the last bit.
+//! Spheres, lengths and distances in `f64`: each algorithm finds exactly the pairs of the contract's expression.
 
 use std::ops::ControlFlow;
 
@@ -9,19 +9,19 @@ use lazygrid::{
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{Subject, in_pool};
 
-/// The words of a linear congruential generator.
+/// A linear congruential generator.
 struct Random(u64);
 
 impl Random {
-    /// Between −1 and 1, with all bits of an `f64`.
+    /// A number between −1 and 1 with all bits of an `f64`.
     fn signed(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 }
 
-/// Spheres of some sizes around `offset`, of which every second one touches the one before it, give or take up to 2 ulp, or 2⁻¹⁶ to
-/// 2⁻²⁷ of its radius.
+/// Spheres of several sizes around `offset`. Every second one touches the one before it, up to a deviation of 2 ulp or
+/// of 2⁻¹⁶ to 2⁻²⁷ of its radius.
 fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Vec<[f64; 4]> {
     let mut spheres: Vec<[f64; 4]> = Vec::new();
     for k in 0..count {
@@ -47,14 +47,14 @@ fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Ve
     spheres
 }
 
-/// The images that a plain loop looks at along each edge.
+/// The images that the plain loop tests along each cell vector.
 const NEAR: std::ops::RangeInclusive<i32> = -2..=2;
 
-/// The least squared length of an image of `to − from`, by the contract's expression.
+/// The smallest squared length of an image of `to − from`, by the contract's expression.
 fn distance_squared(space: &Space, from: [f64; 4], to: [f64; 4]) -> f64 {
     let edges = space.edges();
     let apart = [0, 1, 2].map(|axis| to[axis] - from[axis]);
-    // The spheres of these scenes are no farther apart than some edges.
+    // The extent of these scenes is no larger than a few cell vectors.
     let counts = edges.map(|edge| if edge.is_some() { NEAR } else { 0..=0 });
     let mut least = f64::INFINITY;
     for a in counts[0].clone() {
@@ -72,7 +72,7 @@ fn distance_squared(space: &Space, from: [f64; 4], to: [f64; 4]) -> f64 {
     least
 }
 
-/// The pairs of the contract, where species `k % 2` pair by `table`.
+/// The pairs of the contract. The species of sphere `k` is `k % 2`, with the interactions of `table`.
 fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interactions>) -> Vec<Pair> {
     let mut pairs = Vec::new();
     for (j, b) in spheres.iter().enumerate() {
@@ -102,7 +102,7 @@ fn spaces() -> [Space; 5] {
     ]
 }
 
-/// Asks one detector for all results.
+/// Checks all results of one detector.
 fn agrees(detector: &mut Detector, query: Query<'_>, expected: &[Pair]) -> Result<(), String> {
     let text = |error: Error| error.to_string();
     let found = detector.pairs(query).map_err(text)?;
@@ -129,14 +129,14 @@ fn agrees(detector: &mut Detector, query: Query<'_>, expected: &[Pair]) -> Resul
 }
 
 #[test]
-fn every_space_and_magnitude_gives_the_pairs_of_the_contract() {
+fn pairs_match_the_contract_in_all_spaces_and_magnitudes() {
     let mut random = Random(7);
     for (number, space) in spaces().into_iter().enumerate() {
         for offset in [[0.0; 3], [1e3, -2e3, 5e2], [1e9, 1e9, -1e9]] {
             let spheres = scene(240, 2.4, offset, &mut random);
             let expected = oracle(&spheres, &space, None);
             assert!(expected.len() > 60, "{}", expected.len());
-            // The offset is gone in the frame, before a device sees the spheres.
+            // Subtracting the frame's origin removes the offset before a device sees the spheres.
             let is_asked = |subject: &Subject| subject.backend == Backend::Cpu || offset == [0.0; 3];
             for subject in Subject::each_algorithm().into_iter().filter(is_asked) {
                 subject.run(|| {
@@ -150,7 +150,7 @@ fn every_space_and_magnitude_gives_the_pairs_of_the_contract() {
     }
 }
 
-/// Multiplied by a power of two, all pairs stay what they are.
+/// Scaling by a power of two keeps all pairs.
 #[test]
 fn no_magnitude_overflows_or_underflows() {
     let mut random = Random(11);
@@ -170,9 +170,9 @@ fn no_magnitude_overflows_or_underflows() {
     }
 }
 
-/// Spheres in `f32` and the same numbers in `f64` give the same bytes, also as columns and as points.
+/// `f32` spheres and the same numbers in `f64` give identical pairs, also as columns and as points.
 #[test]
-fn the_same_numbers_in_both_precisions_give_the_same_pairs() {
+fn equal_numbers_in_both_precisions_give_equal_pairs() {
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
         let narrow = scene.spheres(1500, 3);
         let row = |sphere: &Sphere| {
@@ -233,7 +233,7 @@ fn two_sets_species_and_exclusions_are_decided_in_f64() {
     }
 }
 
-/// Spheres that move a little from call to call, so that candidates serve; the frame may change on the way.
+/// Spheres that move little between calls, so that candidate lists are reused. The frame may change in between.
 #[test]
 fn candidates_of_f64_spheres_lose_no_pair() {
     for space in [spaces()[0], spaces()[1], spaces()[3]] {
@@ -268,9 +268,9 @@ fn candidates_of_f64_spheres_lose_no_pair() {
     }
 }
 
-/// The frame of a call with `f32` spheres holds no radii as large as those of the next call.
+/// The frame of a call with `f32` spheres does not support radii as large as those of the next call.
 #[test]
-fn calls_of_both_precisions_take_turns() {
+fn calls_of_both_precisions_can_alternate() {
     let edges = [Some([4.0, 0.0, 0.0]), Some([1.0, 4.0, 0.0]), Some([0.0, 1.0, 4.0])];
     let space = Space::sheared(edges).expect("edges");
     let narrow = [[0.0_f32, 0.0, 0.0, 0.5], [0.9, 0.0, 0.0, 0.5], [2.0, 2.0, 0.0, 0.1]];

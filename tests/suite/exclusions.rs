@@ -1,4 +1,4 @@
-//! Pairs that are left out: groups, and lists.
+//! Exclusions: groups, and lists of pairs.
 
 use std::ops::ControlFlow;
 
@@ -8,19 +8,19 @@ use lazygrid::{
     Spheres,
 };
 use lazygrid_check::motion::{skin_of, walk};
-use lazygrid_check::{Excluded, LEFT_OUT_WORDS};
+use lazygrid_check::{EXCLUSION_WORDS, ExclusionCase};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Scenario, Subject, adversary, difference, in_pool, periodic, sheared};
+use lazygrid_tests::{Subject, TestInput, adversary, difference, in_pool, periodic, sheared};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
 
 use crate::properties::check;
 
-/// Scenarios of every kind of space, and what is left out of them.
-fn cases() -> impl Strategy<Value = Scenario> {
+/// Scenarios in all kinds of spaces, with exclusions.
+fn cases() -> impl Strategy<Value = TestInput> {
     let scenarios = prop_oneof![
-        2 => adversary::any_spheres().prop_map(Scenario::from),
+        2 => adversary::any_spheres().prop_map(TestInput::from),
         1 => adversary::mixture(adversary::any_spheres()),
         1 => periodic::lattice(),
         1 => periodic::soup(),
@@ -28,13 +28,13 @@ fn cases() -> impl Strategy<Value = Scenario> {
         1 => sheared::soup(),
         1 => sheared::mixture(),
     ];
-    let words = vec(any::<u32>(), LEFT_OUT_WORDS).prop_map(|words| words.try_into().expect("so many"));
-    (scenarios, words).prop_map(|(scenario, words)| scenario.leaving_out(&words))
+    let words = vec(any::<u32>(), EXCLUSION_WORDS).prop_map(|words| words.try_into().expect("so many"));
+    (scenarios, words).prop_map(|(scenario, words)| scenario.with_exclusions(&words))
 }
 
-/// Nothing is there that is left out, and of the others all.
-fn same(subject: Subject, scenario: &Scenario, found: &[Pair], expected: &[Pair]) -> Result<(), String> {
-    if let Some(pair) = found.iter().find(|pair| scenario.leaves_out(pair.i as usize, pair.j as usize)) {
+/// Checks that no excluded pair is found, and that all other pairs are.
+fn same(subject: Subject, scenario: &TestInput, found: &[Pair], expected: &[Pair]) -> Result<(), String> {
+    if let Some(pair) = found.iter().find(|pair| scenario.excludes(pair.i as usize, pair.j as usize)) {
         return Err(format!("{subject}: {pair:?} is left out, and there"));
     }
     difference(scenario, found, expected, subject.tolerance()).map_err(|text| format!("{subject}: {text}"))
@@ -62,19 +62,19 @@ fn groups_and_lists_on_any_spheres() {
 }
 
 #[test]
-fn every_kind_of_result() {
-    let scenario = Scenario::from(Scene::FiveSizes.spheres(2000, 3));
+fn all_kinds_of_results_agree() {
+    let scenario = TestInput::from(Scene::FiveSizes.spheres(2000, 3));
     let groups = (0..2000).map(|k| if k % 3 == 0 { Spheres::NO_GROUP } else { k % 11 }).collect();
     let pairs: Vec<_> = scenario.oracle().iter().step_by(3).map(|pair| (pair.j, pair.i)).collect();
     let all = scenario.oracle().len();
     let without = scenario.query();
-    let excluded = Some(Excluded::new(2000, pairs).expect("of spheres"));
-    let with = Scenario { groups: Some(groups), excluded, ..scenario.clone() };
+    let excluded = Some(ExclusionCase::new(2000, pairs).expect("of spheres"));
+    let with = TestInput { groups: Some(groups), excluded, ..scenario.clone() };
     let (expected, query) = (with.oracle(), with.query());
     assert!(expected.len() > 30 && expected.len() < all / 2 + all / 4, "{} of {all}", expected.len());
     let most = expected.len() as u64;
     for subject in Subject::each_algorithm() {
-        // What is left out needs no room in a list.
+        // Excluded pairs do not count toward the limit.
         let mut detector = Detector::new(subject.config().max_pairs(most)).expect("made");
         let found = detector.pairs(query).expect("as many as fit").to_vec();
         same(subject, &with, &found, &expected).unwrap_or_else(|text| panic!("{text}"));
@@ -97,7 +97,7 @@ fn every_kind_of_result() {
         let lists = detector.neighbors(query).expect("neighbours");
         let listed: usize = (0..2000).map(|i| lists.of(i).len()).sum();
         assert_eq!(listed, 2 * found.len(), "{subject}");
-        // The same detector, and nothing left out.
+        // The same detector without exclusions.
         assert_eq!(detector.count(without), Ok(all as u64), "{subject}");
     }
 }
@@ -115,7 +115,7 @@ fn pairs_across_two_sets() {
             let pairs = across.map(|(i, j)| (i, j - split as u32));
             Exclusions::across(split, scenario.spheres.len() - split, pairs).expect("of both sets")
         });
-        let [a, b] = [a, b].map(|set| Scenario { excluded: None, ..set });
+        let [a, b] = [a, b].map(|set| TestInput { excluded: None, ..set });
         let query = Query::new((a.view(), b.view()));
         let query = list.as_ref().map_or(query, |list| query.without(list));
         let config = scenario.config(subject.config()).map_err(|error| error.to_string())?;
@@ -131,9 +131,9 @@ fn pairs_across_two_sets() {
     });
 }
 
-/// Candidates that are kept know nothing of what is left out, which may be something else at every call.
+/// Candidate lists do not depend on exclusions, which may change with each call.
 #[test]
-fn candidates_that_are_kept() {
+fn candidate_lists_never_change_a_result() {
     let mut subjects = Subject::all();
     subjects.retain(|subject| subject.backend == Backend::Gpu || subject.algorithm == Algorithm::CellList);
     let moves = select(vec![0.0, 1e-3, 0.3]);
@@ -157,7 +157,7 @@ fn candidates_that_are_kept() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn exclusions_of_wrong_size_are_refused() {
     let spheres = [Sphere::new([0.0; 3], 1.0); 4];
     let view = Spheres::from(&spheres);
     let error = view.with_groups(&[1, 2]).expect_err("too few");
@@ -182,9 +182,9 @@ fn what_does_not_fit_is_refused() {
     }
 }
 
-/// What stays on the GPU says that it knows neither.
+/// A session supports neither groups nor triclinic cells; its errors refer to `Detector`.
 #[test]
-fn sessions_refuse_by_name() {
+fn sessions_refuse_groups_and_triclinic_cells() {
     let Some(device) = lazygrid_tests::device() else { return };
     let own = || device.clone();
     let spheres = [Sphere::new([0.0; 3], 1.0); 2];

@@ -1,4 +1,4 @@
-//! Pair counts in closed form: what a scene has on average, four standard errors either way.
+//! Mean pair counts of scenes against closed forms, within four standard errors.
 
 use lazygrid::{Backend, Config, Detector, Sphere};
 use lazygrid_io::scenes::{Scene, periodic_box_pairs};
@@ -18,7 +18,7 @@ fn scenes_have_their_expected_pairs() {
                 (Scene::Point, _) => 3000,
                 _ => 10_000,
             };
-            // At one point every seed has the same pairs, which are all.
+            // At one point, each seed gives the same result: all pairs.
             let seeds = if scene == Scene::Point { 1 } else { SEEDS };
             let expected = scene.expected_pairs(n);
             let mut detector = Detector::new(subject.config()).expect("a detector");
@@ -44,13 +44,14 @@ fn equal_spheres_in_a_ball_by_the_formula() {
     let mut detector = Detector::new(Config::default()).expect("a detector");
     let total: u64 =
         (0..SEEDS).map(|seed| detector.count(&Scene::Equal.spheres(n, 200 + seed)).expect("a count")).sum();
-    // Pairs that share a sphere are correlated through the rim only, which adds a few per cent here.
+    // Pairs that share a sphere are correlated only through the rim, which adds a few percent here.
     let error = (pairs * p * (1.0 - p) / SEEDS as f64).sqrt() * 1.1;
     let off = total as f64 / SEEDS as f64 - pairs * p;
     assert!(off.abs() <= 4.0 * error, "{off} from {}, standard error {error}", pairs * p);
 }
 
-/// A periodic box: spheres near a face stand at the opposite one again, and a pair counts once, by its originals.
+/// A periodic box by explicit copies: spheres near a face are repeated at the opposite one. A pair counts once, by its
+/// originals.
 #[test]
 fn a_periodic_box_by_the_formula() {
     const EDGE: f32 = 40.0;
@@ -60,7 +61,7 @@ fn a_periodic_box_by_the_formula() {
     let mut total = 0;
     for seed in 0..SEEDS {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        // Multiples of 2⁻¹⁸, so that moving by an edge is exact.
+        // Shifting a coordinate by `EDGE` rounds by at most 2⁻¹⁹, far below the statistical error.
         let mut coordinate = || (rng.next_u32() >> 8) as f32 * (EDGE / (1 << 24) as f32);
         let mut spheres = Vec::new();
         for &(count, radius) in &sizes {

@@ -1,17 +1,17 @@
-//! The frames of two real simulations, read as the command line reads them.
+//! The frames of two real simulations, read with the readers of the command line.
 
 use std::path::{Path, PathBuf};
 
 use lazygrid::Config;
 use lazygrid_io::read::{Format, Frames, Options};
-use lazygrid_tests::{Scenario, Subject, checksum};
+use lazygrid_tests::{Subject, TestInput, checksum};
 
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("data").join(name)
 }
 
-/// The only frame of a file; species do not matter here.
-fn frame(name: &str, format: Option<Format>, radii: &[(&str, f32)]) -> Scenario {
+/// The only frame of a file. Species are ignored.
+fn frame(name: &str, format: Option<Format>, radii: &[(&str, f32)]) -> TestInput {
     let radii = radii.iter().map(|&(name, radius)| (name.to_owned(), radius)).collect();
     let frames =
         Frames::open(data(name), Options { format, radii, ..Options::default() }).expect("the file opens");
@@ -20,7 +20,7 @@ fn frame(name: &str, format: Option<Format>, radii: &[(&str, f32)]) -> Scenario 
     frames.remove(0).spheres.into()
 }
 
-fn check(scenario: &Scenario, spheres: usize, pairs: usize, sum: u64) {
+fn check(scenario: &TestInput, spheres: usize, pairs: usize, sum: u64) {
     assert_eq!(scenario.spheres.len(), spheres);
     let expected = scenario.oracle();
     assert_eq!((expected.len(), checksum(&expected)), (pairs, sum));
@@ -36,7 +36,7 @@ fn lammps_pour() {
     check(&frame("lammps-pour.dump", None, &[]), 15_208, 3_072, 0x9545_c450_a3ed_9bf6);
 }
 
-/// Two carrier species released at two points, from Smoldyn. SciPy's cKDTree finds 35 236 pairs.
+/// Two carrier species released at two points, from Smoldyn. SciPy's cKDTree finds 35,236 pairs.
 #[test]
 fn smoldyn_burst() {
     let radii = [("acid", 0.1), ("base", 0.15), ("salt", 0.2)];

@@ -1,32 +1,33 @@
 //! Species masks and interaction distances.
 
 use lazygrid::{Config, Detector, Interaction, Interactions};
-use lazygrid_tests::{Mixture, Scenario, Subject, adversary, difference};
+use lazygrid_tests::{SpeciesSetup, Subject, TestInput, adversary, difference};
 
 use crate::properties::{check, one_of_each, settings};
 use proptest::prelude::*;
 
-fn agree(scenario: &Scenario, settings: &Config) -> Result<(), String> {
+fn agree(scenario: &TestInput, settings: &Config) -> Result<(), String> {
     let expected = scenario.oracle();
     let mut subjects = Subject::in_turn(scenario).into_iter();
     subjects.try_for_each(|subject| subject.judge(scenario, &expected, settings))
 }
 
 #[test]
-fn any_table_on_any_spheres() {
+fn random_tables_on_random_spheres() {
     check(80, (adversary::mixture(adversary::any_spheres()), settings()), |(scenario, settings)| {
         agree(&scenario, &settings)
     });
 }
 
 #[test]
-fn any_table_on_crowded_boxes() {
+fn random_tables_in_crowded_boxes() {
     check(96, (adversary::mixture(adversary::soup()), settings()), |(scenario, settings)| {
         agree(&scenario, &settings)
     });
 }
 
-/// Points that react with one other species from far away: the reach comes from the table, not from radii.
+/// Tiny spheres that interact with one other species at a large distance: the effective radius comes from the table,
+/// not from radii.
 #[test]
 fn small_radii_with_large_distances() {
     let strategy =
@@ -40,27 +41,27 @@ fn small_radii_with_large_distances() {
                 vec![Interaction::Within((spacings * spacing).into()), Interaction::Touch],
             ];
             let species = (0..n).map(|k| u32::from(k % period == 0)).collect();
-            Scenario { spheres, mixture: Some(Mixture { species, rows }), ..Scenario::default() }
+            TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
         });
     check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
-/// Species that never pair leave nothing, and huge radii among them cost nobody a pair.
+/// Species that never pair have no pairs, and huge radii among them lose no pair of other species.
 #[test]
 fn species_that_never_pair() {
     let strategy = (adversary::any_spheres(), 2_usize..5).prop_map(|(spheres, period)| {
         let rows = vec![vec![Interaction::Touch], vec![Interaction::Never; 2]];
         let species = (0..spheres.len()).map(|k| u32::from(k % period == 0)).collect();
-        Scenario { spheres, mixture: Some(Mixture { species, rows }), ..Scenario::default() }
+        TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
     });
     check(64, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
-/// Species ids without a table are carried along and decide nothing.
+/// Species ids without a table have no effect.
 #[test]
-fn ids_without_a_table() {
+fn ids_without_a_table_have_no_effect() {
     check(32, adversary::any_spheres(), |spheres| {
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let ids = vec![7; scenario.spheres.len()];
         let view = scenario.view().with_species(&ids).map_err(|e| e.to_string())?;
         let expected = scenario.oracle();
@@ -73,9 +74,9 @@ fn ids_without_a_table() {
     });
 }
 
-/// Two effective radii reach as far as the distance they stand for, also where half of it cannot be represented.
+/// The sum of two effective radii is at least their interaction distance, also if half of it is not representable.
 #[test]
-fn effective_radii_reach_every_distance() {
+fn effective_radii_cover_all_distances() {
     let subnormal = f32::from_bits(1);
     let distances = [0.0, subnormal, 3.0 * subnormal, f32::MIN_POSITIVE.next_up(), 0.1, 1.0, f32::MAX];
     for (k, &far) in distances.iter().enumerate() {

@@ -1,9 +1,9 @@
-//! LazyGrid refines some cells and settles others: whatever τ makes of them, the pairs are the same.
+//! LazyGrid finds the same pairs for all values of τ, which determines the cells to refine.
 
 use glam::Vec3;
 use lazygrid::{Algorithm, Backend, Config, Sphere};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Scenario, Subject};
+use lazygrid_tests::{Subject, TestInput};
 
 fn on_gpu() -> impl Iterator<Item = Subject> {
     let refines = |s: &Subject| matches!(s.algorithm, Algorithm::EagerGrid | Algorithm::LazyGrid);
@@ -11,7 +11,7 @@ fn on_gpu() -> impl Iterator<Item = Subject> {
 }
 
 fn judge_for_any_tau(name: &str, spheres: Vec<Sphere>) {
-    let scenario = Scenario::from(spheres);
+    let scenario = TestInput::from(spheres);
     let expected = scenario.oracle();
     for (tau, ratio) in [(0, 1.5), (1, 2.0), (8, 1.5), (8, 4.0), (512, 2.0), (u32::MAX, 2.0)] {
         for subject in on_gpu() {
@@ -29,8 +29,7 @@ fn scenes_for_any_tau() {
     }
 }
 
-/// From one size to twenty, each half of the one before, so that the largest is 2¹⁹ times the smallest; and sizes that are
-/// no powers of two.
+/// One to twenty sizes, each half of the previous one (a ratio of up to 2¹⁹), and sizes that are not powers of two.
 #[test]
 fn one_to_twenty_sizes() {
     for sizes in [1, 2, 20] {
@@ -45,7 +44,7 @@ fn one_to_twenty_sizes() {
     }
 }
 
-/// 2²⁰ times as large as the others, of which a crowd is at its surface.
+/// One sphere 2²⁰ times as large as the others, which are crowded at its surface.
 #[test]
 fn one_giant_among_grains() {
     let grains = Scene::Equal.spheres(1500, 13).into_iter();

@@ -1,4 +1,4 @@
-//! Results far larger than memory are counted, refused or streamed, and nothing else.
+//! Results far larger than memory can only be counted, streamed or refused.
 
 use std::ops::ControlFlow;
 
@@ -32,7 +32,7 @@ fn a_stream_of_half_a_million_coincident_spheres_can_be_stopped() {
 }
 
 #[test]
-fn a_list_of_too_many_pairs_is_refused_by_its_number() {
+fn list_of_too_many_pairs_is_refused_with_its_count() {
     let limit = 1 << 20;
     for subject in Subject::each_algorithm() {
         let (n, found) = match subject.backend {
@@ -51,7 +51,7 @@ fn a_list_of_too_many_pairs_is_refused_by_its_number() {
     }
 }
 
-/// Coincident points are all exactly tangent, so every comparison takes the exact test.
+/// Coincident points are exactly tangent, so that each comparison needs the exact test.
 #[test]
 fn coincident_points_are_counted_exactly() {
     let spheres = vec![Sphere::new([1e30, 0.0, -1e-30], 0.0); 10_000];

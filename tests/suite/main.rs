@@ -1,4 +1,4 @@
-//! Every detector × scenario × threads × order against the oracle.
+//! All combinations of detector, scenario, number of threads and order against the oracle.
 
 mod bad_input;
 mod doubles;

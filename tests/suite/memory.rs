@@ -1,5 +1,5 @@
-//! What detectors hold and allocate, seen by the allocator itself. Mostly on one thread: how many workspaces more
-//! threads need depends on who gets to run.
+//! Memory that detectors hold and allocate, measured by the allocator. Mostly on one thread: with more threads, the
+//! number of workspaces depends on scheduling.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
@@ -11,7 +11,7 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Order, Skin, Sphere};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{Subject, in_pool};
 
-/// The system's allocator, counting.
+/// The system allocator with counters.
 struct Counting;
 
 static LIVE: AtomicUsize = AtomicUsize::new(0);
@@ -19,7 +19,7 @@ static PEAK: AtomicUsize = AtomicUsize::new(0);
 static TOTAL: AtomicUsize = AtomicUsize::new(0);
 static LARGEST: AtomicUsize = AtomicUsize::new(0);
 
-// SAFETY: every call goes to the system's allocator as it is; the counters touch no memory of the caller's.
+// SAFETY: every call is forwarded unchanged to the system allocator; the counters touch no memory of the caller.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let size = layout.size();
@@ -27,7 +27,7 @@ unsafe impl GlobalAlloc for Counting {
         PEAK.fetch_max(live, SeqCst);
         TOTAL.fetch_add(size, SeqCst);
         LARGEST.fetch_max(size, SeqCst);
-        // SAFETY: the caller's promise is the system allocator's condition.
+        // SAFETY: the caller upholds the contract of `GlobalAlloc`, which is that of the system allocator.
         unsafe { System.alloc(layout) }
     }
 
@@ -41,8 +41,8 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What was allocated since the start of a measurement. Counters are shared by all threads, so that the test that
-/// measures excludes all others.
+/// The allocations since the start of a measurement. All threads share the counters, so that a measuring test locks out
+/// all others.
 struct Measurement {
     live: usize,
     _alone: MutexGuard<'static, ()>,
@@ -52,12 +52,12 @@ impl Measurement {
     fn alone() -> Self {
         static ALONE: Mutex<()> = Mutex::new(());
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-        // The pools and the vector code are nobody's in particular.
+        // Creates the thread pools and detects SIMD support, which belong to no detector.
         in_pool(1, || lazygrid::detect(&[] as &[Sphere]).is_ok());
         Self { live: 0, _alone: alone }
     }
 
-    /// Starts again.
+    /// Starts a new measurement.
     fn start(&mut self) {
         self.live = LIVE.load(SeqCst);
         PEAK.store(self.live, SeqCst);
@@ -65,38 +65,38 @@ impl Measurement {
         LARGEST.store(0, SeqCst);
     }
 
-    /// The most bytes allocated at any time, besides those that were already.
+    /// The peak of allocated bytes, minus the bytes at the start.
     fn peak(&self) -> usize {
         PEAK.load(SeqCst).saturating_sub(self.live)
     }
 
-    /// The bytes allocated now, besides those that were already.
+    /// The currently allocated bytes, minus the bytes at the start.
     fn held(&self) -> usize {
         LIVE.load(SeqCst).saturating_sub(self.live)
     }
 
-    /// All bytes ever allocated, and the most at once.
+    /// The sum of all allocations, and the largest allocation, in bytes.
     fn total_and_largest(&self) -> (usize, usize) {
         (TOTAL.load(SeqCst), LARGEST.load(SeqCst))
     }
 }
 
-/// Subjects whose memory this allocator sees all of: a GPU's is its driver's.
+/// Variants whose memory this allocator sees completely: the GPU driver allocates its own.
 fn on_cpu(subjects: Vec<Subject>) -> impl Iterator<Item = Subject> {
     subjects.into_iter().filter(|subject| subject.backend == Backend::Cpu)
 }
 
-/// What a detector may hold whatever the number of spheres, besides what it announces: reports, plans, padding.
+/// Bytes that a detector may hold in addition to its estimate, for any number of spheres: reports, plans, padding.
 const FIXED: usize = 16 << 10;
 
 #[test]
-fn a_second_call_allocates_nothing_of_the_size_of_the_input() {
+fn second_call_allocates_nothing_proportional_to_the_input() {
     const N: usize = 80_000;
     let mut measurement = Measurement::alone();
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
         let spheres = scene.spheres(N, 31);
         for subject in Subject::each_algorithm().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
-            // What the host allocates for the GPU depends on numbers only, and software takes long.
+            // Host allocations for the GPU depend only on the number of spheres, and software adapters are slow.
             let spheres = match (subject.backend, scene) {
                 (Backend::Gpu, Scene::Equal) => &spheres[..N / 4],
                 (Backend::Gpu, _) => continue,
@@ -109,14 +109,14 @@ fn a_second_call_allocates_nothing_of_the_size_of_the_input() {
                 detector.pairs(spheres).expect("pairs").len()
             };
             subject.run(&mut ask);
-            // Calls on the GPU take turns between two places for their input.
+            // Calls on the GPU alternate between two input buffers.
             subject.run(&mut ask);
             measurement.start();
             let pairs = subject.run(&mut ask);
             let (total, largest) = measurement.total_and_largest();
             let n = spheres.len();
             assert!(largest < n, "{subject}, {scene}: one allocation of {largest} bytes");
-            // Pieces of work have counters of their own.
+            // Each chunk of work has its own counters.
             let most = 16 * n + 2 * pairs;
             assert!(total < most, "{subject}, {scene}: {total} bytes in all where {most} are plenty");
         }
@@ -128,7 +128,7 @@ fn memory_for_is_an_upper_bound() {
     let mut measurement = Measurement::alone();
     for n in [0, 1, 100, 5000, 50_000] {
         for (scene, spheres) in scenes(n, 32) {
-            // All of these meet each other.
+            // All spheres of these scenes touch each other.
             let n = if ["point", "crowd", "far and fine"].contains(&scene.as_str()) { n / 10 } else { n };
             let spheres = &spheres[..n];
             for subject in on_cpu(Subject::each_algorithm()) {
@@ -146,11 +146,11 @@ fn memory_for_is_an_upper_bound() {
     }
 }
 
-/// The benchmarks' scenes; equal spheres that fill about one cell of the paper's grids: each is in that cell, and in
-/// as many others as anywhere; and one huge sphere far from the origin along one axis, with a fine crowd inside.
+/// The benchmark scenes; equal spheres in a ball about as large as one cell of the paper's grids, where each sphere has
+/// the maximum number of cells; and one huge sphere far from the origin along one axis, filled with small ones.
 fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     let crowd = Scene::Equal.spheres(n, seed).into_iter().map(|sphere| {
-        // A ball of which the spheres fill a twentieth.
+        // A ball, a twentieth of which the spheres fill.
         let extent = (n as f32 * 20.0).cbrt().max(1.0);
         Sphere::new(sphere.center * (5.0 / extent) + 100.0, 1.0)
     });
@@ -165,16 +165,16 @@ fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     scenes
 }
 
-/// Of the kind of scene that takes the most; and the grids of one level take nearly as much for equal spheres.
+/// For the most demanding kind of scene. Equal spheres take nearly as much with single-level grids.
 #[test]
-fn memory_for_is_no_more_than_half_as_much_again_as_is_taken() {
+fn memory_for_exceeds_the_peak_by_at_most_half() {
     let mut measurement = Measurement::alone();
     for subject in on_cpu(Subject::each_algorithm()) {
         let n = if subject.algorithm == Algorithm::Naive { 5000 } else { 20_000 };
         let (mut most, mut equal, mut bound) = (0, 0, 0);
         for (scene, spheres) in scenes(n, 34) {
             measurement.start();
-            // Candidates have a test of their own.
+            // Candidate lists have their own test.
             let mut detector = Detector::new(subject.config().skin(Skin::Off)).expect("a detector");
             for _ in 0..3 {
                 subject.run(|| detector.count(&spheres)).expect("a count");
@@ -201,7 +201,7 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
             for n in (40_000..=60_000).step_by(2000) {
                 detector.count(&spheres[..n]).expect("a count");
             }
-            // Growing itself needs the old and the new buffer for a moment; what counts is what stays.
+            // Growing a buffer briefly needs both the old and the new one, so that only the remaining memory counts.
             measurement.held()
         });
         let bound = detector.memory_for(60_000) as usize + FIXED;
@@ -209,7 +209,8 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
     }
 }
 
-/// Candidates are included, as many as may be kept; with more every call searches, within the same memory.
+/// The estimate includes candidates up to their limit. With more candidates, each call searches from scratch within the
+/// same memory.
 #[test]
 fn memory_for_includes_candidates() {
     const N: usize = 20_000;
@@ -247,7 +248,7 @@ fn cube(n: usize, edge: f32) -> Vec<Sphere> {
     (0..n).map(|k| Sphere::new(at(k), 0.5)).collect()
 }
 
-/// A stream of two hundred million pairs, within the memory of the detector and some chunks for each thread.
+/// A stream of 200 million pairs needs the memory of the detector and a few chunks for each thread.
 #[test]
 fn a_stream_needs_no_memory_for_its_pairs() {
     let mut measurement = Measurement::alone();
@@ -283,7 +284,8 @@ fn a_refused_list_stays_within_its_limit() {
     }
 }
 
-/// Two million pairs in canonical order, within the memory of the detector and some times that of a list of the limit.
+/// Two million pairs in canonical order need the memory of the detector and a few times that of a list of `limit`
+/// pairs.
 #[test]
 fn a_canonical_stream_stays_within_its_limit() {
     let mut measurement = Measurement::alone();
@@ -302,7 +304,7 @@ fn a_canonical_stream_stays_within_its_limit() {
         });
         assert_eq!(handed, Ok(found), "{subject}");
         assert!(in_order, "{subject}: not in canonical order");
-        // The chunks that are found, the pairs on their way and in order, and some chunks for each thread.
+        // The found chunks, the pairs before and after sorting, and some chunks for each thread.
         let bound = detector.memory_for(2000) as usize + 40 * limit as usize + (2 << 20);
         let peak = measurement.peak();
         assert!(peak < bound, "{subject}: {peak} bytes, where {bound} are plenty");

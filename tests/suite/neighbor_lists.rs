@@ -6,7 +6,7 @@ use lazygrid::{
 };
 use lazygrid_tests::Subject;
 
-/// One entry of a list.
+/// One entry of a neighbor list.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 struct Entry {
     pair: Pair,
@@ -21,7 +21,7 @@ fn random(state: &mut u64) -> f64 {
     (*state >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Spheres in boxes around the first one; every third on a raster, so that distances repeat.
+/// Spheres in and around the cell; every third one on a lattice, so that distances repeat.
 fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64; 4]> {
     let edges = space.edges();
     let sphere = |k: usize| {
@@ -40,10 +40,11 @@ fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64;
     (0..count).map(sphere).collect()
 }
 
-/// How far the loop looks along each edge.
+/// The number of images that the loop tests in each direction along each cell vector.
 const FAR: i32 = 7;
 
-/// All entries of a list of `rows` and `others` by the contract's expression: touching by `reach`, if a pair has one.
+/// All entries of a list of `rows` and `others` by the contract's expression. `reach` returns the cutoff of a pair, or
+/// `None` if it never pairs.
 fn oracle(
     (rows, others): (&[[f64; 4]], &[[f64; 4]]),
     space: &Space,
@@ -82,7 +83,7 @@ fn oracle(
     entries
 }
 
-/// All quantities of a list.
+/// Builds a list with all quantities.
 fn entries(detector: &mut Detector, query: Query<'_>, options: ListOptions) -> Result<Vec<Entry>, Error> {
     let list = detector.neighbor_list(query, options.shifts().vectors().distances())?;
     let rows = list.offsets().windows(2).flat_map(|ends| ends[0]..ends[1]);
@@ -100,7 +101,7 @@ fn entries(detector: &mut Detector, query: Query<'_>, options: ListOptions) -> R
     Ok((0..list.len()).map(entry).collect())
 }
 
-/// Whether an entry is of the half list.
+/// Returns `true` if an entry belongs to the half list.
 fn is_half(entry: &Entry) -> bool {
     entry.pair.i < entry.pair.j || (entry.pair.i == entry.pair.j && entry.shift > [0; 3])
 }
@@ -124,11 +125,11 @@ fn spaces() -> [Space; 7] {
     ]
 }
 
-/// From radii for which the nearest images are all to such as reach over three boxes.
+/// Radii from those that only nearest images can reach to those that reach over three boxes.
 const RADII: [f64; 4] = [0.3, 1.0, 1.5, 2.9];
 
 #[test]
-fn all_images_within_reach_are_found() {
+fn all_images_within_the_cutoff_are_found() {
     let mut state = 5;
     for space in spaces() {
         for radius in RADII {
@@ -151,7 +152,7 @@ fn all_images_within_reach_are_found() {
                         without().filter(is_half).collect::<Vec<_>>(),
                         "{subject}, {space:?}"
                     );
-                    // A sphere of radius 0 touches itself, and its reach is no more than that.
+                    // A sphere of radius 0 touches itself in the oracle, but has no self entry, as its cutoff is 0.
                     let own = |entry: &&Entry| !is_itself(entry) || spheres[entry.pair.i as usize][3] > 0.0;
                     let with_self: Vec<Entry> = all.iter().filter(own).copied().collect();
                     assert_eq!(ask(full.with_self()), with_self, "{subject}, {space:?}, {radius}");
@@ -215,7 +216,7 @@ fn species_groups_and_exclusions_hold_for_all_images() {
     }
 }
 
-/// Far from the origin coordinates are rounded to what their type has there; no image may be lost for it.
+/// Far from the origin, coordinates are rounded to the precision there; no image may be lost.
 #[test]
 fn lists_far_from_the_origin() {
     let mut state = 1;
@@ -234,7 +235,7 @@ fn lists_far_from_the_origin() {
 }
 
 #[test]
-fn quantities_that_were_not_asked_for_are_empty() {
+fn unrequested_quantities_are_empty() {
     let spheres = [[0.0_f32, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]];
     let mut detector = Detector::new(Config::default()).expect("a detector");
     let list = detector.neighbor_list(&spheres, ListOptions::full()).expect("a list");
@@ -244,7 +245,7 @@ fn quantities_that_were_not_asked_for_are_empty() {
 }
 
 #[test]
-fn what_lists_refuse() {
+fn neighbor_lists_refuse_invalid_input() {
     let small = Space::periodic([Some(1.0); 3]).expect("lengths");
     let mut detector = Detector::new(Config::default().space(small)).expect("a detector");
     let list = |detector: &mut Detector, spheres: &[[f64; 4]]| {
@@ -259,7 +260,7 @@ fn what_lists_refuse() {
     let apart = [[0.0, 0.0, 0.0, 0.1], [3e9, 0.0, 0.0, 0.1]];
     let refused = list(&mut detector, &apart);
     assert_eq!(refused, Err(Error::Input(InputError::Shift { i: 0, j: 1 })));
-    // The next call is served.
+    // The next call succeeds.
     assert_eq!(list(&mut detector, &[[0.0, 0.0, 0.0, 0.5]]), Ok(6));
     let report = detector.report();
     assert!(report.reason.contains("images") && report.spheres == 1, "{report:?}");

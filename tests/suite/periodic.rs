@@ -1,4 +1,4 @@
-//! Periodic spaces: every algorithm against plain loops over images.
+//! Periodic spaces: each algorithm against plain loops over images.
 
 use std::ops::ControlFlow;
 
@@ -7,33 +7,33 @@ use lazygrid::{
 };
 use lazygrid_io::scenes::periodic_box_pairs;
 use lazygrid_tests::periodic::{self, judge, oracle, oracle_of_images, oracle_of_integers};
-use lazygrid_tests::{Scenario, Subject, Tolerance, difference};
+use lazygrid_tests::{Subject, TestInput, Tolerance, difference};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::properties::{check, settings};
 
-/// The subjects of the CPU, on all their numbers of threads.
+/// The CPU variants with all numbers of threads.
 fn on_cpu() -> impl Iterator<Item = Subject> {
     Subject::all().into_iter().filter(|subject| subject.backend == Backend::Cpu)
 }
 
-/// Spheres of these radii, by turns, uniform in a cube from the origin on.
+/// Spheres of these radii in turn, uniform in the cube from the origin to `edge`.
 fn uniform(n: usize, radii: &[f32], edge: f32, seed: u64) -> Vec<Sphere> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut coordinate = || (rng.next_u32() >> 8) as f32 * (edge / (1 << 24) as f32);
     (0..n).map(|k| Sphere::new([coordinate(), coordinate(), coordinate()], radii[k % radii.len()])).collect()
 }
 
-fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> Scenario {
-    Scenario {
+fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
+    TestInput {
         space: Space::periodic(lengths.map(|length| length.map(f64::from))).expect("a box"),
         ..spheres.into()
     }
 }
 
 #[test]
-fn lattices_in_contact_across_the_seam() {
+fn lattices_in_contact_across_the_periodic_boundary() {
     check(80, (periodic::lattice(), settings()), |(spheres, settings)| {
         judge(&spheres, &oracle(&spheres), &settings)
     });
@@ -61,7 +61,7 @@ fn coordinates_far_outside() {
 }
 
 #[test]
-fn lengths_that_devices_flush_or_whose_squares_do_not_fit() {
+fn subnormal_lengths_and_overflowing_squares() {
     check(96, (periodic::extremes(), settings()), |(spheres, settings)| {
         judge(&spheres, &oracle(&spheres), &settings)
     });
@@ -81,7 +81,7 @@ fn species_in_periodic_boxes() {
     });
 }
 
-/// The judge of the judge: the definition against all images, where every sphere lies in the box.
+/// Checks the oracle against all images, with all spheres in the box.
 #[test]
 fn the_oracle_agrees_with_all_images() {
     for (k, edge) in [0.4_f32, 1.0, 3.0, 8.0].into_iter().enumerate() {
@@ -96,9 +96,9 @@ fn the_oracle_agrees_with_all_images() {
     }
 }
 
-/// A full lattice round the box has three contacts per site, none lost at the seam and none found twice.
+/// A full periodic lattice has three contacts per site. None is lost or found twice at the periodic boundary.
 #[test]
-fn a_full_lattice_goes_round() {
+fn full_periodic_lattice_has_three_contacts_per_site() {
     for (k, spacing) in [(3_usize, 0.5_f32), (4, 1.0), (10, 0.25), (21, 3.0)] {
         let place = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing);
         let spheres: Vec<_> = (0..k * k * k).map(|at| Sphere::new(place(at), 0.5 * spacing)).collect();
@@ -111,14 +111,14 @@ fn a_full_lattice_goes_round() {
     }
 }
 
-/// Enough spheres for many cells, levels and pieces of work: the same bytes from every algorithm and thread count.
+/// Enough spheres for many cells, levels and chunks of work: all algorithms and thread counts give identical pairs.
 #[test]
-fn large_boxes_give_the_same_bytes() {
+fn large_boxes_give_identical_pairs() {
     let cases = [
         (&[0.5_f32][..], [Some(20.0); 3], 20.0),
         (&[0.5, 0.25, 0.125, 0.06, 0.03], [Some(16.0), None, Some(14.0)], 16.0),
         (&[0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 3.0], [Some(8.0); 3], 8.0),
-        // Coordinates over several boxes, crowded cells.
+        // Coordinates over several boxes, and overfull cells.
         (&[0.1, 0.01], [Some(2.0), Some(3.0), Some(2.5)], 10.0),
     ];
     for (case, (radii, lengths, edge)) in cases.into_iter().enumerate() {
@@ -158,9 +158,9 @@ fn uniform_boxes_by_the_formula() {
     }
 }
 
-/// Lists, neighbours, counts, streams and columns tell of the same pairs.
+/// Lists, neighbor lists, counts, streams and columns give the same pairs.
 #[test]
-fn every_kind_of_result() {
+fn all_kinds_of_results_agree() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
     let periodic = in_box(spheres, [Some(5.0), Some(10.0), None]);
     let (expected, spheres) = (oracle(&periodic), &periodic.spheres);
@@ -191,7 +191,7 @@ fn every_kind_of_result() {
 }
 
 #[test]
-fn a_box_twice_as_long_as_apart() {
+fn box_length_decides_contact_across_the_boundary() {
     let spheres =
         [Sphere::new([0.0; 3], 0.5), Sphere::new([9.0, 0.0, 0.0], 0.5), Sphere::new([5.0, 0.0, 0.0], 30.0)];
     let count = |lengths| {
@@ -206,7 +206,7 @@ fn a_box_twice_as_long_as_apart() {
 }
 
 #[test]
-fn bad_spheres_are_named_as_they_were_given() {
+fn bad_spheres_are_named_by_input_coordinates() {
     let mut spheres = uniform(100, &[0.1], 5.0, 1);
     spheres[40].center.y = f32::INFINITY;
     spheres[70].radius = -1.0;
@@ -224,14 +224,14 @@ fn bad_spheres_are_named_as_they_were_given() {
 }
 
 #[test]
-fn lengths_that_are_none_are_refused() {
+fn invalid_lengths_are_refused() {
     let error = Space::periodic([Some(1.0), Some(-2.0), None]).expect_err("no such length").to_string();
     assert!(error.contains("-2") && error.contains("axis y"), "{error}");
 }
 
-/// A GPU tells the same in all ways too, and its count comes from the device alone.
+/// All results of a GPU agree too. Its count comes from the device alone.
 #[test]
-fn every_kind_of_result_of_the_gpu() {
+fn all_kinds_of_results_on_the_gpu_agree() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
     let periodic = in_box(spheres, [Some(5.0), Some(10.0), None]);
     let (expected, spheres) = (oracle(&periodic), &periodic.spheres);
@@ -248,7 +248,7 @@ fn every_kind_of_result_of_the_gpu() {
         assert!(handed == Ok(list.len() as u64) && streamed == list, "{subject}: the stream differs");
         let lists = detector.neighbors(spheres).expect("neighbours");
         assert_eq!((0..spheres.len()).map(|i| lists.of(i).len()).sum::<usize>(), 2 * list.len());
-        // The cells of a cell list go round the box; others move a copy of the spheres into it.
+        // A cell list has periodic cells; other algorithms make a wrapped copy of the spheres.
         let copy = if subject.algorithm == Algorithm::CellList { 0 } else { 16 * 3000 };
         let unbounded = Detector::new(subject.config()).expect("a detector").memory_for(3000);
         assert!(detector.memory_for(3000) >= unbounded + copy, "{subject}");

@@ -1,19 +1,18 @@
-//! Every subject gives the oracle's pairs for spheres that are hard on grids, whatever the settings.
+//! All variants find the oracle's pairs of hard scenes, for any settings.
 
 use std::fmt::Debug;
 
 use lazygrid::Config;
-use lazygrid_tests::{Scenario, Subject, THREADS, adversary};
+use lazygrid_tests::{Subject, THREADS, TestInput, adversary};
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::{RngSeed, TestCaseError, TestError, TestRunner};
 
-/// What is left out where nobody asks for the long tests: all but one case in so many. Software in place of a GPU takes most
-/// of their time.
+/// Divisor of the number of cases unless `LAZYGRID_LONG` is set. Software adapters take most of the time.
 const SHORT: u32 = 3;
 
-/// Runs `test` on a number of values, in short tests on a part of them: the same ones every time, so that a failure is
-/// nobody's bad luck. `LAZYGRID_LONG` asks for all, `PROPTEST_CASES` and `PROPTEST_RNG_SEED` for more and for others.
+/// Runs `test` on `cases` values, or a part of them unless `LAZYGRID_LONG` is set. The seed is fixed, so that each run
+/// has the same cases. `PROPTEST_CASES` and `PROPTEST_RNG_SEED` change the number and the seed.
 pub(crate) fn check<S>(cases: u32, strategy: S, test: impl Fn(S::Value) -> Result<(), String>)
 where
     S: Strategy,
@@ -36,7 +35,7 @@ where
     }
 }
 
-/// Settings that may change the time but not the pairs.
+/// Settings that affect the speed but not the pairs.
 pub(crate) fn settings() -> impl Strategy<Value = Config> {
     let tau = prop_oneof![select(vec![0, 1, 2, 8, 32, u32::MAX]), 0_u32..600];
     let ratio = prop_oneof![select(vec![0.5_f32, 1.0, 1.5, 2.0, 16.0]), 0.5_f32..=16.0];
@@ -45,7 +44,7 @@ pub(crate) fn settings() -> impl Strategy<Value = Config> {
 
 fn every_subject_agrees(cases: u32, spheres: adversary::Spheres) {
     check(cases, (spheres, settings()), |(spheres, settings)| {
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let expected = scenario.oracle();
         let mut subjects = Subject::in_turn(&scenario).into_iter();
         subjects.try_for_each(|subject| subject.judge(&scenario, &expected, &settings))
@@ -98,7 +97,7 @@ fn any_magnitude_with_subnormals() {
 }
 
 #[test]
-fn lengths_that_devices_flush_or_whose_squares_do_not_fit() {
+fn subnormal_lengths_and_overflowing_squares() {
     every_subject_agrees(128, adversary::extremes());
 }
 
@@ -117,8 +116,8 @@ fn mixed_lists() {
     every_subject_agrees(96, adversary::any_spheres());
 }
 
-/// The subjects in turn, on their fewest threads.
-pub(crate) fn one_of_each(scenario: &Scenario) -> impl Iterator<Item = Subject> {
+/// The variants for this scenario, with the fewest threads.
+pub(crate) fn one_of_each(scenario: &TestInput) -> impl Iterator<Item = Subject> {
     Subject::in_turn(scenario).into_iter().filter(|subject| subject.threads == THREADS[0])
 }
 
@@ -129,8 +128,8 @@ fn permuted_spheres_have_permuted_pairs() {
         (Just(spheres), Just(places).prop_shuffle())
     });
     check(64, strategy, |(spheres, places)| {
-        let permuted = Scenario::from(places.iter().map(|&at| spheres[at as usize]).collect::<Vec<_>>());
-        let original = Scenario::from(spheres);
+        let permuted = TestInput::from(places.iter().map(|&at| spheres[at as usize]).collect::<Vec<_>>());
+        let original = TestInput::from(spheres);
         for subject in one_of_each(&original) {
             let back = subject
                 .pairs(&permuted, Config::default())?

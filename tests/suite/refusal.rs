@@ -1,5 +1,5 @@
-//! Memory that is refused is an error, wherever it happens: never an abort, never a wrong answer, and the detector goes
-//! on when there is memory again.
+//! A failed allocation is an error, wherever it occurs: never an abort or a wrong answer. The detector stays usable
+//! once memory is available again.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
@@ -12,24 +12,24 @@ use lazygrid::{
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::Subject;
 
-/// The system's allocator, which refuses what is large on request. What is small, such as the text of a message, is
-/// never refused: no system does that while it still gives out pages.
+/// The system allocator, which refuses large allocations on request. Small ones, such as the text of a message, always
+/// succeed: no system refuses them while it still grants pages.
 struct Refusing;
 
-/// Bytes from which an allocation is large: a page.
+/// Minimum size of a large allocation in bytes: a page.
 const LARGE: usize = 4096;
 
-/// Bytes that are allocated.
+/// Currently allocated bytes.
 static LIVE: AtomicUsize = AtomicUsize::new(0);
-/// Large allocations that are still granted, one by one.
+/// Number of large allocations to grant before refusing.
 static GRANTS: AtomicUsize = AtomicUsize::new(usize::MAX);
-/// Bytes in all above which large allocations are refused.
+/// Total number of bytes above which large allocations are refused.
 static LIMIT: AtomicUsize = AtomicUsize::new(usize::MAX);
-/// Allocations that were refused.
+/// Number of refused allocations.
 static REFUSED: AtomicUsize = AtomicUsize::new(0);
 
-// SAFETY: every call goes to the system's allocator as it is, or answers null, which is how an allocator refuses; the
-// counters touch no memory of the caller's.
+// SAFETY: every call is forwarded unchanged to the system allocator, or returns null, which is how an allocator reports
+// failure; the counters touch no memory of the caller.
 unsafe impl GlobalAlloc for Refusing {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let size = layout.size();
@@ -42,7 +42,7 @@ unsafe impl GlobalAlloc for Refusing {
             }
         }
         LIVE.fetch_add(size, SeqCst);
-        // SAFETY: the caller's promise is the system allocator's condition.
+        // SAFETY: the caller upholds the contract of `GlobalAlloc`, which is that of the system allocator.
         unsafe { System.alloc(layout) }
     }
 
@@ -56,17 +56,17 @@ unsafe impl GlobalAlloc for Refusing {
 #[global_allocator]
 static ALLOCATOR: Refusing = Refusing;
 
-/// When the allocator begins to refuse.
+/// The condition for refusing allocations.
 #[derive(Clone, Copy, Debug)]
 enum Refusal {
-    /// After so many large allocations.
+    /// After this number of large allocations.
     After(usize),
-    /// Above so many bytes more than there are.
+    /// Above this number of bytes more than at the start.
     Above(usize),
 }
 
 impl Refusal {
-    /// Runs `work` under this refusal; also tells how often the allocator refused.
+    /// Runs `work` under this condition. Also returns the number of refused allocations.
     fn during<T>(self, work: impl FnOnce() -> T) -> (T, usize) {
         REFUSED.store(0, SeqCst);
         match self {
@@ -80,14 +80,14 @@ impl Refusal {
     }
 }
 
-/// A way to ask for a result.
+/// A kind of query.
 #[derive(Clone, Copy, Debug)]
 enum Ask {
     Canonical,
     Unordered,
     Neighbors,
     Count,
-    /// Within a limit far below the number of pairs.
+    /// With a limit far below the number of pairs.
     StreamCanonical,
     StreamUnordered,
 }
@@ -102,7 +102,7 @@ impl Ask {
         Self::StreamUnordered,
     ];
 
-    /// The settings for it, where so many pairs will be found.
+    /// The settings for this query, if it finds `found` pairs.
     fn config(self, config: Config, found: u64) -> Config {
         match self {
             Self::Unordered | Self::StreamUnordered => config.order(Order::Unordered),
@@ -111,8 +111,8 @@ impl Ask {
         }
     }
 
-    /// How many pairs are answered, and a sum over them that does not depend on their order. `streamed` has room for
-    /// what a consumer keeps, which is the consumer's own affair.
+    /// Returns the number of pairs and a checksum that does not depend on their order. `streamed` has the capacity for
+    /// all pairs, as the consumer's allocations do not count.
     fn answer(
         self,
         detector: &mut Detector,
@@ -147,7 +147,7 @@ impl Ask {
     }
 }
 
-/// Asks under one refusal after the other, as far as `next` goes, until nothing is refused any more.
+/// Runs all queries under one condition after another, given by `next`, until no allocation is refused.
 fn walk(subject: Subject, config: &Config, spheres: Spheres<'_>, next: impl Fn(usize) -> Refusal) {
     let mut detector = Detector::new(config.clone()).expect("a detector");
     let found = detector.count(spheres).expect("there is memory");
@@ -180,18 +180,18 @@ fn walk(subject: Subject, config: &Config, spheres: Spheres<'_>, next: impl Fn(u
     }
 }
 
-/// The CPU's algorithms on one thread and on two; a GPU's driver has an allocator of its own.
+/// The CPU algorithms on one and two threads. A GPU driver has its own allocator.
 fn subjects() -> impl Iterator<Item = Subject> {
     let is_one = |s: &Subject| s.backend == Backend::Cpu && s.threads <= 2 && s.algorithm != Algorithm::Auto;
     Subject::all().into_iter().filter(is_one)
 }
 
-/// One test, for there is one allocator.
+/// A single test, as all tests share the allocator.
 #[test]
-fn refused_memory_is_an_error_wherever_it_happens() {
+fn failed_allocation_is_an_error_wherever_it_occurs() {
     let sizes = Scene::FiveSizes.spheres(1300, 41);
     let burst = Scene::Burst.spheres(1200, 42);
-    // All in the one cell that a giant asks for.
+    // All in one cell, whose size a giant determines.
     let mut crowd = Scene::Equal.spheres(1300, 43);
     crowd.iter_mut().for_each(|sphere| sphere.center += 100.0);
     crowd.push(Sphere::new([100.0; 3], 20.0));
@@ -209,7 +209,7 @@ fn refused_memory_is_an_error_wherever_it_happens() {
             walk(subject, &few(), Spheres::from(&crowd), Refusal::After);
             walk(subject, &config().interactions(table.clone()), with_species, Refusal::After);
             walk(subject, &few().space(periodic), Spheres::from(&sizes), Refusal::After);
-            // From a page to more than is needed, a third more each time.
+            // From a page to more than needed, increasing by 30 % each time.
             let above = |k: usize| Refusal::Above((LARGE as f64 * 1.3_f64.powi(k as i32)) as usize);
             walk(subject, &few(), Spheres::from(&crowd), above);
         });

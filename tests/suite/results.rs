@@ -1,9 +1,9 @@
-//! Counts, streams, neighbour lists and reports say the same as the list; layouts and threads do not matter.
+//! Counts, streams, neighbor lists and reports agree with the list of pairs, for all layouts and numbers of threads.
 
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Neighbors, Order, Pair, Spheres};
-use lazygrid_tests::{Scenario, Subject, THREADS, adversary, difference, in_pool};
+use lazygrid_tests::{Subject, THREADS, TestInput, adversary, difference, in_pool};
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -13,8 +13,8 @@ fn detector(subject: Subject, config: Config) -> Result<Detector, String> {
     Detector::new(config.backend(subject.backend).algorithm(subject.algorithm)).map_err(|e| e.to_string())
 }
 
-/// What a stream hands over, and the lengths of its chunks.
-fn streamed(detector: &mut Detector, scenario: &Scenario, chunk: usize) -> Result<Vec<Pair>, String> {
+/// The pairs of a stream. Fails if a chunk is too long or the returned number is wrong.
+fn streamed(detector: &mut Detector, scenario: &TestInput, chunk: usize) -> Result<Vec<Pair>, String> {
     let (mut all, mut longest) = (Vec::new(), 0);
     let handed = detector.stream(scenario.query(), chunk, |pairs| {
         longest = longest.max(pairs.len());
@@ -31,7 +31,7 @@ fn streamed(detector: &mut Detector, scenario: &Scenario, chunk: usize) -> Resul
     Ok(all)
 }
 
-fn small_spheres() -> impl Strategy<Value = Scenario> {
+fn small_spheres() -> impl Strategy<Value = TestInput> {
     adversary::any_spheres().prop_map(|mut spheres| {
         spheres.truncate(120);
         spheres.into()
@@ -41,7 +41,7 @@ fn small_spheres() -> impl Strategy<Value = Scenario> {
 #[test]
 fn count_equals_the_list() {
     check(96, adversary::any_spheres(), |spheres| {
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let oracle = scenario.oracle();
         for subject in Subject::in_turn(&scenario) {
             let expected = subject.own_pairs(&scenario, &oracle)?.len() as u64;
@@ -60,7 +60,7 @@ fn count_equals_the_list() {
 }
 
 #[test]
-fn too_many_pairs_names_the_exact_number() {
+fn too_many_pairs_reports_the_exact_count() {
     check(32, (small_spheres(), any::<proptest::sample::Index>()), |(scenario, limit)| {
         let oracle = scenario.oracle();
         let limit = limit.index(oracle.len() + 2) as u64;
@@ -81,7 +81,7 @@ fn too_many_pairs_names_the_exact_number() {
     });
 }
 
-fn subjects_and_orders(scenario: &Scenario) -> impl Iterator<Item = (Subject, Order)> {
+fn subjects_and_orders(scenario: &TestInput) -> impl Iterator<Item = (Subject, Order)> {
     let orders = [Order::Canonical, Order::Unordered];
     Subject::in_turn(scenario).into_iter().flat_map(move |subject| orders.map(|order| (subject, order)))
 }
@@ -135,10 +135,10 @@ fn break_stops_a_stream() {
     });
 }
 
-/// Long enough that every thread has many chunks to hand over.
+/// A stream so long that each thread delivers many chunks.
 #[test]
 fn break_stops_a_long_stream() {
-    let scenario = Scenario::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 1500]);
+    let scenario = TestInput::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 1500]);
     for (subject, order) in subjects_and_orders(&scenario) {
         for limit in [50_000, u64::MAX] {
             let mut detector =
@@ -156,7 +156,7 @@ fn break_stops_a_long_stream() {
     }
 }
 
-/// The neighbour lists of these pairs, put together the simplest way.
+/// The neighbor lists of these pairs, built in the simplest way.
 fn neighbor_lists(pairs: &[Pair], spheres: usize) -> Vec<Vec<u32>> {
     let mut lists = vec![Vec::new(); spheres];
     for pair in pairs {
@@ -170,7 +170,7 @@ fn neighbor_lists(pairs: &[Pair], spheres: usize) -> Vec<Vec<u32>> {
 #[test]
 fn neighbors_equal_the_pairs() {
     check(64, adversary::any_spheres(), |spheres| {
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let oracle = scenario.oracle();
         for (subject, order) in subjects_and_orders(&scenario) {
             let pairs = subject.own_pairs(&scenario, &oracle)?;
@@ -210,8 +210,8 @@ fn rows_and_columns_are_the_same() {
 }
 
 #[test]
-fn threads_of_its_own_or_of_the_caller() {
-    let scenario = Scenario::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(3000, 3));
+fn own_and_caller_threads_agree() {
+    let scenario = TestInput::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(3000, 3));
     let expected = scenario.oracle();
     for algorithm in Algorithm::CPU {
         for threads in THREADS {
@@ -226,12 +226,12 @@ fn threads_of_its_own_or_of_the_caller() {
 
 #[test]
 fn detect_is_a_detector_with_default_settings() {
-    let scenario = Scenario::from(lazygrid_io::scenes::Scene::Equal.spheres(2000, 4));
+    let scenario = TestInput::from(lazygrid_io::scenes::Scene::Equal.spheres(2000, 4));
     assert_eq!(lazygrid::detect(&scenario.spheres), Ok(scenario.oracle()));
 }
 
 #[test]
-fn a_report_says_what_ran_and_why() {
+fn report_names_algorithm_and_reason() {
     for n in [0, 100, 5000] {
         let spheres = lazygrid_io::scenes::Scene::FiveSizes.spheres(n, 4);
         for subject in Subject::all() {

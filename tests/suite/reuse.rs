@@ -1,15 +1,15 @@
-//! One detector, call after call: what it keeps from the last call never shows in the next result.
+//! Repeated calls of one detector: state kept between calls never affects a result.
 
 use std::ops::ControlFlow;
 
 use lazygrid::{Detector, Order};
-use lazygrid_tests::{Scenario, Subject, adversary, difference};
+use lazygrid_tests::{Subject, TestInput, adversary, difference};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
 use crate::properties::{check, one_of_each, settings};
 
-/// What is asked of a detector.
+/// A kind of query.
 #[derive(Clone, Copy, Debug)]
 enum Call {
     Pairs,
@@ -22,7 +22,7 @@ fn call() -> impl Strategy<Value = Call> {
     prop_oneof![3 => Just(Call::Pairs), 1 => Just(Call::Count), 1 => Just(Call::Neighbors), 1 => Just(Call::Stream)]
 }
 
-fn ask(subject: Subject, detector: &mut Detector, call: Call, scenario: &Scenario) -> Result<(), String> {
+fn ask(subject: Subject, detector: &mut Detector, call: Call, scenario: &TestInput) -> Result<(), String> {
     let (view, expected) = (scenario.query(), subject.own_pairs(scenario, &scenario.oracle())?);
     let found = match call {
         Call::Pairs => detector.pairs(view).map(|pairs| Some(pairs.to_vec())),
@@ -54,7 +54,7 @@ fn any_sequence_of_inputs_and_calls() {
             let config = settings.clone().order(order).backend(subject.backend).algorithm(subject.algorithm);
             let mut detector = Detector::new(config).map_err(|e| e.to_string())?;
             for (k, (spheres, call)) in calls.iter().enumerate() {
-                let scenario = Scenario::from(spheres.clone());
+                let scenario = TestInput::from(spheres.clone());
                 ask(subject, &mut detector, *call, &scenario)
                     .map_err(|text| format!("{subject}, call {k}: {text}"))?;
             }
@@ -64,11 +64,11 @@ fn any_sequence_of_inputs_and_calls() {
 }
 
 #[test]
-fn after_errors() {
-    let good = Scenario::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(1000, 9));
+fn calls_after_errors_are_right() {
+    let good = TestInput::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(1000, 9));
     let mut bad = good.clone();
     bad.spheres[10].radius = f32::NAN;
-    let dense = Scenario::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 400]);
+    let dense = TestInput::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 400]);
     for subject in Subject::each_algorithm() {
         let limit = subject.own_pairs(&good, &good.oracle()).expect("its list").len() as u64;
         let mut detector = Detector::new(subject.config().max_pairs(limit)).expect("a detector");
@@ -83,12 +83,12 @@ fn after_errors() {
     }
 }
 
-/// A detector's steps through a simulation: the case that starts from the last step's order.
+/// The steps of a simulation, where the detector starts from the order of the previous step.
 #[test]
-fn a_running_simulation() {
+fn simulation_steps_are_right() {
     use lazygrid_io::scenes::Scene;
     for scene in Scene::ALL {
-        let mut scenario = Scenario::from(scene.spheres(600, 21));
+        let mut scenario = TestInput::from(scene.spheres(600, 21));
         let mut detectors: Vec<(Subject, Detector)> = Subject::each_algorithm()
             .into_iter()
             .map(|subject| (subject, Detector::new(subject.config()).expect("a detector")))

@@ -1,8 +1,8 @@
-//! The scenes of tests, benchmarks and figures, for every subject.
+//! The scenes of tests, benchmarks and figures, with all variants.
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Pair};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Scenario, Subject, difference};
+use lazygrid_tests::{Subject, TestInput, difference};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -10,7 +10,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 fn every_scene_against_the_oracle() {
     for scene in Scene::ALL {
         for (n, seed) in [(0, 1), (1, 1), (2, 1), (3, 1), (50, 2), (191, 3), (192, 4), (193, 5), (1000, 6)] {
-            let scenario = Scenario::from(scene.spheres(n, seed));
+            let scenario = TestInput::from(scene.spheres(n, seed));
             let expected = scenario.oracle();
             for subject in Subject::all() {
                 let verdict = subject.judge(&scenario, &expected, &Config::default());
@@ -31,7 +31,7 @@ fn large_scenes_against_the_oracle_in_any_order_of_spheres() {
                 "smallest first" => spheres.sort_by(|a, b| a.radius.total_cmp(&b.radius)),
                 _ => {}
             }
-            let scenario = Scenario::from(spheres.clone());
+            let scenario = TestInput::from(spheres.clone());
             let expected = scenario.oracle();
             for subject in Subject::in_turn(&scenario) {
                 let verdict = subject.judge(&scenario, &expected, &Config::default());
@@ -41,22 +41,22 @@ fn large_scenes_against_the_oracle_in_any_order_of_spheres() {
     }
 }
 
-/// All but all pairs on the GPU, which take a driver in software long.
+/// All variants except `Naive` on the GPU, which is slow on a software adapter.
 fn quick_ones() -> impl Iterator<Item = Subject> {
     let is_slow = |s: &Subject| s.backend == Backend::Gpu && s.algorithm == Algorithm::Naive;
     Subject::all().into_iter().filter(move |subject| !is_slow(subject))
 }
 
-/// Large enough that the work falls into many pieces, which threads take in different orders.
+/// Enough spheres for many chunks of work, which threads take in different orders.
 #[test]
-fn the_same_bytes_for_any_number_of_threads() {
+fn pairs_are_identical_for_any_number_of_threads() {
     let mut lists: Vec<((String, Order), Vec<Pair>)> = Vec::new();
     for scene in [Scene::FiveSizes, Scene::Burst] {
-        let [on_cpu, on_gpu] = [20_000, 6_000].map(|n| Scenario::from(scene.spheres(n, 8)));
+        let [on_cpu, on_gpu] = [20_000, 6_000].map(|n| TestInput::from(scene.spheres(n, 8)));
         for order in [Order::Canonical, Order::Unordered] {
             for subject in quick_ones() {
                 let is_on_gpu = subject.backend == Backend::Gpu;
-                // The GPU promises an order only where it is asked for one.
+                // The GPU guarantees an order only on request.
                 if is_on_gpu && order == Order::Unordered {
                     continue;
                 }
@@ -81,9 +81,9 @@ fn the_same_bytes_for_any_number_of_threads() {
     assert!(canonical.iter().all(|(_, list)| list.is_sorted()));
 }
 
-/// A detector that starts from the last step's order must not let it show in the order of the result.
+/// A detector that starts from the order of the previous step must not show it in the order of the result.
 #[test]
-fn the_same_bytes_at_every_step_for_any_number_of_threads() {
+fn pairs_are_identical_at_each_step_for_any_number_of_threads() {
     for order in [Order::Canonical, Order::Unordered] {
         let mut spheres = Scene::FiveSizes.spheres(20_000, 8);
         let mut detectors: Vec<(Subject, Detector)> = quick_ones()
@@ -105,9 +105,9 @@ fn the_same_bytes_at_every_step_for_any_number_of_threads() {
     }
 }
 
-/// Radii that devices may take for zero, at distances that they do not.
+/// Radii that devices may flush to zero, at distances that they do not.
 #[test]
-fn a_crowd_about_the_smallest_normal_number() {
+fn crowd_near_the_smallest_normal_number() {
     let pair = [lazygrid::Sphere::new([0.0; 3], 1e-38), lazygrid::Sphere::new([1.5e-38, 0.0, 0.0], 1e-38)];
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut unit = || (rng.next_u32() >> 8) as f32 / (1 << 24) as f32;
@@ -116,7 +116,7 @@ fn a_crowd_about_the_smallest_normal_number() {
         .map(|_| place())
         .map(|[x, y, z, r]| lazygrid::Sphere::new([x, y, z].map(|x| (2.0 * x - 1.0) * 2e-38), r * 1.2e-38));
     for spheres in [pair.to_vec(), crowd.collect()] {
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let expected = scenario.oracle();
         assert!(!expected.is_empty());
         for subject in Subject::each_algorithm() {
@@ -126,14 +126,14 @@ fn a_crowd_about_the_smallest_normal_number() {
     }
 }
 
-/// A lattice in exact contact: as many pairs as the lattice has edges.
+/// A lattice in exact contact: each edge of the lattice is a pair.
 #[test]
-fn a_full_lattice_has_its_edges() {
+fn full_lattice_has_one_pair_per_edge() {
     for (k, spacing) in [(2_usize, 1.0_f32), (9, 0.5), (21, 3.0)] {
         let place = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing - 7.0 * spacing);
         let spheres: Vec<_> =
             (0..k * k * k).map(|at| lazygrid::Sphere::new(place(at), 0.5 * spacing)).collect();
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         let edge = |i: usize, step: usize, along: usize| {
             (along + 1 < k).then(|| Pair { i: i as u32, j: (i + step) as u32 })
         };

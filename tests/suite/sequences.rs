@@ -1,24 +1,24 @@
-//! One detector through sequences of calls: radii, numbers, species, groups and places change, and calls fail in between.
+//! One detector through sequences of calls: radii, numbers, species, groups and positions change, and some calls fail.
 
 use lazygrid::Backend;
 use lazygrid_check::sequence::{Sequence, Tally};
-use lazygrid_check::{Extent, Gpu, Way};
+use lazygrid_check::{DetectorVariant, Effort, Gpu};
 use lazygrid_tests::Subject;
 
-/// Sequences for each way on the CPU, and for each way on a GPU, by default.
+/// Default number of sequences for each CPU variant and each GPU variant.
 const COUNTS: [u64; 2] = [40, 8];
 
-/// The part of the sequences that is run, as `PROPTEST_CASES` says for properties.
+/// The number of sequences to run, scaled by `PROPTEST_CASES` like that of properties.
 fn share(count: u64) -> u64 {
     let cases = std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse::<u64>().ok());
     cases.map_or(count, |cases| (count * cases / 256).max(2))
 }
 
-fn check(ways: &[Way], gpu: Option<&Gpu>, count: u64) {
+fn check(variants: &[DetectorVariant], gpu: Option<&Gpu>, count: u64) {
     let mut tally = Tally::default();
-    for (k, &way) in ways.iter().enumerate() {
+    for (k, &variant) in variants.iter().enumerate() {
         for seed in 0..share(count) {
-            let sequence = Sequence::drawn_for(1000 * k as u64 + seed, way);
+            let sequence = Sequence::drawn_for(1000 * k as u64 + seed, variant);
             if let Some(failure) = sequence.check(gpu, 300, &mut tally) {
                 panic!("{}: {}", failure.name, failure.what);
             }
@@ -30,7 +30,7 @@ fn check(ways: &[Way], gpu: Option<&Gpu>, count: u64) {
 #[test]
 fn cpu_answers_do_not_depend_on_earlier_calls() {
     if Subject::all().iter().any(|subject| subject.backend == Backend::Cpu) {
-        check(&Way::on_cpu(), None, COUNTS[0]);
+        check(&DetectorVariant::on_cpu(), None, COUNTS[0]);
     }
 }
 
@@ -39,5 +39,5 @@ fn gpu_answers_do_not_depend_on_earlier_calls() {
     let has_gpu = Subject::all().iter().any(|subject| subject.backend == Backend::Gpu);
     let Some(own) = lazygrid_tests::device().filter(|_| has_gpu) else { return };
     let gpu = Gpu { own, adapter: None };
-    check(&Way::on_gpu(&gpu.own, Extent::Quick), Some(&gpu), COUNTS[1]);
+    check(&DetectorVariant::on_gpu(&gpu.own, Effort::Quick), Some(&gpu), COUNTS[1]);
 }

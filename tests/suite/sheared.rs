@@ -1,4 +1,4 @@
-//! Spaces whose edges lean: every algorithm against a plain loop over images.
+//! Triclinic cells: each algorithm against a plain loop over images.
 
 use std::ops::ControlFlow;
 
@@ -10,7 +10,7 @@ use lazygrid_check::motion::{skin_of, walk};
 use lazygrid_check::sheared as families;
 use lazygrid_check::sheared::tilted;
 use lazygrid_tests::periodic::judge;
-use lazygrid_tests::{Scenario, Subject, difference, in_pool, sheared};
+use lazygrid_tests::{Subject, TestInput, difference, in_pool, sheared};
 use proptest::prelude::*;
 use proptest::sample::select;
 use rand_chacha::ChaCha8Rng;
@@ -18,13 +18,13 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::properties::{check, settings};
 
-fn agree(cases: u32, scenarios: impl Strategy<Value = Scenario>) {
+fn agree(cases: u32, scenarios: impl Strategy<Value = TestInput>) {
     check(cases, (scenarios, settings()), |(scenario, settings)| {
         judge(&scenario, &scenario.oracle(), &settings)
     });
 }
 
-/// Spheres of these radii, by turns, uniform in a box.
+/// Spheres of these radii in turn, uniform in a cell.
 fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut part = || (rng.next_u32() >> 8) as f32 / (1 << 24) as f32;
@@ -32,15 +32,15 @@ fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> 
     (0..n).map(|k| Sphere::new(place(), radii[k % radii.len()])).collect()
 }
 
-/// A box that leans by four tenths, and spheres in it; periodic along all edges.
-fn leaning(n: usize, radii: &[f32], edge: f32) -> Scenario {
+/// A triclinic cell with tilts of up to 0.4 of its length, periodic along all vectors, with spheres in it.
+fn leaning(n: usize, radii: &[f32], edge: f32) -> TestInput {
     let edges = tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
     let spheres = uniform(n, radii, edges.map(Option::unwrap_or_default), 5);
-    Scenario { space: families::space(edges), ..spheres.into() }
+    TestInput { space: families::space(edges), ..spheres.into() }
 }
 
 #[test]
-fn lattices_in_contact_across_seams() {
+fn lattices_in_contact_across_triclinic_boundaries() {
     agree(96, sheared::lattice());
 }
 
@@ -50,7 +50,7 @@ fn soups_in_boxes_of_any_tilt() {
 }
 
 #[test]
-fn edges_of_any_direction() {
+fn cell_vectors_of_any_direction() {
     agree(96, sheared::directions());
 }
 
@@ -60,28 +60,28 @@ fn coordinates_far_outside() {
 }
 
 #[test]
-fn corners_and_seams() {
+fn corners_and_periodic_boundaries() {
     agree(96, sheared::corners());
 }
 
 #[test]
-fn lengths_whose_squares_do_not_fit() {
+fn lengths_with_overflowing_squares() {
     agree(64, sheared::ends_of_the_range());
 }
 
 #[test]
-fn spheres_as_large_as_can_be() {
+fn largest_spheres() {
     agree(48, sheared::largest_spheres());
 }
 
 #[test]
-fn species_in_sheared_boxes() {
+fn species_in_triclinic_cells() {
     agree(96, sheared::mixture());
 }
 
-/// The distance that the library gives is that of the loop, for any order of the two points.
+/// The library's distance agrees with the loop, and does not depend on the order of the two points.
 #[test]
-fn the_distance_of_nearest_images() {
+fn distance_matches_nearest_images() {
     let scenarios = prop_oneof![sheared::soup(), sheared::directions(), sheared::lattice()];
     check(150, scenarios, |mut scenario| {
         scenario.spheres.truncate(30);
@@ -92,11 +92,11 @@ fn the_distance_of_nearest_images() {
                 if apart != space.distance_squared(b.center, a.center) {
                     return Err(format!("{a:?} and {b:?}: not the same both ways"));
                 }
-                // A pair of spheres of that reach and none of a slightly smaller one.
+                // Spheres with a slightly larger cutoff are a pair, with a slightly smaller one they are not.
                 for (factor, expected) in [(1.0 + 1e-5, 1), (1.0 - 1e-5, 0)] {
                     let radius = (apart.sqrt() * factor) as f32;
                     let spheres = vec![Sphere::new(a.center, radius), Sphere::new(b.center, 0.0)];
-                    let found = Scenario { space, ..spheres.into() }.oracle().len();
+                    let found = TestInput { space, ..spheres.into() }.oracle().len();
                     if apart > 1e-8 && found != expected {
                         return Err(format!("{a:?} and {b:?} are not {apart} apart: {found}"));
                     }
@@ -112,19 +112,19 @@ fn the_distance_of_nearest_images() {
     });
 }
 
-/// Next to an image of a point no digit is lost, whatever turns lead there.
+/// The distance to a nearby image of a point is exact, for any shift.
 #[test]
-fn distances_far_below_a_length() {
+fn tiny_distances_to_images_are_exact() {
     let edges = [[10.0, 0.0, 0.0], [-0.25, 10.0, 0.0], [0.5, 1.0, 0.1]].map(Vec3::from);
     let space = families::space(edges.map(Some));
     let tiny = f32::from_bits(3);
     for turns in 0..27 {
         let turn = |k: u32| (turns / 3_i32.pow(k) % 3 - 1) as f32;
         let image: Vec3 = (0..3).map(|k| edges[k as usize] * turn(k)).sum();
-        // Next to it where a coordinate has room for so little.
+        // Next to it, if the coordinate's precision allows.
         let next = image + Vec3::new(tiny, -tiny, tiny);
         let apart = (next - image).as_dvec3().length_squared();
-        // Of a sum of edges that is none of `f32` the image is not what was meant.
+        // If the sum of cell vectors is not representable in `f32`, `image` is not an exact image.
         let exact: glam::DVec3 = (0..3).map(|k| edges[k as usize].as_dvec3() * f64::from(turn(k))).sum();
         if image.as_dvec3() == exact {
             assert_eq!(space.distance_squared(next, Vec3::ZERO), apart, "{image}");
@@ -132,23 +132,24 @@ fn distances_far_below_a_length() {
     }
 }
 
-/// A box that leans by a whole length has the images of one that does not.
+/// A cell tilted by whole lengths has the same images as one without tilt.
 #[test]
-fn whole_tilts_are_none() {
+fn tilts_by_whole_lengths_have_no_effect() {
     let spheres = uniform(800, &[0.4, 0.2], [Vec3::X * 8.0, Vec3::Y * 4.0, Vec3::Z * 6.0], 2);
     let straight = Space::periodic([Some(8.0), Some(4.0), Some(6.0)]).expect("a box");
     let edges = tilted([Some(8.0), Some(4.0), Some(6.0)], [16.0, -8.0, 12.0]);
     let [of_straight, of_leaning] =
-        [straight, families::space(edges)].map(|space| Scenario { space, ..spheres.clone().into() });
+        [straight, families::space(edges)].map(|space| TestInput { space, ..spheres.clone().into() });
     let expected = of_straight.oracle();
     assert!(expected.len() > 500);
     assert_eq!(of_leaning.oracle(), expected);
     judge(&of_leaning, &expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
 }
 
-/// Enough spheres for many cells, levels and pieces of work: the same bytes from every algorithm, thread count and device.
+/// Enough spheres for many cells, levels and chunks of work: all algorithms, thread counts and devices give identical
+/// pairs.
 #[test]
-fn large_boxes_give_the_same_bytes() {
+fn large_boxes_give_identical_pairs() {
     let cases: [(&[f32], f32); 3] = [
         (&[0.5], 20.0),
         (&[0.5, 0.25, 0.125, 0.06, 0.03], 16.0),
@@ -172,9 +173,9 @@ fn large_boxes_give_the_same_bytes() {
     }
 }
 
-/// Lists, neighbours, counts, streams and limits tell of the same pairs.
+/// Lists, neighbor lists, counts, streams and limits agree.
 #[test]
-fn every_kind_of_result() {
+fn all_kinds_of_results_agree() {
     let scenario = leaning(2000, &[0.4, 0.1], 8.0);
     let expected = scenario.oracle();
     let most = expected.len() as u64;
@@ -225,9 +226,9 @@ fn pairs_across_two_sets() {
     });
 }
 
-/// Candidates that are kept from call to call never show in a result.
+/// Candidate lists never affect a result.
 #[test]
-fn candidates_that_are_kept() {
+fn candidate_lists_never_change_a_result() {
     let scenarios =
         prop_oneof![sheared::soup(), sheared::lattice(), sheared::mixture(), sheared::directions()];
     let mut subjects = Subject::all();
@@ -251,9 +252,9 @@ fn candidates_that_are_kept() {
     });
 }
 
-/// Where spheres move little candidates do serve, also of a box that leans.
+/// If spheres move little, candidate lists are reused, also in a triclinic cell.
 #[test]
-fn candidates_serve() {
+fn candidate_lists_are_reused() {
     for subject in Subject::each_algorithm() {
         if subject.algorithm != Algorithm::CellList {
             continue;
@@ -273,7 +274,7 @@ fn candidates_serve() {
 }
 
 #[test]
-fn edges_along_axes_are_lengths() {
+fn axis_parallel_vectors_are_lengths() {
     let edges = [[0.0, -5.0, 0.0], [0.0, 0.0, 7.0], [3.0, 0.0, 0.0]].map(Some);
     let space = Space::sheared(edges).expect("a box");
     assert_eq!(space, Space::periodic([Some(3.0), Some(5.0), Some(7.0)]).expect("a box"));
@@ -284,7 +285,7 @@ fn edges_along_axes_are_lengths() {
 }
 
 #[test]
-fn edges_that_span_no_box_are_refused() {
+fn dependent_cell_vectors_are_refused() {
     let along = Vec3::new(1.0, 1.0, 0.0);
     for edges in [
         [Some(along), Some(2.0 * along), None],
@@ -304,7 +305,7 @@ fn edges_that_span_no_box_are_refused() {
 }
 
 #[test]
-fn bad_spheres_are_named_as_they_were_given() {
+fn bad_spheres_are_named_by_input_coordinates() {
     let mut scenario = leaning(100, &[0.1], 5.0);
     scenario.spheres[40].center.y = f32::INFINITY;
     scenario.spheres[70].radius = -1.0;

@@ -1,23 +1,23 @@
-//! Candidates that are kept from call to call never show in a result.
+//! Candidate lists never affect a result.
 
 use lazygrid::{Algorithm, Backend, Detector, Order, Skin};
 use lazygrid_check::motion::{skin_of, walk};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Scenario, Subject, adversary, difference, in_pool, periodic};
+use lazygrid_tests::{Subject, TestInput, adversary, difference, in_pool, periodic};
 use proptest::prelude::*;
 use proptest::sample::select;
 
 use crate::properties::check;
 
-/// Who keeps candidates: the cell list of the CPU, and on the GPU whatever finds them.
+/// Variants with candidate lists: the cell list on the CPU, and all algorithms on the GPU.
 fn keepers() -> Vec<Subject> {
     let mut subjects = Subject::all();
     subjects.retain(|subject| subject.backend == Backend::Gpu || subject.algorithm == Algorithm::CellList);
     subjects
 }
 
-/// A walk of six calls: each has the pairs of the definition.
-fn follows(scenario: &Scenario, part: f32, moves: f32, subject: Subject) -> Result<(), String> {
+/// Checks six calls with moving spheres against the definition.
+fn follows(scenario: &TestInput, part: f32, moves: f32, subject: Subject) -> Result<(), String> {
     let mut scenario = scenario.clone();
     let skin = skin_of(&scenario.spheres, part);
     let order = if subject.threads == 1 { Order::Unordered } else { Order::Canonical };
@@ -52,7 +52,7 @@ fn moves() -> impl Strategy<Value = f32> {
 #[test]
 fn arbitrary_spheres() {
     let scenarios = prop_oneof![
-        2 => adversary::any_spheres().prop_map(Scenario::from),
+        2 => adversary::any_spheres().prop_map(TestInput::from),
         1 => adversary::mixture(adversary::any_spheres()),
     ];
     let cases = (scenarios, parts(), moves(), select(keepers()));
@@ -72,7 +72,7 @@ fn arbitrary_spheres_in_periodic_boxes() {
     check(200, cases, |(scenario, part, moves, subject)| follows(&scenario, part, moves, subject));
 }
 
-/// The motion of the benchmarks, in which candidates do serve.
+/// The motion of the benchmarks, in which candidate lists are reused.
 #[test]
 fn running_simulations() {
     let mut subjects = keepers();
@@ -80,9 +80,9 @@ fn running_simulations() {
     let both = |of: Subject| [(of, Skin::Auto), (of, Skin::Fixed(0.4))];
     let ways: Vec<_> = subjects.into_iter().flat_map(both).collect();
     for scene in Scene::ALL {
-        let mut scenario = Scenario::from(scene.spheres(3000, 21));
+        let mut scenario = TestInput::from(scene.spheres(3000, 21));
         let made = |of: &(Subject, Skin)| Detector::new(of.0.config().skin(of.1)).expect("a detector");
-        // On the GPU all sizes have the same skin, which is too many candidates for the smallest of ten.
+        // On the GPU all sizes have the same skin, which gives too many candidates for the smallest of ten sizes.
         let has_few_sizes = matches!(scene, Scene::Equal | Scene::FiveSizes);
         let serves =
             |way: &&(Subject, Skin)| has_few_sizes || way.0.backend == Backend::Cpu || way.1 != Skin::Auto;

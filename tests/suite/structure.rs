@@ -1,4 +1,4 @@
-//! What the tree promises about itself.
+//! Structure of the workspace: names, versions and dependencies.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
@@ -6,7 +6,7 @@ use std::process::Command;
 use lazygrid::{Algorithm, Backend};
 
 #[test]
-fn names_are_read_back() {
+fn names_can_be_parsed() {
     let mut names = BTreeSet::new();
     for algorithm in Algorithm::ALL {
         assert_eq!(algorithm.to_string().parse(), Ok(algorithm));
@@ -20,7 +20,7 @@ fn names_are_read_back() {
     assert!(Algorithm::CPU.iter().all(|algorithm| Algorithm::ALL.contains(algorithm)));
 }
 
-/// Crate by crate, the crates of this workspace that it may depend on outside its own tests.
+/// For each crate, the workspace crates that it may depend on outside its own tests.
 const LAYERS: [(&str, &[&str]); 12] = [
     ("lazygrid-kernels", &[]),
     ("lazygrid-host", &["lazygrid-kernels"]),
@@ -39,7 +39,7 @@ const LAYERS: [(&str, &[&str]); 12] = [
     ("lazygrid-tests", &["lazygrid", "lazygrid-io", "lazygrid-check"]),
 ];
 
-/// What cargo knows of the packages of this workspace.
+/// Cargo's metadata of the packages of this workspace.
 fn metadata() -> serde_json::Value {
     let metadata = Command::new(env!("CARGO"))
         .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
@@ -49,8 +49,8 @@ fn metadata() -> serde_json::Value {
     serde_json::from_slice(&metadata.stdout).expect("metadata is JSON")
 }
 
-/// Where the version stands outside this workspace's crates: a file, and what is there in front of it and behind it. The
-/// header of C is compared by the tests of `capi`.
+/// Locations of the version outside this workspace's crates: a file, and the text before and after the version. The
+/// tests of `capi` check the C header.
 const VERSIONED: [(&str, &str, &str); 12] = [
     ("python/Cargo.toml", "\nversion = \"", "\""),
     ("distributed/mpi/Cargo.toml", "\nversion = \"", "\""),
@@ -96,7 +96,7 @@ fn all_packages_have_one_version() {
 }
 
 #[test]
-fn dependencies_point_one_way() {
+fn dependencies_respect_the_layers() {
     let metadata = metadata();
     let layers = BTreeMap::from(LAYERS);
     let packages = metadata["packages"].as_array().expect("packages");

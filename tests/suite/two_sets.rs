@@ -1,30 +1,30 @@
-//! Pairs of one sphere of each of two sets.
+//! Pairs across two sets of spheres.
 
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Detector, Error, InputError, Interaction, Order, Pair, Sphere, Spheres};
-use lazygrid_check::Mixture;
+use lazygrid_check::SpeciesSetup;
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::{Scenario, Subject, adversary, difference, in_pool, periodic};
+use lazygrid_tests::{Subject, TestInput, adversary, difference, in_pool, periodic};
 use proptest::prelude::*;
 use proptest::sample::select;
 
 use crate::properties::check;
 
-/// The first spheres of a scenario, and the others.
-fn sets(scenario: &Scenario, split: usize) -> [Scenario; 2] {
+/// The first `split` spheres of a scenario, and the others.
+fn sets(scenario: &TestInput, split: usize) -> [TestInput; 2] {
     [scenario.only(|k| k < split), scenario.only(|k| k >= split)]
 }
 
-/// The pairs across, by index in either set.
-fn across(scenario: &Scenario, split: usize) -> Vec<Pair> {
+/// The pairs across the sets, with indices in each set.
+fn across(scenario: &TestInput, split: usize) -> Vec<Pair> {
     let split = split as u32;
     let pairs = scenario.oracle().into_iter().filter(|pair| pair.i < split && pair.j >= split);
     pairs.map(|pair| Pair { i: pair.i, j: pair.j - split }).collect()
 }
 
-/// Asks for all results; they are those of the definition.
-fn agrees(scenario: &Scenario, split: usize, subject: Subject) -> Result<(), String> {
+/// Checks all results against the definition.
+fn agrees(scenario: &TestInput, split: usize, subject: Subject) -> Result<(), String> {
     let expected = across(scenario, split);
     let [a, b] = sets(scenario, split);
     let config = scenario.config(subject.config()).map_err(|error| error.to_string())?;
@@ -71,7 +71,7 @@ fn agrees(scenario: &Scenario, split: usize, subject: Subject) -> Result<(), Str
 #[test]
 fn arbitrary_sets() {
     let scenarios = prop_oneof![
-        2 => adversary::any_spheres().prop_map(Scenario::from),
+        2 => adversary::any_spheres().prop_map(TestInput::from),
         1 => adversary::mixture(adversary::any_spheres()),
         1 => periodic::lattice(),
         1 => periodic::soup(),
@@ -84,9 +84,9 @@ fn arbitrary_sets() {
     });
 }
 
-/// Sets of other sizes and numbers: looking from either side is worth it on some levels.
+/// Sets of different sizes and numbers: on some levels, searching from the other set is worthwhile.
 #[test]
-fn scenes_and_giants() {
+fn scenes_with_giants_in_either_set() {
     let giants =
         (0..20_u8).map(|k| Sphere::new([f32::from(k % 4), f32::from(k / 4), 0.0].map(|x| 9.0 * x), 8.0));
     let mut subjects = Subject::all();
@@ -94,9 +94,9 @@ fn scenes_and_giants() {
     for scene in Scene::ALL {
         let mut spheres = scene.spheres(1500, 5);
         spheres.splice(0..0, giants.clone());
-        let scenario = Scenario::from(spheres);
+        let scenario = TestInput::from(spheres);
         for split in [0, 1, 20, 700, 1520] {
-            // What the numbers of two sets decide is how the CPU looks.
+            // Only the search on the CPU depends on the numbers of the two sets.
             let looks = |of: &&Subject| of.backend == Backend::Cpu || split == 20;
             for &subject in subjects.iter().filter(looks) {
                 agrees(&scenario, split, subject).unwrap_or_else(|text| panic!("{scene}, {text}"));
@@ -105,16 +105,17 @@ fn scenes_and_giants() {
     }
 }
 
-/// The table decides across sets as it does in one, for two of a species and for others; without a table ids say nothing.
+/// The table applies across sets as within one, for the same and for different species. Without a table, ids have no
+/// effect.
 #[test]
 fn species_of_either_set() {
     use Interaction::{Never, Touch, Within};
     let rows = vec![vec![Touch], vec![Within(0.9), Never], vec![Never, Touch, Within(0.5)]];
     let species: Vec<u32> = (0..600).map(|k| k / 7 % 3).collect();
     let spheres = Scene::FiveSizes.spheres(600, 9);
-    let mixture = Some(Mixture { species: species.clone(), rows });
-    let with_table = Scenario { mixture, ..Scenario::from(spheres.clone()) };
-    let without = Scenario::from(spheres);
+    let mixture = Some(SpeciesSetup { species: species.clone(), rows });
+    let with_table = TestInput { mixture, ..TestInput::from(spheres.clone()) };
+    let without = TestInput::from(spheres);
     let mut subjects = Subject::all();
     subjects.retain(|subject| subject.algorithm == Algorithm::CellList && subject.threads < 7);
     for subject in subjects {
@@ -130,7 +131,7 @@ fn species_of_either_set() {
 }
 
 #[test]
-fn what_is_wrong_is_said_of_the_set_that_has_it() {
+fn errors_name_the_set() {
     let mut subjects = Subject::all();
     subjects.retain(|subject| subject.algorithm == Algorithm::CellList && subject.threads == 1);
     subjects.into_iter().for_each(says_what_is_wrong);

@@ -1,5 +1,5 @@
-//! lazygrid beside parry3d, one thread beside two, and large inputs beside larger ones. Markdown on standard
-//! output, every single value in a CSV file on request.
+//! lazygrid compared with parry3d, one thread with two, and small inputs with large ones. Prints Markdown, and on
+//! request writes each value to a CSV file.
 //!
 //! `cargo bench -p lazygrid-bench --bench peers -- --mode running --scene equal --n 100000 --rounds 9`
 #![allow(clippy::print_stdout)]
@@ -12,32 +12,32 @@ use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
 use lazygrid::{Algorithm, Backend, Config, Order, Skin};
-use lazygrid_bench::measure::{Contender, Options, Plan, Timing, compare, markdown, provenance};
+use lazygrid_bench::measure::{ContenderFactory, Options, Plan, Timing, compare, markdown, provenance};
 use lazygrid_bench::peers::{cell_list, lammps, parry, verlet};
 use lazygrid_io::scenes::Scene;
 
-/// Above this many spheres the naive detector is left out: its time grows with the square.
+/// Maximum number of spheres for the naive detector, whose time grows quadratically.
 const NAIVE_LIMIT: usize = 20_000;
 
 #[derive(Parser)]
-#[command(about = "lazygrid beside parry3d, exact pairs checked equal before any time is reported")]
+#[command(about = "lazygrid compared with parry3d; checks that all pairs are equal before it reports times")]
 struct Args {
-    /// What to compare, separated by commas
+    /// Comparisons, separated by commas
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Mode::Running, Mode::Scratch])]
     mode: Vec<Mode>,
     /// Algorithms, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = ALGORITHMS)]
     algorithm: Vec<Algorithm>,
-    /// What lazygrid gives back, separated by commas
+    /// Results of lazygrid, separated by commas
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Output::List, Output::Unordered, Output::Count])]
     output: Vec<Output>,
-    /// Threads of `--mode sizes`
+    /// Number of threads of `--mode sizes`
     #[arg(long, default_value_t = 1)]
     threads: usize,
-    /// Search anew at every step: no skin
+    /// PairFinder at each step, without a skin
     #[arg(long)]
     anew: bool,
-    /// Also write every value as CSV
+    /// Write each value to this CSV file
     #[arg(long)]
     csv: Option<PathBuf>,
     /// Measure one detector's time and memory in this process, for `--mode sizes`
@@ -58,20 +58,20 @@ const ALGORITHMS: [Algorithm; 6] = [
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Mode {
-    /// A simulation: one detector, or one tree, kept from step to step; one thread.
+    /// A simulation: one detector, or one tree, kept between steps; one thread.
     Running,
-    /// The settings of Bullet, kept from step to step; one thread.
+    /// The settings of Bullet, kept between steps; one thread.
     #[cfg(feature = "bullet")]
     Bullet,
-    /// The skins of the Verlet list and, of equal spheres, of LAMMPS, kept from step to step; one thread.
+    /// The skins of the Verlet list and, for equal spheres, of LAMMPS, kept between steps; one thread.
     Skins,
-    /// The settings of the plain cell list beside parry3d's tree, kept from step to step; one thread.
+    /// The settings of the plain cell list compared with parry3d's tree, kept between steps; one thread.
     Yardstick,
     /// One call from arbitrary order; one thread.
     Scratch,
-    /// One thread beside two.
+    /// One thread compared with two.
     Threads,
-    /// Time and memory per sphere as the number of spheres grows, each in a process of its own.
+    /// Time and memory per sphere for growing numbers of spheres, each in a separate process.
     Sizes,
 }
 
@@ -81,9 +81,9 @@ enum Output {
     List,
     /// The list in any order.
     Unordered,
-    /// The list in any order, handed over in chunks that are dropped.
+    /// The list in any order, streamed in chunks that are dropped.
     Stream,
-    /// The number only.
+    /// Only the number of pairs.
     Count,
 }
 
@@ -130,7 +130,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn plan_for(mode: Mode, plan: Plan) -> Plan {
-    // From scratch a step tells no more than a round.
+    // Without state between steps, a step is equivalent to a round.
     if mode == Mode::Scratch { Plan { fresh: true, steps: 1, ..plan } } else { plan }
 }
 
@@ -149,9 +149,9 @@ fn heading(mode: Mode, plan: &Plan) -> String {
     )
 }
 
-fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<Contender> {
+fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<ContenderFactory> {
     let mut contenders = match mode {
-        Mode::Running => parry::running(),
+        Mode::Running => parry::incremental(),
         Mode::Yardstick => {
             std::iter::once(parry::refitted("parry3d refit")).chain(cell_list::tunings(plan.scene)).collect()
         }
@@ -159,7 +159,7 @@ fn contenders(mode: Mode, args: &Args, plan: &Plan) -> Vec<Contender> {
             let of_lammps = if plan.scene == Scene::Equal { lammps::skins() } else { vec![] };
             verlet::skins(plan.scene).into_iter().chain(of_lammps).collect()
         }
-        Mode::Scratch => parry::scratch(),
+        Mode::Scratch => parry::from_scratch(),
         #[cfg(feature = "bullet")]
         Mode::Bullet => lazygrid_bench::peers::bullet::tunings(plan.scene),
         Mode::Threads | Mode::Sizes => vec![],
@@ -179,17 +179,17 @@ fn config(args: &Args, algorithm: Algorithm, output: Output, threads: usize) -> 
     Config::default().backend(Backend::Cpu).algorithm(algorithm).threads(threads).order(order).skin(skin)
 }
 
-fn contender(args: &Args, algorithm: Algorithm, output: Output, threads: usize) -> Contender {
+fn contender(args: &Args, algorithm: Algorithm, output: Output, threads: usize) -> ContenderFactory {
     let config = config(args, algorithm, output, threads);
     match output {
-        Output::List => Contender::list(algorithm.name(), config),
-        Output::Unordered => Contender::list(format!("{algorithm}, unordered"), config),
-        Output::Stream => Contender::stream(format!("{algorithm}, stream"), config),
-        Output::Count => Contender::count(format!("{algorithm}, count"), config),
+        Output::List => ContenderFactory::list(algorithm.name(), config),
+        Output::Unordered => ContenderFactory::list(format!("{algorithm}, unordered"), config),
+        Output::Stream => ContenderFactory::stream(format!("{algorithm}, stream"), config),
+        Output::Count => ContenderFactory::count(format!("{algorithm}, count"), config),
     }
 }
 
-/// Every contender beside the fastest tuning of parry.
+/// A table of all contenders compared with the fastest settings of parry3d.
 fn peers_table(timings: &[Timing]) -> String {
     let trees = timings.iter().filter(|t| t.name.starts_with("parry3d"));
     let best = trees.min_by(|a, b| a.median().total_cmp(&b.median()));
@@ -206,7 +206,7 @@ fn peers_table(timings: &[Timing]) -> String {
     )
 }
 
-/// The two grids of the paper beside each other.
+/// A line that compares the two grids of the paper.
 fn grids_line(timings: &[Timing]) -> String {
     let find = |algorithm: Algorithm| timings.iter().find(|t| t.name == algorithm.name());
     match (find(Algorithm::ArrayGrid), find(Algorithm::RecursiveGrid)) {

@@ -1,5 +1,5 @@
-//! Time and memory per sphere as the number of spheres grows. Each figure comes from a process of its own,
-//! whose peak of resident memory is the detector's.
+//! Time and memory per sphere for growing numbers of spheres. Each value comes from a separate process, whose peak
+//! resident memory is that of the detector.
 
 use std::error::Error;
 use std::process::Command;
@@ -11,20 +11,20 @@ use lazygrid_io::scenes::Scene;
 
 use crate::{Args, NAIVE_LIMIT, Output, config, contender};
 
-/// What a child process measured.
+/// The measurements of a child process.
 #[derive(Clone, Copy)]
 struct Sample {
     /// Nanoseconds per sphere of the first call.
     first: f64,
-    /// Those of the calls that follow.
+    /// Nanoseconds per sphere of the following calls.
     nanos: f64,
-    /// Peak bytes per sphere besides spheres and result; NaN where the system does not tell.
+    /// Peak bytes per sphere besides spheres and result; NaN if the system does not report it.
     bytes: f64,
-    /// The detector's own upper estimate of the same.
+    /// The detector's upper bound for these bytes.
     estimate: f64,
 }
 
-/// What all children of a row measure, but for the number of spheres.
+/// The parameters of a child process except the number of spheres.
 #[derive(Clone, Copy)]
 struct Kind {
     scene: Scene,
@@ -32,7 +32,7 @@ struct Kind {
     output: Output,
 }
 
-/// Runs the children of all scenes, algorithms, outputs and sizes, sizes interleaved, and prints a table.
+/// Runs the child processes of all scenes, algorithms, outputs and sizes, with sizes interleaved, and prints a table.
 pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     let mut rows = vec![];
     for &scene in &args.options.scene {
@@ -120,7 +120,7 @@ fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
     }
 }
 
-/// Prints nanoseconds of the first call and of others, bytes and estimated bytes per sphere of one scene, algorithm,
+/// Prints nanoseconds of the first and following calls, bytes and estimated bytes per sphere, for one scene, algorithm,
 /// output and size.
 pub(crate) fn child(args: &Args) -> Result<(), Box<dyn Error>> {
     let options = &args.options;

@@ -9,10 +9,10 @@ use lazygrid_bench::figures::Figure;
 use lazygrid_io::scenes::Scene;
 use lazygrid_kernels::kernel::KERNELS;
 
-/// The figures of the paper, and others beside them, on this machine; what its drivers make of the GPU kernels.
+/// Repeat the paper's figures on this machine, compare runs, and inspect GPU kernels as Vulkan drivers compile them.
 #[derive(Debug, Parser)]
 #[command(name = "lazygrid-bench", version, arg_required_else_help = true)]
-#[command(after_help = "Exit code: 0 done; 1 a wrong answer, a loss or a failure; 2 wrong usage.")]
+#[command(after_help = "Exit code: 0 success; 1 wrong answer, regression or failure; 2 wrong usage.")]
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -22,78 +22,80 @@ pub(crate) struct Args {
 pub(crate) enum Command {
     /// Repeat the paper's evaluation on this machine and write a report
     Figures(Figures),
-    /// Say what became slower between two folders of figures
+    /// List what became slower between two folders of figures
     Compare(Compare),
-    /// Say what Vulkan drivers make of the GPU kernels
+    /// Compile the GPU kernels with Vulkan drivers and print the drivers' statistics
     Kernels(Kernels),
     #[command(hide = true)]
     MeasureMemory(MeasureMemory),
 }
 
-/// Repeats the paper's evaluation on this machine: engines in turn on the same spheres, every answer checked before its
-/// time counts. Writes results.json, results.csv, plots, report.html and RESULTS.md.
+/// Repeat the paper's evaluation on this machine. Engines take turns on the same spheres, and each answer is checked
+/// before its time counts. Writes results.json, results.csv, plots, report.html and RESULTS.md.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "A run that was interrupted goes on where it was, with the same settings and build.
-Exit code 1 where an engine gave a wrong answer. Bullet takes part where built with --features bullet.
+#[command(
+    after_help = "An interrupted run resumes if settings and build are the same. Exit code 1 if an engine gave a wrong answer.
+Bullet takes part if built with --features bullet.
 
 Examples:
   lazygrid-bench figures --quick
-  lazygrid-bench figures --only 4 --budget-minutes 5 --out trees")]
+  lazygrid-bench figures --only 4 --budget-minutes 5 --out trees"
+)]
 pub(crate) struct Figures {
     /// Smaller sizes and fewer runs: under three minutes on two cores
     #[arg(long)]
     pub(crate) quick: bool,
-    /// The smallest size of everything: checks answers, times mean nothing
+    /// Smallest sizes: checks answers, times are meaningless
     #[arg(long, conflicts_with = "quick")]
     pub(crate) smallest: bool,
     /// Only these figures, separated by commas [default: all]
     #[arg(long, value_name = "FIGURE", value_delimiter = ',', value_parser = one_of(Figure::ALL.map(Figure::name)).try_map(|name| name.parse::<Figure>()))]
     pub(crate) only: Vec<Figure>,
-    /// The folder for results; finished points that it holds are not run again
+    /// Folder for results; finished points in it are not run again
     #[arg(long, value_name = "DIR", default_value = "figures")]
     pub(crate) out: PathBuf,
-    /// The most runs, or steps, of each engine at each point [default: as many as the paper's, fewer with --quick]
+    /// Maximum number of runs, or steps, of each engine at each point [default: as in the paper, fewer with --quick]
     #[arg(long, value_name = "N")]
     pub(crate) runs: Option<NonZeroUsize>,
-    /// About how many minutes it may take [default: 30, with --quick 1.75]
+    /// Approximate time budget in minutes [default: 30, with --quick 1.75]
     #[arg(long, value_name = "M", value_parser = minutes)]
     pub(crate) budget_minutes: Option<f64>,
 }
 
-/// Says what changed between two runs of the figures by more than their noise: the medians differ by more than 5 % and
-/// the middle halves of the runs do not overlap. Exit code 1 where something broke, was lost, or became slower or larger.
+/// List the measurements that changed by more than their noise between two runs: medians more than 5 % apart, and
+/// disjoint ranges of the middle halves of the runs. Exit code 1 if any broke, was lost, or became slower or larger.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Compare {
-    /// The folder of the older run
+    /// Folder of the older run
     pub(crate) old: PathBuf,
-    /// The folder of the newer run
+    /// Folder of the newer run
     pub(crate) new: PathBuf,
 }
 
-/// Compiles every GPU kernel with the drivers of Vulkan here, as the engine has it, and prints what each driver says of its
-/// programs: registers, values kept in memory for want of them, code. Nothing is run. Exit code 1 where a kernel is refused.
+/// Compile each GPU kernel with the Vulkan drivers, as the engine does, and print each driver's statistics of its
+/// programs, such as registers, spills and code size. No kernel is run. Exit code 1 if a driver rejects a kernel.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Mesa's driver for AMD needs no GPU:
   RADV_FORCE_FAMILY=navi21 VK_DRIVER_FILES=/usr/share/vulkan/icd.d/radeon_icd.x86_64.json lazygrid-bench kernels")]
 pub(crate) struct Kernels {
-    /// Which GPU: its index among those that `lazygrid devices` lists, or a part of its name [default: all by Vulkan]
+    /// GPU: its index as listed by `lazygrid devices`, or a part of its name [default: all Vulkan GPUs]
     #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) adapter: Option<AdapterId>,
     /// Only these kernels, separated by commas [default: all]
     #[arg(long, value_name = "KERNEL", value_delimiter = ',', hide_possible_values = true, value_parser = one_of(KERNELS.map(|kernel| kernel.name)))]
     pub(crate) only: Vec<String>,
-    /// Also the texts for devices without subgroup operations or with little workgroup memory
+    /// Include kernel variants for devices without subgroup operations or with little workgroup memory
     #[arg(long)]
     pub(crate) other_devices: bool,
-    /// A folder for the assembly, or whatever else the driver shows of its programs
+    /// Folder for the assembly and other representations that the driver provides
     #[arg(long, value_name = "DIR")]
     pub(crate) texts: Option<PathBuf>,
-    /// Everything as JSON
+    /// Print everything as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
 
-/// Measures one engine in a process of its own.
+/// Measures one engine in a separate process.
 #[derive(Debug, clap::Args)]
 pub(crate) struct MeasureMemory {
     pub(crate) engine: String,

@@ -3,21 +3,21 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// Why the command did not do what it was asked for.
+/// The reason why a command failed.
 #[derive(Debug, Error)]
 pub(crate) enum Failure {
     #[error("{0}")]
     Figures(String),
-    #[error("{errors} measurements have a wrong answer or failed; {} names them", report.display())]
+    #[error("{errors} measurements gave a wrong answer or failed; see {}", report.display())]
     WrongAnswers { errors: usize, report: PathBuf },
     #[error(
-        "the new run is worse: {broken} measurements broke, {lost} are lost, {slower} slower, {larger} larger"
+        "the new run is worse: {broken} measurements broken, {lost} lost, {slower} slower, {larger} larger"
     )]
     Worse { broken: usize, lost: usize, slower: usize, larger: usize },
     #[error("{0}")]
     Kernels(String),
-    #[error("{texts} texts of kernels were refused")]
-    Refused { texts: usize },
+    #[error("drivers rejected {variants} kernel variants")]
+    Rejected { variants: usize },
     #[error("cannot write to standard output: {0}")]
     Stdout(io::Error),
 }

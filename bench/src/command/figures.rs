@@ -1,14 +1,14 @@
 use std::time::Duration;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
-use lazygrid_bench::figures::{self, Figure, Progress, Results, Scale, Settings};
+use lazygrid_bench::figures::{self, Figure, Progress, Results, RunScale, Settings};
 
 use crate::command::args::{Figures, MeasureMemory};
 use crate::command::failure::Failure;
 use crate::command::invocation;
 use crate::print;
 
-/// Runs the figures, writes the report, and says where it is.
+/// Runs the figures, writes the report, and prints its path.
 pub(crate) fn run(args: &Figures) -> Result<(), Failure> {
     let settings = settings(args);
     let program = std::env::current_exe().map_err(|e| Failure::Figures(e.to_string()))?;
@@ -29,21 +29,21 @@ pub(crate) fn run(args: &Figures) -> Result<(), Failure> {
         0 => Ok(()),
         errors => Err(Failure::WrongAnswers { errors, report: args.out.join("report.html") }),
     };
-    // The verdict also counts where nobody reads any more.
+    // The exit code must show the verdict even if standard output is closed.
     let printed = print(summary(&results, args));
     verdict.and(printed)
 }
 
 fn settings(args: &Figures) -> Settings {
     let scale = match (args.quick, args.smallest) {
-        (_, true) => Scale::Smallest,
-        (true, _) => Scale::Quick,
-        _ => Scale::Full,
+        (_, true) => RunScale::Smallest,
+        (true, _) => RunScale::Quick,
+        _ => RunScale::Full,
     };
     let mut only = if args.only.is_empty() { Figure::ALL.to_vec() } else { args.only.clone() };
     only.sort();
     only.dedup();
-    let minutes = args.budget_minutes.unwrap_or(if scale == Scale::Full { 30.0 } else { 1.75 });
+    let minutes = args.budget_minutes.unwrap_or(if scale == RunScale::Full { 30.0 } else { 1.75 });
     let command = invocation::command();
     Settings { scale, only, runs: args.runs.map(Into::into), minutes, seed: 1, command }
 }
@@ -64,7 +64,7 @@ fn summary(results: &Results, args: &Figures) -> String {
     )
 }
 
-/// Prints what one engine takes in this process, for the memory figure.
+/// Prints the memory and time of one engine in this process, for the memory figure.
 pub(crate) fn measure_memory(args: &MeasureMemory) -> Result<(), Failure> {
     let sample = figures::measure_memory(&args.engine, args.scene, args.n, args.steps);
     let sample = sample.map_err(|e| Failure::Figures(e.to_string()))?;

@@ -1,12 +1,12 @@
-//! How this program was called, as somebody would type it again.
+//! The command line of this process, in a form that can be typed again.
 
 use std::env;
 
-/// The package that `cargo run` runs, where it does.
+/// The package name, which `cargo run` also puts into the environment.
 const PACKAGE: &str = env!("CARGO_PKG_NAME");
 
-/// The command that started this process: `cargo run` with this build's profile and features where cargo ran it, else
-/// the program as it was called.
+/// The command that started this process: `cargo run` with this build's profile and features if cargo started it,
+/// otherwise the program as it was called.
 pub(crate) fn command() -> String {
     let mut words = env::args_os().map(|word| word.to_string_lossy().into_owned());
     let program = words.next().unwrap_or_else(|| PACKAGE.to_owned());
@@ -23,7 +23,7 @@ fn cargo_run() -> Vec<String> {
     parts.concat().into_iter().map(str::to_owned).collect()
 }
 
-/// Words as a shell reads them.
+/// Joins words, quoted for a shell.
 fn typed(words: &[String]) -> String {
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
@@ -42,7 +42,7 @@ mod tests {
     use super::typed;
 
     #[test]
-    fn words_can_be_typed_again() {
+    fn words_are_quoted_for_a_shell() {
         let words = ["lazygrid-bench", "--only", "3a,4", "my folder", "it's", ""].map(str::to_owned);
         assert_eq!(typed(&words), r"lazygrid-bench --only 3a,4 'my folder' 'it'\''s' ''");
     }

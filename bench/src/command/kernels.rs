@@ -8,14 +8,14 @@ use crate::command::args::Kernels;
 use crate::command::failure::Failure;
 use crate::print;
 
-/// Compiles the kernels and prints what became of them.
+/// Compiles the kernels and prints the results.
 pub(crate) fn run(args: &Kernels) -> Result<(), Failure> {
     let wanted =
         Wanted { only: args.only.clone(), other_devices: args.other_devices, texts: args.texts.is_some() };
-    let (mut found, mut refused) = (Vec::new(), 0);
+    let (mut found, mut rejected) = (Vec::new(), 0);
     for adapter in chosen(args)? {
         let kernels = kernels::compile(&adapter, &wanted).map_err(Failure::Kernels)?;
-        refused += kernels.refused().count();
+        rejected += kernels.rejected().count();
         if let Some(folder) = &args.texts {
             kernels
                 .compiled
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &Kernels) -> Result<(), Failure> {
         let text = serde_json::to_string_pretty(&found).map_err(|e| Failure::Kernels(e.to_string()))?;
         print(text + "\n")?;
     }
-    if refused > 0 { Err(Failure::Refused { texts: refused }) } else { Ok(()) }
+    if rejected > 0 { Err(Failure::Rejected { variants: rejected }) } else { Ok(()) }
 }
 
 fn chosen(args: &Kernels) -> Result<Vec<AdapterSummary>, Failure> {
@@ -43,13 +43,13 @@ fn chosen(args: &Kernels) -> Result<Vec<AdapterSummary>, Failure> {
     let names: Vec<_> = found.iter().map(|adapter| format!("{} ({})", adapter.name, adapter.api)).collect();
     found.retain(|adapter| adapter.api == "vulkan");
     match found.is_empty() {
-        true if names.is_empty() => Err(Failure::Kernels("there is no Vulkan driver".to_owned())),
-        true => Err(Failure::Kernels(format!("not by Vulkan: {}", names.join(", ")))),
+        true if names.is_empty() => Err(Failure::Kernels("no Vulkan driver found".to_owned())),
+        true => Err(Failure::Kernels(format!("not available through Vulkan: {}", names.join(", ")))),
         false => Ok(found),
     }
 }
 
-/// Writes each form of each program to a file.
+/// Writes each representation of each program to a file.
 fn write_texts(compiled: &Compiled, folder: &Path) -> Result<(), Failure> {
     let failed =
         |path: &Path, e: std::io::Error| Failure::Kernels(format!("{}: cannot write: {e}", path.display()));

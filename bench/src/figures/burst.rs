@@ -7,16 +7,16 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Sphere};
 use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Contact, Model, Shape, Simulation, State};
 
-use super::plan::Point;
-use super::race::{Limits, Race};
+use super::plan::DataPoint;
+use super::race::{Comparison, Limits};
 use super::row::Row;
-use super::{Engine, Figure};
+use super::{Contender, Figure};
 
-/// The scenario that `lazygrid simulate` runs too.
+/// The scenario file, which `lazygrid simulate` can run too.
 const SCENARIO: &str = include_str!("../../../simulator/scenarios/burst.toml");
 const NAME: &str = "simulator/scenarios/burst.toml";
 
-/// What is simulated, for the report.
+/// The description of the simulation in the report.
 pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.toml without its receiver: one transmitter \
     releases carriers of ten radii, 1 to 10 nm in equal numbers, from one point into unbounded water of 25 °C, where \
     they diffuse as Stokes and Einstein say. Hard spheres cannot all be at one point. So they begin as a ball of which \
@@ -25,23 +25,23 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
     2 ns, in which the smallest move no more than their radius along each axis. Engines are timed after 1, 10, 100 … \
     steps in figure 5a, after 1, 100, 10 000 … in 5b, and at the end. The cost of a step grows with the number of \
     carriers, and so does the time in which a burst comes apart: large bursts are followed for a shorter time, in which \
-    little of them does. Every engine finds the pairs of the same consecutive steps from each moment on, as contacts \
+    little of them does. Every contender finds the pairs of the same consecutive steps from each moment on, as contacts \
     leave them. The first of them brings its structure up to date and does not count. Times are of the search alone, on \
     all threads, but for N3Sim's sweep, which has one.";
 
-/// Steps of a simulated second, of 2 ns each: √(2·D·t) of a carrier of 1 nm and 245 µm²/s is 0.99 nm.
+/// Steps per simulated second (2 ns each): √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm.
 const STEPS_PER_SECOND: f64 = 5e8;
-/// The part of the ball that carriers fill where they begin: about as densely as hard spheres are still a fluid.
+/// Volume fraction of the initial ball: about the density at which hard spheres are still a fluid.
 const FILLED: f64 = 0.5;
-/// Simulated seconds in which nobody moves further than rounding.
+/// Time step in seconds in which particles move by less than rounding errors.
 const STILL: f64 = 1e-30;
-/// The part of a radius by which carriers are larger while they are pushed apart at the beginning. Overlaps smaller than the
-/// last digit of a coordinate are never parted; without these margins none of them is an overlap.
+/// Relative increase of the radii while carriers are initially pushed apart. Overlaps smaller than the last digit of a
+/// coordinate are never resolved; without this margin they would remain.
 const MARGIN: f32 = 1e-3;
-/// Carriers push each other apart at the beginning at most this often. A million take about 50 times.
+/// Maximum number of initial pushes. A million carriers take about 50.
 const PUSHES: u32 = 200;
 
-/// After how many steps engines are timed: each time so many times as many, and at the end.
+/// The steps after which engines are timed: 1, `times`, `times²`, …, and `last`.
 fn moments(times: u32, last: u32) -> Vec<u32> {
     let mut moments: Vec<u32> =
         std::iter::successors(Some(1), |k: &u32| k.checked_mul(times)).take_while(|&k| k < last).collect();
@@ -49,16 +49,16 @@ fn moments(times: u32, last: u32) -> Vec<u32> {
     moments
 }
 
-/// The rows of every moment at which the engines are timed, up to that after so many steps.
+/// The rows of each timed moment, up to that after `steps` steps.
 pub(super) fn rows(
-    (point, steps): (&Point, u32),
+    (point, steps): (&DataPoint, u32),
     limits: Limits,
     seed: u64,
-    left_out: impl Fn(Engine) -> Option<String>,
+    left_out: impl Fn(Contender) -> Option<String>,
 ) -> Result<Vec<Row>, Box<dyn Error>> {
-    // A burst of a million takes minutes at each moment.
+    // A burst of a million carriers takes minutes at each moment.
     let moments = moments(if point.figure == Figure::F5a { 10 } else { 100 }, steps);
-    let mut race = Race::new(
+    let mut comparison = Comparison::new(
         point,
         Limits {
             time: limits.time / moments.len() as u32,
@@ -77,17 +77,17 @@ pub(super) fn rows(
         let state = burst.state().clone();
         let mut timed = Simulation::resume(burst.model().clone(), seed, Algorithm::Auto, state)?;
         let mut warm_up = true;
-        while !race.is_over() {
-            race.frame(&spheres(&timed), warm_up)?;
+        while !comparison.is_over() {
+            comparison.frame(&spheres(&timed), warm_up)?;
             timed.step()?;
             warm_up = false;
         }
-        rows.extend(race.take_rows(Some(f64::from(moment) / STEPS_PER_SECOND)));
+        rows.extend(comparison.take_rows(Some(f64::from(moment) / STEPS_PER_SECOND)));
     }
     Ok(rows)
 }
 
-/// The burst when it begins to move: a ball of carriers none of which overlap.
+/// Creates the initial state of the burst: a ball of carriers without overlaps.
 fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
     let mut still = Model { time_step: STILL, ..model.clone() };
     still.species.iter_mut().for_each(|species| species.radius *= 1.0 + MARGIN);
@@ -96,7 +96,7 @@ fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
     for _ in 0..PUSHES {
         pushed.step()?;
         let totals = &pushed.state().totals;
-        // Where many do with their margins, some do without.
+        // If many carriers with margins overlap, some without margins do too.
         if totals.pairs > totals.present.iter().sum::<u64>() / 10 {
             continue;
         }
@@ -110,13 +110,14 @@ fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
             return Ok(burst);
         }
     }
-    Err(format!("carriers still overlap after {PUSHES} pushes at the beginning").into())
+    Err(format!("carriers still overlap after {PUSHES} initial pushes").into())
 }
 
-/// The scenario with `n` carriers, rounded down to a multiple of ten, in a ball and in steps that resolve contact.
+/// The scenario with `n` carriers (rounded down to a multiple of ten), in a ball, with time steps that resolve
+/// contacts.
 fn model(n: usize) -> Result<Model, Box<dyn Error>> {
     let mut model = Scenario::parse(Path::new(NAME), SCENARIO.to_owned())?.model;
-    // It would take carriers away, whose places in the list others would get.
+    // Removes receivers: they would absorb carriers, whose indices others would get.
     model.receivers.clear();
     for transmitter in &mut model.transmitters {
         let sizes = transmitter.release.len().max(1);
@@ -131,7 +132,7 @@ fn model(n: usize) -> Result<Model, Box<dyn Error>> {
     Ok(model)
 }
 
-/// The carriers as they are now. None is ever removed, so each keeps its place.
+/// The carriers at present. None is ever removed, so that each keeps its index.
 fn spheres(simulation: &Simulation) -> Vec<Sphere> {
     let particles = &simulation.state().particles;
     (0..particles.len()).map(|k| Sphere::new(particles.position_of(k), particles.radius[k])).collect()
@@ -144,21 +145,21 @@ mod tests {
     const N: usize = 400;
     const STEPS: u32 = 300;
 
-    /// The mean square of the distance from the centre, in µm².
+    /// The mean squared distance from the center in µm².
     fn spread(of: impl Iterator<Item = Sphere>) -> f64 {
         let squares: Vec<f64> = of.map(|sphere| f64::from(sphere.center.length_squared())).collect();
         squares.iter().sum::<f64>() / squares.len() as f64
     }
 
     #[test]
-    fn a_burst_is_looked_at_ever_more_rarely_and_at_its_end() {
+    fn burst_moments_grow_geometrically_up_to_the_end() {
         assert_eq!(moments(10, 1000), [1, 10, 100, 1000]);
         assert_eq!(moments(100, 400), [1, 100, 400]);
         assert_eq!(moments(10, 1), [1]);
     }
 
     #[test]
-    fn no_step_takes_a_carrier_further_than_its_radius() {
+    fn steps_are_no_longer_than_radii() {
         let model = model(N).expect("the scenario");
         for (species, kind) in (0..).zip(&model.species) {
             let step = model.step_length(species);
@@ -166,16 +167,17 @@ mod tests {
         }
     }
 
-    /// Nobody overlaps, all sizes are everywhere, and the ball is about as wide as it has to be.
+    /// No carriers overlap, all sizes are spread over the ball, and the ball is about as wide as necessary.
     #[test]
-    fn the_burst_begins_as_a_ball_at_contact() {
+    fn burst_starts_as_a_ball_without_overlaps() {
         let model = model(4000).expect("the scenario");
         let Shape::Shell(_, radius) = model.transmitters[0].shape else { panic!("no ball") };
         let begun = spheres(&begin(model, 1).expect("carriers find their places"));
         assert!(lazygrid::detect(&begun).expect("spheres").is_empty());
         let filled: f64 = begun.iter().map(|s| f64::from(s.radius).powi(3)).sum::<f64>();
         assert!((filled / f64::from(radius).powi(3) - FILLED).abs() < 1e-4);
-        // In a ball ⟨r²⟩ is 3/5 of the square of its radius, with a deviation of √(12/175) for each.
+        // In a ball ⟨r²⟩ is 3/5 of the squared radius, with a standard deviation of √(12/175) of the squared radius per
+        // carrier.
         let uniform = 0.6 * f64::from(radius).powi(2);
         let all = spread(begun.iter().copied()) / uniform;
         assert!((1.0..1.12).contains(&all), "{all}");
@@ -189,9 +191,9 @@ mod tests {
         }
     }
 
-    /// Contacts push carriers that begin at one point into about the ball in which the others begin.
+    /// Contacts push carriers that start at one point into about the initial ball of `begin`.
     #[test]
-    fn a_burst_from_one_point_becomes_the_ball() {
+    fn burst_from_one_point_spreads_to_the_initial_ball() {
         const STEPS: u32 = 1000;
         let mut model = model(N).expect("the scenario");
         let mut from_ball = begin(model.clone(), 1).expect("carriers find their places");
@@ -209,9 +211,9 @@ mod tests {
         assert!((0.85..1.15).contains(&ratio), "{ratio} times as wide");
     }
 
-    /// Carriers in contact drive each other apart faster than they would diffuse alone, and as fast in shorter steps.
+    /// Contacts spread carriers faster than diffusion alone, and equally fast with shorter steps.
     #[test]
-    fn steps_are_short_enough_for_contact() {
+    fn contact_spreads_equally_with_shorter_steps() {
         let model = model(N).expect("the scenario");
         let begun = begin(model.clone(), 1).expect("carriers find their places");
         let from = spread(spheres(&begun).into_iter());

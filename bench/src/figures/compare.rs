@@ -1,19 +1,20 @@
-//! Two runs of the figures beside each other: what changed by more than their noise.
+//! Comparison of two runs of the figures: the changes beyond their noise.
 
 use super::row::{Results, Row, Status};
 
-/// A smaller change than this says nothing, however little the runs of one process scatter: processes differ.
+/// Smallest ratio that counts as a change: the times of different processes differ even if those of one process hardly
+/// vary.
 const LEAST: f64 = 1.05;
-/// Of fewer runs than this nobody can say how far they scatter.
+/// Minimum number of runs for an estimate of their spread.
 const ENOUGH: usize = 5;
 
-/// How a measurement changed, the worst first.
+/// The change of a measurement, the worst first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Change {
-    /// The new run has a wrong answer or a failure where the old had none.
+    /// The new run has a wrong answer or a failure, the old one had none.
     Broken,
-    /// The new run was to measure it, as the old did, and has not.
+    /// The new run should have measured it but did not.
     Lost,
     /// Slower beyond the noise.
     Slower,
@@ -32,17 +33,17 @@ pub enum Change {
 /// One measurement in both runs.
 #[derive(Clone, Debug)]
 pub struct Difference<'a> {
-    /// Before.
+    /// The row of the old run.
     pub old: &'a Row,
-    /// After; none where the new run has no such row.
+    /// The row of the new run; `None` if it has no such row.
     pub new: Option<&'a Row>,
-    /// New median over old, or new bytes over old; NaN where either is missing.
+    /// New median over old, or new bytes over old; NaN if either is missing.
     pub ratio: f64,
-    /// What that means.
+    /// The classification of the ratio.
     pub change: Change,
 }
 
-/// What makes the two runs hard to compare, in words: another machine, adapter, scale or number of runs.
+/// The differences that make two runs hard to compare: machine, adapter, scale or number of runs.
 pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     let runs = |results: &Results| results.settings.runs.map_or("the default".to_owned(), |n| n.to_string());
     let of = |results: &Results| {
@@ -55,9 +56,9 @@ pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     differing.map(|((name, old), new)| format!("different {name}: {old} / {new}")).collect()
 }
 
-/// Every measurement of the old run that the new one repeats or was to repeat. Times differ where the medians are more
-/// than 5 % apart and the middle halves of the runs do not overlap, bytes where they are more than 5 % apart. What
-/// belongs to figures or sizes that the new run was not asked for is not there.
+/// All measurements of the old run that the new one repeats or should repeat. Times differ if the medians are more than
+/// 5 % apart and the middle halves of the runs do not overlap; bytes differ if they are more than 5 % apart. Figures
+/// and sizes that the new run did not include are left out.
 pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>> {
     let of = |row: &'a Row| match new.rows.iter().find(|n| n.matches(row)) {
         Some(found) => difference(row, found),
@@ -69,7 +70,7 @@ pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>
     old.rows.iter().filter_map(of).collect()
 }
 
-/// Whether the new run was at this point, or should have been.
+/// Returns `true` if the new run included this point or should have.
 fn was_to_measure(old: &Results, new: &Results, row: &Row) -> bool {
     let asked = new.settings.only.iter().any(|figure| figure.name() == row.figure);
     let same_point = |n: &Row| n.figure == row.figure && n.scene == row.scene && n.n == row.n;
@@ -115,13 +116,13 @@ fn changed(old: &Row, new: &Row) -> Option<(f64, Change)> {
 #[cfg(test)]
 mod tests {
     use super::super::figure::Figure;
-    use super::super::plan::{Scale, Settings};
+    use super::super::plan::{RunScale, Settings};
     use super::super::row::tests::row;
     use super::*;
     use crate::figures::Environment;
 
     #[test]
-    fn only_what_leaves_the_noise_counts() {
+    fn only_changes_beyond_the_noise_count() {
         let old = row(&[1.0, 1.1, 1.2, 1.3, 1.4]);
         let change = |new: &Row| difference(&old, new).map(|d| d.change);
         let of = |wall: &[f64]| change(&row(wall));
@@ -136,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_is_compared_by_its_bytes() {
+    fn memory_is_compared_in_bytes() {
         let with = |bytes: f64, wall: f64| Row { bytes: Some(bytes), ..row(&[wall]) };
         let change = |after: &Row| difference(&with(100.0, 1.0), after).map(|d| d.change);
         assert_eq!(change(&with(104.0, 9.0)), Some(Change::Same));
@@ -144,7 +145,7 @@ mod tests {
         assert_eq!(change(&with(90.0, 9.0)), Some(Change::Smaller));
     }
 
-    fn results(scale: Scale, only: Figure, rows: Vec<Row>) -> Results {
+    fn results(scale: RunScale, only: Figure, rows: Vec<Row>) -> Results {
         let command = String::new();
         let settings = Settings { scale, only: vec![only], runs: None, minutes: 1.0, seed: 1, command };
         let environment = Environment {
@@ -161,23 +162,23 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_lost_only_where_it_was_asked_for() {
+    fn missing_row_is_lost_only_if_requested() {
         let two = || vec![row(&[1.0; 5]), Row { engine: "f".to_owned(), ..row(&[1.0; 5]) }];
-        let old = results(Scale::Quick, Figure::F4, two());
+        let old = results(RunScale::Quick, Figure::F4, two());
         let lost = |new: &Results| differences(&old, new).iter().filter(|d| d.change == Change::Lost).count();
-        assert_eq!(lost(&results(Scale::Quick, Figure::F4, two())), 0);
-        assert_eq!(lost(&results(Scale::Quick, Figure::F4, vec![row(&[1.0; 5])])), 1);
-        assert_eq!(lost(&results(Scale::Full, Figure::F4, vec![row(&[1.0; 5])])), 1);
-        // Other sizes, and another figure.
-        assert_eq!(lost(&results(Scale::Full, Figure::F4, vec![])), 0);
-        assert_eq!(lost(&results(Scale::Quick, Figure::F3a, vec![])), 0);
+        assert_eq!(lost(&results(RunScale::Quick, Figure::F4, two())), 0);
+        assert_eq!(lost(&results(RunScale::Quick, Figure::F4, vec![row(&[1.0; 5])])), 1);
+        assert_eq!(lost(&results(RunScale::Full, Figure::F4, vec![row(&[1.0; 5])])), 1);
+        // The new run has other sizes, or another figure.
+        assert_eq!(lost(&results(RunScale::Full, Figure::F4, vec![])), 0);
+        assert_eq!(lost(&results(RunScale::Quick, Figure::F3a, vec![])), 0);
     }
 
     #[test]
-    fn other_circumstances_are_said() {
-        let old = results(Scale::Quick, Figure::F4, vec![]);
+    fn different_circumstances_are_listed() {
+        let old = results(RunScale::Quick, Figure::F4, vec![]);
         assert!(circumstances(&old, &old).is_empty());
-        let mut new = results(Scale::Full, Figure::F4, vec![]);
+        let mut new = results(RunScale::Full, Figure::F4, vec![]);
         new.settings.runs = Some(3);
         new.environment.cores = 4;
         assert_eq!(circumstances(&old, &new).len(), 3);

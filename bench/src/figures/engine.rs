@@ -3,62 +3,63 @@ use std::fmt;
 use lazygrid::{Algorithm, Backend, Config, Order, Skin};
 
 use super::race::Unavailable;
-use crate::measure::Contender;
+use crate::measure::ContenderFactory;
 use crate::peers::{cell_list, lammps, octree, parry, sweep, verlet};
 use lazygrid_io::scenes::Scene;
 
-/// A way to find pairs that takes part in the figures.
+/// A contender in the figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Engine {
-    /// A lazygrid algorithm on the CPU; pairs in any order. Only its own choice keeps candidates from step to step.
+pub enum Contender {
+    /// A lazygrid algorithm on the CPU; pairs in any order. Only `Auto` keeps candidates between steps.
     Cpu {
-        /// Which; `Auto` is the CPU path's own choice.
+        /// The algorithm; `Auto` lets the CPU path choose.
         algorithm: Algorithm,
-        /// Threads; `None`: all.
+        /// The number of threads; `None` for all.
         threads: Option<usize>,
-        /// τ, where it is not the default.
+        /// τ, or `None` for the default.
         tau: Option<u32>,
-        /// Raster ratio, where it is not the default.
+        /// The cell ratio, or `None` for the default.
         ratio: Option<f32>,
     },
-    /// A lazygrid algorithm on the GPU adapter, a software one if there is no other; pairs in any order, on the host.
+    /// A lazygrid algorithm on the GPU adapter, or a software adapter if there is no other; pairs in any order, read
+    /// back to the host.
     Gpu(Algorithm),
-    /// Bullet's `btDbvtBroadphase` as the library comes.
+    /// Bullet's `btDbvtBroadphase` with default settings.
     BulletAsShipped,
-    /// The same with the margin that is fastest for the scene.
+    /// Bullet's `btDbvtBroadphase` with the fastest margin for the scene.
     BulletTuned,
-    /// parry3d's tree, refitted at every step.
+    /// parry3d's tree, refitted at each step.
     Parry,
-    /// The same with boxes larger than the spheres, so that few are written.
+    /// parry3d's tree with boxes larger than the spheres, so that few are updated.
     ParryMargin,
-    /// The same, a part of the tree rebuilt at every step.
+    /// parry3d's tree, partly rebuilt at each step.
     ParryOptimised,
-    /// The yardstick.
+    /// The plain cell list, which is the baseline.
     PlainCellList,
-    /// A Verlet list with the skin that is fastest for the scene and its steps.
+    /// A Verlet list with the fastest skin for the scene and its steps.
     Verlet,
-    /// LAMMPS with the skin that is fastest for the steps, forces included.
+    /// LAMMPS with the fastest skin for the steps, including forces.
     Lammps,
-    /// Sort and sweep.
+    /// Sweep and prune along one axis.
     SortAndSweep,
-    /// An octree with sort and sweep in its leaves.
+    /// An octree with sweep and prune in its leaves.
     Octree,
 }
 
-impl Engine {
-    /// A CPU algorithm with its defaults.
+impl Contender {
+    /// A CPU algorithm with default settings.
     pub const fn cpu(algorithm: Algorithm, threads: Option<usize>) -> Self {
         Self::Cpu { algorithm, threads, tau: None, ratio: None }
     }
 
-    /// Makes the contender for `n` spheres of a scene that move by this part of their radius in a step.
-    pub fn contender(self, scene: Scene, n: usize, moves: f32) -> Contender {
+    /// Creates the factory of searches for `n` spheres of a scene that move by `moves` radii per step.
+    pub fn factory(self, scene: Scene, n: usize, moves: f32) -> ContenderFactory {
         let name = self.to_string();
         match self {
-            Self::Cpu { .. } => Contender::list(name, self.config()),
+            Self::Cpu { .. } => ContenderFactory::list(name, self.config()),
             Self::Gpu(algorithm) => {
                 let config = Config::default().backend(Backend::Gpu).algorithm(algorithm);
-                Contender::list(name, config.order(Order::Unordered))
+                ContenderFactory::list(name, config.order(Order::Unordered))
             }
             Self::BulletAsShipped | Self::BulletTuned => self.bullet(scene, n),
             Self::Parry => parry::refitted(name),
@@ -67,17 +68,17 @@ impl Engine {
             Self::PlainCellList => cell_list::tuned(name, scene),
             Self::Verlet => verlet::tuned(name, scene, moves),
             Self::Lammps if lammps::is_named() => lammps::tuned(name, moves),
-            Self::Lammps => Unavailable::LAMMPS.contender(name),
-            Self::SortAndSweep => sweep::running(),
-            Self::Octree => octree::running(),
+            Self::Lammps => Unavailable::LAMMPS.factory(name),
+            Self::SortAndSweep => sweep::incremental(),
+            Self::Octree => octree::incremental(),
         }
     }
 
-    /// The settings of a CPU algorithm; the default ones for everybody else.
+    /// The settings of a CPU algorithm; the defaults for other engines.
     fn config(self) -> Config {
         let config = Config::default().backend(Backend::Cpu).order(Order::Unordered);
         let Self::Cpu { algorithm, threads, tau, ratio } = self else { return config };
-        // An algorithm that is asked for is to show what it takes; the CPU path's own choice keeps what it likes.
+        // A named algorithm must search at each step; `Auto` may keep candidates.
         let skin = if algorithm == Algorithm::Auto { Skin::Auto } else { Skin::Off };
         let mut config = config.algorithm(algorithm).skin(skin);
         if let Some(threads) = threads {
@@ -93,18 +94,18 @@ impl Engine {
     }
 
     #[cfg(feature = "bullet")]
-    fn bullet(self, scene: Scene, n: usize) -> Contender {
-        use crate::peers::bullet::{Tuning, running};
+    fn bullet(self, scene: Scene, n: usize) -> ContenderFactory {
+        use crate::peers::bullet::{Tuning, incremental};
         let tuning = if self == Self::BulletTuned { Tuning::best(scene, n) } else { Tuning::SHIPPED };
-        running(self.to_string(), tuning)
+        incremental(self.to_string(), tuning)
     }
 
     #[cfg(not(feature = "bullet"))]
-    fn bullet(self, _: Scene, _: usize) -> Contender {
-        Unavailable::BULLET.contender(self.to_string())
+    fn bullet(self, _: Scene, _: usize) -> ContenderFactory {
+        Unavailable::BULLET.factory(self.to_string())
     }
 
-    /// What is varied in the sweeps: τ, the raster ratio, or the number of threads.
+    /// The varied parameter of the sweeps: τ, the cell ratio, or the number of threads.
     pub(super) fn setting(self) -> Option<f64> {
         match self {
             Self::Cpu { tau: Some(tau), .. } => Some(tau.into()),
@@ -114,7 +115,7 @@ impl Engine {
         }
     }
 
-    /// Whether its time grows with the square of the number of spheres, or nearly.
+    /// Returns `true` if the time grows about quadratically with the number of spheres.
     pub(super) fn is_quadratic(self) -> bool {
         matches!(
             self,
@@ -122,12 +123,12 @@ impl Engine {
         )
     }
 
-    /// Whether pairs within 4 ulp of tangency may fall either way.
+    /// Returns `true` if pairs within 4 ulp of tangency may be found or missed.
     pub(super) fn rounds_freely(self) -> bool {
         matches!(self, Self::Gpu(_))
     }
 
-    /// Every engine by the name of the memory measurements, single-threaded.
+    /// All engines of the memory measurements, single-threaded.
     pub(super) fn for_memory() -> Vec<Self> {
         let ours = [Algorithm::CellList, Algorithm::RecursiveGrid, Algorithm::ArrayGrid, Algorithm::HashGrid];
         let peers =
@@ -136,7 +137,7 @@ impl Engine {
     }
 }
 
-impl fmt::Display for Engine {
+impl fmt::Display for Contender {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = match self {
             Self::Cpu { algorithm: Algorithm::Auto, .. } => "CPU path's own choice",

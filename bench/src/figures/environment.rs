@@ -3,45 +3,45 @@ use std::process::Command;
 use lazygrid::gpu;
 use serde::{Deserialize, Serialize};
 
-/// The lock file this was built with, which knows the versions of what is compared.
+/// The lock file of the build, which has the versions of the compared libraries.
 const LOCK: &str = include_str!("../../../Cargo.lock");
 
-/// Where and of what figures were taken.
+/// The machine and software of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
-    /// Processor.
+    /// The processor.
     pub cpu: String,
-    /// Logical cores that may be used.
+    /// The number of available logical cores.
     pub cores: usize,
-    /// Main memory in GiB; 0 where the system does not tell.
+    /// The main memory in GiB; 0 if unknown.
     pub memory_gib: f64,
-    /// Operating system.
+    /// The operating system.
     pub system: String,
-    /// The GPU adapter, if there is one.
+    /// The GPU adapter, if one exists.
     pub adapter: Option<Adapter>,
-    /// What took part, with versions.
+    /// The compared programs and their versions.
     pub versions: Vec<(String, String)>,
-    /// Commit of the source that was built, `with changes` where files had changed, or `unknown`.
+    /// The commit of the build, marked `with changes` if files had changed, or `unknown`.
     pub commit: String,
-    /// When it began, UTC.
+    /// The start time (UTC).
     pub date: String,
 }
 
 /// The GPU adapter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Adapter {
-    /// Its name.
+    /// The name of the adapter.
     pub name: String,
-    /// Its driver and version.
+    /// The driver and its version.
     pub driver: String,
-    /// The API it is reached by.
+    /// The graphics API.
     pub api: String,
-    /// Whether it is hardware. A software one runs on the CPU and says nothing about GPUs.
+    /// Whether the adapter is hardware. A software adapter runs on the CPU, and its times do not apply to GPUs.
     pub is_hardware: bool,
 }
 
 impl Environment {
-    /// This machine, now.
+    /// Describes this machine now.
     pub fn here() -> Self {
         let file = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
         let field = |text: &str, name: &str, by: char| {
@@ -70,12 +70,12 @@ impl Environment {
         }
     }
 
-    /// One line: processor, cores, memory, system.
+    /// A line with processor, cores, memory and system.
     pub fn machine(&self) -> String {
         format!("{}, {} cores, {} GiB, {}", self.cpu, self.cores, self.memory_gib, self.system)
     }
 
-    /// One line about the adapter.
+    /// A line about the adapter.
     pub fn graphics(&self) -> String {
         match &self.adapter {
             None => "no GPU adapter".to_owned(),

@@ -1,4 +1,4 @@
-//! Which figures there are.
+//! The figures.
 
 use std::fmt;
 use std::str::FromStr;
@@ -6,29 +6,29 @@ use std::str::FromStr;
 use lazygrid::UnknownName;
 use serde::{Deserialize, Serialize};
 
-/// A figure, or a table beside the paper's figures.
+/// A figure of the paper, or an additional figure or table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Figure {
     /// Equal sizes: time against the number of spheres.
     F3a,
-    /// Five sizes beside equal ones.
+    /// Five sizes compared with equal ones.
     F3b,
-    /// One thread beside the trees, over small moves.
+    /// Small steps, compared with trees on one thread.
     F4,
-    /// One thread beside lists with a skin, over steps of several lengths.
+    /// Steps of several lengths, compared with Verlet lists on one thread.
     Moves,
     /// One burst of carriers of ten sizes: time against simulated time.
     F5a,
-    /// Bursts of several sizes at several moments: how many times as fast as the octree.
+    /// Bursts of several sizes at several moments: speed-up over the octree.
     F5b,
-    /// Transceivers among carriers, by their number and by how many times as large they are.
+    /// Transceivers among carriers, by their number and by their size ratio.
     Transceivers,
-    /// As many transceivers, one size of them after the other: growth with the ratio of sizes.
+    /// A fixed number of transceivers, by their size ratio.
     SizeRatio,
     /// τ of the recursive grid.
     Tau,
-    /// Cell edge over largest diameter of the paper's grids.
+    /// Cell ratio (cell size over largest diameter) of the paper's grids.
     Ratio,
     /// Strong scaling.
     Threads,
@@ -39,7 +39,7 @@ pub enum Figure {
 }
 
 impl Figure {
-    /// Every figure in the order of the report.
+    /// All figures in the order of the report.
     pub const ALL: [Self; 13] = [
         Self::F3a,
         Self::F3b,
@@ -75,7 +75,7 @@ impl Figure {
         }
     }
 
-    /// What is varied besides the number of spheres, if anything is.
+    /// The varied parameter besides the number of spheres, if any.
     pub(super) const fn varied(self) -> Option<&'static str> {
         match self {
             Self::Moves => Some("step in radii"),
@@ -89,7 +89,7 @@ impl Figure {
         }
     }
 
-    /// Whether all engines have one thread, since trees have no more.
+    /// Returns `true` if all engines use one thread, as trees cannot use more.
     pub(super) const fn is_single_threaded(self) -> bool {
         matches!(self, Self::F4 | Self::Moves | Self::Transceivers | Self::SizeRatio)
     }

@@ -1,7 +1,7 @@
-//! How time grows with the number of spheres, or with whatever else.
+//! The growth of time with the number of spheres or another parameter.
 
-/// The exponent `k` of `time ≈ c·xᵏ`, fitted by least squares in logarithms over points of x and seconds, both above 0;
-/// none where there are fewer than three.
+/// The exponent `k` of `time ≈ c·xᵏ`, fitted by least squares of the logarithms of (x, seconds). Ignores values that
+/// are not above 0; `None` for fewer than three points.
 pub(super) fn exponent(points: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
     let above_zero = points.filter(|&(x, seconds)| x > 0.0 && seconds > 0.0);
     let logs: Vec<(f64, f64)> = above_zero.map(|(x, seconds)| (x.ln(), seconds.ln())).collect();
@@ -24,7 +24,7 @@ mod tests {
     use super::exponent;
 
     #[test]
-    fn powers_are_found() {
+    fn exponents_of_powers_are_fitted() {
         let points = || [10.0_f64, 100.0, 1000.0, 1e4, 1e5].into_iter().map(|n| (n, 3e-9 * n.powf(1.25)));
         assert!((exponent(points().skip(1)).unwrap() - 1.25).abs() < 1e-9);
         assert!((exponent(points().chain([(0.0, 1.0), (1.0, 0.0)])).unwrap() - 1.25).abs() < 1e-9);

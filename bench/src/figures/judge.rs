@@ -1,16 +1,17 @@
-//! What the pairs must be, and how far an engine may be from it.
+//! The reference pairs, and the deviation that an engine may have.
 
 use std::error::Error;
 
 use lazygrid::{Algorithm, Backend, Config, Order, Pair, Sphere};
 
-use crate::measure::{Contender, Digest, Found};
+use crate::measure::{ContenderFactory, Digest, Found};
 use crate::peers::cell_list;
 
-/// Above this many spheres the reference is the plain cell list, itself held against the naive detector below.
+/// Maximum number of spheres for the naive reference. Above it, the reference is the plain cell list, which is checked
+/// against the naive detector below it.
 const NAIVE_REFERENCE: usize = 20_000;
 
-/// The pairs of some spheres.
+/// The reference pairs of some spheres.
 pub(super) struct Reference<'a> {
     spheres: &'a [Sphere],
     pairs: Vec<Pair>,
@@ -18,15 +19,15 @@ pub(super) struct Reference<'a> {
 }
 
 impl<'a> Reference<'a> {
-    /// From a search that has seen nothing before.
+    /// Finds the pairs with a new search.
     ///
     /// # Errors
-    /// Where that search fails.
+    /// Fails if that search fails.
     pub(super) fn of(spheres: &'a [Sphere]) -> Result<Self, Box<dyn Error>> {
         let naive = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
         let contender = match spheres.len() {
-            ..=NAIVE_REFERENCE => Contender::list("naive", naive.order(Order::Unordered)),
-            _ => cell_list::running(),
+            ..=NAIVE_REFERENCE => ContenderFactory::list("naive", naive.order(Order::Unordered)),
+            _ => cell_list::incremental(),
         };
         let mut search = (contender.make)()?;
         let found = search.run(spheres)?;
@@ -38,10 +39,10 @@ impl<'a> Reference<'a> {
         Ok(Self { spheres, pairs, digest })
     }
 
-    /// Whether these are the pairs, by number and checksum.
+    /// Checks the number and checksum of the found pairs.
     ///
     /// # Errors
-    /// What is wrong, in words.
+    /// Describes the wrong answer.
     pub(super) fn check(&self, found: Digest) -> Result<(), String> {
         let (pairs, expected) = (found.pairs, self.digest.pairs);
         let same = if pairs == expected { " others" } else { "" };
@@ -51,11 +52,11 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// How many of these pairs are on the other side of tangency than here, and within 4 ulp of it, relative to the
-    /// squared reach: as GPUs may round (see "What is promised" in `README.md`).
+    /// Counts the pairs that differ from the reference but are within 4 ulp of tangency, relative to the squared
+    /// cutoff: GPUs may round so (see "What is promised" in `README.md`).
     ///
     /// # Errors
-    /// What is wrong, in words: a pair that is missing or extra and further from tangency, or is there twice.
+    /// Describes the wrong answer: pairs that are missing or extra and not tangent, or that occur twice.
     pub(super) fn tangent(&self, found: &[Pair]) -> Result<u64, String> {
         let sorted = |pairs: &[Pair]| {
             let mut pairs = pairs.to_vec();
@@ -70,7 +71,7 @@ impl<'a> Reference<'a> {
         let extra: Vec<Pair> = found.iter().filter(|p| absent(&reference, p)).copied().collect();
         let wrong = |pairs: &[Pair]| pairs.iter().filter(|p| self.ulps(p).abs() > 4.0).count();
         let faults =
-            [("twice", listed - found.len()), ("missing", wrong(&missing)), ("extra", wrong(&extra))];
+            [("duplicate", listed - found.len()), ("missing", wrong(&missing)), ("extra", wrong(&extra))];
         let faults: Vec<String> = faults
             .iter()
             .filter(|(_, count)| *count > 0)
@@ -82,7 +83,7 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// By how many ulp of the squared reach the squared distance is larger than that.
+    /// The difference of the squared distance and the squared cutoff, in ulp of the squared cutoff.
     fn ulps(&self, pair: &Pair) -> f64 {
         let (a, b) = (self.spheres[pair.i as usize], self.spheres[pair.j as usize]);
         let reach = f64::from(a.radius) + f64::from(b.radius);
@@ -95,14 +96,15 @@ impl<'a> Reference<'a> {
 mod tests {
     use super::*;
 
-    /// Unit spheres along a line: two that touch, one a unit in the last place beyond touch, one far out of it.
+    /// Unit spheres along a line: two touch, one misses contact by one unit in the last place, and one is far out of
+    /// reach.
     fn row() -> Vec<Sphere> {
         let beyond = 2.0 * f32::EPSILON;
         [-4.0 - 4.0 * beyond, -2.0 - beyond, 0.0, 2.0].map(|x| Sphere::new([x, 0.0, 0.0], 1.0)).to_vec()
     }
 
     #[test]
-    fn pairs_at_tangency_may_fall_either_way_and_others_may_not() {
+    fn only_tangent_pairs_may_differ() {
         let spheres = row();
         let reference = Reference::of(&spheres).expect("valid spheres");
         let of = |pairs: &[(u32, u32)]| pairs.iter().map(|&(i, j)| Pair::new(i, j)).collect::<Vec<_>>();
@@ -115,13 +117,13 @@ mod tests {
             let verdict = reference.tangent(&of(pairs));
             assert!(verdict.as_ref().is_err_and(|text| text.ends_with(fault)), "{pairs:?}: {verdict:?}");
         };
-        wrong(&[(2, 3), (2, 3)], "1 twice");
+        wrong(&[(2, 3), (2, 3)], "1 duplicate");
         wrong(&[(2, 3), (0, 1)], "1 extra");
         wrong(&[(2, 3), (0, 3), (0, 2)], "2 extra");
     }
 
     #[test]
-    fn a_missing_pair_is_wrong() {
+    fn missing_pair_is_wrong() {
         let spheres = [0.0, 1.0].map(|x| Sphere::new([x, 0.0, 0.0], 1.0));
         let reference = Reference::of(&spheres).expect("valid spheres");
         let verdict = reference.tangent(&[]);

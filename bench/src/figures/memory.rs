@@ -1,50 +1,52 @@
-//! Memory per sphere: each engine in a process of its own, which runs [`measure`].
+//! Memory per sphere: each engine runs [`measure`] in a separate process.
 
 use std::error::Error;
 use std::path::Path;
 use std::process::Command;
 
-use super::Engine;
+use super::Contender;
 use super::judge::Reference;
-use super::plan::Point;
+use super::plan::DataPoint;
 use super::row::{Row, Status};
 use crate::measure::Digest;
 pub use crate::measure::memory::Sample;
 use crate::measure::memory::sample;
 use lazygrid_io::scenes::Scene;
 
-/// Of the spheres and their motion, in each process the same.
+/// Seed of the spheres and their motion, the same in all processes.
 const SEED: u64 = 1;
 
-/// What an engine takes in this process, which must have done nothing else.
+/// Measures the memory of an engine in this process, which must have done nothing else.
 ///
 /// # Errors
-/// For an unknown engine, and whatever the engine refuses.
-pub fn measure(engine: &str, scene: Scene, n: usize, steps: u32) -> Result<Sample, Box<dyn Error>> {
-    let known = Engine::for_memory();
-    let engine = known.iter().find(|e| e.to_string() == engine).ok_or_else(|| {
-        let names: Vec<String> = known.iter().map(Engine::to_string).collect();
-        format!("unknown engine '{engine}'; expected one of {}", names.join(", "))
+/// Fails if the engine is unknown, or if it reports an error.
+pub fn measure(contender: &str, scene: Scene, n: usize, steps: u32) -> Result<Sample, Box<dyn Error>> {
+    let known = Contender::for_memory();
+    let contender = known.iter().find(|e| e.to_string() == contender).ok_or_else(|| {
+        let names: Vec<String> = known.iter().map(Contender::to_string).collect();
+        format!("unknown contender '{contender}'; expected one of {}", names.join(", "))
     })?;
-    sample(&engine.contender(scene, n, Scene::STEP), scene, n, steps, SEED)
+    sample(&contender.factory(scene, n, Scene::STEP), scene, n, steps, SEED)
 }
 
-/// One row per engine. `program` is the `lazygrid` command.
+/// One row per engine. `program` is the `lazygrid-bench` command.
 ///
 /// # Errors
-/// Where the reference fails.
-pub(super) fn rows(point: &Point, program: &Path) -> Result<Vec<Row>, Box<dyn Error>> {
+/// Fails if the reference fails.
+pub(super) fn rows(point: &DataPoint, program: &Path) -> Result<Vec<Row>, Box<dyn Error>> {
     let mut spheres = point.scene.spheres(point.n, SEED);
     (0..point.runs as u32).for_each(|step| Scene::advance(&mut spheres, SEED, step));
     let reference = Reference::of(&spheres)?;
-    let row = |&engine: &Engine| {
-        let mut row = Row::new(point, engine);
-        if cfg!(not(feature = "bullet")) && matches!(engine, Engine::BulletAsShipped | Engine::BulletTuned) {
+    let row = |&contender: &Contender| {
+        let mut row = Row::new(point, contender);
+        if cfg!(not(feature = "bullet"))
+            && matches!(contender, Contender::BulletAsShipped | Contender::BulletTuned)
+        {
             (row.status, row.reason) =
                 (Status::NotAvailable, "not built in; build with --features bullet".into());
             return row;
         }
-        let checked = spawn(point, engine, program).and_then(|sample| {
+        let checked = spawn(point, contender, program).and_then(|sample| {
             reference.check(Digest { pairs: sample.pairs, sum: sample.sum })?;
             Ok(sample)
         });
@@ -58,12 +60,12 @@ pub(super) fn rows(point: &Point, program: &Path) -> Result<Vec<Row>, Box<dyn Er
         }
         row
     };
-    Ok(point.engines.iter().map(row).collect())
+    Ok(point.contenders.iter().map(row).collect())
 }
 
-fn spawn(point: &Point, engine: Engine, program: &Path) -> Result<Sample, Box<dyn Error>> {
+fn spawn(point: &DataPoint, contender: Contender, program: &Path) -> Result<Sample, Box<dyn Error>> {
     let output = Command::new(program)
-        .args(["measure-memory", &engine.to_string(), point.scene.name()])
+        .args(["measure-memory", &contender.to_string(), point.scene.name()])
         .args([point.n.to_string(), point.runs.to_string()])
         .output()?;
     if !output.status.success() {

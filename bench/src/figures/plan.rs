@@ -1,73 +1,74 @@
-//! What each figure is made of: scenes, numbers of spheres, engines and runs.
+//! The scenes, numbers of spheres, engines and runs of each figure.
 
 use lazygrid::Algorithm;
 use serde::{Deserialize, Serialize};
 
-use super::{Engine, Figure};
+use super::{Contender, Figure};
 use lazygrid_io::scenes::{Scene, Transceivers};
 
-/// How large the figures are.
+/// The size of the figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Scale {
-    /// Some hundred spheres: answers are checked, times mean nothing.
+pub enum RunScale {
+    /// A few hundred spheres: checks answers, times are meaningless.
     Smallest,
     /// Under three minutes on two cores.
     Quick,
-    /// The paper's sizes as far as the time allows.
+    /// The paper's sizes, as far as the time budget allows.
     Full,
 }
 
-/// What to run.
+/// The settings of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// How large.
-    pub scale: Scale,
-    /// Which figures.
+    /// The size of the figures.
+    pub scale: RunScale,
+    /// The figures to run.
     pub only: Vec<Figure>,
-    /// The most runs, or steps, of an engine at a point; none: as many as the paper's, fewer where `scale` is not full.
+    /// The maximum number of runs, or steps, of an engine at a point; `None` for the number in the paper, or fewer if
+    /// `scale` is not full.
     pub runs: Option<usize>,
-    /// About how many minutes it may take.
+    /// The approximate time budget in minutes.
     pub minutes: f64,
-    /// Seed of all scenes.
+    /// The seed of all scenes.
     pub seed: u64,
-    /// The command that asked for it, for the report; empty where there was none.
+    /// The command that started the run, for the report; empty if there was none.
     #[serde(default)]
     pub command: String,
 }
 
-/// How spheres change from one run to the next.
+/// The change of the spheres between runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Motion {
-    /// Another sample of the scene each time.
+pub(super) enum SceneUpdate {
+    /// Each run has a new sample of the scene.
     Fresh,
-    /// Each sphere moves by this part of its radius.
+    /// Each sphere moves by a fraction of its radius.
     Steps {
-        /// Which.
+        /// The fraction.
         part: f32,
     },
-    /// By a simulation, from a burst on, for so many steps.
+    /// A simulation moves the spheres, starting with a burst.
     Simulated {
-        /// How many.
+        /// The number of steps.
         steps: u32,
     },
-    /// Each engine runs in a process of its own.
+    /// Each engine runs in a separate process.
     Processes,
 }
 
-/// One number of spheres of one scene in one figure, and who takes part.
+/// A data point: a number of spheres of a scene in a figure, and its engines.
 #[derive(Clone, Debug)]
-pub(super) struct Point {
+pub(super) struct DataPoint {
     pub(super) figure: Figure,
     pub(super) scene: Scene,
     pub(super) n: usize,
-    pub(super) motion: Motion,
-    pub(super) engines: Vec<Engine>,
+    pub(super) update: SceneUpdate,
+    pub(super) contenders: Vec<Contender>,
     pub(super) runs: usize,
 }
 
-impl Point {
-    /// A name for files, one per point.
+impl DataPoint {
+    /// The unique file name of the point.
     pub(super) fn key(&self) -> String {
         let moves = self.moves();
         match self.figure {
@@ -76,12 +77,12 @@ impl Point {
         }
     }
 
-    /// The part of its radius by which a sphere moves in a step, where there are steps.
+    /// The displacement of a sphere per step, in radii. The default if the point has no steps.
     pub(super) fn moves(&self) -> f32 {
-        if let Motion::Steps { part } = self.motion { part } else { Scene::STEP }
+        if let SceneUpdate::Steps { part } = self.update { part } else { Scene::STEP }
     }
 
-    /// The scene with its parameters.
+    /// The name of the scene with all its parameters.
     pub(super) fn name(&self) -> String {
         match self.scene {
             Scene::Transceivers(Transceivers { count, ratio }) => format!("{count}-transceivers-x{ratio}"),
@@ -89,7 +90,7 @@ impl Point {
         }
     }
 
-    /// The scene with those of its parameters that its figure does not vary.
+    /// The name of the scene with the parameters that its figure does not vary.
     pub(super) fn kind(&self) -> String {
         match (self.figure, self.scene) {
             (Figure::Transceivers, Scene::Transceivers(of)) => format!("transceivers-x{}", of.ratio),
@@ -98,51 +99,52 @@ impl Point {
         }
     }
 
-    /// The value of what its figure varies, which is a parameter of the scene or of the engine.
-    pub(super) fn setting(&self, engine: Engine) -> Option<f64> {
+    /// The value of the parameter that the figure varies, which belongs to the scene or the engine.
+    pub(super) fn setting(&self, contender: Contender) -> Option<f64> {
         match (self.figure, self.scene) {
-            // As it is written: 0.1 and not the nearest number of 32 bits.
+            // The decimal number as written: 0.1, not the nearest `f32`.
             (Figure::Moves, _) => self.moves().to_string().parse().ok(),
             (Figure::Transceivers, Scene::Transceivers(of)) => Some(of.count.into()),
             (Figure::SizeRatio, Scene::Transceivers(of)) => Some(of.ratio.into()),
-            (figure, _) => figure.varied().and_then(|_| engine.setting()),
+            (figure, _) => figure.varied().and_then(|_| contender.setting()),
         }
     }
 
-    /// What share of the time it gets, in arbitrary units.
+    /// The weight of the point's share of the time, in arbitrary units.
     pub(super) fn weight(&self) -> f64 {
         let share = match self.figure {
-            // Several moments.
+            // These have several moments.
             Figure::F5a | Figure::F5b => 4.0,
-            // Trees that are slow now and then need many steps.
+            // Trees are slow only occasionally and need many steps.
             Figure::F4 => 3.0,
-            // Of one number of spheres, and many of them.
+            // Many points with the same number of spheres.
             Figure::Transceivers | Figure::SizeRatio => 0.3,
-            // Steps that are over soon.
+            // Short steps.
             Figure::Moves => 0.5,
             _ => 1.0,
         };
-        share * self.engines.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
+        share * self.contenders.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
     }
 }
 
 impl Settings {
-    /// Every point, small ones first, so that what they leave of their time goes to the large ones.
-    pub(super) fn points(&self) -> Vec<Point> {
-        let mut points: Vec<Point> = self.only.iter().flat_map(|&figure| self.points_of(figure)).collect();
+    /// All points, small ones first, so that time that they do not use goes to the large ones.
+    pub(super) fn points(&self) -> Vec<DataPoint> {
+        let mut points: Vec<DataPoint> =
+            self.only.iter().flat_map(|&figure| self.points_of(figure)).collect();
         points.sort_by_key(|point| (point.n, point.figure));
         points
     }
 
-    fn points_of(&self, figure: Figure) -> Vec<Point> {
+    fn points_of(&self, figure: Figure) -> Vec<DataPoint> {
         let sizes = self.sizes(figure);
         let of = |(scene, n): (Scene, usize)| {
-            self.motions(figure, n).into_iter().map(move |motion| Point {
+            self.updates(figure, n).into_iter().map(move |update| DataPoint {
                 figure,
                 scene,
                 n,
-                motion,
-                engines: engines(figure),
+                update,
+                contenders: contenders(figure),
                 runs: self.runs.unwrap_or(self.runs_of(figure)),
             })
         };
@@ -150,41 +152,43 @@ impl Settings {
         scenes.flat_map(|scene| sizes.iter().map(move |&n| (scene, n))).flat_map(of).collect()
     }
 
-    fn motions(&self, figure: Figure, n: usize) -> Vec<Motion> {
+    fn updates(&self, figure: Figure, n: usize) -> Vec<SceneUpdate> {
         match figure {
-            Figure::F3a | Figure::F3b | Figure::Point => vec![Motion::Fresh],
-            Figure::F5a | Figure::F5b => vec![Motion::Simulated { steps: self.steps_of_a_burst(figure, n) }],
-            Figure::Memory => vec![Motion::Processes],
-            Figure::F4 | Figure::Transceivers | Figure::SizeRatio => {
-                vec![Motion::Steps { part: Scene::STEP }]
+            Figure::F3a | Figure::F3b | Figure::Point => vec![SceneUpdate::Fresh],
+            Figure::F5a | Figure::F5b => {
+                vec![SceneUpdate::Simulated { steps: self.steps_of_a_burst(figure, n) }]
             }
-            Figure::Tau | Figure::Ratio | Figure::Threads => vec![Motion::Steps { part: Scene::STEP }],
-            Figure::Moves => [0.001, 0.01, 0.1].map(|part| Motion::Steps { part }).into(),
+            Figure::Memory => vec![SceneUpdate::Processes],
+            Figure::F4 | Figure::Transceivers | Figure::SizeRatio => {
+                vec![SceneUpdate::Steps { part: Scene::STEP }]
+            }
+            Figure::Tau | Figure::Ratio | Figure::Threads => vec![SceneUpdate::Steps { part: Scene::STEP }],
+            Figure::Moves => [0.001, 0.01, 0.1].map(|part| SceneUpdate::Steps { part }).into(),
         }
     }
 
-    /// How far a burst of so many carriers is followed. A step takes about 0.2 µs for each of them on two cores.
+    /// The number of steps of a burst of `n` carriers. A step takes about 0.2 µs per carrier on two cores.
     fn steps_of_a_burst(&self, figure: Figure, n: usize) -> u32 {
         let moves: usize = match (self.scale, figure) {
-            (Scale::Smallest, _) => 20_000,
-            (Scale::Quick, _) => 10_000_000,
-            (Scale::Full, Figure::F5a) => 200_000_000,
-            (Scale::Full, _) => 100_000_000,
+            (RunScale::Smallest, _) => 20_000,
+            (RunScale::Quick, _) => 10_000_000,
+            (RunScale::Full, Figure::F5a) => 200_000_000,
+            (RunScale::Full, _) => 100_000_000,
         };
         (moves / n.max(1)).clamp(1, 1_000_000) as u32
     }
 
-    /// By default as many as the paper has.
+    /// The default number of runs: that of the paper at full scale.
     fn runs_of(&self, figure: Figure) -> usize {
         match (self.scale, figure) {
-            (Scale::Smallest, _) => 2,
-            (Scale::Quick, Figure::F5a | Figure::F5b) => 5,
+            (RunScale::Smallest, _) => 2,
+            (RunScale::Quick, Figure::F5a | Figure::F5b) => 5,
             (_, Figure::Memory) => 3,
-            (Scale::Quick, _) => 20,
-            (Scale::Full, Figure::F3a | Figure::F3b) => 200,
-            (Scale::Full, Figure::F4 | Figure::Moves) => 100,
-            (Scale::Full, Figure::F5a | Figure::F5b) => 10,
-            (Scale::Full, _) => 30,
+            (RunScale::Quick, _) => 20,
+            (RunScale::Full, Figure::F3a | Figure::F3b) => 200,
+            (RunScale::Full, Figure::F4 | Figure::Moves) => 100,
+            (RunScale::Full, Figure::F5a | Figure::F5b) => 10,
+            (RunScale::Full, _) => 30,
         }
     }
 
@@ -196,14 +200,14 @@ impl Settings {
             Figure::F5a | Figure::F5b => vec![Scene::Burst],
             Figure::Point => vec![Scene::Point],
             Figure::Transceivers => match self.scale {
-                Scale::Smallest => mixtures(&[1, 20], &[10]),
-                Scale::Quick => mixtures(&[1, 100], &[10, 1000]),
-                Scale::Full => mixtures(&[1, 10, 30, 100, 1000, 10_000], &[10, 100, 1000]),
+                RunScale::Smallest => mixtures(&[1, 20], &[10]),
+                RunScale::Quick => mixtures(&[1, 100], &[10, 1000]),
+                RunScale::Full => mixtures(&[1, 10, 30, 100, 1000, 10_000], &[10, 100, 1000]),
             },
             Figure::SizeRatio => match self.scale {
-                Scale::Smallest => mixtures(&[2], &[1, 4, 64]),
-                Scale::Quick => mixtures(&[10], &[1, 4, 16, 64, 256]),
-                Scale::Full => mixtures(&[10], &[1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024]),
+                RunScale::Smallest => mixtures(&[2], &[1, 4, 64]),
+                RunScale::Quick => mixtures(&[10], &[1, 4, 16, 64, 256]),
+                RunScale::Full => mixtures(&[10], &[1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024]),
             },
             Figure::Tau | Figure::Ratio | Figure::Memory => {
                 vec![Scene::Equal, Scene::FiveSizes, Scene::Burst]
@@ -214,64 +218,69 @@ impl Settings {
     fn sizes(&self, figure: Figure) -> &'static [usize] {
         use Figure::*;
         match (self.scale, figure) {
-            (Scale::Smallest, Memory) => &[1000],
-            (Scale::Smallest, Point) => &[60],
-            (Scale::Smallest, _) => &[200],
-            (Scale::Quick, F3a | F3b | F4) => &[1000, 10_000, 100_000],
-            (Scale::Quick, F5a) => &[20_000],
-            (Scale::Quick, F5b) => &[1000, 10_000],
-            (Scale::Quick, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[20_000],
-            (Scale::Quick, Threads | Memory) => &[100_000],
-            (Scale::Quick, Point) => &[100, 1000],
-            (Scale::Full, F3a | F3b) => &[100, 300, 1000, 3000, 10_000, 100_000, 1_000_000, 10_000_000],
-            (Scale::Full, F4) => &[1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000],
-            (Scale::Full, F5a) => &[500_000],
-            (Scale::Full, F5b) => &[1000, 10_000, 100_000, 1_000_000],
-            (Scale::Full, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[100_000],
-            (Scale::Full, Threads) => &[10_000, 100_000, 1_000_000],
-            // Trees take minutes to be built of a million, each in a process of its own.
-            (Scale::Full, Memory) => &[100_000],
-            (Scale::Full, Point) => &[100, 1000, 3000, 10_000],
+            (RunScale::Smallest, Memory) => &[1000],
+            (RunScale::Smallest, Point) => &[60],
+            (RunScale::Smallest, _) => &[200],
+            (RunScale::Quick, F3a | F3b | F4) => &[1000, 10_000, 100_000],
+            (RunScale::Quick, F5a) => &[20_000],
+            (RunScale::Quick, F5b) => &[1000, 10_000],
+            (RunScale::Quick, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[20_000],
+            (RunScale::Quick, Threads | Memory) => &[100_000],
+            (RunScale::Quick, Point) => &[100, 1000],
+            (RunScale::Full, F3a | F3b) => &[100, 300, 1000, 3000, 10_000, 100_000, 1_000_000, 10_000_000],
+            (RunScale::Full, F4) => &[1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000],
+            (RunScale::Full, F5a) => &[500_000],
+            (RunScale::Full, F5b) => &[1000, 10_000, 100_000, 1_000_000],
+            (RunScale::Full, Tau | Ratio | Transceivers | SizeRatio | Moves) => &[100_000],
+            (RunScale::Full, Threads) => &[10_000, 100_000, 1_000_000],
+            // Building trees for a million spheres takes minutes, and each engine does so in its own process.
+            (RunScale::Full, Memory) => &[100_000],
+            (RunScale::Full, Point) => &[100, 1000, 3000, 10_000],
         }
     }
 }
 
-/// So many transceivers, so many times as large as the carriers: all combinations.
+/// All combinations of numbers of transceivers and size ratios.
 fn mixtures(counts: &[u32], ratios: &[u32]) -> Vec<Scene> {
     let of =
         |&ratio: &u32| counts.iter().map(move |&count| Scene::Transceivers(Transceivers { count, ratio }));
     ratios.iter().flat_map(of).collect()
 }
 
-fn engines(figure: Figure) -> Vec<Engine> {
-    let on_gpu = |algorithms: &[Algorithm]| algorithms.iter().map(|&a| Engine::Gpu(a)).collect::<Vec<_>>();
+fn contenders(figure: Figure) -> Vec<Contender> {
+    let on_gpu = |algorithms: &[Algorithm]| algorithms.iter().map(|&a| Contender::Gpu(a)).collect::<Vec<_>>();
     let gpu = on_gpu(&Algorithm::GPU);
     let grids = [Algorithm::HashGrid, Algorithm::ArrayGrid, Algorithm::RecursiveGrid];
     match figure {
         Figure::F3a | Figure::F3b | Figure::Point => {
-            let cpu = Algorithm::CPU.map(|a| Engine::cpu(a, None));
+            let cpu = Algorithm::CPU.map(|a| Contender::cpu(a, None));
             cpu.into_iter().chain(gpu).collect()
         }
         Figure::F4 => {
-            // In a pool of one thread.
+            // These run in a pool of one thread.
             let ours = [Algorithm::RecursiveGrid, Algorithm::CellList, Algorithm::Auto];
-            let ours = ours.map(|a| Engine::cpu(a, None));
-            let trees = [Engine::BulletAsShipped, Engine::BulletTuned, Engine::Parry];
-            let more = [Engine::ParryMargin, Engine::ParryOptimised, Engine::PlainCellList, Engine::Verlet];
+            let ours = ours.map(|a| Contender::cpu(a, None));
+            let trees = [Contender::BulletAsShipped, Contender::BulletTuned, Contender::Parry];
+            let more = [
+                Contender::ParryMargin,
+                Contender::ParryOptimised,
+                Contender::PlainCellList,
+                Contender::Verlet,
+            ];
             ours.into_iter().chain(trees).chain(more).collect()
         }
         Figure::Moves => {
-            let ours = [Algorithm::CellList, Algorithm::Auto].map(|a| Engine::cpu(a, None));
-            ours.into_iter().chain([Engine::PlainCellList, Engine::Verlet, Engine::Lammps]).collect()
+            let ours = [Algorithm::CellList, Algorithm::Auto].map(|a| Contender::cpu(a, None));
+            ours.into_iter().chain([Contender::PlainCellList, Contender::Verlet, Contender::Lammps]).collect()
         }
         Figure::F5a | Figure::F5b => {
-            // The paper's grid, and what the GPU path takes for so many spheres: few are compared all with all.
+            // The paper's grid, and the GPU path's own choice: small inputs use the naive algorithm.
             let gpu = on_gpu(&[Algorithm::LazyGrid, Algorithm::Auto]);
-            let cpu = [Engine::cpu(Algorithm::Auto, None), Engine::Octree, Engine::SortAndSweep];
+            let cpu = [Contender::cpu(Algorithm::Auto, None), Contender::Octree, Contender::SortAndSweep];
             gpu.into_iter().chain(cpu).collect()
         }
         Figure::Tau => [4, 8, 16, 32, 64, 128, 256, 512, 1024]
-            .map(|tau| Engine::Cpu {
+            .map(|tau| Contender::Cpu {
                 algorithm: Algorithm::RecursiveGrid,
                 threads: None,
                 tau: Some(tau),
@@ -281,7 +290,7 @@ fn engines(figure: Figure) -> Vec<Engine> {
         Figure::Ratio => {
             let ratios = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
             let of = |algorithm| {
-                ratios.map(|ratio| Engine::Cpu { algorithm, threads: None, tau: None, ratio: Some(ratio) })
+                ratios.map(|ratio| Contender::Cpu { algorithm, threads: None, tau: None, ratio: Some(ratio) })
             };
             grids.into_iter().flat_map(of).collect()
         }
@@ -289,16 +298,16 @@ fn engines(figure: Figure) -> Vec<Engine> {
             let cores = std::thread::available_parallelism().map_or(1, usize::from);
             let threads = || std::iter::successors(Some(1), |t| Some(t * 2)).take_while(|&t| t < cores);
             let of = |algorithm| {
-                threads().chain([cores]).map(move |threads| Engine::cpu(algorithm, Some(threads)))
+                threads().chain([cores]).map(move |threads| Contender::cpu(algorithm, Some(threads)))
             };
             grids.into_iter().chain([Algorithm::CellList]).flat_map(of).collect()
         }
-        Figure::Memory => Engine::for_memory(),
+        Figure::Memory => Contender::for_memory(),
         Figure::Transceivers | Figure::SizeRatio => {
             let ours = grids.into_iter().chain([Algorithm::CellList, Algorithm::Auto]);
-            let peers = [Engine::BulletTuned, Engine::Parry, Engine::PlainCellList];
-            let earlier = [Engine::SortAndSweep, Engine::Octree];
-            ours.map(|a| Engine::cpu(a, None)).chain(peers).chain(earlier).collect()
+            let peers = [Contender::BulletTuned, Contender::Parry, Contender::PlainCellList];
+            let earlier = [Contender::SortAndSweep, Contender::Octree];
+            ours.map(|a| Contender::cpu(a, None)).chain(peers).chain(earlier).collect()
         }
     }
 }
@@ -309,19 +318,19 @@ mod tests {
 
     use super::*;
 
-    /// Or one would take what another left in the folder, or stand in another's place in a table.
+    /// Otherwise points would share cached files, or rows would share cells of a table.
     #[test]
-    fn every_point_has_a_file_and_every_row_a_place_of_its_own() {
-        for scale in [Scale::Smallest, Scale::Quick, Scale::Full] {
+    fn point_files_and_row_cells_are_unique() {
+        for scale in [RunScale::Smallest, RunScale::Quick, RunScale::Full] {
             let (only, command) = (Figure::ALL.to_vec(), String::new());
             let points = Settings { scale, only, runs: None, minutes: 1.0, seed: 1, command }.points();
-            let files: BTreeSet<String> = points.iter().map(Point::key).collect();
+            let files: BTreeSet<String> = points.iter().map(DataPoint::key).collect();
             assert_eq!(files.len(), points.len(), "{scale:?}");
-            let place = |point: &Point, engine: Engine| {
-                let setting = point.setting(engine).map(f64::to_bits);
-                (point.figure, point.kind(), point.n, setting, engine.to_string())
+            let place = |point: &DataPoint, contender: Contender| {
+                let setting = point.setting(contender).map(f64::to_bits);
+                (point.figure, point.kind(), point.n, setting, contender.to_string())
             };
-            let rows = || points.iter().flat_map(|p| p.engines.iter().map(move |&e| place(p, e)));
+            let rows = || points.iter().flat_map(|p| p.contenders.iter().map(move |&e| place(p, e)));
             assert_eq!(rows().count(), rows().collect::<BTreeSet<_>>().len(), "{scale:?}");
         }
     }

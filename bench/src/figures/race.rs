@@ -1,4 +1,4 @@
-//! Engines in turn on the same spheres, each answer held against the reference.
+//! Runs engines in turn on the same spheres and checks each answer against the reference.
 
 use std::error::Error;
 use std::hint::black_box;
@@ -8,19 +8,19 @@ use lazygrid::{Phase, Sphere};
 use thiserror::Error;
 
 use super::judge::Reference;
-use super::plan::Point;
+use super::plan::DataPoint;
 use super::row::{Row, Status};
-use super::{Engine, Figure};
-use crate::measure::{Contender, Digest, Found, Search, Spread, turns};
+use super::{Contender, Figure};
+use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns};
 
-/// For how many times the time that it has an engine may go on until it has run often enough.
+/// Multiple of its time that an engine may use to reach the minimum number of runs.
 const MORE: u32 = 3;
 
-/// For how long an engine searches before it is timed, where its threads are what is compared: the threads of a pool sleep
-/// while others have their turn, and a system may leave those that it has just woken on one core for milliseconds.
+/// Warm-up time of an engine if numbers of threads are compared. Pool threads sleep during the turns of other engines,
+/// and the system may keep newly woken threads on one core for milliseconds.
 const WAKING: Duration = Duration::from_millis(40);
 
-/// Why a peer cannot take part.
+/// The reason why a peer is not available.
 #[derive(Clone, Copy, Debug, Error)]
 #[error("{0}")]
 pub(super) struct Unavailable(&'static str);
@@ -30,47 +30,47 @@ impl Unavailable {
     pub(super) const BULLET: Self = Self("not built in; build with --features bullet");
     pub(super) const LAMMPS: Self = Self("set LAZYGRID_LAMMPS to the path of liblammps.so");
 
-    /// A contender that never comes to search.
-    pub(super) fn contender(self, name: String) -> Contender {
-        Contender::new(name, move || Err::<Nothing, _>(self.into()))
+    /// A factory that fails with this reason.
+    pub(super) fn factory(self, name: String) -> ContenderFactory {
+        ContenderFactory::new(name, move || Err::<NoFinder, _>(self.into()))
     }
 }
 
-/// A search that there is not.
-enum Nothing {}
+/// An uninhabited search type.
+enum NoFinder {}
 
-impl Search for Nothing {
+impl PairFinder for NoFinder {
     fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         match *self {}
     }
 }
 
-/// When an engine has run enough.
+/// The limits of an engine's runs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// No more runs than this.
+    /// Maximum number of runs.
     pub(super) runs: usize,
-    /// Fewer only where they take [`MORE`] times as long as they may.
+    /// Minimum number of runs, unless they take [`MORE`] times the allowed time.
     pub(super) at_least: usize,
-    /// No further run after this much time of its own.
+    /// Time of an engine's own runs after which no further run starts.
     pub(super) time: Duration,
-    /// Nor after all engines and what lies between their runs have taken this long.
+    /// Time of all engines and of the work between their runs after which no further run starts.
     pub(super) in_all: Duration,
 }
 
-/// The engines of a point on their way through its runs.
-pub(super) struct Race<'a> {
-    point: &'a Point,
+/// The running comparison of the engines of a point.
+pub(super) struct Comparison<'a> {
+    point: &'a DataPoint,
     limits: Limits,
-    lanes: Vec<Lane>,
+    runs: Vec<ContenderRun>,
     frames: usize,
-    /// When the runs that count began.
+    /// The start of the first run that counts.
     began: Option<Instant>,
 }
 
-struct Lane {
-    engine: Engine,
-    search: Option<Box<dyn Search>>,
+struct ContenderRun {
+    contender: Contender,
+    search: Option<Box<dyn PairFinder>>,
     phases: Vec<Vec<Phase>>,
     used: Duration,
     last: Option<Digest>,
@@ -78,72 +78,76 @@ struct Lane {
     row: Row,
 }
 
-impl<'a> Race<'a> {
-    /// All engines of the point; `left_out` says which take no part and why.
-    pub(super) fn new(point: &'a Point, limits: Limits, left_out: impl Fn(Engine) -> Option<String>) -> Self {
-        let lane = |&engine: &Engine| {
-            let mut lane = Lane::new(point, engine);
-            match left_out(engine) {
-                Some(reason) => lane.leave(Status::LeftOut, reason),
-                None => match (engine.contender(point.scene, point.n, point.moves()).make)() {
-                    Ok(search) => lane.search = Some(search),
-                    Err(error) => lane.fail(error.as_ref()),
+impl<'a> Comparison<'a> {
+    /// Creates all contenders of the point. `left_out` returns a reason for engines to skip.
+    pub(super) fn new(
+        point: &'a DataPoint,
+        limits: Limits,
+        left_out: impl Fn(Contender) -> Option<String>,
+    ) -> Self {
+        let run = |&contender: &Contender| {
+            let mut run = ContenderRun::new(point, contender);
+            match left_out(contender) {
+                Some(reason) => run.leave(Status::LeftOut, reason),
+                None => match (contender.factory(point.scene, point.n, point.moves()).make)() {
+                    Ok(search) => run.search = Some(search),
+                    Err(error) => run.fail(error.as_ref()),
                 },
             }
-            lane
+            run
         };
-        Self { point, limits, lanes: point.engines.iter().map(lane).collect(), frames: 0, began: None }
+        Self { point, limits, runs: point.contenders.iter().map(run).collect(), frames: 0, began: None }
     }
 
-    /// Whether nobody has anything left to run.
+    /// Returns `true` if no engine has runs left.
     pub(super) fn is_over(&self) -> bool {
-        self.lanes.iter().all(|lane| lane.is_done(self.limits, self.is_late()))
+        self.runs.iter().all(|run| run.is_done(self.limits, self.is_late()))
     }
 
-    /// Whether all engines together have had their time.
+    /// Returns `true` if the time of all engines is used up.
     fn is_late(&self) -> bool {
         self.began.is_some_and(|began| began.elapsed() >= self.limits.in_all)
     }
 
-    /// Lets everybody who has not done enough find the pairs of these spheres, and holds every answer against the
-    /// reference. The time of a warm-up is dropped.
+    /// Runs each engine that has runs left on these spheres, and checks all answers against the reference. Times of a
+    /// warm-up are dropped.
     ///
     /// # Errors
-    /// Where the reference fails.
+    /// Fails if the reference fails.
     pub(super) fn frame(&mut self, spheres: &[Sphere], warm_up: bool) -> Result<(), Box<dyn Error>> {
         if !warm_up {
             self.began.get_or_insert_with(Instant::now);
         }
-        let (lanes, limits, is_late) = (self.lanes.len(), self.limits, self.is_late());
-        for turn in turns(lanes, self.frames as u64) {
-            let lane = &mut self.lanes[turn];
-            lane.last = None;
-            if warm_up || !lane.is_done(limits, is_late) {
-                lane.wake(self.point, spheres);
-                lane.run(spheres, warm_up);
+        let (runs, limits, is_late) = (self.runs.len(), self.limits, self.is_late());
+        for turn in turns(runs, self.frames as u64) {
+            let run = &mut self.runs[turn];
+            run.last = None;
+            if warm_up || !run.is_done(limits, is_late) {
+                run.wake(self.point, spheres);
+                run.run(spheres, warm_up);
             }
         }
         self.frames += 1;
-        if self.lanes.iter().any(|lane| lane.last.is_some()) {
+        if self.runs.iter().any(|run| run.last.is_some()) {
             let reference = Reference::of(spheres)?;
-            self.lanes.iter_mut().for_each(|lane| lane.judge(&reference, spheres));
+            self.runs.iter_mut().for_each(|run| run.judge(&reference, spheres));
         }
         Ok(())
     }
 
-    /// The rows so far, marked with `at`; the engines begin new ones.
+    /// Takes the rows so far, with their parameter `at`, and starts new ones.
     pub(super) fn take_rows(&mut self, at: Option<f64>) -> Vec<Row> {
         let point = self.point;
         self.began = None;
-        self.lanes.iter_mut().map(|lane| lane.take_row(point, at)).collect()
+        self.runs.iter_mut().map(|run| run.take_row(point, at)).collect()
     }
 }
 
-impl Lane {
-    fn new(point: &Point, engine: Engine) -> Self {
-        let row = Row::new(point, engine);
+impl ContenderRun {
+    fn new(point: &DataPoint, contender: Contender) -> Self {
+        let row = Row::new(point, contender);
         Self {
-            engine,
+            contender,
             search: None,
             phases: vec![],
             used: Duration::ZERO,
@@ -160,12 +164,12 @@ impl Lane {
         self.search.is_none() || runs >= limits.runs || out_of_time
     }
 
-    /// Searches until the engine's threads are at work on cores of their own.
-    fn wake(&mut self, point: &Point, spheres: &[Sphere]) {
+    /// Repeats the search until the engine's threads run on separate cores.
+    fn wake(&mut self, point: &DataPoint, spheres: &[Sphere]) {
         let Some(search) = self.search.as_mut().filter(|_| point.figure == Figure::Threads) else { return };
         let begun = Instant::now();
         while begun.elapsed() < WAKING {
-            // What goes wrong here goes wrong again where it is judged.
+            // An error here occurs again in the checked run.
             let _ = search.run(black_box(spheres)).map(black_box);
         }
     }
@@ -195,9 +199,11 @@ impl Lane {
     fn judge(&mut self, reference: &Reference<'_>, spheres: &[Sphere]) {
         let Some(found) = self.last else { return };
         let verdict = match (reference.check(found), &mut self.search) {
-            // The list again, pair by pair: a GPU may round otherwise than the reference.
-            (Err(reason), Some(search)) if self.engine.rounds_freely() => match search.run(spheres) {
-                Ok(again) if Digest::of(&again) != found => Err("another answer when asked again".to_owned()),
+            // Compares the list pair by pair, as a GPU may round differently from the reference.
+            (Err(reason), Some(search)) if self.contender.rounds_freely() => match search.run(spheres) {
+                Ok(again) if Digest::of(&again) != found => {
+                    Err("repeated search gave another answer".to_owned())
+                }
                 Ok(Found::Pairs(pairs)) => reference.tangent(pairs),
                 Ok(Found::Count(_)) => Err(reason),
                 Err(error) => Err(error.to_string()),
@@ -211,7 +217,7 @@ impl Lane {
     }
 
     fn fail(&mut self, error: &(dyn Error + 'static)) {
-        // What has worked before is not refused but fails.
+        // An engine that worked before is not unavailable but fails.
         let refused = !self.has_worked && is_refusal(error);
         self.leave(if refused { Status::NotAvailable } else { Status::Error }, error.to_string());
     }
@@ -225,10 +231,10 @@ impl Lane {
         self.phases.clear();
     }
 
-    fn take_row(&mut self, point: &Point, at: Option<f64>) -> Row {
-        let fresh = Self::new(point, self.engine).row;
+    fn take_row(&mut self, point: &DataPoint, at: Option<f64>) -> Row {
+        let fresh = Self::new(point, self.contender).row;
         let (status, reason) = match (self.row.status, at) {
-            // It takes no further part.
+            // A wrong engine takes no further part.
             (Status::Error, Some(at)) => (Status::LeftOut, format!("wrong at {at} s")),
             (status, _) => (status, self.row.reason.clone()),
         };
@@ -240,7 +246,7 @@ impl Lane {
     }
 }
 
-/// Median of each phase, in the order they ran.
+/// The median of each phase, in execution order.
 fn medians(runs: &[Vec<Phase>]) -> Vec<(String, f64)> {
     let Some(first) = runs.first() else { return vec![] };
     let times = |name: &str| -> Vec<f64> {
@@ -250,7 +256,7 @@ fn medians(runs: &[Vec<Phase>]) -> Vec<(String, f64)> {
     first.iter().map(|phase| (phase.name.to_owned(), Spread::of(&times(phase.name)).median)).collect()
 }
 
-/// Whether an engine said in advance that it does not do this here, which is no mistake.
+/// Returns `true` if the error means that the engine is not available here, which is not a fault.
 fn is_refusal(error: &(dyn Error + 'static)) -> bool {
     use lazygrid::Error as E;
     if error.is::<Unavailable>() {
@@ -274,12 +280,12 @@ mod tests {
     use lazygrid::Pair;
 
     use super::*;
-    use crate::figures::plan::Motion;
+    use crate::figures::plan::SceneUpdate;
     use lazygrid_io::scenes::Scene;
 
-    struct Liar(Vec<Pair>);
+    struct WrongFinder(Vec<Pair>);
 
-    impl Search for Liar {
+    impl PairFinder for WrongFinder {
         fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
             Ok(Found::Pairs(&self.0))
         }
@@ -287,38 +293,45 @@ mod tests {
 
     struct Broken;
 
-    impl Search for Broken {
+    impl PairFinder for Broken {
         fn run(&mut self, _: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
             Err(lazygrid::Error::GpuUnavailable { reason: "it is gone".into() }.into())
         }
     }
 
-    /// A wrong answer is an error whoever else agrees with it and whenever it comes, and others go on.
+    /// A wrong answer is an error in any run and in spite of other engines that agree with it; the other engines
+    /// continue.
     #[test]
-    fn a_wrong_answer_is_an_error() {
-        let point = Point {
+    fn wrong_answer_is_an_error() {
+        let point = DataPoint {
             figure: Figure::F3a,
             scene: Scene::Equal,
             n: 300,
-            motion: Motion::Fresh,
-            engines: vec![Engine::PlainCellList, Engine::Octree, Engine::Parry, Engine::SortAndSweep],
+            update: SceneUpdate::Fresh,
+            contenders: vec![
+                Contender::PlainCellList,
+                Contender::Octree,
+                Contender::Parry,
+                Contender::SortAndSweep,
+            ],
             runs: 3,
         };
         let spheres = Scene::Equal.spheres(300, 1);
-        // No time at all, in which everybody runs once.
+        // Without any time each engine runs once.
         let limits = Limits { runs: 3, at_least: 3, time: Duration::ZERO, in_all: Duration::ZERO };
-        let mut race = Race::new(&point, limits, |e| (e == Engine::SortAndSweep).then(|| "too slow".into()));
-        race.lanes[2].search = Some(Box::new(Broken));
-        race.frame(&spheres, true).expect("the reference works");
-        // As many pairs as there are, and another one in place of the last.
+        let mut comparison =
+            Comparison::new(&point, limits, |e| (e == Contender::SortAndSweep).then(|| "too slow".into()));
+        comparison.runs[2].search = Some(Box::new(Broken));
+        comparison.frame(&spheres, true).expect("the reference works");
+        // The right number of pairs, with the last one replaced.
         let mut pairs = lazygrid::detect(&spheres).expect("valid spheres");
         let last = pairs.pop().expect("some pairs");
         pairs.push(if last == Pair::new(298, 299) { Pair::new(0, 299) } else { Pair::new(298, 299) });
-        race.lanes[1].search = Some(Box::new(Liar(pairs)));
-        while !race.is_over() {
-            race.frame(&spheres, false).expect("the reference works");
+        comparison.runs[1].search = Some(Box::new(WrongFinder(pairs)));
+        while !comparison.is_over() {
+            comparison.frame(&spheres, false).expect("the reference works");
         }
-        let rows = race.take_rows(None);
+        let rows = comparison.take_rows(None);
         let statuses: Vec<Status> = rows.iter().map(|row| row.status).collect();
         assert_eq!(statuses, [Status::Ok, Status::Error, Status::NotAvailable, Status::LeftOut]);
         assert!(rows[1].wall.is_empty() && rows[1].reason.contains("wrong answer"), "{}", rows[1].reason);

@@ -1,4 +1,4 @@
-//! What a run leaves for people: `results.json`, `results.csv`, plots, `report.html` and `RESULTS.md`.
+//! Writes the report: `results.json`, `results.csv`, plots, `report.html` and `RESULTS.md`.
 
 mod csv;
 mod growth;
@@ -18,11 +18,11 @@ use lazygrid_report::html;
 
 use super::row::Results;
 
-/// Writes everything into `folder`. Engines on a software adapter are named so everywhere but in `results.json`, where
-/// the adapter says it, so that runs on different adapters can be compared.
+/// Writes all files into `folder`. Engines on a software adapter are labeled as such, except in `results.json`, which
+/// names the adapter, so that runs on different adapters can be compared.
 ///
 /// # Errors
-/// Where a file cannot be written.
+/// Fails if a file cannot be written.
 pub fn write(results: &Results, folder: &Path) -> Result<(), Box<dyn Error>> {
     let labelled = sections::labelled(results);
     let document = sections::document(&labelled)?;

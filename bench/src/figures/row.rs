@@ -1,21 +1,21 @@
 use serde::{Deserialize, Serialize};
 
-use super::plan::Point;
-use super::{Engine, Environment, Settings};
+use super::plan::DataPoint;
+use super::{Contender, Environment, Settings};
 use crate::measure::Spread;
 
-/// How it went.
+/// The outcome of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Status {
-    /// Every answer was right; the times count.
+    /// Each answer was right; the times count.
     Ok,
     /// A wrong answer or a failure. Nothing else of the row counts.
     Error,
-    /// Cannot run here or at this size, and says so.
+    /// The engine reported that it cannot run here or at this size.
     NotAvailable,
-    /// Would have taken too long.
+    /// The engine would have taken too long.
     LeftOut,
 }
 
@@ -36,43 +36,44 @@ impl Status {
 pub struct Row {
     /// The figure, such as `3a`.
     pub figure: String,
-    /// The scene, with those of its parameters that the figure does not vary, or how the spheres came about.
+    /// The scene, with the parameters that the figure does not vary.
     pub scene: String,
-    /// How many spheres.
+    /// The number of spheres.
     pub n: usize,
-    /// What is varied besides: τ, raster ratio, threads, simulated seconds, transceivers, or the ratio of sizes.
+    /// The value of the varied parameter: step length, τ, cell ratio, threads, simulated seconds, transceivers, or size
+    /// ratio.
     pub at: Option<f64>,
     /// The engine.
     pub engine: String,
-    /// How it went.
+    /// The outcome of a measurement.
     pub status: Status,
-    /// Why it did not go well; empty where it did.
+    /// The reason for any other status than `Ok`; empty otherwise.
     pub reason: String,
-    /// Overlapping pairs at the last run.
+    /// The number of overlapping pairs in the last run.
     pub pairs: u64,
-    /// The most pairs of one run that fell otherwise than in the reference, within the 4 ulp of tangency that the
-    /// contract leaves to GPUs.
+    /// The largest number of tangent pairs in a run that differ from the reference. The contract allows this within 4
+    /// ulp on GPUs.
     #[serde(default)]
     pub tangent: u64,
     /// Seconds of each run after the warm-up, until the pairs are in host memory.
     pub wall: Vec<f64>,
-    /// Seconds of each of these runs that the GPU was at work, by its own clock.
+    /// Seconds of GPU time in each of these runs, from GPU timestamps.
     pub gpu: Vec<f64>,
     /// Median seconds of each phase.
     pub phases: Vec<(String, f64)>,
-    /// Peak bytes per sphere besides input and result, where memory was measured.
+    /// Peak bytes per sphere besides input and result, if memory was measured.
     pub bytes: Option<f64>,
 }
 
 impl Row {
     /// A row without measurements.
-    pub(super) fn new(point: &Point, engine: Engine) -> Self {
+    pub(super) fn new(point: &DataPoint, contender: Contender) -> Self {
         Self {
             figure: point.figure.name().to_owned(),
             scene: point.kind(),
             n: point.n,
-            at: point.setting(engine),
-            engine: engine.to_string(),
+            at: point.setting(contender),
+            engine: contender.to_string(),
             status: Status::Ok,
             reason: String::new(),
             pairs: 0,
@@ -102,7 +103,7 @@ impl Row {
         quartiles(&self.wall)
     }
 
-    /// Whether it is the same measurement as `other`, in another run.
+    /// Returns `true` if it is the same measurement as `other` in another run.
     pub fn matches(&self, other: &Self) -> bool {
         self.figure == other.figure
             && self.scene == other.scene
@@ -112,7 +113,7 @@ impl Row {
     }
 }
 
-/// Lower and upper quartile, between neighbouring values in proportion. NaN where there is no value.
+/// Lower and upper quartile with linear interpolation; NaN without values.
 pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -125,16 +126,16 @@ pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
     (at(0.25), at(0.75))
 }
 
-/// All that a run of the figures left behind: `results.json`.
+/// The results of a run of the figures: `results.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Results {
-    /// Where and of what.
+    /// The machine and software.
     pub environment: Environment,
-    /// What was asked for.
+    /// The settings.
     pub settings: Settings,
-    /// Seconds that its points took, in however many goes.
+    /// The total seconds of all points, over all sessions.
     pub seconds: f64,
-    /// Points for which there was no time.
+    /// The points for which no time was left.
     #[serde(default)]
     pub missing: Vec<String>,
     /// The measurements.
@@ -172,7 +173,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn quartiles_are_as_far_from_either_end() {
+    fn quartiles_are_interpolated() {
         assert_eq!(quartiles(&[4.0, 1.0, 3.0, 2.0]), (1.75, 3.25));
         assert_eq!(quartiles(&[1.0, 2.0, 3.0, 4.0, 5.0]), (2.0, 4.0));
         assert_eq!(quartiles(&[7.0]), (7.0, 7.0));

@@ -1,4 +1,4 @@
-//! All points of a run in turn: what is finished is kept, what is left shares the time that is left.
+//! Runs all points in turn. Finished points are cached, and the remaining ones share the remaining time.
 
 use std::error::Error;
 use std::fs;
@@ -8,49 +8,50 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 use rayon::ThreadPoolBuilder;
 use serde::{Deserialize, Serialize};
 
-use super::plan::{Motion, Point, Scale, Settings};
-use super::race::{Limits, Race};
+use super::plan::{DataPoint, RunScale, SceneUpdate, Settings};
+use super::race::{Comparison, Limits};
 use super::row::{Results, Row};
-use super::{Engine, Environment, Figure, burst, memory};
+use super::{Contender, Environment, Figure, burst, memory};
 use lazygrid_io::scenes::Scene;
 
-/// What of a point's time is for the runs that count; the rest is for spheres, references and warm-ups.
+/// Fraction of a point's time for the runs that count; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;
-/// An engine is left out where one run would take this many times what it has at the point, and more than
-/// there is [`always`].
-const PATIENCE: f64 = 4.0;
+/// An engine is left out if one run would take this multiple of its time at the point, and more than [`always`].
+const MAX_TIME_FACTOR: f64 = 4.0;
 
-/// Points not begun after this many times the time there is are left out, which are the largest.
+/// Multiple of the time budget after which remaining points, the largest ones, are left out.
 const OVERRUN: f64 = 1.5;
 
-/// How far a run has come.
+/// The progress of a run.
 #[derive(Clone, Debug)]
 pub struct Progress {
-    /// Points done, those of an earlier run included.
+    /// Number of finished points, including those of an earlier run.
     pub done: usize,
-    /// Points in all.
+    /// Total number of points.
     pub points: usize,
-    /// What comes next.
+    /// The next point.
     pub next: String,
-    /// About how long the rest takes. Points with engines that take long for a single run may need more.
+    /// The estimated time left. Points with engines that take long for a single run may need more.
     pub left: Duration,
 }
 
-/// A finished point, as it is kept in the folder.
+/// A finished point as stored in the folder.
 #[derive(Serialize, Deserialize)]
-struct Kept {
-    /// Of what build, settings and machine.
-    mark: String,
-    /// How long it took.
+struct CachedPoint {
+    /// The fingerprint of build, settings and machine.
+    #[serde(rename = "mark")]
+    fingerprint: String,
+    /// The time of the point in seconds.
     seconds: f64,
     rows: Vec<Row>,
 }
 
-/// Runs all figures of the settings and keeps every finished point in `folder`, from where the next run with the same
-/// settings and build takes it. `program` is the `lazygrid` command, which memory measurements run.
+/// Runs all figures of the settings and stores each finished point in `folder`, where the next run with the same
+/// settings and build finds it. `program` is the `lazygrid-bench` command, which memory measurements run.
 ///
 /// # Errors
-/// Where the folder cannot be written or a reference fails. A wrong answer is a row with [`Status::Error`](super::Status::Error).
+/// Fails if the folder cannot be written or a reference fails. A wrong answer is a row with
+/// [`Status::Error`](super::Status::Error).
 pub fn run(
     settings: &Settings,
     folder: &Path,
@@ -59,28 +60,32 @@ pub fn run(
 ) -> Result<Results, Box<dyn Error>> {
     let environment = Environment::here();
     let points = settings.points();
-    let kept_in = folder.join("points");
-    fs::create_dir_all(&kept_in).map_err(|e| format!("{}: cannot create: {e}", kept_in.display()))?;
-    let mark = mark(settings, &environment, program);
-    let path_of = |point: &Point| kept_in.join(format!("{}.json", point.key()));
-    let kept: Vec<Option<Kept>> = points.iter().map(|p| load(&path_of(p), &mark)).collect();
+    let cache = folder.join("points");
+    fs::create_dir_all(&cache).map_err(|e| format!("{}: cannot create: {e}", cache.display()))?;
+    let fingerprint = fingerprint(settings, &environment, program);
+    let path_of = |point: &DataPoint| cache.join(format!("{}.json", point.key()));
+    let cached: Vec<Option<CachedPoint>> = points.iter().map(|p| load(&path_of(p), &fingerprint)).collect();
 
-    let mut clock = Clock::new(settings, &points, &kept);
+    let mut budget = TimeBudget::new(settings, &points, &cached);
     let (mut rows, mut seconds, mut missing) = (vec![], 0.0, vec![]);
-    for (done, (point, kept)) in points.iter().zip(kept).enumerate() {
+    for (done, (point, cached)) in points.iter().zip(cached).enumerate() {
         let next = format!("{}: {} {}", point.figure, point.n, point.name());
-        report(&Progress { done, points: points.len(), next: next.clone(), left: clock.left() });
-        let new = match kept {
-            Some(kept) => kept,
-            None if clock.is_over() => {
+        report(&Progress { done, points: points.len(), next: next.clone(), left: budget.left() });
+        let new = match cached {
+            Some(cached) => cached,
+            None if budget.is_over() => {
                 missing.push(next);
                 continue;
             }
             None => {
                 let began = Instant::now();
-                let rows = rows_of(point, settings, clock.share(point), &rows, program)?;
-                clock.spent(point);
-                let new = Kept { mark: mark.clone(), seconds: began.elapsed().as_secs_f64(), rows };
+                let rows = rows_of(point, settings, budget.share(point), &rows, program)?;
+                budget.spent(point);
+                let new = CachedPoint {
+                    fingerprint: fingerprint.clone(),
+                    seconds: began.elapsed().as_secs_f64(),
+                    rows,
+                };
                 save(&path_of(point), &new)?;
                 new
             }
@@ -94,19 +99,19 @@ pub fn run(
     Ok(Results { environment, settings: settings.clone(), seconds, missing, rows })
 }
 
-/// The time there is and the points that are yet to share it.
-struct Clock {
+/// The time budget, shared by the remaining points.
+struct TimeBudget {
     end: Instant,
-    /// No further point is begun after this.
+    /// The time after which no further point starts.
     latest: Instant,
-    /// Of the points that are left.
+    /// The total weight of the remaining points.
     weight: f64,
 }
 
-impl Clock {
-    fn new(settings: &Settings, points: &[Point], kept: &[Option<Kept>]) -> Self {
-        let all: f64 = points.iter().map(Point::weight).sum();
-        let left = points.iter().zip(kept).filter(|(_, kept)| kept.is_none());
+impl TimeBudget {
+    fn new(settings: &Settings, points: &[DataPoint], cached: &[Option<CachedPoint>]) -> Self {
+        let all: f64 = points.iter().map(DataPoint::weight).sum();
+        let left = points.iter().zip(cached).filter(|(_, cached)| cached.is_none());
         let weight: f64 = left.map(|(point, _)| point.weight()).sum();
         let seconds = settings.minutes * 60.0 * weight / all.max(f64::MIN_POSITIVE);
         let (now, time) = (Instant::now(), Duration::from_secs_f64(seconds.clamp(0.0, 1e7)));
@@ -121,55 +126,57 @@ impl Clock {
         self.end.saturating_duration_since(Instant::now())
     }
 
-    /// What this point may take.
-    fn share(&self, point: &Point) -> Duration {
+    /// The time for this point.
+    fn share(&self, point: &DataPoint) -> Duration {
         self.left().mul_f64((point.weight() / self.weight).clamp(0.0, 1.0))
     }
 
-    fn spent(&mut self, point: &Point) {
+    fn spent(&mut self, point: &DataPoint) {
         self.weight = (self.weight - point.weight()).max(f64::MIN_POSITIVE);
     }
 }
 
 fn rows_of(
-    point: &Point,
+    point: &DataPoint,
     settings: &Settings,
     share: Duration,
     earlier: &[Row],
     program: &Path,
 ) -> Result<Vec<Row>, Box<dyn Error>> {
-    let at_least = if settings.scale == Scale::Full { 3 } else { 2 };
-    let time = share.mul_f64(MEASURED / point.engines.len().max(1) as f64);
+    let at_least = if settings.scale == RunScale::Full { 3 } else { 2 };
+    let time = share.mul_f64(MEASURED / point.contenders.len().max(1) as f64);
     let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time, in_all: share };
-    let too_long = |engine: Engine| {
-        let seconds = predicted(engine, point, earlier)?;
-        let most = (PATIENCE * time.as_secs_f64()).max(always(engine, point.scene));
-        (seconds > most && settings.scale != Scale::Smallest)
+    let too_long = |contender: Contender| {
+        let seconds = predicted(contender, point, earlier)?;
+        let most = (MAX_TIME_FACTOR * time.as_secs_f64()).max(always(contender, point.scene));
+        (seconds > most && settings.scale != RunScale::Smallest)
             .then(|| format!("left out: a run would take about {seconds:.1} s"))
     };
-    // Figures whose point is the comparison leave nobody out.
-    let left_out = |engine: Engine| match point.motion {
-        Motion::Steps { .. } | Motion::Simulated { .. } => None,
-        _ => too_long(engine),
+    // Figures that compare engines leave none out.
+    let left_out = |contender: Contender| match point.update {
+        SceneUpdate::Steps { .. } | SceneUpdate::Simulated { .. } => None,
+        _ => too_long(contender),
     };
-    match point.motion {
-        Motion::Processes => memory::rows(point, program),
-        Motion::Simulated { steps } => burst::rows((point, steps), limits, settings.seed, left_out),
-        Motion::Fresh => {
+    match point.update {
+        SceneUpdate::Processes => memory::rows(point, program),
+        SceneUpdate::Simulated { steps } => burst::rows((point, steps), limits, settings.seed, left_out),
+        SceneUpdate::Fresh => {
             let sample = |k: usize, spheres: &mut Vec<_>| {
                 *spheres = point.scene.spheres(point.n, settings.seed + k as u64);
             };
-            race(Race::new(point, limits, left_out), 1, sample)
+            run_comparison(Comparison::new(point, limits, left_out), 1, sample)
         }
-        Motion::Steps { part } => {
+        SceneUpdate::Steps { part } => {
             let sample = |k: usize, spheres: &mut Vec<_>| match k.checked_sub(1) {
                 None => *spheres = point.scene.spheres(point.n, settings.seed),
                 Some(step) => Scene::advance_by(part, spheres, settings.seed, step as u32),
             };
-            // A tree with a margin gives it to its boxes in the second frame.
-            let single = || race(Race::new(point, limits, left_out), 2, sample).map_err(|e| e.to_string());
+            // A tree with a margin enlarges its boxes in the second frame.
+            let single = || {
+                run_comparison(Comparison::new(point, limits, left_out), 2, sample).map_err(|e| e.to_string())
+            };
             match point.figure.is_single_threaded() {
-                // A pool per detector would add the way to its thread and back to every call.
+                // A pool per detector would add a thread switch to each call.
                 true => Ok(ThreadPoolBuilder::new().num_threads(1).build()?.install(single)?),
                 false => Ok(single()?),
             }
@@ -177,50 +184,49 @@ fn rows_of(
     }
 }
 
-/// Runs a race to its end over the spheres that `change` makes for each frame; the first ones are warm-ups.
-fn race(
-    mut race: Race<'_>,
+/// Runs a comparison to its end on the spheres that `change` makes for each frame; the first frames are warm-ups.
+fn run_comparison(
+    mut comparison: Comparison<'_>,
     warm_ups: usize,
     mut change: impl FnMut(usize, &mut Vec<lazygrid::Sphere>),
 ) -> Result<Vec<Row>, Box<dyn Error>> {
     let mut spheres = vec![];
     let mut frame = 0;
-    while !race.is_over() {
+    while !comparison.is_over() {
         change(frame, &mut spheres);
-        race.frame(&spheres, frame < warm_ups)?;
+        comparison.frame(&spheres, frame < warm_ups)?;
         frame += 1;
     }
-    Ok(race.take_rows(None))
+    Ok(comparison.take_rows(None))
 }
 
-/// Seconds that there always are for a run, even where points before it took longer than they should: at the largest
-/// size everybody is to be seen whose time grows with the number of spheres.
-fn always(engine: Engine, scene: Scene) -> f64 {
-    if is_quadratic(engine, scene) { 2.0 } else { 120.0 }
+/// Seconds that a run may always take, even if earlier points overran their time: engines whose time grows linearly
+/// should appear at the largest size.
+fn always(contender: Contender, scene: Scene) -> f64 {
+    if is_quadratic(contender, scene) { 2.0 } else { 120.0 }
 }
 
-/// Whether the time of a run grows with the square of the number of spheres. At one point everything is a pair of
-/// everything.
-fn is_quadratic(engine: Engine, scene: Scene) -> bool {
-    engine.is_quadratic() || scene == Scene::Point
+/// Returns `true` if the time of a run grows quadratically with the number of spheres. At one point, all spheres touch
+/// each other.
+fn is_quadratic(contender: Contender, scene: Scene) -> bool {
+    contender.is_quadratic() || scene == Scene::Point
 }
 
-/// About how many seconds a run takes, from the largest smaller point of the same figure and scene and
-/// the slowest moment there.
-fn predicted(engine: Engine, point: &Point, earlier: &[Row]) -> Option<f64> {
-    let name = engine.to_string();
+/// The predicted seconds of a run, from the largest smaller point of the same figure and scene and its slowest moment.
+fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option<f64> {
+    let name = contender.to_string();
     let same = earlier.iter().filter(|row| {
         let same = row.figure == point.figure.name() && row.scene == point.kind();
         same && row.engine == name && !row.wall.is_empty()
     });
     let last = same.max_by(|a, b| a.n.cmp(&b.n).then(a.median().total_cmp(&b.median())))?;
-    let exponent = if is_quadratic(engine, point.scene) { 2.0 } else { 1.1 };
+    let exponent = if is_quadratic(contender, point.scene) { 2.0 } else { 1.1 };
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 
-/// What results must share to stand beside each other: settings other than the choice of figures, commit and build,
-/// machine and adapter.
-fn mark(settings: &Settings, environment: &Environment, program: &Path) -> String {
+/// The fingerprint that cached results must share: settings other than the choice of figures, commit, build, machine
+/// and adapter.
+fn fingerprint(settings: &Settings, environment: &Environment, program: &Path) -> String {
     let Settings { scale, runs, minutes, seed, only: _, command: _ } = settings;
     let built = fs::metadata(program).ok().and_then(|file| {
         let modified = file.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
@@ -231,15 +237,15 @@ fn mark(settings: &Settings, environment: &Environment, program: &Path) -> Strin
     format!("{scale:?}, {runs:?} runs, {minutes} min, seed {seed}, {commit}, {built}, {machine}, {graphics}")
 }
 
-fn load(path: &Path, mark: &str) -> Option<Kept> {
-    let kept: Kept = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
-    (kept.mark == mark).then_some(kept)
+fn load(path: &Path, fingerprint: &str) -> Option<CachedPoint> {
+    let cached: CachedPoint = serde_json::from_slice(&fs::read(path).ok()?).ok()?;
+    (cached.fingerprint == fingerprint).then_some(cached)
 }
 
-fn save(path: &Path, kept: &Kept) -> Result<(), Box<dyn Error>> {
-    // Under another name first, so that an interrupted run leaves no half of a file.
+fn save(path: &Path, cached: &CachedPoint) -> Result<(), Box<dyn Error>> {
+    // Writes to a temporary name first, so that an interrupted run leaves no partial file.
     let draft = path.with_extension("part");
-    fs::write(&draft, serde_json::to_vec(kept)?)
+    fs::write(&draft, serde_json::to_vec(cached)?)
         .and_then(|()| fs::rename(&draft, path))
         .map_err(|e| format!("{}: cannot write: {e}", path.display()))?;
     Ok(())
@@ -249,13 +255,14 @@ fn save(path: &Path, kept: &Kept) -> Result<(), Box<dyn Error>> {
 mod tests {
     use super::*;
 
-    /// Where there is no time at all nothing is begun, and what is missing is named.
+    /// Without any time no point starts, and all missing points are named.
     #[test]
-    fn points_for_which_there_is_no_time_are_named() {
+    fn skipped_points_are_named() {
         let folder = tempfile::tempdir().expect("a folder");
         let only = vec![Figure::F3a];
         let command = String::new();
-        let settings = Settings { scale: Scale::Full, only, runs: Some(1), minutes: 0.0, seed: 1, command };
+        let settings =
+            Settings { scale: RunScale::Full, only, runs: Some(1), minutes: 0.0, seed: 1, command };
         let results = run(&settings, folder.path(), Path::new("lazygrid"), |_| ()).expect("nothing is run");
         assert!(results.rows.is_empty());
         assert_eq!(results.missing.len(), settings.points().len());

@@ -1,31 +1,31 @@
-//! A kernel's text as SPIR-V, translated as wgpu translates it for the engine.
+//! Translates a kernel to SPIR-V, as wgpu does for the engine.
 
 use naga::AddressSpace;
 use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy, Layouter};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// What the translation depends on of a device.
+/// The device properties that affect the translation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target {
-    /// Major and minor number of the Vulkan that the device has.
+    /// Major and minor Vulkan version of the device.
     pub(super) vulkan: (u32, u32),
-    /// Whether the device checks the bounds of buffers, so that the text has no need to (`robustBufferAccess2`).
+    /// Whether the device checks buffer bounds (`robustBufferAccess2`), so that the shader need not.
     pub(super) checks_buffers: bool,
 }
 
-/// A translated text.
+/// A translated kernel.
 #[derive(Clone, Debug)]
 pub(super) struct Translated {
     pub(super) words: Vec<u32>,
-    /// Bytes of its variables in workgroup memory.
+    /// Bytes of variables in workgroup memory.
     pub(super) workgroup_memory: u32,
 }
 
-/// Translates a text whose entry point is called `name`.
+/// Translates a shader with the entry point `name`.
 ///
 /// # Errors
-/// What naga holds against it.
+/// Returns naga's error.
 pub(super) fn translate(name: &str, wgsl: &str, target: Target) -> Result<Translated, String> {
     let module = naga::front::wgsl::parse_str(wgsl).map_err(|error| error.emit_to_string(wgsl))?;
     let capabilities = Capabilities::SUBGROUP | Capabilities::SUBGROUP_BARRIER;
@@ -43,8 +43,8 @@ pub(super) fn translate(name: &str, wgsl: &str, target: Target) -> Result<Transl
     Ok(Translated { words, workgroup_memory: module.global_variables.iter().filter_map(shared).sum() })
 }
 
-/// As `wgpu_hal::vulkan` makes them, with the checks that `lazygrid`'s pipelines leave out: those of loops, and the
-/// clearing of workgroup memory.
+/// The options of `wgpu_hal::vulkan`, without the checks that `lazygrid`'s pipelines disable: loop bounds, and clearing
+/// of workgroup memory.
 fn options(target: Target) -> spv::Options<'static> {
     spv::Options {
         lang_version: match target.vulkan {
@@ -53,7 +53,7 @@ fn options(target: Target) -> spv::Options<'static> {
             (1, 2) => (1, 5),
             _ => (1, 6),
         },
-        // Names of variables are for people; wgpu writes them in debug builds.
+        // wgpu writes variable names only in debug builds.
         flags: spv::WriterFlags::LABEL_VARYINGS,
         bounds_check_policies: BoundsCheckPolicies {
             index: BoundsCheckPolicy::Restrict,

@@ -1,16 +1,16 @@
-//! The statistics of kernels as a table.
+//! Formats the statistics of kernels as a table.
 
 use std::fmt::{self, Display};
 
 use super::{Compiled, Kernels, Program};
 use crate::measure::markdown;
 
-/// A program and the text that it was made of.
+/// A program and the kernel variant that it was compiled from.
 type Row<'a> = (&'a Compiled, &'a Program);
 
 impl Display for Kernels {
-    /// A Markdown table with a row for each program, and columns in the words of the driver. A column that says the same
-    /// in all rows is one line instead.
+    /// Writes a Markdown table with a row for each program and a column for each of the driver's statistics. A column
+    /// with the same value in all rows becomes a line above the table.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}, {}\n", self.adapter, self.driver)?;
         let rows: Vec<Row<'_>> = self.compiled.iter().flat_map(rows).collect();
@@ -32,11 +32,11 @@ impl Display for Kernels {
                 "The driver says nothing of what it made (no VK_KHR_pipeline_executable_properties)."
             )?;
         }
-        let refused: Vec<_> = self.refused().collect();
-        writeln!(f, "\n{} texts, {} refused", self.compiled.len(), refused.len())?;
-        for compiled in refused {
+        let rejected: Vec<_> = self.rejected().collect();
+        writeln!(f, "\n{} kernel variants, {} rejected", self.compiled.len(), rejected.len())?;
+        for compiled in rejected {
             let reason = compiled.error.as_deref().unwrap_or_default();
-            writeln!(f, "refused: {}, {}: {reason}", compiled.kernel, compiled.variant)?;
+            writeln!(f, "rejected: {}, {}: {reason}", compiled.kernel, compiled.variant)?;
         }
         Ok(())
     }
@@ -46,11 +46,11 @@ fn rows(compiled: &Compiled) -> impl Iterator<Item = Row<'_>> {
     compiled.programs.iter().map(move |program| (compiled, program))
 }
 
-/// The names of the columns that are the same in all of several rows, and of the others.
+/// The names of the columns that are constant over several rows, and of the others.
 fn columns<'a>(rows: &[Row<'a>]) -> (Vec<&'a str>, Vec<&'a str>) {
     let mut names = vec!["subgroup", "workgroup bytes"];
     for statistic in rows.iter().flat_map(|(_, program)| &program.statistics) {
-        // A sum over a program says nothing to people.
+        // A hash of the program is of no use to readers.
         let is_hash = statistic.name.to_lowercase().contains("hash");
         if !is_hash && !names.contains(&statistic.name.as_str()) {
             names.push(&statistic.name);
@@ -86,8 +86,8 @@ mod tests {
     }
 
     #[test]
-    fn columns_that_say_the_same_are_a_line() {
-        let refused = Compiled {
+    fn constant_columns_become_a_line() {
+        let rejected = Compiled {
             programs: Vec::new(),
             error: Some("VK_ERROR".to_owned()),
             ..compiled("radix_count", 0)
@@ -96,7 +96,7 @@ mod tests {
             adapter: "Card".to_owned(),
             driver: "driver 1".to_owned(),
             has_statistics: true,
-            compiled: vec![compiled("scan_once", 24), compiled("cells_index", 8), refused],
+            compiled: vec![compiled("scan_once", 24), compiled("cells_index", 8), rejected],
         };
         let expected = "Card, driver 1
 
@@ -107,8 +107,8 @@ mod tests {
 
 Everywhere: subgroup 32, workgroup bytes 64, Spills 0.
 
-3 texts, 1 refused
-refused: radix_count, plain: VK_ERROR
+3 kernel variants, 1 rejected
+rejected: radix_count, plain: VK_ERROR
 ";
         assert_eq!(kernels.to_string(), expected);
     }

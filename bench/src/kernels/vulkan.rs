@@ -1,4 +1,5 @@
-//! Pipelines of a Vulkan device, and what its driver says of them. wgpu does not pass that on, so this asks Vulkan itself.
+//! Compiles pipelines on a Vulkan device and reads the driver's statistics. Uses Vulkan directly, as wgpu does not
+//! expose the statistics.
 
 use std::ffi::{CStr, CString, c_char};
 
@@ -9,18 +10,18 @@ use lazygrid_kernels::kernel::Access;
 use super::spirv::Target;
 use super::{Number, Program, Statistic, Text};
 
-/// A Vulkan device on which pipelines are made and nothing is run.
+/// A Vulkan device that compiles pipelines and runs nothing.
 pub(super) struct Compiler {
     device: ash::Device,
     instance: ash::Instance,
     executables: Option<khr::pipeline_executable_properties::Device>,
     stage: vk::PipelineShaderStageCreateFlags,
     pub(super) target: Target,
-    // The library in which the functions of the others are.
+    // Keeps the library with the functions of the other fields loaded.
     _entry: ash::Entry,
 }
 
-/// What a device offers of what is wanted beyond Vulkan 1.0.
+/// The optional features beyond Vulkan 1.0 that the device supports.
 struct Offered {
     robustness: bool,
     executables: bool,
@@ -31,9 +32,9 @@ impl Compiler {
     /// Opens the device of this name.
     ///
     /// # Errors
-    /// What Vulkan said.
+    /// Returns Vulkan's error.
     pub(super) fn open(name: &str, uses_subgroups: bool) -> Result<Self, String> {
-        // SAFETY: what is opened is the loader of Vulkan, whose initialisers are safe to run.
+        // SAFETY: this opens the Vulkan loader, whose initializers are safe to run.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| format!("no Vulkan: {e}"))?;
         let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_3);
         let info = vk::InstanceCreateInfo::default().application_info(&application);
@@ -44,7 +45,7 @@ impl Compiler {
                 Ok(Self { device, instance, executables, stage, target, _entry: entry })
             }
             Err(reason) => {
-                // SAFETY: nothing was made of the instance, and nobody uses it any more.
+                // SAFETY: no object was created from the instance, and it is not used any more.
                 unsafe { instance.destroy_instance(None) };
                 Err(reason)
             }
@@ -73,10 +74,10 @@ impl Compiler {
         Ok((device, Target { vulkan: version, checks_buffers: offered.robustness }, executables, stage))
     }
 
-    /// Makes a pipeline of valid SPIR-V and says what became of it.
+    /// Creates a pipeline from valid SPIR-V and returns its programs.
     ///
     /// # Errors
-    /// What Vulkan said.
+    /// Returns Vulkan's error.
     pub(super) fn compile(
         &self,
         name: &str,
@@ -109,7 +110,7 @@ impl Compiler {
             .flags(self.captured(with_texts))
             .layout(layout)
             .stage(stage);
-        // SAFETY: as before; the layout has every binding of the module, as `kernels/tests/reflection.rs` holds.
+        // SAFETY: as before; the layout has each binding of the module, as `kernels/tests/reflection.rs` checks.
         let pipelines =
             unsafe { self.device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
         let pipelines = pipelines.map_err(|(_, result)| failed("vkCreateComputePipelines")(result))?;
@@ -131,7 +132,7 @@ impl Compiler {
         captured
     }
 
-    /// Whether the driver says anything of its pipelines.
+    /// Returns `true` if the driver reports statistics of its pipelines.
     pub(super) fn has_statistics(&self) -> bool {
         self.executables.is_some()
     }
@@ -139,8 +140,8 @@ impl Compiler {
 
 impl Drop for Compiler {
     fn drop(&mut self) {
-        // SAFETY: what was made of the device is gone (`Made` ends with each call), nothing was submitted to it, and
-        // nobody uses either any more.
+        // SAFETY: all objects of the device are destroyed (`Made` ends with each call), nothing was submitted to it,
+        // and neither handle is used any more.
         unsafe {
             self.device.destroy_device(None);
             self.instance.destroy_instance(None);
@@ -191,7 +192,7 @@ fn offered(
     })
 }
 
-/// A device with what wgpu asks of it that changes its code, and with statistics.
+/// Creates a device with the features that wgpu requests and that affect code, and with statistics.
 fn device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
@@ -218,8 +219,8 @@ fn device(
         info = info.push_next(&mut subgroups);
     }
     info = info.enabled_extension_names(&extensions);
-    // SAFETY: the device comes from this instance, which is alive; it offers every extension and feature asked for
-    // (robustBufferAccess is everybody's), and all that `info` refers to outlives the call. Each device has a queue
+    // SAFETY: the device comes from this instance, which is alive; it supports all requested extensions and features
+    // (`robustBufferAccess` is mandatory), and all that `info` refers to outlives the call. Each device has a queue
     // family 0 with a queue.
     unsafe { instance.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))
 }
@@ -236,7 +237,7 @@ fn described(number: u32, access: Access) -> vk::DescriptorSetLayoutBinding<'sta
         .stage_flags(vk::ShaderStageFlags::COMPUTE)
 }
 
-/// What one call makes of a device, destroyed at its end.
+/// The objects of one compilation, destroyed at its end.
 struct Made<'a> {
     device: &'a ash::Device,
     module: Option<vk::ShaderModule>,
@@ -290,7 +291,7 @@ fn executables(
 }
 
 fn statistic(of: &vk::PipelineExecutableStatisticKHR<'_>) -> Statistic {
-    // SAFETY: the format says which of its members the union holds; each is plain bits.
+    // SAFETY: the format names the active member of the union; each member is plain bits.
     let value = unsafe {
         match of.format {
             vk::PipelineExecutableStatisticFormatKHR::BOOL32 => Number::Whole(of.value.b32.into()),
@@ -307,7 +308,7 @@ fn texts(
     info: &vk::PipelineExecutableInfoKHR<'_>,
 ) -> Result<Vec<Text>, String> {
     const CALL: &str = "vkGetPipelineExecutableInternalRepresentationsKHR";
-    // SAFETY: the executable is alive and captured its representations. Without memory for them only sizes are told.
+    // SAFETY: the executable is alive and captured its representations. Without buffers, the call returns only sizes.
     let sized = unsafe { asked.get_pipeline_executable_internal_representations(info) };
     let mut sized = sized.map_err(failed(CALL))?;
     let mut bytes: Vec<Vec<u8>> = sized.iter().map(|text| vec![0; text.data_size]).collect();
@@ -316,8 +317,8 @@ fn texts(
     }
     let mut count = sized.len() as u32;
     let get = asked.fp().get_pipeline_executable_internal_representations_khr;
-    // SAFETY: as before; `sized` has `count` structures, each with as many bytes of memory as it says, and these outlive
-    // the call.
+    // SAFETY: as before; `sized` has `count` structures, each with a buffer of the size that it states, and the buffers
+    // outlive the call.
     let result = unsafe { get(asked.device(), info, &mut count, sized.as_mut_ptr()) };
     result.result().map_err(failed(CALL))?;
     let text = |(of, bytes): (&vk::PipelineExecutableInternalRepresentationKHR<'_>, Vec<u8>)| {

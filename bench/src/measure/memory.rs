@@ -1,34 +1,34 @@
-//! Memory of a search: the peak of what the process holds, so each search needs a process of its own.
+//! Memory of a search: the peak of the process, so that each search needs a separate process.
 
 use std::error::Error;
 use std::time::Instant;
 
 use lazygrid::{Pair, Sphere};
 
-use super::{Contender, Digest, Search, Spread};
+use super::{ContenderFactory, Digest, PairFinder, Spread};
 use lazygrid_io::scenes::Scene;
 
-/// What a search took in a process of its own.
+/// The time and memory of a search in a separate process.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Sample {
-    /// Nanoseconds per sphere of the first call, which finds no memory.
+    /// Nanoseconds per sphere of the first call, which allocates its memory.
     pub first: f64,
-    /// Median nanoseconds per sphere and step of those that follow; of the first where there are none.
+    /// Median nanoseconds per sphere and step of the following calls; that of the first call if there are no others.
     pub nanos: f64,
-    /// Peak bytes per sphere besides spheres and result; none where the system does not tell.
+    /// Peak bytes per sphere besides spheres and result; `None` if the system does not report it.
     pub bytes: Option<f64>,
-    /// Pairs at the last step.
+    /// The number of pairs at the last step.
     pub pairs: u64,
-    /// [`Digest::sum`] of those pairs; none where they were only counted.
+    /// [`Digest::sum`] of these pairs; `None` if they were only counted.
     pub sum: Option<u64>,
 }
 
-/// Runs a search over `steps` steps and reports the peak of what this process came to hold.
+/// Runs a search over `steps` steps and measures the peak memory of this process.
 ///
 /// # Errors
-/// Whatever the search refuses.
+/// Returns the error of the search.
 pub fn sample(
-    contender: &Contender,
+    contender: &ContenderFactory,
     scene: Scene,
     n: usize,
     steps: u32,
@@ -36,10 +36,10 @@ pub fn sample(
 ) -> Result<Sample, Box<dyn Error>> {
     let mut spheres = scene.spheres(n, seed);
     let before = resident("VmRSS");
-    // Makes the peak start anew from the present.
+    // Resets the peak to the present value.
     let reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
     let mut search = (contender.make)()?;
-    let timed = |search: &mut dyn Search, spheres: &[Sphere]| -> Result<(f64, Digest), Box<dyn Error>> {
+    let timed = |search: &mut dyn PairFinder, spheres: &[Sphere]| -> Result<(f64, Digest), Box<dyn Error>> {
         search.prepare(spheres)?;
         let start = Instant::now();
         let answer = search.run(spheres)?;
@@ -68,7 +68,7 @@ pub fn sample(
     })
 }
 
-/// A line of `/proc/self/status` in bytes, where there is one.
+/// A value of `/proc/self/status` in bytes, if it exists.
 fn resident(name: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;

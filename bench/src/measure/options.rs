@@ -12,19 +12,19 @@ pub struct Options {
     /// Numbers of spheres, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [100_000])]
     pub n: Vec<usize>,
-    /// Rounds that count; one more comes first to warm up
+    /// Rounds, after one to warm up
     #[arg(long, default_value_t = 9)]
     pub rounds: usize,
-    /// Steps of every contender in every round
+    /// Steps of each contender in each round
     #[arg(long, default_value_t = 10)]
     pub steps: usize,
     /// Seed of the spheres and their motion
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// The part of its radius by which a sphere moves in a step
+    /// Displacement of a sphere per step, in radii
     #[arg(long, default_value_t = Scene::STEP)]
     pub moves: f32,
-    /// Check the answers at a tiny size instead of measuring; also without `--bench`, which `cargo bench` passes
+    /// Check answers at a tiny size instead of measuring (the default without `--bench`, which `cargo bench` passes)
     #[arg(long)]
     pub quick: bool,
     #[arg(long, hide = true)]
@@ -32,12 +32,12 @@ pub struct Options {
 }
 
 impl Options {
-    /// Whether answers are to be checked and times do not matter.
+    /// Returns `true` if answers are checked and times do not matter.
     pub fn is_quick(&self) -> bool {
         self.quick || !self.bench
     }
 
-    /// Replaces sizes and repetitions by tiny ones where only answers are to be checked.
+    /// Replaces sizes and repetitions by tiny ones if only answers are checked.
     pub fn shrunk(self) -> Self {
         if self.is_quick() { Self { n: vec![300], rounds: 1, steps: 2, ..self } } else { self }
     }

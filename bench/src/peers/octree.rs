@@ -1,8 +1,8 @@
-//! An octree over the spheres whose leaves run sort and sweep in parallel, kept up to date from step to step, as the
-//! paper describes BiNS2 (section 4.3). Leaves that crowd are split, leaves that empty are merged.
+//! An octree whose leaves run sweep and prune in parallel, updated between steps, as the paper describes BiNS2 (section
+//! 4.3). Overfull leaves are split, and sparse siblings are merged.
 //!
-//! A sphere stands in every leaf that its box overlaps. A pair that shares several is reported by the one that holds
-//! the corner `max(low corner of a, low corner of b)`, which both boxes contain if they overlap at all.
+//! A sphere is in each leaf that its box overlaps. A pair in several leaves is reported by the leaf that holds the
+//! corner `max(low corner of a, low corner of b)`, which is in both boxes if they overlap.
 
 use std::error::Error;
 use std::mem;
@@ -13,21 +13,21 @@ use rayon::prelude::*;
 
 use super::half_extent;
 use super::sweep::{Interval, sort, sweep};
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// A leaf with more spheres is split where that separates them.
+/// Number of spheres above which a leaf is split, if that separates them.
 const SPLIT_ABOVE: usize = 256;
-/// Eight sibling leaves with fewer spheres between them are merged.
+/// Total number of spheres below which eight sibling leaves are merged.
 const MERGE_BELOW: usize = 96;
-/// A leaf is not split below this multiple of its spheres' mean diameter: they would stand in most children.
+/// Minimum size of a child over its spheres' mean diameter: in smaller leaves, spheres would be in most children.
 const SMALLEST_EDGE: f32 = 2.0;
 const DEEPEST: u32 = 20;
-/// How much room a new root leaves around the spheres.
+/// Size of a new root over the extent of the spheres.
 const ROOM: f32 = 1.5;
 
 /// The octree, in the rayon pool of the caller.
-pub fn running() -> Contender {
-    Contender::new("octree (BiNS2)", || Ok(Octree::default()))
+pub fn incremental() -> ContenderFactory {
+    ContenderFactory::new("octree (BiNS2)", || Ok(Octree::default()))
 }
 
 /// An axis-aligned box.
@@ -51,12 +51,12 @@ impl Bounds {
         self.low.cmple(other.low).all() && other.high.cmple(self.high).all()
     }
 
-    /// Whether it contains the other box and touches none of its sides, beyond which is another cell.
+    /// Returns `true` if it contains the other box without touching its sides, which belong to adjacent cells.
     fn encloses(&self, other: &Self) -> bool {
         self.low.cmplt(other.low).all() && other.high.cmplt(self.high).all()
     }
 
-    /// Whether the point belongs to this cell; cells share no point.
+    /// Returns `true` if the point belongs to this cell. Cells share no points.
     fn owns(&self, point: Vec3) -> bool {
         self.low.cmple(point).all() && point.cmplt(self.high).all()
     }
@@ -71,7 +71,7 @@ impl Bounds {
 struct Node {
     cell: Bounds,
     depth: u32,
-    /// The first of eight children that stand side by side.
+    /// The index of the first of eight consecutive children.
     children: Option<usize>,
     /// The spheres of a leaf, in the order of the last sweep.
     members: Vec<u32>,
@@ -85,13 +85,13 @@ impl Node {
         Self { cell, depth, children: None, members, intervals, pairs }
     }
 
-    /// Drops the spheres that left.
+    /// Removes the spheres that have left the cell.
     fn release(&mut self, boxes: &[Bounds]) {
         let Self { members, cell, .. } = self;
         members.retain(|&k| boxes[k as usize].overlaps(cell));
     }
 
-    /// Sorts and sweeps along x; the pairs that are this leaf's to report.
+    /// Sorts and sweeps along x, and keeps the pairs that this leaf must report.
     fn search(&mut self, spheres: &[Sphere], boxes: &[Bounds]) {
         let Self { members, intervals, pairs, cell, .. } = self;
         intervals.clear();
@@ -111,18 +111,18 @@ impl Node {
 
 #[derive(Default)]
 struct Octree {
-    /// The root first. Children of merged nodes are left where they are and used again.
+    /// The nodes, starting with the root. Children of merged nodes stay in place and are reused.
     nodes: Vec<Node>,
     free: Vec<usize>,
     boxes: Vec<Bounds>,
-    /// The boxes of the last step.
+    /// The boxes of the previous step.
     before: Vec<Bounds>,
-    /// The leaf whose cell encloses a sphere's box, which then is in no other, if one does.
+    /// The leaf that encloses a sphere's box, if one does; the sphere is then in no other leaf.
     home: Vec<Option<u32>>,
     pairs: Vec<Pair>,
 }
 
-impl Search for Octree {
+impl PairFinder for Octree {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         mem::swap(&mut self.boxes, &mut self.before);
         spheres.par_iter().map(Bounds::of).collect_into_vec(&mut self.boxes);
@@ -149,7 +149,7 @@ impl Search for Octree {
 }
 
 impl Octree {
-    /// One leaf around all spheres, with room for them to spread.
+    /// Creates a single leaf around all spheres, with space for them to spread.
     fn rebuild(&mut self) {
         let none = Bounds { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
         let all = self
@@ -166,7 +166,7 @@ impl Octree {
         self.home.resize(self.boxes.len(), Some(0));
     }
 
-    /// Takes the spheres that moved out of leaves and into others.
+    /// Moves spheres from leaves that they left to leaves that they entered.
     fn update(&mut self) {
         let Self { nodes, boxes, before, home, .. } = self;
         nodes.par_iter_mut().filter(|node| node.children.is_none()).for_each(|leaf| leaf.release(boxes));
@@ -198,7 +198,7 @@ impl Octree {
         });
     }
 
-    /// Merges siblings that hold few spheres, from the leaves up. Returns the spheres of `node` where it is a leaf.
+    /// Merges siblings with few spheres, from the leaves up. Returns the number of spheres of `node` if it is a leaf.
     fn merge(&mut self, node: usize) -> Option<usize> {
         let Some(first) = self.nodes[node].children else {
             return Some(self.nodes[node].members.len());
@@ -223,7 +223,7 @@ impl Octree {
         Some(held)
     }
 
-    /// Splits crowded leaves, and their children in turn.
+    /// Splits overfull leaves, and recursively their children.
     fn split(&mut self, spheres: &[Sphere]) {
         let mut crowded: Vec<usize> = (0..self.nodes.len()).collect();
         while let Some(node) = crowded.pop() {
@@ -257,7 +257,7 @@ impl Octree {
         0.5 * (cell.high.x - cell.low.x) > SMALLEST_EDGE * diameter
     }
 
-    /// Eight empty leaves for the octants of a node.
+    /// Creates eight empty leaves for the octants of a node. Returns the index of the first.
     fn eight_leaves(&mut self, node: usize) -> usize {
         let (cell, depth) = (self.nodes[node].cell, self.nodes[node].depth + 1);
         let leaves = (0..8).map(|k| Node::leaf(cell.octant(k), depth));
@@ -276,7 +276,7 @@ impl Octree {
     }
 }
 
-/// Calls `found` for every leaf that overlaps the box.
+/// Calls `found` for each leaf that overlaps the box.
 fn descend(nodes: &[Node], node: usize, this: &Bounds, found: &mut impl FnMut(usize)) {
     if !nodes[node].cell.overlaps(this) {
         return;
@@ -287,7 +287,7 @@ fn descend(nodes: &[Node], node: usize, this: &Bounds, found: &mut impl FnMut(us
     }
 }
 
-/// The leaf whose cell encloses the box.
+/// The leaf whose cell encloses the box, if one exists.
 fn home_of(nodes: &[Node], this: &Bounds) -> Option<u32> {
     let mut node = 0;
     while let Some(first) = nodes[node].children {

@@ -1,4 +1,4 @@
-//! parry3d's bounding volume hierarchy, used as its documentation advises, in several tunings.
+//! parry3d's bounding volume hierarchy, used as its documentation advises, with several settings.
 
 use std::error::Error;
 
@@ -8,23 +8,23 @@ use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
 
 use super::{half_extent, touch};
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// What happens to the tree at every step before it is traversed.
+/// The update of the tree before each traversal.
 #[derive(Clone, Copy, Debug)]
-enum Upkeep {
-    /// Leaves are written with their exact boxes and all inner boxes follow; the tree's shape stays.
+enum TreeUpdate {
+    /// Updates all leaves with their exact boxes, then all inner boxes; the topology stays.
     Refit,
-    /// As `Refit`, but a leaf is written only when its sphere has left its box, which is larger on each side by
-    /// this share of the radius.
+    /// Like `Refit`, but updates a leaf only if its sphere has left its box, which has a margin of this fraction of the
+    /// radius.
     Fat(f32),
-    /// As `Refit`, then a small part of the tree is rebuilt.
+    /// Like `Refit`, then rebuilds a small part of the tree.
     Optimize,
 }
 
-/// The tunings for a tree that lives from step to step. Rebuilding it now and then is none of them: within a
-/// hundred steps of the scenes the refitted tree does not get worse by what that costs.
-pub fn running() -> Vec<Contender> {
+/// The candidate settings of a tree that is kept between steps. Full rebuilds are not included: within a hundred steps
+/// of the scenes, they cost more than they gain.
+pub fn incremental() -> Vec<ContenderFactory> {
     vec![
         refitted("parry3d refit"),
         with_margin("parry3d refit, margin"),
@@ -32,48 +32,50 @@ pub fn running() -> Vec<Contender> {
     ]
 }
 
-/// A tree that is refitted at every step.
-pub fn refitted(name: impl Into<String>) -> Contender {
-    Contender::new(name, || Ok(Living::new(Upkeep::Refit)))
+/// A tree that is refitted at each step.
+pub fn refitted(name: impl Into<String>) -> ContenderFactory {
+    ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Refit)))
 }
 
-/// The same, with boxes a fifth of the radius larger on every side.
-pub fn with_margin(name: impl Into<String>) -> Contender {
-    Contender::new(name, || Ok(Living::new(Upkeep::Fat(0.2))))
+/// A refitted tree with a margin of a fifth of the radius.
+pub fn with_margin(name: impl Into<String>) -> ContenderFactory {
+    ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Fat(0.2))))
 }
 
-/// The same, a part of it rebuilt at every step.
-pub fn optimised(name: impl Into<String>) -> Contender {
-    Contender::new(name, || Ok(Living::new(Upkeep::Optimize)))
+/// A refitted tree that is partly rebuilt at each step.
+pub fn optimised(name: impl Into<String>) -> ContenderFactory {
+    ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Optimize)))
 }
 
-/// The two ways to build a tree from nothing.
-pub fn scratch() -> Vec<Contender> {
+/// The two methods of building a tree from scratch.
+pub fn from_scratch() -> Vec<ContenderFactory> {
     [("binned", BvhBuildStrategy::Binned), ("PLOC", BvhBuildStrategy::Ploc)]
         .map(|(name, strategy)| {
-            Contender::new(format!("parry3d {name}"), move || Ok(Built { strategy, pairs: vec![] }))
+            ContenderFactory::new(format!("parry3d {name}"), move || {
+                Ok(RebuiltTree { strategy, pairs: vec![] })
+            })
         })
         .into()
 }
 
-/// A tree kept from step to step.
-struct Living {
-    upkeep: Upkeep,
+/// A tree kept between steps.
+struct PersistentTree {
+    update: TreeUpdate,
     tree: Bvh,
     workspace: BvhWorkspace,
     pairs: Vec<Pair>,
 }
 
-impl Living {
-    fn new(upkeep: Upkeep) -> Self {
+impl PersistentTree {
+    fn new(update: TreeUpdate) -> Self {
         let (tree, workspace) = (Bvh::new(), BvhWorkspace::default());
-        Self { upkeep, tree, workspace, pairs: vec![] }
+        Self { update, tree, workspace, pairs: vec![] }
     }
 }
 
-impl Search for Living {
+impl PairFinder for PersistentTree {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
-        let margin = if let Upkeep::Fat(margin) = self.upkeep { margin } else { 0.0 };
+        let margin = if let TreeUpdate::Fat(margin) = self.update { margin } else { 0.0 };
         if self.tree.is_empty() {
             self.tree = build(spheres, BvhBuildStrategy::Binned);
         }
@@ -81,7 +83,7 @@ impl Search for Living {
             self.tree.insert_or_update_partially(aabb(sphere), index, margin * sphere.radius);
         }
         self.tree.refit(&mut self.workspace);
-        if let Upkeep::Optimize = self.upkeep {
+        if let TreeUpdate::Optimize = self.update {
             self.tree.optimize_incremental(&mut self.workspace);
         }
         query(&self.tree, &mut self.workspace, spheres, &mut self.pairs);
@@ -89,13 +91,13 @@ impl Search for Living {
     }
 }
 
-/// A tree built for one answer.
-struct Built {
+/// A tree rebuilt for each search.
+struct RebuiltTree {
     strategy: BvhBuildStrategy,
     pairs: Vec<Pair>,
 }
 
-impl Search for Built {
+impl PairFinder for RebuiltTree {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         let tree = build(spheres, self.strategy);
         query(&tree, &mut BvhWorkspace::default(), spheres, &mut self.pairs);
@@ -107,7 +109,7 @@ fn build(spheres: &[Sphere], strategy: BvhBuildStrategy) -> Bvh {
     Bvh::from_iter(strategy, spheres.iter().map(aabb).enumerate())
 }
 
-/// The tree's candidates, tested exactly.
+/// Applies the exact test to the tree's candidate pairs.
 fn query(tree: &Bvh, workspace: &mut BvhWorkspace, spheres: &[Sphere], pairs: &mut Vec<Pair>) {
     pairs.clear();
     tree.traverse_bvtt_single_tree::<false>(workspace, &mut |i, j| {

@@ -1,5 +1,5 @@
-//! Sort and sweep along one axis, as N3Sim has it: the spheres' intervals are sorted by their beginnings, and each is
-//! compared with those that begin before it ends. The order of the last step is where the next sort starts.
+//! Sweep and prune along one axis, as in N3Sim: the spheres' intervals are sorted by their lower ends, and each is
+//! compared with those that start before it ends. Each sort starts from the order of the previous step.
 
 use std::error::Error;
 
@@ -7,14 +7,14 @@ use glam::DVec3;
 use lazygrid::{Pair, Sphere};
 
 use super::{half_extent, touch};
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// Sort and sweep along an axis on which the spheres spread most, or nearly.
-pub fn running() -> Contender {
-    Contender::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
+/// Sweep and prune along an axis on which the variance of the centers is (nearly) the largest.
+pub fn incremental() -> ContenderFactory {
+    ContenderFactory::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
 }
 
-/// One sphere's interval and the sphere, side by side, so that the sweep reads memory in order.
+/// The interval of a sphere with a copy of the sphere, so that the sweep reads memory in order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interval {
     low: f32,
@@ -30,8 +30,8 @@ impl Interval {
     }
 }
 
-/// The axis changes where another's variance is larger by this factor: a new axis makes the kept order worthless, and in
-/// a round cloud chance alone says which is the widest.
+/// Ratio of variances at which the axis changes. A new axis makes the stored order useless, and in a round cloud the
+/// axis with the largest variance is random.
 const CLEARLY: f64 = 1.5;
 
 #[derive(Default)]
@@ -41,7 +41,7 @@ struct Sweep {
     pairs: Vec<Pair>,
 }
 
-impl Search for Sweep {
+impl PairFinder for Sweep {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         let spread = variances(spheres);
         let widest = spread.max_position();
@@ -65,9 +65,10 @@ impl Search for Sweep {
     }
 }
 
-/// Sorts by the beginnings; in linear time where little has changed.
+/// Sorts by the lower ends, in linear time if little has changed.
 pub(super) fn sort(intervals: &mut [Interval]) {
-    // Insertion moves each interval past those it overtook. Where that comes to more than sorting would, sort.
+    // Insertion moves each interval past those that it overtook. If that takes more moves than a sort would, sorts
+    // instead.
     let patience = 8 * intervals.len();
     let mut moved = 0;
     for k in 1..intervals.len() {
@@ -86,7 +87,7 @@ pub(super) fn sort(intervals: &mut [Interval]) {
     }
 }
 
-/// Hands over every overlapping pair of sorted intervals once.
+/// Calls `found` once for each overlapping pair of sorted intervals.
 #[inline]
 pub(super) fn sweep(intervals: &[Interval], mut found: impl FnMut(&Interval, &Interval)) {
     for (k, a) in intervals.iter().enumerate() {
@@ -101,7 +102,7 @@ pub(super) fn sweep(intervals: &[Interval], mut found: impl FnMut(&Interval, &In
     }
 }
 
-/// Variance of the centres along each axis.
+/// The variance of the centers along each axis.
 fn variances(spheres: &[Sphere]) -> DVec3 {
     let n = spheres.len().max(1) as f64;
     let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);

@@ -1,20 +1,20 @@
 use lazygrid::{Algorithm, Backend, Config};
 
 use super::*;
-use crate::measure::{Contender, Plan, compare};
+use crate::measure::{ContenderFactory, Plan, compare};
 use lazygrid_io::scenes::Scene;
 
-/// Every peer gives the naive detector's pairs, from step to step.
+/// All peers find the naive detector's pairs at each step.
 #[test]
-fn peers_agree_with_the_judge() {
+fn peers_agree_with_naive() {
     for scene in Scene::ALL {
         let n = if scene == Scene::Point { 200 } else { 1500 };
         let plan = Plan { scene, n, seed: 3, rounds: 2, steps: 4, moves: Scene::STEP, fresh: false };
         let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
-        let mut contenders = vec![Contender::list("naive", judge)];
-        contenders.extend([cell_list::running(), octree::running(), sweep::running()]);
+        let mut contenders = vec![ContenderFactory::list("naive", judge)];
+        contenders.extend([cell_list::incremental(), octree::incremental(), sweep::incremental()]);
         contenders.extend(cell_list::tunings(scene));
-        contenders.extend(parry::running());
+        contenders.extend(parry::incremental());
         contenders.extend(verlet::skins(scene));
         #[cfg(feature = "bullet")]
         contenders.extend(bullet::tunings(scene));
@@ -23,32 +23,36 @@ fn peers_agree_with_the_judge() {
     }
 }
 
-/// Points that coincide, spheres that just touch, and a row of cells along one axis.
+/// Coincident points, spheres that just touch, and a row of cells along one axis.
 #[test]
-fn cells_of_odd_shapes() {
+fn cell_list_handles_unusual_shapes() {
     let points = |n: usize| (0..n).map(|k| Sphere::new([(k / 2) as f32, 0.0, 0.0], 0.0)).collect();
     let row = |gap: f32| (0..100).map(|k| Sphere::new([k as f32 * gap, 7.0, -7.0], 0.5)).collect();
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
     for spheres in [points(1), points(2), points(9), points(100), row(1.0), row(1.001), row(0.1)] {
         let spheres: Vec<Sphere> = spheres;
-        let digest = |contender: &Contender| {
+        let digest = |contender: &ContenderFactory| {
             let mut search = (contender.make)().expect("made");
             crate::measure::Digest::of(&search.run(&spheres).expect("found"))
         };
-        let expected = digest(&Contender::list("naive", judge.clone()));
+        let expected = digest(&ContenderFactory::list("naive", judge.clone()));
         for contender in cell_list::tunings(Scene::FiveSizes) {
             assert_eq!(digest(&contender), expected, "{}: {} spheres", contender.name, spheres.len());
         }
     }
 }
 
-/// Spheres that fly apart by more than their cells: the octree grows, splits and merges, and loses none.
+/// Spheres that move apart by more than their cells: the octree grows, splits and merges without losing pairs.
 #[test]
-fn a_cloud_that_spreads_and_gathers() {
+fn peers_follow_a_cloud_that_spreads_and_shrinks() {
     let mut spheres = Scene::FiveSizes.spheres(4000, 5);
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
-    let searches =
-        [Contender::list("naive", judge), octree::running(), cell_list::running(), sweep::running()];
+    let searches = [
+        ContenderFactory::list("naive", judge),
+        octree::incremental(),
+        cell_list::incremental(),
+        sweep::incremental(),
+    ];
     let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
     for factor in [1.0, 1.2, 1.5, 0.5, 0.5, 0.3, 1.0, 2.0, 1.4] {
         spheres.iter_mut().for_each(|sphere| sphere.center *= factor);
@@ -58,14 +62,19 @@ fn a_cloud_that_spreads_and_gathers() {
     }
 }
 
-/// So far from the origin that boxes often end exactly where cells do: whoever crosses is not lost on the way.
+/// Spheres so far from the origin that boxes often end exactly at cell borders: crossing a border must not lose a
+/// sphere.
 #[test]
-fn boxes_that_touch_the_borders_of_cells() {
+fn boxes_at_cell_borders_lose_no_pair() {
     let mut spheres = Scene::Equal.spheres(4000, 6);
     spheres.iter_mut().for_each(|sphere| sphere.center += 30_000.0);
     let judge = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive);
-    let searches =
-        [Contender::list("naive", judge), octree::running(), cell_list::running(), sweep::running()];
+    let searches = [
+        ContenderFactory::list("naive", judge),
+        octree::incremental(),
+        cell_list::incremental(),
+        sweep::incremental(),
+    ];
     let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
     for step in 0..40 {
         let digests: Vec<_> =

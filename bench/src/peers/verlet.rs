@@ -1,6 +1,5 @@
-//! A Verlet list as a program would write it whose spheres move little: pairs within a skin of each other, found by the
-//! plain cell list, are tested until some sphere has moved by half the skin. It shares nothing with lazygrid's detectors
-//! but the exact test.
+//! A typical Verlet list: candidate pairs within a skin, found by the plain cell list, are tested until some sphere has
+//! moved by half the skin. It shares only the exact test with lazygrid's detectors.
 
 use std::error::Error;
 
@@ -8,12 +7,12 @@ use lazygrid::{Pair, Sphere};
 
 use super::cell_list::CellList;
 use super::touch;
-use crate::measure::{Contender, Found, Search};
+use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// The skin that is fastest for a scene of the benchmarks in steps of this part of the radius, where the largest radius is
-/// 1, of [`skins`] in `cargo bench -p lazygrid-bench --bench peers -- --mode skins --output unordered --algorithm auto
-/// --steps 100 --rounds 3 --moves 0.01`. Steps of other scenes than equal spheres are a tenth.
+/// The fastest skin for a benchmark scene with steps of `moves` radii, if the largest radius is 1. From [`skins`] in
+/// `cargo bench -p lazygrid-bench --bench peers -- --mode skins --output unordered --algorithm auto --steps 100
+/// --rounds 3 --moves 0.01`. Skins of other scenes than equal spheres are for steps of a tenth.
 fn best(scene: Scene, moves: f32) -> f32 {
     match scene {
         Scene::Equal if moves <= 0.003 => 0.1,
@@ -21,38 +20,39 @@ fn best(scene: Scene, moves: f32) -> f32 {
         Scene::Equal => 2.0,
         Scene::FiveSizes => 1.0,
         Scene::Burst | Scene::BurstLinear | Scene::Point => 0.1,
-        // Not tried: that of equal spheres, which nearly all are. Transceivers leave it at every step.
+        // Not measured: uses the skin of equal spheres, as nearly all spheres are carriers. Transceivers exceed its
+        // limit at each step.
         Scene::Transceivers(mixture) => 2.0 * mixture.carrier(),
     }
 }
 
-/// The list with the best skin for a scene and its steps.
-pub fn tuned(name: impl Into<String>, scene: Scene, moves: f32) -> Contender {
+/// The list with the fastest skin for a scene and its steps.
+pub fn tuned(name: impl Into<String>, scene: Scene, moves: f32) -> ContenderFactory {
     with(name, scene, best(scene, moves))
 }
 
-/// The skins to choose from.
-pub fn skins(scene: Scene) -> Vec<Contender> {
+/// The candidate skins.
+pub fn skins(scene: Scene) -> Vec<ContenderFactory> {
     let of = |skin: f32| with(format!("Verlet list, skin {skin}"), scene, skin);
     [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 2.5].map(of).into()
 }
 
-fn with(name: impl Into<String>, scene: Scene, skin: f32) -> Contender {
-    Contender::new(name, move || Ok(Verlet::new(scene, skin)))
+fn with(name: impl Into<String>, scene: Scene, skin: f32) -> ContenderFactory {
+    ContenderFactory::new(name, move || Ok(Verlet::new(scene, skin)))
 }
 
 struct Verlet {
     skin: f32,
     list: CellList,
-    /// The spheres with half the skin around them, where they were when the candidates were found.
+    /// The spheres with half the skin added, at the time of the rebuild.
     wide: Vec<Sphere>,
-    /// Which sphere stands at which place, so that neighbours in space are neighbours in memory.
+    /// The sphere at each sorted position; neighbors in space are neighbors in memory.
     order: Vec<u32>,
     place_of: Vec<u32>,
-    /// Where the spheres of each place are now, and where they were.
+    /// The spheres at each sorted position now, and at the time of the rebuild.
     now: Vec<Sphere>,
     then: Vec<Sphere>,
-    /// Pairs of places.
+    /// Candidate pairs as sorted positions.
     candidates: Vec<Pair>,
     pairs: Vec<Pair>,
 }
@@ -72,7 +72,7 @@ impl Verlet {
         }
     }
 
-    /// Takes over where the spheres are now; whether the candidates still do.
+    /// Updates the positions. Returns `true` if the candidates are still valid.
     fn advance(&mut self, spheres: &[Sphere]) -> bool {
         if self.order.len() != spheres.len() {
             return false;
@@ -106,7 +106,7 @@ impl Verlet {
     }
 }
 
-impl Search for Verlet {
+impl PairFinder for Verlet {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         if !self.advance(spheres) {
             self.find(spheres);

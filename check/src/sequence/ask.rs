@@ -1,4 +1,4 @@
-//! Asks a detector, and records what it answers.
+//! Runs one call of a detector and records its answer.
 
 use std::any::Any;
 use std::fmt;
@@ -8,21 +8,21 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use lazygrid::{Detector, Error, Exclusions, Neighbors, Pair, Query, Sphere, Spheres};
 
-use crate::Scenario;
+use crate::TestInput;
 use crate::fuzz::pairs_of;
 use crate::way::text;
 
-/// How a detector is asked.
+/// The form of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Ask {
     pub(super) output: Output,
     /// The number of spheres in the first of two sets; `None` for one set.
     pub(super) split: Option<usize>,
-    /// Whether coordinates and radii are columns.
+    /// Whether coordinates and radii are passed as columns.
     pub(super) in_columns: bool,
-    /// Whether the flag `stop` is raised before the call.
+    /// Whether the cancel flag is set before the call.
     pub(super) is_stopped: bool,
-    /// Whether the exclusions are for one set where there are two, or the other way round.
+    /// Whether the exclusions are those of one set for a query of two sets, or vice versa.
     pub(super) has_foreign_exclusions: bool,
 }
 
@@ -34,41 +34,41 @@ pub(super) enum Output {
     Stream { chunk: usize, ending: Ending },
 }
 
-/// What the consumer of a stream does.
+/// The behavior of the consumer of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ending {
     /// Takes all chunks.
     All,
-    /// Breaks off with this chunk, counted from 1.
+    /// Breaks at this chunk, counted from 1.
     Break(usize),
-    /// Panics with this chunk.
+    /// Panics at this chunk.
     Panic(usize),
-    /// Raises the flag `stop` with this chunk, and goes on.
+    /// Sets the cancel flag at this chunk and continues.
     Stop(usize),
 }
 
-/// What a detector answers. Pairs of two sets name the second sphere by its index among all spheres.
+/// The answer of a detector. Pairs of two sets name the second sphere by its index among all spheres.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Answer {
     Pairs(Vec<Pair>),
     Count(u64),
-    /// Chunks of a stream that broke off, panicked or was stopped.
+    /// Chunks of a stream that broke off, panicked or was cancelled.
     Part(Vec<Pair>),
     Refused(Error),
 }
 
-/// The payload of the panics that consumers raise, by which these are told from all others.
+/// The payload of consumers' panics, which distinguishes them from all others.
 struct Thrown;
 
-/// The chunks of a stream so far.
+/// The chunks of a stream received so far.
 #[derive(Default)]
 struct Received {
     pairs: Vec<Pair>,
     chunks: usize,
     longest: usize,
-    /// Whether the consumer broke off or panicked.
+    /// Whether the consumer has broken off or panicked.
     has_ended: bool,
-    /// Chunks that came after that.
+    /// Number of chunks received after that.
     late: usize,
 }
 
@@ -88,14 +88,14 @@ impl Columns {
 }
 
 impl Ask {
-    /// Asks `detector` for the pairs of `scenario`. Afterwards `stop` is lowered.
+    /// Asks `detector` for the pairs of `scenario`. Clears `stop` afterwards.
     ///
     /// # Errors
-    /// An answer that contradicts itself, as text.
+    /// Fails if an answer contradicts itself.
     pub(super) fn answer(
         &self,
         detector: &mut Detector,
-        scenario: &Scenario,
+        scenario: &TestInput,
         stop: &AtomicBool,
     ) -> Result<Answer, String> {
         stop.store(self.is_stopped, Relaxed);
@@ -107,7 +107,7 @@ impl Ask {
     fn answer_query(
         &self,
         (detector, stop): (&mut Detector, &AtomicBool),
-        scenario: &Scenario,
+        scenario: &TestInput,
     ) -> Result<Answer, String> {
         let n = scenario.spheres.len();
         let split = self.split.map(|split| split.min(n));
@@ -139,7 +139,7 @@ impl Ask {
     }
 
     /// The exclusions of the call, if it has any.
-    fn exclusions(&self, scenario: &Scenario, split: Option<usize>) -> Result<Option<Exclusions>, String> {
+    fn exclusions(&self, scenario: &TestInput, split: Option<usize>) -> Result<Option<Exclusions>, String> {
         let n = scenario.spheres.len();
         let exclusions = match (split, self.has_foreign_exclusions, &scenario.excluded) {
             (None, true, _) => Exclusions::across(n, 3, []),
@@ -155,10 +155,10 @@ impl Ask {
     }
 }
 
-/// Adds species and groups, as far as `scenario` has them, of the spheres in `range`.
+/// Adds the species and groups of the spheres in `range`, if `scenario` has them.
 fn with_labels<'a>(
     spheres: Spheres<'a>,
-    scenario: &'a Scenario,
+    scenario: &'a TestInput,
     range: std::ops::Range<usize>,
 ) -> Result<Spheres<'a>, String> {
     let mut view = spheres;
@@ -180,13 +180,13 @@ fn counted(count: Result<u64, Error>) -> Result<Answer, String> {
     Ok(count.map_or_else(Answer::Refused, Answer::Count))
 }
 
-/// Names second spheres by their index among all.
+/// Replaces the indices of second spheres by their indices among all spheres.
 fn among_all(mut pairs: Vec<Pair>, first: usize) -> Vec<Pair> {
     pairs.iter_mut().for_each(|pair| pair.j = pair.j.wrapping_add(first as u32));
     pairs
 }
 
-/// The pairs of the neighbor lists of a first set.
+/// The pairs of the neighbor lists of the first of two sets.
 fn forward(lists: &Neighbors<'_>, split: usize) -> Result<Vec<Pair>, String> {
     if lists.len() != split {
         return Err(format!("{} lists of {split} spheres", lists.len()));
@@ -199,7 +199,7 @@ fn forward(lists: &Neighbors<'_>, split: usize) -> Result<Vec<Pair>, String> {
 }
 
 impl Received {
-    /// Takes one chunk, and does what `ending` says.
+    /// Records one chunk, then acts as `ending` says.
     fn take(&mut self, part: &[Pair], ending: Ending, stop: &AtomicBool) -> ControlFlow<()> {
         self.late += usize::from(self.has_ended);
         self.chunks += 1;
@@ -212,7 +212,7 @@ impl Received {
             }
             Ending::Panic(at) if at == self.chunks => {
                 self.has_ended = true;
-                // Without a word on standard error.
+                // Resuming prints no panic message.
                 resume_unwind(Box::new(Thrown))
             }
             Ending::Stop(at) if at == self.chunks => {
@@ -224,7 +224,7 @@ impl Received {
     }
 }
 
-/// Streams by `stream`, which is given the consumer.
+/// Runs `stream` with a consumer that ends as requested, and checks the chunks.
 fn streamed(
     (chunk, ending): (usize, Ending),
     first: usize,
@@ -251,7 +251,7 @@ fn streamed(
         Ok(Ok(_)) if matches!(ending, Ending::Panic(_)) && has_ended => {
             Err("the panic of the consumer was lost".to_owned())
         }
-        Ok(Ok(said)) if said != handed => Err(format!("{said} pairs are said to be streamed, {handed} were")),
+        Ok(Ok(said)) if said != handed => Err(format!("stream returned {said} pairs but delivered {handed}")),
         Ok(Ok(_)) if has_ended => Ok(Answer::Part(pairs)),
         Ok(Ok(_)) => Ok(Answer::Pairs(pairs)),
     }

@@ -1,21 +1,21 @@
-//! The pairs of a scene by their definition, faster than [`Scenario::oracle`]: what is far apart is passed over before anything
-//! else is asked.
+//! The pairs of a scene by their definition. Faster than [`TestInput::oracle`], as it skips distant pairs first.
 
 use glam::DVec3;
 use lazygrid::{Interaction, Pair};
 
-use crate::Scenario;
-use crate::images::Images;
+use crate::TestInput;
+use crate::images::ImageOracle;
 
-/// Periods up to which a coordinate may be from the origin: beyond, too few digits of its place in the period are left.
+/// Maximum distance of a coordinate from the origin in periods: beyond it, too few digits of the position in the period
+/// remain.
 const MAX_PERIODS: f64 = 1e4;
-/// By how much a distance along an axis may be off: in parts of itself, and in parts of the period.
+/// Error bounds of a distance along an axis: relative to the distance, and relative to the period.
 const ROUNDING: [f64; 2] = [1e-6, 1e-9];
 
 /// All pairs of a valid scene in canonical order.
-pub(super) fn pairs(scenario: &Scenario) -> Vec<Pair> {
+pub(super) fn pairs(scenario: &TestInput) -> Vec<Pair> {
     let sieve = Sieve::new(scenario);
-    let images = scenario.space.shear().map(|_| Images::of(&scenario.space));
+    let images = scenario.space.shear().map(|_| ImageOracle::of(&scenario.space));
     let is_pair = |i: usize, j: usize| {
         let reach = scenario.reach(i, j);
         reach.is_some_and(|reach| match &images {
@@ -37,26 +37,26 @@ pub(super) fn pairs(scenario: &Scenario) -> Vec<Pair> {
     pairs
 }
 
-/// Tells what is too far apart along some direction to be a pair.
+/// A filter for spheres that are too far apart along some direction to be a pair.
 struct Sieve {
     axes: Vec<Axis>,
 }
 
-/// Places along a direction.
+/// Positions along a direction.
 struct Axis {
     places: Vec<f64>,
-    /// The distance of two images; infinite where space does not repeat.
+    /// The distance of two images; infinite if the axis is not periodic.
     period: f64,
-    /// The largest distance of two places that may be a pair.
+    /// The largest distance of two positions that may be a pair.
     most: f64,
 }
 
 impl Sieve {
-    fn new(scenario: &Scenario) -> Self {
+    fn new(scenario: &TestInput) -> Self {
         let farthest = farthest(scenario);
         let axis = |row: DVec3, period: f64| Axis::new(scenario, row, (period, farthest));
         let axes = match scenario.space.shear() {
-            Some(_) => Images::of(&scenario.space)
+            Some(_) => ImageOracle::of(&scenario.space)
                 .fractions()
                 .iter()
                 .map(|&row| axis(row, row.length().recip()))
@@ -80,9 +80,9 @@ impl Sieve {
 }
 
 impl Axis {
-    /// The axis on which a center has the product with `row` as its place, in periods where there is one. `None` if too few
-    /// digits are left of a place.
-    fn new(scenario: &Scenario, row: DVec3, (period, farthest): (f64, f64)) -> Option<Self> {
+    /// The axis on which the position of a center is its product with `row`, in periods on periodic axes. `None` if a
+    /// position has too few significant digits.
+    fn new(scenario: &TestInput, row: DVec3, (period, farthest): (f64, f64)) -> Option<Self> {
         let mut places: Vec<f64> =
             scenario.spheres.iter().map(|sphere| row.dot(sphere.center.as_dvec3())).collect();
         let mut most = farthest * (1.0 + ROUNDING[0]);
@@ -98,7 +98,7 @@ impl Axis {
 }
 
 /// A distance beyond which no two spheres are a pair.
-fn farthest(scenario: &Scenario) -> f64 {
+fn farthest(scenario: &TestInput) -> f64 {
     let radius = scenario.spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
     let rows = scenario.mixture.iter().flat_map(|mixture| mixture.rows.iter().flatten());
     let distances = rows.map(|interaction| match interaction {
@@ -114,12 +114,12 @@ mod tests {
     use crate::sequence::Sequence;
 
     #[test]
-    fn pairs_are_those_of_the_oracle() {
+    fn definition_matches_the_oracle() {
         let (mut pairs_seen, mut triclinic) = (0, 0);
         for seed in 0..400 {
             let sequence = Sequence::drawn(seed, true, false);
-            let is_valid = |scenario: &&Scenario| {
-                let is_known = |mixture: &crate::Mixture| {
+            let is_valid = |scenario: &&TestInput| {
+                let is_known = |mixture: &crate::SpeciesSetup| {
                     mixture.species.iter().all(|&id| (id as usize) < mixture.rows.len())
                 };
                 scenario.spheres.len() < 300

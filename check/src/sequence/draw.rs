@@ -1,4 +1,4 @@
-//! Draws settings, a first scene and the calls.
+//! Draws the settings, the first scene and the calls of a sequence.
 
 use glam::Vec3;
 use lazygrid::{Algorithm, Interaction, Order, Skin, Space, Sphere};
@@ -8,27 +8,26 @@ use super::events::World;
 use super::faults::spoil;
 use super::{Sequence, Settings, Step};
 use crate::fuzz::draw as rounds;
-use crate::way::Place;
-use crate::{Mixture, Random, Scenario, Way, Words, adversary, periodic, sheared};
+use crate::way::TargetDevice;
+use crate::{DetectorVariant, Random, SceneSeed, SpeciesSetup, TestInput, adversary, periodic, sheared};
 
-/// Seeds of sequences are those of [rounds](crate::fuzz::Round) with these bits changed, so that a seed draws two unrelated
-/// things.
+/// Mask of the seed, so that a sequence is unrelated to the [round](crate::fuzz::Round) of the same seed.
 const OTHER: u64 = 0x5e90_e4ce;
-/// Kinds of spaces, of eight, from which on cell vectors are tilted.
+/// First of the eight kinds of spaces whose cell vectors are tilted.
 const TRICLINIC: u32 = 6;
-/// Spheres at most, and where cell vectors are tilted: there the definition looks at many images.
+/// Maximum number of spheres: in general, and in triclinic cells, where the definition tests many images.
 const MAX_SPHERES: [usize; 2] = [5000, 1300];
-/// By how much the number of spheres may grow in the space that it was drawn for.
+/// Factor by which the number of spheres may grow in the space drawn for it.
 const CROWDING: usize = 4;
 
-pub(super) fn sequence(seed: u64, way: impl FnOnce(&mut Random) -> Way) -> Sequence {
+pub(super) fn sequence(seed: u64, variant: impl FnOnce(&mut Random) -> DetectorVariant) -> Sequence {
     let mut random = Random(seed ^ OTHER);
-    let way = Way { skin: 0.0, ..way(&mut random) };
-    let is_on_gpu = matches!(way.place, Place::Gpu { .. });
-    let mut world = world(&mut random, way);
+    let variant = DetectorVariant { skin: 0.0, ..variant(&mut random) };
+    let is_on_gpu = matches!(variant.target, TargetDevice::Gpu { .. });
+    let mut world = world(&mut random, variant);
     let settings = Settings {
-        way,
-        skin: skin(&mut random, way, world.radius),
+        variant,
+        skin: skin(&mut random, variant, world.radius),
         order: if random.below(3) == 0 { Order::Unordered } else { Order::Canonical },
         max_pairs: if random.below(6) == 0 { random.below(400).into() } else { u64::from(u32::MAX) },
         space: world.scenario.space,
@@ -39,22 +38,26 @@ pub(super) fn sequence(seed: u64, way: impl FnOnce(&mut Random) -> Way) -> Seque
     Sequence { seed, settings, steps }
 }
 
-/// Draws where a detector runs and with which algorithm, mostly with one that keeps candidates.
-pub(super) fn way(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Way {
-    let way = rounds::way(random, on_cpu, on_gpu);
+/// Draws a detector variant, mostly with an algorithm that keeps candidates.
+pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> DetectorVariant {
+    let variant = rounds::variant(random, on_cpu, on_gpu);
     let keeper = [Algorithm::Auto, Algorithm::CellList][random.below(2) as usize];
     let threads = [Some(1), Some(1), None, None, None, Some(2), Some(2), Some(7)][random.below(8) as usize];
-    let place = match way.place {
-        Place::Cpu { simd, .. } => Place::Cpu { simd, threads },
+    let target = match variant.target {
+        TargetDevice::Cpu { simd, .. } => TargetDevice::Cpu { simd, threads },
         on_gpu => on_gpu,
     };
-    Way { place, algorithm: if random.below(3) == 0 { way.algorithm } else { keeper }, ..way }
+    DetectorVariant {
+        target,
+        algorithm: if random.below(3) == 0 { variant.algorithm } else { keeper },
+        ..variant
+    }
 }
 
-/// Draws a skin: in proportion to the radii, the detector's choice, or none.
-fn skin(random: &mut Random, way: Way, radius: f32) -> Skin {
-    let keeps = matches!(way.place, Place::Gpu { .. })
-        || matches!(way.algorithm, Algorithm::Auto | Algorithm::CellList);
+/// Draws a skin: in proportion to the radii, chosen by the detector, or none.
+fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
+    let keeps = matches!(variant.target, TargetDevice::Gpu { .. })
+        || matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList);
     match random.below(12) {
         0 => Skin::Off,
         1..=6 => Skin::Auto,
@@ -66,10 +69,10 @@ fn skin(random: &mut Random, way: Way, radius: f32) -> Skin {
     }
 }
 
-/// Draws a number of spheres: mostly few, often about as many as `Auto` begins to sort into cells at.
-pub(super) fn number(random: &mut Random, way: Way, most: usize) -> usize {
-    let is_on_gpu = matches!(way.place, Place::Gpu { .. });
-    let about_crossover = if way.algorithm == Algorithm::Auto { 9 } else { 4 };
+/// Draws a number of spheres: mostly few, often near the number at which `Auto` switches to a cell list.
+pub(super) fn number(random: &mut Random, variant: DetectorVariant, most: usize) -> usize {
+    let is_on_gpu = matches!(variant.target, TargetDevice::Gpu { .. });
+    let about_crossover = if variant.algorithm == Algorithm::Auto { 9 } else { 4 };
     let n = match random.below(16) {
         0 => random.below(5),
         k if k <= about_crossover && is_on_gpu => 200 + random.below(300),
@@ -81,19 +84,20 @@ pub(super) fn number(random: &mut Random, way: Way, most: usize) -> usize {
     (n as usize).min(most)
 }
 
-fn world(random: &mut Random, way: Way) -> World {
-    // Few scenes far from 1: candidates are given up where arithmetic in `f32` ends.
+fn world(random: &mut Random, variant: DetectorVariant) -> World {
+    // Few scenes have sizes far from 1: there the detector gives up candidate lists, as `f32` arithmetic reaches its
+    // limits.
     let scales = [1.0, 1.0, 1.0, 1.0, 0.01, 37.0, 1e-12, 1e12];
     let radius = scales[random.below(8) as usize];
     let family = random.below(8);
     let mut world = World {
-        scenario: Scenario::default(),
+        scenario: TestInput::default(),
         history: Vec::new(),
         radius,
         extent: [radius; 3],
         motion: [0.0, 1e-6, 1e-3, 1e-3, 0.01, 0.01, 0.05, 0.3][random.below(8) as usize],
         calm: [4, 6, 8][random.below(3) as usize],
-        way,
+        variant,
         most: 600,
         held: 0,
     };
@@ -103,7 +107,7 @@ fn world(random: &mut Random, way: Way) -> World {
         world.extent = [4.0 * world.radius; 3];
     } else {
         let space = random.below(8);
-        let n = number(random, way, MAX_SPHERES[usize::from(space >= TRICLINIC)]);
+        let n = number(random, variant, MAX_SPHERES[usize::from(space >= TRICLINIC)]);
         world.most = MAX_SPHERES[usize::from(space >= TRICLINIC)].min(CROWDING * n + 500);
         let neighbors = [0.3, 2.0, 2.0, 8.0][random.below(4) as usize];
         let edge = world.radius * (n.max(8) as f32 * 33.5 / neighbors).cbrt();
@@ -115,7 +119,7 @@ fn world(random: &mut Random, way: Way) -> World {
     if random.below(2) == 0 {
         let rows = rows(random, world.radius);
         let species = world.scenario.spheres.iter().map(|_| random.below(rows.len() as u32)).collect();
-        world.scenario.mixture = Some(Mixture { species, rows });
+        world.scenario.mixture = Some(SpeciesSetup { species, rows });
     }
     if random.below(5) == 0 {
         world.leave_out(random);
@@ -124,9 +128,9 @@ fn world(random: &mut Random, way: Way) -> World {
 }
 
 /// Draws a scene that is hard on grids.
-fn adversarial(random: &mut Random) -> Scenario {
+fn adversarial(random: &mut Random) -> TestInput {
     let elements = 5 + random.below(150) as usize;
-    let words = Words::drawn(random, elements);
+    let words = SceneSeed::drawn(random, elements);
     let family = random.below((adversary::FAMILIES.len() + periodic::FAMILIES.len()) as u32) as usize;
     match adversary::FAMILIES.get(family) {
         Some(family) => (family.spheres)(&words).into(),
@@ -152,7 +156,7 @@ fn draw_space(random: &mut Random, kind: u32, extent: [f32; 3]) -> Space {
     }
 }
 
-/// Draws a table of up to four species. Many have a species whose radii decide nothing.
+/// Draws a table of up to four species. Often the first species ignores radii.
 fn rows(random: &mut Random, radius: f32) -> Vec<Vec<Interaction>> {
     let count = 1 + random.below(4);
     let mut interaction = |may_touch: bool| match random.below(8) {
@@ -163,24 +167,24 @@ fn rows(random: &mut Random, radius: f32) -> Vec<Vec<Interaction>> {
             Interaction::Within((radius * factor).into())
         }
     };
-    // The first species touches none.
+    // The first species has no `Touch` interaction with itself.
     (0..count).map(|a| (0..=a).map(|b| interaction(b > 0)).collect()).collect()
 }
 
-/// Draws one call: what changes before it, what may be wrong with it, and how the detector is asked.
+/// Draws one call: the changes before it, its possible error and its form.
 fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
     let before = world.scenario.clone();
     let mut changes = if k > 0 { change(random, world, k) } else { Vec::new() };
     let mut ask = ask(random, world.scenario.spheres.len());
     world.remember(before.clone());
     let mut scenario = world.scenario.clone();
-    // Often the call that fails is the one with the changes.
+    // Changed scenes fail more often.
     if random.below(if changes.is_empty() { 14 } else { 5 }) == 0 {
         changes.push(spoil(random, &mut scenario, world.radius));
         if random.below(4) == 0 {
             world.scenario = before;
         } else {
-            // The same input without what was wrong comes next.
+            // The next call has the same input without the error.
             world.held = world.held.max(1);
         }
     } else if random.below(60) == 0 {
@@ -189,13 +193,13 @@ fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
     Step { scenario, changes, ask }
 }
 
-/// Changes the scene before call `k`. Returns how, unless spheres only move a little.
+/// Changes the scene before call `k`. Returns the changes, or nothing if the spheres only move a little.
 fn change(random: &mut Random, world: &mut World, k: u32) -> Vec<&'static str> {
     if world.held > 0 {
         world.held -= 1;
         return vec!["still"];
     }
-    // A few calls alike come first, so that candidates are found.
+    // The first calls are similar, so that a candidate list is built.
     let most = if k < 3 { world.calm.max(8) } else { world.calm };
     match random.below(10) {
         kind if kind < most => {
@@ -206,7 +210,7 @@ fn change(random: &mut Random, world: &mut World, k: u32) -> Vec<&'static str> {
         _ if random.below(5) == 0 => vec![world.back(random)],
         _ => {
             let events = 1 + random.below(3) / 2;
-            // What a changed scene leaves behind shows in calls that find it unchanged.
+            // Wrong state left by a change shows in calls with the same input.
             world.held = random.below(3);
             (0..events).map(|_| world.event(random)).collect()
         }
@@ -238,12 +242,12 @@ fn ask(random: &mut Random, spheres: usize) -> Ask {
     }
 }
 
-/// Draws a place in the scene.
+/// Draws a position in the scene.
 pub(super) fn place(random: &mut Random, extent: [f32; 3]) -> Vec3 {
     Vec3::from(extent.map(|extent| random.unit() * extent))
 }
 
-/// Draws a sphere's radius, of one of some kinds of scene.
+/// Draws a radius for sphere `k` of a scene of this kind.
 pub(super) fn radius(random: &mut Random, kind: u32, k: usize, radius: f32) -> f32 {
     let powers = |most: usize| 0.5_f32.powi((k % most) as i32);
     radius
@@ -260,7 +264,7 @@ pub(super) fn radius(random: &mut Random, kind: u32, k: usize, radius: f32) -> f
         }
 }
 
-/// Spheres with new places, all of these radii.
+/// Draws new positions for spheres of these radii.
 pub(super) fn at_new_places(random: &mut Random, extent: [f32; 3], radii: &[f32]) -> Vec<Sphere> {
     radii.iter().map(|&radius| Sphere::new(place(random, extent), radius)).collect()
 }

@@ -1,44 +1,44 @@
-//! What changes from call to call.
+//! Changes of a scene between calls.
 
 use glam::Vec3;
 use lazygrid::{Sphere, Spheres};
 
 use super::draw::{at_new_places, number, place, radius};
 use crate::motion::walk;
-use crate::{Excluded, Random, Scenario, Way};
+use crate::{DetectorVariant, ExclusionCase, Random, TestInput};
 
-/// Scenes of the past that are kept.
+/// Number of earlier scenes to keep.
 const REMEMBERED: usize = 4;
-/// Spheres that may all be at one place: all their pairs are found.
+/// Maximum number of spheres at one point, as all of them are pairs.
 const MAX_CROWD: usize = 400;
-/// Spheres at most whose pairs are taken for exclusions.
+/// Maximum number of spheres whose pairs become exclusions.
 const MAX_LISTED: usize = 600;
 
-/// The spheres between two calls, and what changes are drawn in proportion to.
+/// The scene between two calls, and the scales of its changes.
 pub(super) struct World {
-    pub(super) scenario: Scenario,
+    pub(super) scenario: TestInput,
     /// Earlier scenes.
-    pub(super) history: Vec<Scenario>,
+    pub(super) history: Vec<TestInput>,
     /// A typical radius.
     pub(super) radius: f32,
     /// The size of the scene along each axis.
     pub(super) extent: [f32; 3],
-    /// How far spheres move from call to call, in radii.
+    /// The displacement of spheres between calls, in radii.
     pub(super) motion: f32,
-    /// Calls in ten before which nothing but a little motion happens.
+    /// Number of calls in ten before which spheres only move a little.
     pub(super) calm: u32,
-    pub(super) way: Way,
+    pub(super) variant: DetectorVariant,
     /// The largest number of spheres.
     pub(super) most: usize,
-    /// Calls before which nothing happens, so that what an earlier call left behind shows.
+    /// Number of further calls without changes, which show wrong state left by an earlier call.
     pub(super) held: u32,
 }
 
 impl World {
-    /// Draws spheres of one kind of radii.
+    /// Draws `n` spheres with one kind of radii.
     pub(super) fn new_spheres(&self, random: &mut Random, n: usize) -> Vec<Sphere> {
         let kind = if random.below(2) == 0 { 0 } else { random.below(10) };
-        // Small ones have few pairs until they grow.
+        // Small spheres have few pairs until they grow.
         let unit = if random.below(3) == 0 { 0.2 * self.radius } else { self.radius };
         let sphere = |k| {
             let center = place(random, self.extent);
@@ -55,8 +55,8 @@ impl World {
         walk(&mut self.scenario.spheres, part, random.word());
     }
 
-    /// Keeps an earlier scene, to which the spheres may return.
-    pub(super) fn remember(&mut self, scenario: Scenario) {
+    /// Keeps a scene for [`back`](Self::back).
+    pub(super) fn remember(&mut self, scenario: TestInput) {
         self.history.push(scenario);
         if self.history.len() > REMEMBERED {
             self.history.remove(0);
@@ -72,7 +72,7 @@ impl World {
         "an earlier scene"
     }
 
-    /// Changes something. Returns what.
+    /// Makes a random change. Returns its name.
     pub(super) fn event(&mut self, random: &mut Random) -> &'static str {
         match random.below(10) {
             0..=3 => self.radii(random),
@@ -88,7 +88,7 @@ impl World {
     }
 
     fn radii(&mut self, random: &mut Random) -> &'static str {
-        // Pairs are lost when radii grow while candidates are kept.
+        // Growing radii would lose pairs of a candidate list.
         let grown = [0.5, 1.0, 2.0, 3.0][random.below(4) as usize];
         let (one, unit) = (self.one(random), self.radius * grown);
         let classes = 1 + random.below(9) as i32;
@@ -148,20 +148,20 @@ impl World {
             3 => self.remove_one(random),
             4 => self.resize(random, [0, 1, 2, n / 2][few]),
             _ => {
-                let to = number(random, self.way, self.most);
+                let to = number(random, self.variant, self.most);
                 self.resize(random, to);
             }
         }
         "another number"
     }
 
-    /// Has the first `n` spheres stay, and new ones come after these.
+    /// Keeps the first `n` spheres and appends new ones up to `n`.
     fn resize(&mut self, random: &mut Random, n: usize) {
         let had = self.scenario.spheres.len();
         self.scenario = self.scenario.only(|k| k < n);
         let new = self.new_spheres(random, n.saturating_sub(had));
         self.scenario.spheres.extend(new);
-        let Scenario { mixture, groups, excluded, .. } = &mut self.scenario;
+        let TestInput { mixture, groups, excluded, .. } = &mut self.scenario;
         if let Some(mixture) = mixture {
             let count = mixture.rows.len() as u32;
             mixture.species.resize_with(n, || random.below(count));
@@ -170,8 +170,8 @@ impl World {
             groups.resize_with(n, || random.below(5));
         }
         if let Some(list) = excluded {
-            // The pairs are among fewer spheres than that.
-            *excluded = Excluded::new(n, list.pairs().collect::<Vec<_>>()).ok();
+            // All listed indices are below `n`.
+            *excluded = ExclusionCase::new(n, list.pairs().collect::<Vec<_>>()).ok();
         }
     }
 
@@ -261,7 +261,7 @@ impl World {
         }
     }
 
-    /// Leaves pairs out, or leaves none out any more.
+    /// Adds or removes groups or excluded pairs.
     pub(super) fn leave_out(&mut self, random: &mut Random) -> &'static str {
         let n = self.scenario.spheres.len();
         match random.below(6) {
@@ -278,14 +278,14 @@ impl World {
                     _ => (0..n).map(|_| (random.below(n as u32), random.below(n as u32))).collect(),
                 };
                 pairs.retain(|_| random.below(2) == 0);
-                self.scenario.excluded = Excluded::new(n, pairs).ok();
+                self.scenario.excluded = ExclusionCase::new(n, pairs).ok();
             }
         }
-        "other pairs left out"
+        "other exclusions"
     }
 }
 
-/// The center, or the origin where `f32` has no such number.
+/// The center, or the origin if it is not finite.
 fn finite(center: Vec3) -> Vec3 {
     if center.is_finite() { center } else { Vec3::ZERO }
 }

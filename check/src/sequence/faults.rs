@@ -1,9 +1,9 @@
-//! Input that a detector must refuse.
+//! Invalid input, which a detector must refuse.
 
-use crate::{Random, Scenario};
+use crate::{Random, TestInput};
 
-/// Makes a scene invalid, where it has spheres. Returns how.
-pub(super) fn spoil(random: &mut Random, scenario: &mut Scenario, radius: f32) -> &'static str {
+/// Makes a scene invalid, unless it has no spheres. Returns the name of the fault.
+pub(super) fn spoil(random: &mut Random, scenario: &mut TestInput, radius: f32) -> &'static str {
     let n = scenario.spheres.len() as u32;
     if n == 0 {
         return "nothing to spoil";

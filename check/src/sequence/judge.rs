@@ -1,4 +1,4 @@
-//! Judges one answer: by the definition, and by the answer of a new detector.
+//! Checks one answer against the definition and against a new detector.
 
 use lazygrid::{Error, InputError, Order, Pair, Report, Sphere};
 
@@ -7,7 +7,7 @@ use super::{Settings, Step, definition};
 use crate::fuzz::counts;
 use crate::{Tolerance, difference};
 
-/// What a call must answer.
+/// The expected answer of a call.
 pub(super) struct Judge<'a> {
     settings: &'a Settings,
     step: &'a Step,
@@ -17,16 +17,16 @@ pub(super) struct Judge<'a> {
 
 /// The right answer.
 enum Right {
-    /// One of these errors, as text: NaN does not equal itself.
+    /// One of these errors, as text because NaN does not equal itself.
     Refused(Vec<String>),
-    /// These pairs, and the fewest and the most that may be found.
+    /// These pairs, and the smallest and largest number of pairs within the tolerance.
     Pairs(Vec<Pair>, [u64; 2]),
 }
 
 impl<'a> Judge<'a> {
     pub(super) fn new(settings: &'a Settings, step: &'a Step) -> Self {
         let refusals = refusals(settings, step);
-        let tolerance = settings.way.tolerance();
+        let tolerance = settings.variant.tolerance();
         let right = match refusals.is_empty() {
             false => Right::Refused(refusals),
             true => {
@@ -47,17 +47,17 @@ impl<'a> Judge<'a> {
     /// Compares `answer` with the definition.
     ///
     /// # Errors
-    /// What differs.
+    /// Describes the difference.
     pub(super) fn verdict(&self, answer: &Answer) -> Result<(), String> {
         let (expected, range) = match (&self.right, answer) {
             (Right::Refused(errors), Answer::Refused(error)) => {
                 return match errors.contains(&format!("{error:?}")) {
                     true => Ok(()),
-                    false => Err(format!("refused with {error:?} where {} is right", errors.join(" or "))),
+                    false => Err(format!("refused with {error:?}, expected {}", errors.join(" or "))),
                 };
             }
             (Right::Refused(errors), _) => {
-                return Err(format!("accepted where {} is right", errors.join(" or ")));
+                return Err(format!("accepted, expected {}", errors.join(" or ")));
             }
             (Right::Pairs(expected, range), _) => (expected, *range),
         };
@@ -75,7 +75,7 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Checks the errors of valid input.
+    /// Checks an error that valid input may cause.
     fn is_refused_rightly(&self, error: &Error, range: [u64; 2]) -> Result<(), String> {
         let max_pairs = self.settings.max_pairs;
         match *error {
@@ -89,11 +89,12 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Checks chunks that are not all: each pair once, and in canonical order the first ones.
+    /// Checks the chunks of an incomplete stream: each pair occurs once, and in canonical order the first pairs are
+    /// complete.
     fn part(&self, pairs: &[Pair], expected: &[Pair]) -> Result<(), String> {
         self.in_order(pairs)?;
         let mut all: Vec<Pair> = match (self.settings.order, pairs.last()) {
-            // Pairs in tangency may be missing before the last one.
+            // Tangent pairs before the last one may be missing.
             (Order::Canonical, Some(last)) => {
                 expected.iter().copied().take_while(|pair| pair <= last).collect()
             }
@@ -117,10 +118,10 @@ impl<'a> Judge<'a> {
         matches!(self.step.ask.output, Output::List | Output::Neighbors)
     }
 
-    /// Checks what the detector reports of a call that it answered in full.
+    /// Checks the report of a call that the detector answered in full.
     ///
     /// # Errors
-    /// What differs.
+    /// Describes the difference.
     pub(super) fn report(&self, answer: &Answer, report: &Report) -> Result<(), String> {
         let found = match answer {
             Answer::Pairs(pairs) => pairs.len() as u64,
@@ -137,10 +138,10 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Compares `answer` with that of a `fresh` detector.
+    /// Compares `answer` with the answer of a new detector.
     ///
     /// # Errors
-    /// What differs.
+    /// Describes the difference.
     pub(super) fn alike(&self, answer: &Answer, fresh: &Answer) -> Result<(), String> {
         use Answer::{Count, Pairs, Part, Refused};
         if let Err(what) = self.verdict(fresh) {
@@ -150,7 +151,7 @@ impl<'a> Judge<'a> {
             matches!(self.step.ask.output, Output::Stream { ending, .. } if ending != Ending::All);
         let may_fall_either_way = self.tolerance != Tolerance::Exact;
         let same = match (answer, fresh) {
-            // How far a search comes before it sees the flag is not said.
+            // A cancelled search may end at any chunk.
             _ if self.step.ask.is_stopped || ends_early => true,
             (Refused(Error::TooManyPairs { .. }), Refused(Error::TooManyPairs { .. }))
                 if may_fall_either_way =>
@@ -158,7 +159,7 @@ impl<'a> Judge<'a> {
                 true
             }
             (Refused(a), Refused(b)) => format!("{a:?}") == format!("{b:?}"),
-            // Each is in tolerance already.
+            // Each answer was already checked with its tolerance.
             (Pairs(_), Pairs(_)) | (Count(_), Count(_)) if may_fall_either_way => true,
             (Pairs(a), Pairs(b)) if self.settings.order == Order::Unordered => sorted(a) == sorted(b),
             (Pairs(a), Pairs(b)) => a == b,
@@ -172,7 +173,7 @@ impl<'a> Judge<'a> {
         match same {
             true => Ok(()),
             false => {
-                Err(format!("a new detector answers otherwise: {}, not {}", brief(fresh), brief(answer)))
+                Err(format!("a new detector gives another answer: {}, not {}", brief(fresh), brief(answer)))
             }
         }
     }
@@ -196,16 +197,16 @@ fn brief(answer: &Answer) -> String {
 fn in_range(found: u64, [least, most]: [u64; 2]) -> Result<(), String> {
     match (least..=most).contains(&found) {
         true => Ok(()),
-        false => Err(format!("{found} pairs counted where {least} to {most} are right")),
+        false => Err(format!("{found} pairs counted, expected {least} to {most}")),
     }
 }
 
-/// Returns `true` if `pair` is of one sphere of each set, where there are two.
+/// Returns `true` if the query asks for `pair`: with two sets, one sphere must be of each set.
 fn is_asked(pair: Pair, split: Option<u32>) -> bool {
     split.is_none_or(|split| pair.i < split && pair.j >= split)
 }
 
-/// The fewest and the most pairs between two sets that are right.
+/// The smallest and the largest number of pairs between two sets within the tolerance.
 fn counts_across(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     let n = step.scenario.spheres.len();
     let split = step.ask.split.map_or(n, |split| split.min(n));
@@ -224,7 +225,7 @@ fn counts_across(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 
     [least, most]
 }
 
-/// All errors that this call may be refused with, as text; none where the input is valid.
+/// All errors with which this call may be refused, as text. Empty if the input is valid.
 fn refusals(settings: &Settings, step: &Step) -> Vec<String> {
     let n = step.scenario.spheres.len();
     let split = step.ask.split.map(|split| split.min(n));
@@ -244,7 +245,7 @@ fn refusals(settings: &Settings, step: &Step) -> Vec<String> {
     errors.into_iter().map(|error| format!("{:?}", Error::Input(error))).collect()
 }
 
-/// What is wrong with the spheres of one set.
+/// The errors of the spheres of one set.
 fn set_refusals(settings: &Settings, step: &Step, range: std::ops::Range<usize>) -> Vec<InputError> {
     let spheres = &step.scenario.spheres[range.clone()];
     let mut errors = Vec::new();

@@ -1,10 +1,10 @@
-//! Makes a sequence that fails shorter, and its scenes smaller.
+//! Shrinks a failing sequence and its scenes.
 
 use super::{Sequence, Step, Wrong};
-use crate::Scenario;
+use crate::TestInput;
 
-/// Leaves out calls and spheres without which `run` still fails, with at most `tries` runs. Returns the smallest sequence that
-/// fails, and what is wrong with it.
+/// Removes calls and spheres without which `run` still fails, in at most `tries` runs. Returns the smallest failing
+/// sequence and its failure.
 pub(super) fn reduce(
     sequence: Sequence,
     wrong: Wrong,
@@ -37,12 +37,12 @@ struct Best<R> {
 }
 
 impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
-    /// Leaves out the calls after the wrong one.
+    /// Removes the calls after the wrong one.
     fn cut(&mut self) {
         self.sequence.steps.truncate(self.wrong.0 + 1);
     }
 
-    /// Takes `smaller` if it fails as well.
+    /// Replaces the sequence by `smaller` if that also fails.
     fn attempt(&mut self, smaller: Sequence) -> bool {
         if self.left == 0 {
             return false;
@@ -60,7 +60,7 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
         self.attempt(smaller);
     }
 
-    /// Leaves out spheres in ever smaller groups, the same indices in all calls.
+    /// Removes spheres in ever smaller groups, with the same indices in all calls.
     fn drop_spheres(&mut self) {
         let most = |sequence: &Sequence| sequence.steps.iter().map(|step| step.scenario.spheres.len()).max();
         let mut group = most(&self.sequence).unwrap_or(0).div_ceil(2);
@@ -82,6 +82,6 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
     }
 }
 
-fn without(scenario: &Scenario, gone: &std::ops::Range<usize>) -> Scenario {
+fn without(scenario: &TestInput, gone: &std::ops::Range<usize>) -> TestInput {
     scenario.only(|k| !gone.contains(&k))
 }

@@ -1,6 +1,6 @@
 use super::*;
 
-/// Every answer of a sequence is that of the definition and of a new detector, and candidates answer many calls.
+/// Each answer matches the definition and a new detector, and candidate lists answer many calls.
 #[test]
 fn sequences_on_the_cpu_are_right() {
     let mut tally = Tally::default();
@@ -9,7 +9,7 @@ fn sequences_on_the_cpu_are_right() {
             Sequence::drawn(seed, true, false).to_string(),
             Sequence::drawn(seed, true, false).to_string()
         );
-        if let Some(Failure { name, what, .. }) =
+        if let Some(FailedCase { name, what, .. }) =
             Sequence::drawn(seed, true, false).check(None, 300, &mut tally)
         {
             panic!("{name}: {what}");

@@ -1,4 +1,4 @@
-//! What the device tests share: a device or a reason to skip, and buffers to and fro.
+//! Helpers of the device tests: a device or a reason to skip, uploads and readbacks.
 
 #![allow(dead_code, unused_imports, reason = "each test binary uses its part")]
 
@@ -13,12 +13,12 @@ pub(crate) use lazygrid_check::Random;
 use lazygrid_check::device;
 use lazygrid_kernels::kernel::{Kernel, Variant};
 
-/// The device to test on. Without one the test says why and is skipped, unless `LAZYGRID_REQUIRE_GPU` is set.
+/// The device to test on. Without one, the test prints the reason and is skipped, unless `LAZYGRID_REQUIRE_GPU` is set.
 pub(crate) fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::open(true))
 }
 
-/// A device of the same adapter and with the same features, with other limits.
+/// Opens a device of the same adapter and features with other limits.
 pub(crate) fn limited(own: &GpuDevice, limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> GpuDevice {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));

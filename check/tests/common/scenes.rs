@@ -1,4 +1,4 @@
-//! Scenes that break grids, and all pairs in f64 to judge them by.
+//! Hard scenes, and all pairs in `f64` as their reference.
 
 use lazygrid::gpu::{GpuDetector, GpuDevice, GpuSettings, GpuSpheres, Outcome};
 use lazygrid::{Algorithm, Pair, Sphere};
@@ -28,14 +28,14 @@ pub(crate) fn detect(own: &GpuDevice, detector: &mut GpuDetector, spheres: &[Sph
     detect_with(own, detector, &GpuSpheres::new(&upload(own, spheres), spheres.len() as u32))
 }
 
-/// How far a pair is from tangency, in units of the squared reach; `(distance², reach²)` in f64.
+/// The squared distance of two spheres and their squared cutoff, in `f64`.
 fn squares(a: &Sphere, b: &Sphere, reach: f64) -> (f64, f64) {
     let square = |axis: usize| (f64::from(a.center[axis]) - f64::from(b.center[axis])).powi(2);
     (square(0) + square(1) + square(2), reach * reach)
 }
 
-/// Holds the sorted `pairs` against all pairs: once each, none missing and none too many, but for those within
-/// four ulp of tangency. `reach` says how far apart two spheres may be, if they may pair at all.
+/// Checks sorted `pairs` against all pairs: each occurs once, and only pairs within four ulp of tangency may be missing
+/// or extra. `reach` returns the cutoff of two spheres, or `None` if they never pair.
 pub(crate) fn judge(
     scene: &str,
     spheres: &[Sphere],

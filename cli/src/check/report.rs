@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use lazygrid::{Algorithm, Backend};
-use lazygrid_check::compare::Failure as Fault;
+use lazygrid_check::compare::FailedCase;
 use lazygrid_check::sequence::Tally;
 use lazygrid_check::speed::Speed;
-use lazygrid_check::{Gpu, Scenario};
+use lazygrid_check::{Gpu, TestInput};
 use lazygrid_io::scenes::Scene;
 use serde_json::{Map, Value, json};
 
@@ -246,7 +246,7 @@ impl Report {
         let options = format!(
             "lazygrid generate {scene} -n {spheres} -o check.npy && lazygrid detect check.npy --count --backend {backend} --algorithm {algorithm}"
         );
-        self.failure(Fault { name, what, scenario: None, options })
+        self.failure(FailedCase { name, what, scenario: None, options })
     }
 
     pub(super) fn left_out(&mut self, called: Called, why: &str) -> Result<(), Failure> {
@@ -259,9 +259,9 @@ impl Report {
     }
 
     /// Says what is wrong, and writes to a file what shows it.
-    pub(super) fn failure(&mut self, fault: Fault) -> Result<(), Failure> {
+    pub(super) fn failure(&mut self, fault: FailedCase) -> Result<(), Failure> {
         let path = PathBuf::from(format!("lazygrid-check-{}.csv", self.files + 1));
-        let Fault { name, what, scenario, options } = fault;
+        let FailedCase { name, what, scenario, options } = fault;
         let command = self.command(&path, &name, scenario.as_ref(), &options);
         let mut file = Value::Null;
         let mut text = format!("WRONG      {name}: {what}\n");
@@ -285,7 +285,7 @@ impl Report {
     }
 
     /// What repeats a failure.
-    fn command(&self, path: &Path, name: &str, scenario: Option<&Scenario>, options: &str) -> String {
+    fn command(&self, path: &Path, name: &str, scenario: Option<&TestInput>, options: &str) -> String {
         let seed = name.strip_prefix("fuzz seed ").and_then(|rest| rest.split_once(':'));
         let fuzz = seed.map(|(seed, _)| format!("lazygrid check --backend {} --seed {seed}", self.backend));
         let detect =

@@ -1,11 +1,11 @@
 use std::time::Instant;
 
 use lazygrid::{Algorithm, Backend, Sphere};
-use lazygrid_check::bandwidth::{Measured, Stopwatch};
-use lazygrid_check::compare::Failure as Fault;
-use lazygrid_check::kernels::Fault as Wrong;
-use lazygrid_check::speed::{self, FULL, Speed, Untimed, forecast};
-use lazygrid_check::{Extent, Gpu, guarded};
+use lazygrid_check::bandwidth::{GpuTimer, Measured};
+use lazygrid_check::compare::FailedCase;
+use lazygrid_check::kernels::KernelError;
+use lazygrid_check::speed::{self, FULL, SkipReason, Speed, forecast};
+use lazygrid_check::{Effort, Gpu, catch_panic};
 use lazygrid_io::scenes::Scene;
 
 use super::report::{Called, Primitive, Report};
@@ -22,8 +22,8 @@ const ROUNDS: usize = 7;
 
 /// Takes all times, those of the CPU first, which the GPU's counts are held against.
 pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), Failure> {
-    let scenes: &[Scene] = match work.args.extent() {
-        Extent::Full => &[Scene::FiveSizes, Scene::Equal, Scene::Burst],
+    let scenes: &[Scene] = match work.args.effort() {
+        Effort::Full => &[Scene::FiveSizes, Scene::Equal, Scene::Burst],
         _ => &[Scene::FiveSizes],
     };
     if work.on_cpu {
@@ -40,10 +40,10 @@ pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), Failure> {
 /// Radix sort and scan beside a copy.
 fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Failure> {
     work.bar.set_message("speeds: copy, scan and sort");
-    let watch = Stopwatch::new(gpu.own.clone(), ROUNDS);
-    let measured = guarded(|| {
+    let watch = GpuTimer::new(gpu.own.clone(), ROUNDS);
+    let measured = catch_panic(|| {
         let watch = watch.map_err(|error| error.to_string())?;
-        let text = |fault: Wrong| fault.to_string();
+        let text = |fault: KernelError| fault.to_string();
         let mut rows = Vec::new();
         let mut seconds = 0.0;
         let sizes: &[u32] = if work.args.quick { &[100_000] } else { &[1_000_000, 10_000_000] };
@@ -66,19 +66,19 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Fai
             rows.push(row("sort, 24 bits", watch.sort(values, 24, true).map_err(text)?));
             seconds = rows[rows.len() - 1].seconds;
         }
-        Ok((watch.is_of_the_device(), rows))
+        Ok((watch.has_gpu_timestamps(), rows))
     });
     match measured {
         Ok((own_clock, rows)) => work.tell(|| report.primitives(own_clock, rows)),
         Err(what) => {
             let name = "copy, scan and sort by the clock".to_owned();
-            work.tell(|| report.failure(Fault { name, what, scenario: None, options: String::new() }))
+            work.tell(|| report.failure(FailedCase { name, what, scenario: None, options: String::new() }))
         }
     }
 }
 
 /// Times an algorithm.
-type Time<'a> = &'a dyn Fn(Algorithm, &[Sphere]) -> Result<Speed, Untimed>;
+type Time<'a> = &'a dyn Fn(Algorithm, &[Sphere]) -> Result<Speed, SkipReason>;
 
 /// The times of one backend.
 struct Race<'a> {
@@ -107,10 +107,10 @@ impl<'a> Race<'a> {
     fn run(mut self, scenes: &[Scene], algorithms: &[Algorithm], report: &mut Report) -> Result<(), Failure> {
         self.work.tell(|| report.speeds_of(self.backend))?;
         let mut sizes = speed::SIZES.to_vec();
-        match self.work.args.extent() {
-            Extent::Quick => sizes.truncate(1),
-            Extent::Usual => {}
-            Extent::Full => sizes.push(FULL),
+        match self.work.args.effort() {
+            Effort::Quick => sizes.truncate(1),
+            Effort::Default => {}
+            Effort::Full => sizes.push(FULL),
         }
         let mut done = 0;
         for &scene in scenes {
@@ -159,14 +159,14 @@ impl<'a> Race<'a> {
                 runner.times.push((n, speed.seconds));
                 self.work.tell(|| report.speed(called, &speed))
             }
-            Err(Untimed::TooLarge(what)) => {
+            Err(SkipReason::TooLarge(what)) => {
                 runner.is_out = true;
                 self.work.tell(|| report.left_out(called, &what))
             }
-            Err(Untimed::Failed(what)) => {
+            Err(SkipReason::Failed(what)) => {
                 runner.is_out = true;
                 let name = format!("{algorithm} on {}, {n} spheres, {scene}", self.backend);
-                let fault = Fault { name, what, scenario: None, options: String::new() };
+                let fault = FailedCase { name, what, scenario: None, options: String::new() };
                 self.work.tell(|| report.failure(fault))
             }
         }

@@ -1,4 +1,4 @@
-//! Figures 3a and 3b, and the burst at one point: time against the number of spheres.
+//! Figures 3a and 3b, and all spheres at one point: time against the number of spheres.
 
 use std::error::Error;
 
@@ -12,10 +12,10 @@ use lazygrid_report::number::{count, time};
 use lazygrid_report::plot::{Axes, Mark, Series, lines};
 use lazygrid_report::{Cell, Plot, Quantity, Scale, Section, Table};
 
-/// Below this many spheres fixed costs hide how time grows.
+/// Minimum number of spheres for fits: below it, fixed costs hide the growth.
 const FIT_FROM: usize = 1000;
 
-/// One of these figures. `all` are the rows of all figures.
+/// The section of one of these figures. `all` are the rows of all figures.
 pub(super) fn section(figure: Figure, rows: &[&Row], all: &[Row]) -> Result<Section, Box<dyn Error>> {
     let equal: Vec<&Row> = match figure {
         Figure::F3b => all.iter().filter(|row| row.figure == Figure::F3a.name()).collect(),
@@ -50,7 +50,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     }
 }
 
-/// The time of a run, and the time of each of the parts that it ought to be in proportion to.
+/// Plots of the time of a run, and of the time per sphere or pair, which is ideally constant.
 fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box<dyn Error>> {
     let (title, _) = heading(figure);
     let (part, of): (_, fn(&Row) -> f64) = match figure {
@@ -86,7 +86,7 @@ fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box
     Ok(whole.into_iter().chain(share).collect())
 }
 
-/// A line per engine, of the time of a run over what `of` says.
+/// A line per engine of the time of a run divided by `of`.
 fn series(rows: &[&Row], dashed: bool, of: fn(&Row) -> f64) -> Vec<Series> {
     let points = |engine: &str| {
         let points = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
@@ -97,7 +97,7 @@ fn series(rows: &[&Row], dashed: bool, of: fn(&Row) -> f64) -> Vec<Series> {
     engines.map(|(colour, e)| Series { name: name(e), points: points(e), dashed, colour }).collect()
 }
 
-/// Mean and standard deviation, and the exponent of growth.
+/// A table of means, standard deviations and exponents of growth.
 fn means(rows: &[&Row], columns: &[Column]) -> Table {
     let fitted = |engine: &str| {
         let points = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
@@ -116,7 +116,7 @@ fn means(rows: &[&Row], columns: &[Column]) -> Table {
     table
 }
 
-/// Five sizes over one.
+/// A table of the times with five sizes divided by those with equal sizes.
 fn beside_equal(rows: &[&Row], equal: &[&Row], columns: &[Column]) -> Table {
     let ratio = |row: &Row| {
         let one = find(equal, &row.engine, Column::Size(row.n)).filter(|one| !one.wall.is_empty())?;
@@ -125,7 +125,7 @@ fn beside_equal(rows: &[&Row], equal: &[&Row], columns: &[Column]) -> Table {
     by_engine("Median time with five sizes over that with equal ones".to_owned(), rows, columns, ratio)
 }
 
-/// Where the time goes, at the largest size of each engine.
+/// A table of the phases at the largest size of each engine.
 fn phases(rows: &[&Row]) -> Option<Table> {
     let mut cells = vec![];
     for engine in engines(rows) {
@@ -140,7 +140,7 @@ fn phases(rows: &[&Row]) -> Option<Table> {
     })
 }
 
-/// The phases in their order; those of the GPU pass while the host waits for it.
+/// The phases in execution order. Those of the GPU run while the host waits.
 fn listed(phases: &[(String, f64)]) -> String {
     let has_waited = phases.iter().any(|(name, _)| name == "wait");
     let on_device = |name: &str| has_waited && gpu::Phase::ALL.iter().any(|phase| phase.name() == name);
@@ -161,7 +161,7 @@ mod tests {
     use super::listed;
 
     #[test]
-    fn phases_of_the_gpu_are_within_the_wait() {
+    fn gpu_phases_are_listed_within_the_wait() {
         let phases = |names: &[&str]| listed(&names.iter().map(|&n| (n.to_owned(), 1.0)).collect::<Vec<_>>());
         assert_eq!(
             phases(&["upload", "wait", "survey", "search", "read"]),

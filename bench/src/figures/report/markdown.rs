@@ -3,7 +3,7 @@ use std::fmt::Write;
 use crate::measure::markdown;
 use lazygrid_report::{Cell, Document, Kind, Table};
 
-/// The document as Markdown. Plots are files beside it.
+/// Renders the document as Markdown. Plots are separate files.
 pub(super) fn text(document: &Document) -> String {
     let mut out = format!("# {}\n", document.title);
     // Writing to a string cannot fail.

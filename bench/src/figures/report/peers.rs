@@ -1,4 +1,4 @@
-//! Figures 4 and 5: lazygrid beside others.
+//! Figures 4 and 5: lazygrid compared with peers.
 
 use std::error::Error;
 
@@ -13,10 +13,10 @@ use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, Mark, Series, lines};
 use lazygrid_report::{Plot, Quantity, Scale, Section, Table};
 
-/// What a line of a plot shows of a row: its place, its value, and the middle half of the runs.
+/// Maps a row to a point of a plot: its position, its value, and the middle half of the runs.
 type Shown = fn(&Row) -> Mark;
 
-/// One thread, small moves: the trees that keep their structure, and grids that are built anew.
+/// Figure 4: trees that are kept between steps and grids that are rebuilt, with small steps on one thread.
 pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let mut section = Section {
         title: "Figure 4: one thread, beside trees that are kept from step to step".to_owned(),
@@ -65,7 +65,7 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     Ok(section)
 }
 
-/// One thread, steps of several lengths: what keeps pairs that may soon overlap, and what searches anew.
+/// Steps of several lengths on one thread: candidate lists, and searches at each step.
 pub(super) fn moves(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let text = "As figure 4, with steps of three lengths, in radii. The Verlet list and LAMMPS keep pairs within a skin that is \
                 chosen for the length of the steps; lazygrid chooses its own. LAMMPS computes with doubles, and forces \
@@ -152,7 +152,7 @@ fn plot(axes: &Axes<'_>, rows: &[&Row], name: String, shown: Shown) -> Result<Op
     Ok(lines(axes, &series)?.map(|svg| Plot { name, caption, svg }))
 }
 
-/// How many times as fast `ours` is as each peer by number of carriers, one line per moment.
+/// A plot of the speed-up of `ours` over each peer by number of carriers, with a line per moment.
 fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
     let mut series = vec![];
     for (k, peer) in peers(rows).into_iter().enumerate() {
@@ -183,7 +183,7 @@ fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
     }))
 }
 
-/// The first is drawn solid, the others dashed.
+/// Lists the peers with their line styles: the first is solid, the others are dashed.
 fn listed(peers: &[&str]) -> String {
     let named = |(k, peer): (usize, &&str)| match k {
         0 => format!("{peer} (solid)"),
@@ -192,7 +192,7 @@ fn listed(peers: &[&str]) -> String {
     peers.iter().enumerate().map(named).collect::<Vec<_>>().join(" and ")
 }
 
-/// Nanoseconds per sphere and step.
+/// A table of nanoseconds per sphere and step.
 fn per_sphere(scene: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let caption = format!("{scene}: mean ns per sphere and step ± standard deviation (steps run)");
     let shown = |row: &Row| mean(row, |seconds| format!("{:.0}", seconds * 1e9 / row.n as f64));
@@ -201,7 +201,7 @@ fn per_sphere(scene: &str, rows: &[&Row], columns: &[Column]) -> Table {
     table
 }
 
-/// Times by simulated time, and how many pairs there are.
+/// A table of times and numbers of pairs by simulated time.
 fn over_time(title: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let caption = format!("{title}: median wall time of a search (quartiles; steps), by simulated time");
     let mut table = by_engine(caption, rows, columns, |row| median(&row.wall));

@@ -1,4 +1,4 @@
-//! How many times as fast lazygrid is as somebody else, and where it is not.
+//! Speed-ups of lazygrid over its peers, and the points where it is not faster.
 
 use std::fmt;
 
@@ -7,10 +7,10 @@ use super::table::{Column, by_engine, engines, find};
 use crate::measure::Spread;
 use lazygrid_report::{Note, Table};
 
-/// What an engine on a software adapter is called at its end.
+/// The suffix of engines on a software adapter.
 pub(super) const ON_SOFTWARE: &str = "(software GPU)";
 
-/// Engines that are judged beside all others, by their names.
+/// The names of lazygrid's engines that are compared with peers.
 pub(super) const OURS: [&str; 7] = [
     "recursive-grid",
     "cell-list",
@@ -21,19 +21,20 @@ pub(super) const OURS: [&str; 7] = [
     "auto (software GPU)",
 ];
 
-/// Total times that are as near as this say nothing where single steps fall either way.
+/// Range of time ratios that is inconclusive if single steps differ in both directions.
 pub(super) const NEAR: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
-/// How many times as long a peer took as one of ours.
+/// The times of a peer divided by those of an engine of lazygrid.
 pub(super) struct Times {
-    /// In all the steps that both ran: a tree that is written only now and then is slow only now and then.
+    /// The ratio of the total times of all steps that both ran. Trees that are updated only occasionally are slow only
+    /// occasionally.
     pub(super) total: f64,
-    /// Step by step.
+    /// The ratios of single steps.
     pub(super) by_step: Vec<f64>,
 }
 
 impl Times {
-    /// Of the steps that both ran, if there are any.
+    /// The ratios for the steps that both ran; `None` if there are none.
     pub(super) fn of(peer: &Row, ours: &Row) -> Option<Self> {
         let both = || peer.wall.iter().zip(&ours.wall);
         let by_step: Vec<f64> = both().map(|(p, o)| p / o).collect();
@@ -41,7 +42,7 @@ impl Times {
         (!by_step.is_empty()).then(|| Self { total: theirs / mine, by_step })
     }
 
-    /// In the middle one of the steps.
+    /// The median of the steps.
     pub(super) fn median(&self) -> f64 {
         Spread::of(&self.by_step).median
     }
@@ -66,17 +67,17 @@ impl fmt::Display for Times {
     }
 }
 
-/// The engines that are not lazygrid's.
+/// The engines of peers.
 pub(super) fn peers<'a>(rows: &[&'a Row]) -> Vec<&'a str> {
     engines(rows).into_iter().filter(|engine| !OURS.contains(engine)).collect()
 }
 
-/// Those of lazygrid's engines that ran.
+/// The engines of lazygrid that ran.
 pub(super) fn ours(rows: &[&Row]) -> impl Iterator<Item = &'static str> {
     OURS.into_iter().filter(|&ours| rows.iter().any(|row| row.engine == ours && !row.wall.is_empty()))
 }
 
-/// How many times as fast `ours` is in the total of all steps that both ran.
+/// A table of the speed-ups of `ours` in the total of all steps that both ran.
 pub(super) fn table(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -> Table {
     let others: Vec<&Row> = rows.iter().copied().filter(|row| !OURS.contains(&row.engine.as_str())).collect();
     let ratio = |peer: &Row| {
@@ -89,7 +90,8 @@ pub(super) fn table(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -
     table
 }
 
-/// Who is faster than lazygrid, and where, or that nobody is; one sentence about engines on a software adapter.
+/// Notes on peers that are faster than lazygrid and where, or that none is, and one sentence about engines on a
+/// software adapter.
 pub(super) fn verdicts(what: &str, rows: &[&Row], columns: &[Column]) -> Vec<Note> {
     let mut notes = vec![];
     let mut unbeaten = vec![];
@@ -111,7 +113,7 @@ pub(super) fn verdicts(what: &str, rows: &[&Row], columns: &[Column]) -> Vec<Not
     notes.into_iter().map(|text| Note { text, is_error: false }).collect()
 }
 
-/// The columns in which both were measured, with the ratio there.
+/// The columns in which both were measured, with their ratios.
 fn ratios<'a>(
     rows: &'a [&Row],
     columns: &'a [Column],
@@ -163,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_faster_is_said_once_and_noise_is_not() {
+    fn faster_peers_are_noted_once_without_noise() {
         let rows = [
             engine("recursive-grid", 10, &[1.0, 1.0]),
             engine("recursive-grid", 100, &[1.0, 1.0]),

@@ -1,4 +1,4 @@
-//! Which sections the report has, and what is said in all of them.
+//! The sections of the report, and their common remarks.
 
 use std::error::Error;
 
@@ -10,10 +10,10 @@ use super::{growth, peers, sweeps, transceivers};
 use lazygrid_report::number::count;
 use lazygrid_report::{Cell, Document, Note, Section, Table};
 
-/// How the reason begins of an engine that takes no part because of its time.
+/// The start of the reason for engines that were left out for lack of time.
 const TOO_LONG: &str = "left out: a run would take";
 
-/// The report of these results, which are [`labelled`].
+/// The report of these results, which must be [`labelled`].
 pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
     let mut sections = vec![environment(results)];
     sections.extend(errors(results));
@@ -37,7 +37,7 @@ pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
     Ok(Document { title: "lazygrid: results".to_owned(), sections })
 }
 
-/// The results, with engines on a software adapter named so.
+/// The results, with a suffix for engines on a software adapter.
 pub(super) fn labelled(results: &Results) -> Results {
     let mut results = results.clone();
     if results.environment.adapter.as_ref().is_some_and(|adapter| !adapter.is_hardware) {
@@ -98,11 +98,11 @@ fn described(row: &Row) -> String {
     format!("figure {}, {}, {} spheres{at}, {}: {}", row.figure, row.scene, row.n, row.engine, row.reason)
 }
 
-/// Why there is no time, once per engine and reason; and what a GPU rounded otherwise.
+/// Notes on missing times, once per engine and reason, and on pairs that a GPU rounded differently.
 fn remarks(rows: &[&Row]) -> Vec<Note> {
     let mut notes: Vec<(String, &str, Status, Vec<usize>)> = vec![];
     for row in rows.iter().filter(|row| row.status != Status::Ok) {
-        // How long differs from size to size.
+        // The predicted time differs between sizes.
         let is_slow = row.status == Status::LeftOut && row.reason.starts_with(TOO_LONG);
         let reason = if is_slow { "left out as it would take too long" } else { &row.reason };
         match notes.iter_mut().find(|(engine, why, ..)| *engine == row.engine && *why == reason) {
@@ -123,7 +123,7 @@ fn remarks(rows: &[&Row]) -> Vec<Note> {
     notes.into_iter().map(note).chain(roundings(rows)).collect()
 }
 
-/// The pairs on which engines and the reference differ as the contract allows, engine by engine.
+/// Notes on the tangent pairs on which each engine and the reference differ, as the contract allows.
 fn roundings<'a>(rows: &'a [&Row]) -> impl Iterator<Item = Note> + 'a {
     let most = |engine: &str| rows.iter().filter(|row| row.engine == engine).map(|row| row.tangent).max();
     let counts =

@@ -1,4 +1,4 @@
-//! τ, raster ratio, threads and memory.
+//! Sections on τ, cell ratio, threads and memory.
 
 use std::error::Error;
 
@@ -11,10 +11,10 @@ use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, Mark, Series, lines};
 use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
 
-/// A step that makes it less than this many times as fast does not count as scaling.
+/// Minimum speed-up that counts as scaling.
 const GAIN: f64 = 1.05;
 
-/// τ, raster ratio or threads.
+/// The section on τ, cell ratio or threads.
 pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let varied = figure.varied().unwrap_or_default();
     let (title, text) = heading(figure);
@@ -50,7 +50,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     }
 }
 
-/// A line per engine over what is varied.
+/// A plot with a line per engine over the varied parameter.
 pub(super) fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Option<Plot>, Box<dyn Error>> {
     let of = |engine: &str| {
         let measured = rows.iter().filter(|row| row.engine == engine && !row.wall.is_empty());
@@ -68,7 +68,7 @@ pub(super) fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Optio
     Ok(lines(axes, &series)?.map(|svg| Plot { name, caption, svg }))
 }
 
-/// One row per engine, one column per value, the best of each row marked.
+/// A table with a row per engine and a column per value; marks the best value of each row.
 fn table(figure: Figure, what: &str, rows: &[&Row]) -> Table {
     let columns = by_setting(rows, "");
     let shown = |row: &Row| {
@@ -89,7 +89,7 @@ fn table(figure: Figure, what: &str, rows: &[&Row]) -> Table {
     table
 }
 
-/// A sentence per engine: how many times as fast on all threads as on one, and where it stops scaling.
+/// A sentence per engine: its speed-up on all threads, and the number of threads at which it stops scaling.
 fn scaling(what: &str, rows: &[&Row]) -> Vec<Note> {
     let note = |engine: &str| {
         let times = by_setting(rows, "").into_iter().filter_map(|column| {
@@ -112,7 +112,7 @@ fn scaling(what: &str, rows: &[&Row]) -> Vec<Note> {
     engines(rows).into_iter().filter_map(note).collect()
 }
 
-/// Where more threads no longer help, from threads and seconds by ascending threads.
+/// Describes where more threads no longer help. `times` holds threads and seconds by ascending threads.
 fn limit(times: &[(f64, f64)]) -> String {
     let best_after = |k: usize| times[k + 1..].iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
     let stop = (0..times.len()).find(|&k| times[k].1 < GAIN * best_after(k)).unwrap_or(0);
@@ -123,7 +123,7 @@ fn limit(times: &[(f64, f64)]) -> String {
     }
 }
 
-/// Bytes per sphere of each engine and scene.
+/// The section on bytes per sphere of each engine and scene.
 pub(super) fn memory(rows: &[&Row]) -> Section {
     let columns: Vec<(usize, &str)> =
         sizes(rows).into_iter().flat_map(|n| scenes(rows).into_iter().map(move |scene| (n, scene))).collect();
@@ -155,11 +155,11 @@ mod tests {
     use super::limit;
 
     #[test]
-    fn where_threads_stop_helping() {
+    fn scaling_limit_of_threads() {
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 4.0), (4.0, 2.0)]), "it scales up to there");
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 4.0), (4.0, 3.9)]), "more than 2 threads gain less than 5 %");
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 8.1)]), "more than one thread gains less than 5 %");
-        // A dip on the way is none.
+        // A slower intermediate value does not count.
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 8.1), (4.0, 2.0)]), "it scales up to there");
     }
 }

@@ -1,4 +1,4 @@
-//! Tables of rows: which engines and columns there are, and what a cell says.
+//! Tables of rows: their engines, columns and cells.
 
 use super::super::row::{Row, Status, quartiles};
 use crate::measure::Spread;
@@ -10,7 +10,7 @@ use lazygrid_report::{Cell, Kind, Table};
 pub(super) enum Column {
     /// A number of spheres.
     Size(usize),
-    /// A value of what is varied, and its unit.
+    /// A value of the varied parameter, and its unit.
     Setting(f64, &'static str),
 }
 
@@ -35,12 +35,12 @@ impl Column {
     }
 }
 
-/// One column per number of spheres.
+/// A column per number of spheres.
 pub(super) fn by_size(rows: &[&Row]) -> Vec<Column> {
     sizes(rows).into_iter().map(Column::Size).collect()
 }
 
-/// One column per value of what is varied.
+/// A column per value of the varied parameter.
 pub(super) fn by_setting(rows: &[&Row], unit: &'static str) -> Vec<Column> {
     let mut values: Vec<f64> = rows.iter().filter_map(|row| row.at).collect();
     values.sort_by(f64::total_cmp);
@@ -66,7 +66,7 @@ pub(super) fn scenes<'a>(rows: &[&'a Row]) -> Vec<&'a str> {
     distinct(rows, |row| &row.scene)
 }
 
-/// The rows of each scene at each number of spheres, fewer spheres first, under what they are called.
+/// The rows of each scene at each number of spheres with their titles, fewer spheres first.
 pub(super) fn groups<'a>(rows: &[&'a Row]) -> Vec<(&'a str, usize, String, Vec<&'a Row>)> {
     let mut groups = vec![];
     for n in sizes(rows) {
@@ -95,7 +95,7 @@ pub(super) fn find<'a>(rows: &[&'a Row], engine: &str, column: Column) -> Option
     rows.iter().copied().find(|row| row.engine == engine && column.holds(row))
 }
 
-/// Median seconds, quartiles and number of these times.
+/// The median, quartiles and number of these times in seconds.
 pub(super) fn median(times: &[f64]) -> Option<String> {
     let median = Spread::of(times).median;
     let (factor, _) = unit(median);
@@ -110,7 +110,7 @@ pub(super) fn median(times: &[f64]) -> Option<String> {
     }
 }
 
-/// Mean as `written`, standard deviation in per cent, and number of runs.
+/// The mean formatted by `written`, the standard deviation in percent, and the number of runs.
 pub(super) fn mean(row: &Row, written: impl Fn(f64) -> String) -> Option<String> {
     let (mean, deviation) = row.mean();
     match row.wall.len() {
@@ -120,7 +120,7 @@ pub(super) fn mean(row: &Row, written: impl Fn(f64) -> String) -> Option<String>
     }
 }
 
-/// A cell for a row, by `show` where it was measured.
+/// A cell for a row, formatted by `show` if it was measured.
 pub(super) fn cell(row: Option<&Row>, show: impl Fn(&Row) -> Option<String>) -> Cell {
     let absent = |text: &str| (text.to_owned(), Kind::Absent);
     let (text, kind) = match row.map(|row| (row, row.status)) {
@@ -133,7 +133,7 @@ pub(super) fn cell(row: Option<&Row>, show: impl Fn(&Row) -> Option<String>) -> 
     Cell { text, kind }
 }
 
-/// Marks the best of some measured cells.
+/// Marks the best of the measured cells.
 pub(super) fn mark_best(cells: &mut [Cell], rows: &[Option<&Row>], by: fn(&Row) -> f64) {
     let value = |row: &Option<&Row>| row.filter(|r| r.status == Status::Ok).map_or(f64::NAN, by);
     let values: Vec<f64> = rows.iter().map(value).collect();
@@ -164,7 +164,7 @@ pub(super) fn by_engine(
     }
 }
 
-/// Marks the best engine of each column of such a table.
+/// Marks the best engine of each column of a table made by [`by_engine`].
 pub(super) fn best_of_columns(table: &mut Table, rows: &[&Row], columns: &[Column], by: fn(&Row) -> f64) {
     for (k, &column) in columns.iter().enumerate() {
         let found: Vec<Option<&Row>> =
@@ -177,7 +177,7 @@ pub(super) fn best_of_columns(table: &mut Table, rows: &[&Row], columns: &[Colum
     }
 }
 
-/// How many pairs there are in each column, as the last line of such a table.
+/// The number of pairs in each column, as the last line of a table made by [`by_engine`].
 pub(super) fn pairs(rows: &[&Row], columns: &[Column]) -> Vec<Cell> {
     let of = |column: &Column| {
         let found = rows.iter().find(|row| column.holds(row) && row.status == Status::Ok);
@@ -186,7 +186,7 @@ pub(super) fn pairs(rows: &[&Row], columns: &[Column]) -> Vec<Cell> {
     std::iter::once(Cell::plain("(pairs)")).chain(columns.iter().map(of)).collect()
 }
 
-/// By the GPU's own clock, where it has one.
+/// A table of GPU times, if timestamps are available.
 pub(super) fn gpu_times(what: &str, rows: &[&Row], columns: &[Column]) -> Option<Table> {
     let timed: Vec<&Row> = rows.iter().copied().filter(|row| !row.gpu.is_empty()).collect();
     let caption = format!(
@@ -200,7 +200,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_run_has_no_spread() {
+    fn median_of_one_run_has_no_spread() {
         assert_eq!(median(&[]), None);
         assert_eq!(median(&[0.25]).as_deref(), Some("250 ms (1 run)"));
         assert_eq!(median(&[1e-3, 2e-3, 3e-3]).as_deref(), Some("2.00 ms (1.50–2.50; 3)"));

@@ -1,4 +1,4 @@
-//! Transceivers among carriers: the recursive grid beside everybody else, by how many and by how large they are.
+//! Transceivers among carriers: the recursive grid compared with all others, by number and size of transceivers.
 
 use std::error::Error;
 
@@ -12,12 +12,12 @@ use lazygrid::Algorithm;
 use lazygrid_report::plot::Axes;
 use lazygrid_report::{Cell, Note, Quantity, Scale, Section, Table};
 
-/// Whose recursion is to show what it is for.
+/// The engine whose recursion is evaluated.
 const OURS: &str = Algorithm::RecursiveGrid.name();
-/// What it would be without.
+/// The same grid without recursion.
 const WITHOUT: &str = Algorithm::ArrayGrid.name();
 
-/// One of these figures.
+/// The section of one of these figures.
 pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let varied = figure.varied().unwrap_or_default();
     let (title, text) = heading(figure);
@@ -61,7 +61,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
 const MOTION: &str = "Every sphere moves by a tenth of its radius in a random direction at each step, two warm-up steps are \
     dropped, and all engines have one thread, as trees have no more. Ratios are of the same steps, side by side in one run.";
 
-/// Times by engine, how they grow where the ratio of sizes does, and how many pairs there are.
+/// A table of times by engine, their growth with the size ratio, and the number of pairs.
 fn medians(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let caption = format!("{what}: median time of a step (quartiles; steps)");
     let mut table = by_engine(caption, rows, columns, |row| median(&row.wall));
@@ -84,7 +84,7 @@ fn fitted(rows: &[&Row], engine: &str) -> Option<f64> {
     exponent(measured.filter_map(|row| Some((row.at?.log2() + 1.0, row.median()))))
 }
 
-/// How many times as long everybody else takes.
+/// A table of the time ratios of all other engines.
 fn beside(what: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let others: Vec<&Row> = rows.iter().copied().filter(|row| row.engine != OURS).collect();
     let ratio = |row: &Row| {
@@ -98,7 +98,7 @@ fn beside(what: &str, rows: &[&Row], columns: &[Column]) -> Table {
     by_engine(caption, &others, columns, ratio)
 }
 
-/// Where the recursion gains, where it makes no difference, and where it loses.
+/// A note on where the recursion is faster, equal or slower.
 fn verdict(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Option<Note> {
     let (mut faster, mut even, mut slower) = (vec![], vec![], vec![]);
     for &column in columns {
@@ -127,7 +127,7 @@ fn verdict(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Opt
     })
 }
 
-/// The exponents with and without recursion, beside the paper's bound.
+/// A note on the exponents with and without recursion, compared with the paper's bound.
 fn growth(what: &str, rows: &[&Row]) -> Option<Note> {
     let (ours, without) = (fitted(rows, OURS)?, fitted(rows, WITHOUT)?);
     let verdict = if ours <= 1.0 { "within" } else { "beyond" };
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_recursion_is_for_is_said_with_medians_of_steps() {
+    fn recursion_is_evaluated_by_medians_of_steps() {
         let rows = [
             at(OURS, 1.0, &[1.0, 2.0, 1.0]),
             at(WITHOUT, 1.0, &[3.0, 2.0, 4.0]),
@@ -158,7 +158,7 @@ mod tests {
             at(WITHOUT, 10.0, &[0.95]),
             at(OURS, 100.0, &[1.0]),
             at(WITHOUT, 100.0, &[0.5]),
-            // Nobody to be held against.
+            // Nothing to compare with.
             at(OURS, 1000.0, &[1.0]),
         ];
         let rows: Vec<&Row> = rows.iter().collect();
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn growth_is_that_over_the_logarithm_of_the_ratio() {
+    fn growth_is_fitted_to_the_logarithm_of_the_ratio() {
         let of = |engine: &str, k: f64| {
             let time = |ratio: f64| (ratio.log2() + 1.0).powf(k);
             [1.0, 4.0, 32.0, 1024.0].map(|ratio| at(engine, ratio, &[time(ratio)]))

@@ -5,13 +5,13 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use lazygrid::{Interaction, Space, Spheres};
-use lazygrid_check::Scenario;
+use lazygrid_check::TestInput;
 use lazygrid_io::Error;
 use lazygrid_io::write::Draft;
 
 /// The options with which `lazygrid detect` searches a scene that was written to this path; `None` where it has none, for
 /// species and for edges of any direction.
-pub(super) fn options(path: &Path, scenario: &Scenario) -> Option<String> {
+pub(super) fn options(path: &Path, scenario: &TestInput) -> Option<String> {
     let mut options = of_space(&scenario.space).filter(|_| scenario.mixture.is_none())?;
     if scenario.excluded.is_some() {
         options += &format!(" --exclude {}", excluded(path).display());
@@ -48,7 +48,7 @@ fn of_space(space: &Space) -> Option<String> {
 }
 
 /// Writes a scene, with comments before it, and beside it the pairs that are listed to be left out.
-pub(super) fn write(path: &Path, scenario: &Scenario, comments: &str) -> Result<(), Error> {
+pub(super) fn write(path: &Path, scenario: &TestInput, comments: &str) -> Result<(), Error> {
     let mut text = String::new();
     let mut comment = |line: &str| text += &format!("# {line}\n");
     comments.lines().for_each(&mut comment);

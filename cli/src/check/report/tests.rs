@@ -1,6 +1,6 @@
 use lazygrid::{Interaction, Space, Sphere, Spheres};
 use lazygrid_check::sheared::{space, tilted};
-use lazygrid_check::{Excluded, Mixture};
+use lazygrid_check::{ExclusionCase, SpeciesSetup};
 use lazygrid_io::read::{Frames, Options, pairs};
 
 use super::*;
@@ -14,10 +14,10 @@ fn what_is_wrong_is_written_as_detect_reads_it() {
         Sphere::new([f32::MAX, f32::MIN, f32::MIN_POSITIVE], 0.0),
     ];
     let rows = vec![vec![Interaction::Never], vec![Interaction::Within(0.25), Interaction::Touch]];
-    let mixture = Mixture { species: vec![1, 0, 1], rows };
+    let mixture = SpeciesSetup { species: vec![1, 0, 1], rows };
     let directory = tempfile::tempdir().unwrap();
     for mixture in [None, Some(mixture)] {
-        let scenario = Scenario { mixture, ..spheres.clone().into() };
+        let scenario = TestInput { mixture, ..spheres.clone().into() };
         let path = directory.path().join("failing.csv");
         shown::write(&path, &scenario, "x, y and z: 1 missing\nlazygrid detect").unwrap();
         let mut frames = Frames::open(&path, Options::default()).unwrap();
@@ -34,14 +34,14 @@ fn commands_repeat_what_they_can() {
     let report = Report::empty(true, "all");
     let path = Path::new("f.csv");
     let scenario =
-        Scenario { space: Space::periodic([Some(0.1), None, Some(1e-40)]).unwrap(), ..Scenario::default() };
-    let of = |name, scenario: Option<&Scenario>, options| report.command(path, name, scenario, options);
+        TestInput { space: Space::periodic([Some(0.1), None, Some(1e-40)]).unwrap(), ..TestInput::default() };
+    let of = |name, scenario: Option<&TestInput>, options| report.command(path, name, scenario, options);
     assert_eq!(
         of("soup: naive on cpu", Some(&scenario), " --backend cpu"),
         "lazygrid detect f.csv --backend cpu --periodic 0.1,-,1e-40"
     );
     assert_eq!(
-        of("fuzz seed 12: naive", Some(&Scenario::default()), " --count"),
+        of("fuzz seed 12: naive", Some(&TestInput::default()), " --count"),
         "lazygrid detect f.csv --count --periodic none, or lazygrid check --backend all --seed 12"
     );
     assert_eq!(of("fuzz seed 12: naive", Some(&scenario), ""), "lazygrid check --backend all --seed 12");
@@ -51,10 +51,10 @@ fn commands_repeat_what_they_can() {
 #[test]
 fn what_leans_and_what_is_left_out_is_shown() {
     let report = Report::empty(true, "cpu");
-    let leaning = Scenario {
+    let leaning = TestInput {
         space: space(tilted([Some(4.0), None, Some(0.1)], [9.0, -1.5, 1e-7])),
         groups: Some(vec![u32::MAX - 1, Spheres::NO_GROUP, 0, u32::MAX - 1]),
-        excluded: Excluded::new(4, [(3, 1), (0, 2)]).ok(),
+        excluded: ExclusionCase::new(4, [(3, 1), (0, 2)]).ok(),
         ..vec![Sphere::new([0.5; 3], 1.0); 4].into()
     };
     let directory = tempfile::tempdir().unwrap();
@@ -76,7 +76,7 @@ fn what_leans_and_what_is_left_out_is_shown() {
     assert_eq!(pairs(directory.path().join("f-excluded.csv")).unwrap(), [(0, 2), (1, 3)]);
     // There is no option for edges of any direction.
     let [x, y, z] = [[1.0, 0.5, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]].map(|edge| Some(edge.into()));
-    let any = Scenario { space: space([x, y, z]), ..leaning };
+    let any = TestInput { space: space([x, y, z]), ..leaning };
     let command = report.command(&path, "soup: naive on cpu", Some(&any), " --backend cpu");
     assert_eq!(command, "lazygrid check --backend cpu");
     shown::write(&path, &any, &command).unwrap();
