@@ -1,6 +1,6 @@
 //! The peers that lazygrid is compared with: trees used by C++ and Rust programs, the methods of earlier
-//! nanosimulators, and a plain cell list as the baseline. Each is a [`PairFinder`](crate::measure::PairFinder) with the same
-//! exact test.
+//! nanosimulators, and a plain cell list as the baseline. Each is a [`PairFinder`](crate::measure::PairFinder) with the
+//! same exact test.
 
 #[cfg(feature = "bullet")]
 pub mod bullet;

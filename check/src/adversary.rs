@@ -1,5 +1,5 @@
-//! Families of scenes that are hard on grids. Each makes its spheres from [`SceneSeed`], so that tests can shrink a failing
-//! scene and a fuzzer can draw any number of scenes.
+//! Families of scenes that are hard on grids. Each makes its spheres from a [`SceneSeed`], so that tests can shrink a
+//! failing scene and a fuzzer can draw any number of scenes.
 
 use glam::{DVec3, Vec3};
 use lazygrid::{Interaction, Sphere};

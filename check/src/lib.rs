@@ -2,12 +2,12 @@
 //!
 //! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop
 //!   over pairs (and over all images within the cutoff in triclinic cells).
-//! * [`adversary`], [`periodic`], [`sheared`]: families of scenes that are hard on grids, made from [`SceneSeed`] so that
-//!   they shrink.
+//! * [`adversary`], [`periodic`], [`sheared`]: families of scenes that are hard on grids, made from a [`SceneSeed`] so
+//!   that they shrink.
 //! * [`scenes`]: single hard scenes.
 //! * [`difference`]: compares a result with the expected pairs and explains the first wrong pair.
-//! * [`DetectorVariant`], [`compare`]: runs each algorithm on each target and compares it with the expected pairs; [`shrink`]
-//!   minimizes failing scenes.
+//! * [`DetectorVariant`], [`compare`]: runs each algorithm on each target and compares it with the expected pairs;
+//!   [`shrink`] minimizes failing scenes.
 //! * [`fuzz`]: random scenes, settings and calls.
 //! * [`kernels`]: each GPU kernel against a sequential function.
 //! * [`bandwidth`], [`speed`]: times of copies, of the building blocks and of each algorithm.

@@ -1,4 +1,4 @@
-//! Families of scenes in periodic spaces, made from [`SceneSeed`] like those of [`adversary`].
+//! Families of scenes in periodic spaces, made from a [`SceneSeed`] like those of [`adversary`].
 
 use lazygrid::{Space, Sphere};
 

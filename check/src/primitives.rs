@@ -94,8 +94,8 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
     ]
 }
 
-/// Checks the sort of `size` keys, with and without subgroup operations. Sorts random keys by several numbers of bits, and
-/// other kinds of keys by 13 and 32 bits. From 100,000 keys, sorts only random ones, by 24 and 32 bits.
+/// Checks the sort of `size` keys, with and without subgroup operations. Sorts random keys by several numbers of bits,
+/// and other kinds of keys by 13 and 32 bits. From 100,000 keys, sorts only random ones, by 24 and 32 bits.
 ///
 /// # Errors
 /// Fails if a result is wrong or the device fails.
