@@ -1,6 +1,6 @@
 //! The exact filter of what a search has found: groups, exclusions and, where spheres were searched in a frame, contact.
 
-use lazygrid_kernels::{Exclusions, Interaction, Interactions, Query, Space, Spheres};
+use lazygrid_kernels::{Exclusions, Interactions, Query, Space, Spheres};
 
 /// Decides which of the pairs that a search has found are reported. Indices are those of all spheres: of two sets the second
 /// one's follow the first one's.
@@ -75,11 +75,10 @@ impl<'a> Refinement<'a> {
     fn touch(&self, space: &Space, table: Option<&Interactions>, i: u32, j: u32) -> bool {
         let [(of_a, a), (of_b, b)] = [i, j].map(|k| self.of(k));
         let distance = match (table, of_a.species(), of_b.species()) {
-            (Some(table), Some(species), Some(others)) => match table.get(species[a], others[b]) {
-                Interaction::Never => return false,
-                Interaction::Touch => None,
-                Interaction::Within(distance) => Some(distance),
-            },
+            (Some(table), Some(species), Some(others)) => {
+                let Some(distance) = table.get(species[a], others[b]).distance() else { return false };
+                distance
+            }
             _ => None,
         };
         space.touch(of_a.get_f64(a), of_b.get_f64(b), distance)

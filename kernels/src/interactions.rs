@@ -12,6 +12,28 @@ pub enum Interaction {
     Within(f64),
 }
 
+impl Interaction {
+    /// The largest distance of the centers of a pair whose radii add up to `radii`; `None` if there are no pairs.
+    #[inline]
+    pub fn reach(self, radii: f64) -> Option<f64> {
+        match self {
+            Self::Never => None,
+            Self::Touch => Some(radii),
+            Self::Within(distance) => Some(distance),
+        }
+    }
+
+    /// The distance at which spheres pair whatever their radii, if there is one; `None` if they never pair.
+    #[inline]
+    pub fn distance(self) -> Option<Option<f64>> {
+        match self {
+            Self::Never => None,
+            Self::Touch => Some(None),
+            Self::Within(distance) => Some(Some(distance)),
+        }
+    }
+}
+
 /// A symmetric table: for any two species, what makes them a pair.
 ///
 /// Reaction radii in reaction–diffusion models are not sums of radii, and most species pairs do not react at

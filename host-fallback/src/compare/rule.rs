@@ -234,16 +234,11 @@ impl<'a> Rule<'a> {
     /// The exact test where space is not sheared.
     fn touch(&self, i: u32, j: u32) -> bool {
         let (a, b) = (self.spheres.get(i as usize), self.spheres.get(j as usize));
-        let interaction = match &self.species {
-            None => Interaction::Touch,
-            Some(s) => s.table.get(s.ids[i as usize], s.ids[j as usize]),
+        let radii = f64::from(a.radius) + f64::from(b.radius);
+        let reach = match &self.species {
+            None => Some(radii),
+            Some(s) => s.table.get(s.ids[i as usize], s.ids[j as usize]).reach(radii),
         };
-        match interaction {
-            Interaction::Never => false,
-            Interaction::Touch => {
-                within(self.lengths, a.center, b.center, f64::from(a.radius) + f64::from(b.radius))
-            }
-            Interaction::Within(distance) => within(self.lengths, a.center, b.center, distance),
-        }
+        reach.is_some_and(|reach| within(self.lengths, a.center, b.center, reach))
     }
 }

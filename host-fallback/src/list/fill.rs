@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use lazygrid_kernels::{Bond, Error, Interaction, Pair};
+use lazygrid_kernels::{Bond, Error, Pair};
 
 use super::{Contact, Images, ListOptions, PIECE};
 use crate::memory::{collect, push};
@@ -217,11 +217,7 @@ impl Fill<'_> {
         let (Some(species), Some(others)) = (query.first().species(), second.species()) else {
             return Some(None);
         };
-        match table.get(species[i as usize], others[j as usize]) {
-            Interaction::Never => None,
-            Interaction::Touch => Some(None),
-            Interaction::Within(distance) => Some(Some(distance)),
-        }
+        table.get(species[i as usize], others[j as usize]).distance()
     }
 
     /// The distance at which two spheres pair; `None` if they never do.
