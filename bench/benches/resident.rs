@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use clap::Parser;
 use lazygrid::gpu::{
-    GpuDetector, GpuDevice, GpuPairs, GpuSettings, GpuSkinDetector, GpuSpheres, Outcome, wgpu,
+    GpuConfig, GpuDetector, GpuDevice, GpuPairs, GpuSkinDetector, GpuSpheres, Outcome, wgpu,
 };
 use lazygrid::{Algorithm, Sphere};
 use lazygrid_bench::measure::{markdown, provenance};
@@ -104,11 +104,8 @@ fn compare(
     (scene, n, moves): (Scene, usize, f32),
 ) -> Result<Vec<f64>, Box<dyn Error>> {
     let mut spheres = scene.spheres(n, 1);
-    let settings = || GpuSettings {
-        algorithm: Algorithm::CellList,
-        pair_capacity: (4 * n as u32).max(1 << 20),
-        ..GpuSettings::default()
-    };
+    let settings =
+        || GpuConfig::default().algorithm(Algorithm::CellList).pair_capacity((4 * n as u32).max(1 << 20));
     let mut runners = vec![TimedDetector::EachStep(Box::new(GpuDetector::new(&own.device, settings())?))];
     for part in &args.skin {
         // The largest radius of the scenes is 1.

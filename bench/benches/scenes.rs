@@ -8,7 +8,7 @@ use std::error::Error;
 use std::time::Duration;
 
 use clap::Parser;
-use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings, Phase};
+use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, Phase};
 use lazygrid::{Algorithm, Sphere, Spheres};
 use lazygrid_bench::measure::{markdown, provenance};
 use lazygrid_io::scenes::Scene;
@@ -32,7 +32,7 @@ struct Args {
     #[arg(long)]
     against: Option<Algorithm>,
     /// Numbers of spheres at or above which the cell list uses the radix sort, separated by commas; they take turns
-    #[arg(long, value_delimiter = ',', default_values_t = [GpuSettings::RADIX_FROM])]
+    #[arg(long, value_delimiter = ',', default_values_t = [GpuConfig::RADIX_FROM])]
     radix_from: Vec<u32>,
     /// Only the scenes of equal and of five sizes
     #[arg(long)]
@@ -99,7 +99,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             runners.push(runner(&own, given, (Algorithm::CellList, radix_from))?);
         }
         if let Some(other) = args.against.filter(|_| given.is_even) {
-            runners.push(runner(&own, given, (other, GpuSettings::RADIX_FROM))?);
+            runners.push(runner(&own, given, (other, GpuConfig::RADIX_FROM))?);
         }
     }
     for round in 0..=args.rounds {
@@ -124,8 +124,11 @@ fn runner<'a>(
     (algorithm, radix_from): (Algorithm, u32),
 ) -> Result<SceneRun<'a>, Box<dyn Error>> {
     let pair_capacity = if given.name == "burst" { 24 } else { 4 } * given.spheres.len() as u32;
-    let settings =
-        GpuSettings { algorithm, pair_capacity, radix_from, timed: true, ..GpuSettings::default() };
+    let settings = GpuConfig::default()
+        .algorithm(algorithm)
+        .pair_capacity(pair_capacity)
+        .radix_from(radix_from)
+        .timed(true);
     let session = GpuSession::new(own.clone(), settings)?;
     let is_counted = algorithm == Algorithm::CellList && given.spheres.len() < radix_from as usize;
     let sort = if is_counted { "by counting" } else { "by radix" };

@@ -14,10 +14,10 @@ const N: usize = 5_000;
 const SEED: u64 = 1;
 
 fn algorithms(criterion: &mut Criterion) {
-    let on_cpu = Algorithm::CPU.map(|algorithm| (Backend::Cpu, algorithm));
-    let on_gpu = Algorithm::GPU.map(|algorithm| (Backend::Gpu, algorithm));
-    let with_gpu = if gpu::adapters().is_empty() { &[][..] } else { &on_gpu };
-    for &(backend, algorithm) in on_cpu.iter().chain(with_gpu) {
+    let on_cpu = Algorithm::CPU.iter().map(|&algorithm| (Backend::Cpu, algorithm));
+    let gpus = if gpu::adapters().is_empty() { &[] } else { Algorithm::GPU };
+    let on_gpu = gpus.iter().map(|&algorithm| (Backend::Gpu, algorithm));
+    for (backend, algorithm) in on_cpu.chain(on_gpu) {
         let of = match backend {
             Backend::Gpu => format!("{algorithm} on the GPU"),
             _ => algorithm.to_string(),

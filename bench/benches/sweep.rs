@@ -8,7 +8,7 @@
 use std::error::Error;
 
 use clap::{Parser, ValueEnum};
-use lazygrid::gpu::GpuSettings;
+use lazygrid::gpu::GpuConfig;
 use lazygrid::{Algorithm, Backend, Config, Order, Skin};
 use lazygrid_bench::measure::{ContenderFactory, Options, Plan, compare, markdown, provenance};
 use lazygrid_io::scenes::Scene;
@@ -82,7 +82,7 @@ impl Args {
 
     /// The cell ratios that the backend supports.
     fn ratios(&self) -> impl Iterator<Item = f32> {
-        let least = if self.backend == Backend::Gpu { GpuSettings::MIN_RASTER_RATIO } else { 0.0 };
+        let least = if self.backend == Backend::Gpu { GpuConfig::MIN_RASTER_RATIO } else { 0.0 };
         self.raster_ratio.iter().copied().filter(move |&ratio| ratio >= least)
     }
 }
@@ -147,8 +147,8 @@ fn table(args: &Args, contenders: &[ContenderFactory]) -> Result<String, Box<dyn
 
 fn crossover(args: &Args) -> Result<(), Box<dyn Error>> {
     let algorithms: &[Algorithm] = match args.backend {
-        Backend::Cpu => &Algorithm::CPU,
-        _ => &Algorithm::GPU,
+        Backend::Cpu => Algorithm::CPU,
+        _ => Algorithm::GPU,
     };
     let contenders: Vec<ContenderFactory> =
         algorithms.iter().map(|&a| ContenderFactory::list(a.name(), args.config(a))).collect();

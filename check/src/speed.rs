@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use lazygrid::gpu::{self, Cost, GpuDevice, GpuSession, GpuSettings};
+use lazygrid::gpu::{self, Cost, GpuConfig, GpuDevice, GpuSession};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Phase, Skin, Sphere, Spheres};
 
 use crate::bandwidth::median;
@@ -58,7 +58,7 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
         error.to_string()
     };
     let speed = catch_panic(|| {
-        let settings = GpuSettings { algorithm, timed: true, ..GpuSettings::default() };
+        let settings = GpuConfig::default().algorithm(algorithm).timed(true);
         let mut session = GpuSession::new(own.clone(), settings).map_err(&mut said)?;
         session.set_timeout(TIMEOUT);
         let timed = timed(|| {

@@ -1,7 +1,7 @@
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use lazygrid::gpu::{AdapterId, GpuDevice, GpuSession, GpuSettings};
+use lazygrid::gpu::{AdapterId, GpuConfig, GpuDevice, GpuSession};
 use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Simd, Skin};
 
 use crate::device::TIMEOUT;
@@ -62,7 +62,9 @@ impl DetectorVariant {
         widths.drain(..widths.iter().position(|width| *width == widest).unwrap_or(0));
         let targets = widths.into_iter().map(|simd| TargetDevice::Cpu { simd, threads: Some(1) });
         let targets = targets.chain([TargetDevice::Cpu { simd: widest, threads: None }]);
-        targets.flat_map(|target| Algorithm::CPU.map(|algorithm| Self::new(algorithm, target))).collect()
+        targets
+            .flat_map(|target| Algorithm::CPU.iter().map(move |&algorithm| Self::new(algorithm, target)))
+            .collect()
     }
 
     /// Each GPU algorithm with and without subgroup operations and with τ = 1, and a cell list that keeps its
@@ -72,7 +74,7 @@ impl DetectorVariant {
         let with = |subgroups, tau| {
             let variant =
                 move |algorithm| Self { tau, ..Self::new(algorithm, TargetDevice::Gpu { subgroups }) };
-            Algorithm::GPU.map(variant).to_vec()
+            Algorithm::GPU.iter().copied().map(variant).collect::<Vec<_>>()
         };
         let subgroups = own.adapter.has_subgroups;
         let keeping = Self { skin: 0.5, ..Self::new(Algorithm::CellList, TargetDevice::Gpu { subgroups }) };
@@ -172,21 +174,17 @@ impl DetectorVariant {
         subgroups: bool,
         scenario: &TestInput,
     ) -> Result<Vec<Pair>, String> {
-        let defaults = GpuSettings::default();
-        let settings = GpuSettings {
-            algorithm: self.algorithm,
-            subgroups,
-            tau: self.tau.unwrap_or(defaults.tau),
-            raster_ratio: self
-                .raster_ratio
-                .unwrap_or(defaults.raster_ratio)
-                .max(GpuSettings::MIN_RASTER_RATIO),
-            interactions: scenario.interactions().map_err(text)?,
-            space: scenario.space,
-            // A small capacity, so that many scenes overflow and are retried.
-            pair_capacity: 1 << 12,
-            ..defaults
-        };
+        // A small capacity, so that many scenes overflow and are retried.
+        let settings = GpuConfig::default()
+            .pair_capacity(1 << 12)
+            .algorithm(self.algorithm)
+            .subgroups(subgroups)
+            .tau(self.tau.unwrap_or(GpuConfig::TAU))
+            .raster_ratio(
+                self.raster_ratio.unwrap_or(GpuConfig::RASTER_RATIO).max(GpuConfig::MIN_RASTER_RATIO),
+            )
+            .interactions(scenario.interactions().map_err(text)?)
+            .space(scenario.space);
         let mut session = GpuSession::new(gpu.own.clone(), settings).map_err(text)?;
         session.set_timeout(TIMEOUT);
         if let Skin::Fixed(distance) = skin_of(&scenario.spheres, self.skin) {

@@ -8,7 +8,7 @@ use std::process::Command;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use common::{Random, device};
-use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings};
+use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Pair, Sphere, Spheres};
 
 /// Locks the shared device for one test.
@@ -41,7 +41,7 @@ fn assert_lost<T>(result: Result<T, impl Into<Error>>) {
 fn lost_device_fails_calls_in_flight() {
     let Some(own) = device() else { return };
     let spheres = cloud(3000);
-    let mut session = GpuSession::new(own.clone(), GpuSettings::default()).expect("made");
+    let mut session = GpuSession::new(own.clone(), GpuConfig::default()).expect("made");
     let tickets = [(); 2].map(|()| session.begin(Spheres::from(&spheres)).expect("begun"));
     own.device.destroy();
     for ticket in tickets {
@@ -61,7 +61,7 @@ fn lost_device_fails_calls_in_flight() {
             Err(error) => assert_lost::<()>(Err(error)),
         }
     }
-    assert_lost(GpuSession::new(own, GpuSettings::default()));
+    assert_lost(GpuSession::new(own, GpuConfig::default()));
 }
 
 #[test]
@@ -69,7 +69,7 @@ fn lost_device_of_the_caller_is_reported() {
     let Some(own) = device() else { return };
     let lent = GpuDevice::lent(&own.device, &own.queue);
     let spheres = cloud(3000);
-    let mut session = GpuSession::new(lent, GpuSettings::default()).expect("made");
+    let mut session = GpuSession::new(lent, GpuConfig::default()).expect("made");
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
     own.device.destroy();
     assert_lost(session.finish(ticket, u64::MAX));

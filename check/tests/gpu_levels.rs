@@ -4,11 +4,11 @@ mod common;
 
 use common::scenes::{Found, detect, judge, scenes, settings, touching};
 use common::{Random, device};
-use lazygrid::gpu::{GpuDetector, GpuDevice, GpuSession, GpuSettings, Outcome};
+use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSession, Outcome};
 use lazygrid::{Algorithm, Sphere, Spheres};
 
 /// Runs a session with these settings and returns the outcome and the sorted pairs. Sessions share compiled kernels.
-fn detect_in_session(own: &GpuDevice, settings: GpuSettings, spheres: &[Sphere]) -> Found {
+fn detect_in_session(own: &GpuDevice, settings: GpuConfig, spheres: &[Sphere]) -> Found {
     let mut session = GpuSession::new(own.clone(), settings).expect("made");
     let ticket = session.begin(Spheres::from(spheres)).expect("begun");
     let mut pairs = session.finish(ticket, u64::MAX).expect("found").to_vec();
@@ -20,7 +20,7 @@ fn detect_in_session(own: &GpuDevice, settings: GpuSettings, spheres: &[Sphere])
 fn every_scene_agrees_for_any_tau() {
     let Some(own) = device() else { return };
     for (tau, raster_ratio) in [(0, 2.0), (1, 1.5), (8, 16.0), (512, 2.0), (u32::MAX, 2.0)] {
-        let settings = GpuSettings { tau, raster_ratio, ..settings(Algorithm::LazyGrid, true) };
+        let settings = settings(Algorithm::LazyGrid, true).tau(tau).raster_ratio(raster_ratio);
         for (name, spheres) in scenes() {
             let found = detect_in_session(&own, settings.clone(), &spheres);
             let scene = format!("{name}, tau {tau}, ratio {raster_ratio}");
@@ -41,8 +41,7 @@ fn mixed_refinement_loses_no_pair() {
     }
     spheres.extend((0..40).map(|k| Sphere::new([0.0, k as f32 * 0.02, 0.4], 0.15)));
     for tau in (0..=350).step_by(10) {
-        let found =
-            detect_in_session(&own, GpuSettings { tau, ..settings(Algorithm::LazyGrid, true) }, &spheres);
+        let found = detect_in_session(&own, settings(Algorithm::LazyGrid, true).tau(tau), &spheres);
         judge(&format!("tau {tau}"), &spheres, &found.pairs, touching(&spheres));
     }
 }

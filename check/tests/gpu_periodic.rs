@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Random, device};
-use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings, Outcome};
+use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, Outcome};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
 /// Spheres in a periodic space.
@@ -78,9 +78,9 @@ impl Scene {
     }
 }
 
-fn detect(own: &GpuDevice, scene: &Scene, settings: GpuSettings) -> (Outcome, Vec<Pair>) {
+fn detect(own: &GpuDevice, scene: &Scene, settings: GpuConfig) -> (Outcome, Vec<Pair>) {
     let interactions = scene.species.as_ref().map(|(_, table)| table.clone());
-    let settings = GpuSettings { space: scene.space(), interactions, ..settings };
+    let settings = settings.space(scene.space()).interactions(interactions);
     // Sessions of one device share their compiled kernels.
     let mut session = GpuSession::new(own.clone(), settings).expect("made");
     let mut spheres = Spheres::from(&scene.spheres);
@@ -94,17 +94,17 @@ fn detect(own: &GpuDevice, scene: &Scene, settings: GpuSettings) -> (Outcome, Ve
 }
 
 /// All algorithms; LazyGrid also with τ of 0, 1 and 8, for deep refinement.
-fn subjects() -> impl Iterator<Item = GpuSettings> {
-    Algorithm::GPU.into_iter().flat_map(|algorithm| {
+fn subjects() -> impl Iterator<Item = (Algorithm, u32, GpuConfig)> {
+    Algorithm::GPU.iter().flat_map(|&algorithm| {
         let taus: &[u32] = if algorithm == Algorithm::LazyGrid { &[0, 1, 8] } else { &[0] };
-        taus.iter().map(move |&tau| GpuSettings { algorithm, tau, ..GpuSettings::default() })
+        taus.iter().map(move |&tau| (algorithm, tau, GpuConfig::default().algorithm(algorithm).tau(tau)))
     })
 }
 
 fn check(own: &GpuDevice, scene: &Scene) {
     let mut failures = Vec::new();
-    for settings in subjects() {
-        let context = format!("{} τ {}", settings.algorithm, settings.tau);
+    for (algorithm, tau, settings) in subjects() {
+        let context = format!("{algorithm} τ {tau}");
         let (outcome, pairs) = detect(own, scene, settings);
         assert_eq!((outcome.overflow, outcome.quarantined), (0, 0), "{}, {context}", scene.name);
         failures.extend(scene.judge(&context, &pairs).err());
@@ -239,7 +239,7 @@ fn giants_and_lattices() {
         let site = |k: usize| [k % count, k / count % count, k / count / count].map(|c| c as f32 * spacing);
         let sites: Vec<_> = (0..count.pow(3)).map(|k| Sphere::new(site(k), 0.5 * spacing)).collect();
         let scene = Scene::new(format!("lattice of {count}"), lengths(7, [count as f32 * spacing; 3]), sites);
-        for settings in subjects() {
+        for (_, _, settings) in subjects() {
             let (_, pairs) = detect(&own, &scene, settings);
             assert_eq!(pairs.len(), 3 * count.pow(3), "{}", scene.name);
         }
@@ -287,7 +287,7 @@ fn crowds_on_the_periodic_boundary_of_a_large_box() {
     spheres.extend(cloud(61, 1500, 0.06, |_| 0.004));
     spheres.iter_mut().skip(4000).for_each(|s| s.center += 14.97);
     let scene = Scene::new("crowds", lengths(7, [30.0, 10.0, 29.96]), spheres);
-    let mut lists = subjects().map(|settings| (settings.algorithm, detect(&own, &scene, settings).1));
+    let mut lists = subjects().map(|(algorithm, _, settings)| (algorithm, detect(&own, &scene, settings).1));
     let (_, naive) = lists.next().expect("naive comes first");
     assert!(naive.len() > 1000, "{}", naive.len());
     for (algorithm, list) in lists {
@@ -301,7 +301,7 @@ fn bad_spheres_are_quarantined() {
     let mut spheres = cloud(70, 100, 3.0, |_| 0.2);
     spheres.extend([f32::NAN, f32::INFINITY, f32::NEG_INFINITY].map(|x| Sphere::new([1.0, x, 1.0], 1.0)));
     let scene = Scene::new("bad", lengths(7, [2.0; 3]), spheres);
-    for settings in subjects() {
+    for (_, _, settings) in subjects() {
         let (outcome, pairs) = detect(&own, &scene, settings);
         assert_eq!(outcome.quarantined, 3);
         assert!(pairs.iter().all(|pair| pair.j < 100) && !pairs.is_empty());

@@ -5,7 +5,7 @@ mod common;
 use std::time::Duration;
 
 use common::{Random, device};
-use lazygrid::gpu::{GpuDevice, GpuSession, GpuSettings};
+use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession};
 use lazygrid::{Algorithm, Backend, Config, Detector, Sphere, Spheres};
 
 fn uniform(seed: u64, n: usize, edge: f32, radius: f32) -> Vec<Sphere> {
@@ -30,7 +30,7 @@ fn agree(gpu: u64, cpu: u64) -> bool {
 fn lists_agree(own: &GpuDevice, spheres: &[Sphere], detector: &mut Detector, algorithms: &[Algorithm]) {
     let expected = detector.pairs(spheres).expect("valid");
     for &algorithm in algorithms {
-        let settings = GpuSettings { algorithm, ..GpuSettings::default() };
+        let settings = GpuConfig::default().algorithm(algorithm);
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
         let ticket = session.begin(Spheres::from(spheres)).expect("fits");
         let mut found = session.finish(ticket, u64::MAX).expect("found").to_vec();
@@ -62,7 +62,7 @@ fn fourteen_thousand_coincident_spheres_are_counted_exactly() {
     let Some(own) = device() else { return };
     let spheres = vec![Sphere::new([1.0, -2.0, 3.0], 0.5); 14_000];
     for algorithm in [Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::CellList] {
-        let settings = GpuSettings { algorithm, ..GpuSettings::default() };
+        let settings = GpuConfig::default().algorithm(algorithm);
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
         let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
         assert_eq!(session.finish_count(ticket), Ok(97_993_000), "{algorithm}");
@@ -76,7 +76,7 @@ fn eighty_thousand_crowded_spheres() {
     let mut spheres = uniform(4, 80_000, 4.0, 0.1);
     // One large sphere makes the cells large.
     spheres.push(Sphere::new([2.0; 3], 0.4));
-    let settings = GpuSettings { algorithm: Algorithm::ArrayGrid, ..GpuSettings::default() };
+    let settings = GpuConfig::default().algorithm(Algorithm::ArrayGrid);
     let mut session = GpuSession::new(own, settings).expect("made");
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
     let found = session.finish_count(ticket).expect("counted");
@@ -90,7 +90,7 @@ fn ten_thousand_spheres_of_ten_sizes_at_one_point() {
     let Some(own) = device() else { return };
     let n = 10_000;
     let spheres: Vec<_> = (0..n).map(|k| Sphere::new([1.0, -2.0, 3.0], 0.5_f32.powi(k % 10))).collect();
-    let settings = GpuSettings { algorithm: Algorithm::LazyGrid, ..GpuSettings::default() };
+    let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid);
     let mut session = GpuSession::new(own, settings).expect("made");
     session.set_part_tests(1 << 27);
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
@@ -115,7 +115,7 @@ fn one_giant_among_a_hundred_thousand_grains() {
 fn soak_of_changing_sizes_and_shapes() {
     let Some(own) = device() else { return };
     let steps = std::env::var("LAZYGRID_SOAK").ok().and_then(|text| text.parse().ok()).unwrap_or(150_u64);
-    let mut session = GpuSession::new(own.clone(), GpuSettings::default()).expect("made");
+    let mut session = GpuSession::new(own.clone(), GpuConfig::default()).expect("made");
     session.set_timeout(Duration::from_secs(60));
     let mut detector = cpu();
     // Both calls in flight first get the largest input and the largest result, so that any later growth is a leak.

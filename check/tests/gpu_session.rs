@@ -5,7 +5,7 @@ mod common;
 use std::ops::ControlFlow;
 
 use common::{Random, device, limited};
-use lazygrid::gpu::{GpuSession, GpuSettings, wgpu};
+use lazygrid::gpu::{GpuConfig, GpuSession, wgpu};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, Rebuilt, Sphere, Spheres};
 
 /// Radii and coordinates are multiples of a power of two, which avoids rounding, so that results agree exactly.
@@ -95,7 +95,7 @@ fn large_result_is_delivered_in_windows() {
     let mut spheres = cloud(2, 3000, 10);
     spheres.extend(vec![Sphere::new([1.5; 3], 0.25); 500]);
     let wanted = expected(&spheres);
-    let settings = GpuSettings { pair_capacity: 5000, ..GpuSettings::default() };
+    let settings = GpuConfig::default().pair_capacity(5000);
     assert!(wanted.len() > 100_000);
     let mut session = GpuSession::new(own, settings).expect("made");
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
@@ -117,7 +117,7 @@ fn large_result_is_delivered_in_windows() {
 fn third_call_in_flight_is_refused() {
     let Some(own) = device() else { return };
     let scenes: Vec<_> = (0..6).map(|k| cloud(k, 1000 + 700 * k as usize, 8)).collect();
-    let mut session = GpuSession::new(own, GpuSettings::default()).expect("made");
+    let mut session = GpuSession::new(own, GpuConfig::default()).expect("made");
     let mut before = session.begin(Spheres::from(&scenes[0])).expect("begun");
     for k in 1..scenes.len() {
         let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
@@ -147,8 +147,7 @@ fn crowded_searches_continue_over_several_submissions() {
         })
         .collect();
     for algorithm in [Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid] {
-        let settings =
-            GpuSettings { algorithm, timed: true, pair_capacity: 500_000, ..GpuSettings::default() };
+        let settings = GpuConfig::default().algorithm(algorithm).timed(true).pair_capacity(500_000);
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
         session.set_part_tests(1);
         let mut before = session.begin(Spheres::from(&scenes[0])).expect("begun");
@@ -183,7 +182,7 @@ fn retried_call_keeps_its_algorithm_and_pairs() {
     for [first, then] in
         [[Algorithm::LazyGrid, Algorithm::EagerGrid], [Algorithm::EagerGrid, Algorithm::LazyGrid]]
     {
-        let settings = GpuSettings { algorithm: first, ..GpuSettings::default() };
+        let settings = GpuConfig::default().algorithm(first);
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
         session.set_part_tests(1);
         let before = session.begin(Spheres::from(&spheres)).expect("begun");
@@ -208,8 +207,7 @@ fn one_level_is_used_if_entries_exceed_the_limit() {
     let own = limited(&own, |limits| wgpu::Limits { max_storage_buffer_binding_size: 256 << 10, ..limits });
     let n = 2000_u64;
     let spheres: Vec<_> = (0..n as i32).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
-    let settings =
-        GpuSettings { algorithm: Algorithm::LazyGrid, pair_capacity: 1 << 14, ..GpuSettings::default() };
+    let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).pair_capacity(1 << 14);
     let mut session = GpuSession::new(own, settings).expect("made");
     for _ in 0..2 {
         let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
@@ -230,7 +228,7 @@ fn stream_grows_the_output_for_a_giant() {
     let grain = |k: u32| [k % 20, k / 20 % 20, k / 400].map(|at| at as f32);
     let mut spheres = vec![Sphere::new([10.0; 3], 50.0)];
     spheres.extend((0..8000).map(|k| Sphere::new(grain(k), 0.25)));
-    let settings = GpuSettings { pair_capacity: 500, ..GpuSettings::default() };
+    let settings = GpuConfig::default().pair_capacity(500);
     let mut session = GpuSession::new(own, settings).expect("made");
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
     let mut handed = Vec::new();
@@ -247,7 +245,7 @@ fn stream_grows_the_output_for_a_giant() {
 fn entry_capacity_is_kept_per_input_size() {
     let Some(own) = device() else { return };
     let spheres: Vec<_> = (0..3000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 15))).collect();
-    let settings = GpuSettings { algorithm: Algorithm::EagerGrid, ..GpuSettings::default() };
+    let settings = GpuConfig::default().algorithm(Algorithm::EagerGrid);
     let mut session = GpuSession::new(own, settings).expect("made");
     let memory = |session: &GpuSession, n| session.memory_for(n).expect("fits");
     let [few, same] = [30, 3000].map(|n| memory(&session, n));
@@ -272,7 +270,7 @@ fn memory_estimate_does_not_depend_on_the_last_call() {
 fn dropped_ticket_frees_its_slot() {
     let Some(own) = device() else { return };
     let scenes: Vec<_> = (0..4).map(|k| cloud(k, 2000 + 500 * k as usize, 8)).collect();
-    let mut session = GpuSession::new(own, GpuSettings::default()).expect("made");
+    let mut session = GpuSession::new(own, GpuConfig::default()).expect("made");
     for dropped in [0, 1] {
         let mut tickets: Vec<_> =
             (0..2).map(|k| session.begin(Spheres::from(&scenes[k])).expect("begun")).collect();
@@ -300,7 +298,7 @@ fn unordered_lists_have_the_same_pairs() {
 #[test]
 fn candidate_overflow_never_fails_a_call() {
     let Some(own) = device() else { return };
-    let settings = GpuSettings { pair_capacity: 1 << 10, ..GpuSettings::default() };
+    let settings = GpuConfig::default().pair_capacity(1 << 10);
     let own = limited(&own, |limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..limits });
     let mut session = GpuSession::new(own, settings).expect("a session");
     session.set_skin(Some(0.01)).expect("a skin");

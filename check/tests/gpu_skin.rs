@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Random, device, download, submit, upload};
-use lazygrid::gpu::{Count, GpuDevice, GpuSettings, GpuSkinDetector, GpuSpheres, Outcome, SkinState};
+use lazygrid::gpu::{Count, GpuConfig, GpuDevice, GpuSkinDetector, GpuSpheres, Outcome, SkinState};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere};
 use lazygrid_check::scenes::cloud;
 use lazygrid_check::{SpeciesSetup, TestInput, Tolerance, difference};
@@ -71,12 +71,10 @@ fn candidate_lists_never_change_an_answer() {
         [1500, 1501].into_iter().flat_map(|n| cases.map(|c| (n, c)))
     {
         let case = format!("{count}, {algorithm}, {space:?}, species {has_species}");
-        let settings = GpuSettings {
-            algorithm,
-            space,
-            interactions: has_species.then(|| table.clone()),
-            ..GpuSettings::default()
-        };
+        let settings = GpuConfig::default()
+            .algorithm(algorithm)
+            .space(space)
+            .interactions(has_species.then(|| table.clone()));
         let mut detector = GpuSkinDetector::new(&own.device, settings, 0.3).expect("made");
         let mut scenario = TestInput {
             spheres: cloud(3, count, 9.0, |random| [0.4, 0.1][random.below(2) as usize]),
@@ -104,7 +102,7 @@ fn candidate_lists_never_change_an_answer() {
 fn displacement_within_the_limit_keeps_the_list() {
     let Some(own) = device() else { return };
     for (radius, skin) in [(1.0_f32, 0.5_f32), (1.0, 1e-3), (1e-6, 1e-7), (1e6, 1e4)] {
-        let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin).expect("made");
+        let mut detector = GpuSkinDetector::new(&own.device, GpuConfig::default(), skin).expect("made");
         let at = |gone: f32| {
             let x = radius + 0.4985 * skin - gone;
             TestInput::from(vec![Sphere::new([-x, 0.0, 0.0], radius), Sphere::new([x, 0.0, 0.0], radius)])
@@ -126,7 +124,7 @@ fn displacement_within_the_limit_keeps_the_list() {
 fn displacement_beyond_the_limit_rebuilds_the_list() {
     let Some(own) = device() else { return };
     for (radius, skin) in [(1.0_f32, 0.5_f32), (1e-6, 1e-7), (1e6, 1e4)] {
-        let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin).expect("made");
+        let mut detector = GpuSkinDetector::new(&own.device, GpuConfig::default(), skin).expect("made");
         for (gone, rebuilt) in [(0.0, SkinState::FIRST), (0.503 * skin, SkinState::MOVED)] {
             let x = radius + 0.502 * skin - gone;
             let spheres = [-x, x].map(|x| Sphere::new([x, 0.0, 0.0], radius));
@@ -140,7 +138,7 @@ fn displacement_beyond_the_limit_rebuilds_the_list() {
 #[test]
 fn changed_spheres_rebuild_the_list() {
     let Some(own) = device() else { return };
-    let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), 0.5).expect("made");
+    let mut detector = GpuSkinDetector::new(&own.device, GpuConfig::default(), 0.5).expect("made");
     let mut scenario = TestInput::from(cloud(6, 900, 6.0, |_| 0.3));
     let mut ask = |scenario: &TestInput, rebuilt: u32, case: &str| {
         let state = judge(&own, &mut detector, scenario, case);
@@ -171,7 +169,7 @@ fn changed_species_rebuild_the_list() {
     let mut table = Interactions::new(2, Interaction::Touch).expect("two species");
     table.set(0, 1, Interaction::Within(1.5)).expect("a distance");
     table.set(1, 1, Interaction::Never).expect("a species");
-    let settings = GpuSettings { interactions: Some(table), ..GpuSettings::default() };
+    let settings = GpuConfig::default().interactions(Some(table));
     let mut detector = GpuSkinDetector::new(&own.device, settings, 0.2).expect("made");
     let species: Vec<u32> = (0..700).map(|k| k % 2).collect();
     let mut scenario = TestInput {
@@ -196,7 +194,7 @@ fn changed_species_rebuild_the_list() {
 fn largest_radii_have_no_candidate_list() {
     let Some(own) = device() else { return };
     for radius in [2e30, f32::MAX] {
-        let mut detector = GpuSkinDetector::new(&own.device, GpuSettings::default(), 0.5).expect("made");
+        let mut detector = GpuSkinDetector::new(&own.device, GpuConfig::default(), 0.5).expect("made");
         let mut scenario = TestInput::from(cloud(11, 300, 6.0, |_| 0.3));
         scenario.spheres[7].radius = radius;
         for rebuilt in [SkinState::FIRST, SkinState::CHANGED, SkinState::CHANGED] {
@@ -210,7 +208,7 @@ fn largest_radii_have_no_candidate_list() {
 #[test]
 fn candidate_overflow_reports_the_needed_capacity() {
     let Some(own) = device() else { return };
-    let settings = GpuSettings { pair_capacity: 600_000, ..GpuSettings::default() };
+    let settings = GpuConfig::default().pair_capacity(600_000);
     let mut detector = GpuSkinDetector::new(&own.device, settings, 0.5).expect("made");
     detector.set_candidate_capacity(1000);
     let scenario = TestInput::from(vec![Sphere::new([1.0; 3], 0.5); 1000]);
@@ -227,7 +225,7 @@ fn candidate_overflow_reports_the_needed_capacity() {
 fn skins_out_of_range_are_refused() {
     let Some(own) = device() else { return };
     for skin in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20] {
-        let refused = GpuSkinDetector::new(&own.device, GpuSettings::default(), skin);
+        let refused = GpuSkinDetector::new(&own.device, GpuConfig::default(), skin);
         assert!(refused.expect_err("refused").to_string().contains("1e-14"), "{skin}");
     }
 }

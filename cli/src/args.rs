@@ -116,7 +116,7 @@ pub(crate) struct Detect {
     #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) adapter: Option<AdapterId>,
     /// How to search; eager-grid and lazy-grid are GPU algorithms
-    #[arg(long, default_value_t, value_parser = one_of(Algorithm::ALL.map(Algorithm::name)).try_map(|name| name.parse::<Algorithm>()))]
+    #[arg(long, default_value_t, value_parser = one_of(Algorithm::ALL.iter().map(|algorithm| algorithm.name())).try_map(|name| name.parse::<Algorithm>()))]
     pub(crate) algorithm: Algorithm,
     /// Split a cell when it holds more smaller spheres than this [default: the engine's]
     #[arg(long, value_name = "N")]

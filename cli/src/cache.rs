@@ -110,16 +110,16 @@ fn checked(kept: Kept) -> io::Result<Kept> {
 impl Entry {
     fn calibration(self) -> Option<Calibration> {
         let Self { adapter, driver, lazygrid: version, naive_below, per_class, radix_from, skin } = self;
-        let crossover = Crossover { naive_below, per_class };
+        let crossover = Crossover::new(naive_below, per_class);
         let (radix_from, skin) = (radix_from?, skin?.into());
-        Some(Calibration { adapter, driver, version, crossover, radix_from, skin })
+        Some(Calibration::new([adapter, driver, version], crossover, radix_from, skin))
     }
 }
 
 impl From<Calibration> for Entry {
     fn from(measured: Calibration) -> Self {
-        let Calibration { adapter, driver, version: lazygrid, crossover, radix_from, skin } = measured;
-        let Crossover { naive_below, per_class } = crossover;
+        let Calibration { adapter, driver, version: lazygrid, crossover, radix_from, skin, .. } = measured;
+        let Crossover { naive_below, per_class, .. } = crossover;
         let SkinCosts { search, find, keep, measure, test, call } = skin;
         let skin = Some(Skin { search, find, keep, measure, test, call });
         Self { adapter, driver, lazygrid, naive_below, per_class, radix_from: Some(radix_from), skin }

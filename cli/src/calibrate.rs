@@ -29,7 +29,7 @@ pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), Failure> {
     printed?;
     let measured = measured.map_err(Failure::Calibration)?;
     let path = cache::keep(&measured)?;
-    let gpu::Crossover { naive_below, per_class } = measured.crossover;
+    let gpu::Crossover { naive_below, per_class, .. } = measured.crossover;
     let further = match per_class {
         0 => String::new(),
         more => format!(", and {more} more for every further size class"),

@@ -7,7 +7,7 @@ use std::error::Error;
 use std::time::Duration;
 
 use lazygrid::Sphere;
-use lazygrid::gpu::{GpuDetector, GpuPairs, GpuSettings, GpuSpheres, Outcome, wanted_features, wgpu};
+use lazygrid::gpu::{GpuConfig, GpuDetector, GpuPairs, GpuSpheres, Outcome, wanted_features, wgpu};
 
 const SPHERES: u32 = 100_000;
 
@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         cache: None,
     });
 
-    let mut detector = GpuDetector::new(&device, GpuSettings::default())?;
+    let mut detector = GpuDetector::new(&device, GpuConfig::default())?;
     let GpuPairs { pairs, outcome, .. } = detector.reserve(SPHERES)?;
     let bindings = device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("consume"),

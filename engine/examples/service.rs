@@ -8,7 +8,7 @@ use std::io::Write;
 use std::time::{Duration, Instant};
 
 use lazygrid::Sphere;
-use lazygrid::gpu::{GpuDetector, GpuDevice, GpuSettings, GpuSpheres, wgpu};
+use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, wgpu};
 
 /// Moves every sphere along a fixed direction of its own and keeps it in the unit box.
 const MOVE: &str = "
@@ -52,7 +52,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let total = buffer(&device, 16);
     queue.write_buffer(&positions, 0, bytemuck::cast_slice(&start));
 
-    let mut detector = GpuDetector::new(&device, GpuSettings::default())?;
+    let mut detector = GpuDetector::new(&device, GpuConfig::default())?;
     let outcome = detector.reserve(spheres)?.outcome;
     let (mover, moved) = stage(&device, MOVE, &[&positions]);
     let (tally, tallied) = stage(&device, TALLY, &[&outcome, &total]);

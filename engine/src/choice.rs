@@ -4,7 +4,7 @@
 use lazygrid_kernels::Algorithm;
 
 #[cfg(feature = "gpu")]
-use crate::gpu::{AdapterId, Calibration, Crossover, GpuSettings, SkinCosts};
+use crate::gpu::{AdapterId, Calibration, Crossover, GpuConfig, SkinCosts};
 use crate::{Backend, Error};
 
 /// The algorithm of a GPU where there are too many spheres to test all pairs.
@@ -36,7 +36,7 @@ pub(crate) fn backend<D>(
     open: impl FnOnce(bool) -> Result<(String, D), Error>,
 ) -> Result<(Option<D>, String), Error> {
     let runs_on = |backend: &[Algorithm]| algorithm == Algorithm::Auto || backend.contains(&algorithm);
-    let (on_cpu, on_gpu) = (runs_on(&Algorithm::CPU), runs_on(&Algorithm::GPU));
+    let (on_cpu, on_gpu) = (runs_on(Algorithm::CPU), runs_on(Algorithm::GPU));
     let insist = |why: &str, open: Result<(String, D), Error>| match open {
         Ok((name, device)) => Ok((Some(device), format!("GPU {name}: {why}"))),
         Err(unknown @ Error::UnknownAdapter { .. }) => Err(unknown),
@@ -78,13 +78,11 @@ impl Known {
     pub(crate) const fn assumed(is_hardware: bool) -> Self {
         let crossover = Crossover::assumed(is_hardware);
         let (radix_from, skin, how) = match is_hardware {
-            true => (
-                GpuSettings::RADIX_FROM,
-                SkinCosts::HARDWARE,
-                "assumed of a GPU, not measured on this adapter",
-            ),
+            true => {
+                (GpuConfig::RADIX_FROM, SkinCosts::HARDWARE, "assumed of a GPU, not measured on this adapter")
+            }
             false => (
-                GpuSettings::SOFTWARE_RADIX_FROM,
+                GpuConfig::SOFTWARE_RADIX_FROM,
                 SkinCosts::SOFTWARE,
                 "assumed of a software adapter, not measured on this one",
             ),
@@ -227,7 +225,7 @@ mod tests {
 
     #[test]
     fn an_algorithm_of_one_backend_is_found_there_or_refused() {
-        for algorithm in Algorithm::ALL.into_iter().filter(|a| *a != Algorithm::Auto) {
+        for algorithm in Algorithm::ALL.iter().copied().filter(|a| *a != Algorithm::Auto) {
             let (on_cpu, on_gpu) = (Algorithm::CPU.contains(&algorithm), Algorithm::GPU.contains(&algorithm));
             assert_eq!(backend(Backend::Cpu, algorithm, open("gpu")).is_ok(), on_cpu, "{algorithm}");
             assert_eq!(backend(Backend::Gpu, algorithm, open("gpu")).is_ok(), on_gpu, "{algorithm}");

@@ -92,7 +92,7 @@ impl Config {
     }
 
     /// τ: a cell's smaller spheres go to a finer level only when they are more than this (paper, section 3.2).
-    /// Default: [`Settings::TAU`] on the CPU, [`GpuSettings::TAU`](crate::gpu::GpuSettings::TAU) on the GPU, from
+    /// Default: [`Settings::TAU`] on the CPU, [`GpuConfig::TAU`](crate::gpu::GpuConfig::TAU) on the GPU, from
     /// measured sweeps.
     pub fn tau(mut self, tau: u32) -> Self {
         #[cfg(feature = "gpu")]
@@ -105,7 +105,7 @@ impl Config {
 
     /// Cell edge of the paper's grids as a multiple of the largest diameter, 0.5 to 16; the GPU takes less than 1.5 for 1.5.
     /// Default: [`Settings::RASTER_RATIO`] on the CPU,
-    /// [`GpuSettings::RASTER_RATIO`](crate::gpu::GpuSettings::RASTER_RATIO) on the GPU, from measured sweeps.
+    /// [`GpuConfig::RASTER_RATIO`](crate::gpu::GpuConfig::RASTER_RATIO) on the GPU, from measured sweeps.
     pub fn raster_ratio(mut self, ratio: f32) -> Self {
         #[cfg(feature = "gpu")]
         {

@@ -4,7 +4,7 @@ use lazygrid_kernels::Algorithm;
 use crate::Backend;
 
 /// What the last call did and why.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Report {
     /// How many spheres were given.

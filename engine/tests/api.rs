@@ -122,9 +122,9 @@ fn every_setting() -> Result<Config, Error> {
 #[cfg(feature = "gpu")]
 mod on_gpu {
     use lazygrid::gpu::{
-        AdapterId, AdapterSummary, BoundScan, BoundSort, Calibration, Cost, Count, GpuDetector, GpuDevice,
-        GpuPairs, GpuSession, GpuSettings, GpuSkinDetector, GpuSorted, GpuSpheres, Keyed, Outcome,
-        PrefixScan, RadixSort, Ticket, adapters, calibrate, wgpu,
+        AdapterId, AdapterSummary, BoundScan, BoundSort, Calibration, Cost, Count, GpuConfig, GpuDetector,
+        GpuDevice, GpuPairs, GpuSession, GpuSkinDetector, GpuSorted, GpuSpheres, Keyed, Outcome, PrefixScan,
+        RadixSort, Ticket, adapters, calibrate, wgpu,
     };
 
     use super::*;
@@ -134,7 +134,7 @@ mod on_gpu {
         crosses_threads::<GpuDetector>();
         crosses_threads::<GpuSession>();
         crosses_threads::<GpuSkinDetector>();
-        crosses_threads::<GpuSettings>();
+        crosses_threads::<GpuConfig>();
         crosses_threads::<GpuSpheres<'_>>();
         crosses_threads::<Count<'_>>();
         crosses_threads::<AdapterSummary>();
@@ -155,7 +155,7 @@ mod on_gpu {
         let known: Calibration = calibrate(&own, |_| ())?;
         let config = Config::default().adapter(0).timeout(Duration::from_secs(1)).calibration([known]);
         let _: Detector = Detector::new(config)?;
-        let mut session = GpuSession::new(own, GpuSettings::default())?;
+        let mut session = GpuSession::new(own, GpuConfig::default())?;
         let ticket: Ticket = session.begin(rows.into())?;
         let _: &[Pair] = session.finish(ticket, 1000)?;
         let _: &Outcome = session.outcome();
@@ -169,7 +169,7 @@ mod on_gpu {
         encoder: &mut wgpu::CommandEncoder,
         spheres: &wgpu::Buffer,
     ) -> Result<(), Error> {
-        let mut detector: GpuDetector = GpuDetector::new(device, GpuSettings::default())?;
+        let mut detector: GpuDetector = GpuDetector::new(device, GpuConfig::default())?;
         let cost: Cost = detector.cost(1000)?;
         let _: (u32, u64, u64, Option<u64>) =
             (cost.dispatches, cost.working_bytes, cost.pair_bytes, cost.moved_bytes);
@@ -204,7 +204,7 @@ fn what_is_written_here_runs() -> Result<(), Box<dyn StdError>> {
 #[test]
 fn a_flag_ends_a_search_and_is_no_part_of_the_next() -> Result<(), Error> {
     let rows: Vec<_> = (0..20_000_u16).map(|k| Sphere::new([f32::from(k), 0.0, 0.0], 0.5)).collect();
-    for algorithm in Algorithm::CPU {
+    for &algorithm in Algorithm::CPU {
         let stop = Arc::new(AtomicBool::new(true));
         let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).stop(stop.clone());
         let mut detector = Detector::new(config)?;

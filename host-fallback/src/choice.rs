@@ -101,7 +101,7 @@ mod tests {
     fn what_was_asked_for_is_never_overruled() {
         let spheres = [Sphere::default()];
         let survey = Survey::of(&Rule::new((&spheres).into(), None), Threads::Pool).expect("all are valid");
-        for asked in Algorithm::CPU {
+        for &asked in Algorithm::CPU {
             assert_eq!(choose(asked, &survey).0, asked);
         }
     }

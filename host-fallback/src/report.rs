@@ -3,7 +3,7 @@ use std::time::{Duration, Instant};
 use lazygrid_kernels::Algorithm;
 
 /// What a call did: which algorithm, why, and how long each phase took.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
     /// How many spheres were given.
     pub spheres: u64,
@@ -58,6 +58,7 @@ impl std::fmt::Display for Rebuilt {
 
 /// One phase of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Phase {
     /// Its name, such as `sort` or `search`.
     pub name: &'static str,
@@ -66,6 +67,11 @@ pub struct Phase {
 }
 
 impl Phase {
+    /// Creates a phase.
+    pub fn new(name: &'static str, time: Duration) -> Self {
+        Self { name, time }
+    }
+
     /// Adds to the time of the phase of this name, or takes it down behind the others.
     pub fn add(phases: &mut Vec<Self>, name: &'static str, time: Duration) {
         #[expect(clippy::disallowed_methods, reason = "a call has a handful of phases")]

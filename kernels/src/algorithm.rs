@@ -30,7 +30,7 @@ pub enum Algorithm {
 
 impl Algorithm {
     /// Every value, in the order of the command line's help.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: &'static [Self] = &[
         Self::Auto,
         Self::Naive,
         Self::HashGrid,
@@ -42,12 +42,12 @@ impl Algorithm {
     ];
 
     /// The algorithms of the CPU path, the judge first.
-    pub const CPU: [Self; 5] =
-        [Self::Naive, Self::HashGrid, Self::ArrayGrid, Self::RecursiveGrid, Self::CellList];
+    pub const CPU: &'static [Self] =
+        &[Self::Naive, Self::HashGrid, Self::ArrayGrid, Self::RecursiveGrid, Self::CellList];
 
     /// The algorithms that have GPU kernels, all pairs first.
-    pub const GPU: [Self; 5] =
-        [Self::Naive, Self::ArrayGrid, Self::EagerGrid, Self::LazyGrid, Self::CellList];
+    pub const GPU: &'static [Self] =
+        &[Self::Naive, Self::ArrayGrid, Self::EagerGrid, Self::LazyGrid, Self::CellList];
 
     /// The name in lower case with hyphens.
     pub const fn name(self) -> &'static str {
@@ -74,7 +74,8 @@ impl FromStr for Algorithm {
     type Err = UnknownName;
 
     fn from_str(text: &str) -> Result<Self, UnknownName> {
-        let found = Self::ALL.into_iter().find(|algorithm| algorithm.name() == text);
-        found.ok_or_else(|| UnknownName::new("algorithm", text, &Self::ALL.map(Self::name)))
+        let found = Self::ALL.iter().copied().find(|algorithm| algorithm.name() == text);
+        let names = || Self::ALL.iter().map(|algorithm| algorithm.name()).collect::<Vec<_>>();
+        found.ok_or_else(|| UnknownName::new("algorithm", text, &names()))
     }
 }

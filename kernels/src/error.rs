@@ -349,8 +349,8 @@ fn runs_on(backend: Backend) -> String {
     };
     match backend {
         Backend::Auto => "auto".to_owned(),
-        Backend::Cpu => names(&Algorithm::CPU),
-        Backend::Gpu => names(&Algorithm::GPU),
+        Backend::Cpu => names(Algorithm::CPU),
+        Backend::Gpu => names(Algorithm::GPU),
     }
 }
 
@@ -405,7 +405,7 @@ mod tests {
         for backend in Backend::ALL {
             assert_eq!(backend.name().parse(), Ok(backend));
         }
-        for algorithm in Algorithm::ALL {
+        for &algorithm in Algorithm::ALL {
             assert_eq!(algorithm.name().parse(), Ok(algorithm));
         }
         let unknown = "CPU".parse::<Backend>().unwrap_err();

@@ -182,7 +182,7 @@ pub struct Outcome {
     pub crowded_end: u32,
     /// Cell list: spheres in the fullest cell that smaller ones had to leave, or would have; 0 where there was none.
     pub densest: u32,
-    /// 1 where pairs name places in the order of the cells (`GpuSettings::sorted_pairs`), 0 where they name the spheres as
+    /// 1 where pairs name places in the order of the cells (`GpuConfig::sorted_pairs`), 0 where they name the spheres as
     /// given.
     pub is_sorted: u32,
 }

@@ -15,5 +15,6 @@ pub fn device() -> Option<GpuDevice> {
 /// The GPU variants, one for each algorithm except `Auto`. Empty if no adapter exists.
 pub(crate) fn subjects() -> Vec<Subject> {
     let subject = |algorithm| Subject { backend: Backend::Gpu, algorithm, threads: THREADS[0] };
-    or_skip(GpuDevice::shared(true)).map_or_else(Vec::new, |_| Algorithm::GPU.map(subject).to_vec())
+    or_skip(GpuDevice::shared(true))
+        .map_or_else(Vec::new, |_| Algorithm::GPU.iter().copied().map(subject).collect())
 }

@@ -30,7 +30,7 @@ impl Subject {
     /// Panics if `LAZYGRID_SUBJECTS` has another value, or if a required GPU is missing.
     pub fn all() -> Vec<Self> {
         let cpu = |algorithm| THREADS.map(|threads| Self { backend: Backend::Cpu, algorithm, threads });
-        let on_cpu = Algorithm::CPU.into_iter().chain([Algorithm::Auto]).flat_map(cpu);
+        let on_cpu = Algorithm::CPU.iter().copied().chain([Algorithm::Auto]).flat_map(cpu);
         match env::var("LAZYGRID_SUBJECTS").as_deref() {
             Err(_) => on_cpu.chain(crate::gpu::subjects()).collect(),
             Ok("cpu") => on_cpu.collect(),

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use lazygrid::gpu::{GpuSession, GpuSettings};
+use lazygrid::gpu::{GpuConfig, GpuSession};
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, Exclusions, InputError, Order, Pair, Query, Space, Sphere,
     Spheres,
@@ -188,12 +188,12 @@ fn sessions_refuse_groups_and_triclinic_cells() {
     let Some(device) = lazygrid_tests::device() else { return };
     let own = || device.clone();
     let spheres = [Sphere::new([0.0; 3], 1.0); 2];
-    let mut session = GpuSession::new(own(), GpuSettings::default()).expect("a session");
+    let mut session = GpuSession::new(own(), GpuConfig::default()).expect("a session");
     let grouped = Spheres::from(&spheres).with_groups(&[1, 1]).expect("two");
     let error = session.begin(grouped).expect_err("groups");
     assert!(error.to_string().contains("Detector"), "{error}");
     let space = Space::sheared([Some([1.0, 1.0, 0.0]), None, None]).expect("an edge");
-    let error = GpuSession::new(own(), GpuSettings { space, ..GpuSettings::default() }).expect_err("sheared");
+    let error = GpuSession::new(own(), GpuConfig::default().space(space)).expect_err("sheared");
     assert!(error.to_string().contains("Detector"), "{error}");
     assert!(Detector::new(Config::default().backend(Backend::Cpu).space(space)).is_ok());
 }

@@ -213,7 +213,7 @@ fn rows_and_columns_are_the_same() {
 fn own_and_caller_threads_agree() {
     let scenario = TestInput::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(3000, 3));
     let expected = scenario.oracle();
-    for algorithm in Algorithm::CPU {
+    for &algorithm in Algorithm::CPU {
         for threads in THREADS {
             let own = Config::default().algorithm(algorithm).threads(threads);
             let mut detector = Detector::new(own).expect("threads");
@@ -240,7 +240,7 @@ fn report_names_algorithm_and_reason() {
             let pairs = detector.pairs(&spheres).expect("pairs").len() as u64;
             let report = detector.report();
             assert_eq!((report.spheres, report.pairs), (n as u64, pairs), "{subject}");
-            let known = if subject.backend == Backend::Gpu { &Algorithm::GPU[..] } else { &Algorithm::CPU };
+            let known = if subject.backend == Backend::Gpu { Algorithm::GPU } else { Algorithm::CPU };
             assert!(known.contains(&report.algorithm), "{subject}: {report:?}");
             assert!(
                 [Algorithm::Auto, report.algorithm].contains(&subject.algorithm),

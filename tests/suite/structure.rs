@@ -8,7 +8,7 @@ use lazygrid::{Algorithm, Backend};
 #[test]
 fn names_can_be_parsed() {
     let mut names = BTreeSet::new();
-    for algorithm in Algorithm::ALL {
+    for &algorithm in Algorithm::ALL {
         assert_eq!(algorithm.to_string().parse(), Ok(algorithm));
         assert!(names.insert(algorithm.name()), "two algorithms are called {algorithm}");
     }

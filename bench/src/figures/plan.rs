@@ -249,12 +249,12 @@ fn mixtures(counts: &[u32], ratios: &[u32]) -> Vec<Scene> {
 
 fn contenders(figure: Figure) -> Vec<Contender> {
     let on_gpu = |algorithms: &[Algorithm]| algorithms.iter().map(|&a| Contender::Gpu(a)).collect::<Vec<_>>();
-    let gpu = on_gpu(&Algorithm::GPU);
+    let gpu = on_gpu(Algorithm::GPU);
     let grids = [Algorithm::HashGrid, Algorithm::ArrayGrid, Algorithm::RecursiveGrid];
     match figure {
         Figure::F3a | Figure::F3b | Figure::Point => {
-            let cpu = Algorithm::CPU.map(|a| Contender::cpu(a, None));
-            cpu.into_iter().chain(gpu).collect()
+            let cpu = Algorithm::CPU.iter().map(|&a| Contender::cpu(a, None));
+            cpu.chain(gpu).collect()
         }
         Figure::F4 => {
             // These run in a pool of one thread.

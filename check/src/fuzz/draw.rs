@@ -75,7 +75,7 @@ pub(crate) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Detect
     let threads = [None, Some(1), Some(2), Some(7)][random.below(4) as usize];
     let target =
         if is_on_gpu { TargetDevice::Gpu { subgroups: true } } else { TargetDevice::Cpu { simd, threads } };
-    let algorithms: &[Algorithm] = if is_on_gpu { &Algorithm::GPU } else { &Algorithm::CPU };
+    let algorithms: &[Algorithm] = if is_on_gpu { Algorithm::GPU } else { Algorithm::CPU };
     let algorithm = match random.below(algorithms.len() as u32 + 1) as usize {
         0 => Algorithm::Auto,
         k => algorithms[k - 1],

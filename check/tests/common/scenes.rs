@@ -1,13 +1,13 @@
 //! Hard scenes, and all pairs in `f64` as their reference.
 
-use lazygrid::gpu::{GpuDetector, GpuDevice, GpuSettings, GpuSpheres, Outcome};
+use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, Outcome};
 use lazygrid::{Algorithm, Pair, Sphere};
 pub(crate) use lazygrid_check::scenes::{cloud, scenes};
 
 use super::{download, submit, upload};
 
-pub(crate) fn settings(algorithm: Algorithm, subgroups: bool) -> GpuSettings {
-    GpuSettings { algorithm, subgroups, ..GpuSettings::default() }
+pub(crate) fn settings(algorithm: Algorithm, subgroups: bool) -> GpuConfig {
+    GpuConfig::default().algorithm(algorithm).subgroups(subgroups)
 }
 
 pub(crate) struct Found {

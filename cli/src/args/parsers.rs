@@ -9,7 +9,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lazygrid::{Skin, Space};
 use lazygrid_io::write::TableFormat;
 
-pub(super) fn one_of<const N: usize>(names: [&'static str; N]) -> PossibleValuesParser {
+pub(super) fn one_of(names: impl IntoIterator<Item = &'static str>) -> PossibleValuesParser {
     PossibleValuesParser::new(names)
 }
 

@@ -27,12 +27,12 @@ pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), Failure> {
         _ => &[Scene::FiveSizes],
     };
     if work.on_cpu {
-        Race::new(work, Backend::Cpu, &speed::on_cpu).run(scenes, &Algorithm::CPU, report)?;
+        Race::new(work, Backend::Cpu, &speed::on_cpu).run(scenes, Algorithm::CPU, report)?;
     }
     if let Some(gpu) = &work.gpu {
         primitives(work, gpu, report)?;
         let time = |algorithm, spheres: &[Sphere]| speed::on_gpu(&gpu.own, algorithm, spheres);
-        Race::new(work, Backend::Gpu, &time).run(scenes, &Algorithm::GPU, report)?;
+        Race::new(work, Backend::Gpu, &time).run(scenes, Algorithm::GPU, report)?;
     }
     Ok(())
 }

@@ -41,6 +41,7 @@ pub fn adapters() -> Vec<AdapterSummary> {
 
 /// Names one of several adapters. As text an index is a number; everything else is a name.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum AdapterId {
     /// Its place among [`adapters`], from 0 on; `lazygrid devices` lists them.
     Index(usize),

@@ -12,7 +12,7 @@ pub use skin::SkinCosts;
 
 use super::GpuSession;
 use super::adapter::{AdapterSummary, GpuDevice};
-use super::input::GpuSettings;
+use super::input::GpuConfig;
 use crate::Error;
 use crate::choice::GRID;
 
@@ -29,6 +29,7 @@ const DENSITY: f32 = 0.05;
 
 /// Below how many spheres testing all pairs is faster than a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Crossover {
     /// For equal radii.
     pub naive_below: u32,
@@ -37,6 +38,12 @@ pub struct Crossover {
 }
 
 impl Crossover {
+    /// Creates the crossover of a device on which testing all pairs is faster below `naive_below` spheres of equal radii, and
+    /// `per_class` more for every further size class.
+    pub const fn new(naive_below: u32, per_class: u32) -> Self {
+        Self { naive_below, per_class }
+    }
+
     /// Assumed of a GPU that was not measured: the paper's, about 10⁴ on its card (section 4).
     pub const HARDWARE: Self = Self { naive_below: 10_000, per_class: 0 };
     /// Assumed of a software adapter that was not measured: what `lazygrid calibrate` says of Mesa's llvmpipe on two
@@ -61,6 +68,7 @@ impl Crossover {
 /// What `Auto` goes by, and what it holds for: one adapter, one driver, one version of this library. To be kept by the
 /// application and given to [`Config::calibration`](crate::Config::calibration); the library itself writes no file.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Calibration {
     /// The adapter's name.
     pub adapter: String,
@@ -70,13 +78,24 @@ pub struct Calibration {
     pub version: String,
     /// Where all pairs and the cell list cost the same.
     pub crossover: Crossover,
-    /// From how many spheres on a cell list is sorted by radix; see [`GpuSettings::radix_from`].
+    /// From how many spheres on a cell list is sorted by radix; see [`GpuConfig::radix_from`].
     pub radix_from: u32,
     /// What it costs to keep candidates from call to call, and to do without.
     pub skin: SkinCosts,
 }
 
 impl Calibration {
+    /// Creates the calibration of an adapter, as an application has kept it. `driver` is the driver with its version,
+    /// `version` that of this library.
+    pub fn new(
+        [adapter, driver, version]: [String; 3],
+        crossover: Crossover,
+        radix_from: u32,
+        skin: SkinCosts,
+    ) -> Self {
+        Self { adapter, driver, version, crossover, radix_from, skin }
+    }
+
     /// Whether it was measured on this adapter, with this driver and by this version.
     pub fn is_of(&self, adapter: &AdapterSummary) -> bool {
         let own = (adapter.name.as_str(), adapter.driver.as_str(), env!("CARGO_PKG_VERSION"));
@@ -138,7 +157,7 @@ pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calib
 
 fn session(own: &GpuDevice, algorithm: Algorithm) -> Result<GpuSession, Error> {
     // Timed, as the calls of a `Detector` are.
-    GpuSession::new(own.clone(), GpuSettings { algorithm, timed: true, ..GpuSettings::default() })
+    GpuSession::new(own.clone(), GpuConfig::default().algorithm(algorithm).timed(true))
 }
 
 fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error> {

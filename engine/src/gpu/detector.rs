@@ -14,7 +14,7 @@ pub(crate) use room::Raised;
 pub(crate) use tables::Tables;
 use timer::Timer;
 
-use super::input::{GpuSettings, GpuSpheres, check};
+use super::input::{GpuConfig, GpuSpheres, check};
 use super::pipelines::Pipelines;
 use super::plan::{Cost, DeviceLimits, Plan, Request, most_entries, plan};
 use super::recording::{Buffers, Recent, Recording};
@@ -29,7 +29,7 @@ use crate::{Error, choice};
 #[derive(Debug)]
 pub struct GpuDetector {
     device: wgpu::Device,
-    settings: GpuSettings,
+    settings: GpuConfig,
     entry_room: EntryRoom,
     /// See [`Call::part_tiles`].
     part_tiles: u32,
@@ -56,7 +56,7 @@ pub struct GpuPairs {
 
 /// The spheres in the order of a cell list's cells: neighbours in space are mostly neighbours in memory. Who takes this
 /// order over, every now and then, makes the next calls faster, which then read memory nearly in sequence; and with
-/// [`GpuSettings::sorted_pairs`] its own work on pairs as well. All buffers have `STORAGE` and `COPY_SRC` usage, hold what a
+/// [`GpuConfig::sorted_pairs`] its own work on pairs as well. All buffers have `STORAGE` and `COPY_SRC` usage, hold what a
 /// call left until the next one, and have as many elements as the call had spheres.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -81,14 +81,14 @@ impl GpuDetector {
     ///
     /// # Errors
     /// [`Error::Setting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
-    pub fn new(device: &wgpu::Device, settings: GpuSettings) -> Result<Self, Error> {
+    pub fn new(device: &wgpu::Device, settings: GpuConfig) -> Result<Self, Error> {
         Self::with_pipelines(device, Pipelines::new(device), settings)
     }
 
     pub(crate) fn with_pipelines(
         device: &wgpu::Device,
         pipelines: Pipelines,
-        settings: GpuSettings,
+        settings: GpuConfig,
     ) -> Result<Self, Error> {
         check(&settings)?;
         let tables = settings.interactions.as_ref().map(|table| Tables::new(device, table)).transpose()?;
@@ -178,7 +178,7 @@ impl GpuDetector {
         Ok(Prepared { plan, buffers, recordings: Recent::NONE })
     }
 
-    pub(crate) fn settings(&self) -> &GpuSettings {
+    pub(crate) fn settings(&self) -> &GpuConfig {
         &self.settings
     }
 
@@ -243,7 +243,7 @@ impl GpuDetector {
         }
     }
 
-    /// Changes the cell edge; see [`GpuSettings::raster_ratio`].
+    /// Changes the cell edge; see [`GpuConfig::raster_ratio`].
     ///
     /// # Errors
     /// [`Error::Setting`] where it is out of range.

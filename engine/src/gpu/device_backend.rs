@@ -9,7 +9,7 @@ use lazygrid_kernels::{Interactions, Pair, Query, Space};
 use super::course::Course;
 use super::device_search::{Built, Given, Search};
 use super::plan::DeviceLimits;
-use super::{GpuDevice, GpuSession, GpuSettings};
+use super::{GpuConfig, GpuDevice, GpuSession};
 use crate::choice::{self, Known};
 use crate::detector::EngineBackend;
 use crate::{Backend, Config, Error, Report};
@@ -36,19 +36,18 @@ impl DeviceBackend {
         let interactions = searched_table(&settings, settings.is_framed());
         let known = choice::known(&config.calibrations, &own.adapter);
         let most_pairs = DeviceLimits::of(&own.device).bytes() / size_of::<Pair>() as u64;
-        let defaults = GpuSettings::default();
-        let gpu = GpuSettings {
-            pair_capacity: most_pairs.min(defaults.pair_capacity.into()) as u32,
-            algorithm: settings.algorithm,
-            crossover: known.crossover,
-            radix_from: known.radix_from,
-            raster_ratio: raster_ratio(config.raster_ratio)?,
-            tau: config.tau.unwrap_or(GpuSettings::TAU),
-            interactions: interactions.clone(),
-            space: searched_space(&settings.space),
-            timed: true,
-            ..defaults
-        };
+        let defaults = GpuConfig::default();
+        let pair_capacity = most_pairs.min(defaults.pair_capacity.into()) as u32;
+        let gpu = defaults
+            .pair_capacity(pair_capacity)
+            .algorithm(settings.algorithm)
+            .crossover(known.crossover)
+            .radix_from(known.radix_from)
+            .raster_ratio(raster_ratio(config.raster_ratio)?)
+            .tau(config.tau.unwrap_or(GpuConfig::TAU))
+            .interactions(interactions.clone())
+            .space(searched_space(&settings.space))
+            .timed(true);
         let report = Report {
             spheres: 0,
             pairs: 0,
@@ -112,7 +111,7 @@ impl SearchBackend for DeviceBackend {
             let table = settings.interactions.as_ref().filter(|_| placed.frame.is_none());
             let survey = Survey::new(placed.spheres, table, threads)
                 .or_else(|error| check_valid(query, threads).and(Err(error)))?;
-            report.phases.push(Phase { name: "choice", time: start.elapsed() });
+            report.phases.push(Phase::new("choice", start.elapsed()));
             Ok((placed, survey))
         })?;
         let asked_for = settings.algorithm;
@@ -230,9 +229,9 @@ fn conclude(report: &mut Report, search: &Search) {
 
 /// The raster ratio that was `asked` for, as near as the GPU comes to it.
 fn raster_ratio(asked: Option<f32>) -> Result<f32, Error> {
-    let ratio = asked.unwrap_or(GpuSettings::RASTER_RATIO);
+    let ratio = asked.unwrap_or(GpuConfig::RASTER_RATIO);
     if Config::RASTER_RATIOS.contains(&ratio) {
-        return Ok(ratio.max(GpuSettings::MIN_RASTER_RATIO));
+        return Ok(ratio.max(GpuConfig::MIN_RASTER_RATIO));
     }
     let range = "choose between 0.5 and 16";
     Err(Error::Setting { name: "raster_ratio", value: ratio.to_string(), range })

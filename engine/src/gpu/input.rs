@@ -11,46 +11,97 @@ use super::Crossover;
 use super::{GpuDetector, Outcome};
 use crate::Error;
 
-/// What a [`GpuDetector`] is asked to do.
+/// The configuration of a [`GpuDetector`].
 #[derive(Clone, Debug)]
-pub struct GpuSettings {
-    /// `Auto` or one of [`Algorithm::GPU`]. Default: `Auto`, decided by the number of spheres a call may have.
-    pub algorithm: Algorithm,
-    /// Below how many spheres `Auto` tests all pairs; see [`calibrate`](super::calibrate). Radii that are on the GPU
-    /// are taken for one size class. Default: [`Crossover::HARDWARE`].
-    pub crossover: Crossover,
-    /// Pairs that the output buffer holds. Default: 2²⁰ (8 MiB). More are counted but not written.
-    pub pair_capacity: u32,
-    /// Cell edge as a multiple of the largest diameter, 1.5 to 16. Default: [`GpuSettings::RASTER_RATIO`].
-    pub raster_ratio: f32,
-    /// τ: in LazyGrid the smaller spheres of a cell go to a finer level only where they are more than this (Stroobant
-    /// et al., section 3.2). Default: [`GpuSettings::TAU`].
-    pub tau: u32,
-    /// From how many spheres on a cell list is sorted by radix instead of by counting. Default: [`GpuSettings::RADIX_FROM`];
-    /// [`calibrate`](super::calibrate) measures it.
-    pub radix_from: u32,
-    /// Which species pair, and at which distance, rounded to `f32` as all numbers on the GPU; `None`: all that touch.
-    pub interactions: Option<Interactions>,
-    /// The space the spheres live in, which is not [sheared](Space::sheared). Its lengths are rounded to `f32`. Default:
-    /// [`Space::UNBOUNDED`]. In a periodic one spheres are copied to their
-    /// nearest images first, which takes 16 bytes for each; pairs within 5 ulp of
-    /// exact tangency, relative to the squared reach, may fall either way, where it is 4 ulp in an unbounded one.
-    pub space: Space,
-    /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
-    pub consumer_group: u32,
-    /// Whether pairs of the cell list name places in the order of its cells ([`GpuSorted`](super::GpuSorted)) in place of the
-    /// spheres as given, for consumers that work on the sorted spheres; [`Outcome::is_sorted`] says which, as other algorithms
-    /// have no such order. Windows go by the indices given all the same. A [`GpuSession`](super::GpuSession) does without.
-    /// Default: no.
-    pub sorted_pairs: bool,
-    /// Whether subgroup operations are used where the device was made with them. Default: yes.
-    pub subgroups: bool,
-    /// Whether phases are timed where the device was made with timestamp queries. Each then has a pass of its
-    /// own, which costs some microseconds. Default: no.
-    pub timed: bool,
+pub struct GpuConfig {
+    pub(crate) algorithm: Algorithm,
+    pub(crate) crossover: Crossover,
+    pub(crate) pair_capacity: u32,
+    pub(crate) raster_ratio: f32,
+    pub(crate) tau: u32,
+    pub(crate) radix_from: u32,
+    pub(crate) interactions: Option<Interactions>,
+    pub(crate) space: Space,
+    pub(crate) consumer_group: u32,
+    pub(crate) sorted_pairs: bool,
+    pub(crate) subgroups: bool,
+    pub(crate) timed: bool,
 }
 
-impl GpuSettings {
+impl GpuConfig {
+    /// `Auto` or one of [`Algorithm::GPU`]. Default: `Auto`, decided by the number of spheres that a call may have.
+    pub fn algorithm(self, algorithm: Algorithm) -> Self {
+        Self { algorithm, ..self }
+    }
+
+    /// The number of spheres below which `Auto` tests all pairs; see [`calibrate`](super::calibrate). Radii that are on the
+    /// GPU count as one size class. Default: [`Crossover::HARDWARE`].
+    pub fn crossover(self, crossover: Crossover) -> Self {
+        Self { crossover, ..self }
+    }
+
+    /// Pairs that the output buffer holds. Default: 2²⁰ (8 MiB). More are counted but not written.
+    pub fn pair_capacity(self, pair_capacity: u32) -> Self {
+        Self { pair_capacity, ..self }
+    }
+
+    /// Cell size as a multiple of the largest diameter, 1.5 to 16. Default: [`GpuConfig::RASTER_RATIO`].
+    pub fn raster_ratio(self, raster_ratio: f32) -> Self {
+        Self { raster_ratio, ..self }
+    }
+
+    /// τ: in LazyGrid the smaller spheres of a cell go to a finer level only if they are more than this (Stroobant
+    /// et al., section 3.2). Default: [`GpuConfig::TAU`].
+    pub fn tau(self, tau: u32) -> Self {
+        Self { tau, ..self }
+    }
+
+    /// The number of spheres at or above which a cell list is sorted by radix instead of by counting. Default:
+    /// [`GpuConfig::RADIX_FROM`]; [`calibrate`](super::calibrate) measures it.
+    pub fn radix_from(self, radix_from: u32) -> Self {
+        Self { radix_from, ..self }
+    }
+
+    /// The species that pair, with their distances, which are rounded to `f32` as all numbers on the GPU. Default: none, all
+    /// spheres that touch are pairs.
+    pub fn interactions(self, interactions: impl Into<Option<Interactions>>) -> Self {
+        Self { interactions: interactions.into(), ..self }
+    }
+
+    /// The space of the spheres, which is not [sheared](Space::sheared). Its lengths are rounded to `f32`. Default:
+    /// [`Space::UNBOUNDED`]. In a periodic space spheres are first copied to their nearest images, which takes 16 bytes for
+    /// each; pairs within 5 ulp of exact tangency, relative to the squared reach, may fall either way. In unbounded space
+    /// it is 4 ulp.
+    pub fn space(self, space: Space) -> Self {
+        Self { space, ..self }
+    }
+
+    /// Threads per workgroup of the consumer that is dispatched indirectly. Default: 256.
+    pub fn consumer_group(self, consumer_group: u32) -> Self {
+        Self { consumer_group, ..self }
+    }
+
+    /// Whether pairs of the cell list hold positions in the order of its cells ([`GpuSorted`](super::GpuSorted)) instead of
+    /// indices of the spheres as given, for consumers that work on the sorted spheres. [`Outcome::is_sorted`] tells which,
+    /// as other algorithms have no such order. Windows always go by the indices given. A
+    /// [`GpuSession`](super::GpuSession) does without. Default: no.
+    pub fn sorted_pairs(self, sorted_pairs: bool) -> Self {
+        Self { sorted_pairs, ..self }
+    }
+
+    /// Whether subgroup operations are used if the device was made with them. Default: yes.
+    pub fn subgroups(self, subgroups: bool) -> Self {
+        Self { subgroups, ..self }
+    }
+
+    /// Whether phases are timed if the device was made with timestamp queries. Each phase then has a pass of its own, which
+    /// costs some microseconds. Default: no.
+    pub fn timed(self, timed: bool) -> Self {
+        Self { timed, ..self }
+    }
+}
+
+impl GpuConfig {
     /// τ by default. On Mesa's software driver, 100 000 spheres of five sizes take the same time from 32 on, and a burst
     /// of ten sizes the least about 128 (`cargo bench -p lazygrid-bench --bench sweep -- --backend gpu --what tau`); other
     /// devices may differ.
@@ -70,7 +121,7 @@ impl GpuSettings {
     pub const MAX_RASTER_RATIO: f32 = 16.0;
 }
 
-impl GpuSettings {
+impl GpuConfig {
     /// What all kernels read of a call of up to `spheres` spheres, whatever finds its pairs.
     pub(super) fn call(&self, spheres: u32, input: &GpuSpheres<'_>) -> Call {
         let call = Call {
@@ -89,7 +140,7 @@ impl GpuSettings {
     }
 }
 
-impl Default for GpuSettings {
+impl Default for GpuConfig {
     fn default() -> Self {
         Self {
             algorithm: Algorithm::Auto,
@@ -131,6 +182,7 @@ impl From<u32> for Count<'_> {
 
 /// Spheres that are on the GPU already.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct GpuSpheres<'a> {
     /// `x, y, z, r` as four `f32` per sphere; `STORAGE` usage.
     pub(super) spheres: &'a wgpu::Buffer,
@@ -195,13 +247,13 @@ impl<'a> GpuSpheres<'a> {
 }
 
 /// Refuses settings out of range.
-pub(super) fn check(settings: &GpuSettings) -> Result<(), Error> {
+pub(super) fn check(settings: &GpuConfig) -> Result<(), Error> {
     if settings.space.shear().is_some() {
         let range =
             "what stays on the GPU has edges along the axes only: choose `Detector`, which takes any edges";
         return Err(Error::Setting { name: "space", value: "sheared".into(), range });
     }
-    if !(GpuSettings::MIN_RASTER_RATIO..=GpuSettings::MAX_RASTER_RATIO).contains(&settings.raster_ratio) {
+    if !(GpuConfig::MIN_RASTER_RATIO..=GpuConfig::MAX_RASTER_RATIO).contains(&settings.raster_ratio) {
         let value = settings.raster_ratio.to_string();
         let range = "on the GPU choose between 1.5 and 16";
         return Err(Error::Setting { name: "raster_ratio", value, range });

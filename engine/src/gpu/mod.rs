@@ -26,7 +26,7 @@ pub use adapter::{AdapterId, AdapterSummary, GpuDevice, adapters, wanted_feature
 pub use calibration::{Calibration, Crossover, Sample, SkinCosts, calibrate};
 pub use detector::{GpuDetector, GpuPairs, GpuSorted, read_outcome};
 pub(crate) use device_backend::DeviceBackend;
-pub use input::{Count, GpuSettings, GpuSpheres};
+pub use input::{Count, GpuConfig, GpuSpheres};
 pub use lazygrid_kernels::kernel::Access;
 pub use lazygrid_kernels::layout::{Outcome, SkinState};
 pub use lazygrid_kernels::wgsl;

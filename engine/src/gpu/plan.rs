@@ -31,6 +31,7 @@ const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 
 /// The limits of a device that bind a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct DeviceLimits {
     /// Bytes of one storage binding.
     pub storage_binding: u64,
@@ -47,7 +48,17 @@ pub struct DeviceLimits {
 impl DeviceLimits {
     /// The limits that the device was made with.
     pub fn of(device: &wgpu::Device) -> Self {
-        let limits = device.limits();
+        Self::from(&device.limits())
+    }
+
+    /// Whether radix passes take wide tiles.
+    pub(super) fn wide(&self) -> bool {
+        k::Variant::for_device(None, self.workgroup_memory).wide
+    }
+}
+
+impl From<&wgpu::Limits> for DeviceLimits {
+    fn from(limits: &wgpu::Limits) -> Self {
         Self {
             storage_binding: limits.max_storage_buffer_binding_size,
             buffer: limits.max_buffer_size,
@@ -56,12 +67,9 @@ impl DeviceLimits {
             workgroup_memory: limits.max_compute_workgroup_storage_size,
         }
     }
+}
 
-    /// Whether radix passes take wide tiles.
-    pub(super) fn wide(&self) -> bool {
-        k::Variant::for_device(None, self.workgroup_memory).wide
-    }
-
+impl DeviceLimits {
     /// Keys that one workgroup sorts in a radix pass.
     pub(super) fn radix_tile(&self) -> u32 {
         k::Variant { wide: self.wide(), ..k::Variant::default() }.radix_tile()

@@ -8,7 +8,7 @@ use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, make_room}
 
 use super::adapter::{AdapterSummary, GpuDevice};
 use super::detector::{GpuDetector, Way};
-use super::input::{GpuSettings, GpuSpheres, check_algorithm};
+use super::input::{GpuConfig, GpuSpheres, check_algorithm};
 use super::mapping::Wait;
 use super::plan::{Cost, DeviceLimits, Plan, most_spheres};
 use super::slot::Slot;
@@ -92,10 +92,10 @@ impl GpuSession {
     ///
     /// # Errors
     /// As [`GpuDetector::new`], and where the device was lost.
-    pub fn new(own: GpuDevice, settings: GpuSettings) -> Result<Self, Error> {
+    pub fn new(own: GpuDevice, settings: GpuConfig) -> Result<Self, Error> {
         own.probe()?;
         // Nobody could tell who is meant.
-        let settings = GpuSettings { sorted_pairs: false, ..settings };
+        let settings = settings.sorted_pairs(false);
         let mut detector = GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings)
             .map_err(|error| own.reason(error))?;
         detector.set_part_tests(PART_TESTS);
@@ -123,7 +123,7 @@ impl GpuSession {
 
     /// Another session on the same device that differs in its table of interactions and keeps no candidates.
     pub(super) fn beside(&self, interactions: Option<Interactions>) -> Result<Self, Error> {
-        let settings = GpuSettings { interactions, ..self.detector.settings().clone() };
+        let settings = self.detector.settings().clone().interactions(interactions);
         let mut session = Self::new(self.own.clone(), settings)?;
         session.timeout = self.timeout;
         Ok(session)
@@ -159,7 +159,7 @@ impl GpuSession {
         &self.own.adapter
     }
 
-    /// Changes which algorithm the calls use that are begun from now on; see [`GpuSettings::algorithm`].
+    /// Changes which algorithm the calls use that are begun from now on; see [`GpuConfig::algorithm`].
     ///
     /// # Errors
     /// [`Error::NotOnBackend`] for one without kernels.

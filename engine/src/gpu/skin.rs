@@ -10,7 +10,7 @@ use lazygrid_kernels::layout::Skin;
 use lazygrid_kernels::{Interaction, Interactions};
 
 use super::detector::{GpuDetector, GpuPairs, Key, Tables, Way};
-use super::input::{GpuSettings, GpuSpheres, check};
+use super::input::{GpuConfig, GpuSpheres, check};
 use super::pipelines::Pipelines;
 use super::plan::{DeviceLimits, Plan, Slot, Stage, check_buffers, skin};
 use super::recording::{Buffers, Recent, Recording, constant_buffer};
@@ -33,7 +33,7 @@ const PER_PAIR: u32 = 4;
 #[derive(Debug)]
 pub struct GpuSkinDetector {
     device: wgpu::Device,
-    settings: GpuSettings,
+    settings: GpuConfig,
     skin: f32,
     pipelines: Pipelines,
     tables: Option<Tables>,
@@ -72,18 +72,18 @@ struct Parts {
 impl GpuSkinDetector {
     /// A detector on the caller's device with a skin of this width, in the unit of the coordinates. A wider one lasts
     /// longer and has more candidates: a good one is a few times as wide as the fastest sphere goes in a call.
-    /// [`GpuSettings::sorted_pairs`] and [`GpuSettings::timed`] are of no effect.
+    /// [`GpuConfig::sorted_pairs`] and [`GpuConfig::timed`] are of no effect.
     ///
     /// # Errors
     /// [`Error::Setting`] and [`Error::NotOnBackend`] for settings; otherwise where the device refuses something.
-    pub fn new(device: &wgpu::Device, settings: GpuSettings, skin: f32) -> Result<Self, Error> {
+    pub fn new(device: &wgpu::Device, settings: GpuConfig, skin: f32) -> Result<Self, Error> {
         Self::with_pipelines(device, Pipelines::new(device), settings, skin)
     }
 
     pub(crate) fn with_pipelines(
         device: &wgpu::Device,
         pipelines: Pipelines,
-        settings: GpuSettings,
+        settings: GpuConfig,
         skin: f32,
     ) -> Result<Self, Error> {
         check(&settings)?;
@@ -286,16 +286,15 @@ fn check_skin(skin: f32) -> Result<(), Error> {
 fn search(
     device: &wgpu::Device,
     pipelines: Pipelines,
-    settings: &GpuSettings,
+    settings: &GpuConfig,
     skin: f32,
 ) -> Result<GpuDetector, Error> {
-    let wide = GpuSettings {
-        interactions: settings.interactions.as_ref().map(|table| widened(table, skin)).transpose()?,
-        pair_capacity: settings.pair_capacity.saturating_mul(PER_PAIR),
-        sorted_pairs: false,
-        timed: false,
-        ..settings.clone()
-    };
+    let wide = settings
+        .clone()
+        .interactions(settings.interactions.as_ref().map(|table| widened(table, skin)).transpose()?)
+        .pair_capacity(settings.pair_capacity.saturating_mul(PER_PAIR))
+        .sorted_pairs(false)
+        .timed(false);
     GpuDetector::with_pipelines(device, pipelines, wide)
 }
 

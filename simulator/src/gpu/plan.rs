@@ -95,13 +95,11 @@ pub(super) fn grown(needed: u32) -> u32 {
 mod tests {
     use super::*;
 
-    const LIMITS: DeviceLimits = DeviceLimits {
-        storage_binding: 1 << 27,
-        buffer: 1 << 30,
-        groups_per_dimension: 65_535,
-        storage_buffers: 8,
-        workgroup_memory: 32 << 10,
-    };
+    /// Limits of a small device.
+    fn limits() -> DeviceLimits {
+        let limits = lazygrid::gpu::wgpu::Limits { max_buffer_size: 1 << 30, ..Default::default() };
+        DeviceLimits::from(&limits)
+    }
 
     #[test]
     fn loops_stay_bounded_and_dispatches_cover_all() {
@@ -109,17 +107,17 @@ mod tests {
             let sizes = Sizes { particles: 1 << (shift / 2), pairs: 1 << shift };
             let threads = sizes.round_groups() * GROUP;
             assert!(sizes.pairs.div_ceil(threads) <= CANDIDATES_PER_THREAD, "{sizes:?}");
-            let [x, y] = groups_for(1 << shift, &LIMITS);
-            assert!(x <= LIMITS.groups_per_dimension && u64::from(x) * u64::from(y) * 256 >= 1 << shift);
+            let [x, y] = groups_for(1 << shift, &limits());
+            assert!(x <= limits().groups_per_dimension && u64::from(x) * u64::from(y) * 256 >= 1 << shift);
         }
     }
 
     #[test]
     fn what_does_not_fit_is_refused_with_its_size() {
         let sizes = Sizes { particles: (1 << 22) + 1, pairs: 1 };
-        let refused = sizes.bytes("claims", &LIMITS);
+        let refused = sizes.bytes("claims", &limits());
         assert!(matches!(refused, Err(Error::LimitExceeded { needed, .. }) if needed == (1 << 27) + 32));
-        assert_eq!(sizes.bytes("tags", &LIMITS), Ok((1 << 25) + 8));
+        assert_eq!(sizes.bytes("tags", &limits()), Ok((1 << 25) + 8));
     }
 
     #[test]

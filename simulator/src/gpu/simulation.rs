@@ -1,6 +1,6 @@
 //! A run on the device, step by step.
 
-use lazygrid::gpu::{Count, Crossover, GpuDetector, GpuDevice, GpuSettings, GpuSpheres, wgpu};
+use lazygrid::gpu::{Count, Crossover, GpuConfig, GpuDetector, GpuDevice, GpuSpheres, wgpu};
 
 use super::device::{filled, read, refused, scoped};
 use super::journey::{Itinerary, most_steps};
@@ -126,7 +126,7 @@ impl GpuSimulation {
             centers: state.centers.clone(),
             base,
             detector,
-            raster_ratio: GpuSettings::default().raster_ratio,
+            raster_ratio: GpuConfig::RASTER_RATIO,
             options,
             steps,
             alive,
@@ -380,13 +380,11 @@ fn detector(base: &Base, model: &Model, sizes: Sizes) -> Result<Option<GpuDetect
     let Some(table) = interactions(model)? else { return Ok(None) };
     // A software driver has few threads, so that lists pay much sooner.
     let crossover = Crossover::assumed(base.own.adapter.is_hardware);
-    let settings = GpuSettings {
-        crossover,
-        interactions: Some(table),
-        space: model.boundary.space()?,
-        pair_capacity: sizes.pairs.max(1),
-        consumer_group: k::GROUP,
-        ..GpuSettings::default()
-    };
+    let settings = GpuConfig::default()
+        .crossover(crossover)
+        .interactions(Some(table))
+        .space(model.boundary.space()?)
+        .pair_capacity(sizes.pairs.max(1))
+        .consumer_group(k::GROUP);
     GpuDetector::new(&base.own.device, settings).map(Some).map_err(refused)
 }

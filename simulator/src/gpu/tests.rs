@@ -161,7 +161,7 @@ fn matched(
     let mut base = Base::new(own.clone(), &tables, 0).expect("a base");
     let sizes = Sizes { particles, pairs: all.len().max(1) as u32 };
     let table = crate::reactions::interactions(&model()).expect("interactions");
-    let settings = lazygrid::gpu::GpuSettings { interactions: table, ..Default::default() };
+    let settings = lazygrid::gpu::GpuConfig::default().interactions(table);
     let mut detector = lazygrid::gpu::GpuDetector::new(&own.device, settings).expect("a detector");
     let found = detector.reserve(particles).expect("room");
     let steps = Steps::new(&mut base, sizes, rounds, Some(found)).expect("steps");

@@ -91,7 +91,7 @@ pub(crate) fn same_bytes() -> Vec<Row> {
     let mut rows = Vec::new();
     for (algorithm, threads) in [(Algorithm::Auto, 2), (Algorithm::Auto, 7)]
         .into_iter()
-        .chain(Algorithm::CPU.map(|algorithm| (algorithm, 2)))
+        .chain(Algorithm::CPU.iter().map(|&algorithm| (algorithm, 2)))
     {
         let different = u64::from(run(algorithm, threads) != reference);
         rows.push(Row::exact(format!("states that differ, {algorithm}, {threads} threads"), 0, different));

@@ -7,7 +7,7 @@ use lazygrid_kernels::{Algorithm, Sphere};
 
 use super::{CLEARLY, scene, time};
 use crate::Error;
-use crate::gpu::{GpuDevice, GpuSession, GpuSettings};
+use crate::gpu::{GpuConfig, GpuDevice, GpuSession};
 
 /// Spheres of the scenes, four times as many until a search takes long enough to be told from what it takes to submit one.
 const SIZES: [u32; 4] = [1 << 14, 1 << 16, 1 << 18, 1 << 20];
@@ -144,7 +144,7 @@ fn worked_out(calls: &Calls) -> SkinCosts {
 }
 
 fn session(own: &GpuDevice, skin: Option<f32>) -> Result<GpuSession, Error> {
-    let settings = GpuSettings { algorithm: Algorithm::CellList, timed: true, ..GpuSettings::default() };
+    let settings = GpuConfig::default().algorithm(Algorithm::CellList).timed(true);
     let mut session = GpuSession::new(own.clone(), settings)?;
     session.set_skin(skin)?;
     Ok(session)

@@ -7,7 +7,7 @@ use lazygrid_kernels::{Algorithm, Sphere};
 use super::{CLEARLY, DENSITY, crossing, scene, time};
 use crate::Error;
 use crate::choice::Known;
-use crate::gpu::{GpuDevice, GpuSession, GpuSettings, Phase};
+use crate::gpu::{GpuConfig, GpuDevice, GpuSession, Phase};
 
 /// The numbers of spheres that are tried, until one of the two is clearly faster or takes long.
 const SIZES: [u32; 5] = [1 << 17, 1 << 18, 1 << 19, 1 << 20, 1 << 21];
@@ -44,7 +44,7 @@ pub(super) fn radix_from(own: &GpuDevice) -> Result<u32, Error> {
 
 fn session(own: &GpuDevice, radix_from: u32) -> Result<GpuSession, Error> {
     let algorithm = Algorithm::CellList;
-    let settings = GpuSettings { algorithm, radix_from, timed: true, ..GpuSettings::default() };
+    let settings = GpuConfig::default().algorithm(algorithm).radix_from(radix_from).timed(true);
     GpuSession::new(own.clone(), settings)
 }
 

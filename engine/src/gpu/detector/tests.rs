@@ -43,14 +43,13 @@ fn encoder(own: &GpuDevice) -> wgpu::CommandEncoder {
     own.device.create_command_encoder(&Default::default())
 }
 
-fn detector(own: &GpuDevice, settings: GpuSettings) -> GpuDetector {
+fn detector(own: &GpuDevice, settings: GpuConfig) -> GpuDetector {
     GpuDetector::with_pipelines(&own.device, own.pipelines.clone(), settings).expect("made")
 }
 
 /// What the kernel makes of these spheres.
 fn wrapped(own: &GpuDevice, space: Space, spheres: &[Sphere]) -> Vec<Sphere> {
-    let mut detector =
-        detector(own, GpuSettings { algorithm: Algorithm::Naive, space, ..GpuSettings::default() });
+    let mut detector = detector(own, GpuConfig::default().algorithm(Algorithm::Naive).space(space));
     let given = upload(own, spheres);
     let mut encoder = encoder(own);
     let input = GpuSpheres { window: 0..0, ..GpuSpheres::new(&given, spheres.len() as u32) };
@@ -100,7 +99,7 @@ fn a_further_part_is_timed_as_a_search() {
     if !own.adapter.has_timestamps {
         return;
     }
-    let settings = GpuSettings { algorithm: Algorithm::ArrayGrid, timed: true, ..GpuSettings::default() };
+    let settings = GpuConfig::default().algorithm(Algorithm::ArrayGrid).timed(true);
     let mut detector = detector(&own, settings);
     detector.set_part_tests(1 << 20);
     let given = upload(&own, &[Sphere::new([1.0; 3], 0.5); 3000]);
@@ -127,7 +126,7 @@ fn a_further_part_is_timed_as_a_search() {
 
 /// The entries that the kernels of a call write: whether at the first level, and of which sphere.
 fn entries_of(own: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)> {
-    let settings = GpuSettings { algorithm: Algorithm::LazyGrid, tau, ..GpuSettings::default() };
+    let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).tau(tau);
     let mut detector = detector(own, settings);
     let given = upload(own, spheres);
     let mut call = encoder(own);

@@ -7,6 +7,7 @@ use super::{DeviceLimits, Plan, Refinement, list};
 
 /// The parts of a call that are timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Phase {
     /// Bounds and grid.
     Survey,

@@ -52,7 +52,7 @@ fn plans_fit_their_devices_or_say_why_not() {
 fn the_most_spheres_that_can_be_bound_can_be_searched() {
     for limits in [LAVAPIPE, H200, DeviceLimits { storage_binding: 8 << 20, ..LAVAPIPE }] {
         let most = u32::try_from(most_spheres(&limits)).expect("indices have 32 bits");
-        let grids = Algorithm::GPU.into_iter().filter(|&algorithm| algorithm != Algorithm::Naive);
+        let grids = Algorithm::GPU.iter().copied().filter(|&algorithm| algorithm != Algorithm::Naive);
         for (algorithm, periodic) in grids.flat_map(|of| [(of, false), (of, true)]) {
             let request = Request { algorithm, periodic, species: 2, ..request(most, 1) };
             plan(&request, &limits).unwrap_or_else(|error| panic!("{algorithm}, {limits:?}: {error}"));
@@ -105,7 +105,7 @@ fn no_invocation_takes_more_turns_than_its_share() {
     let sizes = (0..=24).flat_map(|k| [(1 << k) - 1, 1 << k, (1 << k) + 1, 3 << k >> 1]);
     for spheres in sizes.filter(|&n: &u32| n <= 1 << 24) {
         for limits in [LAVAPIPE, H200] {
-            for algorithm in Algorithm::GPU {
+            for &algorithm in Algorithm::GPU {
                 let Ok(plan) = plan(&Request { algorithm, ..request(spheres, 1) }, &limits) else {
                     assert!(u64::from(spheres) * 16 > limits.bytes(), "{spheres} should fit");
                     continue;

@@ -8,7 +8,7 @@ use lazygrid_kernels::{Algorithm, Pair};
 
 use super::{GpuSession, SLOTS, Work};
 use crate::Error;
-use crate::gpu::GpuSettings;
+use crate::gpu::GpuConfig;
 use crate::gpu::detector::{Raised, Way};
 use crate::gpu::mapping::Wait;
 
@@ -17,8 +17,8 @@ impl Way {
     /// the grid on that was `asked` for. For coincident spheres only that helps: they have eight entries on each
     /// of the levels down to their own, however coarse these are.
     fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
-        if self.raster_ratio < GpuSettings::MAX_RASTER_RATIO {
-            let raster_ratio = (self.raster_ratio * 2.0).min(GpuSettings::MAX_RASTER_RATIO);
+        if self.raster_ratio < GpuConfig::MAX_RASTER_RATIO {
+            let raster_ratio = (self.raster_ratio * 2.0).min(GpuConfig::MAX_RASTER_RATIO);
             return Some(Self { raster_ratio, ..self });
         }
         let one_level = Self { algorithm: Algorithm::ArrayGrid, raster_ratio: asked };
@@ -164,7 +164,7 @@ mod tests {
     fn times_are_those_of_all_submissions_of_a_call() {
         const BEFORE: Duration = Duration::from_secs(1 << 30);
         let Some(own) = device_or_skip() else { return };
-        let settings = GpuSettings { algorithm: ArrayGrid, timed: true, ..GpuSettings::default() };
+        let settings = GpuConfig::default().algorithm(ArrayGrid).timed(true);
         let mut session = GpuSession::new(own, settings).expect("made");
         session.set_part_tests(1 << 18);
         let spheres = vec![Sphere::new([1.0; 3], 0.5); 1500];

@@ -1,6 +1,6 @@
 //! Room: a step that froze for want of it is repeated with more.
 
-use lazygrid::gpu::{GpuDetector, GpuSettings};
+use lazygrid::gpu::{GpuConfig, GpuDetector};
 
 use super::{GpuSimulation, MAX_ROUNDS};
 use crate::Error;
@@ -34,7 +34,7 @@ impl GpuSimulation {
             }
             Head::NO_ROOM_FOR_ENTRIES => {
                 self.raster_ratio *= 2.0;
-                if self.raster_ratio > GpuSettings::MAX_RASTER_RATIO {
+                if self.raster_ratio > GpuConfig::MAX_RASTER_RATIO {
                     let (needed, limit) = (head.lacking(), self.steps.sizes.particles.into());
                     let (what, remedy) = ("the number of (cell, particle) entries", "choose the CPU");
                     return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
