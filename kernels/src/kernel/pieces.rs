@@ -1,5 +1,5 @@
 /// Shared pieces of WGSL by the name in `#include`.
-pub(super) const PIECES: [(&str, &str); 37] = [
+pub(super) const PIECES: [(&str, &str); 39] = [
     ("between", include_str!("../shader/shared/between.wgsl")),
     ("candidates", include_str!("../shader/shared/candidates.wgsl")),
     ("cells", include_str!("../shader/shared/cells.wgsl")),
@@ -23,6 +23,8 @@ pub(super) const PIECES: [(&str, &str); 37] = [
     ("pairs", include_str!("../shader/shared/pairs.wgsl")),
     ("periods", include_str!("../shader/shared/periods.wgsl")),
     ("place", include_str!("../shader/shared/place.wgsl")),
+    ("place_builtins", include_str!("../shader/shared/place_builtins.wgsl")),
+    ("place_from_builtins", include_str!("../shader/shared/place_from_builtins.wgsl")),
     ("put", include_str!("../shader/shared/put.wgsl")),
     ("reach", include_str!("../shader/shared/reach.wgsl")),
     ("reserve", include_str!("../shader/shared/reserve.wgsl")),

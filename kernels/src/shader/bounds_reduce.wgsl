@@ -32,7 +32,12 @@ fn ordered(value: vec3<f32>) -> vec3<u32> {
 }
 
 @compute @workgroup_size(256)
-fn bounds_reduce(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn bounds_reduce(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let group = number_of_group(id, groups);
     let count = grid.spheres;
     let start = group * GROUP * ITEMS;

@@ -32,7 +32,12 @@ fn is_hit(candidate: vec2<u32>) -> bool {
 }
 
 @compute @workgroup_size(256)
-fn candidates_test(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn candidates_test(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let number = number_of_group(id, groups) * 256u + place.lane;
     if (place.lane == 0u) {
         atomicStore(&group_hits, 0u);

@@ -66,7 +66,12 @@ fn cells_of(sphere: vec4<f32>, radius: f32) -> Cells {
 }
 
 @compute @workgroup_size(256)
-fn cells_find(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn cells_find(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let group = number_of_group(id, groups);
     if (group * GROUP >= grid.spheres) {
         return;

@@ -46,7 +46,12 @@ fn first_from(cell: u32, low: u32, high: u32) -> u32 {
 }
 
 @compute @workgroup_size(256)
-fn cells_index(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn cells_index(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let first_cell = number_of_group(id, groups) * BLOCK;
     let counters = list.cells + 2u;
     if (first_cell >= counters) {

@@ -47,7 +47,12 @@ fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
 }
 
 @compute @workgroup_size(256)
-fn crowded_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn crowded_search(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     if (place.lane == 0u) {
         group_part = Part(
             atomicLoad(&outcome.crowded_begin),

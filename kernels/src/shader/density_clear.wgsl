@@ -9,7 +9,12 @@
 const ITEMS: u32 = #{SPHERES_PER_THREAD}u;
 
 @compute @workgroup_size(256)
-fn density_clear(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn density_clear(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let group = number_of_group(id, groups);
     if (grid.refinement != 2u) {
         return;

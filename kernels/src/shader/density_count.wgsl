@@ -19,7 +19,12 @@
 #include density_slot
 
 @compute @workgroup_size(256)
-fn density_count(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn density_count(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let index = number_of_group(id, groups) * 256u + place.lane;
     if (list.is_dense != 0u && index < list.spheres) {
         let sphere = spheres[index];

@@ -68,7 +68,12 @@ fn visit(here: Cells, above: Cells, alive: u32, is_own: bool) -> Visit {
 }
 
 @compute @workgroup_size(256)
-fn entries_emit(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn entries_emit(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let group = number_of_group(id, groups);
     if (group * GROUP >= grid.spheres) {
         return;

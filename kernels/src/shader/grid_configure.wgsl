@@ -93,7 +93,10 @@ fn turns_of(length: f32, edge: f32) -> f32 {
 #endif
 
 @compute @workgroup_size(256)
-fn grid_configure(place: Place) {
+fn grid_configure(
+#include place_builtins
+) {
+#include place_from_builtins
     let lane = place.lane;
     let count = grid.spheres;
     if (lane == 0u) {

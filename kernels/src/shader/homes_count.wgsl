@@ -23,7 +23,12 @@
 #include home
 
 @compute @workgroup_size(256)
-fn homes_count(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn homes_count(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let index = number_of_group(id, groups) * 256u + place.lane;
     var crowd = 0u;
     if (index < list.spheres) {

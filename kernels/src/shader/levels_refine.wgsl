@@ -28,7 +28,12 @@ fn dense_cells(coarse: Cells) -> u32 {
 }
 
 @compute @workgroup_size(256)
-fn levels_refine(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn levels_refine(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let group = number_of_group(id, groups);
     if (group * GROUP >= grid.spheres || grid.refinement != 2u) {
         return;

@@ -15,7 +15,10 @@ var<workgroup> weights: array<u32, 32>;
 var<workgroup> sizes: array<u32, 32>;
 
 @compute @workgroup_size(32)
-fn levels_settle(place: Place) {
+fn levels_settle(
+#include place_builtins
+) {
+#include place_from_builtins
     let depth = place.lane;
     let occupied = atomicLoad(&bounds.depths);
     var deeper = 0u;

@@ -27,7 +27,10 @@
 #include configure
 
 @compute @workgroup_size(256)
-fn list_begin(place: Place) {
+fn list_begin(
+#include place_builtins
+) {
+#include place_from_builtins
     survey_spheres(place.lane, 256u, place);
     storageBarrier();
     workgroupBarrier();

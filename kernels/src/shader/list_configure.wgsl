@@ -23,6 +23,9 @@
 #include configure
 
 @compute @workgroup_size(256)
-fn list_configure(place: Place) {
+fn list_configure(
+#include place_builtins
+) {
+#include place_from_builtins
     configure(place.lane);
 }

@@ -28,7 +28,12 @@
 var<workgroup> most_candidates: atomic<u32>;
 
 @compute @workgroup_size(256)
-fn list_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn list_search(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let block = number_of_group(id, groups) * GROUP;
     if (block >= starts[list.cells + 1u]) {
         return;

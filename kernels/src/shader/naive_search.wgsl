@@ -25,7 +25,12 @@ const GROUP: u32 = 256u;
 var<workgroup> tile_valid: array<atomic<u32>, 8>;
 
 @compute @workgroup_size(256)
-fn naive_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn naive_search(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let group = number_of_group(id, groups);
     let count = grid.spheres;
     let blocks = (count + GROUP - 1u) / GROUP;

@@ -14,7 +14,12 @@ const ITEMS: u32 = #{RADIX_ITEMS}u;
 var<workgroup> histogram: array<atomic<u32>, 256>;
 
 @compute @workgroup_size(256)
-fn radix_count(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn radix_count(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let group = number_of_group(id, groups);
     let start = group * GROUP * ITEMS;
     if (start >= lengths.items) {

@@ -11,7 +11,11 @@
 const ITEMS: u32 = 8u;
 
 @compute @workgroup_size(256)
-fn radix_scan(@builtin(workgroup_id) id: vec3<u32>, place: Place) {
+fn radix_scan(
+    @builtin(workgroup_id) id: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let tiles = lengths.counters / 256u;
     let row = id.x * tiles;
     let rounds = (tiles + GROUP * ITEMS - 1u) / (GROUP * ITEMS);

@@ -177,7 +177,12 @@ fn place_in_tile(place: Place, ranked: u32) -> u32 {
 #endif
 
 @compute @workgroup_size(256)
-fn radix_scatter(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn radix_scatter(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let group = number_of_group(id, groups);
     let start = group * TILE;
     if (start >= lengths.items) {

@@ -61,7 +61,12 @@ fn is_entry_pair(object: u32, sphere: vec4<f32>, other_object: u32, other: u32, 
 }
 
 @compute @workgroup_size(256)
-fn runs_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn runs_search(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let group = number_of_group(id, groups);
     let count = lengths.items;
     let block = group * GROUP;

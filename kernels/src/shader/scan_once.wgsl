@@ -9,7 +9,10 @@
 #include group_scan
 
 @compute @workgroup_size(256)
-fn scan_once(place: Place) {
+fn scan_once(
+#include place_builtins
+) {
+#include place_from_builtins
     let stretch = (lengths.counters + GROUP - 1u) / GROUP;
     let begin = place.lane * stretch;
     let end = min(begin + stretch, lengths.counters);

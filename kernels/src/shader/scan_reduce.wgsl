@@ -12,7 +12,12 @@ const ITEMS: u32 = #{SCAN_ITEMS}u;
 var<workgroup> tree: array<vec2<u32>, 256>;
 
 @compute @workgroup_size(256)
-fn scan_reduce(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn scan_reduce(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let group = number_of_group(id, groups);
     let start = group * 256u * ITEMS;
     if (start >= lengths.counters) {

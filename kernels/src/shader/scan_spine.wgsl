@@ -14,7 +14,10 @@ const ITEMS: u32 = 8u;
 var<workgroup> scan: array<vec2<u32>, 512>;
 
 @compute @workgroup_size(256)
-fn scan_spine(place: Place) {
+fn scan_spine(
+#include place_builtins
+) {
+#include place_from_builtins
     let tiles = lengths.counters / TILE + select(0u, 1u, lengths.counters % TILE != 0u);
     var carry = vec2(0u);
     let rounds = (tiles + 256u * ITEMS - 1u) / (256u * ITEMS);

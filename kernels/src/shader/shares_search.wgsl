@@ -31,7 +31,12 @@ const MAX_GROUPS: u32 = 65535u;
 var<workgroup> part: vec2<u32>;
 
 @compute @workgroup_size(256)
-fn shares_search(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn shares_search(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     if (place.lane == 0u) {
         part = vec2(atomicLoad(&outcome.crowded_begin), atomicLoad(&outcome.crowded_end));
         if (call.further_shares != 0u) {

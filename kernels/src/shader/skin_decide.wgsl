@@ -22,7 +22,10 @@ const MOVED: u32 = 3u;
 var<workgroup> lapsed: u32;
 
 @compute @workgroup_size(64)
-fn skin_decide(place: Place) {
+fn skin_decide(
+#include place_builtins
+) {
+#include place_from_builtins
     if (place.lane == 0u) {
         let count = min(count_source[0], call.spheres);
         let moved = atomicLoad(&state.moved);

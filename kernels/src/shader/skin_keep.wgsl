@@ -17,7 +17,12 @@
 #include widened
 
 @compute @workgroup_size(256)
-fn skin_keep(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn skin_keep(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let index = number_of_group(id, groups) * 256u + place.lane;
     if (state.rebuilt != 0u && index < state.spheres) {
         let sphere = spheres[index];

@@ -23,7 +23,12 @@ var<workgroup> group_moved: atomic<u32>;
 var<workgroup> group_changed: atomic<u32>;
 
 @compute @workgroup_size(256)
-fn skin_measure(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn skin_measure(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let index = number_of_group(id, groups) * 256u + place.lane;
     if (place.lane == 0u) {
         atomicStore(&group_moved, 0u);

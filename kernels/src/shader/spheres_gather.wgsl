@@ -15,7 +15,12 @@
 #include put
 
 @compute @workgroup_size(256)
-fn spheres_gather(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn spheres_gather(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let position = number_of_group(id, groups) * 256u + place.lane;
     if (position >= list.spheres) {
         return;

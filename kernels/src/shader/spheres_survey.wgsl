@@ -21,6 +21,11 @@
 #include survey
 
 @compute @workgroup_size(256)
-fn spheres_survey(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn spheres_survey(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     survey_spheres(number_of_group(id, groups) * 256u + place.lane, groups.x * groups.y * 256u, place);
 }

@@ -10,7 +10,12 @@
 #include wrap
 
 @compute @workgroup_size(256)
-fn spheres_wrap(@builtin(workgroup_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>, place: Place) {
+fn spheres_wrap(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+#include place_builtins
+) {
+#include place_from_builtins
     let group = number_of_group(id, groups);
     let index = group * 256u + place.lane;
     if (index >= grid.spheres) {

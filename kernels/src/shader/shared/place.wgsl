@@ -1,16 +1,18 @@
-// Where a thread stands in its workgroup. What is the same for the whole workgroup is passed beside it: as members of
-// one structure compilers would take all of it to differ from thread to thread, and refuse barriers behind a branch.
+// Per-thread indices. Workgroup-uniform values are passed separately: Tint takes every member of a structure with a
+// varying member to vary, and refuses barriers behind a branch on it.
+// Entry points take the builtins as parameters: naga 30 writes subgroup builtins in a structure to HLSL without
+// semantics.
 struct Place {
-    @builtin(local_invocation_index) lane: u32,
+    lane: u32,
 #ifdef SUBGROUPS
-    @builtin(subgroup_id) subgroup: u32,
-    @builtin(num_subgroups) subgroups: u32,
-    @builtin(subgroup_invocation_id) lane_in_subgroup: u32,
-    @builtin(subgroup_size) subgroup_size: u32,
+    subgroup: u32,
+    subgroups: u32,
+    lane_in_subgroup: u32,
+    subgroup_size: u32,
 #endif
 }
 
-// Workgroups are numbered over two dimensions, as one holds no more than 65 535 of them.
+// The number of a workgroup. Dispatches have two dimensions, because one dimension holds at most 65,535 workgroups.
 fn number_of_group(id: vec3<u32>, groups: vec3<u32>) -> u32 {
     return id.x + id.y * groups.x;
 }
