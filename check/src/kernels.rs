@@ -7,7 +7,7 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel::Variant;
 use thiserror::Error;
 
-use crate::{Effort, calls, grid, homes, list, nested, primitives, runs, shares, skin};
+use crate::{Effort, axes, calls, grid, homes, list, nested, primitives, runs, shares, skin};
 
 /// Numbers of spheres: around the size of a workgroup, and many workgroups.
 pub(crate) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
@@ -42,7 +42,7 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 pub type Run = fn(&GpuDevice, Effort) -> Result<(), KernelError>;
 
 /// All checks, in the order in which a call runs the kernels.
-pub const CHECKS: [KernelCheck; 34] = [
+pub const CHECKS: [KernelCheck; 35] = [
     one("start of a call", &["call_begin"], |own, _| calls::call_begin(own)),
     one("wrapped coordinates", &["spheres_wrap"], |own, _| calls::spheres_wrap(own)),
     one("bounds", &["bounds_reduce"], |own, _| calls::bounds_reduce(own)),
@@ -62,6 +62,7 @@ pub const CHECKS: [KernelCheck; 34] = [
     }),
     one("size classes and bounds", &["spheres_survey"], |own, _| list::spheres_survey(own)),
     one("cells of a cell list", &["list_configure"], |own, _| homes::list_configure(own)),
+    one("cells along axes", &["list_configure"], axes::cells_along_axes),
     one("cells of few spheres", &["list_begin"], |own, _| list::list_begin(own)),
     one("occupancy of the first cells", &["density_count"], |own, _| homes::density_count(own)),
     one("cells and ranks", &["homes_count"], |own, _| homes::homes_count(own)),

@@ -25,6 +25,7 @@ pub mod sequence;
 pub mod sheared;
 pub mod speed;
 
+mod axes;
 mod calls;
 mod cells;
 mod choices;

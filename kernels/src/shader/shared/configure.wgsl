@@ -90,9 +90,15 @@ fn open_extent(axis: u32, level: u32) -> u32 {
     return open_number(decoded(high[axis]), level) - open_number(decoded(low[axis]), level) + 1u;
 }
 
-// How many cells go round each axis where all of them together may be `room`: as many as the spheres' bounds or the
-// period have, on the longest axes fewer.
-fn cells_around(level: u32, room: f32) -> vec3<u32> {
+// Returns `true` if the product of the numbers of cells is at most `room`. Divisions do not overflow, and round nothing
+// that matters: a whole number is at most a quotient if and only if it is at most the quotient rounded down.
+fn fit(cells: vec3<u32>, room: u32) -> bool {
+    return room / cells.x / cells.y >= cells.z;
+}
+
+// The number of cells along each axis if there may be `room` cells: as many as the bounds of the spheres or the period
+// hold, except on the longest axes. All whole numbers: a root that is rounded up would cost an axis all its cells.
+fn cells_around(level: u32, room: u32) -> vec3<u32> {
     let lengths = periods();
     let edge = f32(quanta) * power_of_two(quantum - i32(level));
     var wanted = vec3(1u);
@@ -106,24 +112,15 @@ fn cells_around(level: u32, room: f32) -> vec3<u32> {
             wanted[axis] = select(max(extent, 3u), 1u, extent == 1u);
         }
     }
-    var limit = pow(room, 1.0 / 3.0);
-    // Axes shorter than the limit leave more to the others.
-    for (var round = 0u; round < 2u; round++) {
-        var left = room;
-        var long_axes = 0.0;
-        for (var axis = 0u; axis < 3u; axis++) {
-            if (f32(wanted[axis]) <= limit) {
-                left /= f32(wanted[axis]);
-            } else {
-                long_axes += 1.0;
-            }
-        }
-        limit = select(limit, pow(left, 1.0 / max(long_axes, 1.0)), long_axes > 0.0);
+    // The largest number of cells along an axis with which all fit, bit by bit.
+    var limit = 0u;
+    for (var bit = 1u << firstLeadingBit(room); bit != 0u; bit >>= 1u) {
+        limit |= select(0u, bit, fit(min(wanted, vec3(limit | bit)), room));
     }
-    var cells = min(wanted, vec3(max(u32(limit), 3u)));
-    // What rounding and the least of three cells took too much is given back by axes with a single cell.
+    var cells = min(wanted, vec3(max(limit, 3u)));
+    // With room for fewer than three cells on the longest axes, axes with a single cell make up for the others.
     for (var axis = 0u; axis < 3u; axis++) {
-        if (f32(cells.x) * f32(cells.y) * f32(cells.z) > room) {
+        if (!fit(cells, room)) {
             cells[axis] = 1u;
         }
     }
@@ -131,7 +128,7 @@ fn cells_around(level: u32, room: f32) -> vec3<u32> {
 }
 
 // Everything of a level but where its cells begin in the table.
-fn set_level(level: u32, room: f32) {
+fn set_level(level: u32, room: u32) {
     let lengths = periods();
     list.level[level].scale = power_of_two(i32(level) - quantum);
     list.level[level].far = u32(clamp(127 + 30 + quantum - i32(level), 1, 255)) << 23u;
@@ -283,7 +280,7 @@ fn configure(lane: u32) {
     }
     storageBarrier();
     if (lane == 0u) {
-        set_level(0u, f32(call.cells));
+        set_level(0u, max(call.cells, 1u));
     }
     storageBarrier();
 
@@ -319,7 +316,7 @@ fn configure(lane: u32) {
         }
         let share = 0.5 / levels + 0.5 * f32(population) / f32(max(count, 1u));
         if (lane == 0u || population != 0u) {
-            set_level(lane, max(floor(f32(call.cells) * share * 0x1.ffffp-1), 1.0));
+            set_level(lane, max(u32(f32(call.cells) * share * 0x1.ffffp-1), 1u));
         }
     }
     workgroupBarrier();
