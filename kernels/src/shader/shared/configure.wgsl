@@ -114,8 +114,9 @@ fn cells_around(level: u32, room: u32) -> vec3<u32> {
     }
     // The largest number of cells along an axis with which all fit, bit by bit.
     var limit = 0u;
-    for (var bit = 1u << firstLeadingBit(room); bit != 0u; bit >>= 1u) {
-        limit |= select(0u, bit, fit(min(wanted, vec3(limit | bit)), room));
+    for (var bit = 0u; bit < 32u; bit++) {
+        let more = limit | (0x80000000u >> bit);
+        limit = select(limit, more, fit(min(wanted, vec3(more)), room));
     }
     var cells = min(wanted, vec3(max(limit, 3u)));
     // With room for fewer than three cells on the longest axes, axes with a single cell make up for the others.
