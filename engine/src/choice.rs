@@ -58,23 +58,23 @@ pub(crate) fn backend<D>(
     }
 }
 
-/// What is known of an adapter.
+/// The measured or assumed costs of an adapter.
 #[cfg(feature = "gpu")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Known {
-    /// Where all pairs and the grid cost the same.
+    /// The number of spheres at which all pairs and the grid cost the same.
     pub(crate) crossover: Crossover,
     /// From how many spheres on a cell list is sorted by radix.
     pub(crate) radix_from: u32,
-    /// What it costs to keep candidates.
+    /// The costs of keeping a candidate list.
     pub(crate) skin: SkinCosts,
-    /// How all this is known.
+    /// The source of these numbers, for reasons in reports.
     pub(crate) how: &'static str,
 }
 
 #[cfg(feature = "gpu")]
 impl Known {
-    /// What is taken for known of an adapter that was not measured.
+    /// The assumptions about an adapter that was not measured.
     pub(crate) const fn assumed(is_hardware: bool) -> Self {
         let crossover = Crossover::assumed(is_hardware);
         let (radix_from, skin, how) = match is_hardware {
@@ -91,7 +91,7 @@ impl Known {
     }
 }
 
-/// What is known of an adapter, by calibrations or by assumption.
+/// Returns the costs of an adapter, by calibrations or by assumption.
 #[cfg(feature = "gpu")]
 pub(crate) fn known(calibrations: &[Calibration], adapter: &crate::gpu::AdapterSummary) -> Known {
     let same = |known: &&Calibration| known.is_of(adapter);
@@ -160,7 +160,7 @@ mod tests {
 
     const NONE: Error = Error::NoAdapter { reason: String::new() };
 
-    /// What a machine has: nothing, a software adapter, or a GPU.
+    /// The adapters of a machine: none, a software adapter, or a GPU.
     fn open(machine: &str) -> impl FnOnce(bool) -> Result<(String, ()), Error> {
         let found = machine.to_owned();
         move |software| match found.as_str() {
@@ -216,7 +216,7 @@ mod tests {
         assert_eq!(meant(Backend::Gpu, Some(&card)), Ok(Backend::Gpu));
         let refused = meant(Backend::Cpu, Some(&card)).expect_err("a contradiction").to_string();
         assert!(refused.contains("card") && refused.contains("cpu"), "{refused}");
-        // What is wrong is not that there is no GPU.
+        // The missing GPU is not the cause of the failure.
         let unknown = Error::UnknownAdapter { asked: String::new(), fitting: 0, there_are: String::new() };
         let open = |_| Err::<(String, ()), _>(unknown.clone());
         let found = backend(Backend::Gpu, Algorithm::Auto, open);

@@ -10,7 +10,7 @@ use lazygrid_kernels::{Algorithm, Backend, Interactions, Space};
 use crate::gpu::{AdapterId, Calibration};
 use crate::{Order, Skin};
 
-/// What a [`Detector`](crate::Detector) is asked to do. The default suits almost everybody.
+/// The configuration of a [`Detector`](crate::Detector). The default suits almost all programs.
 ///
 /// ```
 /// # use lazygrid::{Algorithm, Config, Order};
@@ -30,16 +30,16 @@ pub struct Config {
     #[cfg(feature = "gpu")]
     pub(crate) calibrations: Vec<Calibration>,
     #[cfg(feature = "gpu")]
-    /// How long a call on the GPU may take.
+    /// The time limit of a call on the GPU.
     pub(crate) timeout: Option<Duration>,
 }
 
 impl Config {
     #[cfg(feature = "gpu")]
-    /// What [`raster_ratio`](Self::raster_ratio) takes.
+    /// The valid values of [`raster_ratio`](Self::raster_ratio).
     pub(crate) const RASTER_RATIOS: RangeInclusive<f32> = 0.5..=16.0;
 
-    /// Where to run. Default: [`Backend::Auto`].
+    /// The backend to run on. Default: [`Backend::Auto`].
     pub fn backend(mut self, backend: Backend) -> Self {
         self.backend = backend;
         self
@@ -65,7 +65,7 @@ impl Config {
         self
     }
 
-    /// What was measured on GPUs, for `Auto` to choose by. Those of other adapters are passed over; of several of one
+    /// Measurements of GPUs, by which `Auto` chooses. Those of other adapters are passed over; of several of one
     /// adapter the last counts. Default: none, and crossover and costs are assumed.
     #[cfg(feature = "gpu")]
     pub fn calibration(mut self, measured: impl IntoIterator<Item = Calibration>) -> Self {
@@ -137,7 +137,7 @@ impl Config {
         self
     }
 
-    /// How long a call on the GPU may take before it is given up with
+    /// The time limit of a call on the GPU, after which it fails with
     /// [`Error::Timeout`](crate::Error::Timeout). Default: ten minutes.
     #[cfg(feature = "gpu")]
     pub fn timeout(mut self, timeout: Duration) -> Self {

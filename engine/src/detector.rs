@@ -129,7 +129,7 @@ impl Detector {
     /// Neighbor lists with geometry: for every sphere those within reach, with the shifts of their images, the vectors to them
     /// and their distances, as far as `options` ask for them.
     ///
-    /// Where the other searches look at the nearest images only, this one finds all images within reach, also in a box that is
+    /// Other searches look at the nearest images only. This one finds all images within reach, also in a box that is
     /// smaller than the reach, where a sphere may be the neighbor of its own images. Excluded pairs, and spheres of one group,
     /// are left out with all their images. `i` and `j` are neighbors at shift `S` if the vector
     /// `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)` is no longer than their reach, as in the contact test of a pair, in `f64`
@@ -159,10 +159,10 @@ impl Detector {
         self.geometry.neighbor_list(&mut self.engine, &query.into(), options)
     }
 
-    /// How many pairs there are. Needs no memory for them, so any number can be counted.
+    /// Counts the pairs. Needs no memory for them, so any number can be counted.
     ///
     /// # Errors
-    /// As [`pairs`](Self::pairs), but for [`Error::TooManyPairs`]: any number can be counted.
+    /// The same as [`pairs`](Self::pairs), except [`Error::TooManyPairs`]: any number can be counted.
     pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
         self.engine().count(query)
     }
@@ -189,7 +189,7 @@ impl Detector {
         self.engine().stream(query, chunk, consume)
     }
 
-    /// What the last call did and why; before the first call, what is known by then.
+    /// The report of the last call; before the first call, the backend and the reason for it.
     pub fn report(&self) -> Report {
         let geometry = self.geometry.report().cloned();
         let mut report = geometry.unwrap_or_else(|| self.engine.backend().report());
@@ -200,7 +200,7 @@ impl Detector {
         report
     }
 
-    /// What searches, with a report of its own.
+    /// The engine, whose own report becomes that of the detector.
     fn engine(&mut self) -> &mut Engine {
         self.geometry.end();
         &mut self.engine

@@ -77,7 +77,7 @@ impl Geometry {
         self.report = None;
     }
 
-    /// What the last call did, if it was answered with more than the nearest images.
+    /// The report of the last call, if it looked at more than the nearest images.
     pub(crate) fn report(&self) -> Option<&Report> {
         self.report.as_ref()
     }

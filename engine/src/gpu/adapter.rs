@@ -16,13 +16,13 @@ pub struct AdapterSummary {
     pub driver: String,
     /// The API it is reached by, such as `vulkan`.
     pub api: String,
-    /// Whether it is hardware; a software rasteriser is never chosen by `Backend::Auto`.
+    /// `true` for hardware; `Backend::Auto` never chooses a software rasterizer.
     pub is_hardware: bool,
     /// Smallest and largest subgroup.
     pub subgroup_sizes: [u32; 2],
-    /// Whether subgroup operations are offered.
+    /// `true` if the adapter offers subgroup operations.
     pub has_subgroups: bool,
-    /// Whether GPU times can be taken.
+    /// `true` if the adapter offers timestamp queries.
     pub has_timestamps: bool,
     /// Bytes of the largest storage binding.
     pub storage_binding: u64,
@@ -99,7 +99,7 @@ impl AdapterId {
     }
 }
 
-/// How a shared device was asked for.
+/// The request for a shared device.
 #[derive(Debug, PartialEq, Eq, Hash)]
 enum Shared {
     Best { software: bool },
@@ -113,7 +113,7 @@ pub struct GpuDevice {
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,
-    /// What it runs on.
+    /// The adapter of the device.
     pub adapter: AdapterSummary,
     /// Kernels compiled for it so far.
     pub(crate) pipelines: Pipelines,

@@ -65,7 +65,7 @@ impl Crossover {
     }
 }
 
-/// What `Auto` goes by, and what it holds for: one adapter, one driver, one version of this library. To be kept by the
+/// The measurements by which `Auto` chooses, valid for one adapter, one driver and one version of this library. To be kept by the
 /// application and given to [`Config::calibration`](crate::Config::calibration); the library itself writes no file.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -76,11 +76,11 @@ pub struct Calibration {
     pub driver: String,
     /// The version of this library.
     pub version: String,
-    /// Where all pairs and the cell list cost the same.
+    /// The number of spheres at which all pairs and the cell list cost the same.
     pub crossover: Crossover,
     /// From how many spheres on a cell list is sorted by radix; see [`GpuConfig::radix_from`].
     pub radix_from: u32,
-    /// What it costs to keep candidates from call to call, and to do without.
+    /// The costs of calls with and without a candidate list.
     pub skin: SkinCosts,
 }
 
@@ -96,7 +96,7 @@ impl Calibration {
         Self { adapter, driver, version, crossover, radix_from, skin }
     }
 
-    /// Whether it was measured on this adapter, with this driver and by this version.
+    /// Returns `true` if it was measured on this adapter, with this driver and by this version.
     pub fn is_of(&self, adapter: &AdapterSummary) -> bool {
         let own = (adapter.name.as_str(), adapter.driver.as_str(), env!("CARGO_PKG_VERSION"));
         (self.adapter.as_str(), self.driver.as_str(), self.version.as_str()) == own
@@ -107,9 +107,9 @@ impl Calibration {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Sample {
-    /// How many size classes the radii have.
+    /// The number of size classes of the radii.
     pub classes: usize,
-    /// How many spheres.
+    /// The number of spheres.
     pub spheres: u32,
     /// Time of all pairs.
     pub naive: Duration,
@@ -121,7 +121,7 @@ pub struct Sample {
 /// candidates, which takes some seconds at most. What is measured of the first is handed to `seen` as it comes.
 ///
 /// # Errors
-/// Where the device fails.
+/// Fails if the device fails.
 pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calibration, Error> {
     let [one, five] = CLASSES.map(|classes| -> Result<u32, Error> {
         let mut samples = Vec::new();

@@ -9,12 +9,12 @@ use crate::Error;
 /// By what factor another skin may differ from the one that there is without taking its place: that finds candidates anew.
 const AS_GOOD: std::ops::RangeInclusive<f32> = 0.67..=1.5;
 
-/// What is known of the spheres, and which skin is used for now.
+/// The observed motion of the spheres, and the skin in use.
 #[derive(Debug, Default)]
 pub(super) struct Course {
     forecast: Forecast,
     skin: Option<f32>,
-    /// Whether the last call was served by candidates, so that there is nothing to decide.
+    /// `true` if the candidate list served the last call, so that nothing has to be decided.
     is_served: bool,
 }
 
@@ -115,7 +115,7 @@ mod tests {
             (0.0, true, 190..=200, 0..=3),
             (0.002, true, 180..=200, 1..=16),
             (0.6, true, 0..=20, 0..=12),
-            // Those that do not fit are followed by some searches without.
+            // After a list that does not fit, some calls search without one.
             (0.002, false, 0..=0, 1..=7),
         ] {
             let (served, found) = follow(&mut Course::default(), 200, step, fits);

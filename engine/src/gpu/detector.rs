@@ -39,13 +39,13 @@ pub struct GpuDetector {
     timer: Option<Timer>,
 }
 
-/// Where a call leaves what it finds.
+/// The buffers that hold the result of a call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct GpuPairs {
     /// The pairs as `[u32; 2]`, unordered, `i < j`; `STORAGE` and `COPY_SRC` usage.
     pub pairs: wgpu::Buffer,
-    /// How many pairs the buffer holds at most.
+    /// The capacity of the buffer in pairs.
     pub capacity: u32,
     /// The [`Outcome`]: how many pairs there are, and what did not fit; `STORAGE`, `INDIRECT` and `COPY_SRC` usage. A
     /// consumer with a thread per pair is dispatched from [`Outcome::DISPATCH_OFFSET`].
@@ -69,7 +69,7 @@ pub struct GpuSorted {
     pub species: Option<wgpu::Buffer>,
 }
 
-/// How a call runs.
+/// The settings of one call.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Way {
     pub(crate) algorithm: Algorithm,
@@ -107,7 +107,7 @@ impl GpuDetector {
         })
     }
 
-    /// What a call of up to `spheres` spheres costs, without making one.
+    /// Returns the cost of a call of up to `spheres` spheres, without making one.
     ///
     /// # Errors
     /// [`Error::LimitExceeded`] where the device cannot hold it.
@@ -123,7 +123,7 @@ impl GpuDetector {
         self.cost(spheres).map(|cost| cost.working_bytes + cost.pair_bytes)
     }
 
-    /// What a call of up to `spheres` spheres would use, and why.
+    /// Returns the algorithm of a call of up to `spheres` spheres, and the reason for it.
     pub fn choice(&self, spheres: u32) -> (Algorithm, String) {
         self.chosen(self.settings.algorithm, spheres)
     }
@@ -141,7 +141,7 @@ impl GpuDetector {
         self.settings.space = space;
     }
 
-    /// How calls run by the settings.
+    /// The settings of calls by the configuration.
     pub(crate) fn way(&self) -> Way {
         Way { algorithm: self.settings.algorithm, raster_ratio: self.settings.raster_ratio }
     }
@@ -165,7 +165,7 @@ impl GpuDetector {
         Ok(self.prepared.insert(prepared).output())
     }
 
-    /// What there is, if it has room, else what takes its place.
+    /// Returns the buffers if their capacity suffices, else new ones.
     fn prepare(&mut self, spheres: u32, way: Way) -> Result<Prepared, Error> {
         let plan = self.plan_for(spheres, way)?;
         // Released first, so that old and new need not fit side by side. Buffers for more spheres serve fewer: those of a
@@ -182,12 +182,12 @@ impl GpuDetector {
         &self.settings
     }
 
-    /// How many pairs the output of the next call holds.
+    /// The capacity of the next call's output in pairs.
     pub fn pair_capacity(&self) -> u32 {
         self.settings.pair_capacity
     }
 
-    /// Whether calls need species ids.
+    /// Returns `true` if calls need species ids.
     pub fn has_interactions(&self) -> bool {
         self.tables.is_some()
     }
@@ -216,7 +216,7 @@ impl GpuDetector {
         true
     }
 
-    /// What [`set_room`](Self::set_room) restores.
+    /// The capacities that [`set_room`](Self::set_room) restores.
     pub(crate) fn room(&self) -> Raised {
         Raised { entries: self.entry_room, pairs: self.settings.pair_capacity }
     }
@@ -267,7 +267,7 @@ impl GpuDetector {
         self.encode_as(self.way(), encoder, input)
     }
 
-    /// As [`encode`](Self::encode), in another way than the settings say.
+    /// The same as [`encode`](Self::encode), with other settings of the call.
     pub(crate) fn encode_as(
         &mut self,
         way: Way,
@@ -296,7 +296,7 @@ impl GpuDetector {
         bound.map(|()| output)
     }
 
-    /// What was bound last.
+    /// The last bindings.
     pub(crate) fn recording(&self) -> Option<&Recording> {
         self.prepared.as_ref().and_then(|prepared| prepared.recordings.current())
     }
@@ -306,7 +306,7 @@ impl GpuDetector {
         self.prepared.as_ref().map(|p| &p.plan)
     }
 
-    /// Where the last recorded call left what it found.
+    /// The result buffers of the last recorded call.
     pub(crate) fn output(&self) -> Option<GpuPairs> {
         self.prepared.as_ref().map(Prepared::output)
     }
@@ -317,7 +317,7 @@ impl GpuDetector {
         self.timer.as_ref().map(Timer::ticks)
     }
 
-    /// What the kernels read of a call.
+    /// The parameters of a call that the kernels read.
     fn call(&self, plan: &Plan, way: Way, input: &GpuSpheres<'_>) -> Call {
         Call {
             entry_capacity: plan.entries,
@@ -342,7 +342,7 @@ impl GpuDetector {
     }
 }
 
-/// What a call found, read from a copy of the outcome buffer.
+/// Reads the outcome of a call from a copy of the outcome buffer.
 ///
 /// # Errors
 /// [`Error::Buffer`] where there are too few bytes.

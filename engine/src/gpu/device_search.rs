@@ -9,7 +9,7 @@ use super::session::{Call, GpuSession, Ticket};
 use super::slabs::{Slab, Slabs, Whole};
 use crate::Error;
 
-/// What a search is given.
+/// The input of a search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Given<'a> {
     pub(super) spheres: Spheres<'a>,
@@ -18,12 +18,12 @@ pub(super) struct Given<'a> {
     pub(super) interactions: Option<&'a Interactions>,
     pub(super) space: Space,
     pub(super) algorithm: Algorithm,
-    /// What is asked of pairs besides, once they have come back.
+    /// The exact filter that the host applies after readback.
     pub(super) refinement: Option<&'a Refinement<'a>>,
 }
 
 impl Given<'_> {
-    /// Whether one of two sets is empty.
+    /// Returns `true` if one of two sets is empty.
     fn has_no_pairs(&self) -> bool {
         self.split.is_some_and(|split| split == 0 || split as usize == self.spheres.len())
     }
@@ -97,7 +97,7 @@ impl Search {
                 refine(list, refinement);
                 Ok(())
             }
-            // What is no pair needs no room in the list.
+            // Candidates that the filter drops need no capacity in the list.
             (Err(Error::TooManyPairs { .. }), Some(_)) => self.list_in_parts(given, limit, list),
             (result, _) => result,
         }
@@ -170,10 +170,10 @@ impl Search {
         }
     }
 
-    /// How many pairs there are.
+    /// Counts the pairs.
     ///
     /// # Errors
-    /// Where the device fails.
+    /// Fails if the device fails.
     pub(super) fn count(&mut self, given: &Given<'_>) -> Result<u64, Error> {
         if given.has_no_pairs() {
             return Ok(0);
@@ -209,7 +209,7 @@ impl Search {
     /// more pairs than that, but where a single sphere, or the output of the device, has more.
     ///
     /// # Errors
-    /// Where the device fails.
+    /// Fails if the device fails.
     pub(super) fn parts(
         &mut self,
         given: &Given<'_>,
@@ -312,7 +312,7 @@ impl Search {
         Ok(())
     }
 
-    /// Whether the device can bind all spheres at once.
+    /// Returns `true` if the device can bind all spheres at once.
     pub(super) fn is_bound_at_once(&self, given: &Given<'_>) -> bool {
         given.spheres.len() as u64 <= self.session.most_spheres()
     }

@@ -1,4 +1,4 @@
-//! What a [`GpuDetector`] is asked: settings once, spheres at every call.
+//! The input of a [`GpuDetector`]: a configuration once, spheres at every call.
 
 use std::ops::Range;
 
@@ -122,7 +122,7 @@ impl GpuConfig {
 }
 
 impl GpuConfig {
-    /// What all kernels read of a call of up to `spheres` spheres, whatever finds its pairs.
+    /// The parameters of a call of up to `spheres` spheres that all kernels read, for any algorithm.
     pub(super) fn call(&self, spheres: u32, input: &GpuSpheres<'_>) -> Call {
         let call = Call {
             spheres,
@@ -186,7 +186,7 @@ impl From<u32> for Count<'_> {
 pub struct GpuSpheres<'a> {
     /// `x, y, z, r` as four `f32` per sphere; `STORAGE` usage.
     pub(super) spheres: &'a wgpu::Buffer,
-    /// How many there are.
+    /// The number of spheres.
     pub(super) count: Count<'a>,
     /// A `u32` species id per sphere, where the settings have interactions; `STORAGE` usage.
     pub(super) species: Option<&'a wgpu::Buffer>,

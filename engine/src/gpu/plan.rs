@@ -1,4 +1,4 @@
-//! What one call will allocate and dispatch. Pure functions of sizes and limits: no device, no allocation.
+//! The buffers and dispatches of one call. Pure functions of sizes and limits: no device, no allocation.
 
 mod buffers;
 mod cost;
@@ -51,7 +51,7 @@ impl DeviceLimits {
         Self::from(&device.limits())
     }
 
-    /// Whether radix passes take wide tiles.
+    /// Returns `true` if radix passes use wide tiles.
     pub(super) fn wide(&self) -> bool {
         k::Variant::for_device(None, self.workgroup_memory).wide
     }
@@ -81,7 +81,7 @@ impl DeviceLimits {
     }
 }
 
-/// What a plan is made for.
+/// The size and settings that a plan is made for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Request {
     /// Spheres, or the most there may be.
@@ -94,7 +94,7 @@ pub(crate) struct Request {
     pub(crate) algorithm: Algorithm,
     /// Species of the interaction table; 0 without one.
     pub(crate) species: u32,
-    /// Whether some axis is periodic.
+    /// `true` if some axis is periodic.
     pub(crate) periodic: bool,
     /// From how many spheres on a cell list is sorted by radix instead of by counting.
     pub(crate) radix_from: u32,
@@ -127,7 +127,7 @@ pub(crate) struct Plan {
     pub(crate) key_bits: u32,
     /// Which cells are refined.
     pub(crate) refinement: Refinement,
-    /// Whether spheres are first moved to their images nearest to the origin.
+    /// `true` if spheres are first wrapped into the box.
     pub(crate) periodic: bool,
     /// Counters in either half of the density table, or of the crowds of a cell list; 0 without one.
     pub(crate) density_slots: u32,
@@ -338,7 +338,7 @@ fn density_slots(spheres: u32) -> u32 {
     (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_DENSITY_SLOTS)
 }
 
-/// What helps where there are too many spheres for a device.
+/// The remedy if there are too many spheres for a device.
 const SPLIT: &str = "split the spheres or take a device with a larger limit";
 
 /// Refuses buffers that cannot be bound.

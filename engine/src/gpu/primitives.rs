@@ -24,7 +24,7 @@ pub struct RadixSort {
 pub struct Keyed {
     /// The keys.
     pub keys: wgpu::Buffer,
-    /// What moves with them.
+    /// The values that move with the keys.
     pub payload: wgpu::Buffer,
 }
 
@@ -44,7 +44,7 @@ impl RadixSort {
     /// A sort of the first `count` keys by their lowest `bits` bits, at least one. It overwrites the buffers that come in.
     ///
     /// # Errors
-    /// Where the device refuses a buffer or a binding.
+    /// Fails if the device refuses a buffer or a binding.
     pub fn bind(&self, input: &Keyed, count: u32, bits: u32) -> Result<BoundSort, Error> {
         let tile = DeviceLimits::of(&self.device).radix_tile();
         let mut sizes = sort_buffers(count, tile).to_vec();
@@ -118,7 +118,7 @@ impl PrefixScan {
     /// A scan of the first `count` values of a buffer with `STORAGE` usage.
     ///
     /// # Errors
-    /// Where the device refuses a buffer or a binding.
+    /// Fails if the device refuses a buffer or a binding.
     pub fn bind(&self, values: &wgpu::Buffer, count: u32) -> Result<BoundScan, Error> {
         let sums = u64::from(count.div_ceil(SCAN_TILE)).max(2) * 8;
         let buffers = Buffers::allocate(&self.device, &[(Slot::Sums, sums), (Slot::Total, 16)])?;

@@ -116,11 +116,11 @@ struct Step {
     phase: Phase,
 }
 
-/// How many workgroups a step has.
+/// The number of workgroups of a step.
 #[derive(Debug)]
 enum Groups {
     Fixed([u32; 2]),
-    /// What this buffer says by then.
+    /// The number that this buffer holds when the step runs.
     Indirect(wgpu::Buffer),
 }
 

@@ -36,15 +36,15 @@ const PART_TESTS: u64 = 1 << 34;
 pub struct GpuSession {
     own: GpuDevice,
     detector: GpuDetector,
-    /// What keeps candidates from call to call, where that was asked for.
+    /// The candidate list that survives calls, if a skin is set.
     skin: Option<Keeping>,
     /// The candidates that the last finished call was answered from.
     kept: Option<Kept>,
-    /// How calls run that are begun from now on.
+    /// The settings of calls that begin from now on.
     asked: Way,
     timeout: Duration,
     slots: [Slot; SLOTS],
-    /// How the call in each slot runs.
+    /// The settings of the call in each slot.
     calls: [Call; SLOTS],
     begun: u64,
     /// The call whose work is in the detector's buffers, if any is.
@@ -59,7 +59,7 @@ pub struct GpuSession {
     last: Outcome,
 }
 
-/// How a call runs.
+/// The settings of a call.
 #[derive(Clone, Debug)]
 pub(super) struct Call {
     pub(super) way: Way,
@@ -67,7 +67,7 @@ pub(super) struct Call {
     pub(super) window: Range<u32>,
     /// The number of spheres of the first of two sets; 0 for one set.
     pub(super) split: u32,
-    /// Whether candidates that are kept may serve it.
+    /// `true` if the candidate list may serve it.
     pub(super) keeps: bool,
 }
 
@@ -143,7 +143,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// How long a call may take before it is given up with [`Error::Timeout`]. Default: ten minutes.
+    /// Sets the time limit of a call, after which it fails with [`Error::Timeout`]. Default: ten minutes.
     pub fn set_timeout(&mut self, timeout: Duration) {
         self.timeout = timeout;
     }

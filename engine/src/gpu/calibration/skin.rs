@@ -1,4 +1,4 @@
-//! What it costs on a device to keep candidates from call to call.
+//! Measures the costs of keeping a candidate list on a device.
 
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ const DENSITIES: [f32; 2] = [0.05, 1.0];
 /// Skins, in radii: the first has hardly more candidates than there are pairs.
 const SKINS: [f32; 2] = [0.05, 1.0];
 
-/// What calls cost that keep candidates and calls that do not, in nanoseconds; only ratios count. `Auto` chooses skins by it.
+/// The costs of calls with and without a candidate list, in nanoseconds; only ratios count. `Auto` chooses skins by them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkinCosts {
     /// For each sphere of a search, whatever it finds.
@@ -54,7 +54,7 @@ impl SkinCosts {
         (saved > 0.0).then(|| (self.call / saved).ceil() as u32)
     }
 
-    /// Whether each is a number that can have been measured.
+    /// Returns `true` if each cost can have been measured.
     pub fn is_valid(&self) -> bool {
         let Self { search, find, keep, measure, test, call } = *self;
         let all = [find, keep, measure, test, call];
@@ -126,7 +126,7 @@ fn measure_with(own: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
 
 fn worked_out(calls: &Calls) -> SkinCosts {
     let Calls { spheres, few, searched, served, found } = calls;
-    // What submitting takes is no part of what each sphere costs.
+    // The cost of a submission is not part of the cost per sphere.
     let each = |call: &Call, few: &Call| (call.nanoseconds - few.nanoseconds) / spheres;
     let slope = |[a, b]: &[Call; 2], of: fn(&Call) -> f64| {
         ((b.nanoseconds - a.nanoseconds) / spheres / (of(b) - of(a)).max(1e-3)).max(0.0)

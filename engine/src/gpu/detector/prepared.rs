@@ -21,7 +21,7 @@ pub(super) struct Prepared {
     pub(super) recordings: Recent<Key, Recording>,
 }
 
-/// What a recording was made for.
+/// The buffers and sizes that a recording is valid for.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Key {
     pub(crate) spheres: wgpu::Buffer,

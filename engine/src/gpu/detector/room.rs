@@ -1,4 +1,4 @@
-//! How much room calls were found to need.
+//! The capacities that calls were found to need.
 
 /// Entries there is to be room for at least, by the binary digits of the spheres of the call that needed them: in
 /// calls of as many digits or more.

@@ -26,7 +26,7 @@ impl Timer {
         Self { queries, ticks }
     }
 
-    /// Where each phase's passes write their times.
+    /// The timestamp queries of each phase's passes.
     pub(super) fn queries(&self) -> &wgpu::QuerySet {
         &self.queries
     }

@@ -23,7 +23,7 @@ pub(crate) enum Slot {
     Cells,
     /// Counters of the smaller spheres in each cell.
     Density,
-    /// How many entries there are.
+    /// The number of entries.
     Lengths,
     /// Keys of the entries, two of them to sort to and fro.
     Keys(bool),
@@ -45,7 +45,7 @@ pub(crate) enum Slot {
     Survey,
     /// The cells of a cell list.
     List,
-    /// Where the spheres of each cell begin.
+    /// The start of each cell's spheres.
     Starts,
     /// The cell of each sphere, and its place there.
     Homes,
@@ -57,13 +57,13 @@ pub(crate) enum Slot {
     Kept,
     /// Their species then.
     KeptSpecies,
-    /// What is known of the candidates.
+    /// The state of the candidate list.
     SkinState,
     /// Workgroups of the search for candidates: all or none.
     Gate,
 }
 
-/// What a kernel's binding is bound to.
+/// The buffer that a kernel's binding refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Resource {
     /// A buffer of the detector.

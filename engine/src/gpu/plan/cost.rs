@@ -1,11 +1,11 @@
-//! What a plan costs, before it runs.
+//! The cost of a plan, before it runs.
 
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::kernel::{self as k, Kernel};
 
 use super::{Plan, Slot, Stage};
 
-/// What a call costs: a pure function of its size, the settings and the limits of the device.
+/// The cost of a call: a pure function of its size, the settings and the limits of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Cost {
@@ -26,7 +26,7 @@ pub struct Cost {
 }
 
 impl Plan {
-    /// What the call costs.
+    /// Returns the cost of the call.
     pub(crate) fn cost(&self) -> Cost {
         let pair_bytes =
             self.buffers.iter().find(|(slot, _)| *slot == Slot::Pairs).map_or(0, |(_, bytes)| *bytes);

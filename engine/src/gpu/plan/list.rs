@@ -1,4 +1,4 @@
-//! What a cell list takes.
+//! The buffers and dispatches of a cell list.
 
 use encase::ShaderType;
 use lazygrid_kernels::kernel as k;

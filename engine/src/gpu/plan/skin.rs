@@ -1,4 +1,4 @@
-//! What candidates that outlive a call take, besides the search for them.
+//! The buffers and dispatches of a candidate list, besides those of the search that builds it.
 
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Outcome, SkinState};

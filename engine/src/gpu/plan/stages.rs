@@ -37,9 +37,9 @@ impl Phase {
 /// One dispatch.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Stage {
-    /// What runs.
+    /// The kernel.
     pub(crate) kernel: &'static Kernel,
-    /// How many workgroups, before they are laid out in two dimensions.
+    /// The number of workgroups, before they are laid out in two dimensions.
     pub(crate) groups: u32,
     /// Whether their number is instead found on the device, in [`Slot::Dispatch`](super::Slot::Dispatch).
     pub(crate) indirect: bool,
