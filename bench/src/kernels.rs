@@ -89,7 +89,7 @@ pub struct Kernels {
     pub adapter: String,
     /// Its driver.
     pub driver: String,
-    /// Whether the driver reports statistics (`VK_KHR_pipeline_executable_properties`).
+    /// `true` if the driver reports statistics (`VK_KHR_pipeline_executable_properties`).
     pub has_statistics: bool,
     /// The results, one per kernel variant.
     pub compiled: Vec<Compiled>,
@@ -107,9 +107,9 @@ impl Kernels {
 pub struct Wanted {
     /// Names of the kernels to compile; empty for all.
     pub only: Vec<String>,
-    /// Whether to include variants for devices without subgroup operations or with little workgroup memory.
+    /// `true` if to include variants for devices without subgroup operations or with little workgroup memory.
     pub other_devices: bool,
-    /// Whether to include representations such as assembly.
+    /// `true` if to include representations such as assembly.
     pub texts: bool,
 }
 

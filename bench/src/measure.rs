@@ -167,7 +167,7 @@ pub struct Plan {
     pub steps: usize,
     /// The displacement of each sphere per step, in radii.
     pub moves: f32,
-    /// Whether each step creates a new search, without state of earlier steps.
+    /// `true` if each step creates a new search, without state of earlier steps.
     pub fresh: bool,
 }
 

@@ -36,7 +36,7 @@ pub(crate) struct ConfiguredCellList {
 pub(crate) struct CellListCase {
     pub(crate) spheres: u32,
     pub(crate) lengths: [Option<f32>; 3],
-    /// Whether smaller spheres leave overfull cells, as found by the previous call.
+    /// `true` if smaller spheres leave overfull cells, as found by the previous call.
     pub(crate) is_dense: bool,
 }
 

@@ -44,7 +44,7 @@ pub enum TargetDevice {
     },
     /// The GPU.
     Gpu {
-        /// Whether kernels use subgroup operations.
+        /// `true` if kernels use subgroup operations.
         subgroups: bool,
     },
 }

@@ -55,7 +55,8 @@ fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether whoever started the process had it ignore this signal; where the system does not tell, it may be so.
+/// Returns `true` if whoever started the process had it ignore this signal; where the system does not tell, it may be
+/// so.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return true };

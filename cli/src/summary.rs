@@ -12,7 +12,7 @@ pub(crate) struct Summary {
     /// The simulator's number of the time step.
     pub(crate) step: Option<i64>,
     pub(crate) space: Space,
-    /// Whether the space was given, and is not what the file declares.
+    /// `true` if the space was given, and is not what the file declares.
     pub(crate) space_given: bool,
     pub(crate) report: Report,
     /// How many species were met so far; 0 where the file has none.
@@ -76,7 +76,7 @@ impl Summary {
         line
     }
 
-    /// Whether anybody said what the space is like.
+    /// Returns `true` if anybody said what the space is like.
     fn space_said(&self) -> bool {
         self.space_given || self.space.is_periodic()
     }

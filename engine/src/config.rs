@@ -145,10 +145,9 @@ impl Config {
         self
     }
 
-    /// Whether candidates, pairs that may soon overlap, are kept from call to call. Worth it where spheres move little
-    /// from one call to the next; an answer never depends on it. Default: [`Skin::Auto`]. On the GPU
-    /// candidates stay there, and [`Skin::Auto`] goes by what they cost on the adapter; see
-    /// [`calibration`](Self::calibration).
+    /// Sets whether candidates, pairs that may soon overlap, are kept from call to call. Worth it where spheres move
+    /// little from one call to the next; an answer never depends on it. Default: [`Skin::Auto`]. On the GPU candidates
+    /// stay there, and [`Skin::Auto`] goes by what they cost on the adapter; see [`calibration`](Self::calibration).
     ///
     /// ```
     /// # use lazygrid::{Config, Skin};

@@ -158,7 +158,7 @@ mod tests {
     use super::*;
     use crate::Order;
 
-    /// Whether a search of so many spheres, one at a place, is done by the thread that asks for it.
+    /// Returns `true` if a search of so many spheres, one at a place, is done by the thread that asks for it.
     fn is_done_here(n: usize, spacing: f32, algorithm: Algorithm) -> bool {
         let spheres: Vec<_> = (0..n).map(|k| Sphere::new([spacing * k as f32, 0.0, 0.0], 1.0)).collect();
         let settings =

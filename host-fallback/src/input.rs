@@ -23,7 +23,7 @@ impl Input<'_> {
         self.simd.run(task, self.rule.images(self.survey.largest_radius()))
     }
 
-    /// Whether the caller wants the search to end; asked before each piece of work.
+    /// Returns `true` if the caller wants the search to end; asked before each piece of work.
     pub(crate) fn is_stopped(&self) -> bool {
         self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
     }

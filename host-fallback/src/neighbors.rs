@@ -43,7 +43,7 @@ impl<'a> Neighbors<'a> {
         self.offsets.len() - 1
     }
 
-    /// Whether there is no sphere.
+    /// Returns `true` if there is no sphere.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -58,7 +58,7 @@ pub struct Settings {
     pub interactions: Option<Interactions>,
     /// Along which axes space is periodic.
     pub space: Space,
-    /// Whether candidates are kept from call to call.
+    /// `true` if candidates are kept from call to call.
     pub skin: Skin,
     /// While this is true searches end with [`Error::Stopped`].
     pub stop: Option<Arc<AtomicBool>>,
@@ -119,7 +119,7 @@ impl Settings {
         self.space.is_narrow() && self.interactions.as_ref().is_none_or(Interactions::is_narrow)
     }
 
-    /// Whether a detector may keep candidates from call to call.
+    /// Returns `true` if a detector may keep candidates from call to call.
     pub fn keeps_candidates(&self) -> bool {
         self.skin != Skin::Off && matches!(self.algorithm, Algorithm::Auto | Algorithm::CellList)
     }

@@ -26,11 +26,11 @@ const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 /// The interactions between the species of two groups.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
-    /// Whether some species of one group pair by touching with some of the other.
+    /// `true` if some species of one group pair by touching with some of the other.
     pub(crate) touches: bool,
     /// The largest distance at which species pair by distance, or 0.
     pub(crate) distance: f64,
-    /// Whether all spheres of one group are pairs with those of the other whose effective radii touch theirs.
+    /// `true` if all spheres of one group are pairs with those of the other whose effective radii touch theirs.
     pub(crate) is_by_radii: bool,
 }
 
@@ -155,7 +155,7 @@ impl SpeciesGroups {
         if is_separate { &self.by_partners } else { &self.merged }
     }
 
-    /// Whether there are several groups that pair.
+    /// Returns `true` if there are several groups that pair.
     pub(crate) fn are_several(&self) -> bool {
         self.by_partners.count > self.merged.count
     }
@@ -239,7 +239,7 @@ impl<'a> Grouping<'a> {
         self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
     }
 
-    /// Whether all spheres of groups that meet are a pair if and only if their effective radii touch.
+    /// Returns `true` if all spheres of groups that meet are a pair if and only if their effective radii touch.
     pub(crate) fn is_by_radii(&self) -> bool {
         self.species
             .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))

@@ -23,7 +23,7 @@ pub(crate) struct State {
     columns: Columns,
     cell_list: CellList,
     pub(crate) course: Course,
-    /// Whether this call is served from candidates.
+    /// `true` if this call is served from candidates.
     from_candidates: bool,
     hash_grid: HashGrid,
     array_grid: ArrayGrid,
@@ -83,7 +83,7 @@ impl State {
         Ok(())
     }
 
-    /// Whether a search is expected to end before other threads would be awake.
+    /// Returns `true` if a search is expected to end before other threads would be awake.
     pub(crate) fn is_short(&self, input: &Input<'_>) -> bool {
         match self.report.algorithm {
             _ if self.from_candidates => false,

@@ -49,7 +49,7 @@ impl Threads {
         if count < MANY { Self::Calling } else { self }
     }
 
-    /// Whether work that takes one thread so many nanoseconds is best left to it.
+    /// Returns `true` if work that takes one thread so many nanoseconds is best left to it.
     pub(crate) fn is_short(time: f32) -> bool {
         time < SHORT
     }

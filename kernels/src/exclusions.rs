@@ -104,12 +104,13 @@ impl Exclusions {
         self.others.len()
     }
 
-    /// Whether there is none.
+    /// Returns `true` if there is none.
     pub fn is_empty(&self) -> bool {
         self.others.is_empty()
     }
 
-    /// Whether this pair is left out: of one set in either order, of two sets with `i` in the first and `j` in the second.
+    /// Returns `true` if this pair is left out: of one set in either order, of two sets with `i` in the first and `j`
+    /// in the second.
     ///
     /// # Panics
     /// Where the row is of no sphere.

@@ -51,7 +51,7 @@ impl Interaction {
 pub struct Interactions {
     species: u32,
     table: Vec<Interaction>,
-    /// Whether all distances that it ever had are `f32` numbers.
+    /// `true` if all distances that it ever had are `f32` numbers.
     is_narrow: bool,
 }
 
@@ -147,7 +147,7 @@ impl Interactions {
 /// sum of their effective radii, so that every culling rule made for plain radii stays valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reach {
-    /// Whether some pair of this species is decided by touching.
+    /// `true` if some pair of this species is decided by touching.
     pub touches: bool,
     /// Half the largest interaction distance with any species.
     pub half: f32,

@@ -52,12 +52,12 @@ const fn write(name: &'static str) -> Binding {
 pub struct Variant {
     /// The device's smallest subgroup size where subgroup operations are to be used; `None` works everywhere.
     pub subgroups: Option<u32>,
-    /// Whether an interaction table decides what is a pair.
+    /// `true` if an interaction table decides what is a pair.
     pub species: bool,
-    /// Whether some axis is periodic.
+    /// `true` if some axis is periodic.
     pub periodic: bool,
-    /// Whether a radix pass sorts tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`], which takes 20 KiB of workgroup
-    /// memory instead of 12 or more.
+    /// `true` if a radix pass sorts tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`], which takes 20 KiB of
+    /// workgroup memory instead of 12 or more.
     pub wide: bool,
 }
 
@@ -83,7 +83,7 @@ impl Variant {
         self.radix_scratch() * 4 + 4096
     }
 
-    /// Whether subgroups rank the keys of a radix pass.
+    /// Returns `true` if subgroups rank the keys of a radix pass.
     pub fn ranks_by_subgroup(self) -> bool {
         self.subgroups.is_some_and(|size| size >= Self::MIN_RANKING_SUBGROUP)
     }

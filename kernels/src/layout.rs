@@ -245,8 +245,8 @@ impl Outcome {
     /// Offset of the indirect-dispatch arguments in bytes.
     pub const DISPATCH_OFFSET: u64 = std::mem::offset_of!(Self, dispatch_x) as u64;
 
-    /// Whether the crowded search has a further part to come; until then pairs are missing. Never so after a call
-    /// that asked for no parts (see [`Call::UNPARTED`]), hence not an overflow.
+    /// Returns `true` if the crowded search has a further part to come; until then pairs are missing. Never so after a
+    /// call that asked for no parts (see [`Call::UNPARTED`]), hence not an overflow.
     pub fn is_partial(&self) -> bool {
         self.crowded_end < self.crowded
     }

@@ -42,7 +42,8 @@ pub struct Shear {
     steps: [DVec3; 3],
     /// The fractions of the basis that a vector has: rows of the inverse.
     inverse: [DVec3; 3],
-    /// Whether its straight coordinates at [`Straight::SCALE`] suit `f32` spheres. Asked in every call, so found once.
+    /// `true` if its straight coordinates at [`Straight::SCALE`] suit `f32` spheres. Asked in every call, so found
+    /// once.
     is_narrow: bool,
 }
 

@@ -118,7 +118,7 @@ impl Space {
         self.shear.as_ref()
     }
 
-    /// Whether any axis is periodic.
+    /// Returns `true` if any axis is periodic.
     pub fn is_periodic(&self) -> bool {
         self.lengths != [None; 3]
     }

@@ -26,7 +26,7 @@ impl Sphere {
         Self { center: center.into(), radius }
     }
 
-    /// Whether the detectors accept this sphere: all values finite and the radius not negative.
+    /// Returns `true` if the detectors accept this sphere: all values finite and the radius not negative.
     #[inline]
     pub fn is_valid(&self) -> bool {
         self.center.is_finite() && self.radius.is_finite() && self.radius >= 0.0
@@ -137,7 +137,7 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// Whether there is no sphere.
+    /// Returns `true` if there is no sphere.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

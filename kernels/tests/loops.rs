@@ -157,7 +157,7 @@ impl Scope<'_> {
         self.constant(stored.or(self.function.local_variables[counter].init)?)
     }
 
-    /// Whether anything in a block may change a variable.
+    /// Returns `true` if anything in a block may change a variable.
     fn changes(&self, block: &Block, variable: Handle<LocalVariable>) -> bool {
         let names_it = |value: &Value| self.root(*value) == &Expression::LocalVariable(variable);
         block.iter().any(|statement| {
@@ -178,7 +178,8 @@ impl Scope<'_> {
         }
     }
 
-    /// Whether a value stays the same while a loop runs: it was there before, or is made anew of what stays the same.
+    /// Returns `true` if a value stays the same while a loop runs: it was there before, or is made anew of what stays
+    /// the same.
     fn is_fixed(&self, value: Value, parts: [&Block; 2]) -> bool {
         let mut made_inside = HashSet::new();
         parts.iter().for_each(|part| collect_made(part, &mut made_inside));

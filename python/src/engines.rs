@@ -18,7 +18,7 @@ struct Engine {
 /// Engines of one configuration.
 pub(crate) struct Engines {
     config: Config,
-    /// Whether calls are done by the calling thread alone.
+    /// `true` if calls are done by the calling thread alone.
     alone: bool,
     idle: Mutex<Idle>,
 }

@@ -31,7 +31,7 @@ impl Scale {
         }
     }
 
-    /// Whether a value has a place.
+    /// Returns `true` if a value has a place.
     pub(crate) fn holds(self, value: f64) -> bool {
         value.is_finite() && (self == Self::Linear || value > 0.0)
     }
@@ -96,7 +96,7 @@ pub(crate) struct Room {
 }
 
 impl Room {
-    /// Whether labels at these values, which ascend, keep apart.
+    /// Returns `true` if labels at these values, which ascend, keep apart.
     fn holds(&self, ticks: &[f64], range: &Range<f64>, quantity: Quantity) -> bool {
         let [low, high] = [range.start, range.end].map(|value| self.scale.place(value));
         let place = |value: f64| (self.scale.place(value) - low) / (high - low) * self.axis;

@@ -29,7 +29,7 @@ pub struct Section {
 pub struct Note {
     /// What it says.
     pub text: String,
-    /// Whether something is wrong.
+    /// `true` if something is wrong.
     pub is_error: bool,
 }
 

@@ -27,7 +27,7 @@ impl Mark {
         Self { at: (self.at.0, self.at.1 / by), bar: (self.bar.0 / by, self.bar.1 / by) }
     }
 
-    /// Whether it has a place.
+    /// Returns `true` if it has a place.
     fn is_shown(&self, scale: Scale) -> bool {
         [self.at.0, self.at.1, self.bar.0, self.bar.1].into_iter().all(|value| scale.holds(value))
     }
@@ -40,7 +40,7 @@ pub struct Series {
     pub name: String,
     /// Its points, from left to right.
     pub points: Vec<Mark>,
-    /// Whether it is dashed.
+    /// `true` if it is dashed.
     pub dashed: bool,
     /// Which colour; lines that belong together share one.
     pub colour: usize,

@@ -36,7 +36,7 @@ pub struct Adapter {
     pub driver: String,
     /// The graphics API.
     pub api: String,
-    /// Whether the adapter is hardware. A software adapter runs on the CPU, and its times do not apply to GPUs.
+    /// `true` if the adapter is hardware. A software adapter runs on the CPU, and its times do not apply to GPUs.
     pub is_hardware: bool,
 }
 

@@ -10,7 +10,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 pub(super) struct Target {
     /// Major and minor Vulkan version of the device.
     pub(super) vulkan: (u32, u32),
-    /// Whether the device checks buffer bounds (`robustBufferAccess2`), so that the shader need not.
+    /// `true` if the device checks buffer bounds (`robustBufferAccess2`), so that the shader need not.
     pub(super) checks_buffers: bool,
 }
 

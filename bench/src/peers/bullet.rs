@@ -15,7 +15,7 @@ pub struct Tuning {
     /// The margin of a box on each side, in units of length (the largest radius of each scene); `None` for Bullet's
     /// default of 0.05.
     pub margin: Option<f32>,
-    /// Whether the tree is searched once per step instead of once per updated box.
+    /// `true` if the tree is searched once per step instead of once per updated box.
     pub deferred: bool,
 }
 

@@ -18,11 +18,11 @@ pub(super) struct Ask {
     pub(super) output: Output,
     /// The number of spheres in the first of two sets; `None` for one set.
     pub(super) split: Option<usize>,
-    /// Whether coordinates and radii are passed as columns.
+    /// `true` if coordinates and radii are passed as columns.
     pub(super) in_columns: bool,
-    /// Whether the cancel flag is set before the call.
+    /// `true` if the cancel flag is set before the call.
     pub(super) is_stopped: bool,
-    /// Whether the exclusions are those of one set for a query of two sets, or vice versa.
+    /// `true` if the exclusions are those of one set for a query of two sets, or vice versa.
     pub(super) has_foreign_exclusions: bool,
 }
 
@@ -66,7 +66,7 @@ struct Received {
     pairs: Vec<Pair>,
     chunks: usize,
     longest: usize,
-    /// Whether the consumer has broken off or panicked.
+    /// `true` if the consumer has broken off or panicked.
     has_ended: bool,
     /// Number of chunks received after that.
     late: usize,

@@ -95,7 +95,7 @@ struct Runner {
     algorithm: Algorithm,
     /// What it took so far: spheres and seconds.
     times: Vec<(usize, f64)>,
-    /// Whether it is no longer asked: more spheres would take longer still.
+    /// `true` if it is no longer asked: more spheres would take longer still.
     is_out: bool,
 }
 

@@ -11,7 +11,7 @@ pub struct Settled {
     pub owned: Census,
     /// How many spheres changed rank, of all.
     pub moved: u64,
-    /// Whether the parts were made again.
+    /// `true` if the parts were made again.
     pub rebuilt: bool,
     /// Where the spheres went, for [what else belongs to them](crate::Distributed::follow).
     pub migration: Migration,

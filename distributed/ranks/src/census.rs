@@ -28,8 +28,8 @@ impl Census {
         }
     }
 
-    /// Whether some rank has more than `bound` times its share. A partition that was no better when it was `fresh` would
-    /// not get better by being made again.
+    /// Returns `true` if some rank has more than `bound` times its share. A partition that was no better when it was
+    /// `fresh` would not get better by being made again.
     pub fn exceeds(&self, bound: f64, fresh: f64) -> bool {
         let share = self.total as f64 / f64::from(self.ranks.max(1));
         self.most as f64 > share * bound.max(fresh * 1.05) + Self::SLACK

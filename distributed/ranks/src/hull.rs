@@ -49,13 +49,13 @@ impl Hull {
         Class::of(self.radius)
     }
 
-    /// Whether a body may overlap a sphere in this hull. Never wrong when it says no.
+    /// Returns `true` if a body may overlap a sphere in this hull. Never wrong when it says no.
     #[inline]
     pub fn meets(&self, space: &Space, body: &Body) -> bool {
         self.meets_hull(space, &Self::around(body))
     }
 
-    /// Whether a sphere of the one hull may overlap a sphere of the other. Never wrong when it says no.
+    /// Returns `true` if a sphere of the one hull may overlap a sphere of the other. Never wrong when it says no.
     ///
     /// Why: this evaluates what decides contact, in the same `f64` operations, at distances per axis that no two spheres
     /// of the hulls undercut and for radii that none exceed. Every operation is monotone, rounded or not.

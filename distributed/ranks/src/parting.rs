@@ -24,7 +24,7 @@ pub struct Assigned {
     pub ranks: Vec<u32>,
     /// How the spheres are shared among ranks then.
     pub owned: Census,
-    /// Whether the parts were made again.
+    /// `true` if the parts were made again.
     pub rebuilt: bool,
 }
 

@@ -11,8 +11,8 @@ pub struct Side {
     pub class: Class,
 }
 
-/// Whether `sphere` travels to the owner of `other`, which then reports the pair. Of two spheres on different ranks
-/// exactly one travels to the other; on one rank none does.
+/// Returns `true` if `sphere` travels to the owner of `other`, which then reports the pair. Of two spheres on different
+/// ranks exactly one travels to the other; on one rank none does.
 #[inline]
 pub fn travels(sphere: Side, other: Side, ranks: u32) -> bool {
     if sphere.rank == other.rank {
@@ -24,7 +24,7 @@ pub fn travels(sphere: Side, other: Side, ranks: u32) -> bool {
     }
 }
 
-/// Whether spheres of one class travel from one rank to another, and not the other way round.
+/// Returns `true` if spheres of one class travel from one rank to another, and not the other way round.
 ///
 /// By round robin: a rank sends to those up to half the ranks ahead of it and receives from the others, so that all
 /// have equally much of either, also where everybody meets everybody. Two that are exactly half of all ranks apart

@@ -55,7 +55,7 @@ impl Choice {
         Self { most: (share * 2_f64.powi(64)) as u64 }
     }
 
-    /// Whether the sphere with this id is in it.
+    /// Returns `true` if the sphere with this id is in it.
     #[inline]
     pub fn takes(self, id: u64) -> bool {
         // Not the tie, by which the sample would lie all on one side of a point that is to be halved.

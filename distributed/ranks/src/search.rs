@@ -172,14 +172,15 @@ impl Sides {
         }
     }
 
-    /// Whether the pair of an owned sphere and a ghost is reported here: the ghost is here on account of this sphere.
+    /// Returns `true` if the pair of an owned sphere and a ghost is reported here: the ghost is here on account of this
+    /// sphere.
     #[inline]
     fn reports(&self, [own, ghost]: [u32; 2]) -> bool {
         let own = Side { rank: self.rank, class: self.owned[own as usize] };
         travels(self.ghosts[ghost as usize], own, self.ranks)
     }
 
-    /// Whether every pair of an owned sphere and a ghost is reported here.
+    /// Returns `true` if every pair of an owned sphere and a ghost is reported here.
     fn all_report(&self) -> bool {
         // What travels to the largest class travels to all others.
         let largest = self.owned.iter().max();

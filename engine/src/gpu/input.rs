@@ -81,21 +81,21 @@ impl GpuConfig {
         Self { consumer_group, ..self }
     }
 
-    /// Whether pairs of the cell list hold positions in the order of its cells ([`GpuSorted`](super::GpuSorted)) instead of
-    /// indices of the spheres as given, for consumers that work on the sorted spheres. [`Outcome::is_sorted`] tells which,
-    /// as other algorithms have no such order. Windows always go by the indices given. A
-    /// [`GpuSession`](super::GpuSession) does without. Default: no.
+    /// Sets whether pairs of the cell list hold positions in the order of its cells ([`GpuSorted`](super::GpuSorted))
+    /// instead of indices of the spheres as given, for consumers that work on the sorted spheres.
+    /// [`Outcome::is_sorted`] tells which, as other algorithms have no such order. Windows always go by the indices
+    /// given. A [`GpuSession`](super::GpuSession) does without. Default: no.
     pub fn sorted_pairs(self, sorted_pairs: bool) -> Self {
         Self { sorted_pairs, ..self }
     }
 
-    /// Whether subgroup operations are used if the device was made with them. Default: yes.
+    /// Sets whether subgroup operations are used if the device was made with them. Default: yes.
     pub fn subgroups(self, subgroups: bool) -> Self {
         Self { subgroups, ..self }
     }
 
-    /// Whether phases are timed if the device was made with timestamp queries. Each phase then has a pass of its own, which
-    /// costs some microseconds. Default: no.
+    /// Sets whether phases are timed if the device was made with timestamp queries. Each phase then has a pass of its
+    /// own, which costs some microseconds. Default: no.
     pub fn timed(self, timed: bool) -> Self {
         Self { timed, ..self }
     }

@@ -31,7 +31,7 @@ impl Buffers {
         Ok(Self(buffers))
     }
 
-    /// Whether these would do where buffers of `sizes` are needed.
+    /// Returns `true` if these would do where buffers of `sizes` are needed.
     pub(crate) fn have_room_for(&self, sizes: &[(Slot, u64)]) -> bool {
         sizes.iter().all(|(slot, size)| self.0.get(slot).is_some_and(|buffer| buffer.size() >= *size))
     }

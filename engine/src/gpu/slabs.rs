@@ -58,7 +58,7 @@ pub(crate) struct Slab {
     later: [Vec<u32>; 3],
     /// Where the first three of these groups end.
     ends: [u32; 3],
-    /// Whether the first two of these groups are the first set, and the others the second.
+    /// `true` if the first two of these groups are the first set, and the others the second.
     has_two_sets: bool,
 }
 

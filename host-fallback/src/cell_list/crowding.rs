@@ -263,12 +263,12 @@ impl Outlook {
         &self.crowding
     }
 
-    /// Whether groups of species are kept apart.
+    /// Returns `true` if groups of species are kept apart.
     pub(crate) fn is_separate(&self) -> bool {
         self.is_separate
     }
 
-    /// Whether it is good for so many spheres between these bounds.
+    /// Returns `true` if it is good for so many spheres between these bounds.
     fn serves(&self, spheres: usize, [min, max]: [Vec3; 2]) -> bool {
         let [low, high] = self.bounds;
         let margin = (high - low).max_element() * MOVED;

@@ -28,9 +28,9 @@ pub(crate) struct Grid {
     /// Cells per axis.
     pub(crate) size: [u32; 3],
     pub(crate) folded: bool,
-    /// Whether a row of cells may go on at its other end: where the grid is folded or space periodic.
+    /// `true` if a row of cells may go on at its other end: where the grid is folded or space periodic.
     pub(crate) circular: bool,
-    /// Whether two spheres of the level in reach of each other always lie in the same or in adjoining cells.
+    /// `true` if two spheres of the level in reach of each other always lie in the same or in adjoining cells.
     pub(crate) adjoining: bool,
     /// The largest effective radius of the level, and what rounding may add to it.
     reach: f64,
@@ -52,7 +52,7 @@ impl Block {
         [b[0] - a[0] + 1, b[1] - a[1] + 1, b[2] - a[2] + 1]
     }
 
-    /// Whether some row of cells goes on at its other end, in a grid of this size.
+    /// Returns `true` if some row of cells goes on at its other end, in a grid of this size.
     #[inline(always)]
     pub(crate) fn goes_round(&self, size: [u32; 3]) -> bool {
         self.last[0] >= size[0] || self.last[1] >= size[1] || self.last[2] >= size[2]
@@ -181,7 +181,8 @@ impl Grid {
         (low, high)
     }
 
-    /// Whether the cell is the first or the last of a periodic axis, so that it adjoins cells at the other end.
+    /// Returns `true` if the cell is the first or the last of a periodic axis, so that it adjoins cells at the other
+    /// end.
     #[inline(always)]
     pub(crate) fn is_at_seam(&self, cell: [u32; 3]) -> bool {
         let at_seam = |axis: usize| cell[axis] == 0 || cell[axis] + 1 == self.size[axis];
@@ -260,7 +261,7 @@ fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
 mod tests {
     use super::*;
 
-    /// Whether the block holds the cell, on a folded or a plain grid.
+    /// Returns `true` if the block holds the cell, on a folded or a plain grid.
     fn holds(grid: &Grid, block: Block, cell: [u32; 3]) -> bool {
         (0..3).all(|k| {
             let steps = (cell[k] + grid.size[k] - block.first[k]) % grid.size[k];

@@ -56,7 +56,7 @@ pub(crate) struct CellList {
     targets: Vec<Target>,
     members: Vec<Members>,
     groups: SpeciesGroups,
-    /// Whether all spheres that are compared are a pair if and only if their effective radii touch.
+    /// `true` if all spheres that are compared are a pair if and only if their effective radii touch.
     touch_decides: bool,
     sorter: Sorter,
     plan: Option<Planned>,
@@ -93,7 +93,7 @@ struct Placed {
     base: usize,
     /// The spheres of this level in the columns.
     members: Range<usize>,
-    /// Whether its spheres pair among themselves.
+    /// `true` if its spheres pair among themselves.
     pairs_within: bool,
     /// The other levels at which its spheres look, in [`CellList::targets`].
     targets: Range<usize>,
@@ -216,7 +216,7 @@ impl CellList {
         grid
     }
 
-    /// Whether all spheres that are compared are a pair if and only if their effective radii touch.
+    /// Returns `true` if all spheres that are compared are a pair if and only if their effective radii touch.
     pub(crate) fn touch_decides(&self) -> bool {
         self.touch_decides
     }

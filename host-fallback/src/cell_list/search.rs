@@ -100,7 +100,7 @@ struct Finder<'p, V, S> {
     sink: &'p mut S,
     jobs: Jobs,
     touches: Touches,
-    /// Whether many touched in the last comparisons.
+    /// `true` if many touched in the last comparisons.
     is_crowded: bool,
 }
 

@@ -10,7 +10,7 @@ use crate::frame::Frame;
 use crate::place::Placed;
 use crate::refinement::Refinement;
 
-/// Whether two centres are at most `reach` apart, evaluated in `f64`: there differences of `f32` coordinates
+/// Returns `true` if two centres are at most `reach` apart, evaluated in `f64`: there differences of `f32` coordinates
 /// cannot overflow, underflow or lose the digits that decide exact contact.
 ///
 /// With the lengths of a periodic space, between nearest images: centres are wrapped, so that no axis has them farther
@@ -39,7 +39,7 @@ pub(crate) struct Rule<'a> {
     split: Option<u32>,
     /// The frame in which the spheres are searched.
     frame: Option<&'a Frame>,
-    /// Whether spheres that touch without doubt are a pair, so that nothing else is asked.
+    /// `true` if spheres that touch without doubt are a pair, so that nothing else is asked.
     is_plain: bool,
 }
 
@@ -160,7 +160,7 @@ impl<'a> Rule<'a> {
         if are_effective { self.spheres.as_rows() } else { None }
     }
 
-    /// Whether touching alone decides, so that a certain contact needs no further question.
+    /// Returns `true` if touching alone decides, so that a certain contact needs no further question.
     #[inline(always)]
     pub(crate) fn is_plain(&self) -> bool {
         self.is_plain

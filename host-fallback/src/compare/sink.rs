@@ -59,7 +59,7 @@ pub(crate) trait Sink: Send + Sized {
         Ok(self)
     }
 
-    /// Whether nobody wants further pairs.
+    /// Returns `true` if nobody wants further pairs.
     fn stopped(&self) -> bool {
         false
     }
@@ -144,7 +144,7 @@ impl<'c> Written<'c> {
         self.spare.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether a list has passed its limit.
+    /// Returns `true` if a list has passed its limit.
     fn is_too_long(&self) -> bool {
         matches!(&self.to, To::List { limit, kept } if kept.load(Relaxed) > *limit)
     }

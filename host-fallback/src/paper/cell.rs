@@ -70,7 +70,7 @@ fn starts(run: &[impl Occupant], from: usize) -> Starts {
     starts
 }
 
-/// Whether classes make any pair of these the cell's own.
+/// Returns `true` if classes make any pair of these the cell's own.
 pub(crate) fn owns_pairs(run: &[impl Occupant]) -> bool {
     run.len() > 1 && run.iter().fold(0, |all, entry| all | entry.class()) == CLASSES - 1
 }

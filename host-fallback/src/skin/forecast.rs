@@ -85,7 +85,7 @@ impl Forecast {
         self.pause = PATIENCE;
     }
 
-    /// Whether a search is one of those.
+    /// Returns `true` if a search is one of those.
     pub(super) fn is_paused(&mut self) -> bool {
         let is_paused = self.pause > 0;
         self.pause = self.pause.saturating_sub(1);

@@ -41,7 +41,7 @@ impl Column {
 pub(super) struct Columns {
     meanings: Vec<Column>,
     names: Vec<String>,
-    /// Whether a row may have more fields than columns.
+    /// `true` if a row may have more fields than columns.
     open_ended: bool,
 }
 
@@ -177,7 +177,7 @@ impl Columns {
 /// The most digits that a 32-bit number is ever written with. More of them say that somebody computed with 64 bits.
 const EXACT_DIGITS: usize = 9;
 
-/// Whether a field has more digits than 32-bit numbers have, and is not the number that they make of it.
+/// Returns `true` if a field has more digits than 32-bit numbers have, and is not the number that they make of it.
 fn loses_digits(field: &[u8], value: f32) -> bool {
     let (mut digits, mut significant) = (0, 0);
     for &b in field.iter().take_while(|b| !b"eE".contains(b)).filter(|b| b.is_ascii_digit()) {

@@ -116,7 +116,7 @@ fn unquoted(field: &[u8]) -> Option<&[u8]> {
     field.strip_prefix(b"\"")?.strip_suffix(b"\"")
 }
 
-/// Whether the first line of a file, perhaps a comment, reads like the header of a table of spheres.
+/// Returns `true` if the first line of a file, perhaps a comment, reads like the header of a table of spheres.
 pub(super) fn is_header(line: &[u8]) -> bool {
     let line = commented(line).unwrap_or(line);
     let separator = separator(line);
@@ -127,7 +127,7 @@ pub(super) fn is_header(line: &[u8]) -> bool {
         .all(|axis| names.iter().any(|name| unquoted(name).unwrap_or(name) == axis.as_slice()))
 }
 
-/// Whether a line is a comment, which tells nothing of the format.
+/// Returns `true` if a line is a comment, which tells nothing of the format.
 pub(super) fn is_comment(line: &[u8]) -> bool {
     commented(line).is_some()
 }

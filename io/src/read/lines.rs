@@ -204,7 +204,7 @@ struct Text<'a> {
     /// The number of its first line.
     first: u64,
     path: &'a Arc<Path>,
-    /// Whether nothing comes behind it.
+    /// `true` if nothing comes behind it.
     ended: bool,
 }
 

@@ -143,9 +143,9 @@ pub struct Options {
     /// The space of all frames; else what each frame declares: a periodic box, sheared or not (`Lattice` and `pbc`
     /// of extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded space where it declares none.
     pub space: Option<Space>,
-    /// Whether the ids of spheres are read too, from a column `id` (Smoldyn: serial numbers).
+    /// `true` if the ids of spheres are read too, from a column `id` (Smoldyn: serial numbers).
     pub ids: bool,
-    /// Whether groups are read too, from a column `group`, `molecule` or `mol`.
+    /// `true` if groups are read too, from a column `group`, `molecule` or `mol`.
     pub groups: bool,
 }
 

@@ -20,7 +20,7 @@ pub(super) trait Table: Sync {
     /// The values of a line, or `None` for one that is no row.
     fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error>;
 
-    /// Whether ids tell that one thing is listed twice.
+    /// Returns `true` if ids tell that one thing is listed twice.
     fn has_serials(&self) -> bool {
         false
     }

@@ -13,13 +13,13 @@ pub(super) struct Session {
     pub(super) species: Species,
     /// The space that was given.
     pub(super) space: Option<Space>,
-    /// Whether ids are wanted.
+    /// `true` if ids are wanted.
     pub(super) ids: bool,
-    /// Whether groups are wanted.
+    /// `true` if groups are wanted.
     pub(super) groups: bool,
     /// Where each thing was listed that must not be twice.
     serials: HashMap<Serial, u64>,
-    /// Whether it has been said that digits are lost.
+    /// `true` if it has been said that digits are lost.
     warned: bool,
 }
 

@@ -58,12 +58,12 @@ pub(super) fn serial(line: Line<'_>, field: &[u8]) -> Result<Serial, Error> {
     serial.ok_or_else(|| line.unexpected("name(state) x y z serial, with a number as serial"))
 }
 
-/// Whether a word is a species with its state in brackets.
+/// Returns `true` if a word is a species with its state in brackets.
 fn is_name(word: &[u8]) -> bool {
     word.ends_with(b")") && word.iter().position(|&b| b == b'(').is_some_and(|at| at > 0)
 }
 
-/// Whether the first line of a file reads like one of a listing.
+/// Returns `true` if the first line of a file reads like one of a listing.
 pub(super) fn is_listing(line: &[u8]) -> bool {
     let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     words.next().is_some_and(is_name) && words.count() >= 2

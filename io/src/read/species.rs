@@ -40,7 +40,7 @@ impl Species {
         self.given.keys().map(String::as_str).filter(move |given| !met(given))
     }
 
-    /// Whether radii were given by species.
+    /// Returns `true` if radii were given by species.
     pub(super) fn any_given(&self) -> bool {
         !self.given.is_empty()
     }

@@ -7,7 +7,7 @@ use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 pub(super) struct ZstdReader<R> {
     input: R,
     decoder: FrameDecoder,
-    /// Whether the decoder is within a frame.
+    /// `true` if the decoder is within a frame.
     inside: bool,
 }
 

@@ -28,7 +28,7 @@ pub(crate) struct Piece {
     format: Format,
     head: Vec<u8>,
     bytes: Vec<u8>,
-    /// Whether it is that of rank 0, which also says what is wrong with an empty file.
+    /// `true` if it is that of rank 0, which also says what is wrong with an empty file.
     is_first: bool,
 }
 

@@ -41,7 +41,7 @@ pub(crate) struct Stage {
     pub(crate) kernel: &'static Kernel,
     /// The number of workgroups, before they are laid out in two dimensions.
     pub(crate) groups: u32,
-    /// Whether their number is instead found on the device, in [`Slot::Dispatch`](super::Slot::Dispatch).
+    /// `true` if their number is instead found on the device, in [`Slot::Dispatch`](super::Slot::Dispatch).
     pub(crate) indirect: bool,
     /// Which part of the call it belongs to.
     pub(crate) phase: Phase,

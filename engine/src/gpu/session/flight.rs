@@ -25,7 +25,7 @@ pub(super) struct Flight {
     capacity: u32,
     /// The phases whose times it took.
     timed: &'static [Phase],
-    /// Whether it was answered from candidates, whose state comes back in place of times.
+    /// `true` if it was answered from candidates, whose state comes back in place of times.
     pub(super) is_kept: bool,
 }
 

@@ -72,7 +72,7 @@ impl GpuSession {
         Ok(self.memory_beside(spheres) + self.detector.memory_for(spheres)? + kept)
     }
 
-    /// Whether this call is answered from candidates, if there is room for them.
+    /// Returns `true` if this call is answered from candidates, if there is room for them.
     pub(super) fn keeps(&self, number: u64) -> bool {
         let asked = self.calls[number as usize % SLOTS].keeps;
         self.skin.as_ref().is_some_and(|skin| asked && number >= skin.from)

@@ -39,7 +39,7 @@ impl Jobs {
         Self { at: [0; Self::ROOM], start: [0; Self::ROOM], end: [0; Self::ROOM], len: 0 }
     }
 
-    /// Whether there may be no room for the runs of another vector of spheres.
+    /// Returns `true` if there may be no room for the runs of another vector of spheres.
     #[inline(always)]
     pub(crate) fn is_full(&self) -> bool {
         self.len >= Self::FULL
