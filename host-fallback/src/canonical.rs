@@ -67,13 +67,13 @@ impl Key for [u32; 2] {
     }
 }
 
-/// How pairs are taken apart.
+/// The layout of a pair's key.
 #[derive(Clone, Copy)]
 struct Cut {
     buckets: usize,
-    /// How many bits of `i` a bucket leaves open.
+    /// The number of bits of `i` that differ within a bucket.
     i_bits: u32,
-    /// How many bits a `j` has.
+    /// The number of bits of `j`.
     j_bits: u32,
 }
 
@@ -116,7 +116,7 @@ impl Canonical {
     /// [`Error::OutOfMemory`], [`Error::Threads`].
     ///
     /// # Panics
-    /// Where an `i` is far from below `spheres`.
+    /// Panics if an `i` is far above `spheres`.
     pub(crate) fn order(
         &mut self,
         threads: Threads,

@@ -4,7 +4,7 @@ use lazygrid_kernels::{Algorithm, Backend};
 
 use crate::{Error, Survey};
 
-/// What the CPU path builds and searches.
+/// The structure that the CPU path builds and searches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Structure {
     Naive,

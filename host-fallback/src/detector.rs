@@ -50,7 +50,7 @@ impl HostBackend {
     /// Creates a backend with these settings.
     ///
     /// # Errors
-    /// As [`HostDetector::new`].
+    /// The same as [`HostDetector::new`].
     pub fn new(settings: Settings) -> Result<Self, Error> {
         let structure = settings.check()?;
         let team = Arc::new(Team::new(settings.threads)?);

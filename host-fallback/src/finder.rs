@@ -25,7 +25,7 @@ pub type TakePairs<'t> = &'t mut (dyn FnMut(&[Pair]) -> ControlFlow<()> + Send);
 /// Searches in what a backend has built for a query.
 pub type Work<'w> = &'w mut (dyn FnMut(&mut dyn PairSource) -> Result<(), Error> + Send);
 
-/// What a backend has built for one query. Of two sets, spheres of the second have indices after those of the first.
+/// The structure that a backend has built for one query. Spheres of a second set have indices after those of the first.
 pub trait PairSource {
     /// Counts the pairs.
     ///

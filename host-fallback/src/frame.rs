@@ -54,7 +54,7 @@ pub(crate) struct Bounds {
     pub(crate) are_valid: bool,
 }
 
-/// How spheres are placed in front of a search.
+/// The map from spheres to those that are searched.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     origin: [f64; 3],

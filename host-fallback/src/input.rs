@@ -6,14 +6,14 @@ use crate::survey::Survey;
 use crate::threads::Threads;
 use crate::{Error, Settings, Simd};
 
-/// What a detector works on: spheres that were checked and surveyed.
+/// The input of a search: spheres that were checked and surveyed.
 pub(crate) struct Input<'a> {
     pub(crate) rule: Rule<'a>,
     pub(crate) survey: Survey,
     pub(crate) settings: &'a Settings,
     pub(crate) simd: Simd,
     pub(crate) threads: Threads,
-    /// How many spheres are of the first of two sets, where only pairs of one of each count.
+    /// The number of spheres of the first of two sets, if only pairs of one sphere of each count.
     pub(crate) split: Option<usize>,
 }
 

@@ -57,7 +57,7 @@ pub(crate) fn more<T>(buffer: &mut Vec<T>, count: usize, what: &'static str) -> 
 /// Appends a value.
 ///
 /// # Errors
-/// As [`more`].
+/// The same as [`more`].
 #[inline]
 pub(crate) fn push<T>(buffer: &mut Vec<T>, value: T, what: &'static str) -> Result<(), Error> {
     if buffer.len() == buffer.capacity() {
@@ -77,7 +77,7 @@ fn grow<T>(buffer: &mut Vec<T>, what: &'static str) -> Result<(), Error> {
 /// Appends values.
 ///
 /// # Errors
-/// As [`more`].
+/// The same as [`more`].
 #[inline]
 pub(crate) fn extend<T>(
     buffer: &mut Vec<T>,

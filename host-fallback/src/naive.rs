@@ -30,7 +30,7 @@ impl<S: Sink> Task for Tile<'_, S> {
     }
 }
 
-/// How long one thread is expected to take for so many spheres, in nanoseconds.
+/// The estimated time of one thread for this number of spheres, in nanoseconds.
 pub(crate) fn time(spheres: usize) -> f32 {
     spheres as f32 * spheres as f32 * COMPARE / 2.0
 }

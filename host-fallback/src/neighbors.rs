@@ -13,7 +13,7 @@ pub struct Neighbors<'a> {
 }
 
 impl<'a> Neighbors<'a> {
-    /// Where the list of each sphere starts: one more number than there are lists, the last the length of
+    /// The start of each sphere's list: one more number than there are lists, the last the length of
     /// [`indices`](Self::indices).
     pub fn offsets(&self) -> &'a [u64] {
         self.offsets
@@ -33,12 +33,12 @@ impl<'a> Neighbors<'a> {
     /// The neighbours of sphere `k`.
     ///
     /// # Panics
-    /// Where there is no sphere `k`.
+    /// Panics if there is no sphere `k`.
     pub fn of(&self, k: usize) -> &'a [u32] {
         &self.indices[self.offsets[k] as usize..self.offsets[k + 1] as usize]
     }
 
-    /// How many spheres there are.
+    /// The number of lists.
     pub fn len(&self) -> usize {
         self.offsets.len() - 1
     }

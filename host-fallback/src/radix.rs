@@ -17,7 +17,7 @@ const PIECE: usize = 1 << 14;
 const MAX_PIECES: usize = 64;
 /// Bits per digit: few enough that the lines which a pass writes to stay in the first-level cache.
 const DIGIT: u32 = 8;
-/// How many digits there are.
+/// The number of digits.
 const DIGITS: usize = 1 << DIGIT;
 
 /// A number to sort by.

@@ -2,16 +2,16 @@ use std::time::{Duration, Instant};
 
 use lazygrid_kernels::Algorithm;
 
-/// What a call did: which algorithm, why, and how long each phase took.
+/// The report of a call: the algorithm, the reason for it, and the time of each phase.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
-    /// How many spheres were given.
+    /// The number of spheres.
     pub spheres: u64,
-    /// How many pairs were found.
+    /// The number of pairs.
     pub pairs: u64,
     /// The algorithm that ran; never `Auto` after a call.
     pub algorithm: Algorithm,
-    /// Why it was chosen.
+    /// The reason for which it was chosen.
     pub reason: String,
     /// Wall-clock time of each phase, in the order they ran.
     pub phases: Vec<Phase>,
@@ -19,21 +19,21 @@ pub struct Report {
     pub candidates: Option<Kept>,
 }
 
-/// Candidates: pairs that may overlap until spheres have moved too far.
+/// Statistics of the candidate list: pairs that may overlap until spheres have moved too far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Kept {
-    /// How many there are.
+    /// The number of candidates.
     pub count: u64,
-    /// How many calls ago they were found; 0 in the call that finds them.
+    /// The number of calls since they were found; 0 in the call that finds them.
     pub age: u32,
-    /// Which part of what it may move the sphere has moved that is nearest to it, between 0 and 1.
+    /// The largest fraction of its displacement limit that any sphere has used, from 0 to 1.
     pub moved: f32,
-    /// Why they were found anew in this call; `None` where they were kept.
+    /// The reason for a rebuild in this call; `None` if they were kept.
     pub rebuilt: Option<Rebuilt>,
 }
 
-/// Why candidates were found anew.
+/// The reason for a rebuild of the candidate list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Rebuilt {

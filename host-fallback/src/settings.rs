@@ -37,7 +37,7 @@ pub enum Skin {
     Fixed(f64),
 }
 
-/// What the CPU path is asked to do. Made once, kept for the life of a detector.
+/// The settings of a detector, on the CPU or for the host's part of a device.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Which detector; `Auto` chooses per call.

@@ -166,7 +166,7 @@ impl State {
     }
 }
 
-/// What is built for a query.
+/// The structure that is built for a query.
 pub(crate) struct Built<'b> {
     pub(crate) state: &'b mut State,
     pub(crate) input: &'b Input<'b>,

@@ -13,10 +13,10 @@ const PIECE: usize = 1 << 13;
 /// Tables that take turns in counting.
 const TABLES: usize = 4;
 
-/// What a detector must know of its input before it plans.
+/// Statistics of the input that a detector needs before it plans.
 #[derive(Clone, Debug)]
 pub struct Survey {
-    /// How many spheres there are.
+    /// The number of spheres.
     pub spheres: usize,
     /// Smallest coordinates of any centre.
     pub min: Vec3,
@@ -29,7 +29,7 @@ pub struct Survey {
 /// The spheres whose effective radii share a binary exponent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Class {
-    /// How many there are.
+    /// The number of spheres.
     pub count: u32,
     /// The largest of their radii.
     pub largest: f32,

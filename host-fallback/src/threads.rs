@@ -1,4 +1,4 @@
-//! Who does the work of a call: the calling thread alone, or all threads of a rayon pool. Nothing else here knows of
+//! The threads of a call: the calling thread alone, or all threads of a rayon pool. No other module uses
 //! rayon.
 //!
 //! Work comes in numbered pieces. Whichever piece fails first ends the work, and its error is the answer.
@@ -150,7 +150,7 @@ impl Team {
         if self.asked == Some(1) { Ok(Threads::Calling) } else { Threads::here() }
     }
 
-    /// How many they are in a call from here.
+    /// The number of threads in a call from here.
     pub(crate) fn count(&self) -> usize {
         match (&self.pool, self.asked) {
             (Some(pool), _) => pool.current_num_threads(),
@@ -168,7 +168,7 @@ fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> R + Send) -
     }
 }
 
-/// How many threads the pool of a caller from here has, or would have.
+/// The number of threads that the pool of a caller from here has, or would have.
 fn count() -> usize {
     if rayon::current_thread_index().is_some() { rayon::current_num_threads() } else { cores() }
 }
@@ -187,7 +187,7 @@ fn pool(asked: usize) -> Result<ThreadPool, Error> {
     built.map_err(|error| Error::Threads { threads, reason: error.to_string() })
 }
 
-/// How many of the threads that were `asked` for are of any use.
+/// The number of useful threads among those `asked` for.
 fn useful(asked: usize, cores: usize) -> usize {
     asked.min((PER_CORE * cores).max(FEW))
 }

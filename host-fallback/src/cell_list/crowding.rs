@@ -1,4 +1,4 @@
-//! How crowded the space is: how many spheres share a cube of a given edge with a typical one.
+//! Occupancy: the mean number of spheres that share a cube of a given edge with a sphere.
 //!
 //! Estimated from a sample, because a cost model needs it before anything is built, and bounds alone say nothing of
 //! clusters. The sample is sorted along the Morton curve, where the members of every octree cell are neighbours, so
@@ -21,7 +21,7 @@ const RELIABLE: u64 = 24;
 /// Spheres below which a sample serves several calls: to take one is a sixth of a call of 1000 spheres. What a poor plan
 /// costs so few is little.
 const FEW: usize = 1 << 12;
-/// How many further calls it serves at most.
+/// The most further calls that a sample serves.
 const CALLS: u32 = 15;
 /// Part of the extent by which bounds may have moved meanwhile.
 const MOVED: f32 = 0.0625;
@@ -39,7 +39,7 @@ pub(crate) struct Crowding {
     top: f32,
     /// log₂ of the mean number at edge `2^(top - depth)`, for the depths that the sample can tell.
     log_mean: Vec<f32>,
-    /// How fast log₂ of the mean falls per halving below those.
+    /// The decrease of log₂ of the mean per halving below these depths.
     slope: f32,
 }
 
@@ -67,7 +67,7 @@ impl Crowding {
         Self::between(bounds, places.into_iter(), n)
     }
 
-    /// Of a sample of `n` spheres between these bounds.
+    /// Creates the crowding of a sample of `n` spheres between these bounds.
     fn between(
         (min, max): (Vec3, Vec3),
         places: impl ExactSizeIterator<Item = Vec3>,
@@ -204,7 +204,7 @@ pub(crate) struct Outlook {
 }
 
 impl Outlook {
-    /// How crowded the spheres are: what the `last` call knows of it, or a new sample.
+    /// Returns the `last` outlook if it still serves, else one of a new sample.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -308,12 +308,12 @@ fn cells(codes: &[(u64, u32)], depth: usize) -> impl Iterator<Item = &[(u64, u32
     codes.chunk_by(move |(a, _), (b, _)| a >> shift == b >> shift)
 }
 
-/// How many pairs of the sorted sample share a cell at `depth` halvings.
+/// The number of pairs of the sorted sample that share a cell at `depth` halvings.
 fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
     cells(codes, depth).map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2).sum()
 }
 
-/// How many pairs of spheres of groups that meet share a cell at `depth` halvings, and how many pairs in all.
+/// The number of pairs that share a cell at `depth` halvings: of spheres of groups that meet, and in all.
 fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
     let groups = grouping.count();
     cells(codes, depth).fold([0, 0], |[met, all], run| {

@@ -11,10 +11,10 @@ use crate::floor::floor;
 /// Below this many cells from the origin `f64` still counts single cells; farther out two different `f32`
 /// coordinates lie 2²⁵ cells apart or more, so that only equal ones can meet.
 const COUNTABLE: f64 = (1_u64 << 50) as f64;
-/// How far rounding can move a coordinate, relative to the largest: some units in the last place of `f64`.
+/// The largest error of a coordinate by rounding, relative to the largest coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 
-/// How far rounding can move a sum of coordinates in `f32`, relative to the largest, and more: 2⁻²⁰.
+/// More than the largest error of a sum of coordinates in `f32`, relative to the largest coordinate: 2⁻²⁰.
 const SINGLE_ROUNDING: f64 = 1.0 / (1_u64 << 20) as f64;
 
 /// The cells of one level.
@@ -122,7 +122,7 @@ impl Grid {
         cells(1) * cells(2)
     }
 
-    /// How many table entries the grid has.
+    /// The number of table entries of the grid.
     pub(crate) fn cells(&self) -> u64 {
         self.size.iter().map(|&k| u64::from(k)).product()
     }

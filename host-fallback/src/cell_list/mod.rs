@@ -50,7 +50,7 @@ pub(crate) struct CellList {
     levels: Vec<Placed>,
     /// The spheres, level by level and cell by cell.
     columns: Columns,
-    /// Where each cell's spheres start in `columns`; one more than there are cells.
+    /// The start of each cell's spheres in `columns`, and the end of the last one.
     starts: Vec<u32>,
     /// The levels that each level looks at besides itself.
     targets: Vec<Target>,
@@ -114,7 +114,7 @@ struct Target {
     cap: f32,
 }
 
-/// Where each sphere belongs in the table.
+/// Maps spheres to entries of the table.
 #[derive(Clone, Copy)]
 struct Places<'p> {
     levels: &'p [Placed],
@@ -124,7 +124,7 @@ struct Places<'p> {
 }
 
 impl Places<'_> {
-    /// How many entries the table has.
+    /// The number of entries of the table.
     fn cells(&self) -> usize {
         self.levels.last().map_or(0, |level| level.base + level.grid.cells() as usize)
     }
@@ -221,7 +221,7 @@ impl CellList {
         self.touch_decides
     }
 
-    /// How long one thread is expected to search, in nanoseconds.
+    /// The estimated time of a search by one thread, in nanoseconds.
     pub(crate) fn time(&self) -> f32 {
         self.time
     }

@@ -68,7 +68,7 @@ impl<S: Sink> Task for Piece<'_, S> {
     }
 }
 
-/// What lies around a cell, and where the cell's spheres end.
+/// Returns the rows around a cell, and the end of the cell's spheres.
 #[inline(always)]
 fn around(list: &CellList, level: &Placed, cell: [u32; 3]) -> (Around, usize) {
     let [size_x, size_y, size_z] = level.grid.size;

@@ -41,7 +41,7 @@ pub(super) struct Sorter {
     entries: Vec<Entry>,
     /// By piece and bucket: first how many spheres there are, then where the next one goes.
     offsets: Vec<u32>,
-    /// Where each bucket ends.
+    /// The end of each bucket.
     ends: Vec<usize>,
 }
 

@@ -1,4 +1,4 @@
-//! What makes two spheres a pair, and how one is compared with many.
+//! The contact test of two spheres, and its vector code for one sphere and many.
 //!
 //! rule → columns → vectors → sink → scan: each file knows those before it.
 

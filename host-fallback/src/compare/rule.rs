@@ -1,4 +1,4 @@
-//! What makes two spheres a pair: the one exact test behind every filter.
+//! The exact contact test, which every filter ends in.
 
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Interaction, Interactions, Reach, Space, Sphere, Spheres};
@@ -33,7 +33,7 @@ pub(crate) struct Rule<'a> {
     /// The length of each axis, infinite where it is unbounded; `None` where all are.
     lengths: Option<DVec3>,
     widening: Option<Widening<'a>>,
-    /// What is asked besides.
+    /// The exact filter that is applied after the contact test.
     refinement: Option<&'a Refinement<'a>>,
     /// The number of spheres of the first of two sets, for a search that finds pairs within a set too.
     split: Option<u32>,
@@ -55,10 +55,10 @@ pub(crate) struct Effective {
     pub(crate) widened: f32,
 }
 
-/// What makes candidates of spheres instead of pairs.
+/// Widens radii, so that a search finds candidates instead of pairs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Widening<'a> {
-    /// By how much the radii of each [class](class_of) grow.
+    /// The amount by which the radii of each [class](class_of) grow.
     pub(crate) by_class: &'a [f32; CLASSES],
     /// The spheres that the ids of columns stand for, where these are places in another order.
     pub(crate) order: Option<&'a [u32]>,

@@ -55,7 +55,7 @@ pub(crate) struct Touches {
     /// Those that may touch in the lower half, those that do without doubt in the upper.
     lanes: [u32; Self::ROOM],
     len: usize,
-    /// How many vectors held any.
+    /// The number of vectors that held any.
     held: usize,
 }
 
@@ -68,7 +68,7 @@ impl Touches {
         Self { at: [0; Self::ROOM], base: [0; Self::ROOM], lanes: [0; Self::ROOM], len: 0, held: 0 }
     }
 
-    /// As [`scan`], for crowds: the last pairs are handed over by [`settle`](Self::settle).
+    /// The same as [`scan`], for crowds: the last pairs are handed over by [`settle`](Self::settle).
     #[inline(always)]
     pub(crate) fn scan<V: Vector, S: Sink>(
         &mut self,
@@ -131,7 +131,7 @@ fn take<V: Vector, S: Sink>(
     }
 }
 
-/// Of the lanes that may be pairs with the sphere at `at`, those that are.
+/// Returns the lanes that are pairs with the sphere at `at`, of those that may be.
 #[inline(never)]
 fn decide(rule: &Rule<'_>, columns: &Columns, at: usize, base: usize, lanes: Lanes) -> u32 {
     let mut hits = if rule.is_plain() { lanes.certain } else { 0 };

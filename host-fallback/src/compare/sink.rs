@@ -1,4 +1,4 @@
-//! Where pairs go: counted, kept as a list, or handed over in chunks.
+//! Outputs of a search: pairs are counted, kept as a list, or handed over in chunks.
 //!
 //! An [`Output`] is shared by all threads; each opens a [`Sink`] of its own, and the sinks of neighbouring pieces of
 //! work are merged in the order of the work, so that a list has the same order for any number of threads.
@@ -71,7 +71,7 @@ pub(crate) fn at_places(pair: Pair, order: &[u32]) -> Pair {
     Pair::new(order[pair.i as usize], order[pair.j as usize])
 }
 
-/// What a search writes to.
+/// The output of a search.
 pub(crate) trait Output: Sync {
     type Sink<'o>: Sink
     where
@@ -123,7 +123,7 @@ pub(crate) struct Written<'c> {
     pub(crate) stop: AtomicBool,
 }
 
-/// Where full chunks go.
+/// The destination of full chunks.
 pub(crate) enum To<'c> {
     /// Kept in order while they are at most `limit` pairs in all; beyond it only counted.
     List { limit: u64, kept: AtomicU64 },
@@ -221,7 +221,7 @@ pub(crate) struct Writer<'o, 'c> {
     /// Set once the list is known to be too long, or memory is refused: from then on pairs are only counted.
     counting: bool,
     chunks: Vec<Vec<Pair>>,
-    /// Why pairs were not written.
+    /// The reason for which pairs were not written.
     refused: Option<Error>,
 }
 

@@ -9,7 +9,7 @@ use crate::memory::{collect, push};
 use crate::neighbors::Neighbors;
 use crate::refinement::Refinement;
 
-/// What rows are filled from.
+/// The pairs that rows are filled from.
 pub(super) struct Fill<'a> {
     pub contact: Contact<'a>,
     /// The numbers of the spheres whose rows are filled, and of their neighbors.
@@ -37,7 +37,7 @@ struct Entry {
     distance: f64,
 }
 
-/// Where entries are written; quantities that were not asked for have no room.
+/// The output arrays; those of quantities that were not requested are empty.
 pub(super) struct Slots<'s> {
     pub pairs: &'s mut [Pair],
     pub shifts: &'s mut [[i32; 3]],
@@ -79,7 +79,7 @@ pub(super) struct Piece<'s> {
     counts: &'s mut [u64],
     /// Where its room starts among that of all.
     pub start: usize,
-    /// How many entries it has.
+    /// The number of its entries.
     pub filled: usize,
     /// Two spheres whose shift is beyond 32 bits.
     pub too_far: Option<Neighbor>,

@@ -203,7 +203,7 @@ impl Spread {
         }
     }
 
-    /// What vectors between images within a reach may be rounded by.
+    /// The largest rounding error of vectors between images within a reach.
     fn rounding(&self, lattice: &Lattice, reach: f64) -> f64 {
         let heights = lattice.heights();
         // Two folds, and the steps to the image.

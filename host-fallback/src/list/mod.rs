@@ -74,7 +74,7 @@ impl<'a> NeighborList<'a> {
     }
 }
 
-/// What decides which spheres of a query are neighbors.
+/// The contact test of a query.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact<'a> {
     /// The spheres and the excluded pairs.

@@ -1,4 +1,4 @@
-/// What a neighbor list holds.
+/// The contents of a neighbor list.
 ///
 /// ```
 /// # use lazygrid_host::ListOptions;

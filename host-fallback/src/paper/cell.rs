@@ -10,7 +10,7 @@ use crate::input::{Input, search_pieces};
 use crate::memory::{extend, push, with_growth};
 use crate::radix::{Entry, Key};
 
-/// How many classes there are.
+/// The number of classes.
 const CLASSES: usize = 1 << CLASS_BITS;
 /// Neighbouring classes: the first, and the one behind the last.
 type Classes = (usize, usize);
@@ -55,10 +55,10 @@ impl<K: Key> Occupant for Entry<K> {
     }
 }
 
-/// Where each class starts among the spheres of a cell, and where the last one ends.
+/// The start of each class among the spheres of a cell, and the end of the last one.
 type Starts = [u32; CLASSES + 1];
 
-/// Where each class starts among entries sorted by class, when the first is at `from`.
+/// The start of each class among entries sorted by class, of which the first is at `from`.
 fn starts(run: &[impl Occupant], from: usize) -> Starts {
     let mut starts = [from as u32; CLASSES + 1];
     for entry in run {
@@ -107,7 +107,7 @@ impl Batch {
         with_growth((4 + Columns::BYTES_PER_SPHERE) * entries) + size_of::<Starts>() as u64 * entries + 4096
     }
 
-    /// How many spheres wait.
+    /// The number of spheres that wait.
     pub(crate) fn len(&self) -> usize {
         self.ids.len()
     }

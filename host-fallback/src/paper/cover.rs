@@ -32,7 +32,7 @@ const GAP: u32 = 16;
 const MIDDLE: u32 = 1 << 31;
 /// Relative widening of radii, far above the rounding of the exact test.
 const WIDER: f64 = 1.0 + 1e-9;
-/// How far rounding can move a coordinate, relative to it: some units in the last place of `f64`.
+/// The largest error of a coordinate by rounding, relative to it: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 /// Cells are this much larger than asked for, so that a widened sphere of one cell's diameter never spans three.
 const EASE: f64 = 1.0 + 1.0 / (1 << 20) as f64;

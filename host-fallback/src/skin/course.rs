@@ -1,4 +1,4 @@
-//! What a detector with a skin does from call to call: serve it from candidates, find new ones, or search without.
+//! Decides what a detector with a skin does in a call: test the candidates, rebuild them, or search without any.
 
 use super::worth::{Costs, Spread, choose};
 use super::{Allowances, Candidates, Forecast, fixed};

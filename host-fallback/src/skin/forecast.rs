@@ -62,7 +62,7 @@ impl Forecast {
         }
         if let (Some(Rebuilt::Moved), Some(choice)) = (lapsed, &self.choice) {
             self.motion.learn(self.first * choice.skin, (age, moved * choice.skin));
-            // What lasted about as long as expected need not be thought over soon.
+            // A list that lasted about as long as predicted is not reconsidered soon.
             let is_as_expected = AS_EXPECTED.contains(&(age as f32 / (choice.calls + 1.0)));
             self.wait = if is_as_expected { self.wait } else { 0 };
         }
@@ -134,7 +134,7 @@ impl Forecast {
             self.patience = if same { (2 * self.patience + 1).min(PATIENCE) } else { 0 };
             (self.wait, self.choice) = (self.patience, choice);
             if choice.is_none() {
-                // What is not tried is not seen to change.
+                // No list is built, so nothing is measured: decay the old estimate.
                 self.motion.forget();
                 self.excess *= 0.8;
             }

@@ -37,7 +37,7 @@ pub(crate) use course::Course;
 pub use forecast::Forecast;
 pub use worth::Costs;
 
-/// How far the spheres of each size class may go.
+/// The displacement limit of the spheres of each size class.
 type Allowances = [f32; CLASSES];
 
 /// Spheres that are asked for ahead of their turn: they lie all over memory.
@@ -48,7 +48,7 @@ const SOON: usize = 16;
 const PIECE: usize = 1 << 13;
 /// The part of its allowance that a sphere may use up: less than all of it by more than rounding in `f32` can hide.
 const USABLE: f32 = 1.0 - 1.0 / (1 << 16) as f32;
-/// What rounding may add to a distance between nearest images, as a part of the longest axis.
+/// The largest rounding error of a distance between nearest images, as a part of the longest axis.
 const SEAM: f32 = 1.0 / (1 << 20) as f32;
 /// The most candidates per sphere that are kept, 768 bytes. A skin with more is not used, and every call searches. `worth`
 /// plans with 64 at most; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.
@@ -68,7 +68,7 @@ fn fixed(distance: f32) -> Allowances {
 /// The candidates and where spheres were when they were found.
 #[derive(Debug, Default)]
 pub(crate) struct Candidates {
-    /// What was known of the spheres; there are no candidates without it.
+    /// The survey of the spheres when the candidates were found; `None` if there are no candidates.
     survey: Option<Box<Survey>>,
     species: Vec<u32>,
     /// Which sphere stands at which place; spheres that are near each other have near places.
@@ -97,7 +97,7 @@ impl Candidates {
         own.saturating_add(memory_of_list(Self::limit(spheres, max_pairs), threads))
     }
 
-    /// What was known of the spheres when the candidates were found, where there are any.
+    /// The survey of the spheres when the candidates were found, if there are any.
     pub(crate) fn survey(&self) -> Option<&Survey> {
         self.survey.as_deref()
     }
@@ -107,12 +107,12 @@ impl Candidates {
         self.survey = None;
     }
 
-    /// How many calls they have served, and how much of the allowances is used up.
+    /// The number of calls that they have served, and the largest fraction of a displacement limit that is used up.
     pub(crate) fn age(&self) -> (u32, f32) {
         (self.age, self.moved)
     }
 
-    /// What a report says of them.
+    /// Their statistics for the report.
     pub(crate) fn kept(&self, rebuilt: Option<Rebuilt>) -> Kept {
         Kept { count: self.count, age: self.age, moved: self.moved, rebuilt }
     }
@@ -264,7 +264,7 @@ fn inverse_squares(allowances: &Allowances, rule: &Rule<'_>) -> Option<Allowance
     usable.then(|| allowances.map(|allowance| (allowance - seam).powi(-2)))
 }
 
-/// How far apart the nearest images of two places are along each axis.
+/// The distance of the nearest images of two positions along each axis.
 #[inline(always)]
 fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     let mut apart = apart.abs();
@@ -364,7 +364,7 @@ impl<S: Sink> Tests<'_, S> {
         }
     }
 
-    /// Of the candidates that are possible or certain, those that are pairs.
+    /// Returns the candidates that are pairs, of those that are possible or certain.
     #[inline(never)]
     fn decide(&self, pairs: &[Pair; MAX_LANES], [possible, certain]: [u32; 2]) -> u32 {
         let mut hits = if self.rule.is_plain() { certain } else { 0 };

@@ -1,4 +1,4 @@
-//! How far spheres move from call to call, by size, from a sample of them.
+//! The displacements of spheres from call to call, by size, from a sample of them.
 
 use glam::Vec3;
 
@@ -17,16 +17,16 @@ const MEMORY: f32 = 0.9;
 /// The part of what was learned from candidates that is forgotten at a time.
 const FORGOTTEN: f32 = 0.2;
 
-/// What is known of the motion.
+/// The observed motion.
 #[derive(Debug)]
 pub(crate) struct Motion {
-    /// How many spheres the last call had.
+    /// The number of spheres of the last call.
     spheres: usize,
-    /// Where those of the sample were.
+    /// The last positions of the sample.
     places: Vec<Vec3>,
     /// The farthest step of each class that was seen, or about to be forgotten.
     steps: [f32; CLASSES],
-    /// How many calls in a row had as many spheres.
+    /// The number of successive calls with this number of spheres.
     calls: u32,
     growth: Growth,
 }
@@ -40,10 +40,10 @@ pub(crate) struct Growth {
 }
 
 impl Growth {
-    /// What is assumed before candidates were kept.
+    /// The assumption before candidates were ever kept.
     const ASSUMED: Self = Self { factor: 1.3, exponent: 0.75 };
 
-    /// How many steps the farthest sphere takes to go so far, in farthest steps of the sample.
+    /// The number of steps in which the farthest sphere moves by `distance`, in farthest steps of the sample.
     pub(crate) fn steps(self, distance: f32) -> f32 {
         (distance / self.factor).max(0.0).powf(self.exponent.recip())
     }

@@ -1,4 +1,4 @@
-//! Which skin is worth it: a pure function of what is known of the spheres, of their motion, and of what things cost.
+//! Chooses the skin: a pure function of the survey of the spheres, their motion, and the costs.
 //!
 //! A skin in proportion to the farthest steps of each size is used up by all sizes at about the same time. The wider
 //! it is, the longer candidates last, and the more of them there are.
@@ -18,7 +18,7 @@ const GROUPS: usize = 16;
 /// The smallest allowance, as a part of the largest.
 const LEAST: f32 = 1e-3;
 
-/// What calls cost, in nanoseconds or any other unit: only ratios count.
+/// The costs of calls, in nanoseconds or any other unit: only ratios count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
     /// For each sphere of a search, whatever it finds: to survey and sort on the CPU.
@@ -42,7 +42,7 @@ impl Costs {
     pub const CPU: Self =
         Self { search: 24.0, levels: 1.4, find: 12.0, keep: 10.0, measure: 7.0, test: 2.5, call: 0.0 };
 
-    /// What a search costs for each sphere.
+    /// The cost of a search for each sphere.
     fn of_search(&self, survey: &Survey, crowding: &Crowding, found: f32) -> f32 {
         let levels = match self.levels > 0.0 {
             true => self.levels * Levels::plan(survey, crowding).cost / survey.spheres as f32,
@@ -52,7 +52,7 @@ impl Costs {
     }
 }
 
-/// How a skin is shared out among sizes.
+/// The distribution of a skin among sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Spread {
     /// In proportion to the farthest steps of each.
@@ -78,9 +78,9 @@ const MOST: f32 = 64.0;
 pub(super) struct Choice {
     /// The skin in farthest steps of the sample.
     pub(super) skin: f32,
-    /// How many calls candidates are expected to last.
+    /// The number of calls that the candidates are expected to last.
     pub(super) calls: f32,
-    /// How many candidates are expected for each sphere.
+    /// The expected number of candidates for each sphere.
     pub(super) candidates: f32,
 }
 
@@ -120,7 +120,7 @@ pub(super) fn choose(
     (time < BETTER * none).then_some(choice)
 }
 
-/// What is known of spheres whose radii are larger by their allowances.
+/// The survey of the spheres with radii larger by their displacement limits.
 fn widened(survey: &Survey, allowances: &Allowances) -> Survey {
     let mut wide = Survey { classes: [Class::default(); CLASSES], ..survey.clone() };
     for (class, Class { count, largest }) in survey.occupied() {

@@ -191,7 +191,7 @@ pub(crate) trait Vector: Copy {
     fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize;
 }
 
-/// What a vector width must be able to do besides for periodic spaces.
+/// The further operations of a vector width for periodic spaces.
 pub(crate) trait Width: Vector {
     /// As [`gaps`](Vector::gaps), between nearest images: with the slack added to the sum of radii, and with it taken
     /// away, but never below zero.
