@@ -1,4 +1,4 @@
-//! What `lazygrid calibrate` measured, kept for later runs: one JSON file in the user's cache directory
+//! The measurements of `lazygrid calibrate`, kept for later runs: one JSON file in the user's cache directory
 //! (`$XDG_CACHE_HOME/lazygrid/calibration.json` on Linux).
 
 use std::fs;

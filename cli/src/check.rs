@@ -27,7 +27,7 @@ const SPEEDS: u64 = 60;
 /// Scenes that take a way longer are left out; with `--full` twenty times as long.
 const SCENE_SECONDS: f64 = 0.2;
 
-/// How often something that fails is tried again with fewer spheres.
+/// The number of attempts to shrink a failing case.
 const TRIES: usize = 1500;
 
 /// So many rounds that go wrong are enough for the fuzzer.
@@ -118,7 +118,7 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// What is checked, and how far that has come.
+/// The checks and their progress.
 struct Work<'a> {
     args: &'a Check,
     gpu: Option<Gpu>,

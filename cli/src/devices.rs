@@ -21,7 +21,7 @@ pub(crate) fn run() -> Result<(), Failure> {
     print(text)
 }
 
-/// What there is of the CPU.
+/// The description of the CPU.
 pub(crate) fn cpu() -> String {
     let threads = available_parallelism().map_or(1, usize::from);
     format!("{threads} threads, {}", Simd::detect())

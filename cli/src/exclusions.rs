@@ -8,7 +8,7 @@ use lazygrid_io::read::{self, Frame};
 use crate::args::Detect;
 use crate::failure::Failure;
 
-/// What a file names, by rows or by ids.
+/// The pairs that a file names, by rows or by ids.
 pub(crate) struct Excluded {
     path: PathBuf,
     pairs: Vec<(i64, i64)>,
@@ -16,7 +16,7 @@ pub(crate) struct Excluded {
 }
 
 impl Excluded {
-    /// Those of `--exclude`, where it is given.
+    /// The exclusions of `--exclude`, if given.
     pub(crate) fn read(args: &Detect) -> Result<Option<Self>, Failure> {
         let Some(path) = &args.exclude else { return Ok(None) };
         Ok(Some(Self { path: path.clone(), pairs: read::pairs(path)?, by_id: args.ids }))

@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::signals::SignalError;
 
-/// Why the command did not do what it was asked for.
+/// The failure of the command.
 #[derive(Debug, Error)]
 pub(crate) enum Failure {
     #[error(transparent)]
@@ -95,7 +95,7 @@ impl Failure {
     }
 }
 
-/// What the engine's remedies are called here.
+/// The options that stand for the engine's remedies.
 fn remedy(error: &lazygrid::Error) -> &'static str {
     match error {
         lazygrid::Error::TooManyPairs { .. } => " (--count, --output without --neighbors, or --max-pairs)",

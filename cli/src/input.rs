@@ -21,7 +21,7 @@ pub(crate) struct Input {
     frames: Frames,
     /// What reads text; the threads of the process where there is none.
     pool: Option<ThreadPool>,
-    /// How many frames were read.
+    /// The number of frames read.
     read: usize,
     wanted: Option<usize>,
     pub(crate) progress: Progress,
@@ -92,13 +92,13 @@ impl Input {
         Ok(None)
     }
 
-    /// How many species were met so far.
+    /// The number of species met so far.
     pub(crate) fn species_met(&self) -> usize {
         self.frames.species().names().len()
     }
 }
 
-/// What a file is called in messages.
+/// The name of a file in messages.
 pub(crate) fn name(file: &Path) -> &Path {
     if file == Path::new(STANDARD) { Path::new("standard input") } else { file }
 }

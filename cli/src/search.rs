@@ -41,7 +41,7 @@ pub(crate) struct Search<'a> {
     pub(crate) args: &'a Detect,
     pub(crate) frame: usize,
     pub(crate) query: Query<'a>,
-    /// What the spheres are called in the result.
+    /// The names of the spheres in the result.
     pub(crate) ids: Option<&'a [i64]>,
     pub(crate) detector: &'a mut Detector,
     pub(crate) progress: &'a Progress,

@@ -6,7 +6,7 @@ use lazygrid::{Report, Space, gpu};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-/// What is said about one frame.
+/// The summary of one frame.
 pub(crate) struct Summary {
     pub(crate) frame: usize,
     /// The simulator's number of the time step.
@@ -15,7 +15,7 @@ pub(crate) struct Summary {
     /// `true` if the space was given, and is not what the file declares.
     pub(crate) space_given: bool,
     pub(crate) report: Report,
-    /// How many species were met so far; 0 where the file has none.
+    /// The number of species met so far; 0 if the file has none.
     pub(crate) species: usize,
     /// Reading and writing, besides the phases of the search.
     pub(crate) read: Duration,
@@ -39,7 +39,7 @@ struct Object<'a> {
     adapter: Option<&'a str>,
     algorithm: &'a str,
     reason: &'a str,
-    /// What the call cost a GPU, by its plan.
+    /// The cost of the call on a GPU, by its plan.
     gpu: Option<Value>,
     /// The candidates that the call was answered from.
     candidates: Option<Value>,
@@ -140,7 +140,7 @@ fn candidates_object(kept: &lazygrid::Kept) -> Value {
     })
 }
 
-/// What a call costs a GPU, as an object of `--json`.
+/// The cost of a call on a GPU, as an object of `--json`.
 pub(crate) fn cost_object(cost: &gpu::Cost) -> Value {
     json!({
         "dispatches": cost.dispatches, "working_bytes": cost.working_bytes, "pair_bytes": cost.pair_bytes,

@@ -7,12 +7,12 @@ use thiserror::Error;
 
 use crate::read::bare;
 
-/// Where in a file something is wrong.
+/// The location of a fault in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
     /// The file, as it was named.
     pub path: Arc<Path>,
-    /// Where in it.
+    /// The position in the file.
     pub at: At,
 }
 
@@ -38,7 +38,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// Why a file could not be read or written. Every message names the file, the line or row, and the offending text.
+/// The failure to read or write a file. Every message names the file, the line or row, and the offending text.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -47,7 +47,7 @@ pub enum Error {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The message of the system.
         source: io::Error,
     },
     /// The system refused to create or write the file. What was there before is untouched.
@@ -55,7 +55,7 @@ pub enum Error {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The message of the system.
         source: io::Error,
     },
     /// Neither the name nor the first lines tell the format.
@@ -70,17 +70,17 @@ pub enum Error {
     /// Something else stands where the format wants something.
     #[error("{place}: expected {expected}, found {found}")]
     Syntax {
-        /// Where.
+        /// The location.
         place: Place,
-        /// What the format wants.
+        /// The format's requirement.
         expected: String,
-        /// What is there.
+        /// The text of the file.
         found: String,
     },
     /// A field that is not a number.
     #[error("{place}: {column} '{text}' is not a number")]
     Number {
-        /// Where.
+        /// The location.
         place: Place,
         /// The column's name.
         column: String,
@@ -90,19 +90,19 @@ pub enum Error {
     /// A number that no sphere can have.
     #[error("{place}: {column} is {value}; {rule}")]
     Value {
-        /// Where.
+        /// The location.
         place: Place,
         /// The column's name.
         column: String,
         /// The number as it is written.
         value: String,
-        /// What is allowed.
+        /// The valid values.
         rule: &'static str,
     },
     /// The file has no radii and none was given for this species.
     #[error("{place}: no radius column and no radius for {}", remedy(species.as_deref()))]
     NoRadius {
-        /// Where.
+        /// The location.
         place: Place,
         /// The species, if the file names one.
         species: Option<String>,
@@ -110,13 +110,13 @@ pub enum Error {
     /// The file ends inside a frame.
     #[error("{place}: the file ends after {found} of {expected} {what}")]
     Truncated {
-        /// Where the file ends.
+        /// The end of the file.
         place: Place,
-        /// What is counted.
+        /// The counted things.
         what: &'static str,
-        /// How many there are.
+        /// The actual number.
         found: u64,
-        /// How many the file says there are.
+        /// The number that the file declares.
         expected: u64,
     },
     /// The file's box repeats along edges that span none.
@@ -125,9 +125,9 @@ pub enum Error {
          --periodic none"
     )]
     BoxEdges {
-        /// Where the box is declared.
+        /// The location of the box.
         place: Place,
-        /// What is wrong with them.
+        /// The fault.
         reason: Box<lazygrid::InputError>,
     },
     /// The file's box repeats after a length that no period can have.
@@ -136,7 +136,7 @@ pub enum Error {
          lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none"
     )]
     BoxLength {
-        /// Where the box is declared.
+        /// The location of the box.
         place: Place,
         /// The axis.
         axis: &'static str,
@@ -149,7 +149,7 @@ pub enum Error {
          file cannot be told apart: write one file per listing (Smoldyn's `incrementfile`)"
     )]
     RepeatedMolecule {
-        /// Where the molecule comes again.
+        /// The location of the repeated molecule.
         place: Place,
         /// Its serial number.
         serial: String,
@@ -159,7 +159,7 @@ pub enum Error {
     /// A line so long that the file is hardly a text file.
     #[error("{place}: the line is longer than {limit} bytes; is this a text file?")]
     LineTooLong {
-        /// Where.
+        /// The location.
         place: Place,
         /// The longest line that is read.
         limit: usize,
@@ -167,11 +167,11 @@ pub enum Error {
     /// More spheres in a frame than indices or memory.
     #[error("{place}: no room for {spheres} spheres ({limit}); split the file")]
     TooManySpheres {
-        /// Where.
+        /// The location.
         place: Place,
-        /// How many there are.
+        /// The actual number.
         spheres: u64,
-        /// What limits them.
+        /// The source of the limit.
         limit: &'static str,
     },
 }

@@ -1,4 +1,4 @@
-//! Where spheres come from and pairs go to: [readers](read) of CSV, NumPy, extended XYZ, LAMMPS and Smoldyn files,
+//! Files of spheres and pairs: [readers](read) of CSV, NumPy, extended XYZ, LAMMPS and Smoldyn files,
 //! [writers](mod@write) of spheres and pairs, and the [scenes] that tests and benchmarks share.
 
 pub mod read;

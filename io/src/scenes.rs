@@ -30,9 +30,9 @@ const TEN_TENTHS: [f32; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
 /// A mixture of two sizes: transceivers of radius 1, and carriers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Transceivers {
-    /// How many of the spheres are transceivers; all of them where there are no more.
+    /// The number of transceivers among the spheres; all spheres if there are no more.
     pub count: u32,
-    /// How many times as large as a carrier a transceiver is; 0 is taken as 1.
+    /// The radius of a transceiver over that of a carrier; 0 is taken as 1.
     pub ratio: u32,
 }
 
@@ -40,7 +40,7 @@ impl Transceivers {
     /// Thirty, a hundred times as large.
     pub const DEFAULT: Self = Self { count: 30, ratio: 100 };
 
-    /// How many of `n` spheres are transceivers.
+    /// The number of transceivers among `n` spheres.
     fn among(self, n: usize) -> usize {
         n.min(self.count as usize)
     }
@@ -141,7 +141,7 @@ impl Scene {
         expected::pairs(&self.sizes().classes(n), self.cloud(n))
     }
 
-    /// How the centres of `n` spheres are distributed.
+    /// The distribution of the centers of `n` spheres.
     fn cloud(self, n: usize) -> Cloud {
         let classes = self.sizes().classes(n);
         match self {

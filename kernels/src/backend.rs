@@ -3,7 +3,7 @@ use std::str::FromStr;
 
 use crate::UnknownName;
 
-/// Where the work is done.
+/// The processor that does the work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Backend {

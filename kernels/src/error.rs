@@ -2,7 +2,7 @@ use thiserror::Error;
 
 use crate::{Algorithm, Backend, MAX_SPHERES};
 
-/// What can be wrong with an input. Every message names the value, the limit and the remedy.
+/// A fault of an input. Every message names the value, the limit and the remedy.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum InputError {
@@ -19,18 +19,18 @@ pub enum InputError {
         center: [f64; 3],
         /// Its radius.
         radius: f64,
-        /// How many such spheres there are.
+        /// The number of such spheres.
         count: u64,
-        /// How many spheres there are in all.
+        /// The number of all spheres.
         total: u64,
     },
-    /// What is wrong with the second of two sets of spheres.
+    /// A fault of the second of two sets of spheres.
     #[error("of the second set, {0}")]
     Second(Box<InputError>),
     /// Columns or ids of different lengths.
     #[error("`{what}` has {length} values where {expected} are needed: one per sphere")]
     Lengths {
-        /// Which column.
+        /// The column.
         what: &'static str,
         /// Its length.
         length: usize,
@@ -40,7 +40,7 @@ pub enum InputError {
     /// More spheres than indices.
     #[error("{count} spheres are more than the {MAX_SPHERES} that 32-bit indices can name; split the input")]
     TooManySpheres {
-        /// How many were given.
+        /// The number that was given.
         count: u64,
     },
     /// A species id outside the interaction table.
@@ -53,13 +53,13 @@ pub enum InputError {
         index: Option<u32>,
         /// The id.
         id: u32,
-        /// How many species the table has.
+        /// The number of species of the table.
         count: u32,
     },
     /// Too large an interaction table.
     #[error("an interaction table for {count} species is above the limit of {limit}; merge species")]
     SpeciesCount {
-        /// How many were asked for.
+        /// The requested number.
         count: u32,
         /// The most there may be.
         limit: u32,
@@ -121,9 +121,9 @@ pub enum InputError {
         i: u32,
         /// The second.
         j: u32,
-        /// How many spheres the first may be of.
+        /// The number of spheres of the first set.
         first: usize,
-        /// How many the second may be of.
+        /// The number of spheres of the second set.
         second: usize,
     },
     /// Compressed rows of excluded pairs that are none.
@@ -136,9 +136,9 @@ pub enum InputError {
         at: usize,
         /// Its value.
         offset: usize,
-        /// How many there are.
+        /// The actual number.
         offsets: usize,
-        /// How many indices there are.
+        /// The number of indices.
         indices: usize,
     },
     /// Excluded pairs were made for other numbers of spheres than the call has.
@@ -147,9 +147,9 @@ pub enum InputError {
         sets(.made_for), sets(.given)
     )]
     ExclusionsOfOthers {
-        /// How many spheres they were made for, of one set or of each of two.
+        /// The numbers of spheres that they were made for, of one set or of each of two.
         made_for: (usize, Option<usize>),
-        /// How many there are.
+        /// The actual number.
         given: (usize, Option<usize>),
     },
     /// An interaction distance that is negative or not finite.
@@ -164,7 +164,7 @@ pub enum InputError {
     },
 }
 
-/// Why a call gave no result. Every message names the value, the limit and the remedy.
+/// The failure of a call. Every message names the value, the limit and the remedy.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum Error {
@@ -174,11 +174,11 @@ pub enum Error {
     /// A setting outside its range.
     #[error("{name} = {value} is out of range; {range}")]
     Setting {
-        /// Which setting.
+        /// The setting.
         name: &'static str,
         /// Its value.
         value: String,
-        /// What is allowed.
+        /// The valid values.
         range: &'static str,
     },
     /// The algorithm does not run on the backend.
@@ -195,7 +195,7 @@ pub enum Error {
          in chunks, or raise `max_pairs`"
     )]
     TooManyPairs {
-        /// How many pairs there are.
+        /// The number of pairs.
         found: u64,
         /// The limit that was set.
         limit: u64,
@@ -208,23 +208,23 @@ pub enum Error {
     /// The system refused memory.
     #[error("no memory for {what}: {bytes} bytes were refused; use fewer spheres or stream the pairs")]
     OutOfMemory {
-        /// What it was for.
+        /// The purpose of the memory.
         what: &'static str,
-        /// How many bytes were asked for.
+        /// The requested bytes.
         bytes: u64,
     },
     /// The thread pool could not be made.
     #[error("could not start {threads} threads: {reason}; ask for fewer")]
     Threads {
-        /// How many were asked for.
+        /// The requested number.
         threads: usize,
-        /// What the system said.
+        /// The message of the system.
         reason: String,
     },
     /// The GPU was asked for by name and cannot be used. An explicit choice never falls back.
     #[error("the GPU backend is not available: {reason}; choose the `cpu` or `auto` backend")]
     GpuUnavailable {
-        /// Why not.
+        /// The reason.
         reason: String,
     },
     /// This build has no GPU path.
@@ -241,7 +241,7 @@ pub enum Error {
         "no GPU adapter was found ({reason}); install a Vulkan, Metal or DirectX 12 driver, or use the CPU"
     )]
     NoAdapter {
-        /// What was asked and what came back.
+        /// The request and the answer.
         reason: String,
     },
     /// No adapter, or more than one, is what was asked for.
@@ -255,7 +255,7 @@ pub enum Error {
     UnknownAdapter {
         /// The index or name.
         asked: String,
-        /// How many adapters fit it.
+        /// The number of adapters that match.
         fitting: usize,
         /// Index, name and API of each adapter.
         there_are: String,
@@ -265,7 +265,7 @@ pub enum Error {
     NoDevice {
         /// The adapter's name.
         adapter: String,
-        /// What it said.
+        /// The message of the device.
         reason: String,
     },
     /// Something would not fit the device. Nothing was allocated.
@@ -273,11 +273,11 @@ pub enum Error {
     LimitExceeded {
         /// Which buffer or number.
         what: &'static str,
-        /// What would be needed, in bytes unless `what` says otherwise.
+        /// The required amount, in bytes unless `what` says otherwise.
         needed: u64,
-        /// What there is.
+        /// The available amount.
         limit: u64,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
     /// The device has no memory left.
@@ -285,23 +285,23 @@ pub enum Error {
         "the device has no room for {bytes} bytes ({what}); use fewer spheres or a smaller pair capacity"
     )]
     DeviceOutOfMemory {
-        /// What it was for.
+        /// The purpose of the memory.
         what: &'static str,
-        /// How many bytes were asked for.
+        /// The requested bytes.
         bytes: u64,
     },
     /// The device is gone: unplugged, reset by its driver, or destroyed by its owner.
     #[error("the device was lost ({reason}); make a new device and a new detector")]
     DeviceLost {
-        /// What the driver said.
+        /// The message of the driver.
         reason: String,
     },
     /// The device refused a call: a fault of this library or of a buffer that was handed over.
     #[error("the device refused {what}: {reason}")]
     Validation {
-        /// What was being done.
+        /// The operation.
         what: &'static str,
-        /// What the device said.
+        /// The message of the device.
         reason: String,
     },
     /// The device did not finish in time.
@@ -309,23 +309,23 @@ pub enum Error {
         "the device did not finish within {seconds} seconds; use fewer spheres per call or raise the time-out"
     )]
     Timeout {
-        /// How long was waited.
+        /// The time limit.
         seconds: u64,
     },
     /// As many calls are in flight as a session can hold, or the ticket is of a call that failed.
     #[error("{calls} calls are in flight, or this one failed; finish a call before beginning the next")]
     Busy {
-        /// How many may be in flight.
+        /// The number of calls that may be in flight.
         calls: usize,
     },
     /// A buffer that was handed over does not fit what was asked for.
     #[error("the `{what}` buffer has {size} bytes where {needed} are needed{usage}")]
     Buffer {
-        /// Which buffer.
+        /// The buffer.
         what: &'static str,
         /// Its size.
         size: u64,
-        /// What is needed.
+        /// The required size.
         needed: u64,
         /// The usage that is missing, if any.
         usage: &'static str,

@@ -1,6 +1,6 @@
 use crate::{Error, InputError, MAX_SPHERES, make_room};
 
-/// What memory is asked for.
+/// The purpose of memory, in errors.
 const WHAT: &str = "excluded pairs";
 
 /// Pairs that a search never reports, such as bonds.
@@ -18,11 +18,11 @@ const WHAT: &str = "excluded pairs";
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exclusions {
-    /// Where the row of each sphere begins and ends.
+    /// The start and the end of each sphere's row.
     offsets: Vec<usize>,
     /// Of one set the larger indices of each pair, of two sets those in the second one; ascending within a row.
     others: Vec<u32>,
-    /// How many spheres the second set has, where there are two.
+    /// The number of spheres of the second set, if there are two.
     second: Option<usize>,
 }
 
@@ -94,12 +94,12 @@ impl Exclusions {
         Ok(Self { offsets, others, second })
     }
 
-    /// How many spheres they were made for: of one set, or of the first and of the second.
+    /// The numbers of spheres that they were made for: of one set, or of the first and of the second.
     pub fn spheres(&self) -> (usize, Option<usize>) {
         (self.offsets.len() - 1, self.second)
     }
 
-    /// How many pairs there are.
+    /// The number of pairs.
     pub fn len(&self) -> usize {
         self.others.len()
     }
@@ -113,7 +113,7 @@ impl Exclusions {
     /// in the second.
     ///
     /// # Panics
-    /// Where the row is of no sphere.
+    /// Panics if the row is of no sphere.
     #[inline]
     pub fn contains(&self, i: u32, j: u32) -> bool {
         let (row, other) = if self.second.is_none() { (i.min(j), i.max(j)) } else { (i, j) };

@@ -1,6 +1,6 @@
 use crate::InputError;
 
-/// What makes two spheres of given species a pair.
+/// The condition for two spheres of given species to be a pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Interaction {
     /// Never a pair.
@@ -94,7 +94,7 @@ impl Interactions {
     /// The interaction of species `a` with species `b`.
     ///
     /// # Panics
-    /// Where a species is not in the table.
+    /// Panics if a species is not in the table.
     #[inline]
     pub fn get(&self, a: u32, b: u32) -> Interaction {
         self.table[a as usize * self.species as usize + b as usize]
@@ -116,7 +116,7 @@ impl Interactions {
         self.is_narrow
     }
 
-    /// How many species the table has.
+    /// The number of species.
     pub fn species(&self) -> u32 {
         self.species
     }
@@ -132,7 +132,7 @@ impl Interactions {
         })
     }
 
-    /// What the culling of this species' spheres must respect; see [`Reach`].
+    /// The rule for the effective radius of this species; see [`Reach`].
     pub fn reach(&self, species: u32) -> Reach {
         let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
         row.iter().fold(Reach { touches: false, half: 0.0 }, |reach, with| match *with {

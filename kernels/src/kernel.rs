@@ -15,7 +15,7 @@ pub use sizes::{
     SCANNED_AT_ONCE, SHARE, WIDE_TILE,
 };
 
-/// How a kernel uses a binding; the position in [`Kernel::bindings`] is the binding number of group 0.
+/// The use of a binding by a kernel; the position in [`Kernel::bindings`] is the binding number of group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
     /// A uniform buffer.
@@ -31,7 +31,7 @@ pub enum Access {
 pub struct Binding {
     /// The variable's name in the shader.
     pub name: &'static str,
-    /// How it is used.
+    /// Its use.
     pub access: Access,
 }
 
@@ -47,7 +47,7 @@ const fn write(name: &'static str) -> Binding {
     Binding { name, access: Access::ReadWrite }
 }
 
-/// What differs between the texts of one kernel.
+/// The differences between the texts of one kernel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Variant {
     /// The device's smallest subgroup size where subgroup operations are to be used; `None` works everywhere.
@@ -288,7 +288,7 @@ kernels! {
         [uniform("call"), uniform("digit_pass"), read("list"), read("lengths"), read("spheres"), write("density"),
          write("outcome"), write("keys"), write("counts")],
         species: [read("species"), read("reach")];
-    /// Where the spheres of each cell begin.
+    /// The start of each cell's spheres.
     CELLS_INDEX = "cells_index", GROUP, subgroups: false, periodic: false,
         [read("list"), read("cells"), write("starts")], species: [];
     /// Brings the spheres into the order of their cells.
@@ -313,7 +313,7 @@ kernels! {
         [uniform("call"), read("list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), read("crowded")],
         species: [read("sorted_species"), read("table")];
-    /// How far spheres have gone since candidates were found.
+    /// The displacements of spheres since the candidates were found.
     SKIN_MEASURE = "skin_measure", GROUP, subgroups: true, periodic: true,
         [uniform("call"), uniform("skin"), read("count_source"), read("spheres"), read("kept"), write("state")],
         species: [read("species"), read("kept_species")];

@@ -9,7 +9,7 @@ use glam::{IVec3, UVec3, Vec3};
 
 use crate::Space;
 
-/// What the host says about one call. The first word is the number of spheres, so that the same buffer can be
+/// The parameters of one call. The first word is the number of spheres, so that the same buffer can be
 /// bound as `count_source`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -73,7 +73,7 @@ pub struct Call {
 pub struct Pass {
     /// Its lowest bit.
     pub shift: u32,
-    /// What is left of a key shifted by that.
+    /// The mask of a key after the shift.
     pub mask: u32,
     /// 1 where the payload is the place of each key, and is not read.
     pub is_first: u32,
@@ -90,7 +90,7 @@ impl Call {
     }
 }
 
-/// What the spheres are like, as the device finds it.
+/// Statistics of the spheres, computed on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Bounds {
@@ -104,7 +104,7 @@ pub struct Bounds {
     pub radius_max: u32,
     /// Depths that occur, a bit each.
     pub depths: u32,
-    /// How many spheres of each depth go on below the first level.
+    /// The number of spheres of each depth that descend below the first level.
     pub descending: [u32; 32],
 }
 
@@ -122,9 +122,9 @@ pub struct Level {
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct Grid {
-    /// Where cells of all levels have a corner.
+    /// A point that is a corner of cells of all levels.
     pub origin: Vec3,
-    /// How many spheres the call has.
+    /// The number of spheres of the call.
     pub spheres: u32,
     /// Cells of depth 0 per unit of length.
     pub inverse_edge: Vec3,
@@ -187,7 +187,7 @@ pub struct Outcome {
     pub is_sorted: u32,
 }
 
-/// What the host says about candidates that outlive a call.
+/// The parameters of a candidate list that outlives a call.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Skin {
@@ -199,7 +199,7 @@ pub struct Skin {
     pub capacity: u32,
 }
 
-/// What is known of these candidates from call to call.
+/// The state of the candidate list, kept on the device between calls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SkinState {
@@ -209,7 +209,7 @@ pub struct SkinState {
     pub changed: u32,
     /// 1 where the candidates are all that there are.
     pub is_complete: u32,
-    /// How many spheres there were.
+    /// The number of spheres.
     pub spheres: u32,
     /// Why the last call found candidates anew: [`FIRST`](Self::FIRST), [`CHANGED`](Self::CHANGED) or
     /// [`MOVED`](Self::MOVED); 0 where it kept them.
@@ -305,7 +305,7 @@ pub struct ListLevel {
 #[derive(Clone, Copy, Debug, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct List {
-    /// How many spheres the call has.
+    /// The number of spheres of the call.
     pub spheres: u32,
     /// Cells of all levels.
     pub cells: u32,

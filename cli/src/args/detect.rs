@@ -1,4 +1,4 @@
-//! What the arguments of `detect` come to.
+//! The settings that follow from the arguments of `detect`.
 
 use std::num::NonZeroUsize;
 
@@ -38,7 +38,7 @@ impl Detect {
         sheared.map(Some).map_err(|error| Failure::Setting(error.into()))
     }
 
-    /// Where the pairs go.
+    /// The output of pairs.
     pub(crate) fn output(&self) -> Result<Option<Output>, Failure> {
         let Some(path) = &self.output else { return Ok(None) };
         let to_stdout = path.as_os_str() == STANDARD;

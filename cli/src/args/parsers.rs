@@ -1,4 +1,4 @@
-//! What options hold, from text, with messages that say what to write instead.
+//! Parsers of option values, with messages that name valid ones.
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ pub(super) fn space(text: &str) -> Result<Space, String> {
     let length = |text: &str| match text.trim() {
         "-" => Ok(None),
         number => match f32::from_str(number) {
-            // As coordinates are read.
+            // The same type as coordinates.
             Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(f64::from(length))),
             Ok(_) => Err(format!(
                 "the length {number} is not a finite number above zero; write - for an axis that is unbounded"

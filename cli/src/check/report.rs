@@ -23,11 +23,11 @@ const TANGENT: u64 = 1_000_000;
 /// Says what comes of the checks: as it comes, or as one JSON object in the end.
 pub(super) struct Report {
     is_json: bool,
-    /// What was asked, as options that repeat it.
+    /// The options that repeat the check.
     backend: &'static str,
     object: Map<String, Value>,
     failures: Vec<Value>,
-    /// How many files there are that show failures.
+    /// The number of files that show failures.
     files: usize,
     left_out: Vec<Value>,
     speeds: Vec<Value>,
@@ -47,7 +47,7 @@ pub(super) struct Primitive {
     pub(super) of_copy: f64,
 }
 
-/// What is timed.
+/// The timed work.
 #[derive(Clone, Copy)]
 pub(super) struct Called {
     pub(super) backend: Backend,
@@ -284,7 +284,7 @@ impl Report {
         self.say(&text)
     }
 
-    /// What repeats a failure.
+    /// The command that repeats a failure.
     fn command(&self, path: &Path, name: &str, scenario: Option<&TestInput>, options: &str) -> String {
         let seed = name.strip_prefix("fuzz seed ").and_then(|rest| rest.split_once(':'));
         let fuzz = seed.map(|(seed, _)| format!("lazygrid check --backend {} --seed {seed}", self.backend));

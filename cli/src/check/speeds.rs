@@ -93,7 +93,7 @@ struct Race<'a> {
 /// One of those who are timed.
 struct Runner {
     algorithm: Algorithm,
-    /// What it took so far: spheres and seconds.
+    /// The calls so far: spheres and seconds.
     times: Vec<(usize, f64)>,
     /// `true` if it is no longer asked: more spheres would take longer still.
     is_out: bool,
@@ -172,7 +172,7 @@ impl<'a> Race<'a> {
         }
     }
 
-    /// Why a call that is to take so many seconds is left out, if it is.
+    /// The reason to skip a call that is predicted to take `seconds`, if there is one.
     fn too_long(&self, seconds: f64) -> Option<String> {
         let times = if self.work.args.full { FULL_TIMES } else { 1.0 };
         let remedy = if self.work.args.full { "" } else { "; --full gives more time" };

@@ -46,10 +46,10 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), Failure> {
     }
 }
 
-/// How far all replicas are together.
+/// The progress of all replicas together.
 struct Advance {
     bar: ProgressBar,
-    /// How many steps are done, by replica.
+    /// The number of steps done, by replica.
     steps: Mutex<BTreeMap<u32, u32>>,
 }
 

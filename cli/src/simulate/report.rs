@@ -23,11 +23,11 @@ pub(crate) struct Done<'a> {
     pub(crate) mean: &'a MeanSeries,
     /// The seed and the directory of each.
     pub(crate) runs: Vec<(u64, PathBuf)>,
-    /// How they were asked for.
+    /// The options that asked for them.
     pub(crate) command: String,
 }
 
-/// How a run was asked for, in so far as it matters to the report.
+/// The options of a run that matter to the report.
 pub(crate) fn command(run: &Run) -> String {
     let Run { scenario, path, directory, .. } = run;
     format!(

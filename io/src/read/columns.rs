@@ -2,7 +2,7 @@ use super::line::Line;
 use super::session::Session;
 use crate::error::{Error, excerpt};
 
-/// What a column of a table means.
+/// The meaning of a table's column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Column {
     /// A coordinate of the centre.
@@ -21,7 +21,7 @@ pub(super) enum Column {
 }
 
 impl Column {
-    /// What a column of this name means where names are free: in CSV, extended XYZ and structured arrays.
+    /// The meaning of a column of this name in formats with free names: in CSV, extended XYZ and structured arrays.
     pub(super) fn named(name: &str) -> Self {
         match name.to_ascii_lowercase().as_str() {
             "x" => Self::Axis(0),

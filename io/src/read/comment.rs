@@ -45,7 +45,7 @@ fn token(text: &[u8], end: impl Fn(u8) -> bool) -> (&[u8], &[u8]) {
     }
 }
 
-/// Where the quote ends that was opened before `inside`; one behind a backslash does not end it.
+/// Returns the end of the quote that was opened before `inside`; a quote after a backslash does not end it.
 fn closing_quote(inside: &[u8], quote: u8) -> Option<usize> {
     let mut at = 0;
     while at < inside.len() {
@@ -58,7 +58,7 @@ fn closing_quote(inside: &[u8], quote: u8) -> Option<usize> {
     None
 }
 
-/// Where the bracket that `text` begins with is closed, counted from behind it.
+/// Returns the position of the bracket that closes the one at the beginning of `text`, counted from after it.
 fn closing_bracket(text: &[u8], [open, close]: [u8; 2]) -> Option<usize> {
     let mut depth = 0_usize;
     for (at, &b) in text.iter().enumerate() {

@@ -83,7 +83,7 @@ impl Table for Csv {
     }
 }
 
-/// What stands behind the `#` of a comment line.
+/// The text after the `#` of a comment line.
 fn commented(line: &[u8]) -> Option<&[u8]> {
     line.trim_ascii_start().strip_prefix(b"#")
 }

@@ -20,7 +20,7 @@ pub(super) struct Lammps {
     pub(super) lines: Lines,
 }
 
-/// What a frame's head says before its atoms.
+/// The head of a frame, before its atoms.
 #[derive(Default)]
 struct Head {
     begun: bool,

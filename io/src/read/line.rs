@@ -105,7 +105,7 @@ impl<'a> Line<'a> {
     }
 }
 
-/// What groups are in a file.
+/// The meaning of groups in a file.
 pub(super) const GROUPS: &str = "groups as whole numbers below 2^32 - 1, 0 for none";
 
 /// The group of this number in a file.

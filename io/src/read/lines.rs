@@ -22,7 +22,7 @@ pub(super) struct Lines {
     buffer: Vec<u8>,
     /// Takes what comes next while the other one is parsed.
     spare: Vec<u8>,
-    /// What of the buffer is read and not yet handed out.
+    /// The part of the buffer that is read and not yet handed out.
     unread: Range<usize>,
     /// The last line, within the buffer.
     line: Range<usize>,
@@ -101,7 +101,7 @@ impl Lines {
         self.number -= 1;
     }
 
-    /// Where the last line stands; before the first, the file.
+    /// The location of the last line; before the first, the file.
     pub(super) fn place(&self) -> Place {
         let at = if self.number == 0 { At::File } else { At::Line(self.number) };
         Place { path: self.source.path.clone(), at }
@@ -198,7 +198,7 @@ impl Lines {
     }
 }
 
-/// What is read and not yet handed out.
+/// The bytes that are read and not yet handed out.
 struct Text<'a> {
     bytes: &'a [u8],
     /// The number of its first line.
@@ -231,7 +231,7 @@ impl<'a> Text<'a> {
     }
 }
 
-/// How reading went on.
+/// The result of a read.
 struct Read {
     filled: usize,
     ended: bool,

@@ -133,7 +133,7 @@ impl FromStr for Format {
     }
 }
 
-/// How to read a file. The default finds the format itself and takes radii from the file.
+/// The options of a reader. The default finds the format itself and takes radii from the file.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// The format; else by extension, else by content.
@@ -235,7 +235,7 @@ impl Frames {
     /// where that is known.
     ///
     /// # Errors
-    /// As [`open`](Self::open).
+    /// The same as [`open`](Self::open).
     pub fn new(
         path: impl AsRef<Path>,
         input: impl Read + Send + 'static,

@@ -12,7 +12,7 @@ use super::species::Species;
 use super::{Frame, smoldyn};
 use crate::error::{At, Error, Place};
 
-/// What the lines of a table say.
+/// The contents of a table's lines.
 pub(super) trait Table: Sync {
     /// The columns, for messages.
     fn columns(&self) -> &Columns;
@@ -26,7 +26,7 @@ pub(super) trait Table: Sync {
     }
 }
 
-/// What one thread makes of a piece.
+/// The rows that one thread parses of a piece.
 #[derive(Default)]
 struct Part {
     spheres: Vec<Sphere>,
@@ -38,7 +38,7 @@ struct Part {
     serials: Vec<(smoldyn::Serial, u64)>,
     /// The first number that lost digits: line, column and field.
     rounded: Option<(Place, usize, String)>,
-    /// Why there are no more rows.
+    /// The reason for which there are no more rows.
     error: Option<Error>,
 }
 

@@ -8,7 +8,7 @@ use super::smoldyn::Serial;
 use super::species::Species;
 use crate::error::{At, Error, Place};
 
-/// What the frames of a file share: what was asked for, and what has been met so far.
+/// State that the frames of a file share: the options, and the species and names met so far.
 pub(super) struct Session {
     pub(super) species: Species,
     /// The space that was given.

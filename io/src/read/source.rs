@@ -12,7 +12,7 @@ use crate::error::{At, Error, Place};
 pub(super) struct Source {
     pub(super) path: Arc<Path>,
     input: Box<dyn Read + Send>,
-    /// How many bytes there are in all, where that is known.
+    /// The number of all bytes, if known.
     pub(super) length: Option<u64>,
 }
 
@@ -70,7 +70,7 @@ impl Source {
         }
     }
 
-    /// As many bytes as the buffer takes, fewer at the end only.
+    /// Reads as many bytes as the buffer takes, fewer only at the end.
     pub(super) fn fill(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
         let mut filled = 0;
         while filled < buffer.len() {

@@ -1,4 +1,4 @@
-//! How many pairs a scene has on average, in closed form, and by how much that varies from seed to seed.
+//! The mean number of pairs of a scene, in closed form, and its standard deviation over seeds.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -14,7 +14,7 @@ pub struct PairCount {
 }
 
 impl PairCount {
-    /// How many standard deviations `count` lies from the mean; 0 where every seed has that count.
+    /// The distance of `count` from the mean in standard deviations; 0 if every seed has that count.
     pub fn deviations(self, count: u64) -> f64 {
         let distance = count as f64 - self.mean;
         if distance == 0.0 { 0.0 } else { distance / self.variance.sqrt() }

@@ -73,7 +73,7 @@ impl fmt::Debug for Draft {
     }
 }
 
-/// What standard output is called in messages.
+/// The name of standard output in messages.
 pub(super) const STDOUT: &str = "standard output";
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use ruzstd::encoding::{CompressionLevel, FrameCompressor};
 /// Bytes gathered before they go to the system.
 const BUFFER: usize = 1 << 20;
 
-/// How a file is compressed.
+/// The compression of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Compression {
     Gzip,

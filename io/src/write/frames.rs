@@ -20,7 +20,7 @@ pub struct Particle<'a> {
     pub sphere: Sphere,
 }
 
-/// What a frame says besides its particles.
+/// The header of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
     /// The number of the time step.
@@ -48,7 +48,7 @@ struct Row {
 /// Writes a frame of extended XYZ, with columns for id, species, position and radius. Several may follow one another.
 ///
 /// # Errors
-/// What the system says.
+/// Fails with the message of the system.
 pub fn xyz<'a>(
     out: &mut (impl Write + ?Sized),
     moment: &Moment,
@@ -75,7 +75,7 @@ pub fn xyz<'a>(
 /// Writes a NumPy file of one frame: a structured array with the fields `id`, `species`, `x`, `y`, `z` and `r`.
 ///
 /// # Errors
-/// What the system says.
+/// Fails with the message of the system.
 pub fn npy<'a>(
     out: &mut (impl Write + ?Sized),
     particles: impl ExactSizeIterator<Item = Particle<'a>>,

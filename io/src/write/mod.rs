@@ -16,7 +16,7 @@ pub use pairs::{Output, PairFile, neighbors};
 pub use spheres::{SphereFormat, spheres};
 pub use temporary::discard_drafts;
 
-/// How a table of whole numbers is written.
+/// The format of a table of whole numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableFormat {
     /// Text with a header line.

@@ -10,7 +10,7 @@ use super::text::Rows;
 use super::{Draft, TableFormat, npy_header, number};
 use crate::Error;
 
-/// Where pairs or neighbours go, and how they are written.
+/// The output of pairs or neighbors, and its format.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Output {
     /// The file; compressed where it ends in `.gz` or `.zst`. None for standard output.
@@ -32,7 +32,7 @@ impl Output {
         }
     }
 
-    /// What it is called in messages.
+    /// Its name in messages.
     pub fn name(&self) -> &Path {
         self.path.as_deref().unwrap_or(Path::new(STDOUT))
     }

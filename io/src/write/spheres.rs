@@ -9,7 +9,7 @@ use super::text::Rows;
 use super::{Draft, npy_header, number};
 use crate::Error;
 
-/// How spheres are written.
+/// The format of spheres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SphereFormat {
     /// A table `x,y,z,r`.

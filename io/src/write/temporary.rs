@@ -17,7 +17,7 @@ const PREFIX: &str = ".lazygrid-";
 const SUFFIX: &str = ".part";
 const RANDOM: usize = 12;
 
-/// What this process has begun and not finished, and where it has looked for what others left behind.
+/// The unfinished files of this process, and the folders searched for those that other processes left.
 static BEGUN: Mutex<Begun> = Mutex::new(Begun { files: Vec::new(), swept: Vec::new() });
 
 struct Begun {

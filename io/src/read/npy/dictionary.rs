@@ -3,7 +3,7 @@ pub(super) struct Dictionary<'a> {
     rest: &'a [u8],
 }
 
-/// What the dictionary says.
+/// The contents of the dictionary.
 pub(super) struct Description<'a> {
     pub(super) descr: Descr<'a>,
     pub(super) fortran: bool,

@@ -179,7 +179,7 @@ impl Fields {
     }
 }
 
-/// What the numbers of a field mean, each with its name.
+/// The meanings of a field's numbers, each with its name.
 fn meanings(field: &Field<'_>) -> Vec<(String, Column)> {
     let name = String::from_utf8_lossy(field.name).into_owned();
     match (name.to_ascii_lowercase().as_str(), field.shape.as_slice()) {

@@ -9,7 +9,7 @@ use crate::error::{At, Error, excerpt};
 /// The longest header that is read; a longer one does not describe a plain table.
 const LONGEST_HEADER: usize = 1 << 16;
 
-/// What the file says about its array.
+/// The file's description of its array.
 pub(super) struct Header {
     pub(super) layout: Layout,
     pub(super) rows: u64,
@@ -17,7 +17,7 @@ pub(super) struct Header {
     end: u64,
 }
 
-/// How spheres are stored.
+/// The layout of the spheres.
 pub(super) enum Layout {
     /// Four numbers in a row, or in columns.
     Plain { kind: Kind, fortran: bool },
@@ -76,7 +76,7 @@ impl Header {
     }
 }
 
-/// How spheres are stored, and how many.
+/// The layout of the spheres, and their number.
 fn layout(source: &Source, text: &[u8]) -> Result<(Layout, u64), Error> {
     let said = Dictionary::parse(text).map_err(|rest| {
         let expected = "a header {'descr': …, 'fortran_order': …, 'shape': …} of a plain or structured array";

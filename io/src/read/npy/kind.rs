@@ -1,4 +1,4 @@
-/// How a value is stored.
+/// The type of a stored value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Kind {
     pub(super) class: Class,
@@ -7,7 +7,7 @@ pub(super) struct Kind {
     pub(super) width: usize,
 }
 
-/// What a value is.
+/// The class of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Class {
     /// A floating-point number of 32 or 64 bits.
