@@ -30,7 +30,7 @@
 
 namespace lazygrid {
 
-// Why a call gave no result; what() names the value, the limit and the remedy.
+// The failure of a call; what() names the value, the limit and the remedy.
 class Error : public std::runtime_error {
 public:
     Error(lazygrid_status status, const std::string &message) : std::runtime_error(message), status_(status) {}
@@ -52,7 +52,7 @@ class TooManyPairs : public Error {
 public:
     TooManyPairs(const std::string &message, std::uint64_t found)
         : Error(LAZYGRID_ERROR_TOO_MANY_PAIRS, message), found_(found) {}
-    // How many there are, exactly.
+    // Their exact number.
     std::uint64_t found() const noexcept { return found_; }
 
 private:
@@ -96,7 +96,7 @@ private:
 
 // The neighbors of each sphere, ascending; of one set every pair is in both lists, of two sets in that of its first sphere.
 struct Neighbors {
-    // Where each list starts in `indices`; one more than there are lists.
+    // The start of each list in `indices`, and the end of the last one.
     View<std::uint64_t> offsets;
     View<std::uint32_t> indices;
 
@@ -109,7 +109,7 @@ struct Neighbors {
 
 // A neighbor list with geometry. Views that the options do not ask for are empty.
 struct NeighborList {
-    // Where the entries of each sphere start; one more than there are spheres.
+    // The start of each sphere's entries, and the end of the last one's.
     View<std::uint64_t> offsets;
     // The sphere and its neighbor; in a full list i may be the larger index.
     View<Pair> pairs;
@@ -134,7 +134,7 @@ inline void check(lazygrid_status status, const lazygrid_detector *detector) {
     fail(status, is_busy ? "the detector is in use, or a callback searches" : lazygrid_last_error(detector));
 }
 
-// What data() of a container points to.
+// The type that data() of a container points to.
 template <class Rows>
 using Row = std::remove_cv_t<std::remove_pointer_t<decltype(std::declval<const Rows &>().data())>>;
 
@@ -300,7 +300,7 @@ struct ListOptions {
     }
 };
 
-// What makes two spheres of given species a pair.
+// The condition for two spheres of given species to be a pair.
 class Interaction {
 public:
     static Interaction never() { return {LAZYGRID_NEVER, 0}; }
@@ -374,7 +374,7 @@ private:
     double distance;
 };
 
-// What a detector is asked to do; the fields are those of lazygrid_settings.
+// The settings of a detector; the fields are those of lazygrid_settings.
 struct Settings {
     Backend backend = Backend::automatic;
     Algorithm algorithm = Algorithm::automatic;
@@ -473,7 +473,7 @@ public:
         return handed;
     }
 
-    // What the last search did and why, as JSON.
+    // The report of the last search, as JSON.
     std::string report_json() {
         const char *json = nullptr;
         detail::check(lazygrid_report_json(get(), &json), get());

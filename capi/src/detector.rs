@@ -17,13 +17,13 @@ use crate::{Failure, Out};
 #[derive(Debug)]
 pub struct Handle(Mutex<Kept>);
 
-/// What a handle keeps.
+/// The state of a handle.
 #[derive(Debug)]
 pub struct Kept {
     pub detector: Detector,
     /// The last report that was asked for.
     pub report: CString,
-    /// Why the last call failed; empty if it did not.
+    /// The message of the last call's failure; empty if it did not fail.
     message: CString,
 }
 
@@ -36,7 +36,7 @@ const _: () = {
 /// Runs a call with a detector, and keeps what went wrong.
 ///
 /// # Safety
-/// By the header: `handle` is NULL or a detector that is not destroyed before this returns.
+/// The header's conditions: `handle` is NULL or a detector that is not destroyed before this returns.
 pub unsafe fn with_detector(
     handle: *const Handle,
     work: impl FnOnce(&mut Kept) -> Result<(), Failure>,
@@ -64,7 +64,7 @@ pub unsafe fn with_detector(
 /// Makes a detector.
 ///
 /// # Safety
-/// By the header: `settings` is NULL or such a structure, `detector` is NULL or can be written to.
+/// The header's conditions: `settings` is NULL or such a structure, `detector` is NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_create(settings: *const SettingsOfC, detector: *mut *mut Handle) -> Status {
     without_detector(|| {
@@ -82,7 +82,7 @@ pub unsafe extern "C" fn lazygrid_create(settings: *const SettingsOfC, detector:
 /// Frees a detector.
 ///
 /// # Safety
-/// By the header: `detector` is NULL or a detector that nobody uses from now on, unless a search is running, which is
+/// The header's conditions: `detector` is NULL or a detector that nobody uses from now on, unless a search is running, which is
 /// then refused.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_destroy(detector: *mut Handle) -> Status {
@@ -101,10 +101,10 @@ pub unsafe extern "C" fn lazygrid_destroy(detector: *mut Handle) -> Status {
     })
 }
 
-/// Why the last call failed.
+/// Returns the message of the last call's failure.
 ///
 /// # Safety
-/// By the header: `detector` is NULL or a detector that is not destroyed before this returns.
+/// The header's conditions: `detector` is NULL or a detector that is not destroyed before this returns.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_last_error(detector: *const Handle) -> *const c_char {
     if detector.is_null() {

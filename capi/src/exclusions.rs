@@ -12,7 +12,7 @@ pub struct List(pub Exclusions);
 /// Hands a list to C, in the place where it wants it.
 ///
 /// # Safety
-/// By the header: `exclusions` is NULL or can be written to.
+/// The header's conditions: `exclusions` is NULL or can be written to.
 unsafe fn create(exclusions: *mut *mut List, list: impl FnOnce() -> Result<Exclusions, Failure>) -> Status {
     without_detector(|| {
         // SAFETY: this function's own condition.
@@ -25,7 +25,7 @@ unsafe fn create(exclusions: *mut *mut List, list: impl FnOnce() -> Result<Exclu
 /// The pairs at `at`.
 ///
 /// # Safety
-/// By the header: `at` is NULL or points to `count` pairs, which nobody changes for as long as the result is used.
+/// The header's conditions: `at` is NULL or points to `count` pairs, which nobody changes for as long as the result is used.
 unsafe fn pairs<'a>(at: *const Pair, count: usize) -> Result<impl Iterator<Item = (u32, u32)> + 'a, Failure> {
     if count > isize::MAX as usize / size_of::<Pair>() {
         return Err(Failure::argument(format!("{count} pairs are more than memory can hold")));
@@ -37,7 +37,7 @@ unsafe fn pairs<'a>(at: *const Pair, count: usize) -> Result<impl Iterator<Item 
 /// A list of pairs of one set.
 ///
 /// # Safety
-/// By the header: `pairs` is NULL or points to `count` pairs, `exclusions` is NULL or can be written to.
+/// The header's conditions: `pairs` is NULL or points to `count` pairs, `exclusions` is NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_create(
     count_of_spheres: usize,
@@ -54,7 +54,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_create(
 /// A list of pairs of one sphere of each of two sets.
 ///
 /// # Safety
-/// As [`lazygrid_exclusions_create`].
+/// The same as [`lazygrid_exclusions_create`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_across(
     first: usize,
@@ -75,7 +75,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_across(
 /// A list of the pairs of compressed rows.
 ///
 /// # Safety
-/// By the header: `offsets` is NULL or points to one more value than there are spheres, `indices` is NULL or points to as
+/// The header's conditions: `offsets` is NULL or points to one more value than there are spheres, `indices` is NULL or points to as
 /// many as the last of them says, `exclusions` is NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_of_rows(
@@ -108,7 +108,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_of_rows(
 /// Frees a list.
 ///
 /// # Safety
-/// By the header: `exclusions` is NULL or a list that nobody uses from now on.
+/// The header's conditions: `exclusions` is NULL or a list that nobody uses from now on.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_destroy(exclusions: *mut List) {
     guarded(|| {
@@ -123,10 +123,10 @@ pub unsafe extern "C" fn lazygrid_exclusions_destroy(exclusions: *mut List) {
 /// The list at `exclusions`, if there is one.
 ///
 /// # Errors
-/// Where it is not aligned.
+/// Fails if it is not aligned.
 ///
 /// # Safety
-/// By the header: `exclusions` is NULL or a list that is not destroyed for as long as the result lives.
+/// The header's conditions: `exclusions` is NULL or a list that is not destroyed for as long as the result lives.
 pub unsafe fn borrow<'a>(exclusions: *const List) -> Result<Option<&'a Exclusions>, Failure> {
     if exclusions.is_null() {
         return Ok(None);

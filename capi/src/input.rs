@@ -63,7 +63,7 @@ unsafe impl Growing for QueryOfC {
 /// An error of the second set says so.
 ///
 /// # Safety
-/// By the header: `query` is NULL or points to such a structure, whose pointers are NULL or point to what it says, which
+/// The header's conditions: `query` is NULL or points to such a structure, whose pointers are NULL or point to what it says, which
 /// does not change for as long as the result lives.
 pub unsafe fn borrow<'a>(query: *const QueryOfC) -> Result<Query<'a>, Failure> {
     // SAFETY: this function's own condition.
@@ -91,7 +91,7 @@ impl SpheresOfC {
     /// The spheres at `at`, which messages call `name`.
     ///
     /// # Errors
-    /// As [`borrow`].
+    /// The same as [`borrow`].
     ///
     /// # Safety
     /// As [`borrow`], for these spheres.
@@ -217,7 +217,7 @@ fn extent<T>(count: usize, step: usize, name: &str) -> Result<usize, Failure> {
 /// `count` values at `at`; none where `count` is 0, wherever `at` points.
 ///
 /// # Errors
-/// Where `at` is NULL or not aligned, unless `count` is 0.
+/// Fails if `at` is NULL or not aligned, unless `count` is 0.
 ///
 /// # Safety
 /// If `count` is not 0 and `at` neither NULL nor misaligned, so many values are there, any bits are a value, nobody

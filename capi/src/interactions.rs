@@ -23,7 +23,7 @@ fn interaction(kind: i32, distance: f64) -> Result<Interaction, Failure> {
 /// Makes a table.
 ///
 /// # Safety
-/// By the header: `interactions` is NULL or can be written to.
+/// The header's conditions: `interactions` is NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_interactions_create(
     species: u32,
@@ -43,7 +43,7 @@ pub unsafe extern "C" fn lazygrid_interactions_create(
 /// Sets the interaction of two species.
 ///
 /// # Safety
-/// By the header: `interactions` is NULL or a table that no other thread uses.
+/// The header's conditions: `interactions` is NULL or a table that no other thread uses.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_interactions_set(
     interactions: *mut Table,
@@ -63,7 +63,7 @@ pub unsafe extern "C" fn lazygrid_interactions_set(
 /// Frees a table.
 ///
 /// # Safety
-/// By the header: `interactions` is NULL or a table that nobody uses from now on.
+/// The header's conditions: `interactions` is NULL or a table that nobody uses from now on.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_interactions_destroy(interactions: *mut Table) {
     guarded(|| {

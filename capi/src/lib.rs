@@ -5,9 +5,9 @@
 //! [`status::guarded`], so that a panic ends as a status. A detector sits in a mutex that is only ever tried, so that a
 //! second thread, or a callback, is refused instead of let in.
 //!
-//! What the header asks of callers is meant where a safety comment says "by the header": pointers are NULL or point to
-//! what their type says, live and unchanged for the time that the header names; handles come from the function that
-//! makes them and have not been destroyed.
+//! Safety comments refer to the conditions of the header ("by the header"): pointers are NULL or point to what their type
+//! says, live and unchanged for the time that the header names; handles come from the function that makes them and have not
+//! been destroyed.
 
 // There is nothing here that a Rust program could name: what is public is public to C.
 #![allow(unreachable_pub)]

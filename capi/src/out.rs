@@ -7,7 +7,7 @@ impl<T> Out<T> {
     /// The place `at`, which holds `empty` from now on, so that a call that fails leaves that.
     ///
     /// # Errors
-    /// Where `at` is NULL or not aligned; `name` is how the message calls it.
+    /// Fails if `at` is NULL or not aligned; `name` is its name in the message.
     ///
     /// # Safety
     /// If `at` is neither, it can be written to for as long as the result lives, and nobody else does.
@@ -29,7 +29,7 @@ impl<T> Out<T> {
 /// Whether a pointer can be followed, as far as it shows.
 ///
 /// # Errors
-/// Where it is NULL or not aligned.
+/// Fails if it is NULL or not aligned.
 pub fn check<T>(pointer: *const T, name: &str) -> Result<(), Failure> {
     if pointer.is_null() {
         return Err(Failure::argument(format!("`{name}` is NULL; it must point to what is asked for")));

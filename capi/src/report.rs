@@ -41,10 +41,10 @@ fn cost(_: &Report) -> Value {
     Value::Null
 }
 
-/// What the last search did and why.
+/// Returns the report of the last search.
 ///
 /// # Safety
-/// By the header: `detector` is NULL or a detector, `json` is NULL or can be written to.
+/// The header's conditions: `detector` is NULL or a detector, `json` is NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_report_json(detector: *mut Handle, json: *mut *const c_char) -> Status {
     // SAFETY: this function's own condition.
@@ -59,10 +59,10 @@ pub unsafe extern "C" fn lazygrid_report_json(detector: *mut Handle, json: *mut 
     unsafe { with_detector(detector, work) }
 }
 
-/// How much memory so many spheres take.
+/// Estimates the memory for a number of spheres.
 ///
 /// # Safety
-/// By the header: `detector` is NULL or a detector, `bytes` is NULL or can be written to.
+/// The header's conditions: `detector` is NULL or a detector, `bytes` is NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_memory_for(detector: *mut Handle, spheres: u64, bytes: *mut u64) -> Status {
     // SAFETY: this function's own condition.

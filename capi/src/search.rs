@@ -19,7 +19,7 @@ thread_local! {
 /// search would wait for them, with whichever detector.
 ///
 /// # Safety
-/// As [`with_detector`].
+/// The same as [`with_detector`].
 pub unsafe fn search(detector: *const Handle, work: impl FnOnce(&mut Kept) -> Result<(), Failure>) -> Status {
     if IS_TAKING.get() {
         return BUSY;
@@ -31,7 +31,7 @@ pub unsafe fn search(detector: *const Handle, work: impl FnOnce(&mut Kept) -> Re
 /// The overlapping pairs, of one set or between two.
 ///
 /// # Safety
-/// By the header: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
+/// The header's conditions: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_pairs(
     detector: *mut Handle,
@@ -67,10 +67,10 @@ fn put_pairs(
     Ok(())
 }
 
-/// How many pairs there are.
+/// Counts the pairs.
 ///
 /// # Safety
-/// By the header: `detector` and `query` are what they are called or NULL, `count` is NULL or can be written to.
+/// The header's conditions: `detector` and `query` are what they are called or NULL, `count` is NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_count(
     detector: *mut Handle,
@@ -93,7 +93,7 @@ pub unsafe extern "C" fn lazygrid_count(
 /// The pairs as neighbour lists.
 ///
 /// # Safety
-/// By the header: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
+/// The header's conditions: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_neighbors(
     detector: *mut Handle,
@@ -124,7 +124,7 @@ fn put_lists(lists: &Neighbors<'_>, offsets: &Out<*const u64>, indices: &Out<*co
 /// `lazygrid_consume`: takes pairs, and returns 0 to go on.
 pub type Consume = unsafe extern "C" fn(context: *mut c_void, pairs: *const Pair, count: usize) -> i32;
 
-/// Who takes the pairs of a stream.
+/// The consumer of a stream's pairs.
 struct Consumer {
     consume: Consume,
     context: *mut c_void,
@@ -160,7 +160,7 @@ impl Consumer {
 /// Hands the pairs over in chunks.
 ///
 /// # Safety
-/// By the header: `detector` and `query` are what they are called or NULL, `handed` is NULL or can be written to,
+/// The header's conditions: `detector` and `query` are what they are called or NULL, `handed` is NULL or can be written to,
 /// `consume` is NULL or may be called with `context` from any thread, and returns.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_stream(

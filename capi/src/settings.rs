@@ -73,7 +73,7 @@ impl SettingsOfC {
         }
     }
 
-    /// What the settings at `settings` mean; NULL means the defaults.
+    /// Reads the settings at `settings`; NULL means the defaults.
     ///
     /// # Errors
     /// As [`sized::read`], and for numbers that mean nothing.
@@ -143,7 +143,7 @@ impl SettingsOfC {
         Ok(skin)
     }
 
-    /// What only a GPU path has.
+    /// The settings that only a GPU path has.
     ///
     /// # Safety
     /// The adapter is NULL or a text that ends with a zero byte.
@@ -170,7 +170,7 @@ impl SettingsOfC {
     }
 }
 
-/// What `number` means among `values`.
+/// Returns the value that `number` stands for among `values`.
 fn meant<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure> {
     let value = usize::try_from(number).ok().and_then(|place| values.get(place));
     value.copied().ok_or_else(|| {
@@ -182,7 +182,7 @@ fn meant<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure> 
 /// Sets the defaults.
 ///
 /// # Safety
-/// By the header: `settings` is NULL or so many bytes of it can be written to.
+/// The header's conditions: `settings` is NULL or so many bytes of it can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_settings_init(settings: *mut SettingsOfC, size: usize) -> Status {
     without_detector(|| {

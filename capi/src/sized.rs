@@ -14,7 +14,7 @@ const MAX_SIZE: usize = 1 << 16;
 pub unsafe trait Growing: Copy {
     /// The size of the first version.
     const FIRST_SIZE: usize;
-    /// How a program sets the size.
+    /// The expression by which a program sets the size.
     const REMEDY: &'static str;
 }
 
@@ -25,7 +25,7 @@ pub unsafe trait Growing: Copy {
 /// If `at` is NULL or misaligned, the size is wrong, or a field is set that this library does not have.
 ///
 /// # Safety
-/// By the header: `at` is NULL, or points to a size, and as many initialized bytes are there.
+/// The header's conditions: `at` is NULL, or points to a size, and as many initialized bytes are there.
 pub unsafe fn read<T: Growing>(at: *const T, name: &str) -> Result<T, Failure> {
     check(at, name)?;
     // SAFETY: a size is there, by this function's condition; NULL and misaligned pointers were refused.

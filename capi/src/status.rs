@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use engine::{Error, InputError};
 
-/// What became of a call, as C gets it.
+/// The status of a call, as C gets it.
 pub type Status = i32;
 
 pub const OK: Status = 0;
@@ -38,11 +38,11 @@ pub const NAMES: [&CStr; 13] = [
     c"LAZYGRID_ERROR_INTERNAL",
 ];
 
-/// What is said after a panic.
+/// The message after a panic.
 pub const PANICKED: &CStr =
     c"a fault of the library ended this call or one before it; destroy the detector and make another";
 
-/// Why a call gave no result.
+/// The failure of a call.
 #[derive(Debug)]
 pub struct Failure {
     pub status: Status,
@@ -99,7 +99,7 @@ pub fn c_text(text: String) -> CString {
 }
 
 thread_local! {
-    /// Why the last call in this thread failed that had no detector.
+    /// The message of this thread's last failure of a call without a detector.
     static LAST: RefCell<CString> = RefCell::default();
 }
 

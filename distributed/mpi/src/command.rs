@@ -65,7 +65,7 @@ fn config(args: &Detect, space: Space) -> Config {
     }
 }
 
-/// How long each part of the work took.
+/// The time of each part of the work.
 #[derive(Default)]
 struct Times(Vec<(&'static str, Duration)>);
 

@@ -3,7 +3,7 @@ use lazygrid_ranks::Settings;
 
 use crate::Error;
 
-/// Who decides which rank owns a sphere.
+/// The owner rule: the caller or the library assigns spheres to ranks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Ownership {
@@ -23,7 +23,7 @@ impl Ownership {
     pub const BALANCE: Self = Self::Balance { bound: 1.2 };
 }
 
-/// Where the pairs of a list arrive.
+/// The ranks at which the pairs of a list arrive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Delivery {
@@ -71,13 +71,13 @@ impl Default for Config {
 }
 
 impl Config {
-    /// Who decides which rank owns a sphere. Default: the caller, [`Ownership::Keep`].
+    /// The owner rule: the caller or the library assigns spheres to ranks. Default: the caller, [`Ownership::Keep`].
     pub fn ownership(mut self, ownership: Ownership) -> Self {
         self.ownership = ownership;
         self
     }
 
-    /// Where the pairs of a list arrive. Default: each on one rank, [`Delivery::Once`].
+    /// The ranks at which the pairs of a list arrive. Default: each on one rank, [`Delivery::Once`].
     pub fn delivery(mut self, delivery: Delivery) -> Self {
         self.delivery = delivery;
         self
@@ -101,7 +101,7 @@ impl Config {
         self
     }
 
-    /// Where each rank computes. Default: [`Backend::Auto`], by which the first ranks of a node take one real GPU each and
+    /// The backend of each rank. Default: [`Backend::Auto`], by which the first ranks of a node take one real GPU each and
     /// the others the CPU. [`Backend::Gpu`] lets ranks of a node share GPUs where there are too few.
     pub fn backend(mut self, backend: Backend) -> Self {
         self.backend = backend;

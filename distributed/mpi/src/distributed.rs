@@ -30,7 +30,7 @@ pub struct Distributed {
     report: Report,
 }
 
-/// What a search needs besides the spheres of this rank.
+/// The input of a search besides the spheres of this rank.
 struct Prepared {
     owned: Vec<u64>,
     ghosts: Ghosts,
@@ -155,10 +155,10 @@ impl Distributed {
         Ok(&self.pairs)
     }
 
-    /// How many pairs there are on all ranks together.
+    /// Counts the pairs on all ranks together.
     ///
     /// # Errors
-    /// As [`pairs`](Self::pairs), but for [`Error::TooManyPairs`]: any number can be counted.
+    /// The same as [`pairs`](Self::pairs), except [`Error::TooManyPairs`]: any number can be counted.
     pub fn count(&mut self, local: Local<'_>) -> Result<u64, Error> {
         let prepared = self.prepare(local)?;
         let search = &mut self.search;
@@ -174,7 +174,7 @@ impl Distributed {
     /// further pairs are then not counted.
     ///
     /// # Errors
-    /// As [`count`](Self::count).
+    /// The same as [`count`](Self::count).
     pub fn stream<F>(&mut self, local: Local<'_>, chunk: usize, mut consume: F) -> Result<u64, Error>
     where
         F: FnMut(&[GlobalPair]) -> ControlFlow<()> + Send,
@@ -187,7 +187,7 @@ impl Distributed {
         Ok(self.report.pairs.total)
     }
 
-    /// What the last call did; the same on all ranks but for what is said to be of this one.
+    /// The report of the last call; the same on all ranks, except for the fields of this rank.
     pub fn report(&self) -> &Report {
         &self.report
     }
@@ -294,7 +294,7 @@ fn deliver(wire: &mut Wire, pairs: &[GlobalPair]) -> Result<Vec<GlobalPair>, Err
     lazygrid_ranks::deliver(wire, "pairs for their other owner", send).map(|(came, _)| came)
 }
 
-/// What the detector of a rank says.
+/// The report of a rank's detector.
 fn failed(rank: u32, error: lazygrid::Error) -> Error {
     match error {
         lazygrid::Error::OutOfMemory { what, bytes } => {

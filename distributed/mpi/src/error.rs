@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Why a call gave no result. It is the same on all ranks. Every message names the value, the limit and the remedy.
+/// The failure of a call, which is the same on all ranks. Every message names the value, the limit and the remedy.
 #[derive(Clone, Debug, Error, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Error {
@@ -12,7 +12,7 @@ pub enum Error {
         rank: u32,
         /// The place of the first such sphere among those of the rank, where it is one sphere.
         index: Option<u32>,
-        /// What is wrong, and what to do.
+        /// The fault and the remedy.
         message: String,
     },
     /// Two spheres have the same id.
@@ -36,7 +36,7 @@ pub enum Error {
         name: String,
         /// Its value.
         value: String,
-        /// What is allowed.
+        /// The valid values.
         range: String,
     },
     /// A setting is not the same on all ranks.
@@ -57,9 +57,9 @@ pub enum Error {
     OutOfMemory {
         /// The rank.
         rank: u32,
-        /// What it was for.
+        /// The purpose of the memory.
         what: String,
-        /// How many bytes were asked for.
+        /// The requested bytes.
         bytes: u64,
     },
     /// The list of one rank would hold more pairs than allowed. Nothing was truncated.
@@ -70,7 +70,7 @@ pub enum Error {
     TooManyPairs {
         /// The rank.
         rank: u32,
-        /// How many pairs it has.
+        /// The number of pairs.
         found: u64,
         /// The limit.
         limit: u64,
@@ -80,13 +80,13 @@ pub enum Error {
     Detection {
         /// The rank.
         rank: u32,
-        /// What the detector said.
+        /// The message of the detector.
         message: String,
     },
     /// More than one message can carry.
     #[error("{what}: {needed} bytes are more than the {limit} that one message can carry; use fewer ranks")]
     Message {
-        /// What was to be sent.
+        /// The data that was to be sent.
         what: String,
         /// Its size in bytes.
         needed: u64,

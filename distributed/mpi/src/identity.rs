@@ -11,7 +11,7 @@ pub(crate) struct Identity {
     known: Option<Digest>,
 }
 
-/// What a rank says about its ids and spheres in every call.
+/// The summary of a rank's ids and spheres in every call.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Card {

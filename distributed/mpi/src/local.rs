@@ -78,7 +78,7 @@ pub struct Particles {
 }
 
 impl Particles {
-    /// As a search takes them.
+    /// The spheres as a search takes them.
     ///
     /// # Errors
     /// [`InputError::Lengths`] where there is not one species per sphere.

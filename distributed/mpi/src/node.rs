@@ -1,4 +1,4 @@
-//! What a rank has of its node: threads and a GPU.
+//! The resources of a rank on its node: threads and a GPU.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -11,7 +11,7 @@ use mpi::traits::{Communicator, CommunicatorCollectives};
 pub(crate) struct Node {
     /// Its number among them, from 0 on.
     pub(crate) rank: usize,
-    /// How many of them may run on the same cores.
+    /// The number of ranks that may run on the same cores.
     sharing: usize,
 }
 
@@ -31,7 +31,7 @@ impl Node {
         (cores / self.sharing.max(1)).max(1)
     }
 
-    /// Where this rank computes.
+    /// The backend of this rank.
     pub(crate) fn place(self, asked: Backend) -> Place {
         match asked {
             Backend::Auto | Backend::Gpu => place(asked, self.rank, gpus()),
@@ -40,13 +40,13 @@ impl Node {
     }
 }
 
-/// How many threads a rank has unless it was told: its share of the cores that it and other ranks of its node may run on.
+/// The default number of threads of a rank: its share of the cores that it and other ranks of its node may run on.
 /// Collective.
 pub fn threads(communicator: &impl Communicator) -> usize {
     Node::of(&communicator.duplicate()).threads()
 }
 
-/// Where a rank computes.
+/// The backend of a rank.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Place {
     /// As was asked for, with nothing to add.
@@ -68,7 +68,7 @@ fn place(asked: Backend, rank: usize, gpus: usize) -> Place {
     }
 }
 
-/// How many real GPUs there are. They come first in the list of adapters.
+/// Counts the real GPUs. They come first in the list of adapters.
 #[cfg(feature = "gpu")]
 fn gpus() -> usize {
     // Drivers take long to answer.

@@ -39,7 +39,7 @@ impl Parts {
         self
     }
 
-    /// What goes in a round.
+    /// The data of a round.
     pub(crate) fn in_round(&self, rounds: Rounds, round: u64) -> Self {
         let ranges = self.lengths.iter().map(|&length| rounds.range(length as u64, round));
         let (mut starts, mut lengths) = (self.starts.clone(), Vec::with_capacity(self.lengths.len()));

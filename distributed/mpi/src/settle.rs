@@ -3,17 +3,17 @@ use lazygrid_ranks::{Assigned, Bodies, Body, Carrier, Census, Migration, Particl
 use crate::wire::Wire;
 use crate::{Error, Local, Particles};
 
-/// What [`settle`](crate::Distributed::settle) did.
+/// The result of [`settle`](crate::Distributed::settle).
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Settled {
-    /// How the spheres are shared among ranks now.
+    /// The new distribution of the spheres among ranks.
     pub owned: Census,
-    /// How many spheres changed rank, of all.
+    /// The number of all spheres that changed rank.
     pub moved: u64,
     /// `true` if the parts were made again.
     pub rebuilt: bool,
-    /// Where the spheres went, for [what else belongs to them](crate::Distributed::follow).
+    /// The destinations of the spheres, for [data that belongs to them](crate::Distributed::follow).
     pub migration: Migration,
 }
 

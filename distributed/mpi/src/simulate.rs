@@ -7,13 +7,13 @@ use mpi::traits::Communicator;
 use crate::wire::Wire;
 use crate::{Config, Error};
 
-/// What came of a run over ranks, the same on all of them.
+/// The result of a run over ranks, the same on all of them.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Simulated {
-    /// How it ended.
+    /// The way in which it ended.
     pub end: End,
-    /// How many steps are done.
+    /// The number of steps done.
     pub steps: u32,
     /// A line for each thing that was counted.
     pub summary: String,

@@ -24,7 +24,7 @@ where
     Ok(())
 }
 
-/// How many such pairs there are.
+/// The number of such pairs.
 pub(crate) fn count_across(
     detector: &mut Detector,
     owned: Spheres<'_>,

@@ -3,7 +3,7 @@ use lazygrid::{Interactions, Reach, Space, Sphere, Straight};
 
 use crate::{Class, Particle};
 
-/// What steering looks at: a sphere's image nearest to the origin, with a radius that covers its interactions.
+/// A sphere wrapped into the box, with its effective radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
     /// Centre; along periodic axes within half a length of the origin. In a sheared space in straight coordinates, in which

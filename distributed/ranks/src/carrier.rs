@@ -5,18 +5,18 @@ use crate::{Body, Difference, Ghosts, Hull, Particle, Published};
 /// Elements that came from all ranks, those of rank 0 first, and how many from each.
 pub type Received<T> = (Vec<T>, Vec<usize>);
 
-/// Carries data between ranks. Every method is collective unless it says otherwise: all ranks call it,
+/// A communicator: the collective operations that the algorithm needs. Every method is collective unless it says otherwise: all ranks call it,
 /// in the same order.
 ///
 /// `lazygrid-mpi` has the one through MPI.
 pub trait Carrier {
-    /// Why something could not be carried, or what a rank [fails](Self::failure) with. It is the same on all ranks.
+    /// The failure of a transport or of a [rank](Self::failure). It is the same on all ranks.
     type Error;
 
     /// The number of this rank, from 0 on. Not collective.
     fn rank(&self) -> u32;
 
-    /// How many ranks there are. Not collective.
+    /// The number of ranks. Not collective.
     fn ranks(&self) -> u32;
 
     /// The sum of each place over all ranks, which have equally many.
@@ -25,13 +25,13 @@ pub trait Carrier {
     /// A few elements of each rank, on all ranks. `what` they are is for messages.
     ///
     /// # Errors
-    /// Where they cannot be carried.
+    /// Fails if they cannot be sent.
     fn share<T: Pod>(&mut self, what: &str, own: &[T]) -> Result<Received<T>, Self::Error>;
 
     /// Sends to each rank its part of `send`, `counts[rank]` elements of it one rank after the other.
     ///
     /// # Errors
-    /// Where they cannot be carried.
+    /// Fails if they cannot be sent.
     fn exchange<T: Pod>(
         &mut self,
         what: &str,
@@ -42,10 +42,10 @@ pub trait Carrier {
     /// The result of this rank where no rank failed, else on all ranks the error of the first that did.
     ///
     /// # Errors
-    /// What that rank failed with.
+    /// Fails with the failure of that rank.
     fn agree<T>(&self, result: Result<T, Self::Error>) -> Result<T, Self::Error>;
 
-    /// What this rank fails with, in words. Not collective.
+    /// The failure of this rank, from a message. Not collective.
     fn failure(&self, message: String) -> Self::Error;
 
     /// The error for a setting that is not the same on all ranks. Not collective.
@@ -57,7 +57,7 @@ pub trait Carrier {
 /// Brings elements of all ranks to rank 0, in the order of ranks. The others get none.
 ///
 /// # Errors
-/// Those of the carrier.
+/// Fails if the communicator fails.
 pub fn gather<T: Pod, C: Carrier>(carrier: &mut C, what: &str, own: &[T]) -> Result<Vec<T>, C::Error> {
     let mut counts = vec![0; carrier.ranks() as usize];
     counts[0] = own.len();
@@ -67,7 +67,7 @@ pub fn gather<T: Pod, C: Carrier>(carrier: &mut C, what: &str, own: &[T]) -> Res
 /// Sends to each rank what belongs there, in the order in which it is here.
 ///
 /// # Errors
-/// Those of the carrier.
+/// Fails if the communicator fails.
 pub fn deliver<T: Pod, C: Carrier>(
     carrier: &mut C,
     what: &str,
@@ -84,7 +84,7 @@ impl Published {
     /// Tells all ranks the hulls of these bodies, and gets to know theirs.
     ///
     /// # Errors
-    /// Those of the carrier.
+    /// Fails if the communicator fails.
     pub fn by<C: Carrier>(carrier: &mut C, bodies: &[Body]) -> Result<Self, C::Error> {
         let (hulls, counts) = carrier.share("hulls", &Hull::of(bodies))?;
         let mut hulls = hulls.into_iter();
@@ -96,7 +96,7 @@ impl Ghosts {
     /// Sends out the spheres at the places that are `leaving` to each rank, and gets those that others send here.
     ///
     /// # Errors
-    /// Those of the carrier.
+    /// Fails if the communicator fails.
     pub fn trade<C: Carrier>(
         carrier: &mut C,
         leaving: &[Vec<u32>],

@@ -1,11 +1,11 @@
-/// How evenly something is shared among ranks.
+/// The distribution of something among ranks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Census {
     /// Of all ranks together.
     pub total: u64,
     /// Of the rank that has most.
     pub most: u64,
-    /// How many ranks there are.
+    /// The number of ranks.
     pub ranks: u32,
 }
 

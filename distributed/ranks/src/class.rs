@@ -11,7 +11,7 @@
 pub struct Class(u8);
 
 impl Class {
-    /// How many classes there can be.
+    /// The number of possible classes.
     pub const COUNT: usize = 256;
 
     /// The class of a radius that is finite and not negative.

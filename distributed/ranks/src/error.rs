@@ -1,13 +1,13 @@
 use thiserror::Error;
 
-/// Why something is refused. Every message names the value, the limit and the remedy.
+/// The cause of a refusal. Every message names the value, the limit and the remedy.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Error {
     /// Splits that belong to another number of parts.
     #[error("{splits} splits make {} parts and not {parts}; take those of the same partition", *splits + 1)]
     Splits {
-        /// How many splits were given.
+        /// The number of splits.
         splits: usize,
         /// The parts that were asked for.
         parts: u32,
@@ -20,7 +20,7 @@ pub enum Error {
     MessageLimit {
         /// The limit that was given, in elements.
         limit: u64,
-        /// How many ranks there are.
+        /// The number of ranks.
         ranks: u32,
     },
 }

@@ -8,7 +8,7 @@ use crate::{Body, Class, Hull};
 #[derive(Clone, Debug, Default)]
 pub struct Published {
     hulls: Vec<Hull>,
-    /// Where those of each rank begin, and where the last end.
+    /// The start of each rank's ghosts, and the end of the last.
     starts: Vec<usize>,
 }
 
@@ -23,7 +23,7 @@ impl Published {
         published
     }
 
-    /// How many ranks there are.
+    /// The number of ranks.
     pub fn ranks(&self) -> u32 {
         self.starts.len().saturating_sub(1) as u32
     }

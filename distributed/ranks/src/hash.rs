@@ -7,7 +7,7 @@ pub(crate) fn mix(word: u64) -> u64 {
     word ^ (word >> 31)
 }
 
-/// What decides between spheres of equal coordinates: a hash of the id, so that even one point is halved evenly.
+/// The tie break between spheres of equal coordinates: a hash of the id, so that even one point is halved evenly.
 /// Different ids have different ties.
 #[inline]
 pub fn tie(id: u64) -> u64 {

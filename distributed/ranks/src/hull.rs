@@ -3,7 +3,7 @@ use lazygrid::Space;
 
 use crate::{Body, Class};
 
-/// What a rank tells the others about its spheres of one class: the box of their centres, and their largest effective
+/// The summary of a rank's spheres of one class for the other ranks: the box of their centres, and their largest effective
 /// radius. 32 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]

@@ -9,16 +9,16 @@ use crate::sample::{Choice, Sample};
 use crate::search::Tally;
 use crate::{Bodies, Body, Census, Found, Ghosts, Hull, Particle, Partition, Published, Search, tie};
 
-/// What one rank reports.
+/// The report of one rank.
 #[derive(Clone, Debug, Default)]
 pub struct Reported {
     /// The pairs as ids, the smaller one first, in any order.
     pub pairs: Vec<[u64; 2]>,
-    /// How many it met.
+    /// The numbers of pairs that it met.
     pub tally: Tally,
 }
 
-/// What every rank owns, and what it gets to see of the others.
+/// The spheres that every rank owns, and the ghosts that it receives.
 #[derive(Clone, Debug)]
 pub struct Model {
     bodies: Bodies,
@@ -63,22 +63,22 @@ impl Model {
         Self::kept(owned, bodies)
     }
 
-    /// How many spheres each rank owns.
+    /// The number of spheres that each rank owns.
     pub fn owned(&self) -> Census {
         Census::of(&self.owned.iter().map(|own| own.len() as u64).collect::<Vec<_>>())
     }
 
-    /// How many ghosts each rank gets.
+    /// The number of ghosts that each rank receives.
     pub fn ghosts(&self) -> Census {
         Census::of(&self.ghosts.iter().map(|ghosts| ghosts.particles().len() as u64).collect::<Vec<_>>())
     }
 
-    /// How many hulls there are on all ranks.
+    /// The number of hulls on all ranks.
     pub fn hulls(&self) -> u64 {
         self.hulls
     }
 
-    /// What each rank reports. The bodies have to be those of the space and interactions of `config`.
+    /// Returns the report of each rank. The bodies have to be those of the space and interactions of `config`.
     ///
     /// # Errors
     /// As [`Detector::new`] and [`Detector::count`].

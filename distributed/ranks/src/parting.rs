@@ -17,12 +17,12 @@ struct Kept {
     fresh: f64,
 }
 
-/// Who goes where.
+/// The destination of each sphere.
 #[derive(Clone, Debug)]
 pub struct Assigned {
     /// The rank of each sphere of this rank.
     pub ranks: Vec<u32>,
-    /// How the spheres are shared among ranks then.
+    /// The resulting distribution of the spheres among ranks.
     pub owned: Census,
     /// `true` if the parts were made again.
     pub rebuilt: bool,
@@ -33,7 +33,7 @@ impl Parting {
     /// its share.
     ///
     /// # Errors
-    /// Those of the carrier.
+    /// Fails if the communicator fails.
     pub fn assign<C: Carrier>(
         &mut self,
         carrier: &mut C,
@@ -127,7 +127,7 @@ impl Migration {
     /// what stayed in its place among them, each in the order it had there.
     ///
     /// # Errors
-    /// Those of the carrier.
+    /// Fails if the communicator fails.
     pub fn carry<T: Pod, C: Carrier>(
         &self,
         carrier: &mut C,

@@ -127,7 +127,7 @@ pub(crate) struct Scale {
     pub(crate) threads: Option<usize>,
 }
 
-/// How spheres lie.
+/// The distribution of the spheres.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(crate) enum Scene {
     /// Equal ones in a cube

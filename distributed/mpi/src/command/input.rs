@@ -16,14 +16,14 @@ use super::{npy, refused, text};
 /// Stands for the number of a rank in the name of a file.
 const RANK: &str = "{rank}";
 
-/// What all ranks read together.
+/// The input that all ranks read together.
 pub(crate) struct Input {
     /// The spheres of this rank, numbered through all ranks in the order of the file.
     pub(crate) particles: Particles,
     pub(crate) space: Space,
 }
 
-/// How a file is shared out.
+/// The division of a file among ranks.
 #[derive(Debug)]
 enum Way {
     /// Each rank has a file of its own.

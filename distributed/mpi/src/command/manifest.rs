@@ -1,4 +1,4 @@
-//! What lies in the files of all ranks.
+//! The contents of the files of all ranks.
 
 use std::path::PathBuf;
 

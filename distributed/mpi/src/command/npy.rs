@@ -15,7 +15,7 @@ const LONGEST: usize = 1 << 16;
 pub(crate) struct Rows {
     /// All bytes before the rows.
     header: Vec<u8>,
-    /// Where in the header the number of rows is written.
+    /// The position of the number of rows in the header.
     digits: std::ops::Range<usize>,
     rows: u64,
     /// Bytes of a row.
@@ -101,7 +101,7 @@ impl Rows {
     }
 }
 
-/// Where the share of a rank begins.
+/// The start of a rank's rows.
 pub(crate) fn share(all: u64, rank: u64, ranks: u64) -> u64 {
     (u128::from(all) * u128::from(rank) / u128::from(ranks.max(1))) as u64
 }

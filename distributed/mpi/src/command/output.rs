@@ -11,7 +11,7 @@ use super::args::Detect;
 use super::manifest;
 use super::refused;
 
-/// Where pairs go.
+/// The output of pairs.
 #[derive(Debug)]
 pub(crate) struct Target {
     path: PathBuf,

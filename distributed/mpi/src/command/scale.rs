@@ -15,7 +15,7 @@ use serde_json::json;
 use super::args::{Scale, Scene};
 use super::{print, refused};
 
-/// What a step took and sent, on the rank that took or sent most.
+/// The time and the traffic of a step, on the rank with the most of each.
 #[derive(Default)]
 struct Step {
     settle: Duration,

@@ -6,7 +6,7 @@ use lazygrid::Space;
 use lazygrid_mpi::Report;
 use serde_json::{Map, Value, json};
 
-/// What is said at the end.
+/// The summary at the end.
 pub(crate) struct Summary<'a> {
     pub(crate) report: &'a Report,
     pub(crate) space: Space,

@@ -18,7 +18,7 @@ pub(crate) struct Body {
     format: Format,
     /// The lines before the rows, which every rank reads.
     head: Vec<u8>,
-    /// Where the file ends.
+    /// The end of the file.
     end: u64,
 }
 
@@ -68,7 +68,7 @@ impl Body {
 }
 
 impl Piece {
-    /// How many lines it has.
+    /// The number of its lines.
     pub(crate) fn lines(&self) -> u64 {
         newlines(&self.bytes)
     }
