@@ -30,7 +30,7 @@ unsafe fn pairs<'a>(at: *const Pair, count: usize) -> Result<impl Iterator<Item 
     if count > isize::MAX as usize / size_of::<Pair>() {
         return Err(Failure::argument(format!("{count} pairs are more than memory can hold")));
     }
-    // SAFETY: so many pairs by this function's condition, no larger than an `isize`, and any bits are one.
+    // SAFETY: `count` pairs by this function's condition, no larger than an `isize`, and any bits are one.
     Ok(unsafe { array(at, count, "pairs") }?.iter().map(|pair| (pair.i, pair.j)))
 }
 
@@ -88,7 +88,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_of_rows(
         if count_of_spheres >= isize::MAX as usize / size_of::<u64>() {
             return Err(InputError::TooManySpheres { count: count_of_spheres as u64 }.into());
         }
-        // SAFETY: so many values by this function's condition, and no larger than an `isize`.
+        // SAFETY: this number of values by this function's condition, and no larger than an `isize`.
         let offsets = unsafe { array(offsets, count_of_spheres + 1, "offsets") }?;
         let starts: Vec<usize> =
             offsets.iter().map(|&offset| usize::try_from(offset).unwrap_or(usize::MAX)).collect();
@@ -98,7 +98,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_of_rows(
                 "the last of the offsets is {count}, more than memory can hold; it must be the number of indices"
             )));
         }
-        // SAFETY: so many values by this function's condition, and no larger than an `isize`.
+        // SAFETY: this number of values by this function's condition, and no larger than an `isize`.
         Ok(Exclusions::from_rows(&starts, unsafe { array(indices, count, "indices") }?)?)
     };
     // SAFETY: this function's own condition.

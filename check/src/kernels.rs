@@ -42,7 +42,7 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 pub type Run = fn(&GpuDevice, Effort) -> Result<(), KernelError>;
 
 /// All checks, in the order in which a call runs the kernels.
-pub const CHECKS: [KernelCheck; 35] = [
+pub const CHECKS: [KernelCheck; 34] = [
     one("start of a call", &["call_begin"], |own, _| calls::call_begin(own)),
     one("wrapped coordinates", &["spheres_wrap"], |own, _| calls::spheres_wrap(own)),
     one("bounds", &["bounds_reduce"], |own, _| calls::bounds_reduce(own)),
@@ -61,8 +61,10 @@ pub const CHECKS: [KernelCheck; 35] = [
         sizes(effort).try_for_each(|size| primitives::sort(own, size))
     }),
     one("size classes and bounds", &["spheres_survey"], |own, _| list::spheres_survey(own)),
-    one("cells of a cell list", &["list_configure"], |own, _| homes::list_configure(own)),
-    one("cells along axes", &["list_configure"], axes::cells_along_axes),
+    one("cells of a cell list", &["list_configure"], |own, effort| {
+        homes::list_configure(own)?;
+        axes::cells_along_axes(own, effort)
+    }),
     one("cells of few spheres", &["list_begin"], |own, _| list::list_begin(own)),
     one("occupancy of the first cells", &["density_count"], |own, _| homes::density_count(own)),
     one("cells and ranks", &["homes_count"], |own, _| homes::homes_count(own)),

@@ -30,7 +30,7 @@ const SCENE_SECONDS: f64 = 0.2;
 /// The number of attempts to shrink a failing case.
 const TRIES: usize = 1500;
 
-/// So many rounds that go wrong are enough for the fuzzer.
+/// The number of failing rounds after which the fuzzer ends.
 const ENOUGH: usize = 10;
 
 /// Does all that is asked for, and says at the end whether anything is wrong.
@@ -136,7 +136,7 @@ impl Work<'_> {
         self.fuzz(report)
     }
 
-    /// Says how far a stage has come: `done` of `all`, of a stage of so many parts that began at `from`.
+    /// Shows the progress of a stage: `done` of `all` parts, of a stage that began at `from`.
     fn step(&self, from: u64, parts: u64, [done, all]: [usize; 2], what: &str) {
         self.bar.set_position(from + parts * done as u64 / all.max(1) as u64);
         self.bar.set_message(what.to_owned());

@@ -14,7 +14,7 @@ pub(crate) struct Progress {
 }
 
 impl Progress {
-    /// Of work on an input of so many bytes, where that is known. It shows after a second.
+    /// Creates the progress of work on an input of this number of bytes, if known. It shows after a second.
     pub(crate) fn new(length: Option<u64>) -> Self {
         let progress = Self::hidden(length);
         let bar = progress.bar.downgrade();
@@ -67,13 +67,13 @@ fn show(bar: &ProgressBar, target: ProgressDrawTarget) {
     }
 }
 
-/// A bar for runs of so many steps in all.
+/// A bar for runs of this number of steps in all.
 pub(crate) fn running(steps: u64) -> ProgressBar {
     let bar = ProgressBar::new(steps);
     bar.with_style(style("{wide_bar} step {pos}/{len} {per_sec}, {eta} left, {msg}"))
 }
 
-/// A bar for work that consists of so many parts of about the same length.
+/// A bar for work that consists of this number of parts of about the same length.
 pub(crate) fn working(parts: u64) -> ProgressBar {
     let bar = ProgressBar::new(parts);
     bar.with_style(style("{wide_bar} {percent}%, about {eta} left, {msg}"))

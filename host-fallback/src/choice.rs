@@ -34,7 +34,7 @@ impl Structure {
 /// Below this many spheres of one size class all pairs are tested: sampling, sorting and looking around cost more.
 /// Measured with `cargo bench --bench sweep -- --what crossover`; a wrong value costs some microseconds.
 pub const NAIVE_BELOW: usize = 400;
-/// So many spheres more for every size class, since each makes the cell list's plan dearer.
+/// The number of further spheres for every size class, since each makes the cell list's plan slower.
 pub const NAIVE_PER_CLASS: usize = 80;
 
 /// The algorithm for spheres of this survey where `asked` leaves it open, and why.
@@ -52,7 +52,7 @@ pub fn choose(asked: Algorithm, survey: &Survey) -> (Algorithm, String) {
     }
 }
 
-/// So many comparisons of all pairs between two sets cost no more than sorting one sphere and looking around it.
+/// The number of comparisons of two sets' spheres that cost no more than sorting one sphere and looking around it.
 const COMPARED_PER_SPHERE: u64 = 200;
 
 /// The same for pairs of one of the first `split` spheres and one of the others.

@@ -16,7 +16,7 @@ const FEW: usize = 64;
 /// Values from which a buffer no longer doubles when it grows one by one.
 const MANY: usize = 4096;
 
-/// The most bytes that a buffer holds which has needed so many.
+/// The most bytes that a buffer holds which needs `bytes`.
 pub(crate) fn with_growth(bytes: u64) -> u64 {
     bytes + bytes / GROWTH as u64
 }
@@ -39,7 +39,7 @@ pub(crate) fn resize<T: Zeroable>(buffer: &mut Vec<T>, len: usize, what: &'stati
     Ok(())
 }
 
-/// Makes room for so many values behind those that a buffer has.
+/// Reserves memory for `count` values after those that a buffer has.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`]; the buffer is then as it was.

@@ -8,7 +8,7 @@ use crate::classes::{CLASSES, class_of};
 use crate::compare::Rule;
 use crate::threads::Threads;
 
-/// Spheres per piece of the pass: so few that threads end together, so many that merging what they found takes no time.
+/// Spheres per piece of the pass: few enough that threads end together, enough that merging the results takes no time.
 const PIECE: usize = 1 << 13;
 /// Tables that take turns in counting.
 const TABLES: usize = 4;

@@ -28,12 +28,12 @@ const SHORT: f32 = 300_000.0;
 pub enum Threads {
     /// The calling thread, which wakes nobody.
     Calling,
-    /// Those of the pool that the calling thread belongs to, or of rayon's global one.
+    /// The threads of the calling thread's pool, or of rayon's global pool.
     Pool,
 }
 
 impl Threads {
-    /// Those that a call from here has; a pool of one thread is not worth the way there.
+    /// Returns the threads of a call from here; a pool of one thread is not worth the switch.
     ///
     /// # Errors
     /// [`Error::Threads`] where rayon's global pool is needed and cannot be started.
@@ -44,12 +44,12 @@ impl Threads {
         Ok(if rayon::current_num_threads() == 1 { Self::Calling } else { Self::Pool })
     }
 
-    /// Those that pass over so many spheres, or pairs, with little work for each.
+    /// The threads for a pass over `count` spheres or pairs with little work for each.
     pub(crate) fn passing(self, count: usize) -> Self {
         if count < MANY { Self::Calling } else { self }
     }
 
-    /// Returns `true` if work that takes one thread so many nanoseconds is best left to it.
+    /// Returns `true` if work that takes one thread `time` nanoseconds is best left to it.
     pub(crate) fn is_short(time: f32) -> bool {
         time < SHORT
     }
@@ -142,10 +142,10 @@ impl Team {
         within(self.pool.as_ref(), task)
     }
 
-    /// Those that a call from here has.
+    /// Returns the threads of a call from here.
     ///
     /// # Errors
-    /// As [`Threads::here`].
+    /// The same as [`Threads::here`].
     pub(crate) fn here(&self) -> Result<Threads, Error> {
         if self.asked == Some(1) { Ok(Threads::Calling) } else { Threads::here() }
     }

@@ -27,7 +27,7 @@ pub struct Exclusions {
 }
 
 impl Exclusions {
-    /// These pairs among so many spheres. A sphere and itself are no pair, and may be named.
+    /// Creates exclusions of these pairs among `spheres` spheres. A pair of a sphere with itself is ignored.
     ///
     /// # Errors
     /// [`InputError::Excluded`] for the first pair with an index that is none, [`InputError::TooManySpheres`],

@@ -1,6 +1,6 @@
 use crate::Error;
 
-/// Makes room for so many values behind those that a buffer on the host has. `what` says what they are.
+/// Reserves memory for `count` values after those that a buffer has. `what` names them in the error.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].

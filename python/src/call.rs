@@ -20,7 +20,7 @@ const LONG: usize = 1 << 15;
 /// Between two looks at signals.
 pub(crate) const GLANCE: Duration = Duration::from_millis(20);
 
-/// Does `work` for so many spheres. Once `stop` is true it must end soon.
+/// Does `work` for this number of spheres. Once `stop` is true it must end soon.
 ///
 /// # Errors
 /// What a signal's handler raised, such as `KeyboardInterrupt`; a thread that the system refused.

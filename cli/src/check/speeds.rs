@@ -132,7 +132,7 @@ impl<'a> Race<'a> {
         Ok(())
     }
 
-    /// One algorithm with so many spheres, which are made when they are first needed.
+    /// One algorithm with a number of spheres, which are made when they are first needed.
     fn call(
         &mut self,
         runner: &mut Runner,

@@ -155,7 +155,7 @@ impl Carrier for Wire {
     }
 }
 
-/// Room for so many elements, or what to say where there is none.
+/// Returns a buffer for this number of elements, or the error if memory is refused.
 pub(crate) fn room<T: Pod>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, Error> {
     let mut room = Vec::new();
     match usize::try_from(elements).ok().and_then(|elements| room.try_reserve_exact(elements).ok()) {

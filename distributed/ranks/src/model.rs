@@ -1,5 +1,5 @@
-//! All ranks in one process, by the same functions that a rank calls: for tests, and to count what a run on so many
-//! ranks would send. Nothing here measures time.
+//! All ranks in one process, by the same functions that a rank calls: for tests, and to count the traffic of
+//! a run on any number of ranks. Nothing here measures time.
 
 use std::ops::ControlFlow;
 

@@ -47,7 +47,7 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// For so many spheres on all ranks and so many parts.
+    /// Creates the filter for a number of spheres on all ranks and a number of parts.
     pub fn new(spheres: u64, parts: u32) -> Self {
         let wanted = (PER_PART * u64::from(parts)).min(MOST);
         let share = wanted as f64 / spheres.max(1) as f64;

@@ -33,7 +33,7 @@ const DENSITY: f32 = 0.05;
 pub struct Crossover {
     /// For equal radii.
     pub naive_below: u32,
-    /// So many spheres more for every further size class (radii of another binary exponent).
+    /// The number of further spheres for every further size class (radii of another binary exponent).
     pub per_class: u32,
 }
 
@@ -58,7 +58,7 @@ impl Crossover {
     /// The most that can be measured: twice the most spheres that [`calibrate`] tries.
     pub const MOST: u32 = 2 * SIZES[SIZES.len() - 1];
 
-    /// For spheres of so many size classes; at most [`Crossover::MOST`], as all pairs of many more take minutes.
+    /// The crossover for spheres of this number of size classes; at most [`Crossover::MOST`], as all pairs of many more take minutes.
     pub fn of(self, classes: usize) -> u32 {
         let further = u32::try_from(classes.saturating_sub(1)).unwrap_or(u32::MAX);
         self.naive_below.saturating_add(self.per_class.saturating_mul(further)).min(Self::MOST)

@@ -197,7 +197,7 @@ impl GpuDetector {
         self.settings.pair_capacity = pairs;
     }
 
-    /// Makes room for at least so many (cell, object) entries, as [`Outcome::entries`] tells after a call that had
+    /// Raises the capacity to at least this number of (cell, object) entries, as [`Outcome::entries`] tells after a call that had
     /// too little, and for some more; the next call allocates anew. Calls of less than half
     /// as many spheres do without. False where the device cannot hold them.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
@@ -205,7 +205,7 @@ impl GpuDetector {
         self.raise_entries(entries, spheres)
     }
 
-    /// As [`set_entry_capacity`](Self::set_entry_capacity), for a call of so many spheres.
+    /// The same as [`set_entry_capacity`](Self::set_entry_capacity), for a call of `spheres` spheres.
     pub(crate) fn raise_entries(&mut self, entries: u64, spheres: u32) -> bool {
         let most = most_entries(&DeviceLimits::of(&self.device));
         if entries > most {

@@ -268,7 +268,7 @@ impl Outlook {
         self.is_separate
     }
 
-    /// Returns `true` if it is good for so many spheres between these bounds.
+    /// Returns `true` if it serves for this number of spheres between these bounds.
     fn serves(&self, spheres: usize, [min, max]: [Vec3; 2]) -> bool {
         let [low, high] = self.bounds;
         let margin = (high - low).max_element() * MOVED;

@@ -10,7 +10,7 @@ use crate::input::{Input, search_pieces};
 
 /// Spheres per piece of work: some tens of microseconds where space is not crowded.
 const PIECE: usize = 1 << 10;
-/// Spheres are crowded where one of so many runs holds some that touch.
+/// Spheres are crowded if one of this number of runs holds some that touch.
 const CROWDED: usize = 2;
 
 /// Finds all pairs of the list, piece by piece over the threads.

@@ -131,7 +131,7 @@ impl Images {
         Ok(spread)
     }
 
-    /// Makes room for so many images.
+    /// Reserves memory for this number of images.
     fn reserve(&mut self, count: usize) -> Result<(), Error> {
         const WHAT: &str = "images of spheres";
         resize(&mut self.images, count, WHAT)?;

@@ -62,7 +62,7 @@ pub(super) enum Spread {
 }
 
 impl Spread {
-    /// So many farthest steps for each class.
+    /// The displacement limit of each class for a skin in farthest steps.
     pub(super) fn allowances(self, steps: &[f32; CLASSES], skin: f32) -> Allowances {
         let farthest = steps.iter().copied().fold(0.0, f32::max);
         let least = if self == Self::Alike { 1.0 } else { LEAST };

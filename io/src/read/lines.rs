@@ -255,7 +255,7 @@ fn read_on(source: &mut Source, spare: &mut [u8], rest: &[u8], lines: u64) -> Re
     so_far
 }
 
-/// The size of a block behind one of so many bytes.
+/// The size of the block after one of this number of bytes.
 fn larger(bytes: usize) -> usize {
     let most = (SHARE * rayon::current_num_threads()).clamp(2 * LONGEST_LINE, LARGEST_BLOCK);
     (4 * bytes).clamp(FIRST_BLOCK, most)

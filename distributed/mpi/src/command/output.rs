@@ -123,7 +123,7 @@ fn table(
     Ok(draft)
 }
 
-/// A header of version 1 of the NumPy format for so many pairs: a multiple of 64 bytes with a line break at the end.
+/// A header of version 1 of the NumPy format for this number of pairs: a multiple of 64 bytes with a line break at the end.
 fn npy_header(pairs: usize, wide: bool) -> Vec<u8> {
     let order = if cfg!(target_endian = "big") { '>' } else { '<' };
     let kind = if wide { "u8" } else { "u4" };

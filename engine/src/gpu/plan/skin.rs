@@ -9,7 +9,7 @@ use super::stages::{Phase, Stage};
 /// The state of candidates, which is new whenever they are.
 pub(in crate::gpu) const STATE: (Slot, u64) = (Slot::SkinState, size_of::<SkinState>() as u64);
 
-/// The buffers for so many spheres and pairs.
+/// The buffers for these numbers of spheres and pairs.
 pub(in crate::gpu) fn buffers(spheres: u32, pairs: u32, species: bool) -> Vec<(Slot, u64)> {
     let mut buffers = vec![
         (Slot::Kept, bytes_of(spheres, 16)),

@@ -50,7 +50,7 @@ pub(crate) struct Stage {
 }
 
 impl Stage {
-    /// So many workgroups, outside the sort.
+    /// A fixed number of workgroups, outside the sort.
     pub(crate) const fn new(kernel: &'static Kernel, groups: u32, phase: Phase) -> Self {
         Self { kernel, groups, indirect: false, phase, pass: 0 }
     }

@@ -78,7 +78,7 @@ impl GpuSession {
         self.launch(number, Work::Call(window))
     }
 
-    /// Repeats a call of so many pairs with room for them.
+    /// Repeats a call with capacity for the number of pairs that it found.
     pub(super) fn repeat_for_pairs(
         &mut self,
         number: u64,

@@ -75,7 +75,7 @@ impl Fields {
         self.width
     }
 
-    /// Reads so many rows.
+    /// Reads this number of rows.
     pub(super) fn read(
         &self,
         source: &mut Source,
@@ -108,7 +108,7 @@ impl Fields {
         Ok(())
     }
 
-    /// Makes room for so many spheres more.
+    /// Reserves memory for this number of further spheres.
     fn make_room(&self, rows: usize, frame: &mut Frame, session: &Session) -> Result<(), TryReserveError> {
         frame.spheres.try_reserve(rows)?;
         if self.columns.has(Column::Species) {
