@@ -1,13 +1,13 @@
-//! A reference simulator of carriers that diffuse, react and collide: what a nanonetwork or any other
-//! reaction–diffusion simulator looks like on top of [`lazygrid`], of which it uses only what everybody can.
+//! A reference simulator of molecular communication: particles (carriers) that diffuse, react and collide. It shows how
+//! to build a reaction–diffusion simulator on [`lazygrid`] and uses only its public API.
 //!
-//! A [`Model`] says what is simulated and a [`Simulation`] does it, step by step. Particles are columns; what happens
-//! to each of them, or to each pair, is a pure function of the columns, the seed and the step. Random numbers come by
-//! counter ([`philox`]). So a run depends on its seed alone: not on the number of threads, the order of particles or
-//! the algorithm that finds pairs.
+//! A [`Model`] describes the system and a [`Simulation`] advances it step by step. Particles are stored in columns. The
+//! outcome for each particle or pair is a pure function of the columns, the seed and the step. Random numbers come from
+//! a counter-based generator ([`philox`]). A run therefore depends on its seed alone, not on the number of threads, the
+//! order of particles or the detection algorithm.
 //!
-//! `gpu` does the same on a GPU, where everything stays; a [`Simulator`] is a run on either. [`ranks`] spreads a run over many
-//! processes.
+//! `gpu` runs the simulation on a GPU, where all data stay between steps. A [`Simulator`] runs on either backend.
+//! [`ranks`] distributes a run over several processes.
 //!
 //! Lengths are in µm and times in s throughout.
 //!

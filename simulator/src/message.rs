@@ -1,37 +1,37 @@
-//! Messages: bits as symbols, and symbols as bursts.
+//! Messages: bits encoded as symbols, and symbols as bursts.
 
 use crate::instant::step_of;
 use crate::philox::{Key, Purpose};
 
-/// What a transmitter sends, symbol after symbol.
+/// A sequence of symbols that a transmitter sends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
-    /// When the first symbol is sent, in s.
+    /// Time of the first symbol, in s.
     pub start: f64,
-    /// From one to the next, in s.
+    /// Time between symbols, in s.
     pub symbol_time: f64,
-    /// What is sent.
+    /// The symbols.
     pub symbols: Symbols,
-    /// As which bursts.
+    /// The modulation that maps symbols to bursts.
     pub modulation: Modulation,
 }
 
 /// The symbols of a message, numbered from 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Symbols {
-    /// These.
+    /// A given sequence.
     Given(Vec<u32>),
-    /// Drawn with the seed of the run, all equally likely.
+    /// Uniformly random symbols, drawn with the seed of the run.
     Random {
-        /// How many.
+        /// Number of symbols.
         count: u32,
-        /// Of how many different ones, a power of two.
+        /// Number of distinct symbols, a power of two.
         alphabet: u32,
     },
 }
 
 impl Symbols {
-    /// How many there are.
+    /// Returns the number of symbols.
     pub fn len(&self) -> u32 {
         match self {
             Self::Given(symbols) => symbols.len() as u32,
@@ -39,25 +39,25 @@ impl Symbols {
         }
     }
 
-    /// Whether there is none.
+    /// Returns `true` if the message has no symbols.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// What a symbol is as a burst.
+/// The mapping of symbols to bursts.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Modulation {
-    /// On–off keying: 1 is a burst, 0 is none.
+    /// On–off keying: 1 sends a burst, 0 sends nothing.
     OnOff,
-    /// Concentration shift keying: each symbol is a part of the burst.
+    /// Concentration shift keying: each symbol scales the burst by a factor.
     Concentration(Vec<f64>),
-    /// Molecule shift keying: each symbol is a species, an entry of the burst.
+    /// Molecule shift keying: each symbol selects one species entry of the burst.
     Molecule,
 }
 
 impl Modulation {
-    /// How many symbols there are, for a burst of so many entries.
+    /// Returns the number of distinct symbols, for a burst of `entries` species entries.
     pub fn alphabet(&self, entries: usize) -> usize {
         match self {
             Self::OnOff => 2,
@@ -66,7 +66,7 @@ impl Modulation {
         }
     }
 
-    /// How many of each species are released for a symbol.
+    /// Returns the number of particles of each species released for a symbol.
     pub fn burst(&self, symbol: u32, release: &[(u32, u32)]) -> Vec<(u32, u32)> {
         match self {
             Self::OnOff => {
@@ -87,7 +87,7 @@ impl Modulation {
         }
     }
 
-    /// The part of each entry that a symbol releases, if all are equally likely.
+    /// Returns the mean fraction of each entry that a symbol releases, if all symbols are equally likely.
     pub(crate) fn mean(&self, entries: usize) -> f64 {
         match self {
             Self::OnOff => 0.5,
@@ -98,12 +98,12 @@ impl Modulation {
 }
 
 impl Message {
-    /// When a symbol is sent, in s.
+    /// Returns the time of symbol `k`, in s.
     pub fn time_of(&self, k: u32) -> f64 {
         self.start + f64::from(k) * self.symbol_time
     }
 
-    /// The `k`th symbol of the `place`th transmitter of a model.
+    /// Returns symbol `k` of the transmitter with index `place` in the model.
     pub fn symbol(&self, k: u32, place: u32, key: Key) -> u32 {
         match &self.symbols {
             Symbols::Given(symbols) => symbols[k as usize],
@@ -113,12 +113,12 @@ impl Message {
         }
     }
 
-    /// The symbols that are sent at the beginning of a step.
+    /// Returns the range of symbols sent at the beginning of a step.
     pub(crate) fn due(&self, step: u32, time_step: f64) -> std::ops::Range<u32> {
         self.sent_before(step, time_step)..self.sent_before(step.saturating_add(1), time_step)
     }
 
-    /// How many symbols are sent before a step.
+    /// Returns the number of symbols sent before a step.
     pub(crate) fn sent_before(&self, step: u32, time_step: f64) -> u32 {
         let is_sent = |k: u32| step_of(self.time_of(k), time_step).is_some_and(|own| own < step);
         let [mut low, mut high] = [0, self.symbols.len()];

@@ -1,36 +1,36 @@
-//! What is simulated, in plain data. Lengths are in µm and times in s throughout; any other consistent pair of
-//! units serves as well.
+//! The model of a simulation, as plain data. Lengths are in µm and times in s; any other consistent pair of units also
+//! works.
 
 use crate::boundary::Boundary;
 use crate::receiver::Receiver;
 use crate::transmitter::Transmitter;
 
-/// Everything that a run is about but its seed.
+/// A complete description of a run, except its seed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
-    /// Δt in s.
+    /// Time step Δt, in s.
     pub time_step: f64,
-    /// The kinds of particles; elsewhere named by their place here.
+    /// Species of particles. Other parts of the model refer to them by index.
     pub species: Vec<Species>,
     /// Reactions of two particles.
     pub reactions: Vec<Reaction>,
-    /// Reactions of one.
+    /// Unimolecular reactions.
     pub decays: Vec<Decay>,
-    /// Where particles come from.
+    /// Sources of particles.
     pub transmitters: Vec<Transmitter>,
-    /// Where they are counted.
+    /// Spheres that count, absorb, bind or reflect particles.
     pub receivers: Vec<Receiver>,
-    /// Where they may be.
+    /// Walls, periodic boundaries and the vessel.
     pub boundary: Boundary,
-    /// What carries them all along.
+    /// Flow that carries all particles.
     pub flow: Option<Flow>,
-    /// What happens to overlapping particles that do not react.
+    /// Treatment of overlapping particles that do not react.
     pub contact: Contact,
-    /// Whether each arrival at a receiver is kept, with the transmitter that the particle is from.
+    /// If `true`, records each arrival at a receiver, with the transmitter that released the particle.
     pub logs_arrivals: bool,
 }
 
-/// A kind of particle.
+/// A species of particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Species {
     /// Its name.
@@ -41,18 +41,18 @@ pub struct Species {
     pub diffusion: f64,
     /// Drift velocity in µm/s.
     pub drift: [f64; 3],
-    /// Mass; only ratios matter. Used by elastic contact.
+    /// Mass. Only ratios matter, and only for elastic contact.
     pub mass: f64,
     /// Standard deviation of each component of the velocity at release, in µm/s.
     pub thermal_speed: f64,
-    /// The speed at which a swimmer runs, in µm/s, straight on but for walls and tumbling.
+    /// Run speed of a swimmer, in µm/s. It swims in a straight line between tumbles and reflections.
     pub speed: f64,
-    /// How often a swimmer turns into a random direction, in 1/s.
+    /// Rate at which a swimmer tumbles, that is, takes a random direction, in 1/s.
     pub tumble_rate: f64,
 }
 
 impl Species {
-    /// Whether these particles have a velocity of their own.
+    /// Returns `true` if particles of this species carry a velocity.
     pub fn has_velocity(&self) -> bool {
         self.thermal_speed > 0.0 || self.speed > 0.0
     }
@@ -61,44 +61,44 @@ impl Species {
 /// A flow that carries particles along.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Flow {
-    /// Everywhere the same, in µm/s.
+    /// Uniform velocity, in µm/s.
     Plug([f64; 3]),
-    /// Along a vessel, with this mean in µm/s: twice that in the middle, nothing at the wall, v(r) = 2v(1 − r²/R²).
+    /// Parabolic profile along a vessel: v(r) = 2v(1 − r²/R²), with the mean v.
     Poiseuille {
-        /// The mean over the cross-section.
+        /// Mean velocity over the cross-section, in µm/s.
         mean: f64,
     },
 }
 
-/// Two particles that come within a distance of each other react.
+/// A bimolecular reaction of two particles within the binding radius.
 ///
-/// Products take the places and the ids of their reactants, in order. A reactant that comes out as the species it
-/// was is not used up: it stays where it is and may meet several partners in one step.
+/// Products take the positions and ids of their reactants, in order. A reactant that is also its own product is not
+/// consumed: it keeps its position and may react with several partners in one step.
 ///
-/// Several reactions of the same reactants are channels: a pair takes one of those in whose binding radius it is, or
-/// none, with the chances that they have.
+/// Several reactions of the same reactants are channels. In each step, a pair undergoes at most one of the channels
+/// whose binding radius contains it, according to their probabilities.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reaction {
-    /// How it is named in output, as in `A + B -> C`.
+    /// Name in output, as in `A + B -> C`.
     pub name: String,
-    /// What reacts; may be twice the same.
+    /// Species of the reactants; both may be the same.
     pub reactants: [u32; 2],
-    /// What becomes of each.
+    /// Species of the products; `None` removes the reactant.
     pub products: [Option<u32>; 2],
-    /// Centres at most this far apart, in µm.
+    /// Largest distance between the centers at which the pair can react, in µm.
     pub binding_radius: f32,
-    /// How far apart two products are placed, in µm.
+    /// Distance at which two products are placed, in µm.
     pub unbinding_radius: f32,
-    /// How soon a candidate pair reacts.
+    /// Probability or rate at which a pair within the binding radius reacts.
     pub chance: Chance,
 }
 
-/// How soon a pair reacts whose centres are within the binding radius.
+/// The probability or rate at which a pair within the binding radius reacts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Chance {
-    /// With this probability in each step, whatever its length.
+    /// Probability per step, independent of the time step.
     PerStep(f64),
-    /// At this rate, in 1/s: with probability 1 − exp(−λΔt) in a step, if nothing else can happen to it.
+    /// Rate λ in 1/s: the probability per step is 1 − exp(−λΔt) if no other event competes.
     PerTime(f64),
 }
 
@@ -108,38 +108,38 @@ impl Default for Chance {
     }
 }
 
-/// A particle that turns into others or into nothing by itself.
+/// A unimolecular reaction: a particle turns into up to two products, or disappears.
 ///
-/// The first product takes the place and the id of the particle, the second one gets an id of its own.
+/// The first product keeps the position and id of the reactant. The second product gets a new id.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decay {
-    /// How it is named in output, as in `A -> B`.
+    /// Name in output, as in `A -> B`.
     pub name: String,
-    /// What decays.
+    /// Species of the reactant.
     pub reactant: u32,
-    /// What becomes of it; a second product comes with a first.
+    /// Species of the products. A second product requires a first.
     pub products: [Option<u32>; 2],
-    /// Where two products appear.
+    /// Placement of two products.
     pub unbinding: Unbinding,
-    /// In 1/s.
+    /// Rate, in 1/s.
     pub rate: f64,
 }
 
 impl Decay {
-    /// Whether two particles come of one.
+    /// Returns `true` if the decay has two products.
     pub fn splits(&self) -> bool {
         self.products[1].is_some()
     }
 }
 
-/// Where two products of one particle appear: in a random direction from each other, the one that diffuses faster
-/// further from where the particle was.
+/// The placement of two products of a decay: in opposite random directions from the reactant. The product that diffuses
+/// faster is placed further away.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unbinding {
-    /// This far apart, in µm.
+    /// At this distance, in µm.
     Apart(f32),
-    /// With a distance vector that is uniform in a ball of this radius, in µm: the inverse of a reaction that happens
-    /// anywhere within it.
+    /// With a distance vector uniform in a ball of this radius, in µm. This is the inverse of a reaction that is
+    /// equally likely anywhere within the ball.
     Within(f32),
 }
 
@@ -149,32 +149,32 @@ impl Default for Unbinding {
     }
 }
 
-/// What happens to particles that overlap and do not react.
+/// The treatment of particles that overlap and do not react.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Contact {
-    /// Nothing, and nobody looks.
+    /// Overlaps are neither searched nor resolved.
     #[default]
     Ignore,
-    /// They are counted.
+    /// Overlaps are counted.
     Count,
-    /// They are pushed apart, as far as they overlapped.
+    /// Overlapping particles are separated until the gap equals the former overlap.
     Separate,
-    /// Those that approach each other exchange momentum as smooth elastic spheres.
+    /// Approaching particles exchange momentum as smooth elastic spheres.
     Elastic,
 }
 
 impl Model {
-    /// Whether particles carry velocities: where some species has one.
+    /// Returns `true` if some species carries a velocity.
     pub fn has_velocity(&self) -> bool {
         self.species.iter().any(Species::has_velocity)
     }
 
-    /// √(2DΔt), the standard deviation of a step along each axis, in µm.
+    /// Returns √(2DΔt), the standard deviation of a step along each axis, in µm.
     pub fn step_length(&self, species: u32) -> f64 {
         (2.0 * self.species[species as usize].diffusion * self.time_step).sqrt()
     }
 
-    /// How fast the flow is at a point, in µm/s.
+    /// Returns the flow velocity at a point, in µm/s.
     pub fn flow_at(&self, point: [f32; 3]) -> [f64; 3] {
         match (self.flow, &self.boundary.vessel) {
             (Some(Flow::Plug(velocity)), _) => velocity,
@@ -187,18 +187,19 @@ impl Model {
         }
     }
 
-    /// Whether some decay of a species gives two particles.
+    /// Returns `true` if some decay of a species has two products.
     pub(crate) fn comes_apart(&self, species: u32) -> bool {
         self.decays.iter().any(|decay| decay.reactant == species && decay.splits())
     }
 
-    /// How much of the way between two particles is the first one's: the one that diffuses faster moves further.
+    /// Returns the first particle's fraction of the displacement between two particles, in proportion to their
+    /// diffusion.
     pub(crate) fn share(&self, [a, b]: [u32; 2]) -> f32 {
         let [a, b] = [a, b].map(|species| self.species[species as usize].diffusion);
         if a + b > 0.0 { (a / (a + b)) as f32 } else { 0.5 }
     }
 
-    /// By species: where their centres may be.
+    /// Returns, by species, the boundary within which the centers of its particles stay.
     pub(crate) fn rooms(&self) -> Vec<Boundary> {
         self.species.iter().map(|species| self.boundary.inset(species.radius)).collect()
     }

@@ -1,4 +1,4 @@
-//! Spheres that count particles, or are in their way.
+//! Spheres that count, absorb, bind or reflect particles.
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Spheres};
 
@@ -6,88 +6,90 @@ use crate::Error;
 use crate::boundary::Boundary;
 use crate::particles::Particles;
 
-/// A sphere that counts particles, or is in their way. A particle is where its centre is, whatever its radius.
+/// A sphere that counts, absorbs, binds or reflects particles. A particle is treated as a point at its center, whatever
+/// its radius.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receiver {
     /// Its name in output.
     pub name: String,
-    /// Its centre at the beginning, in µm.
+    /// Its center at the beginning of the run, in µm.
     pub center: [f32; 3],
     /// Its radius, in µm.
     pub radius: f32,
-    /// What its surface does.
+    /// Its effect on particles.
     pub kind: Kind,
-    /// Whether it sees a species, species by species. Others go through it.
+    /// One flag per species: `true` if the receiver interacts with it. Other species pass through.
     pub sees: Vec<bool>,
-    /// The velocity at which it goes, in µm/s.
+    /// Its velocity, in µm/s.
     pub velocity: [f64; 3],
     /// Its diffusion coefficient, in µm²/s.
     pub diffusion: f64,
 }
 
-/// What the surface of a receiver does.
+/// The effect of a receiver on particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Kind {
-    /// Removes and counts what reaches it, also between two steps; see [`crossing`](crate::crossing).
+    /// Removes and counts particles that reach it, also between the ends of a step; see [`crossing`](crate::crossing).
     #[default]
     Absorbing,
-    /// Removes and counts what is inside at the end of a step, and overlooks all that was inside only between.
+    /// Removes and counts particles that are inside at the end of a step. Particles that were inside only during the
+    /// step are missed.
     Endpoint,
-    /// Lets everything through and says how many are inside.
+    /// Lets particles pass and counts those inside.
     Transparent,
-    /// Keeps out what is outside, and counts nothing.
+    /// Reflects particles and counts nothing.
     Reflecting,
-    /// Removes and counts a part of what reaches it, and keeps out the rest.
+    /// Removes and counts some of the particles that reach it, and reflects the others.
     Partial(Sticking),
-    /// Holds what binds to its receptors until it comes off again, keeps out the rest, and says how much it holds.
+    /// Binds particles to receptors until they unbind, reflects the others and counts bound particles.
     Receptors(Receptors),
 }
 
-/// How much of what reaches a surface stays there.
+/// The rule for which particles adsorb at a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sticking {
-    /// Each particle with this probability in each step in which it reaches the surface, whatever the length of steps.
+    /// Adsorption probability of each particle per step in which it reaches the surface, independent of the time step.
     PerStep(f64),
-    /// As many as a surface of this reactivity κ takes, in µm/s: the flux to it is κ times the concentration there.
+    /// Reactivity κ of the surface, in µm/s: the flux to it is κ times the local concentration.
     Reactivity(f64),
 }
 
-/// Alike receptors, anywhere on a surface.
+/// Identical receptors on a surface, without individual positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Receptors {
-    /// How many there are; each holds one particle.
+    /// Number of receptors; each binds one particle.
     pub count: u32,
-    /// At which rate a free one binds, in µm³/s per particle: `n` free ones on a sphere have the reactivity
+    /// Binding rate of a free receptor, in µm³/s per particle: `n` free receptors on a sphere have the reactivity
     /// n·rate/(4πR²).
     pub binding_rate: f64,
-    /// At which rate a particle comes off, in 1/s.
+    /// Rate at which a bound particle unbinds, in 1/s.
     pub unbinding_rate: f64,
 }
 
 impl Kind {
-    /// Whether the surface keeps out what comes from outside and does not stay there.
+    /// Returns `true` if the surface reflects particles that arrive from outside and do not adsorb or bind.
     pub fn turns_back(self) -> bool {
         matches!(self, Self::Reflecting | Self::Partial(_) | Self::Receptors(_))
     }
 
-    /// Whether it removes particles for good, each of which is an arrival.
+    /// Returns `true` if the receiver removes particles permanently. Each removal is an arrival.
     pub fn takes_in(self) -> bool {
         matches!(self, Self::Absorbing | Self::Endpoint | Self::Partial(_))
     }
 }
 
 impl Receiver {
-    /// Whether it has something to say of a species.
+    /// Returns `true` if the receiver counts a species.
     pub fn counts(&self, species: usize) -> bool {
         self.sees[species] && self.kind != Kind::Reflecting
     }
 
-    /// Whether it goes from place to place.
+    /// Returns `true` if the receiver moves.
     pub fn moves(&self) -> bool {
         self.velocity != [0.0; 3] || self.diffusion > 0.0
     }
 
-    /// How many particles of each species are inside the sphere around a point, of those that it sees.
+    /// Returns, by species, the number of visible particles within the receiver's radius of `center`.
     pub fn inside(&self, center: [f32; 3], boundary: &Boundary, particles: &Particles) -> Vec<u64> {
         let mut counts = vec![0; self.sees.len()];
         for at in 0..particles.len() {
@@ -96,7 +98,7 @@ impl Receiver {
         counts
     }
 
-    /// Counts a particle if it is inside the sphere around a point, and of a species that it sees.
+    /// Counts the particle at index `at` if its species is visible and it is within the receiver's radius of `center`.
     fn count(
         &self,
         center: [f32; 3],
@@ -111,14 +113,14 @@ impl Receiver {
     }
 }
 
-/// Transparent receivers up to this many look at every particle; more have those near them found. On the machine of the
-/// tables in docs/simulator.md two take 2.5 times as long to look as a search does, and one 0.7 times.
+/// The largest number of transparent receivers that test every particle; larger numbers use a search. On the machine of
+/// the tables in docs/simulator.md, testing takes 0.7 times as long as a search for one receiver, 2.5 times for two.
 const FEW: usize = 1;
-/// Pairs that are looked at together.
+/// The number of pairs per chunk of the stream.
 const CHUNK: usize = 1 << 16;
 
-/// How many particles of each species are inside each of the transparent receivers around these centres, and nothing for
-/// others.
+/// Returns, by receiver and species, the number of particles inside transparent receivers at `centers`; other receivers
+/// get zeros.
 pub(crate) fn all_inside(
     receivers: &[Receiver],
     centers: &[[f32; 3]],
@@ -133,7 +135,7 @@ pub(crate) fn all_inside(
     {
         return found;
     }
-    // Also where particles have left the range of numbers, which a detector does not take.
+    // This path also serves particles with non-finite coordinates, which the detector rejects.
     let mut counts: Vec<Vec<u64>> = nothing();
     for k in looking {
         counts[k] = receivers[k].inside(centers[k], boundary, particles);
@@ -141,7 +143,7 @@ pub(crate) fn all_inside(
     counts
 }
 
-/// Adds to the counts of those receivers that are `looking`.
+/// Adds to the counts of the receivers in `looking`, with a search.
 fn found_inside(
     (receivers, looking): (&[Receiver], &[usize]),
     centers: &[[f32; 3]],
@@ -149,7 +151,7 @@ fn found_inside(
     particles: &Particles,
     mut counts: Vec<Vec<u64>>,
 ) -> Result<Vec<Vec<u64>>, Error> {
-    // Larger than they are by what rounding may do: whether a particle is inside is decided as everywhere else.
+    // Radii are enlarged by the rounding error, so the search misses nothing. `count` makes the exact test.
     let grown = |&k: &usize| {
         let radius = receivers[k].radius;
         lazygrid::Sphere::new(centers[k], radius + rounding(centers[k], 2.0 * radius))
@@ -168,7 +170,7 @@ fn found_inside(
     Ok(counts)
 }
 
-/// A detector of particles near receivers.
+/// Creates a detector that finds particles near receivers.
 ///
 /// # Errors
 /// [`Error::Detection`] for a box without extent.
@@ -177,13 +179,13 @@ pub(crate) fn finder(boundary: &Boundary) -> Result<Detector, Error> {
     Ok(Detector::new(config.space(boundary.space()?))?)
 }
 
-/// More than rounding adds to distances up to this one from a point, or to such a reach.
+/// Returns an upper bound on the rounding error of distances up to `distance` from a point.
 #[inline(always)]
 pub(crate) fn rounding(point: [f32; 3], distance: f32) -> f32 {
     4e-6 * (point[0].abs() + point[1].abs() + point[2].abs() + distance)
 }
 
-/// Distance of a point from the surface of a sphere, negative inside.
+/// Returns the distance of a point from the surface of a sphere; negative inside.
 #[inline(always)]
 pub fn height(radius: f32, center: [f32; 3], boundary: &Boundary, point: [f32; 3]) -> f32 {
     let [x, y, z] = boundary.offset(center, point);

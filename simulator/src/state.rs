@@ -1,4 +1,4 @@
-//! How a run stands: all that a checkpoint keeps.
+//! The state of a run, as stored in a checkpoint.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,33 +13,33 @@ use crate::ranks::Share;
 use crate::receiver::Kind;
 use crate::release::Released;
 
-/// All that changes in a run: with the model and the seed it says how the run goes on, to the last bit.
+/// The mutable state of a run. Together with the model and the seed, it determines the rest of the run bit for bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// The particles.
     pub particles: Particles,
-    /// How many steps are done.
+    /// Number of completed steps.
     pub step: u32,
-    /// The id that the next particle gets.
+    /// Id of the next new particle.
     pub next_id: u32,
-    /// What was counted.
+    /// Counts since the beginning of the run.
     pub totals: Totals,
-    /// Where the centres of receivers are, in µm.
+    /// Centers of the receivers, in µm.
     pub centers: Vec<[f32; 3]>,
-    /// What their receptors hold.
+    /// Particles bound to receptors.
     pub bound: Vec<Bound>,
-    /// Where the particles are from, in a model that logs arrivals.
+    /// Origins of the particles, if the model logs arrivals.
     pub origins: Origins,
 }
 
 /// Counts since the beginning of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Totals {
-    /// Particles now, by species.
+    /// Particles present, by species.
     pub present: Vec<u64>,
     /// Particles released, by species.
     pub released: Vec<u64>,
-    /// Particles that receivers removed, or that their receptors hold now, by receiver and species.
+    /// Particles that receivers removed, or that are bound to receptors now, by receiver and species.
     pub arrived: Vec<Vec<u64>>,
     /// Reactions, in the order of the model.
     pub reacted: Vec<u64>,
@@ -47,20 +47,20 @@ pub struct Totals {
     pub decayed: Vec<u64>,
     /// Pairs that the detector found in the last step.
     pub pairs: u64,
-    /// Overlaps that were settled in the last step.
+    /// Overlaps resolved in the last step.
     pub contacts: u64,
 }
 
 impl State {
-    /// The beginning of a run, at which transmitters have released what is due at once.
+    /// Creates the initial state, after the releases of step 0.
     ///
     /// # Errors
-    /// [`Error::Model`] where the model makes no sense, [`Error::OutOfIds`] where it releases too many particles.
+    /// [`Error::Model`] if the model is invalid; [`Error::OutOfIds`] if it releases too many particles.
     pub fn new(model: &Model, seed: u64) -> Result<Self, Error> {
         Self::new_share(model, seed, Share::WHOLE)
     }
 
-    /// The same where a rank of several has its share of what is released.
+    /// Creates the initial state with one rank's share of the released particles.
     pub(crate) fn new_share(model: &Model, seed: u64, share: Share) -> Result<Self, Error> {
         model.check()?;
         let centers = model.receivers.iter().map(|receiver| receiver.center).collect();
@@ -69,7 +69,7 @@ impl State {
         Ok(state)
     }
 
-    /// All that does not belong to single particles, with these counts.
+    /// Returns a copy without particles and bound particles, with these totals.
     pub(crate) fn without_particles(&self, totals: Totals) -> Self {
         let Self { particles: _, step, next_id, totals: _, centers, bound: _, origins } = self;
         Self {
@@ -82,8 +82,8 @@ impl State {
         }
     }
 
-    /// The same as the part that one rank has of it. Of what was counted it has what it holds itself, and besides `is_first`
-    /// says whether it has all.
+    /// Converts the state of the whole run to that of one rank. Present and bound particles are counted on each rank;
+    /// the first rank also keeps all other totals.
     pub(crate) fn part(self, model: &Model, is_first: bool) -> Self {
         let mut totals = if is_first { self.totals } else { Totals::of(model) };
         totals.present.fill(0);
@@ -99,7 +99,7 @@ impl State {
         Self { totals, ..self }
     }
 
-    /// Whether it may be one of a model: there is a place for each receiver, and a receiver for what is bound.
+    /// Returns `true` if the state fits the model: one center per receiver, and only known receivers and species.
     pub(crate) fn belongs_to(&self, model: &Model) -> bool {
         let receivers = model.receivers.len();
         let is_known = |species: u32| (species as usize) < model.species.len();
@@ -110,7 +110,7 @@ impl State {
             && self.particles.species.iter().all(|&species| is_known(species))
     }
 
-    /// Releases what is due at the beginning of the next step.
+    /// Performs the releases due at the beginning of the next step.
     pub(crate) fn release(
         &mut self,
         model: &Model,
@@ -133,7 +133,7 @@ impl State {
 }
 
 impl Totals {
-    /// Enters what was released.
+    /// Adds the counts of a release.
     pub(crate) fn enter(&mut self, released: &Released) {
         let add =
             |totals: &mut Vec<u64>, more: &[u64]| totals.iter_mut().zip(more).for_each(|(t, m)| *t += m);
@@ -142,21 +142,21 @@ impl Totals {
         released.particles.species.iter().for_each(|&species| self.present[species as usize] += 1);
     }
 
-    /// All counts, in an order that depends on the model only.
+    /// Returns all counts, in an order that depends only on the model.
     pub(crate) fn counts(&self) -> impl Iterator<Item = &u64> {
         let Self { present, released, arrived, reacted, decayed, pairs, contacts } = self;
         let lists = [present, released, reacted, decayed].into_iter().chain(arrived);
         lists.flatten().chain([pairs, contacts])
     }
 
-    /// The same, to be changed.
+    /// Returns mutable references to all counts, in the order of [`counts`](Self::counts).
     pub(crate) fn counts_mut(&mut self) -> impl Iterator<Item = &mut u64> {
         let Self { present, released, arrived, reacted, decayed, pairs, contacts } = self;
         let lists = [present, released, reacted, decayed].into_iter().chain(arrived);
         lists.flatten().chain([pairs, contacts])
     }
 
-    /// Nothing yet.
+    /// Creates zero totals for a model.
     pub(crate) fn of(model: &Model) -> Self {
         let species = model.species.len();
         Self {

@@ -1,42 +1,42 @@
-//! Where particles come from.
+//! Transmitters: sources of particles.
 
 use crate::instant::step_of;
 use crate::message::Message;
 use crate::normal;
 use crate::philox::{Key, open_unit};
 
-/// Releases particles.
+/// A source that releases particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Transmitter {
     /// Its name in messages.
     pub name: String,
-    /// Its centre, in µm.
+    /// Its center, in µm.
     pub center: [f32; 3],
-    /// Where around the centre particles appear.
+    /// Distribution of the particles around the center.
     pub shape: Shape,
-    /// When.
+    /// Release times.
     pub schedule: Schedule,
-    /// How many of each species one burst has.
+    /// Species and number of particles per burst.
     pub release: Vec<(u32, u32)>,
-    /// How the numbers of particles scatter.
+    /// Distribution of particle numbers.
     pub numbers: Numbers,
 }
 
-/// When a transmitter releases.
+/// The release schedule of a transmitter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Schedule {
-    /// A burst at each of these times, in s, in ascending order. A burst appears before the first step that begins then
-    /// or later, and takes part in it.
+    /// A burst at each of these ascending times, in s. A burst appears before the first step that begins at its time or
+    /// later, and takes part in that step.
     Times(Vec<f64>),
     /// A burst for each symbol of a message.
     Message(Message),
-    /// All the time, at these rates by species, in 1/s.
+    /// Steady release, at a rate per species.
     Steady {
-        /// From here on, in s.
+        /// Start, in s.
         from: f64,
-        /// Until here, in s.
+        /// End, in s.
         until: f64,
-        /// How many of a species, in 1/s.
+        /// Species and its rate, in 1/s.
         rates: Vec<(u32, f64)>,
     },
 }
@@ -47,17 +47,17 @@ impl Default for Schedule {
     }
 }
 
-/// How many particles come of a number in a model.
+/// The distribution of the number of particles released.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Numbers {
-    /// As many; where release is steady, they are evenly spaced.
+    /// The exact number. Steady release is evenly spaced in time.
     #[default]
     Fixed,
-    /// A Poisson number with that mean; where release is steady, independently of each other.
+    /// A Poisson-distributed number with this mean. Steady release is a Poisson process.
     Poisson,
 }
 
-/// Where around a centre particles appear.
+/// The distribution of released particles around the center.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Shape {
     /// All at one point.
@@ -65,20 +65,20 @@ pub enum Shape {
     Point,
     /// Normal along each axis, with this standard deviation in µm.
     Gaussian(f32),
-    /// Uniform in a shell between two radii in µm; a ball where the inner one is 0.
+    /// Uniform in a shell between two radii in µm; a ball if the inner radius is 0.
     Shell(f32, f32),
-    /// Uniform in a box of these edges in µm.
+    /// Uniform in a box with these side lengths in µm.
     Box([f32; 3]),
-    /// Uniform in a cylinder along an axis (0, 1 or 2) of this radius and length in µm; a disk where it has no length.
+    /// Uniform in a cylinder along axis 0, 1 or 2, with this radius and length in µm; a disk if the length is 0.
     Cylinder(usize, f32, f32),
-    /// On a cubic lattice with this many places along each axis that fills a box of these edges in µm. Places are
-    /// taken in order, x fastest.
+    /// On a lattice in a box with these side lengths in µm and this number of sites per axis. Sites are filled in
+    /// order, x fastest.
     Lattice([f32; 3], [u32; 3]),
 }
 
 impl Transmitter {
-    /// The bursts at the beginning of `step`, each as how many of each species. Transmitters draw the symbols of a random
-    /// message by their `place` in the model.
+    /// Returns the bursts at the beginning of `step`, each as species and numbers. `place` is the index of the
+    /// transmitter in the model; it selects the random symbols of a message.
     pub fn bursts(&self, place: u32, step: u32, time_step: f64, key: Key) -> Vec<Vec<(u32, u32)>> {
         match &self.schedule {
             Schedule::Times(times) => vec![self.release.clone(); due(times, step, time_step).len()],
@@ -90,7 +90,7 @@ impl Transmitter {
         }
     }
 
-    /// How many particles are released from step `begin` on and before step `end`, by species, on average.
+    /// Returns the mean number of particles released in steps `begin..end`, by species.
     pub fn mean_between(&self, [begin, end]: [u32; 2], time_step: f64) -> Vec<(u32, f64)> {
         let scaled = |by: f64| self.release.iter().map(move |&(species, n)| (species, by * f64::from(n)));
         match &self.schedule {
@@ -112,8 +112,8 @@ impl Transmitter {
         }
     }
 
-    /// The first time from which on nothing comes within so many steps although it is to, and how many bursts those
-    /// are, where they are counted.
+    /// Returns the first release time that does not fall within `steps` steps, and the number of bursts from then on.
+    /// The number is `None` for steady release.
     pub fn after(&self, steps: u32, time_step: f64) -> Option<(f64, Option<usize>)> {
         let is_late = |time: f64| step_of(time, time_step).is_none_or(|step| step >= steps);
         match &self.schedule {
@@ -131,14 +131,14 @@ impl Transmitter {
     }
 }
 
-/// Those of ascending times that fall on a step.
+/// Returns the times in ascending `times` that fall on `step`.
 fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
     let until = |step| times.partition_point(|&time| step_of(time, time_step).is_some_and(|own| own < step));
     &times[until(step)..until(step.saturating_add(1))]
 }
 
 impl Shape {
-    /// Where the particle with these words, the `place`th of its burst, appears.
+    /// Returns the offset from the center of the particle with index `place` in its burst, from its random words.
     pub(crate) fn offset(self, words: [u32; 4], place: u32) -> [f32; 3] {
         match self {
             Self::Point => [0.0; 3],
