@@ -35,7 +35,7 @@ pub(super) struct Row {
     pub(super) place: [f32; 3],
 }
 
-/// Whether a particle is one of those that are drawn where one of 2ˢʰⁱᶠᵗ is.
+/// Returns `true` if a particle is one of those that are drawn where one of 2ˢʰⁱᶠᵗ is.
 pub(super) fn is_drawn(id: u32, shift: u32) -> bool {
     mixed(id).leading_zeros() >= shift
 }

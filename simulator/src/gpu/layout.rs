@@ -20,7 +20,7 @@ pub(super) struct Params {
     pub(super) is_open: u32,
     /// The most loop turns of the last rounds of a matching.
     pub(super) turns: u32,
-    /// Whether pairs are listed, and not only counted.
+    /// `true` if pairs are listed, and not only counted.
     pub(super) lists_pairs: u32,
     /// How often a particle may look around for surfaces in a step.
     pub(super) looks: u32,

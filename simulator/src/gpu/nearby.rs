@@ -54,7 +54,7 @@ impl Listing {
         self.kinds.len() * (2 * self.most_cells + 1) + ENTRIES * self.receivers()
     }
 
-    /// Whether lists pay that serve so many steps of a particle.
+    /// Returns `true` if lists pay that serve so many steps of a particle.
     pub(super) fn pays(&self, steps: u64) -> bool {
         !self.kinds.is_empty() && steps >= SERVED * self.receivers() as u64
     }
@@ -180,7 +180,7 @@ impl Cells {
         self.cells.iter().map(|&count| count as usize).product()
     }
 
-    /// Whether all that is computed with them is a number.
+    /// Returns `true` if all that is computed with them is a number.
     fn are_finite(&self, reach: f32) -> bool {
         let Lists { low, per_edge, .. } = self.head();
         let last = self.sphere(self.count() - 1, reach);

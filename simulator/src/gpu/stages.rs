@@ -19,9 +19,9 @@ use crate::Error;
 pub(super) struct Base {
     pub(super) own: GpuDevice,
     pub(super) limits: DeviceLimits,
-    /// Whether there are transparent receivers.
+    /// `true` if there are transparent receivers.
     watches: bool,
-    /// Whether some surfaces turn particles back.
+    /// `true` if some surfaces turn particles back.
     turns_back: bool,
     /// Receivers, where some have receptors.
     receptors: u32,
@@ -252,7 +252,7 @@ impl Steps {
         &self.buffers[name]
     }
 
-    /// Whether they read what a detector leaves there.
+    /// Returns `true` if they read what a detector leaves there.
     pub(super) fn are_bound_to(&self, found: &GpuPairs) -> bool {
         let order = found.sorted.as_ref().is_none_or(|sorted| sorted.order == *self.buffer("order"));
         order && found.outcome == *self.buffer("outcome")

@@ -19,7 +19,7 @@ pub(super) struct Tables {
     pub(super) watches: Vec<Watch>,
     /// By receiver, of all where some have receptors; else of none.
     pub(super) receptors: Vec<ReceptorRow>,
-    /// Whether some surfaces turn particles back.
+    /// `true` if some surfaces turn particles back.
     pub(super) turns_back: bool,
     /// Rows of the table of where receivers are, at most.
     pub(super) bodies: usize,
@@ -157,8 +157,8 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     }
 }
 
-/// Whether the ends of a step do not tell whether a receiver was met between them: drift may carry past what diffuses,
-/// and on a straight way a wall or another image of the receiver may turn up.
+/// Returns `true` if the ends of a step do not tell whether a receiver was met between them: drift may carry past what
+/// diffuses, and on a straight way a wall or another image of the receiver may turn up.
 fn drifts_past((receiver, time_step): (&Receiver, f64), step: &Step, boundary: &Boundary) -> bool {
     let own = receiver.velocity.map(|v| (v * time_step) as f32);
     let drift: [f32; 3] = std::array::from_fn(|k| step.drift[k] - own[k]);

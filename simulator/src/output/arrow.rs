@@ -37,7 +37,7 @@ enum Kind {
 struct Column {
     name: &'static str,
     kind: Kind,
-    /// Whether a field may be empty.
+    /// `true` if a field may be empty.
     nullable: bool,
 }
 

@@ -72,7 +72,7 @@ pub(crate) fn next(run: &impl Standing, output: Output) -> u64 {
     present.map(|(species, &count)| count * each(species)).sum::<u64>() + animation + (1 << 16)
 }
 
-/// Whether particles may disappear otherwise than by decay.
+/// Returns `true` if particles may disappear otherwise than by decay.
 fn loses(model: &Model) -> bool {
     model.decays.iter().any(|decay| decay.products[0].is_none())
         || model.reactions.iter().any(|reaction| reaction.products.contains(&None))

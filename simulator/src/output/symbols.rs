@@ -6,7 +6,7 @@ use crate::philox::Key;
 use crate::transmitter::Schedule;
 use crate::{Model, Transmitter};
 
-/// Whether anything is sent.
+/// Returns `true` if anything is sent.
 pub(super) fn any(model: &Model) -> bool {
     model.transmitters.iter().any(|t| matches!(t.schedule, Schedule::Message(_)))
 }

@@ -28,8 +28,8 @@ impl Way {
         all
     }
 
-    /// Whether a release counts: of the species that arrives, where the transmitter has it, else of any that may have
-    /// become it.
+    /// Returns `true` if a release counts: of the species that arrives, where the transmitter has it, else of any that
+    /// may have become it.
     pub(super) fn is_from(self, log: &Log, species: usize) -> bool {
         let own = |s: usize| log.releases.iter().any(|r| r.transmitter == self.transmitter && r.species == s);
         species == self.species || !own(self.species)
@@ -94,7 +94,7 @@ impl Response {
         }
     }
 
-    /// Whether anybody arrives.
+    /// Returns `true` if anybody arrives.
     pub fn is_any(&self) -> bool {
         self.parts.iter().any(|part| part.mean() > 0.0)
     }

@@ -28,7 +28,7 @@ impl Slots {
         self.bounds.len().saturating_sub(1)
     }
 
-    /// Whether there is none.
+    /// Returns `true` if there is none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

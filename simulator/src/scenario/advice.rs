@@ -6,7 +6,7 @@ use crate::model::{Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
 use crate::rate;
 use crate::receiver::{Kind, Receiver, Receptors, Sticking};
 
-/// Whether walls keep everything away from a sphere.
+/// Returns `true` if walls keep everything away from a sphere.
 pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) -> bool {
     let beyond = |(axis, x): (Axis, f32)| match axis {
         Axis::Reflecting { low, high } => (low - x).max(x - high).max(0.0),

@@ -43,14 +43,14 @@ pub struct Output {
     pub npy: bool,
     /// Steps between checkpoints; besides there is one at the end.
     pub checkpoint_every: Option<u32>,
-    /// Whether the log of arrivals is written as Arrow files besides, which takes the feature `arrow`.
+    /// `true` if the log of arrivals is written as Arrow files besides, which takes the feature `arrow`.
     pub arrow: bool,
     /// A page that plays the run.
     pub animation: Option<Animation>,
 }
 
 impl Output {
-    /// Whether there is a frame after so many steps.
+    /// Returns `true` if there is a frame after so many steps.
     pub fn has_frame(&self, step: u32) -> bool {
         (self.xyz || self.npy) && step.is_multiple_of(self.frames_every)
     }

@@ -27,7 +27,7 @@ pub(crate) struct Row {
     pub(crate) measured: f64,
     /// The largest deviation that passes.
     pub(crate) tolerance: f64,
-    /// Whether the two are to differ by more than the tolerance instead.
+    /// `true` if the two are to differ by more than the tolerance instead.
     pub(crate) must_differ: bool,
 }
 

@@ -7,7 +7,7 @@ pub(crate) fn species(name: &str, radius: f32, diffusion: f64) -> Species {
     Species { name: name.to_owned(), radius, diffusion, mass: 1.0, ..Species::default() }
 }
 
-/// Whether to draw as many as `LAZYGRID_LONG` asks for; tolerances follow the number.
+/// Returns `true` if to draw as many as `LAZYGRID_LONG` asks for; tolerances follow the number.
 pub(crate) fn is_long() -> bool {
     std::env::var_os("LAZYGRID_LONG").is_some()
 }
