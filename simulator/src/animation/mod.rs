@@ -19,12 +19,12 @@ use scene::Scene;
 use crate::Model;
 use crate::results::series::Series;
 
-/// How a run is animated.
+/// The options of an animation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Animation {
     /// Steps between frames.
     pub every: u32,
-    /// How many particles are drawn at most. Of more, those are drawn in all frames whose ids a hash chooses, half of
+    /// The most particles that are drawn. Of more, all frames show those whose ids a hash chooses, half of
     /// them, a quarter, and so on.
     pub particles: NonZeroU32,
 }
@@ -35,7 +35,7 @@ const SCRIPTS: [&str; 2] = [include_str!("stage.js"), include_str!("player.js")]
 /// Writes the page of a run that recorded its frames.
 ///
 /// # Errors
-/// What reader or writer say.
+/// Fails if the reader or the writer fails.
 pub(crate) fn page(
     out: &mut impl Write,
     (model, title): (&Model, &str),

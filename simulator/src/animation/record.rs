@@ -20,10 +20,10 @@ pub(super) struct Frame {
     pub(super) step: u32,
     /// Of 2ˢʰⁱᶠᵗ particles one is drawn, by its id.
     pub(super) shift: u32,
-    /// How many there are.
+    /// Their number.
     pub(super) present: u64,
     pub(super) rows: Vec<Row>,
-    /// Where the receivers are that move, in the order of the model.
+    /// The positions of moving receivers, in the order of the model.
     pub(super) centers: Vec<[f32; 3]>,
 }
 
@@ -52,7 +52,7 @@ pub(super) fn moving(model: &Model) -> impl Iterator<Item = usize> + '_ {
     (0..model.receivers.len()).filter(|&k| model.receivers[k].moves())
 }
 
-/// How many bytes a frame of so many particles takes.
+/// The bytes of a frame of this number of particles.
 pub(crate) fn bytes_of(model: &Model, particles: u64) -> u64 {
     4 * (HEAD as u64 + ROW as u64 * particles + (CENTER * moving(model).count()) as u64)
 }
@@ -74,7 +74,7 @@ pub(crate) fn append(
     let mut bytes: Vec<u8> = head.iter().flat_map(|word| word.to_le_bytes()).collect();
     let mut places: Vec<usize> =
         (0..particles.len()).filter(|&at| is_drawn(particles.id[at], shift)).collect();
-    // As everywhere, the order of storage is no part of a result.
+    // The order of storage is not part of any result.
     places.sort_unstable_by_key(|&at| particles.id[at]);
     for at in places {
         let [x, y, z] = particles.position_of(at).map(f32::to_bits);

@@ -1,4 +1,4 @@
-//! What stands in a page beside the places of particles.
+//! The parts of a page besides the positions of particles.
 
 use serde::Serialize;
 
@@ -16,7 +16,7 @@ pub(super) struct Scene {
     walls: [Option<[f32; 2]>; 3],
     vessel: Option<Tube>,
     transceivers: Vec<Transceiver>,
-    /// What the camera looks at.
+    /// The point that the camera looks at.
     view: View,
     frames: Vec<Shown>,
     /// The times of the series, in s.
@@ -52,9 +52,9 @@ struct View {
 struct Transceiver {
     name: String,
     role: &'static str,
-    /// Where it is, or begins.
+    /// Its position, or its initial one.
     center: [f32; 3],
-    /// Where its centre is in the list of each frame, if it moves.
+    /// The index of its center in the list of each frame, if it moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     moves: Option<usize>,
     shape: Body,
@@ -134,7 +134,7 @@ impl Scene {
         scene
     }
 
-    /// What walls and transceivers take.
+    /// The bounds of walls and transceivers.
     fn bounds(&self) -> View {
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         let mut see = |k: usize, ends: [f32; 2]| {
@@ -197,7 +197,7 @@ impl Scene {
         if self.view.radius <= 0.0 || !self.view.radius.is_finite() {
             self.view.radius = 1.0;
         }
-        // What has no extent is seen all the same.
+        // Shapes without extent are visible, too.
         let least = self.view.radius / 80.0;
         for transceiver in &mut self.transceivers {
             transceiver.shape.size = transceiver.shape.size.map(|half| half.max(least));

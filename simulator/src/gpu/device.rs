@@ -32,7 +32,7 @@ pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<
     // An empty table is bound all the same, with room for one row.
     let size = if bytes == 0 { 64 } else { bytes.next_multiple_of(16) };
     let usage = Usage::STORAGE | Usage::UNIFORM | Usage::COPY_SRC | Usage::COPY_DST;
-    // What is larger than a uniform may be is never bound as one.
+    // A buffer above the uniform limit is never bound as a uniform.
     let usage = if size > 1 << 14 { usage - Usage::UNIFORM } else { usage };
     let descriptor = wgpu::BufferDescriptor { label: Some(name), size, usage, mapped_at_creation: false };
     scoped(own, name, size, || own.device.create_buffer(&descriptor))

@@ -1,4 +1,4 @@
-//! Where receivers are in the steps to come: they go by themselves, so that the host knows it beforehand.
+//! The positions of receivers in the next steps: receivers move independently, so that the host knows them in advance.
 
 use super::layout::{Body, Journey};
 use super::plan::LOG_ROWS;
@@ -6,15 +6,15 @@ use crate::bodies;
 use crate::model::Model;
 use crate::philox::Key;
 
-/// Where receivers are at the beginning of each of some steps, and behind the last one.
+/// The positions of receivers at the beginning of each of some steps, and after the last one.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Itinerary {
     pub(super) head: Journey,
-    /// By step, then by receiver. A single step where none moves.
+    /// By step, then by receiver; a single step if no receiver moves.
     pub(super) rows: Vec<Body>,
-    /// By step: the centres, in µm.
+    /// The centers of each step, in µm.
     centers: Vec<Vec<[f32; 3]>>,
-    /// How far each receiver gets from where it begins, in µm. Of none where they rest.
+    /// The largest displacement of each receiver, in µm; empty if all rest.
     pub(super) gone: Vec<f32>,
 }
 
@@ -23,7 +23,7 @@ const TABLE: u64 = 4 << 20;
 /// Bytes of a row of it.
 const ROW: u64 = 32;
 
-/// How many steps there may be between two looks of the host, so that where receivers are in them has room.
+/// The most steps between two readbacks, by the capacity for positions of receivers.
 pub(super) fn most_steps(model: &Model) -> u32 {
     if !model.receivers.iter().any(crate::Receiver::moves) {
         return LOG_ROWS;
@@ -39,7 +39,7 @@ pub(super) fn most_rows(model: &Model) -> usize {
 }
 
 impl Itinerary {
-    /// Where receivers come from these centres in so many steps.
+    /// Returns the positions of receivers that start at these centers, for a number of steps.
     pub(super) fn new(model: &Model, key: Key, centers: &[[f32; 3]], first: u32, steps: u32) -> Self {
         let moves = model.receivers.iter().any(crate::Receiver::moves);
         let stride = if moves { centers.len() as u32 } else { 0 };

@@ -52,7 +52,7 @@ kernels! {
     RECEPTORS_BEGIN = "receptors_begin" [Write "receptors"];
     /// Counts the receptors that are taken.
     RECEPTORS_HOLD = "receptors_hold" [Write "control", Read "spheres", Read "fates", Write "receptors"];
-    /// Where each receiver's list begins of the particles that are to bind.
+    /// The start of each receiver's list of particles that are to bind.
     RECEPTORS_SCAN = "receptors_scan" [Write "control", Write "receptors"];
     /// Lists these.
     RECEPTORS_GROUP = "receptors_group" [
@@ -104,7 +104,7 @@ kernels! {
         Uniform "listing", Read "order", Read "moved", Read "species", Read "ids", Write "claims", Read "sums",
         Write "spheres", Write "tags",
     ];
-    /// What is inside transparent receivers.
+    /// The counts inside transparent receivers.
     RECEIVERS_COUNT = "receivers_count" [
         Uniform "params", Uniform "journey", Write "control", Read "spheres", Read "tags", Read "watches",
         Read "bodies", Write "inside",

@@ -7,24 +7,24 @@ use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
 use glam::{UVec2, UVec3, Vec2, Vec3};
 
-/// What does not change in a run.
+/// The constants of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Params {
     pub(super) key: UVec2,
     pub(super) species: u32,
-    /// How many tallies a step has.
+    /// The number of tallies of a step.
     pub(super) tallies: u32,
-    /// Where those of reactions begin.
+    /// The first tally of reactions.
     pub(super) first_reaction: u32,
     pub(super) is_open: u32,
     /// The most loop turns of the last rounds of a matching.
     pub(super) turns: u32,
     /// `true` if pairs are listed, and not only counted.
     pub(super) lists_pairs: u32,
-    /// How often a particle may look around for surfaces in a step.
+    /// The most searches for surfaces per particle and step.
     pub(super) looks: u32,
-    /// By axis: 0 open, 1 reflecting, 2 periodic.
+    /// The boundary of each axis: 0 open, 1 reflecting, 2 periodic.
     pub(super) axes: UVec3,
     pub(super) low: Vec3,
     pub(super) high: Vec3,
@@ -42,13 +42,13 @@ pub(super) struct Kind {
     pub(super) decays_begin: u32,
     pub(super) fates_end: u32,
     pub(super) bend: f32,
-    /// What is in this reach is listed.
+    /// Receivers within this distance are listed.
     pub(super) reach: f32,
     /// Its place among the species for which receivers are listed, or [`NOTHING`].
     pub(super) lists: u32,
 }
 
-/// What may befall a particle of one species.
+/// The possible events of a particle of one species.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Fate {
@@ -75,7 +75,7 @@ impl Fate {
     pub(super) const DECAY: u32 = 6;
 }
 
-/// Where a receiver is at the beginning of a step, and where it goes in it.
+/// The position of a receiver at the beginning of a step, and its displacement in it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Body {
@@ -99,7 +99,7 @@ pub(super) struct Journey {
     pub(super) first: u32,
     pub(super) stride: u32,
     pub(super) longest: f32,
-    /// Where in the rows, of 16 bytes, the lists of receivers begin.
+    /// The first row, of 16 bytes, of the lists of receivers.
     pub(super) lists_at: u32,
     pub(super) lists: Lists,
 }
@@ -151,7 +151,7 @@ impl Rule {
 /// No species.
 pub(super) const NOTHING: u32 = u32::MAX;
 
-/// What stands in front of the tallies in the control buffer.
+/// The head of the control buffer, before the tallies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Head {
@@ -178,7 +178,7 @@ impl Head {
     pub(super) const TOO_MANY_BIDS: u32 = 32;
     pub(super) const THROWN_TOO_FAR: u32 = 64;
 
-    /// What the device said it lacks.
+    /// The capacity that the device lacks.
     pub(super) fn lacking(&self) -> u64 {
         u64::from(self.lacking[1]) << 32 | u64::from(self.lacking[0])
     }

@@ -30,7 +30,7 @@ pub(super) struct Nearby {
     pub(super) words: Vec<u32>,
 }
 
-/// What is listed: the tables of a model.
+/// The tables of a model that lists are made of.
 #[derive(Clone, Debug)]
 pub(super) struct Listing {
     /// Of the species for which there are lists, in the order of these.
@@ -72,7 +72,7 @@ impl Listing {
     /// None where numbers have no room for cells.
     ///
     /// # Errors
-    /// What the detector says.
+    /// Fails if the detector fails.
     pub(super) fn of(&mut self, centers: &[[f32; 3]], gone: &[f32], longest: f32) -> Result<Nearby, Error> {
         if self.kinds.is_empty() {
             return Ok(Nearby::default());

@@ -1,4 +1,4 @@
-//! What a run needs on the device. Pure functions of sizes and limits.
+//! The buffers and dispatches of a run. Pure functions of sizes and limits.
 
 use lazygrid::Error;
 use lazygrid::gpu::DeviceLimits;
@@ -6,7 +6,7 @@ use lazygrid::gpu::DeviceLimits;
 use super::kernel::GROUP;
 use super::layout::{CANDIDATE_BYTES, CLAIM_BYTES};
 
-/// How a run uses its device. None of it changes a result.
+/// The options of a run on a device. None of them changes a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuOptions {
     /// Pairs that there is room for at first; it grows where a step finds more. Default: 2¹⁶.

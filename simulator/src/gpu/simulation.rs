@@ -35,11 +35,11 @@ pub struct GpuSimulation {
     key: Key,
     decays: Decays,
     tallies: Tallies,
-    /// What receptors may hold.
+    /// The capacities of receptors.
     holders: Vec<Holder>,
-    /// Where receivers are in the steps that were recorded last.
+    /// The positions of receivers in the steps that were recorded last.
     itinerary: Itinerary,
-    /// How they are listed by cells.
+    /// Their lists by cells.
     listing: Listing,
     /// The cells of the lists that are on the device.
     lists: Lists,
@@ -51,7 +51,7 @@ pub struct GpuSimulation {
     steps: Steps,
     /// Particles at the last look.
     alive: u32,
-    /// What was released since then and is not on the device yet.
+    /// The particles that were released since then and are not on the device yet.
     due: Particles,
     step: u32,
     next_id: u32,
@@ -60,7 +60,7 @@ pub struct GpuSimulation {
     pairs: Vec<u64>,
 }
 
-/// What appears before a step.
+/// The particles that appear before a step.
 struct Burst {
     step: u32,
     released: Released,
@@ -88,7 +88,7 @@ impl GpuSimulation {
     /// A run that goes on from a state of the same model and seed.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// The same as [`new`](Self::new).
     pub fn resume(
         model: Model,
         seed: u64,
@@ -111,7 +111,7 @@ impl GpuSimulation {
             Sizes { particles: grown(alive), pairs: if lists { options.pair_capacity.max(1) } else { 0 } };
         let mut detector = detector(&base, &model, sizes)?;
         let steps = prepare(&mut base, sizes, options.rounds, detector.as_mut())?;
-        // Those that move are listed for each of their ways.
+        // Moving receivers are listed for each of their paths.
         let moves = model.receivers.iter().any(crate::Receiver::moves);
         let nearby = if moves { Nearby::default() } else { listing.of(&state.centers, &[], 0.0)? };
         base.list(&nearby)?;
@@ -144,12 +144,12 @@ impl GpuSimulation {
         Ok(simulation)
     }
 
-    /// What is simulated.
+    /// The model.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// How many steps are done.
+    /// The number of steps done.
     pub fn step_count(&self) -> u32 {
         self.step
     }
@@ -159,7 +159,7 @@ impl GpuSimulation {
         f64::from(self.step) * self.model.time_step
     }
 
-    /// What was counted.
+    /// The counts.
     pub fn totals(&self) -> &Totals {
         &self.totals
     }
@@ -169,7 +169,7 @@ impl GpuSimulation {
         &self.pairs
     }
 
-    /// What each receiver has to say: arrivals so far, or how many are inside a transparent one; by species.
+    /// The counts of each receiver by species: arrivals so far, or the number inside a transparent receiver.
     pub fn received(&self) -> Vec<Vec<u64>> {
         let says = |(k, receiver): (usize, &crate::Receiver)| match receiver.kind {
             Kind::Transparent => {
@@ -210,7 +210,7 @@ impl GpuSimulation {
         self.base.own.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
-    /// What appears after each of the next steps.
+    /// The particles that appear after each of the next steps.
     fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
         let mut next_id = self.next_id;
         let mut bursts = Vec::new();
@@ -227,7 +227,7 @@ impl GpuSimulation {
     /// Records and submits steps, and looks.
     fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<Head, Error> {
         self.foresee(steps)?;
-        // What a frozen step did not take is there for its repetition.
+        // Particles that a stopped step did not take remain for its repetition.
         let due = self.due.clone();
         let mut bursts_left = bursts.iter().peekable();
         let mut particles = self.alive;
@@ -350,7 +350,7 @@ impl GpuSimulation {
             let holds = matches!(model.receivers[receiver].kind, Kind::Receptors(_));
             for species in 0..tallies.species {
                 let word = counts[tallies.arrival(receiver, species)];
-                // What receptors hold may become less.
+                // The number of bound particles may decrease.
                 let count = if holds { i64::from(word as i32) as u64 } else { word.into() };
                 let arrived = &mut totals.arrived[receiver][species];
                 *arrived = arrived.wrapping_add(count);
@@ -375,7 +375,7 @@ impl GpuSimulation {
     }
 }
 
-/// What finds the pairs, where there are any to be found.
+/// The detector, if the model has pairs.
 fn detector(base: &Base, model: &Model, sizes: Sizes) -> Result<Option<GpuDetector>, Error> {
     let Some(table) = interactions(model)? else { return Ok(None) };
     // A software driver has few threads, so that lists pay much sooner.

@@ -14,7 +14,7 @@ use super::plan::{LOG_ROWS, Sizes, groups_for};
 use super::tables::Tables;
 use crate::Error;
 
-/// What a run holds on the device whatever its sizes, and the kernels compiled so far.
+/// The buffers of fixed size, and the kernels compiled so far.
 #[derive(Debug)]
 pub(super) struct Base {
     pub(super) own: GpuDevice,
@@ -39,7 +39,7 @@ pub(super) struct Stage {
     groups: Groups,
 }
 
-/// How many workgroups a stage has.
+/// The number of workgroups of a stage.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Groups {
     /// These.
@@ -161,12 +161,12 @@ pub(super) struct Steps {
     pub(super) sizes: Sizes,
     limits: DeviceLimits,
     buffers: HashMap<&'static str, wgpu::Buffer>,
-    /// What comes before the detection.
+    /// The stages before the detection.
     before: Vec<Stage>,
     /// From pairs to candidates; nothing where nothing is detected.
     drawing: Vec<Stage>,
     matching: Vec<Stage>,
-    /// What ends a step.
+    /// The stages at the end of a step.
     after: Vec<Stage>,
     /// Counts what is inside transparent receivers, where there are any.
     census: Option<Stage>,

@@ -17,7 +17,7 @@ pub(super) struct Tables {
     pub(super) kinds: Vec<Kind>,
     pub(super) fates: Vec<Fate>,
     pub(super) watches: Vec<Watch>,
-    /// By receiver, of all where some have receptors; else of none.
+    /// By receiver; empty if no receiver has receptors.
     pub(super) receptors: Vec<ReceptorRow>,
     /// `true` if some surfaces turn particles back.
     pub(super) turns_back: bool,
@@ -305,13 +305,13 @@ fn kinds_and_fates(model: &Model, tallies: &Tallies) -> (Vec<Kind>, Vec<Fate>) {
     (kinds, fates)
 }
 
-/// How far particles get about in a step, but for one of ten million, and may meet receivers.
+/// The distance within which all but one particle of ten million stay in a step and may meet receivers.
 fn reach(step: &Step) -> f32 {
     let drift = step.drift.iter().map(|d| d * d).sum::<f32>().sqrt();
     1.01 * (6.0 * step.length + drift) + step.bend
 }
 
-/// What a receiver does to a species, as far as its surface goes; nothing where it lets everything through.
+/// The effect of a receiver's surface on a species; none if the surface is transparent.
 fn surface(receiver: &Receiver, step: &Step, time_step: f64) -> Option<Fate> {
     let diffusion = f64::from(step.diffusion + (receiver.diffusion * time_step) as f32);
     let length = diffusion.sqrt();

@@ -37,7 +37,7 @@ pub(super) fn header_of_releases(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "step,time,transmitter,species,count")
 }
 
-/// What is released at the beginning of the step that comes next.
+/// The releases at the beginning of the next step.
 pub(super) fn rows_of_releases(
     out: &mut impl Write,
     simulation: &impl Standing,

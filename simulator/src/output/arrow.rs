@@ -23,7 +23,7 @@ pub(super) const NAMES: [&str; 2] = ["arrivals.arrow", "releases.arrow"];
 /// Rows of a batch.
 const BATCH: usize = 1 << 16;
 
-/// What a column holds.
+/// The values of a column.
 #[derive(Clone)]
 enum Kind {
     Whole,
@@ -71,7 +71,7 @@ pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
         let from = directory.join(name).with_extension("csv");
         let mut lines =
             Lines::open(&from, &columns.iter().map(|column| column.name).collect::<Vec<_>>().join(","))?;
-        // What is wrong with the table is no failure to write.
+        // A fault of the table is not a failure to write.
         let mut damaged = None;
         replace(&directory.join(name), |out| {
             write(out, columns, || match lines.next() {

@@ -1,11 +1,11 @@
-//! How much a run will write.
+//! The forecast of a run's output.
 
 use super::{frames, series};
 use crate::animation;
 use crate::scenario::Output;
 use crate::{Kind, Model, Standing, State};
 
-/// What is still to be written, in bytes.
+/// The remaining output, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Forecast {
     /// If all particles are lost as soon as they can be.
@@ -22,7 +22,7 @@ const MOMENTS: u32 = 1000;
 const COORDINATE: f64 = 9.7;
 
 impl Forecast {
-    /// What a run writes until it has so many steps.
+    /// Returns the output of a run up to a number of steps.
     pub(crate) fn of(run: &impl Standing, output: Output, steps: u32, scenario: &str) -> Self {
         let (model, from) = (run.model(), run.step_count());
         let crowd = Crowd::new(model, &run.totals().present, from, steps);
@@ -57,7 +57,7 @@ impl Forecast {
     }
 }
 
-/// What the next frame and checkpoint take, with the particles that there are.
+/// The bytes of the next frame and checkpoint, with the present particles.
 pub(crate) fn next(run: &impl Standing, output: Output) -> u64 {
     let model = run.model();
     let present = run.totals().present.iter().enumerate();
@@ -112,7 +112,7 @@ impl Crowd {
     }
 }
 
-/// What decays within a time, as is to be expected.
+/// The expected number of decays within a time.
 fn decay(model: &Model, now: &mut [f64], time: f64) {
     let before = now.to_vec();
     for (species, count) in before.into_iter().enumerate() {
@@ -165,7 +165,7 @@ mod tests {
     use crate::run::Run;
     use crate::scenario::Scenario;
 
-    /// What is foretold at the beginning of a run beside what it writes, in bytes.
+    /// Compares the forecast at the beginning of a run with its output, in bytes.
     fn foretold_and_written(text: &str) -> [u64; 3] {
         let scenario = Scenario::parse(Path::new("s.toml"), text.to_owned()).unwrap();
         let directory = tempfile::tempdir().unwrap();

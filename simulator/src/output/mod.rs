@@ -49,7 +49,7 @@ pub(crate) struct Files {
     _lock: Lock,
 }
 
-/// Who was released and who arrived.
+/// The released and the arrived particles.
 #[derive(Debug)]
 struct Logs {
     arrivals: Growing,

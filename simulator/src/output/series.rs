@@ -31,7 +31,7 @@ pub fn names(model: &Model) -> Vec<String> {
     names
 }
 
-/// What was counted up to now, in the order of the [`names`].
+/// The counts so far, in the order of the [`names`].
 pub fn counts(simulation: &impl Standing) -> Vec<u64> {
     let (totals, model) = (simulation.totals(), simulation.model());
     let mut counts = [&totals.present[..], &totals.reacted, &totals.decayed].concat();
@@ -43,12 +43,12 @@ pub fn counts(simulation: &impl Standing) -> Vec<u64> {
     counts
 }
 
-/// How a row begins.
+/// The first columns of a row.
 pub(super) fn moment(step: u32, model: &Model) -> String {
     format!("{step},{}", f64::from(step) * model.time_step)
 }
 
-/// How many columns receivers have.
+/// The number of columns of receivers.
 pub(super) fn seen(model: &Model) -> usize {
     let species = model.species.len();
     let seen = |receiver: &crate::Receiver| (0..species).filter(|&k| receiver.counts(k)).count();

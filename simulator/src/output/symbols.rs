@@ -1,4 +1,4 @@
-//! What transmitters send: a row for each symbol.
+//! The symbols that transmitters send: a row for each.
 
 use std::io::{self, Write};
 

@@ -1,4 +1,4 @@
-//! Who has their turn, where candidates of several ranks want the same particle.
+//! Matching of reactions if candidates of several ranks want the same particle.
 //!
 //! Every candidate is with one rank, and every particle has an owner. In a round a rank tells the owner of each ghost the
 //! best key that it has for it; the owner answers with the best of all, or that the particle is taken. So everybody knows
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::matching::{Candidate, Key};
 
-/// What is known in a step of each particle of a rank and of each ghost behind them.
+/// The state of each particle of a rank in a step, and of each ghost after them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Contest {
     best: Vec<Option<Key>>,
@@ -21,7 +21,7 @@ pub(super) struct Contest {
     touched: Vec<u32>,
 }
 
-/// What a rank says of a ghost to its owner.
+/// The message of a rank to the owner of a ghost.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Claim {
@@ -32,7 +32,7 @@ struct Claim {
     key: Word,
 }
 
-/// What the owner answers.
+/// The answer of the owner.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Answer {
@@ -63,7 +63,7 @@ impl Contest {
     /// ascending places. There are `own` particles, and ghosts behind them.
     ///
     /// # Errors
-    /// Those of the carrier.
+    /// Fails if the communicator fails.
     pub(super) fn greedy<C: Carrier>(
         &mut self,
         carrier: &mut C,
@@ -93,7 +93,7 @@ impl Contest {
                 self.taken[at] = true;
                 won.extend(at.checked_sub(own).map(|ghost| ghost as u32));
             }
-            // Where one was taken, the others are dropped.
+            // If one candidate was taken, the others are dropped.
             active.retain(|&c| claimed(c).all(|at| !self.taken[at]));
             chosen.extend(winners);
             self.touched.iter().for_each(|&at| self.best[at as usize] = None);
@@ -171,7 +171,7 @@ mod tests {
     use super::*;
     use crate::matching::tests::{candidates, sequential};
 
-    /// What one rank has: its candidates, how many particles, and the ghosts behind them.
+    /// The data of one rank: its candidates, the number of its particles, and the ghosts after them.
     fn of_rank(all: &[Candidate], owners: &[u32], rank: u32) -> (Vec<Candidate>, usize, Ghosts) {
         let ranks = owners.iter().max().map_or(1, |most| most + 1);
         let index =
@@ -205,7 +205,7 @@ mod tests {
             let chosen = threads::on(ranks, |mut thread| {
                 let mut contest = Contest::default();
                 let (mut here, own, ghosts) = of_rank(&all, &owners, thread.rank());
-                // What a call leaves behind must not disturb the next one.
+                // The state that a call leaves must not disturb the next one.
                 let [first, second] = [0, 1].map(|_| {
                     let chosen = contest.greedy(&mut thread, &mut here, (own, &ghosts)).expect("no carrier fails");
                     chosen.iter().map(|&c| (here[c as usize].key(), here[c as usize].ids)).collect::<Vec<_>>()

@@ -53,7 +53,7 @@ impl Run {
             }
             stops = asks(&mut simulation);
         }
-        // What was whole before is still there.
+        // The last complete output is still there.
         if simulation.step_count() > first {
             self.save_over(&mut simulation, &mut files)?;
         }
@@ -92,7 +92,7 @@ impl Run {
         let files = is_first.then(create).transpose();
         let mut files = simulation.agree(files)?;
         self.record_over(&mut simulation, &mut files)?;
-        // What cannot be written shows now.
+        // A failure to write shows now.
         self.save_over(&mut simulation, &mut files)?;
         Ok((simulation, files))
     }

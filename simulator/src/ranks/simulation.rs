@@ -30,7 +30,7 @@ pub struct RankSimulation<C> {
     meeting: Option<Meeting>,
 }
 
-/// What finds pairs among the particles of all ranks.
+/// The detector of pairs among the particles of all ranks.
 #[derive(Debug)]
 struct Meeting {
     bodies: Bodies,
@@ -39,16 +39,16 @@ struct Meeting {
     contest: Contest,
 }
 
-/// What [`RankSimulation::look`] is to bring to rank 0.
+/// The data that [`RankSimulation::look`] gathers on rank 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
-    /// What receivers have to say.
+    /// The counts of receivers.
     pub received: bool,
     /// All particles, and what is bound.
     pub particles: bool,
 }
 
-/// What came of a particle that another rank has.
+/// The outcome of a particle of another rank.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Message {
@@ -86,7 +86,7 @@ impl<C: Carrier> RankSimulation<C> {
     /// particles and what is bound that this rank is to have.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// The same as [`new`](Self::new).
     pub fn resume(
         carrier: C,
         model: Model,
@@ -122,17 +122,17 @@ impl<C: Carrier> RankSimulation<C> {
         Ok(all)
     }
 
-    /// What is simulated.
+    /// The model.
     pub fn model(&self) -> &Model {
         &self.run.model
     }
 
-    /// How many steps are done.
+    /// The number of steps done.
     pub fn step_count(&self) -> u32 {
         self.run.state.step
     }
 
-    /// What was counted on all ranks.
+    /// The counts on all ranks.
     pub fn totals(&self) -> &Totals {
         &self.totals
     }
@@ -142,7 +142,7 @@ impl<C: Carrier> RankSimulation<C> {
         &self.run.state
     }
 
-    /// What carries data to the other ranks.
+    /// The communicator.
     pub fn carrier(&mut self) -> &mut C {
         &mut self.carrier
     }
@@ -179,7 +179,7 @@ impl<C: Carrier> RankSimulation<C> {
         self.totals.counts_mut().zip(all).for_each(|(count, all)| *count = all);
     }
 
-    /// Who is to bind to receptors, on all ranks.
+    /// The particles that are to bind to receptors, on all ranks.
     fn all_bids(&mut self, moved: &Moved) -> Result<Vec<Bid>, C::Error> {
         let has_receptors = |receiver: &crate::Receiver| matches!(receiver.kind, Kind::Receptors(_));
         if !self.run.model.receivers.iter().any(has_receptors) {
@@ -223,7 +223,7 @@ impl<C: Carrier> RankSimulation<C> {
     /// Brings together on rank 0 how the run stands.
     ///
     /// # Errors
-    /// Those of the carrier.
+    /// Fails if the communicator fails.
     pub fn look(&mut self, wanted: Wanted) -> Result<Gathered<'_>, C::Error> {
         let Self { carrier, run, totals, .. } = self;
         let mut arrivals = Vec::new();

@@ -1,4 +1,4 @@
-//! How often a receiver that counts takes one symbol for another.
+//! The bit errors of a receiver that counts arrivals.
 
 use super::log::Log;
 use super::mean::Moments;
@@ -18,11 +18,11 @@ pub struct BitErrors {
     pub transmitter: usize,
     /// The receiver, by its place in the model.
     pub receiver: usize,
-    /// How many steps after a symbol its slot begins.
+    /// The number of steps from a symbol to the start of its slot.
     pub delay: u32,
-    /// How many bits there were in all.
+    /// The number of all bits.
     pub bits: u64,
-    /// How many of them were 1.
+    /// The number of bits that were 1.
     pub ones: u64,
     decision: Decision,
     /// Bits of a symbol.
@@ -31,16 +31,16 @@ pub struct BitErrors {
     slots: Vec<Vec<Slot>>,
 }
 
-/// By what a symbol is told.
+/// The rule that decides which symbol was received.
 #[derive(Clone, Debug, PartialEq)]
 enum Decision {
-    /// By the number of arrivals; symbols from the lowest level to the highest.
+    /// Decides by the number of arrivals; symbols from the lowest level to the highest.
     Level(Vec<u32>),
-    /// By the species.
+    /// Decides by the species.
     Species,
 }
 
-/// What was sent, and what was seen: how many arrived, or as which symbol most did.
+/// A sent symbol and its observation: the number of arrivals, or the symbol of most of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Slot {
     sent: u32,
@@ -69,7 +69,7 @@ impl BitErrors {
         let transmitter = &model.transmitters[self.transmitter];
         let Schedule::Message(message) = &transmitter.schedule else { return };
         let release = &transmitter.release;
-        // By slot and entry of the burst.
+        // One per slot and entry of the burst.
         let mut counts = vec![vec![0_u64; release.len()]; slots.len()];
         for arrival in log.arrivals.iter().filter(|a| a.receiver == self.receiver) {
             let entry = release.iter().position(|&(species, _)| species as usize == arrival.species);
@@ -92,7 +92,7 @@ impl BitErrors {
         self.slots.push(all);
     }
 
-    /// How many thresholds a decision takes.
+    /// The number of thresholds of a decision.
     pub fn thresholds(&self) -> usize {
         match &self.decision {
             Decision::Level(symbols) => symbols.len() - 1,
@@ -158,7 +158,7 @@ impl BitErrors {
     }
 }
 
-/// How many bits of two symbols differ.
+/// The number of bits that differ between two symbols.
 fn wrong_bits(sent: u32, taken: u32) -> u64 {
     (sent ^ taken).count_ones().into()
 }

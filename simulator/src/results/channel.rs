@@ -1,4 +1,4 @@
-//! What runs say about the channels between transmitters and receivers, and the tables of that.
+//! Statistics of the channels between transmitters and receivers, and their tables.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -11,7 +11,7 @@ use super::symbols::{Interference, Slots, messages};
 use crate::message::Message;
 use crate::{Error, Model};
 
-/// What came of one run or of several replicas that logged arrivals.
+/// The results of one run or of several replicas that logged arrivals.
 #[derive(Clone, Debug, Default)]
 pub struct Channels {
     /// Of all ways on which anybody arrives.
@@ -33,7 +33,7 @@ impl Channels {
     /// From the logs of runs of so many steps, each given by its seed and its directory.
     ///
     /// # Errors
-    /// As [`Log::read`].
+    /// The same as [`Log::read`].
     pub fn of<'a>(
         model: &Model,
         steps: u32,
@@ -93,7 +93,7 @@ impl Channels {
     /// to its end, with their standard errors.
     ///
     /// # Errors
-    /// What the writer says.
+    /// Fails if the writer fails.
     pub fn write_responses(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(
             out,
@@ -114,7 +114,7 @@ impl Channels {
     /// Writes the interference: for each number of slots after a release the part that arrives in that slot.
     ///
     /// # Errors
-    /// What the writer says.
+    /// Fails if the writer fails.
     pub fn write_interference(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(out, "transmitter,receiver,species,slot,replicas,part mean,part error")?;
         for interference in &self.interference {
@@ -130,7 +130,7 @@ impl Channels {
     /// threshold where there is one, else for the thresholds that leave the fewest, or without any.
     ///
     /// # Errors
-    /// What the writer says.
+    /// Fails if the writer fails.
     pub fn write_bit_errors(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(out, "transmitter,receiver,delay,threshold,errors,bits,replicas,rate mean,rate error")?;
         for errors in &self.bit_errors {

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::series::{Line, Lines};
 use crate::{Error, Model};
 
-/// Who was released and who arrived in a run, in the order of steps.
+/// The released and the arrived particles of a run, in the order of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
     /// Arrivals.
@@ -17,7 +17,7 @@ pub struct Log {
 /// A particle that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrived {
-    /// How many steps were done then.
+    /// The number of steps done by then.
     pub step: u32,
     /// The receiver, by its place in the model.
     pub receiver: usize,
@@ -30,13 +30,13 @@ pub struct Arrived {
 /// Particles that were released together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Released {
-    /// How many steps were done then.
+    /// The number of steps done by then.
     pub step: u32,
     /// The transmitter, by its place in the model.
     pub transmitter: usize,
     /// The species.
     pub species: usize,
-    /// How many.
+    /// Their number.
     pub count: u64,
 }
 
@@ -82,7 +82,7 @@ impl Log {
     }
 }
 
-/// What things are called in files.
+/// The names in files.
 struct Names<'a> {
     receivers: Vec<&'a str>,
     species: Vec<&'a str>,

@@ -23,7 +23,7 @@ impl Sample {
         self.squares = self.squares.saturating_add(u128::from(value) * u128::from(value));
     }
 
-    /// How many were entered.
+    /// The number of entered values.
     pub fn count(&self) -> u64 {
         self.count
     }
@@ -68,7 +68,7 @@ impl Moments {
         self.spread += off * (value - self.mean);
     }
 
-    /// How many were entered.
+    /// The number of entered values.
     pub fn count(&self) -> u64 {
         self.count
     }
@@ -88,7 +88,7 @@ impl Moments {
 /// The series of several replicas, added up row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeanSeries {
-    /// What is counted.
+    /// The counted thing.
     pub names: Vec<String>,
     /// Of each row: how many steps are done.
     pub steps: Vec<u32>,
@@ -96,7 +96,7 @@ pub struct MeanSeries {
     pub times: Vec<f64>,
     /// Row after row, a sample for each of the names.
     pub samples: Vec<Sample>,
-    /// How many replicas there are.
+    /// The number of replicas.
     pub replicas: u64,
 }
 
@@ -132,7 +132,7 @@ impl MeanSeries {
     /// error of that, which is empty for one replica.
     ///
     /// # Errors
-    /// What the writer says.
+    /// Fails if the writer fails.
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
         write!(out, "step,time,replicas")?;
         self.names.iter().try_for_each(|name| write!(out, ",{name} mean,{name} error"))?;

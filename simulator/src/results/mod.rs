@@ -1,4 +1,4 @@
-//! What comes of runs, from the files that they write.
+//! Results of runs, from the files that they write.
 
 pub mod bit_errors;
 pub mod channel;

@@ -41,7 +41,7 @@ impl Way {
 pub struct Response {
     /// Of whom.
     pub way: Way,
-    /// How many steps a stretch has.
+    /// The number of steps of an interval.
     pub width: u32,
     /// Stretch by stretch, over replicas.
     pub parts: Vec<Moments>,

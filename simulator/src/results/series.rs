@@ -8,7 +8,7 @@ use crate::Error;
 /// The rows of a `series.csv`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
-    /// What is counted; see [`names`](crate::series::names).
+    /// The counted thing; see [`names`](crate::series::names).
     pub names: Vec<String>,
     /// Of each row: how many steps are done.
     pub steps: Vec<u32>,
@@ -61,7 +61,7 @@ pub(crate) struct Line<'a> {
     path: &'a Path,
     number: usize,
     text: String,
-    /// Where each of its fields ends.
+    /// The end of each of its fields.
     ends: Vec<usize>,
 }
 

@@ -23,7 +23,7 @@ impl Slots {
         Self { bounds }
     }
 
-    /// How many there are.
+    /// The number of slots.
     pub fn len(&self) -> usize {
         self.bounds.len().saturating_sub(1)
     }
@@ -59,7 +59,7 @@ pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
 pub struct Interference {
     /// Of whom.
     pub way: Way,
-    /// By the number of slots from the release to the arrival.
+    /// The arrivals by the number of slots since their release.
     pub by_lag: Vec<Moments>,
     /// Of those that arrive within these slots, the part that comes behind its own.
     pub late: Moments,

@@ -1,4 +1,4 @@
-//! What an author may not have meant, with what to change. Pure functions.
+//! Warnings about scenarios that may not be meant so, with remedies. Pure functions.
 
 use crate::boundary::{Axis, Boundary};
 use crate::chances::undoes;
@@ -17,7 +17,7 @@ pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) 
     squares.sum::<f32>() + across * across > radius * radius
 }
 
-/// What to write instead of a place outside a periodic box.
+/// The position to write instead of one outside a periodic box.
 pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
     let images = boundary.axes.map(|axis| match axis {
         Axis::Periodic { .. } => axis,
@@ -70,7 +70,7 @@ pub(super) fn below(value: f64) -> String {
     format!("{:.2e}", ((value / unit) * (1.0 - 1e-6)).floor() * unit)
 }
 
-/// What is wrong with a reaction whose partners jump over each other, and the longest time step without that.
+/// Warns of a reaction whose partners jump over each other, with the longest time step without that.
 pub(super) fn long_step(
     equation: &str,
     (radius, diffusion, rate): (f64, f64, Option<f64>),
@@ -98,7 +98,7 @@ const FAST_DECAY: f64 = 0.02;
 /// The part of the mean time to a reaction that a step may take: it is looked for at the ends of steps only.
 const FAST_REACTION: f64 = 0.2;
 
-/// What is wrong with a reaction that is fast beside the time step.
+/// Warns of a reaction that is fast compared with the time step.
 pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option<String> {
     (rate * time_step > FAST_REACTION).then(|| {
         format!(
@@ -110,7 +110,7 @@ pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option
     })
 }
 
-/// What is wrong with a decay that is fast beside the time step, of what appears at the ends of steps. (Decays of what is
+/// Warns of a decay that is fast compared with the time step, of particles that appear at the ends of steps. (Decays of what is
 /// released or comes of other decays are right for steps of any length.)
 pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     let part = decay.rate * model.time_step;
@@ -145,7 +145,7 @@ const LONG_BESIDE_SURFACE: f64 = 0.5;
 /// The part of a step of diffusion that a drift may have there.
 const DRIFT_BESIDE_DIFFUSION: f64 = 0.2;
 
-/// What is wrong with steps before a surface that turns back some of what reaches it, and the longest time step without
+/// Warns of steps near a surface that reflects some of the particles that reach it, with the longest time step without
 /// that.
 pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<String> {
     let by_rate = matches!(receiver.kind, Kind::Partial(Sticking::Reactivity(_)) | Kind::Receptors(_));
@@ -177,7 +177,7 @@ pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<Str
     })
 }
 
-/// How fast what is no diffusion may carry a particle past a receiver, in µm/s.
+/// The largest speed, apart from diffusion, of a particle past a receiver, in µm/s.
 fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
     let mut velocity = species.drift;
     let mut more = species.thermal_speed + species.speed;
@@ -190,7 +190,7 @@ fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
     relative.sqrt() + more
 }
 
-/// What is wrong with receptors that let go of particles fast beside the time step.
+/// Warns of receptors that unbind fast compared with the time step.
 pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<String> {
     let Kind::Receptors(Receptors { unbinding_rate, .. }) = receiver.kind else { return None };
     (unbinding_rate * model.time_step > FAST_REACTION).then(|| {
@@ -205,7 +205,7 @@ pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<Strin
     })
 }
 
-/// What is wrong with contact that particles jump over, and the longest time step without that.
+/// Warns of contact that particles jump over, with the longest time step without that.
 pub(super) fn missed_contact(model: &Model) -> Option<String> {
     if !matches!(model.contact, Contact::Separate | Contact::Elastic) {
         return None;

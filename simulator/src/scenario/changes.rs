@@ -6,12 +6,12 @@ use crate::animation::Animation;
 /// About how many frames an animation has unless it is told.
 const FRAMES: u32 = 200;
 
-/// What is wanted otherwise than a scenario says.
+/// The changes of a scenario by options.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
     /// The seed.
     pub seed: Option<u64>,
-    /// How many steps the run has.
+    /// The number of steps of the run.
     pub steps: Option<u32>,
     /// Steps between rows of the series.
     pub every: Option<NonZeroU32>,
@@ -29,7 +29,7 @@ impl Scenario {
     /// Makes these changes.
     pub fn change(&mut self, changes: &Changes) {
         let animation = |particles| Animation {
-            // By the scenario, so that it is the same for a run that goes on for longer.
+            // The scenario's, so that it is the same if the run is extended.
             every: changes.animate_every.map_or((self.steps / FRAMES).max(1), Into::into),
             particles,
         };

@@ -1,4 +1,4 @@
-//! What a scenario file looks like.
+//! The structure of a scenario file.
 
 use serde::Deserialize;
 use toml::Spanned;
@@ -253,7 +253,7 @@ pub(super) enum ReceiverKind {
     Receptors,
 }
 
-/// What is written, and how often.
+/// The outputs and their intervals.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Output {

@@ -16,21 +16,21 @@ use crate::{Error, Model, Transmitter};
 /// A scenario as it was read.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// What is simulated.
+    /// The model.
     pub model: Model,
-    /// How many steps the run has.
+    /// The number of steps of the run.
     pub steps: u32,
     /// The seed.
     pub seed: u64,
-    /// What is written.
+    /// The outputs.
     pub output: Output,
     /// The text that it was read from.
     pub text: String,
-    /// What its author may not have meant: the place, and what to change. It was logged as a warning.
+    /// The warnings that were logged: the location and the remedy of each.
     pub advice: Vec<String>,
 }
 
-/// What is written, and how often.
+/// The outputs and their intervals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Output {
     /// Steps between rows of the series.
@@ -55,7 +55,7 @@ impl Output {
         (self.xyz || self.npy) && step.is_multiple_of(self.frames_every)
     }
 
-    /// How the run is animated, if it has such a frame after so many steps.
+    /// The options of the animation, if the run has a frame after this number of steps.
     pub fn animated(&self, step: u32) -> Option<Animation> {
         self.animation.filter(|animation| step.is_multiple_of(animation.every))
     }
@@ -90,7 +90,7 @@ impl Scenario {
         Ok(Self { model, steps, seed, output, text, advice })
     }
 
-    /// What transmitters are to release and the run does not reach.
+    /// The releases that the run does not reach.
     pub fn late_releases(&self) -> Vec<String> {
         let end = f64::from(self.steps) * self.model.time_step;
         let late = |t: &Transmitter| {
@@ -110,7 +110,7 @@ impl Scenario {
     }
 }
 
-/// What is wrong with a scenario, and where.
+/// A fault of a scenario, and its location.
 struct Problem {
     span: Option<Range<usize>>,
     /// The key, where it does not stand on the line.

@@ -14,13 +14,13 @@ use super::file::{self, File, Finite};
 use super::{Output, Problem, advice};
 use crate::model::{Contact, Model, Species};
 
-/// What a file says.
+/// The contents of a file.
 pub(super) struct Resolved {
     pub(super) model: Model,
     pub(super) steps: u32,
     pub(super) seed: u64,
     pub(super) output: Output,
-    /// What its author may not have meant.
+    /// The warnings.
     pub(super) advice: Vec<Problem>,
 }
 

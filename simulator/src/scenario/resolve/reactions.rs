@@ -178,7 +178,7 @@ impl Network<'_> {
         rate::reversible_binding_radius(total * kept, apart.into(), draft.diffusion, dt).map_err(refused)
     }
 
-    /// What an author may not have meant by a reaction.
+    /// The warnings about a reaction.
     fn advice(&self, draft: &Draft<'_>, reaction: &Reaction) -> Vec<Problem> {
         let total = self.total_rate(draft);
         let numbers = (reaction.binding_radius.into(), draft.diffusion, (total > 0.0).then_some(total));
@@ -237,7 +237,7 @@ fn decay(decay: &file::Decay, names: &Names<'_>) -> Result<Decay, Problem> {
     })
 }
 
-/// Where two products appear: where the file says, or anywhere in the ball from which a reaction takes them, or both where
+/// The positions of two products: as in the file, or anywhere in the ball from which a reaction takes them, or both where
 /// the particle was.
 fn unbinding(decay: &Decay, from: &file::Decay, reactions: &[Reaction]) -> Result<Unbinding, Problem> {
     if from.unbinding_radius.is_some() {

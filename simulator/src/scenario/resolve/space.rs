@@ -1,4 +1,4 @@
-//! What bounds space, and what flows in it.
+//! The boundaries of space, and the flow in it.
 
 use toml::Spanned;
 

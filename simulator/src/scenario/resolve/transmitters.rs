@@ -123,7 +123,7 @@ fn source(
     })
 }
 
-/// Where the centres of such spheres may be, as a shape around a middle, and the volume between the walls.
+/// The region of the centers of such spheres, as a shape around a middle, and the volume between the walls.
 fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)> {
     let side = |axis: Axis| match axis {
         Axis::Open => None,
