@@ -1,28 +1,29 @@
-//! What stays on a surface of a given reactivity, and what comes off again, in a step of any length.
+//! Adsorption at a surface of given reactivity, and desorption from it, for a time step of any length.
 //!
-//! A surface of reactivity κ takes κ times the concentration there, per area and time. Particles are looked at once in a
-//! step, and a rule that takes each one that reaches the surface with the same probability is right for one time step
-//! only. S. S. Andrews (*Accurate particle-based simulation of adsorption, desorption and partial transmission*,
-//! Physical Biology 6 (2009) 046015) therefore corrects the probability for the step, by a fit to numbers for a rule
-//! that sees particles at the ends of steps. Here the path between the ends counts (see [`crossing`](crate::crossing)),
-//! and the correction has a closed form.
+//! A surface of reactivity κ adsorbs κ times the local concentration, per area and time. The simulator tests each
+//! particle once per step. A fixed adsorption probability per contact is therefore correct for one time step only. S.
+//! S. Andrews (*Accurate particle-based simulation of adsorption, desorption and partial transmission*, Physical
+//! Biology 6 (2009) 046015) corrects the probability for the step, by a fit to numerical results for particles observed
+//! at the ends of steps. Here the path between the ends counts (see [`crossing`](crate::crossing)), and the correction
+//! has a closed form.
 //!
-//! *On a plane* the density of what diffuses and is not taken is known (Carslaw and Jaeger, *Conduction of Heat in
-//! Solids*, section 14.2). Divided by that before a reflecting wall it says that of those that reach the surface on their way from
-//! height `a` to height ±`b` there stays the part
+//! *On a plane*, the density of diffusing particles that are not adsorbed is known (Carslaw and Jaeger, *Conduction of
+//! Heat in Solids*, section 14.2). Dividing it by the density before a reflecting wall gives the adsorption probability
+//! of a particle that reaches the surface on its path from height `a` to height ±`b`:
 //!
 //! ```text
 //! √π·X·erfcx(X + y),   X = κ√(Δt/D),   y = (a + b)/√(4DΔt),   erfcx(x) = exp(x²)·erfc(x)
 //! ```
 //!
-//! *On a sphere* of radius R, r times the density obeys the equation of the plane with κ + D/R in place of κ. So
-//! `X` in the argument of erfcx becomes X + √(DΔt)/R, the factor before it stays, and of those that begin a step at
-//! height `a` the part is taken that Collins and Kimball found (*Diffusion-controlled reaction rates*, Journal of Colloid
-//! Science 4 (1949) 425). That asks neither for short steps nor for a small κ.
+//! *On a sphere* of radius R, r times the density obeys the equation of the plane, with κ + D/R in place of κ. `X` in
+//! the argument of erfcx becomes X + √(DΔt)/R; the factor before it is unchanged. The adsorbed fraction of particles
+//! that begin a step at height `a` is then that of Collins and Kimball (*Diffusion-controlled reaction rates*, Journal
+//! of Colloid Science 4 (1949) 425). Neither the step nor κ needs to be small.
 //!
-//! *Coming off* is the reverse. In equilibrium as many come off to a height as are taken from there, which gives both the
-//! height of what comes off and, from all that is taken of a uniform concentration ([`Step::volume`]), how often
-//! something does: the constant of equilibrium is that of the rates at any time step.
+//! *Desorption* is the reverse process. Detailed balance requires that, in equilibrium, as many particles desorb to
+//! each height as adsorb from it. This gives the distribution of heights after desorption. It also gives the desorption
+//! probability, from the total adsorbed out of a uniform concentration ([`Step::volume`]). The equilibrium constant is
+//! then that of the rates at any time step.
 
 use std::f64::consts::PI;
 
@@ -31,56 +32,58 @@ use crate::philox::Draws;
 /// √π
 const ROOT_PI: f64 = 1.772_453_850_905_516;
 
-/// exp(x²)·erfc(x) for x from 0 on.
+/// Returns exp(x²)·erfc(x), for x ≥ 0.
 pub(crate) fn erfcx(x: f64) -> f64 {
     if x < 25.0 {
         return libm::exp(x * x) * libm::erfc(x);
     }
-    // Its asymptotic series, the first term left out of which is below 10⁻⁹ of it.
+    // Asymptotic series. The first omitted term is below 10⁻⁹ of the result.
     let s = 1.0 / (2.0 * x * x);
     (1.0 - s * (1.0 - 3.0 * s * (1.0 - 5.0 * s))) / (x * ROOT_PI)
 }
 
-/// The reactivity of a sphere with so many free receptors, in µm/s.
+/// Returns the reactivity of a sphere with `free` free receptors, in µm/s.
 pub(crate) fn reactivity(binding_rate: f64, free: u32, radius: f64) -> f64 {
     binding_rate * f64::from(free) / (4.0 * PI * radius * radius)
 }
 
-/// A step of diffusion before a sphere that takes particles.
+/// A diffusion step near an adsorbing sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     /// √(DΔt) in µm.
     length: f64,
-    /// In µm.
+    /// Radius of the sphere, in µm.
     radius: f64,
     /// κ√(Δt/D)
     own: f64,
-    /// The same with what the curvature adds.
+    /// κ√(Δt/D) + √(DΔt)/R, with the curvature term.
     all: f64,
 }
 
 impl Step {
-    /// A step before a sphere of a radius in µm and a reactivity in µm/s. `diffusion` is DΔt of both together, in µm².
+    /// Creates a step near a sphere with a radius in µm and a reactivity in µm/s. `diffusion` is DΔt, summed over
+    /// particle and sphere, in µm².
     pub(crate) fn new(diffusion: f64, time_step: f64, (radius, reactivity): (f64, f64)) -> Self {
         let length = diffusion.sqrt();
         let own = reactivity * time_step / length;
         Self { length, radius, own, all: own + length / radius }
     }
 
-    /// The part that stays, of those that reach the sphere on their way between such distances from its surface.
+    /// Returns the adsorption probability of a particle that reaches the sphere. `distances` is the sum of its
+    /// distances from the surface before and after the step.
     pub(crate) fn sticking(&self, distances: f64) -> f64 {
         (ROOT_PI * self.own * erfcx(self.all + distances / (2.0 * self.length))).min(1.0)
     }
 
-    /// What the probability has beside exp(−y²) that a particle is taken which begins at the height y·√(4DΔt).
+    /// Returns the factor of exp(−y²) in the adsorption probability of a particle that begins at height y·√(4DΔt).
     fn taken_from(&self, y: f64) -> f64 {
         erfcx(y) - erfcx(self.all + y)
     }
 
-    /// The volume in µm³ of a uniform concentration that is taken in the step: κ·4πR²Δt where that is little.
+    /// Returns the volume in µm³ of a uniform concentration that is adsorbed in the step: κ·4πR²Δt for weak adsorption.
     pub(crate) fn volume(&self) -> f64 {
         let x = self.all;
-        // The mean of erfcx(x√t) over t from 0 to 1, without cancellation where x is small.
+        // The mean of erfcx(x√t) over t from 0 to 1, without cancellation if x is small.
         let mean = match x < 1e-3 {
             true => 1.0 - 4.0 * x / (3.0 * ROOT_PI) + 0.5 * x * x,
             false => 2.0 / (x * x) * (0.5 * (erfcx(x) - 1.0) + x / ROOT_PI),
@@ -90,7 +93,7 @@ impl Step {
         4.0 * PI * self.radius.powi(2) * self.own * self.length * (free + (1.0 - free) * mean)
     }
 
-    /// The part of `volume` that there would be if nothing were taken twice.
+    /// Returns the ratio of `volume` to its limit for weak adsorption, κ·4πR²Δt.
     pub(crate) fn effective_part(&self) -> f64 {
         match self.own > 0.0 {
             true => self.volume() / (4.0 * PI * self.radius.powi(2) * self.own * self.length),
@@ -98,8 +101,8 @@ impl Step {
         }
     }
 
-    /// The height at the end of the step of what came off in it, in µm, distributed as the heights from which
-    /// a uniform concentration is taken.
+    /// Draws the height in µm, at the end of the step, of a particle that desorbed during it. The distribution is that
+    /// of the heights from which a uniform concentration is adsorbed.
     pub(crate) fn height_after(&self, draws: &mut Draws) -> f64 {
         let scale = 2.0 * self.length;
         let most = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);
@@ -116,12 +119,13 @@ impl Step {
     }
 }
 
-/// Heights beyond this many times √(4DΔt) do not occur.
+/// The largest height after desorption, in units of √(4DΔt).
 const FAR: f64 = 5.0;
-/// Heights that are tried, at most; one in three or so is taken unless a step is long beside the sphere.
+/// The largest number of rejection trials. About one in three is accepted, unless √(DΔt) is large compared with the
+/// radius.
 const TRIALS: usize = 1000;
 
-/// A number of density 2/√π·exp(−y²) for y from 0 on.
+/// Draws from the density 2/√π·exp(−y²), y ≥ 0.
 fn half_normal(draws: &mut Draws) -> f64 {
     let [u, v] = [draws.unit(), draws.unit()];
     libm::sqrt(-libm::log(u)) * libm::cos(0.5 * PI * v)
@@ -132,13 +136,13 @@ mod tests {
     use super::*;
     use crate::philox::{Key, Purpose};
 
-    /// (R + a)/R times the probability that Collins and Kimball give for what begins at height `a`.
+    /// Returns (R + a)/R times Collins and Kimball's adsorption probability of a particle that begins at height `a`.
     fn collins_kimball(step: &Step, a: f64) -> f64 {
         let y = a / (2.0 * step.length);
         step.own / step.all * libm::exp(-y * y) * step.taken_from(y)
     }
 
-    /// The sum of `f` over heights, by the midpoint rule.
+    /// Integrates `f` over heights, by the midpoint rule.
     fn over_heights(step: &Step, f: impl Fn(f64) -> f64) -> f64 {
         let (n, end) = (20_000, 14.0 * step.length);
         (0..n).map(|k| f((f64::from(k) + 0.5) * end / f64::from(n))).sum::<f64>() * end / f64::from(n)
@@ -154,14 +158,14 @@ mod tests {
     #[test]
     fn the_scaled_error_function_joins_its_series() {
         assert_eq!(erfcx(0.0), 1.0);
-        // Abramowitz and Stegun, table 7.1, and 1/(x√π) far out.
+        // Abramowitz and Stegun, table 7.1, and the limit 1/(x√π) for large x.
         assert!((erfcx(1.0) - 0.427_583_576_2).abs() < 1e-9);
         assert!((erfcx(25.0) / erfcx(24.999_999) - 1.0).abs() < 1e-7);
         assert!((erfcx(1e6) * 1e6 * ROOT_PI - 1.0).abs() < 1e-12);
     }
 
-    /// What stays of those that reach the surface adds up to what is taken, whatever the end: the ends of a path from
-    /// height a lie at ±b with the density of diffusion, and the surface is reached between as `crossing` has it.
+    /// The adsorption probability of one path, averaged over all paths, equals the total of Collins and Kimball. Paths
+    /// from height a end at ±b with the density of diffusion; `crossing` decides whether they reach the surface.
     #[test]
     fn what_sticks_is_what_collins_and_kimball_take() {
         for step in steps() {
@@ -170,7 +174,8 @@ mod tests {
                 libm::exp(-scaled * scaled) / (2.0 * step.length * ROOT_PI)
             };
             for a in [0.0, 0.3, 2.0].map(|a| a * step.length) {
-                // Both signs of b have the same weight, with the crossing of those that end outside.
+                // Both signs of b have the same weight, if paths that end outside are weighted with their crossing
+                // probability.
                 let sum = over_heights(&step, |b| 2.0 * spread(a + b) * step.sticking(a + b));
                 let expected = collins_kimball(&step, a);
                 assert!((sum - expected).abs() < 1e-5 * expected.max(1e-9), "{step:?}: {sum} and {expected}");
@@ -186,7 +191,7 @@ mod tests {
             });
             assert!((sum / step.volume() - 1.0).abs() < 1e-5, "{step:?}: {sum} and {}", step.volume());
         }
-        // Little is taken: κ·4πR²Δt.
+        // Weak adsorption: κ·4πR²Δt.
         let step = Step::new(0.01, 0.1, (1.0, 1e-6));
         assert!((step.volume() / (4.0 * PI * 1e-7) - 1.0).abs() < 1e-5);
         assert!((step.effective_part() - 1.0).abs() < 1e-5);
@@ -208,15 +213,15 @@ mod tests {
         }
     }
 
-    /// The limit of strong adsorption on a plane: everything that reaches it stays.
+    /// Strong adsorption on a plane: each particle that reaches the surface stays.
     #[test]
     fn an_infinite_reactivity_absorbs() {
         let step = Step::new(0.01, 0.1, (1e9, 1e9));
         assert!((step.sticking(0.0) - 1.0).abs() < 1e-6 && (step.sticking(0.3) - 1.0).abs() < 1e-6);
     }
 
-    /// On a plane, of what stands uniformly before it. Andrews' rule takes each particle that ends a step beyond the
-    /// surface with probability κ'√(2π) + O(κ'²), κ' = κΔt/√(2DΔt); the same number sticks here where κ' is small.
+    /// Uniform concentration before a plane. Andrews' rule adsorbs each particle that ends a step beyond the surface
+    /// with probability κ'√(2π) + O(κ'²), κ' = κΔt/√(2DΔt). For small κ', the same number adsorbs here.
     #[test]
     fn weak_adsorption_is_that_of_andrews() {
         let (diffusion, time_step, kappa) = (0.5, 1.0, 1e-4);

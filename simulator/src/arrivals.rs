@@ -1,52 +1,51 @@
-//! Who arrives where, and whose they are.
+//! Arrivals at receivers, and the origins of particles.
 //!
-//! Ids are given in order, so a few ranges of them say where all particles are from. What comes of a particle is from
-//! where that was: a product of a reaction is from where the reactant is whose id it takes, and both products of a
-//! decay are from where the one before was.
+//! Ids are assigned in ascending order, so a few id ranges store the origins of all particles. A product inherits the
+//! origin of the reactant whose id it takes. Both products of a decay inherit the origin of the decayed particle.
 
 use serde::{Deserialize, Serialize};
 
-/// Where a particle is from.
+/// The origin of a particle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origin {
-    /// The transmitter, by its place in the model.
+    /// Index of the transmitter in the model.
     pub transmitter: u32,
-    /// The step at whose beginning it was released.
+    /// Step at whose beginning the particle was released.
     pub step: u32,
 }
 
 /// A particle that a receiver removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrival {
-    /// The receiver, by its place in the model.
+    /// Index of the receiver in the model.
     pub receiver: u32,
-    /// The species as which it arrived.
+    /// Species on arrival.
     pub species: u32,
     /// Its id.
     pub id: u32,
-    /// Where it is from; none where it was placed by hand.
+    /// Origin; `None` for particles that the caller placed.
     pub origin: Option<Origin>,
 }
 
-/// Where the particles of a run are from, by id.
+/// The origins of the particles of a run, by id.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origins {
-    /// First ids in ascending order; each entry holds up to the next one.
+    /// First ids of the ranges, in ascending order. Each range ends where the next begins.
     ranges: Vec<(u32, Option<Origin>)>,
 }
 
 impl Origins {
-    /// Says where particles are from that have ids from `first` on, which was not given before.
+    /// Records the origin of particles with ids from `first` on. `first` must not be below any id recorded before.
     pub fn enter(&mut self, first: u32, origin: Option<Origin>) {
         match self.ranges.last_mut() {
-            // Nobody has an id of the range before.
+            // The previous range is empty.
             Some(last) if last.0 == first => last.1 = origin,
             Some(last) if last.1 == origin => {}
             _ => self.ranges.push((first, origin)),
         }
     }
 
-    /// Where the particle with this id is from.
+    /// Returns the origin of the particle with this id.
     pub fn of(&self, id: u32) -> Option<Origin> {
         let after = self.ranges.partition_point(|&(first, _)| first <= id);
         self.ranges[..after].last().and_then(|&(_, origin)| origin)
@@ -64,7 +63,7 @@ mod tests {
         assert_eq!(origins.of(0), None);
         origins.enter(0, from(0, 0));
         origins.enter(10, from(1, 0));
-        // An empty batch, and one that goes on.
+        // An empty batch, and one that continues a range.
         origins.enter(30, from(0, 7));
         origins.enter(30, from(1, 8));
         origins.enter(40, from(1, 8));

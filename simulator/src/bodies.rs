@@ -1,4 +1,4 @@
-//! Receivers as bodies in a step: where they are, where they go, and what their surfaces do.
+//! The state of receivers in a step: position, displacement and surface.
 
 use crate::adsorption;
 use crate::boundary::{Axis, Boundary};
@@ -10,24 +10,24 @@ use crate::receiver::{Kind, Receiver, Sticking};
 /// A receiver in a step.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Its place in the model.
+    /// Its index in the model.
     pub place: u32,
-    /// What it is.
+    /// Its description in the model.
     pub receiver: Receiver,
-    /// Where it is at the beginning of the step, in µm.
+    /// Its center at the beginning of the step, in µm.
     pub center: [f32; 3],
-    /// Where it goes in the step, in µm.
+    /// Its displacement in the step, in µm.
     pub way: [f32; 3],
-    /// The part of the way that is no diffusion, in µm.
+    /// The part of the displacement that is drift, in µm.
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
-    /// What stays of what reaches a surface that turns the rest back.
+    /// The adsorption rule of a surface that reflects the remaining particles.
     pub sticking: Sticking,
 }
 
 impl Body {
-    /// A receiver where the model puts it.
+    /// Creates a receiver at its initial position in the model.
     pub fn new(place: u32, receiver: Receiver, time_step: f64) -> Self {
         Self {
             place,
@@ -43,13 +43,13 @@ impl Body {
         }
     }
 
-    /// Where its centre is after a part of the step, from 0 to 1.
+    /// Returns its center after the fraction `part` of the step, from 0 to 1.
     #[inline(always)]
     pub fn center_at(&self, part: f32) -> [f32; 3] {
         std::array::from_fn(|k| self.center[k] + part * self.way[k])
     }
 
-    /// Sets the reactivity of a surface with so many free receptors.
+    /// Sets the reactivity for `free` free receptors.
     fn set_free(&mut self, free: u32) {
         if let Kind::Receptors(receptors) = self.receiver.kind {
             let radius = self.receiver.radius.into();
@@ -59,24 +59,24 @@ impl Body {
     }
 }
 
-/// The receivers of a model that do something to particles, in its order.
+/// The receivers of a model that affect particles, in its order.
 #[derive(Clone, Debug)]
 pub(crate) struct Bodies {
     pub(crate) all: Vec<Body>,
-    /// Where those are among them that go from place to place or have receptors.
+    /// Indices in `all` of the receivers that move or have receptors.
     changing: Vec<usize>,
     moving: bool,
     turning: bool,
-    /// The largest diffusion of one, DΔt in µm².
+    /// The largest DΔt of a receiver, in µm².
     pub(crate) diffusion: f32,
-    /// The longest way of one in this step, in µm.
+    /// The largest displacement of a receiver in this step, in µm.
     pub(crate) longest_way: f32,
     /// The largest radius, in µm.
     pub(crate) largest: f32,
 }
 
 impl Bodies {
-    /// Those of a model that was checked.
+    /// Creates the receivers of a model that [`Model::check`] accepts.
     pub(crate) fn new(model: &Model) -> Self {
         let acts = model.receivers.iter().enumerate().filter(|(_, r)| r.kind != Kind::Transparent);
         let all: Vec<Body> =
@@ -93,17 +93,17 @@ impl Bodies {
         }
     }
 
-    /// Whether some go from place to place.
+    /// Returns `true` if some receivers move.
     pub(crate) fn move_about(&self) -> bool {
         self.moving
     }
 
-    /// Whether some turn particles back.
+    /// Returns `true` if some receivers reflect particles.
     pub(crate) fn turn_back(&self) -> bool {
         self.turning
     }
 
-    /// Takes up where receivers are at the beginning of a step and which way they go, and how many receptors are free.
+    /// Updates centers, displacements and numbers of free receptors for a step.
     pub(crate) fn set(&mut self, centers: &[[f32; 3]], places: &[Place], free: &[u32]) {
         self.longest_way = 0.0;
         for &k in &self.changing {
@@ -118,16 +118,16 @@ impl Bodies {
     }
 }
 
-/// Where a receiver is, and how it came there in the last step.
+/// The center of a receiver and its last displacement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
-    /// In µm.
+    /// Center, in µm.
     pub(crate) center: [f32; 3],
-    /// Across seams, where space repeats, in µm.
+    /// Displacement in the last step, not wrapped at periodic boundaries, in µm.
     pub(crate) way: [f32; 3],
 }
 
-/// Where receivers come in a step from these centres. Walls act on their surfaces; they go through each other.
+/// Moves receivers by a step. Walls act on their surfaces; receivers pass through each other.
 pub(crate) fn moved(model: &Model, centers: &[[f32; 3]], key: Key, step: u32) -> Vec<Place> {
     let one = |(at, (receiver, &center)): (usize, (&Receiver, &[f32; 3]))| {
         if !receiver.moves() {
@@ -149,7 +149,8 @@ pub(crate) fn moved(model: &Model, centers: &[[f32; 3]], key: Key, step: u32) ->
     model.receivers.iter().zip(centers).enumerate().map(one).collect()
 }
 
-/// Where the centre of a receiver may go: as far as its surface comes to walls, or anywhere where it has no such room.
+/// Returns the boundary of a receiver's center. If the receiver does not fit between the walls, only its center stays
+/// inside.
 fn room_of(model: &Model, receiver: &Receiver) -> Boundary {
     let room = model.boundary;
     match room.too_narrow(receiver.radius) {

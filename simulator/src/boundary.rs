@@ -1,34 +1,34 @@
-//! Where particles may be: unbounded space, walls that reflect, or periodic images, axis by axis.
+//! Boundaries of space, axis by axis: open, reflecting walls or periodic.
 
 use lazygrid::Space;
 
 use crate::Error;
 use crate::vessel::Vessel;
 
-/// What bounds an axis.
+/// The boundary along an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Axis {
-    /// Nothing.
+    /// Unbounded.
     #[default]
     Open,
-    /// Walls at both coordinates, in µm; a sphere whose surface passes one comes back mirrored.
+    /// Walls at both coordinates, in µm. A sphere whose surface crosses a wall is reflected.
     Reflecting {
         /// The lower wall.
         low: f32,
         /// The upper wall.
         high: f32,
     },
-    /// Space repeats: `high` is the same place as `low`, in µm.
+    /// Periodic: `high` is the same position as `low`, in µm.
     Periodic {
-        /// The lower end, which belongs to the box.
+        /// The lower end, inside the box.
         low: f32,
-        /// The upper end, which does not.
+        /// The upper end, outside the box.
         high: f32,
     },
 }
 
 impl Axis {
-    /// Where the centres of spheres of this radius may be: their surfaces stay between walls.
+    /// Returns the interval for the centers of spheres of this radius, whose surfaces stay between the walls.
     #[inline(always)]
     pub fn inset(self, radius: f32) -> Self {
         match self {
@@ -37,12 +37,12 @@ impl Axis {
         }
     }
 
-    /// A coordinate, put back where it may be.
+    /// Reflects or wraps a coordinate into the box.
     #[inline(always)]
     pub fn place(self, x: f32) -> f32 {
         match self {
             Self::Open => x,
-            // What is inside stays as it is, to the last bit.
+            // Coordinates inside the box are unchanged, bit for bit.
             Self::Reflecting { low, high } if x >= low && x <= high => x,
             Self::Periodic { low, high } if x >= low && x < high => x,
             Self::Reflecting { low, high } => {
@@ -58,7 +58,7 @@ impl Axis {
         }
     }
 
-    /// Whether walls turn round what moves along the axis and would end at `x` without them.
+    /// Returns `true` if reflections reverse the direction of motion of a particle that would end at `x` without walls.
     #[inline(always)]
     pub fn turns(self, x: f32) -> bool {
         match self {
@@ -70,7 +70,7 @@ impl Axis {
         }
     }
 
-    /// [`offset`](Self::offset) in `f64`.
+    /// Returns [`offset`](Self::offset), computed in `f64`.
     pub(crate) fn offset_exact(self, d: f64) -> f64 {
         match self {
             Self::Periodic { low, high } => {
@@ -81,7 +81,7 @@ impl Axis {
         }
     }
 
-    /// A difference of two coordinates, that of the nearest images where space repeats.
+    /// Returns the minimum image of a coordinate difference `d`.
     #[inline(always)]
     pub fn offset(self, d: f32) -> f32 {
         match self {
@@ -94,44 +94,44 @@ impl Axis {
     }
 }
 
-/// A way along an axis, less whole trips from the lower wall to the upper one and back: up to `length` it is on the way
-/// there.
+/// Reduces a displacement modulo `2 * length`, the distance to the upper wall and back. Results above `length` lie on
+/// the return path.
 #[inline(always)]
 fn round_trip(way: f32, length: f32) -> f32 {
     way - 2.0 * length * (way / (2.0 * length)).floor()
 }
 
-/// What bounds space.
+/// The boundary of space.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Boundary {
-    /// Axis by axis.
+    /// Boundaries along x, y and z.
     pub axes: [Axis; 3],
-    /// A vessel around everything, across which axes are open.
+    /// A vessel around all particles. The axes across it must be open.
     pub vessel: Option<Vessel>,
 }
 
 impl Boundary {
-    /// Walls that reflect on all sides of a box.
+    /// Creates a box with reflecting walls.
     pub fn reflecting(low: [f32; 3], high: [f32; 3]) -> Self {
         let axes = std::array::from_fn(|k| Axis::Reflecting { low: low[k], high: high[k] });
         Self { axes, vessel: None }
     }
 
-    /// A box that repeats along all axes.
+    /// Creates a box that is periodic along all axes.
     pub fn periodic(low: [f32; 3], high: [f32; 3]) -> Self {
         let axes = std::array::from_fn(|k| Axis::Periodic { low: low[k], high: high[k] });
         Self { axes, vessel: None }
     }
 
-    /// Whether space is unbounded.
+    /// Returns `true` if space is unbounded.
     pub fn is_open(&self) -> bool {
         self.axes == [Axis::Open; 3] && self.vessel.is_none()
     }
 
-    /// The space that the detector searches.
+    /// Returns the space that the detector searches.
     ///
     /// # Errors
-    /// [`Error::Detection`] for a box without extent.
+    /// [`Error::Detection`] if a periodic box has no extent.
     pub fn space(&self) -> Result<Space, Error> {
         let lengths = self.axes.map(|axis| match axis {
             Axis::Periodic { low, high } => Some(f64::from(high - low)),
@@ -140,7 +140,7 @@ impl Boundary {
         Ok(Space::periodic(lengths).map_err(lazygrid::Error::from)?)
     }
 
-    /// Where the centres of spheres of this radius may be: their surfaces stay between walls.
+    /// Returns the boundary for the centers of spheres of this radius, whose surfaces stay between the walls.
     #[inline(always)]
     pub fn inset(&self, radius: f32) -> Self {
         Self {
@@ -149,7 +149,8 @@ impl Boundary {
         }
     }
 
-    /// The first axis between whose walls a sphere of this radius has no room, or the vessel, and how wide that is.
+    /// Returns the first direction in which a sphere of this radius does not fit between the walls or into the vessel,
+    /// and the width there.
     pub fn too_narrow(&self, radius: f32) -> Option<(&'static str, f32)> {
         let inset = self.inset(radius);
         let walls = ["along x", "along y", "along z"].into_iter().zip(self.axes.into_iter().zip(inset.axes));
@@ -163,7 +164,7 @@ impl Boundary {
         narrow.or_else(|| Some(("across the cylinder", 2.0 * vessel()?.radius)))
     }
 
-    /// A position, put back where it may be.
+    /// Reflects or wraps a position into the box and the vessel.
     #[inline(always)]
     pub fn place(&self, p: [f32; 3]) -> [f32; 3] {
         let p = [self.axes[0].place(p[0]), self.axes[1].place(p[1]), self.axes[2].place(p[2])];
@@ -173,7 +174,7 @@ impl Boundary {
         }
     }
 
-    /// The vector from `p` to the nearest image of `q`.
+    /// Returns the vector from `p` to the nearest periodic image of `q`.
     #[inline(always)]
     pub fn offset(&self, p: [f32; 3], q: [f32; 3]) -> [f32; 3] {
         [self.axes[0].offset(q[0] - p[0]), self.axes[1].offset(q[1] - p[1]), self.axes[2].offset(q[2] - p[2])]

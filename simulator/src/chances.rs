@@ -1,29 +1,29 @@
-//! From rates to the probabilities of a step.
+//! Conversion of rates to probabilities per step.
 //!
-//! Where things can happen at the rates λ₁, λ₂, …, with the sum R, one of them happens within Δt with probability
-//! 1 − exp(−RΔt), shared out in proportion: λ·g with g = (1 − exp(−RΔt))/R.
+//! If events compete at rates λ₁, λ₂, … with sum R, one of them happens within Δt with probability 1 − exp(−RΔt). Each
+//! event has a proportional part: λ·g with g = (1 − exp(−RΔt))/R.
 //!
-//! Where a reaction joins two particles anywhere in a ball and a decay puts them back anywhere in it, they go to and fro
-//! between two states. The reaction then has the g of the decay, so that the probabilities to and fro are in the
-//! proportion of the rates for any Δt, and so is the equilibrium.
+//! A reaction may join two particles anywhere in a ball, and a decay may place them anywhere in the same ball. The pair
+//! then alternates between two states. The reaction uses the g of the decay, so that both probabilities have the ratio
+//! of the rates. The equilibrium is then independent of Δt.
 
 use crate::model::{Chance, Decay, Model, Reaction, Unbinding};
 
-/// What may happen to two particles that are so near.
+/// The reactions of a pair at a distance within `radius`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Zone {
-    /// How near, in µm.
+    /// Largest distance, in µm.
     pub(crate) radius: f32,
-    /// Reactions by their place in the model, and the probability of each in a step.
+    /// Indices of reactions in the model, with their probabilities per step.
     pub(crate) channels: Vec<(usize, f64)>,
 }
 
-/// The probabilities of a model.
+/// Computes the probabilities of a model.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chances<'a>(pub(crate) &'a Model);
 
 impl<'a> Chances<'a> {
-    /// What may happen to particles of two species, from the inside outwards.
+    /// Returns the zones of a pair of species, innermost first.
     pub(crate) fn zones(self, pair: [u32; 2]) -> Vec<Zone> {
         let channels: Vec<_> = channels(self.0, pair).collect();
         let mut radii: Vec<f32> = channels.iter().map(|(_, reaction)| reaction.binding_radius).collect();
@@ -44,7 +44,7 @@ impl<'a> Chances<'a> {
         radii.into_iter().map(zone).collect()
     }
 
-    /// The decays of a species, by their place in the model, and the probability of each in a step.
+    /// Returns the decays of a species: index in the model and probability per step.
     pub(crate) fn decays(self, species: u32) -> Vec<(usize, f64)> {
         let own = self.0.decays.iter().enumerate().filter(|(_, decay)| decay.reactant == species);
         let factor = factor(self.decay_rate(species), self.0.time_step);
@@ -55,14 +55,14 @@ impl<'a> Chances<'a> {
         self.0.decays.iter().filter(|decay| decay.reactant == species).map(|decay| decay.rate).sum()
     }
 
-    /// What undoes a reaction within the same ball.
+    /// Returns the decay that reverses a reaction within the same ball.
     fn inverse(self, reaction: &Reaction) -> Option<&'a Decay> {
         let back = Unbinding::Within(reaction.binding_radius);
         self.0.decays.iter().find(|decay| decay.unbinding == back && undoes(decay, reaction))
     }
 }
 
-/// (1 − exp(−RΔt))/R.
+/// Returns (1 − exp(−RΔt))/R.
 fn factor(rate: f64, time_step: f64) -> f64 {
     if rate > 0.0 { -libm::expm1(-rate * time_step) / rate } else { time_step }
 }
@@ -74,13 +74,13 @@ fn rate(reaction: &Reaction) -> f64 {
     }
 }
 
-/// The reactions of two species, with their places in the model.
+/// Returns the reactions of two species, with their indices in the model.
 fn channels(model: &Model, [a, b]: [u32; 2]) -> impl Iterator<Item = (usize, &Reaction)> {
     let own = move |reaction: &Reaction| reaction.reactants == [a, b] || reaction.reactants == [b, a];
     model.reactions.iter().enumerate().filter(move |(_, reaction)| own(reaction))
 }
 
-/// Whether a decay gives back the reactants of a reaction.
+/// Returns `true` if the products of a decay are the reactants of a reaction.
 pub(crate) fn undoes(decay: &Decay, reaction: &Reaction) -> bool {
     let single = match reaction.products {
         [Some(product), None] | [None, Some(product)] => product == decay.reactant,
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
     use crate::model::Species;
 
-    /// A and B become C within 1 and D within 2; C comes apart again.
+    /// Returns a model in which A and B become C within 1 µm and D within 2 µm, and C dissociates.
     fn model(unbinding: Unbinding) -> Model {
         let reaction = |product, binding_radius, rate| Reaction {
             reactants: [0, 1],

@@ -1,10 +1,10 @@
-//! What happens to particles that overlap and do not react.
+//! Resolution of overlaps between particles that do not react.
 //!
-//! A particle may overlap several others. Overlaps are settled one after the other by the priority of the pair, so
-//! that each sees what the ones before it left; pairs without a particle in common are settled in parallel.
+//! A particle may overlap several others. Overlaps that share a particle are resolved in order of pair priority, each
+//! from the result of the previous ones. Overlaps without a common particle are resolved in parallel.
 //!
-//! Each is settled once in a step, so that a step ends whatever comes of it. Positions are rounded to `f32`: an overlap that is
-//! small beside the last digit of a coordinate moves nobody, and stays. It counts as none that was settled.
+//! Each overlap is resolved at most once per step, so a step always ends. Positions are rounded to `f32`. If an overlap
+//! is smaller than the spacing of the coordinates, no particle moves, and the overlap is not counted.
 
 use lazygrid::Pair;
 use rayon::prelude::*;
@@ -17,30 +17,30 @@ use crate::particles::Particles;
 use crate::philox::{Key, Purpose};
 use crate::reactions::distance_squared;
 
-/// How overlaps are settled in a model.
+/// Resolves the overlaps of a model.
 #[derive(Debug)]
 pub struct Contacts {
     contact: Contact,
     diffusion: Vec<f64>,
     mass: Vec<f64>,
     boundary: Boundary,
-    /// By species: where walls let their centres be.
+    /// Boundaries of the particle centers, by species.
     rooms: Vec<Boundary>,
     matching: Matching,
 }
 
-/// What two particles get in one contact: new positions, and new velocities of elastic ones.
+/// The new positions and velocities of two particles after a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Settled {
     position: [[f32; 3]; 2],
     velocity: [[f32; 3]; 2],
 }
 
-/// Pairs that one task looks at.
+/// The number of pairs per parallel chunk.
 const TASK: usize = 4096;
 
 impl Contacts {
-    /// The contacts of a model that was checked.
+    /// Creates the contacts of a model that [`Model::check`] accepts.
     pub fn new(model: &Model) -> Self {
         let of = |get: fn(&crate::model::Species) -> f64| model.species.iter().map(get).collect();
         Self {
@@ -53,13 +53,13 @@ impl Contacts {
         }
     }
 
-    /// Whether overlaps change anything.
+    /// Returns `true` if the model resolves overlaps.
     pub fn act(&self) -> bool {
         matches!(self.contact, Contact::Separate | Contact::Elastic)
     }
 
-    /// Settles the overlaps among these pairs, but for those with a particle that is not `free`. Returns how many
-    /// had an effect.
+    /// Resolves the overlaps among `pairs` if both particles are `free`. Returns the number of overlaps that changed a
+    /// particle.
     pub fn settle(
         &mut self,
         particles: &mut Particles,
@@ -102,8 +102,8 @@ impl Contacts {
         settled
     }
 
-    /// One contact; nothing where those before it already parted the two, where they move apart, or where rounding leaves all
-    /// as it was.
+    /// Resolves one overlap. Returns `None` if earlier contacts separated the particles, if they move apart, or if
+    /// rounding cancels the change.
     fn settle_one(
         &self,
         particles: &Particles,
@@ -134,7 +134,7 @@ impl Contacts {
                 Settled { position: [p, q], velocity }
             }
             _ => {
-                // As far beyond touching as they were within it, as if they had bounced.
+                // The gap equals the former overlap, as after a bounce.
                 let apart = 2.0 * (touch - distance);
                 let [da, db] = species.map(|s| self.diffusion[s]);
                 let share = if da + db > 0.0 { da / (da + db) } else { 0.5 };
@@ -152,8 +152,8 @@ impl Contacts {
     }
 }
 
-/// Velocities after an elastic collision of smooth spheres along `normal`, which points from the first to the second;
-/// nothing where they do not approach each other.
+/// Returns the velocities after an elastic collision of smooth spheres. `normal` points from the first to the second
+/// sphere. Returns `None` if they do not approach each other.
 fn bounce([u, v]: [[f32; 3]; 2], [m, n]: [f64; 2], normal: [f64; 3]) -> Option<[[f32; 3]; 2]> {
     let approach: f64 = (0..3).map(|k| (f64::from(u[k]) - f64::from(v[k])) * normal[k]).sum();
     if approach <= 0.0 {
@@ -166,7 +166,7 @@ fn bounce([u, v]: [[f32; 3]; 2], [m, n]: [f64; 2], normal: [f64; 3]) -> Option<[
     Some([after(u, -impulse / m), after(v, impulse / n)])
 }
 
-/// The sum of two radii.
+/// Returns the contact distance, the sum of the radii.
 fn reach(particles: &Particles, pair: Pair) -> f64 {
     f64::from(particles.radius[pair.i as usize]) + f64::from(particles.radius[pair.j as usize])
 }
@@ -177,8 +177,8 @@ mod tests {
     use crate::model::Species;
     use crate::particles::Particle;
 
-    /// Two particles that overlap by this part of their reach, far from the origin or at it, pushed apart in some steps: how
-    /// many overlaps were settled in each, and whether they moved.
+    /// Runs four steps with two particles at `x` that overlap by `overlap` times their distance. Returns the number of
+    /// resolved overlaps per step, and whether a particle moved.
     fn pushed(x: f32, overlap: f32) -> (Vec<u64>, bool) {
         let species = Species { name: "A".into(), diffusion: 1.0, mass: 1.0, ..Species::default() };
         let model =
@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn what_rounding_cannot_part_stays_and_is_not_counted() {
         assert_eq!(pushed(0.0, 1e-4), (vec![1, 0, 0, 0], true));
-        // Coordinates are 2⁻¹⁰ apart there.
+        // The spacing of `f32` there is 2⁻¹⁰.
         assert_eq!(pushed(8192.0, 1e-4), (vec![0; 4], false));
         assert_eq!(pushed(8192.0, 0.25), (vec![1, 0, 0, 0], true));
     }
