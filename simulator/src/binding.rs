@@ -1,4 +1,4 @@
-//! What binds to receptors and comes off again.
+//! Binding to receptors and unbinding.
 
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,7 @@ pub struct Bound {
     pub species: u32,
     /// The receiver's place in the model.
     pub receiver: u32,
-    /// Where it sits, as a direction from the centre.
+    /// Its position, as a direction from the center.
     pub direction: [f32; 3],
 }
 
@@ -28,11 +28,11 @@ pub struct Bound {
 pub(crate) struct Leaving {
     /// Its place among those that are bound.
     at: usize,
-    /// How far from the surface it is at the end of the step, in µm.
+    /// Its distance from the surface at the end of the step, in µm.
     height: f32,
 }
 
-/// How many receptors of each receiver are free, of those that have any.
+/// The number of free receptors of each receiver that has any.
 pub(crate) fn free(model: &Model, arrived: &[Vec<u64>]) -> Vec<u32> {
     let one = |(receiver, held): (&crate::Receiver, &Vec<u64>)| match receiver.kind {
         Kind::Receptors(Receptors { count, .. }) => {
@@ -51,7 +51,7 @@ pub(crate) fn leaving(model: &Model, bound: &[Bound], free: &[u32], (key, step):
         let diffusion =
             (model.species[held.species as usize].diffusion + receiver.diffusion) * model.time_step;
         let radius = f64::from(receiver.radius);
-        // As many bind to those that are free then as come off to leave them so.
+        // Detailed balance: the reverse reaction sees one more free receptor.
         let free = free[held.receiver as usize].saturating_add(1);
         let reactivity = reactivity(receptors.binding_rate, free, radius);
         let way = Step::new(diffusion, model.time_step, (radius, reactivity));

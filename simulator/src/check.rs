@@ -1,4 +1,4 @@
-//! What is needed for a run to make sense.
+//! The conditions for a run to make sense.
 
 use crate::Error;
 use crate::boundary::Axis;
@@ -9,7 +9,7 @@ use crate::receiver::{Kind, Receiver, Receptors, Sticking};
 use crate::transmitter::{Schedule, Shape, Transmitter};
 
 impl Model {
-    /// What is wrong where particles of a species have no room between the walls.
+    /// The fault if particles of a species do not fit between the walls.
     pub(crate) fn misfit(&self, species: &Species) -> Option<String> {
         let (which, wide) = self.boundary.too_narrow(species.radius)?;
         Some(format!(
@@ -19,7 +19,7 @@ impl Model {
         ))
     }
 
-    /// What is wrong where particles are to bounce off each other and have no velocity to do so.
+    /// The fault if particles are to bounce off each other without a velocity.
     pub(crate) fn idle_contact(&self) -> Option<String> {
         (self.contact == Contact::Elastic && !self.has_velocity()).then(|| {
             "contact is elastic but no species has a thermal-speed, so that nothing has a velocity to bounce with; give \
@@ -28,7 +28,7 @@ impl Model {
         })
     }
 
-    /// What is wrong where a profile has no vessel that it is the profile of.
+    /// The fault if a flow profile has no vessel.
     pub(crate) fn groundless_flow(&self) -> Option<String> {
         let groundless = matches!(self.flow, Some(Flow::Poiseuille { .. })) && self.boundary.vessel.is_none();
         groundless.then(|| {
@@ -86,7 +86,7 @@ impl Model {
         self.receivers.iter().try_for_each(|receiver| self.check_receiver(receiver))
     }
 
-    /// What is wrong where a surface of a given reactivity sees particles that do not diffuse.
+    /// The fault if a surface of a given reactivity meets particles that do not diffuse.
     pub(crate) fn resting_before(&self, receiver: &Receiver) -> Option<String> {
         let by_rate = matches!(receiver.kind, Kind::Partial(Sticking::Reactivity(_)) | Kind::Receptors(_));
         let rests = |(k, species): &(usize, &Species)| receiver.sees[*k] && species.diffusion == 0.0;

@@ -43,7 +43,7 @@ pub struct Checkpoint {
     pub files: Vec<FileRecord>,
     /// The file of each rank; nothing where the state has the particles itself.
     pub parts: Vec<PartRecord>,
-    /// Where the run stands.
+    /// The state of the run.
     pub state: State,
 }
 
@@ -129,7 +129,7 @@ impl Checkpoint {
     /// Where the run stands, with all particles, from the parts of the checkpoint at `path` where it is in parts.
     ///
     /// # Errors
-    /// As [`read`](Self::read).
+    /// The same as [`read`](Self::read).
     pub fn into_state(self, path: &Path) -> Result<State, Error> {
         self.into_share(path, Share::WHOLE)
     }

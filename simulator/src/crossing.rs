@@ -22,11 +22,11 @@ use crate::receiver::{Kind, height};
 /// A step of a particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
-    /// Where it was, in µm.
+    /// The position at the beginning, in µm.
     pub before: [f32; 3],
-    /// Where it would be without walls and images.
+    /// The position at the end without walls and images.
     pub end: [f32; 3],
-    /// Where it is.
+    /// The position at the end.
     pub after: [f32; 3],
     /// The part of the way that is no diffusion.
     pub drift: [f32; 3],
@@ -34,7 +34,7 @@ pub struct Path {
     pub diffusion: f32,
 }
 
-/// Who draws: a particle in a step.
+/// The source of random numbers: a particle in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Who {
     /// The seed.
@@ -55,7 +55,7 @@ pub(crate) const BEND: f32 = 3.1;
 /// Pieces beyond this are not halved any more; the first has number 1, and those of piece `k` have 2k and 2k + 1.
 const LAST: u32 = 1 << 12;
 
-/// Whether a path met the receiver. `room` is where the particle's centre may be.
+/// Returns `true` if a path met the receiver. `room` is where the particle's centre may be.
 #[inline]
 pub fn meets(body: &Body, room: &Boundary, path: &Path, who: Who) -> bool {
     let b = height(body.receiver.radius, body.center_at(1.0), room, path.after);
@@ -85,8 +85,8 @@ pub fn meets(body: &Body, room: &Boundary, path: &Path, who: Who) -> bool {
     Bridge { body, room, who }.meets(piece)
 }
 
-/// Whether the ends of a piece do not tell whether it met a sphere: with this drift and standard deviation along each
-/// axis it may have been carried past.
+/// Returns `true` if the ends of a piece do not tell whether it met a sphere: with this drift and standard deviation
+/// along each axis it may have been carried past.
 pub(crate) fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
     drift > PIECE[0] * radius && drift > PIECE[1] * spread
 }
@@ -120,7 +120,7 @@ struct Piece {
     part: f32,
     /// Standard deviation of its diffusion along each axis, in µm.
     spread: f32,
-    /// How far drift takes the particle, in µm.
+    /// The displacement by drift, in µm.
     drift: f32,
 }
 
@@ -168,8 +168,8 @@ fn length(v: [f32; 3]) -> f32 {
 /// particular.
 const CUTS: usize = 1000;
 
-/// Whether a straight path meets the receiver. It is cut where a wall turns it round, and where another image of the
-/// receiver becomes the nearest one.
+/// Returns `true` if a straight path meets the receiver. It is cut where a wall turns it round, and where another image
+/// of the receiver becomes the nearest one.
 fn straight(body: &Body, room: &Boundary, path: &Path) -> bool {
     let [from, to] = [path.before, path.end].map(|end| end.map(f64::from));
     let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
@@ -208,7 +208,7 @@ fn straight(body: &Body, room: &Boundary, path: &Path) -> bool {
     })
 }
 
-/// Whether a line from a point goes through the sphere of this radius around the origin.
+/// Returns `true` if a line from a point goes through the sphere of this radius around the origin.
 fn passes(from: [f64; 3], way: [f64; 3], radius: f64) -> bool {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let to: [f64; 3] = std::array::from_fn(|k| from[k] + way[k]);

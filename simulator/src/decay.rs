@@ -1,4 +1,4 @@
-//! What particles turn into by themselves while they move.
+//! Decays of single particles while they move.
 //!
 //! A particle may decay several times within a step: the first time is decided for the whole step, and then when that
 //! was, so that what came of it has the rest. Chains of decays are therefore right for steps of any length.
@@ -30,7 +30,7 @@ pub(crate) struct Channel {
     share: f64,
     /// Its place in the model.
     pub(crate) decay: u32,
-    /// What comes of it.
+    /// The outcome.
     pub(crate) product: Option<u32>,
 }
 
@@ -45,7 +45,7 @@ impl Decays {
         Self { kinds, time_step: model.time_step }
     }
 
-    /// Whether nothing decays.
+    /// Returns `true` if nothing decays.
     pub fn is_empty(&self) -> bool {
         self.kinds.iter().all(|kind| kind.channels.is_empty())
     }

@@ -25,7 +25,7 @@ struct Channel {
     decay: u32,
     products: [Option<Product>; 2],
     unbinding: Unbinding,
-    /// How much of the way apart is the first product's.
+    /// The part of the separation that the first product moves.
     share: f32,
 }
 
@@ -33,14 +33,14 @@ struct Channel {
 struct Product {
     species: u32,
     radius: f32,
-    /// Where its centre may be.
+    /// The region of its center.
     room: Boundary,
 }
 
-/// What comes of one particle.
+/// The outcome of one particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Split {
-    /// Where the particle is.
+    /// The index of the particle.
     pub at: u32,
     /// Its id.
     pub id: u32,
@@ -51,7 +51,7 @@ pub struct Split {
 }
 
 impl Split {
-    /// Whether there is a second product, which needs an id.
+    /// Returns `true` if there is a second product, which needs an id.
     pub(crate) fn is_parent(&self) -> bool {
         self.products[1].is_some()
     }
@@ -94,7 +94,7 @@ impl Dissociation {
         Self { any: channels.iter().any(|channels: &Vec<_>| !channels.is_empty()), channels }
     }
 
-    /// Whether nothing comes apart.
+    /// Returns `true` if nothing comes apart.
     pub fn is_empty(&self) -> bool {
         !self.any
     }

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// Why a model was refused or a run ended. Every message names the value, the limit and the remedy.
+/// The cause for which a model was refused or a run ended. Every message names the value, the limit and the remedy.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -16,7 +16,7 @@ pub enum Error {
         line: usize,
         /// The key on that line.
         key: String,
-        /// What is wrong and what is allowed.
+        /// The fault and the valid values.
         message: String,
     },
     /// A model that cannot be run.
@@ -28,15 +28,15 @@ pub enum Error {
          fewer, or end the run before"
     )]
     OutOfIds {
-        /// How many there would have been.
+        /// The number that there would have been.
         released: u64,
     },
     /// The system refused memory for more particles.
     #[error("no memory for {particles} particles: {bytes} bytes were refused; release fewer")]
     OutOfMemory {
-        /// How many there would have been.
+        /// The number that there would have been.
         particles: u64,
-        /// How many bytes one column of them takes.
+        /// The bytes of one of their columns.
         bytes: u64,
     },
     /// The detector refused the particles, or found more pairs than fit.
@@ -44,7 +44,7 @@ pub enum Error {
     Step {
         /// The step, counted from 0.
         step: u32,
-        /// What the detector said.
+        /// The message of the detector.
         source: lazygrid::Error,
     },
     /// The detector could not be made.
@@ -69,7 +69,7 @@ pub enum Error {
     NotFinite {
         /// The step, counted from 0.
         step: u32,
-        /// How many they are.
+        /// Their number.
         particles: u64,
     },
     /// Arrow files were asked for, and this build has no writer of them.
@@ -78,9 +78,9 @@ pub enum Error {
     /// The threads that were asked for could not be started.
     #[error("cannot start {threads} threads: {reason}; ask for fewer")]
     Threads {
-        /// How many were asked for.
+        /// The requested number.
         threads: usize,
-        /// What the system said.
+        /// The message of the system.
         reason: String,
     },
     /// The system refused to read a file.
@@ -88,7 +88,7 @@ pub enum Error {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The message of the system.
         source: io::Error,
     },
     /// The system refused to create or write a file, such as on a full disk.
@@ -96,7 +96,7 @@ pub enum Error {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The message of the system.
         source: io::Error,
     },
     /// One of several replicas could not be done.
@@ -104,7 +104,7 @@ pub enum Error {
     Replica {
         /// Which, counted from 0.
         replica: u32,
-        /// Why.
+        /// The reason.
         source: Box<Error>,
     },
     /// A checkpoint of another version of the layout.
@@ -137,7 +137,7 @@ pub enum Error {
     Checkpoint {
         /// The file.
         path: PathBuf,
-        /// Why it cannot be continued from.
+        /// The reason for which the run cannot be resumed from it.
         message: String,
     },
 }

@@ -14,11 +14,11 @@ use rayon::prelude::*;
 /// Two particles that may do something with each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Candidate {
-    /// Where the particles are.
+    /// The indices of the particles.
     pub at: [u32; 2],
-    /// Whether the candidate needs each of them for itself. It must need one at least.
+    /// `true` if the candidate needs each of them for itself. It must need one at least.
     pub claims: [bool; 2],
-    /// What would happen, for the caller to know.
+    /// The event, which the caller interprets.
     pub rule: u32,
     /// The priority; the lowest is the best.
     pub priority: u32,
@@ -26,7 +26,7 @@ pub struct Candidate {
     pub ids: [u32; 2],
 }
 
-/// What candidates are ordered by; the lowest is the best.
+/// The sort key of candidates; the lowest is the best.
 pub(crate) type Key = (u32, [u32; 2]);
 
 impl Candidate {
@@ -41,7 +41,7 @@ impl Candidate {
     }
 }
 
-/// What becomes of the other candidates of a particle that had its turn.
+/// The rule for the other candidates of a particle that was matched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Afterwards {
     /// They are dropped: a particle has one turn.

@@ -21,7 +21,7 @@ use crate::vicinity::{Reach, Vicinity};
 
 pub use crate::reception::Event;
 
-/// What a model says about the step of single particles, made ready.
+/// The constants of a model for the step of single particles.
 #[derive(Clone, Debug)]
 pub struct Motion {
     /// By species.
@@ -29,7 +29,7 @@ pub struct Motion {
     pub(crate) time_step: f32,
     with_velocity: bool,
     bounded: bool,
-    /// Where anything may be, whatever its radius.
+    /// The region of all particles, of any radius.
     whole: Boundary,
     stream: Option<Stream>,
     /// Receivers that remove particles or turn them back, where they are in this step.
@@ -46,7 +46,7 @@ pub(crate) struct Step {
     pub(crate) diffusion: f32,
     /// Drift in one step, in µm.
     pub(crate) drift: [f32; 3],
-    /// Where its centre may be.
+    /// The region of its center.
     pub(crate) room: Boundary,
     /// By how far diffusion bends its way, beside a receiver that diffuses as well, in µm.
     pub(crate) bend: f32,
@@ -185,7 +185,7 @@ impl Motion {
         (events, unsure)
     }
 
-    /// How far a particle may get to receivers on its way.
+    /// The distance within which a particle may meet receivers on its path.
     #[inline(always)]
     fn reach(&self, passage: &Passage) -> Reach {
         Reach::new(&passage.path, self.more(passage))

@@ -59,7 +59,7 @@ impl Options {
     /// with all threads.
     ///
     /// # Errors
-    /// Those of [`Scenario::read`].
+    /// The errors of [`Scenario::read`].
     pub fn read(&self) -> Result<Run, Error> {
         let mut scenario = Scenario::read(&self.scenario)?;
         scenario.change(&Changes {

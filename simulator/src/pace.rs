@@ -1,4 +1,4 @@
-//! Whether a run was too fast for its time step.
+//! The monitor of reactions that are too fast for the time step.
 //!
 //! What comes of a reaction reacts in turn from the next step on, and what has reacted is missing only at its end. Rates
 //! are therefore off by about half of the part of the reactants that reacts in one step.
@@ -10,7 +10,7 @@ const FAST: f64 = 0.02;
 /// The part of all reactions that must have been so fast to be worth a word.
 const MANY: f64 = 0.1;
 
-/// How fast reactions were, so far.
+/// The speeds of reactions so far.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pace {
     /// By reaction: how many there were, how many of them were too fast, and the largest part that reacted in one step.
@@ -50,7 +50,7 @@ impl Pace {
         }
     }
 
-    /// What there is to say, with what to change.
+    /// The warnings, with their remedies.
     pub(crate) fn advice(&self, model: &Model) -> Vec<String> {
         let said = |(reaction, &(all, fast, worst)): (&crate::Reaction, &(f64, f64, f64))| {
             (fast > MANY * all).then(|| {

@@ -40,17 +40,17 @@ pub struct Particle {
 }
 
 impl Particles {
-    /// How many there are.
+    /// Their number.
     pub fn len(&self) -> usize {
         self.id.len()
     }
 
-    /// Whether there is none.
+    /// Returns `true` if there is none.
     pub fn is_empty(&self) -> bool {
         self.id.is_empty()
     }
 
-    /// Whether the particles carry velocities.
+    /// Returns `true` if the particles carry velocities.
     pub fn has_velocity(&self) -> bool {
         !self.is_empty() && self.velocity[0].len() == self.len()
     }
@@ -140,7 +140,7 @@ impl Particles {
         }
     }
 
-    /// Those at a range of places.
+    /// The particles of a range of indices.
     pub(crate) fn range(&self, places: Range<usize>) -> Self {
         let velocity = if self.has_velocity() { places.clone() } else { 0..0 };
         Self {

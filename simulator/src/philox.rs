@@ -7,13 +7,13 @@
 
 use rand::TryRng;
 
-/// What a draw is for. Each purpose has random numbers of its own.
+/// The purpose of a draw. Each purpose has random numbers of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
     /// The Brownian step of a particle.
     Move = 0,
-    /// Where a particle is released: the first four words.
+    /// The position at which a particle is released: the first four words.
     Release = 1,
     /// The velocity that a particle is released with.
     Velocity = 2,
@@ -23,19 +23,19 @@ pub enum Purpose {
     Pair = 4,
     /// First-order decay of a particle.
     Decay = 5,
-    /// Where a particle was within a step; drawn by particle and piece of its path.
+    /// The position of a particle within a step; drawn by particle and piece of its path.
     Path = 6,
     /// Whether and how a particle comes apart.
     Split = 7,
-    /// What happens to a particle between its release and the beginning of the next step.
+    /// The events of a particle between its release and the beginning of the next step.
     Youth = 8,
-    /// How many particles are released; drawn by transmitter.
+    /// The number of released particles; drawn by transmitter.
     Count = 9,
     /// Which symbol is sent; drawn by transmitter and place in the message.
     Symbol = 10,
     /// Whether and where a swimmer turns.
     Tumble = 11,
-    /// Where a receiver goes; drawn by its place in the model.
+    /// The displacement of a receiver; drawn by its index in the model.
     Body = 12,
     /// When and where something comes off a receptor.
     Unbinding = 13,

@@ -68,7 +68,7 @@ pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, 
 /// the `unbinding` radius, in µm; else as [`binding_radius`].
 ///
 /// # Errors
-/// As [`binding_radius`].
+/// The same as [`binding_radius`].
 pub fn reversible_binding_radius(
     rate: f64,
     unbinding: f64,

@@ -26,17 +26,17 @@ pub struct Reactions {
     rooms: Vec<Boundary>,
 }
 
-/// What may happen to a pair that is near enough.
+/// A possible reaction of a pair that is near enough.
 #[derive(Clone, Debug)]
 struct Zone {
-    /// How near, where the detector looks further than that.
+    /// The largest distance, if the detector looks farther than that.
     within: Option<f32>,
     /// One, and what else may happen: the one with the lowest largest word comes first.
     rule: Rule,
     others: Vec<Rule>,
 }
 
-/// What is needed to decide about a pair.
+/// The data that decide about a pair.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rule {
     pub(crate) reaction: u32,
@@ -44,18 +44,18 @@ pub(crate) struct Rule {
     pub(crate) first: u32,
     /// The largest word that means yes.
     pub(crate) up_to: u32,
-    /// Whether the first and the second reactant are used up.
+    /// `true` if the first and the second reactant are used up.
     pub(crate) claims: [bool; 2],
 }
 
-/// What comes of one reactant.
+/// The outcome of one reactant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// Where the particle is.
+    /// The index of the particle.
     pub at: u32,
-    /// What it turns into; it is to be removed where there is nothing.
+    /// The species of the product; `None` removes the particle.
     pub product: Option<u32>,
-    /// Where the product goes.
+    /// The position of the product.
     pub position: [f32; 3],
 }
 
@@ -77,7 +77,7 @@ impl Reactions {
         }
     }
 
-    /// Whether nothing reacts.
+    /// Returns `true` if nothing reacts.
     pub fn is_empty(&self) -> bool {
         self.reactions.is_empty()
     }
@@ -244,7 +244,7 @@ fn reach(model: &Model, a: u32, b: u32) -> f32 {
     if model.contact == Contact::Ignore { 0.0 } else { touch }
 }
 
-/// What the detector is to look for; `None` where nothing interacts.
+/// The table of interactions of the detector; `None` if nothing interacts.
 ///
 /// # Errors
 /// [`Error::Detection`] for more species than the detector's table may have.

@@ -1,4 +1,4 @@
-//! What receivers do to a particle on its way in a step.
+//! The effects of receivers on a particle on its path in a step.
 
 use crate::adsorption;
 use crate::bodies::Body;
@@ -9,40 +9,40 @@ use crate::philox::{Purpose, fine_unit};
 use crate::receiver::{Kind, Sticking, height};
 use crate::turning::{Turned, turn};
 
-/// What befell a particle at a place.
+/// An event of a particle at an index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
     /// It reached a receiver, and is to be removed.
     Arrived {
-        /// Where the particle is.
+        /// The index of the particle.
         at: u32,
         /// The receiver's place in the model.
         receiver: u32,
     },
     /// It is to bind to a receptor if one is free for it, and stands where it would be otherwise.
     Bound {
-        /// Where the particle is.
+        /// The index of the particle.
         at: u32,
         /// The receiver's place in the model.
         receiver: u32,
-        /// Where it touched the surface, from the centre.
+        /// The position at which it touched the surface, from the center.
         direction: [f32; 3],
         /// Who comes before it where receptors are few: those with less.
         rank: u32,
     },
     /// It decayed; what came of that may have done so in turn, in the next event.
     Decayed {
-        /// Where the particle is.
+        /// The index of the particle.
         at: u32,
         /// The decay's place in the model.
         decay: u32,
-        /// What it turns into; it is to be removed where there is nothing.
+        /// The species of the product; `None` removes the particle.
         product: Option<u32>,
     },
 }
 
 impl Event {
-    /// Where the particle is.
+    /// The index of the particle.
     pub fn at(&self) -> u32 {
         match *self {
             Self::Arrived { at, .. } | Self::Bound { at, .. } | Self::Decayed { at, .. } => at,
@@ -91,7 +91,7 @@ impl Motion {
         self.decay(passage, events);
     }
 
-    /// What decays of a particle in the step.
+    /// The decay of a particle in the step.
     #[inline]
     pub(crate) fn decay(&self, passage: &Passage, events: &mut Vec<Event>) {
         let Passage { at, species, who: Who { key, id, step }, .. } = *passage;
@@ -108,7 +108,7 @@ impl Motion {
     ) -> Option<Event> {
         let room = &self.steps[passage.species as usize].room;
         let Passage { at, who, path, .. } = *passage;
-        // What is inside may leave.
+        // A particle inside may leave.
         let is_outside = |body: &Body| height(body.receiver.radius, body.center, room, path.before) >= 0.0;
         let turns_back = |body: &Body| body.receiver.kind.turns_back();
         let near: Vec<&Body> = seen.filter(|body| !turns_back(body) || is_outside(body)).collect();

@@ -1,4 +1,4 @@
-//! What transmitters release, and when: a pure function of the model, the seed and the step.
+//! The releases of transmitters: a pure function of the model, the seed and the step.
 //!
 //! What is released at one time appears at the beginning of a step. What is released all the time appears between two
 //! steps: it moves and decays for the rest of the time, so that numbers are right for steps of any length.
@@ -15,16 +15,16 @@ use crate::philox::{Draws, Key, Purpose, open_unit};
 use crate::ranks::Share;
 use crate::transmitter::{Numbers, Schedule, Transmitter};
 
-/// What is released at the beginning of a step.
+/// The particles that are released at the beginning of a step.
 #[derive(Clone, Debug, Default)]
 pub struct Released {
-    /// Those that are there.
+    /// The particles that remain.
     pub particles: Particles,
     /// The id that comes after theirs.
     pub next_id: u32,
-    /// How many there were, by species.
+    /// The released numbers, by species.
     pub released: Vec<u64>,
-    /// How often they decayed since, in the order of the model.
+    /// The numbers of decays since the release, in the order of the model.
     pub decayed: Vec<u64>,
 }
 
@@ -46,7 +46,7 @@ struct Batch<'a> {
     ages: Ages,
 }
 
-/// How long particles have been there at the beginning of a step, in s.
+/// The time since the release at the beginning of a step, in s.
 #[derive(Clone, Copy)]
 enum Ages {
     None,

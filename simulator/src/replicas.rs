@@ -24,14 +24,14 @@ use crate::{Error, Simulator};
 pub struct Replicas {
     /// The scenario, and the directory in which the replicas have theirs. Its seed is the one that theirs come from.
     pub run: Run,
-    /// How many there are.
+    /// Their number.
     pub count: NonZeroU32,
 }
 
-/// What came of replicas.
+/// The result of replicas.
 #[derive(Clone, Debug)]
 pub struct Replicated {
-    /// Whether all are done.
+    /// `true` if all are done.
     pub end: End,
     /// Which are done.
     pub done: Vec<u32>,
@@ -88,7 +88,7 @@ impl Replicas {
         self.conclude(&done)
     }
 
-    /// Where a replica's files are.
+    /// The folder of a replica's files.
     pub fn directory_of(&self, replica: u32) -> PathBuf {
         self.run.directory.join(format!("replica-{replica:04}"))
     }
@@ -183,7 +183,7 @@ fn is_done(directory: &Path, steps: u32) -> Result<bool, Error> {
     Ok(true)
 }
 
-/// What the workers share.
+/// The state that workers share.
 struct Course<'a> {
     replicas: &'a Replicas,
     at_once: u32,

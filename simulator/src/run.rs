@@ -11,30 +11,30 @@ use crate::pace::Pace;
 use crate::scenario::{Output, Scenario};
 use crate::{Error, Simulator, Standing, State};
 
-/// What is to be run, and where it is written.
+/// A run, and its output folder.
 #[derive(Clone, Debug)]
 pub struct Run {
     /// The scenario, with its seed, steps and output as they are wanted.
     pub scenario: Scenario,
     /// The file that the scenario is from, for messages.
     pub path: PathBuf,
-    /// Where the files go.
+    /// The output folder.
     pub directory: PathBuf,
-    /// Where it runs; see [`Simulator::begin`].
+    /// The backend; see [`Simulator::begin`].
     pub backend: Backend,
-    /// How the CPU finds pairs; that does not change the result.
+    /// The algorithm by which the CPU finds pairs; it does not change the result.
     pub algorithm: Algorithm,
     /// Threads; by default all.
     pub threads: Option<usize>,
-    /// Whether to go on from the checkpoint in the directory.
+    /// `true` if to go on from the checkpoint in the directory.
     pub resume: bool,
-    /// Whether to replace a run that is in the directory.
+    /// `true` if to replace a run that is in the directory.
     pub overwrite: bool,
-    /// Whether to refuse what will not fit the disk, and to stop before that is full.
+    /// `true` if to refuse what will not fit the disk, and to stop before that is full.
     pub space_check: bool,
 }
 
-/// How a run ended.
+/// The way in which a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// All steps are done.
@@ -48,7 +48,7 @@ pub enum End {
 pub(crate) struct Beside {
     /// Its place among them.
     pub(crate) place: u32,
-    /// How many they are.
+    /// Their number.
     pub(crate) count: u32,
     /// How many go on at the same time.
     pub(crate) at_once: u32,
@@ -114,7 +114,7 @@ impl Run {
                 end = End::Stopped;
             }
         }
-        // What was whole before is still there.
+        // The last complete output is still there.
         if simulation.step_count() > first {
             self.save(&simulation, &mut files)?;
         }
@@ -145,13 +145,13 @@ impl Run {
         PathBuf::from(scenario.file_stem().unwrap_or(scenario.as_os_str()))
     }
 
-    /// What the run is called where it is shown.
+    /// The name of the run in messages.
     pub(crate) fn title(&self) -> String {
         let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
         format!("{name}, seed {}", self.scenario.seed)
     }
 
-    /// How many steps there are until something is written.
+    /// The number of steps until the next output.
     fn steps_to_next(&self, step: u32) -> u32 {
         let output = self.scenario.output;
         let frames = (output.xyz || output.npy).then_some(output.frames_every);
@@ -170,7 +170,7 @@ impl Run {
         output::forget(&self.directory, &["replicas.csv", "mean.csv", "arrivals.arrow", "releases.arrow"])?;
         let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
         files.record(&simulation)?;
-        // What cannot be written shows now.
+        // A failure to write shows now.
         self.save(&simulation, &mut files)?;
         Ok((simulation, files))
     }
@@ -323,12 +323,12 @@ impl Run {
         }
     }
 
-    /// Where the checkpoint is.
+    /// The path of the checkpoint.
     pub(crate) fn checkpoint_path(&self) -> PathBuf {
         self.directory.join("checkpoint")
     }
 
-    /// What came of the run, a line for each thing that was counted.
+    /// The summary of the run, a line for each count.
     pub fn summary(&self, standing: &impl Standing) -> String {
         let (model, totals) = (standing.model(), standing.totals());
         let mut lines = vec![

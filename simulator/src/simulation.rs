@@ -35,7 +35,7 @@ pub struct Simulation {
     arrivals: Vec<Arrival>,
 }
 
-/// What a step does to particles by themselves.
+/// The step of single particles.
 #[derive(Debug)]
 pub(crate) struct Moved {
     events: Vec<Event>,
@@ -57,7 +57,7 @@ impl Simulation {
     /// A run that goes on from a state of the same model and seed.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// The same as [`new`](Self::new).
     pub fn resume(model: Model, seed: u64, algorithm: Algorithm, state: State) -> Result<Self, Error> {
         model.check()?;
         if !state.belongs_to(&model) {
@@ -80,12 +80,12 @@ impl Simulation {
         })
     }
 
-    /// What is simulated.
+    /// The model.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Where the run stands.
+    /// The state of the run.
     pub fn state(&self) -> &State {
         &self.state
     }
@@ -121,7 +121,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// How many particles of each species are now inside a receiver's sphere.
+    /// The number of particles of each species inside a receiver's sphere.
     pub fn inside(&self, receiver: usize) -> Vec<u64> {
         let center = self.state.centers[receiver];
         self.model.receivers[receiver].inside(center, &self.model.boundary, &self.state.particles)
@@ -139,7 +139,7 @@ impl Simulation {
         received
     }
 
-    /// Who arrived in the last step, in the order of ids, in a model that logs arrivals.
+    /// The particles that arrived in the last step, in the order of ids, in a model that logs arrivals.
     pub fn arrivals(&self) -> &[Arrival] {
         &self.arrivals
     }
@@ -173,7 +173,7 @@ impl Simulation {
         Ok(Moved { events, leaving })
     }
 
-    /// Who is to bind to receptors.
+    /// The particles that are to bind to receptors.
     pub(crate) fn bids(&self, moved: &Moved) -> Vec<Bid> {
         binding::bids(&moved.events, |at| self.state.particles.id[at as usize])
     }
@@ -349,7 +349,7 @@ impl Simulation {
     }
 }
 
-/// What finds pairs in a model, by this algorithm; nothing where nothing interacts.
+/// The detector of a model's pairs, by this algorithm; `None` if nothing interacts.
 ///
 /// # Errors
 /// [`Error::Detection`] where the detector refuses the model.

@@ -73,7 +73,7 @@ impl Simulator {
         }
     }
 
-    /// Where it runs.
+    /// The backend.
     pub fn backend(&self) -> Backend {
         match self {
             Self::Cpu(_) => Backend::Cpu,

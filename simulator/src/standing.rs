@@ -1,4 +1,4 @@
-//! How a run stands, wherever it is computed.
+//! The state of a run on any backend.
 
 use std::borrow::Cow;
 
@@ -6,10 +6,10 @@ use crate::{Arrival, Error, Model, State, Totals};
 
 /// A run as those see it who write files about it.
 pub trait Standing {
-    /// What is simulated.
+    /// The model.
     fn model(&self) -> &Model;
 
-    /// How many steps are done.
+    /// The number of steps done.
     fn step_count(&self) -> u32;
 
     /// The time that has passed, in s.
@@ -17,14 +17,14 @@ pub trait Standing {
         f64::from(self.step_count()) * self.model().time_step
     }
 
-    /// What was counted.
+    /// The counts.
     fn totals(&self) -> &Totals;
 
     /// What each receiver has to say, by species: arrivals so far, what its receptors hold, or how many are inside a
     /// transparent one.
     fn received(&self) -> Vec<Vec<u64>>;
 
-    /// Who arrived in the last step, in the order of ids, in a model that logs arrivals.
+    /// The particles that arrived in the last step, in the order of ids, in a model that logs arrivals.
     fn arrivals(&self) -> &[Arrival];
 
     /// Where the run stands, brought here where it is elsewhere.

@@ -8,16 +8,16 @@ use crate::vessel::Vessel;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stream {
     pub(crate) vessel: Vessel,
-    /// How far Poiseuille flow goes in one step in the middle, in µm.
+    /// The displacement of Poiseuille flow in one step on the axis, in µm.
     fastest: f64,
 }
 
-/// Where a step goes.
+/// The end of a step in a flow.
 pub(crate) struct Carried {
     /// Without what bounds the vessel along its axis.
     pub(crate) end: [f32; 3],
     pub(crate) after: [f32; 3],
-    /// How far along the flow took the particle.
+    /// The displacement by the flow along the vessel.
     pub(crate) by: f32,
 }
 

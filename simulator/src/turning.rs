@@ -8,7 +8,7 @@ use crate::boundary::{Axis, Boundary};
 use crate::crossing::Path;
 use crate::receiver::height;
 
-/// Where a way goes.
+/// The result of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Turned {
     /// The path up to its end, as if it were straight.

@@ -18,7 +18,7 @@ pub struct Vessel {
 const BOUNCES: usize = 64;
 
 impl Vessel {
-    /// Where the centres of spheres of this radius may be.
+    /// The region of the centers of spheres of this radius.
     #[inline(always)]
     pub fn inset(self, radius: f32) -> Self {
         Self { radius: self.radius - radius, ..self }

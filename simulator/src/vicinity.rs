@@ -83,7 +83,7 @@ const COSTS: [usize; 2] = [3, 1];
 const UNKNOWN: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
 /// Steps of moving receivers after which balls are forgotten, so that rounding adds up to nothing.
 const FORGET: u32 = 64;
-/// How far the detector looks: the first, the least and the most.
+/// The distances at which the detector looks: the first, the least and the most.
 const FACTORS: [f32; 3] = [4.0, 1.5, 64.0];
 /// Receivers found per particle, between which the detector looks as far as before.
 const FOUND: [usize; 2] = [1, 4];
@@ -132,7 +132,7 @@ impl Vicinity {
         self.travelled += bodies.longest_way;
     }
 
-    /// Whether a particle meets no receiver in the step.
+    /// Returns `true` if a particle meets no receiver in the step.
     #[inline(always)]
     pub(crate) fn is_clear(&self, place: usize, reach: &Reach) -> bool {
         let [x, y, z, radius] = self.balls[place];
@@ -145,7 +145,7 @@ impl Vicinity {
     /// by particle in the order of the bodies, with the distances in which all are found and what is left for the balls.
     ///
     /// # Errors
-    /// What the detector says.
+    /// Fails if the detector fails.
     pub(crate) fn find<'a>(
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,
@@ -172,7 +172,7 @@ impl Vicinity {
 }
 
 impl Worth {
-    /// Whether a step is to search.
+    /// Returns `true` if a step is to search.
     fn begin(&mut self) -> bool {
         if self.rest > 0 {
             self.rest -= 1;
@@ -199,7 +199,7 @@ fn slack(before: [f32; 3], radius: f32, bodies: &Bodies, travelled: f32) -> f32 
     rounding(before, radius + bodies.largest + travelled)
 }
 
-/// What the detector found.
+/// The result of the detector.
 pub(crate) struct Found<'a> {
     near: Neighbors<'a>,
     queries: &'a [Sphere],
