@@ -136,7 +136,7 @@ unsafe impl Send for Consumer {}
 
 impl Consumer {
     /// # Errors
-    /// Where there is no function, or chunks would be empty.
+    /// If there is no function, or chunks would be empty.
     fn new(consume: Option<Consume>, context: *mut c_void, chunk: usize) -> Result<Self, Failure> {
         let consume = consume.ok_or_else(|| Failure::argument("`consume` is NULL; give a function"))?;
         if chunk == 0 {

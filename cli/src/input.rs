@@ -19,7 +19,7 @@ pub(crate) const STANDARD: &str = "-";
 pub(crate) struct Input {
     path: PathBuf,
     frames: Frames,
-    /// What reads text; the threads of the process where there is none.
+    /// What reads text; the threads of the process if there is none.
     pool: Option<ThreadPool>,
     /// The number of frames read.
     read: usize,
@@ -50,7 +50,7 @@ impl Input {
         Ok(Self { path, frames, pool, read: 0, wanted: args.frame, progress })
     }
 
-    /// The next frame that is asked for. Says so where there is none at all.
+    /// The next frame that is asked for. Says so if there is none at all.
     pub(crate) fn next(&mut self) -> Result<Option<Numbered>, Failure> {
         let start = Instant::now();
         while self.wanted.is_none_or(|wanted| wanted >= self.read) {

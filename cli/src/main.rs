@@ -7,7 +7,7 @@ fn main() -> ExitCode {
     lazygrid_cli::run(std::env::args_os()).into()
 }
 
-/// Keeps libwayland from complaining on standard error, as if the complaint were ours, where there is no run-time
+/// Keeps libwayland from complaining on standard error, as if the complaint were ours, if there is no run-time
 /// directory: it says so when Mesa's layer that chooses a device asks for a compositor, and wgpu lets it ask.
 fn quiet_wayland() {
     const RUNTIME_DIRECTORY: &str = "XDG_RUNTIME_DIR";

@@ -7,7 +7,7 @@ use lazygrid_kernels::Algorithm;
 use crate::gpu::{AdapterId, Calibration, Crossover, GpuConfig, SkinCosts};
 use crate::{Backend, Error};
 
-/// The algorithm of a GPU where there are too many spheres to test all pairs.
+/// The algorithm of a GPU if there are too many spheres to test all pairs.
 #[cfg(feature = "gpu")]
 pub(crate) const GRID: Algorithm = Algorithm::CellList;
 

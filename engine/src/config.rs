@@ -45,7 +45,7 @@ impl Config {
         self
     }
 
-    /// On which GPU, where there are several: by its index among [`gpu::adapters`](crate::gpu::adapters), or by a part of its
+    /// On which GPU, if there are several: by its index among [`gpu::adapters`](crate::gpu::adapters), or by a part of its
     /// name that no other has. Whoever names one means [`Backend::Gpu`], and may name a software adapter. Default: the
     /// best one, discrete before integrated.
     ///

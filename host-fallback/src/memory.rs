@@ -67,7 +67,7 @@ pub(crate) fn push<T>(buffer: &mut Vec<T>, value: T, what: &'static str) -> Resu
     Ok(())
 }
 
-/// Makes room for some values more: twice as many where there are few, else [`GROWTH`].
+/// Makes room for some values more: twice as many if there are few, else [`GROWTH`].
 #[cold]
 fn grow<T>(buffer: &mut Vec<T>, what: &'static str) -> Result<(), Error> {
     let len = buffer.len();

@@ -33,7 +33,7 @@ pub(crate) struct State {
 
 impl State {
     /// Takes up where the spheres are now, where candidates are kept. Says why they cannot serve the call, if they
-    /// cannot; [`Rebuilt::First`] where there are none.
+    /// cannot; [`Rebuilt::First`] if there are none.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,

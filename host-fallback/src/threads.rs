@@ -160,7 +160,7 @@ impl Team {
     }
 }
 
-/// Runs `task` in this pool, or in that of whoever calls where there is none.
+/// Runs `task` in this pool, or in that of whoever calls if there is none.
 fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> R + Send) -> R {
     match pool {
         Some(pool) => pool.install(task),

@@ -8,7 +8,7 @@ use crate::UnknownName;
 #[non_exhaustive]
 pub enum Backend {
     /// A real GPU if there is one, else the CPU; decided when the detector is made. An algorithm that only GPUs have
-    /// takes a software adapter where there is no real one, since nothing else can run it.
+    /// takes a software adapter if there is no real one, since nothing else can run it.
     #[default]
     Auto,
     /// The CPU, through rayon.

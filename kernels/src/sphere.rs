@@ -103,7 +103,7 @@ impl<'a> Spheres<'a> {
     /// Adds a species id per sphere, for [`Interactions`](crate::Interactions).
     ///
     /// # Errors
-    /// [`InputError::Lengths`] where there is not one id per sphere.
+    /// [`InputError::Lengths`] if there is not one id per sphere.
     pub fn with_species(mut self, species: &'a [u32]) -> Result<Self, InputError> {
         if species.len() != self.len() {
             let (length, expected) = (species.len(), self.len());
@@ -117,7 +117,7 @@ impl<'a> Spheres<'a> {
     /// [`NO_GROUP`](Self::NO_GROUP). In a search between two sets groups of both are the same where their numbers are.
     ///
     /// # Errors
-    /// [`InputError::Lengths`] where there is not one group per sphere.
+    /// [`InputError::Lengths`] if there is not one group per sphere.
     pub fn with_groups(mut self, groups: &'a [u32]) -> Result<Self, InputError> {
         if groups.len() != self.len() {
             let (length, expected) = (groups.len(), self.len());

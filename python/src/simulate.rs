@@ -49,7 +49,7 @@ struct Run {
     /// By column.
     counts: Vec<Vec<u64>>,
     frames: Vec<(u32, State)>,
-    /// Where the work is done; with all threads where there is none.
+    /// Where the work is done; with all threads if there is none.
     pool: Option<ThreadPool>,
 }
 

@@ -37,7 +37,7 @@ pub struct Checkpoint {
     pub seed: u64,
     /// The name of the back end that computed it.
     pub backend: String,
-    /// Steps between rows, between frames, and between those of the animation, 0 where there is none.
+    /// Steps between rows, between frames, and between those of the animation, 0 if there is none.
     pub every: [u32; 3],
     /// The files that the run appends to.
     pub files: Vec<FileRecord>,

@@ -61,7 +61,7 @@ impl Model {
     /// model.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`] where there are too few ids left.
+    /// [`Error::OutOfIds`] if there are too few ids left.
     pub fn release(&self, decays: &Decays, key: Key, step: u32, next_id: u32) -> Result<Released, Error> {
         self.release_share((decays, key), step, next_id, Share::WHOLE)
     }

@@ -69,7 +69,7 @@ impl Run {
     /// # Errors
     /// [`Error::Write`] before anything is computed where the directory cannot be written or the disk is too small,
     /// and at any time where the system refuses to write; [`Error::Read`], [`Error::Checkpoint`],
-    /// [`Error::CheckpointVersion`] or [`Error::Damaged`] where there is nothing to go on from; and whatever [`Simulator::advance`] says.
+    /// [`Error::CheckpointVersion`] or [`Error::Damaged`] if there is nothing to go on from; and whatever [`Simulator::advance`] says.
     pub fn run(
         &self,
         watch: impl FnMut(&Simulator) -> ControlFlow<()> + Send,

@@ -30,7 +30,7 @@ impl Simulator {
     /// and a run is to depend on its seed alone; `algorithm` is how the CPU finds pairs.
     ///
     /// # Errors
-    /// As [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] where there is no GPU.
+    /// As [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] if there is no GPU.
     pub fn begin(
         model: &Model,
         seed: u64,

@@ -102,7 +102,7 @@ impl Config {
     }
 
     /// The backend of each rank. Default: [`Backend::Auto`], by which the first ranks of a node take one real GPU each and
-    /// the others the CPU. [`Backend::Gpu`] lets ranks of a node share GPUs where there are too few.
+    /// the others the CPU. [`Backend::Gpu`] lets ranks of a node share GPUs if there are too few.
     pub fn backend(mut self, backend: Backend) -> Self {
         self.backend = backend;
         self

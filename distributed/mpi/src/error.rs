@@ -8,7 +8,7 @@ pub enum Error {
     /// The input of one rank is refused.
     #[error("rank {rank}: {message}")]
     Input {
-        /// The rank; the first, where there are several.
+        /// The rank; the first, if there are several.
         rank: u32,
         /// The place of the first such sphere among those of the rank, where it is one sphere.
         index: Option<u32>,
@@ -22,7 +22,7 @@ pub enum Error {
         first[1], first[0], second[1], second[0]
     )]
     DuplicateId {
-        /// The id; the smallest, where there are several.
+        /// The id; the smallest, if there are several.
         id: u64,
         /// Rank and place of one.
         first: [u32; 2],

@@ -11,13 +11,13 @@ pub struct Local<'a> {
 }
 
 impl<'a> Local<'a> {
-    /// Spheres, as rows or columns, with species where there are interactions; and one id for each, unique among all
+    /// Spheres, as rows or columns, with species if there are interactions; and one id for each, unique among all
     /// ranks. Centres and radii are in one length unit on all ranks.
     pub fn new(spheres: impl Into<Spheres<'a>>, ids: &'a [u64]) -> Self {
         Self { spheres: spheres.into(), ids }
     }
 
-    /// Refuses what no rank can compute with. `species` is how many the interaction table has, where there is one.
+    /// Refuses what no rank can compute with. `species` is how many the interaction table has, if there is one.
     pub(crate) fn check(&self, rank: u32, species: Option<u32>) -> Result<(), Error> {
         let refuse = |index: Option<u32>, error: InputError| {
             Err(Error::Input { rank, index, message: error.to_string() })
@@ -73,7 +73,7 @@ pub struct Particles {
     pub spheres: Vec<Sphere>,
     /// An id per sphere, unique among all ranks.
     pub ids: Vec<u64>,
-    /// A species per sphere; none where there are no interactions.
+    /// A species per sphere; none if there are no interactions.
     pub species: Option<Vec<u32>>,
 }
 
@@ -81,7 +81,7 @@ impl Particles {
     /// The spheres as a search takes them.
     ///
     /// # Errors
-    /// [`InputError::Lengths`] where there is not one species per sphere.
+    /// [`InputError::Lengths`] if there is not one species per sphere.
     pub fn local(&self) -> Result<Local<'_>, InputError> {
         let spheres = Spheres::from(&self.spheres);
         let spheres = match &self.species {

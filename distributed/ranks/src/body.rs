@@ -21,7 +21,7 @@ impl Body {
     }
 }
 
-/// Turns spheres into bodies: knows the space, and the interactions where there are any.
+/// Turns spheres into bodies: knows the space, and the interactions if there are any.
 #[derive(Clone, Debug, Default)]
 pub struct Bodies {
     space: Space,

@@ -20,7 +20,7 @@ impl Census {
         Self { total: each.iter().sum(), most, ranks: each.len() as u32 }
     }
 
-    /// Largest over mean; 1 where there is nothing.
+    /// Largest over mean; 1 if there is nothing.
     pub fn imbalance(&self) -> f64 {
         match self.total {
             0 => 1.0,

@@ -9,7 +9,7 @@ pub struct Particle {
     pub sphere: Sphere,
     /// Its name, unique among all ranks.
     pub id: u64,
-    /// Its species; 0 where there are none.
+    /// Its species; 0 if there are none.
     pub species: u32,
     /// Its place among the spheres of its owner.
     pub index: u32,

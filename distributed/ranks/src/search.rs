@@ -82,7 +82,7 @@ pub struct Search {
 impl Search {
     /// For `rank` of `ranks`. The detector has to have the space and the interactions of the bodies, and every rank
     /// the same ones; its order does not matter. Between owned spheres and ghosts `across` searches, alike but on the
-    /// CPU, where there is one.
+    /// CPU, if there is one.
     pub fn new(
         detector: Detector,
         across: Option<Detector>,

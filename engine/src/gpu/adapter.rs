@@ -141,7 +141,7 @@ impl GpuDevice {
     /// Opens this adapter, be it hardware or software.
     ///
     /// # Errors
-    /// [`Error::UnknownAdapter`] where no adapter is meant, or several are; [`Error::NoAdapter`] where there is
+    /// [`Error::UnknownAdapter`] where no adapter is meant, or several are; [`Error::NoAdapter`] if there is
     /// none at all, and [`Error::NoDevice`].
     pub fn open_adapter(id: &AdapterId) -> Result<Self, Error> {
         let found = enumerate();
@@ -246,7 +246,7 @@ impl GpuDevice {
     }
 }
 
-/// The device of this process's tests; none where there is no adapter and none is required.
+/// The device of this process's tests; none if there is no adapter and none is required.
 #[cfg(test)]
 pub(crate) fn device_or_skip() -> Option<GpuDevice> {
     match GpuDevice::shared(true) {

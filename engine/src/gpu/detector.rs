@@ -345,7 +345,7 @@ impl GpuDetector {
 /// Reads the outcome of a call from a copy of the outcome buffer.
 ///
 /// # Errors
-/// [`Error::Buffer`] where there are too few bytes.
+/// [`Error::Buffer`] if there are too few bytes.
 pub fn read_outcome(bytes: &[u8]) -> Result<Outcome, Error> {
     let needed = size_of::<Outcome>();
     match bytes.get(..needed) {

@@ -266,7 +266,7 @@ impl Search {
     }
 
     /// Hands over all pairs, smaller indices ascending from part to part. A slab has pairs of small indices and of large ones:
-    /// where there are more than `most`, the pairs of each sphere are counted first, and the slabs then searched for one range
+    /// if there are more than `most`, the pairs of each sphere are counted first, and the slabs then searched for one range
     /// of indices after another.
     fn range_by_range(
         &mut self,

@@ -225,7 +225,7 @@ impl<'a> GpuSpheres<'a> {
     /// The window that every pair is in.
     pub const ALL: Range<u32> = 0..u32::MAX;
 
-    /// Refuses buffers that are too short or cannot be bound, and species where there is no table, or none where there is.
+    /// Refuses buffers that are too short or cannot be bound, and species if there is no table, or none if there is.
     /// Returns how many spheres there may be.
     pub(super) fn check(&self, has_table: bool) -> Result<u32, Error> {
         let spheres = match self.count {

@@ -20,7 +20,7 @@ pub(crate) use stages::Stage;
 use stages::stages;
 pub(super) use stages::{flattened, scan_stages, sort_stages};
 
-/// Workgroups of the naive search where there is work for them: enough to fill today's largest devices.
+/// Workgroups of the naive search if there is work for them: enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
 /// The most entries: even if all are in one cell, the crowded search shares them out over one dimension.
 const MAX_ENTRIES: u64 = 65_535 * (k::CROWDED_TILES * k::GROUP) as u64;

@@ -104,7 +104,7 @@ impl<K: PartialEq, V> Recent<K, V> {
 #[derive(Debug)]
 pub(crate) struct Recording {
     steps: Vec<Step>,
-    /// Where a further part of a call begins; after the last step where there is none.
+    /// Where a further part of a call begins; after the last step if there is none.
     rest: usize,
 }
 
@@ -203,7 +203,7 @@ impl Recording {
         }
     }
 
-    /// Records a further part of a call that is too much for one submission; with timestamps where there are queries,
+    /// Records a further part of a call that is too much for one submission; with timestamps if there are queries,
     /// in place of those of the search before.
     pub(crate) fn encode_rest(&self, encoder: &mut wgpu::CommandEncoder, queries: Option<&wgpu::QuerySet>) {
         let descriptor = wgpu::ComputePassDescriptor {

@@ -260,7 +260,7 @@ impl Slab {
     /// The pairs to be found have their smaller index in here.
     pub(crate) fn window(&self) -> Range<u32> {
         let [owned, of_range, _] = self.ends;
-        // Where there are no others, two that are lent are nobody's to find.
+        // If there are no others, two that are lent are nobody's to find.
         0..if of_range as usize == self.indices.len() { owned } else { of_range }
     }
 

@@ -68,7 +68,7 @@ pub(crate) fn staged_pairs(staging: &wgpu::Buffer) -> u64 {
     (staging.size() - PAIRS_AT) / 8
 }
 
-/// Records the way back: outcome, ticks or the state of candidates where there are any, and the first `pairs` pairs.
+/// Records the way back: outcome, ticks or the state of candidates if there are any, and the first `pairs` pairs.
 pub(crate) fn copy_back(
     encoder: &mut wgpu::CommandEncoder,
     from: [Option<&wgpu::Buffer>; 3],

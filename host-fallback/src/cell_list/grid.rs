@@ -160,7 +160,7 @@ impl Grid {
     }
 
     /// Between which bounds a sphere of `cell` must lie, its radius included, to reach no lower and no higher cell
-    /// along each axis; none where there is no such cell. Not for folded grids.
+    /// along each axis; none if there is no such cell. Not for folded grids.
     ///
     /// The bounds are moved inwards by far more than rounding in `f32`, that of subnormal
     /// numbers included, can move the coordinates compared with them.

@@ -60,7 +60,7 @@ impl Levels {
     /// The cheapest levels for the sizes in `survey` at this crowding.
     pub(crate) fn plan(survey: &Survey, crowding: &Crowding) -> Self {
         let classes: Vec<_> = survey.occupied().collect();
-        // Neighbouring classes count as one where there are very many: planning grows with the square of their number.
+        // Neighbouring classes count as one if there are very many: planning grows with the square of their number.
         let groups: Vec<&[(usize, Class)]> =
             classes.chunks(classes.len().div_ceil(MAX_GROUPS).max(1)).collect();
         let count = |group: &&[(usize, Class)]| group.iter().map(|(_, class)| class.count as f32).sum();

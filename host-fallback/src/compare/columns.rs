@@ -8,7 +8,7 @@ pub(crate) const MAX_LANES: usize = 16;
 /// Spheres as columns, in the order a detector wants them, padded so that a whole vector can be loaded at any of
 /// them.
 ///
-/// Invariant: where there are spheres every column has `len + MAX_LANES` values; only [`Columns::resize`] changes lengths.
+/// Invariant: if there are spheres every column has `len + MAX_LANES` values; only [`Columns::resize`] changes lengths.
 #[derive(Debug, Default)]
 pub(crate) struct Columns {
     x: Vec<f32>,

@@ -116,7 +116,7 @@ impl Sink for Counter {
 /// Writes pairs into chunks, which `to` keeps or hands over.
 pub(crate) struct Written<'c> {
     pub(crate) to: To<'c>,
-    /// Only pairs whose smaller index lies in here are taken; all where there is none.
+    /// Only pairs whose smaller index lies in here are taken; all if there is none.
     pub(crate) window: Option<Range<u32>>,
     /// Chunks to be used again, whatever stands in them.
     pub(crate) spare: Mutex<Vec<Vec<Pair>>>,

@@ -187,7 +187,7 @@ impl Grid {
         self
     }
 
-    /// The edge of a cell; the smallest where there are several, besides those that are a whole ring.
+    /// The edge of a cell; the smallest if there are several, besides those that are a whole ring.
     pub(crate) fn edge(&self) -> f64 {
         let Rings { count, per_length, lengths, .. } = &self.rings;
         if count.to_array() == [1; 3] {

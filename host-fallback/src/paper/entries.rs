@@ -157,8 +157,8 @@ pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
 }
 
 /// Writes an entry for every cell that each of `n` spheres overlaps, sphere by sphere. `sphere` tells what the `k`-th
-/// covers, the most that its classes can have, and its id; where there are many it is asked twice, to count first.
-/// `place` tells the cell from one that is covered. Where there are more than `most`, says `false` and holds none.
+/// covers, the most that its classes can have, and its id; if there are many it is asked twice, to count first.
+/// `place` tells the cell from one that is covered. If there are more than `most`, says `false` and holds none.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].

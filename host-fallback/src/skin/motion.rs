@@ -100,7 +100,7 @@ impl Motion {
         }
     }
 
-    /// Has what was learned from candidates count for less, where there are none from which to learn better.
+    /// Has what was learned from candidates count for less, if there are none from which to learn better.
     pub(crate) fn forget(&mut self) {
         let Growth { factor, exponent } = &mut self.growth;
         *factor += FORGOTTEN * (Growth::ASSUMED.factor - *factor);

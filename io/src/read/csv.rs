@@ -1,6 +1,6 @@
 //! Comma-separated values, or separated by semicolons or tabs: a header that names `x`, `y`, `z`, and `r`, `radius` or
 //! `diameter`, and optionally `species` and `id`, in any order and case; other columns are ignored. Lines that begin
-//! with `#` are comments; where there is no other header, the last of them is it, as NumPy's `savetxt` writes it.
+//! with `#` are comments; if there is no other header, the last of them is it, as NumPy's `savetxt` writes it.
 //! One frame.
 
 use super::Frame;

@@ -1,7 +1,7 @@
 //! LAMMPS text dumps (`dump custom`): any number of frames, columns by name.
 //!
 //! Positions are `x y z`, unwrapped `xu yu zu`, or fractions of the box `xs ys zs` and `xsu ysu zsu`; sizes are
-//! `radius` or `diameter`; species are `type`, or `element` where there is no `type`; groups are `mol`. The order is the file's. An axis
+//! `radius` or `diameter`; species are `type`, or `element` if there is no `type`; groups are `mol`. The order is the file's. An axis
 //! is periodic where `BOX BOUNDS` says `pp`; old dumps do not say, and are unbounded.
 
 use lazygrid::Space;

@@ -187,7 +187,7 @@ fn lammps_columns_by_name() {
         ("diameter zu yu xu", "1 3 2 1\n0 6.25 0.005 -4"),
         ("xs ys zs radius", "0.5625 0.625 0.6875 0.5\n0.25 0.5003125 0.890625 0"),
         ("xsu ysu zsu radius", "0.5625 0.625 0.6875 0.5\n0.25 0.5003125 0.890625 0"),
-        // Where there are several forms, x y z and radius are taken.
+        // If there are several forms, x y z and radius are taken.
         ("xs ys zs x y z diameter radius", "9 9 9 1 2 3 9 0.5\n9 9 9 -4 0.005 6.25 9 0"),
     ] {
         assert_eq!(rows("a.dump", dump(cube, columns, atoms), &[]), TWO, "{columns}");

@@ -1,6 +1,6 @@
 //! XYZ: a count, a comment, then `species x y z` per sphere; as many frames as there are. Where the comment has
 //! `Properties=` (extended XYZ), that says what the columns are; where it has `Lattice=`, that is a box, periodic along
-//! the edges that `pbc=` names, or along all where there is no `pbc=`.
+//! the edges that `pbc=` names, or along all if there is no `pbc=`.
 
 use lazygrid::Space;
 

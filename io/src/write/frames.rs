@@ -27,7 +27,7 @@ pub struct Moment {
     pub step: u32,
     /// The time.
     pub time: f64,
-    /// The lower and the upper end of the box along each axis, where there is one.
+    /// The lower and the upper end of the box along each axis, if there is one.
     pub bounds: Option<[[f32; 2]; 3]>,
     /// The axes along which space repeats.
     pub periodic: [bool; 3],

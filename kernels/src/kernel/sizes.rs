@@ -2,7 +2,7 @@
 
 /// Threads per workgroup of every kernel that is not a single thread.
 pub const GROUP: u32 = 256;
-/// Keys that one workgroup sorts in a radix pass where there is workgroup memory for them: runs of equal digits are
+/// Keys that one workgroup sorts in a radix pass if there is workgroup memory for them: runs of equal digits are
 /// as long as a cache line.
 pub const WIDE_TILE: u32 = GROUP * 16;
 /// Keys that one workgroup sorts elsewhere.

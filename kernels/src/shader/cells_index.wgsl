@@ -14,7 +14,7 @@ const BLOCK: u32 = GROUP * ITEMS;
 // Blocks of more spheres are not read through: the beginning of each of their cells is looked for.
 const MOST_READ: u32 = 32768u;
 
-// The first sphere of each cell of the block; the end of the block's where there is none. One word in 33 is left out, so
+// The first sphere of each cell of the block; the end of the block's if there is none. One word in 33 is left out, so
 // that threads which have eight cells each read different banks.
 var<workgroup> firsts: array<atomic<u32>, BLOCK + BLOCK / 32u>;
 // The earliest first of what is behind each thread's cells.

@@ -1,4 +1,4 @@
-// The whole exclusive prefix scan where there are few values: one workgroup, of which each thread sums a stretch and
+// The whole exclusive prefix scan if there are few values: one workgroup, of which each thread sums a stretch and
 // spreads what comes before it.
 #include layout
 #include place

@@ -45,7 +45,7 @@ pub(super) fn encoded<T: ShaderType + WriteInto>(contents: &T) -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// A buffer with these contents, or with zeros where there are none.
+/// A buffer with these contents, or with zeros if there are none.
 pub(super) fn filled<T: ShaderType + WriteInto>(
     own: &GpuDevice,
     name: &'static str,

@@ -83,7 +83,7 @@ pub(super) struct Body {
     pub(super) way: Vec3,
 }
 
-/// The cells by which receivers are listed; none where there are no lists.
+/// The cells by which receivers are listed; none if there are no lists.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
 #[repr(C)]
 pub(super) struct Lists {

@@ -100,7 +100,7 @@ impl Listing {
         }
     }
 
-    /// Nothing where there is no room for so many entries.
+    /// Nothing if there is no room for so many entries.
     fn words(&self, around: &[Vec<Sphere>], receivers: &[Vec<Sphere>]) -> Result<Option<Vec<u32>>, Error> {
         let mut detector = finder(&self.room)?;
         let cells = around[0].len();
@@ -266,7 +266,7 @@ mod tests {
             let kinds = [kind(0, 0.01), kind(1, 0.05)];
             let mut listing = Listing::new(&kinds, &fates, room);
             let mut centers: Vec<[f32; 3]> = (0..MANY).map(|k| point(k, scale)).collect();
-            // One is far from all others where there is room for that.
+            // One is far from all others if there is room for that.
             if room.is_open() {
                 centers[7][1] = 40.0 * scale;
             }

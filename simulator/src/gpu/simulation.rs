@@ -184,7 +184,7 @@ impl GpuSimulation {
     /// Does so many steps. The host looks once at their end, or every thousand steps or so.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`], [`Error::NotFinite`], and [`Error::Step`] where there are more pairs or particles than the
+    /// [`Error::OutOfIds`], [`Error::NotFinite`], and [`Error::Step`] if there are more pairs or particles than the
     /// device has room for. The run then stands before the step that could not be done.
     pub fn run(&mut self, steps: u32) -> Result<(), Error> {
         self.pairs.clear();

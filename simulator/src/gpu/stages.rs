@@ -168,7 +168,7 @@ pub(super) struct Steps {
     matching: Vec<Stage>,
     /// The stages at the end of a step.
     after: Vec<Stage>,
-    /// Counts what is inside transparent receivers, where there are any.
+    /// Counts what is inside transparent receivers, if there are any.
     census: Option<Stage>,
 }
 
@@ -197,7 +197,7 @@ impl Steps {
     ) -> Result<Self, Error> {
         let mut buffers = base.buffers.clone();
         for name in SIZED {
-            // Nobody is to bind where there are no receptors.
+            // Nobody is to bind if there are no receptors.
             let sizes = if name == "bidders" && base.receptors == 0 { Sizes::default() } else { sizes };
             let bytes = sizes.bytes(name, &base.limits).map_err(refused)?;
             buffers.insert(name, buffer(&base.own, name, bytes)?);
@@ -211,7 +211,7 @@ impl Steps {
         }
         let listing = if order.is_some() { "listed" } else { "unlisted" };
         buffers.insert("listing", buffers[listing].clone());
-        // Where there is no order nobody reads it.
+        // If there is no order nobody reads it.
         buffers.insert("order", order.unwrap_or_else(|| buffers["kinds"].clone()));
         let (limits, watches) = (base.limits, base.watches);
         let (turns_back, receptors) = (base.turns_back, base.receptors);

@@ -127,7 +127,7 @@ impl Channels {
     }
 
     /// Writes the bit errors: for each delay of the slots how many there are, of how many bits, and the rate; for every
-    /// threshold where there is one, else for the thresholds that leave the fewest, or without any.
+    /// threshold if there is one, else for the thresholds that leave the fewest, or without any.
     ///
     /// # Errors
     /// Fails if the writer fails.

@@ -19,7 +19,7 @@ pub struct Changes {
     pub frames_every: Option<NonZeroU32>,
     /// Steps between checkpoints.
     pub checkpoint_every: Option<NonZeroU32>,
-    /// The most particles that an animation draws, where there is to be one.
+    /// The most particles that an animation draws, if there is to be one.
     pub animated: Option<NonZeroU32>,
     /// Steps between its frames; by default a two-hundredth of the scenario's.
     pub animate_every: Option<NonZeroU32>,

@@ -112,7 +112,7 @@ impl Simd {
     }
 
     /// Runs `task` with this width, or the portable one where the processor lacks it; comparisons are between nearest
-    /// images where there are any.
+    /// images if there are any.
     pub(crate) fn run<T: Task>(self, task: T, images: Option<Images>) -> T::Result {
         match self.narrower(Self::detect()) {
             // SAFETY: nothing wider is returned than `detect` does, for which this processor has all features.

@@ -47,7 +47,7 @@ fn one_cell(depth: u32) -> vec3<bool> {
     return (grid.turns != vec3(0.0)) & (cells_around(depth) < vec3(4));
 }
 
-// With that cell where there is but one.
+// With that cell if there is but one.
 fn gathered(cells: Cells) -> Cells {
     let one = one_cell(cells.depth);
     return Cells(select(cells.first, vec3(0), one), select(cells.more, vec3(0), one), cells.depth);
@@ -81,7 +81,7 @@ fn has_cell(cells: Cells, step: vec3<i32>) -> bool {
     return all(step <= cells.more);
 }
 
-// The number, among a sphere's cells of a coarser depth, of the one in which this cell lies; where there is but one,
+// The number, among a sphere's cells of a coarser depth, of the one in which this cell lies; if there is but one,
 // all lie there.
 fn parent_of(cell: vec3<i32>, depth: u32, parents: Cells) -> u32 {
     return number_of(clamp((cell >> vec3(depth - parents.depth)) - parents.first, vec3(0), parents.more));

@@ -19,7 +19,7 @@ fn home_of(index: u32, sphere: vec4<f32>) -> Home {
         return Home(list.cells, 0u, false);
     }
     let position = image_of(sphere).xyz;
-    // Where there is no table all leave. Its own cell is a part of that of level 0, and tells how crowded this is at
+    // If there is no table all leave. Its own cell is a part of that of level 0, and tells how crowded this is at
     // least.
     var level = select(0u, own, list.is_dense != 0u && call.density_slots == 0u);
     var home = Home(0u, 0u, own != 0u);

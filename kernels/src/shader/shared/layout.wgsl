@@ -95,7 +95,7 @@ struct Grid {
     turns: vec3<f32>,
     // Depths that have spheres.
     occupied: u32,
-    // The key bit that marks passive entries: 1, or 0 where there is but one level.
+    // The key bit that marks passive entries: 1, or 0 if there is but one level.
     passive: u32,
     levels: array<Level, 32>,
 }

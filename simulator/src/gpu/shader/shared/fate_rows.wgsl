@@ -47,7 +47,7 @@ struct Body {
     way: vec3<f32>,
 }
 
-// The cells by which receivers are listed; none where there are no lists.
+// The cells by which receivers are listed; none if there are no lists.
 struct Lists {
     low: vec3<f32>,
     per_edge: vec3<f32>,

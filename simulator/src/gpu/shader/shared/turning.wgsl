@@ -18,7 +18,7 @@ struct Turned {
     gone: f32,
 }
 
-// Spheres and images of spheres that one particle may meet in a step, at most: the run freezes where there are more.
+// Spheres and images of spheres that one particle may meet in a step, at most: the run freezes if there are more.
 const NEAR: u32 = 16u;
 // Bounces of one step, at most; a particle that is about to have more stays where the last one is.
 const BOUNCES: u32 = 64u;
@@ -80,7 +80,7 @@ fn meeting(obstacle: Obstacle, gone: vec3<f32>, time: f32, way: vec3<f32>) -> f3
     return c / (sqrt(root) - b);
 }
 
-// The obstacle at the end of the step in which a point is; NEAR where there is none.
+// The obstacle at the end of the step in which a point is; NEAR if there is none.
 fn holder_of(point: vec3<f32>, count: u32) -> u32 {
     for (var j = 0u; j < count; j++) {
         let body = body_in(near[j].receiver, control.step);
