@@ -47,8 +47,7 @@ fn run_text(own: &GpuDevice, name: &'static str, text: String, buffers: &[(Acces
 /// order, but software adapters start with the first.
 fn both_ways(kernel: &Kernel) -> [String; 2] {
     let forwards = kernel.wgsl(Variant::default());
-    let turned = "given: Place) {\n    let place = Place(255u - given.lane);";
-    let backwards = forwards.replace("place: Place) {", turned);
+    let backwards = forwards.replace("Place(local_index)", "Place(255u - local_index)");
     assert_ne!(forwards, backwards);
     [forwards, backwards]
 }
