@@ -99,7 +99,7 @@ enum {
 /* Where to search. AUTO takes a real GPU if there is one, else the CPU; decided when a detector is made. */
 enum { LAZYGRID_BACKEND_AUTO = 0, LAZYGRID_BACKEND_CPU = 1, LAZYGRID_BACKEND_GPU = 2 };
 
-/* How to search. All find the same pairs; AUTO chooses at each call and is right for almost everybody. */
+/* How to search. All find the same pairs; AUTO chooses at each call and is right for almost all programs. */
 enum {
     LAZYGRID_ALGORITHM_AUTO = 0,
     LAZYGRID_ALGORITHM_NAIVE = 1,          /* all with all; CPU and GPU */
@@ -135,7 +135,7 @@ typedef struct lazygrid_detector lazygrid_detector;
 /* A table: for any two species, what makes them a pair. */
 typedef struct lazygrid_interactions lazygrid_interactions;
 
-/* Pairs that are never reported, whatever their spheres: bonds, say. */
+/* Pairs that are never reported, such as bonds. */
 typedef struct lazygrid_exclusions lazygrid_exclusions;
 
 /* The group of spheres that are in none. */
@@ -282,7 +282,7 @@ static inline lazygrid_query lazygrid_across(const lazygrid_spheres *first, cons
 /*
  * Takes up to `count` pairs of a stream. Returns 0 to go on; any other value ends the search. The pairs live until it
  * returns. It may be called from a thread other than the one that called lazygrid_stream, never twice at a time. It
- * must return: no exception and no longjmp may leave it. It must not search, with whichever detector, for it may hold
+ * must return: no exception and no longjmp may leave it. It must not search, with any detector, for it may hold
  * up the threads that such a search would need: that is LAZYGRID_ERROR_BUSY in the same thread, and must not be done by
  * waiting for another one.
  */
@@ -372,7 +372,7 @@ LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, con
 
 /*
  * Hands the pairs to `consume` in chunks of at most `chunk`, 1 or more, and says in `*handed` how many it got. Memory
- * stays bounded whatever their number. In canonical order a result of more than `max_pairs` pairs takes a further
+ * stays bounded for any number of pairs. In canonical order a result of more than `max_pairs` pairs takes a further
  * search per that many. `context` is passed on as it is.
  */
 LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const lazygrid_query *query, size_t chunk,

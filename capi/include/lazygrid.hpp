@@ -149,7 +149,7 @@ template <class T> const T *behind(const T *first, std::size_t k) { return first
 
 } // namespace detail
 
-// Pairs that are never reported, whatever their spheres: bonds, say. Never changed once it is made; copies share it.
+// Pairs that are never reported, such as bonds. Never changed once it is made; copies share it.
 class Exclusions {
 public:
     // Pairs among so many spheres, in any order, in anything contiguous that has data() and size(), as std::vector<Pair>.
@@ -306,7 +306,7 @@ public:
     static Interaction never() { return {LAZYGRID_NEVER, 0}; }
     // Centres at most ri + rj apart.
     static Interaction touch() { return {LAZYGRID_TOUCH, 0}; }
-    // Centres at most `distance` apart, whatever the radii.
+    // Centres at most `distance` apart, for any radii.
     static Interaction within(double distance) { return {LAZYGRID_WITHIN, distance}; }
 
 private:

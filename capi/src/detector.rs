@@ -44,7 +44,7 @@ pub unsafe fn with_detector(
     if let Err(failure) = check(handle, "detector") {
         return without_detector(|| Err(failure));
     }
-    // SAFETY: `lazygrid_create` made it, and nobody has a `&mut` to it: all go through its mutex.
+    // SAFETY: `lazygrid_create` made it, and no code has a `&mut` to it: all go through its mutex.
     let Handle(kept) = unsafe { &*handle };
     guarded(|| {
         let mut kept = match kept.try_lock() {
@@ -82,7 +82,7 @@ pub unsafe extern "C" fn lazygrid_create(settings: *const SettingsOfC, detector:
 /// Frees a detector.
 ///
 /// # Safety
-/// The header's conditions: `detector` is NULL or a detector that nobody uses from now on, unless a search is running, which is
+/// The header's conditions: `detector` is NULL or a detector that no thread uses from now on, unless a search is running, which is
 /// then refused.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_destroy(detector: *mut Handle) -> Status {
@@ -110,7 +110,7 @@ pub unsafe extern "C" fn lazygrid_last_error(detector: *const Handle) -> *const 
     if detector.is_null() {
         return last_without_detector();
     }
-    // SAFETY: `lazygrid_create` made it, and nobody has a `&mut` to it.
+    // SAFETY: `lazygrid_create` made it, and no code has a `&mut` to it.
     match unsafe { &*detector }.0.try_lock() {
         Ok(kept) => kept.message.as_ptr(),
         Err(TryLockError::WouldBlock) => c"the detector is in use; wait until its call has returned".as_ptr(),

@@ -25,7 +25,7 @@ unsafe fn create(exclusions: *mut *mut List, list: impl FnOnce() -> Result<Exclu
 /// The pairs at `at`.
 ///
 /// # Safety
-/// The header's conditions: `at` is NULL or points to `count` pairs, which nobody changes for as long as the result is used.
+/// The header's conditions: `at` is NULL or points to `count` pairs, which no thread changes for as long as the result is used.
 unsafe fn pairs<'a>(at: *const Pair, count: usize) -> Result<impl Iterator<Item = (u32, u32)> + 'a, Failure> {
     if count > isize::MAX as usize / size_of::<Pair>() {
         return Err(Failure::argument(format!("{count} pairs are more than memory can hold")));
@@ -108,7 +108,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_of_rows(
 /// Frees a list.
 ///
 /// # Safety
-/// The header's conditions: `exclusions` is NULL or a list that nobody uses from now on.
+/// The header's conditions: `exclusions` is NULL or a list that no thread uses from now on.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_destroy(exclusions: *mut List) {
     guarded(|| {
@@ -132,6 +132,6 @@ pub unsafe fn borrow<'a>(exclusions: *const List) -> Result<Option<&'a Exclusion
         return Ok(None);
     }
     check(exclusions, "query.exclusions")?;
-    // SAFETY: `create` made it, nobody changes it, and it lives by this function's condition.
+    // SAFETY: `create` made it, no thread changes it, and it lives by this function's condition.
     Ok(Some(unsafe { &(*exclusions).0 }))
 }

@@ -63,7 +63,7 @@ pub unsafe extern "C" fn lazygrid_interactions_set(
 /// Frees a table.
 ///
 /// # Safety
-/// The header's conditions: `interactions` is NULL or a table that nobody uses from now on.
+/// The header's conditions: `interactions` is NULL or a table that no thread uses from now on.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_interactions_destroy(interactions: *mut Table) {
     guarded(|| {

@@ -16,7 +16,7 @@ thread_local! {
 }
 
 /// Runs a search, unless this thread is inside a callback: other threads of the pool may wait for that to return, and a
-/// search would wait for them, with whichever detector.
+/// search would wait for them, with any detector.
 ///
 /// # Safety
 /// The same as [`with_detector`].

@@ -168,7 +168,7 @@ impl Detector {
     }
 
     /// Hands the pairs to `consume` in chunks of at most `chunk` pairs, and returns how many were handed over.
-    /// Memory stays bounded whatever their number. `consume` may stop the search with `ControlFlow::Break`.
+    /// Memory stays bounded for any number of pairs. `consume` may stop the search with `ControlFlow::Break`.
     ///
     /// In canonical order the stream is canonical as a whole; a result of more than [`Config::max_pairs`] pairs
     /// then costs one further search per that many pairs. Unordered chunks come as they are found, from

@@ -13,7 +13,7 @@ pub enum Order {
     /// By `i`, then `j`.
     #[default]
     Canonical,
-    /// Whatever the detector finds first; saves the ordering. The same from run to run and for any number of
+    /// The order in which the detector finds them; saves the ordering. The same from run to run and for any number of
     /// threads, except for streamed chunks, which arrive as threads finish them.
     Unordered,
 }

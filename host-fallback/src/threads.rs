@@ -26,7 +26,7 @@ const SHORT: f32 = 300_000.0;
 /// Which threads work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Threads {
-    /// The calling thread, which wakes nobody.
+    /// The calling thread, which wakes no other thread.
     Calling,
     /// The threads of the calling thread's pool, or of rayon's global pool.
     Pool,

@@ -8,7 +8,7 @@ pub enum Interaction {
     /// A pair when they overlap or touch: centre distance ≤ `ri + rj`.
     #[default]
     Touch,
-    /// A pair when their centres are at most this far apart, whatever the radii: a reaction's binding radius.
+    /// A pair when their centres are at most this far apart, for any radii: a reaction's binding radius.
     Within(f64),
 }
 

@@ -28,7 +28,7 @@ pub struct Call {
     pub species: u32,
     /// Workgroups of the naive search.
     pub search_groups: u32,
-    /// Threads per workgroup of whoever consumes the pairs by indirect dispatch.
+    /// Threads per workgroup of the consumer of the pairs by indirect dispatch.
     pub consumer_group: u32,
     /// Only pairs whose smaller index is in `window_begin..window_end` are counted and written, so that a result
     /// larger than the output can be taken in parts.

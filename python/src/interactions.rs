@@ -10,7 +10,7 @@ use crate::error;
 
 /// A symmetric table: for any two species, what makes them a pair.
 ///
-/// ``None``: never; ``"touch"``: within ``ri + rj``; a number: within this distance, whatever the radii.
+/// ``None``: never; ``"touch"``: within ``ri + rj``; a number: within this distance, for any radii.
 ///
 /// >>> reactions = lazygrid.Interactions(2)
 /// >>> reactions[0, 1] = 0.2

@@ -45,7 +45,7 @@ pub(crate) struct Moved {
 impl Simulation {
     /// The beginning of a run, in which pairs are found by `algorithm`, which does not change the result.
     ///
-    /// The work is done in the rayon pool of whoever calls.
+    /// The work is done in the caller's rayon pool.
     ///
     /// # Errors
     /// As [`State::new`], and [`Error::Detection`] where the detector refuses the model.

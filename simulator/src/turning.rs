@@ -1,7 +1,7 @@
 //! Ways that surfaces turn back.
 //!
 //! A particle goes straight from bounce to bounce, in the frame of the sphere off which it bounces. Such ways keep a uniform
-//! density uniform, whatever their length, because billiards keep volumes.
+//! density uniform, for any length, because billiards keep volumes.
 
 use crate::bodies::Body;
 use crate::boundary::{Axis, Boundary};

@@ -1,7 +1,7 @@
 //! A straight vessel of circular cross-section.
 //!
 //! Its wall reflects as a mirror does: the way of a step across the vessel is followed from bounce to bounce. Such ways
-//! keep a uniform density uniform, whatever their length, because billiards keep volumes.
+//! keep a uniform density uniform, for any length, because billiards keep volumes.
 
 /// A cylinder along an axis, of any length; what bounds it there is up to the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -17,7 +17,7 @@ use crate::{Config, Delivery, End, Error, GlobalPair, Local, Ownership, Particle
 /// Finds overlapping pairs among the spheres of all ranks of a communicator, call after call.
 ///
 /// Every method but [`report`](Self::report) is collective: all ranks call it, in the same order. The answer is that of
-/// one process with all the spheres, whichever rank has which.
+/// one process with all the spheres, for any distribution of the spheres.
 pub struct Distributed {
     wire: Wire,
     config: Config,

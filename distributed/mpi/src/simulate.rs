@@ -23,7 +23,7 @@ pub struct Simulated {
 /// files. All ranks need to see its directory, and have the same run. `watch` is called on every rank with the steps that
 /// are done, and stops all when it breaks on one.
 ///
-/// Ranks compute on the CPU, in the rayon pool of whoever calls, and send from the calling thread.
+/// Ranks compute on the CPU, in the caller's rayon pool, and send from the calling thread.
 ///
 /// # Errors
 /// [`Error::Input`] with what the simulator says, such as that the model needs an order across ranks.

@@ -21,7 +21,7 @@ pub(crate) fn sequence(words: impl IntoIterator<Item = u64>) -> u64 {
     mix(hash ^ tie(length))
 }
 
-/// Tells whether two sets of ids are the same, in whichever order and on whichever ranks they are. Digests of parts
+/// Tells whether two sets of ids are the same, in any order and on whichever ranks they are. Digests of parts
 /// [join](Self::join) to that of the whole. Different sets have equal digests with a chance of about 2⁻¹²⁸.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]

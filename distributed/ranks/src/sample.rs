@@ -8,7 +8,7 @@ use crate::hash::{mix, tie};
 
 /// Spheres of the sample per part. A part's size is off by about the reciprocal root of this, 1.1 %.
 pub const PER_PART: u64 = 8192;
-/// The most spheres of a sample, whatever the number of parts: 40 MB where they are gathered.
+/// The most spheres of a sample, for any number of parts: 40 MB where they are gathered.
 pub const MOST: u64 = 1 << 21;
 
 /// A sphere of the sample, 20 bytes.

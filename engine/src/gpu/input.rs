@@ -197,7 +197,7 @@ pub struct GpuSpheres<'a> {
 }
 
 impl<'a> GpuSpheres<'a> {
-    /// The first `count` spheres of a buffer, a number or a [`Count`]: all their pairs, whatever their species.
+    /// The first `count` spheres of a buffer, a number or a [`Count`]: all their pairs, for any species.
     pub fn new(spheres: &'a wgpu::Buffer, count: impl Into<Count<'a>>) -> Self {
         Self { spheres, count: count.into(), species: None, window: Self::ALL, split: 0 }
     }

@@ -127,7 +127,7 @@ pub(crate) struct Written<'c> {
 pub(crate) enum To<'c> {
     /// Kept in order while they are at most `limit` pairs in all; beyond it only counted.
     List { limit: u64, kept: AtomicU64 },
-    /// Handed over at once, one at a time, from whichever thread filled it.
+    /// Handed over at once, one at a time, by the thread that filled it.
     Consumer(Mutex<TakePairs<'c>>),
     /// Counted by smaller index.
     Tally(&'c [AtomicU32]),

@@ -21,7 +21,7 @@ const LEAST: f32 = 1e-3;
 /// The costs of calls, in nanoseconds or any other unit: only ratios count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Costs {
-    /// For each sphere of a search, whatever it finds: to survey and sort on the CPU.
+    /// For each sphere of a search, for any result: to survey and sort on the CPU.
     pub search: f32,
     /// Of a search besides, over what the plan of the CPU's levels says of looking around.
     pub levels: f32,

@@ -1,4 +1,4 @@
-// Settles the overflow flag and the indirect-dispatch arguments for whoever consumes the pairs.
+// Settles the overflow flag and the indirect-dispatch arguments for the consumer of the pairs.
 #include layout
 
 @group(0) @binding(0) var<uniform> call: Call;

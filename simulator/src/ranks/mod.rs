@@ -12,7 +12,7 @@
 //! - *ids* of what comes apart into two: all ranks know the parents of the step;
 //! - *counts*, which are sums.
 //!
-//! So a run is that of one process, whatever the number of ranks: row by row, frame by frame, and checkpoints of either
+//! So a run is that of one process, for any number of ranks: row by row, frame by frame, and checkpoints of either
 //! are continued by the other.
 
 mod gathered;

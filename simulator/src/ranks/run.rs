@@ -18,7 +18,7 @@ impl Run {
     /// same run. The first rank writes what is not of single ranks, and every rank writes its particles to checkpoints, so
     /// that all need to see the directory. `watch` is called on every rank, with the steps that are done, and stops all when
     /// it breaks on one. Where it runs is the CPU, whatever [`backend`](Self::backend) says but `Gpu`; threads are those of the
-    /// rayon pool of whoever calls.
+    /// caller's rayon pool.
     ///
     /// # Errors
     /// Of a rank, on all: as [`run`](Self::run), [`Error::NotOverRanks`], and those of the carrier. [`Carrier::difference`] if

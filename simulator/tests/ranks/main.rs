@@ -1,4 +1,4 @@
-//! A run over ranks is that of one process, to the last bit, whatever the number of ranks. Ranks are threads here, and
+//! A run over ranks is that of one process, to the last bit, for any number of ranks. Ranks are threads here, and
 //! processes in `distributed/mpi`.
 
 #![allow(clippy::unwrap_used, reason = "tests")]

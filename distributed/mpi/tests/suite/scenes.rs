@@ -116,7 +116,7 @@ pub(crate) fn sum(world: &SimpleCommunicator, value: u64) -> u64 {
     total
 }
 
-/// Of a set of pairs, in whichever order.
+/// Of a set of pairs, in any order.
 pub(crate) fn digest(pairs: impl IntoIterator<Item = [u64; 2]>) -> u64 {
     let one = |[a, b]: [u64; 2]| {
         let word = (a ^ b.rotate_left(17)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

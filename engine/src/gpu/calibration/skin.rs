@@ -23,7 +23,7 @@ const SKINS: [f32; 2] = [0.05, 1.0];
 /// The costs of calls with and without a candidate list, in nanoseconds; only ratios count. `Auto` chooses skins by them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkinCosts {
-    /// For each sphere of a search, whatever it finds.
+    /// For each sphere of a search, for any result.
     pub search: f32,
     /// For each pair or candidate that a search finds.
     pub find: f32,

@@ -2,7 +2,7 @@ package io.github.lazygrid;
 
 /** How to search. All find the same pairs; they differ in time and memory. The order is that of {@code lazygrid.h}. */
 public enum Algorithm {
-    /** Chosen at each call; right for almost everybody. */
+    /** Chosen at each call; right for almost all programs. */
     AUTO,
     /** All with all. CPU and GPU. */
     NAIVE,

@@ -245,7 +245,7 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * Hands the pairs over in chunks; memory stays bounded whatever their number.
+     * Hands the pairs over in chunks; memory stays bounded for any number of pairs.
      *
      * @param query which spheres, where they are now
      * @param chunk the most pairs of a chunk, at least 1

@@ -14,7 +14,7 @@ public record Interaction(Kind kind, double distance) {
         NEVER,
         /** A pair when centers are at most the sum of radii apart. */
         TOUCH,
-        /** A pair when centers are at most a given distance apart, whatever the radii. */
+        /** A pair when centers are at most a given distance apart, for any radii. */
         WITHIN
     }
 
@@ -25,7 +25,7 @@ public record Interaction(Kind kind, double distance) {
     public static final Interaction TOUCH = new Interaction(Kind.TOUCH, 0);
 
     /**
-     * A pair when centers are at most this far apart, whatever the radii.
+     * A pair when centers are at most this far apart, for any radii.
      *
      * @param distance in the length unit of the spheres; at least 0, and finite
      * @return the rule

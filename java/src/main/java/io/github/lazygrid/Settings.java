@@ -2,7 +2,7 @@ package io.github.lazygrid;
 
 import java.time.Duration;
 
-/** What a detector is asked to do. The defaults suit almost everybody. Each method returns these settings. */
+/** What a detector is asked to do. The defaults suit almost all programs. Each method returns these settings. */
 public final class Settings {
     Backend backend = Backend.AUTO;
     Algorithm algorithm = Algorithm.AUTO;
