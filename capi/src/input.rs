@@ -94,7 +94,7 @@ impl SpheresOfC {
     /// The same as [`borrow`].
     ///
     /// # Safety
-    /// As [`borrow`], for these spheres.
+    /// The same as [`borrow`], for these spheres.
     unsafe fn borrow<'a>(at: *const Self, name: &str) -> Result<Spheres<'a>, Failure> {
         // SAFETY: this function's own condition.
         let set = unsafe { sized::read(at, name) }?;
@@ -122,7 +122,7 @@ impl SpheresOfC {
     /// The spheres without ids.
     ///
     /// # Safety
-    /// As [`borrow`](Self::borrow); `count` is at most the number of spheres that fit in memory.
+    /// The same as [`borrow`](Self::borrow); `count` is at most the number of spheres that fit in memory.
     unsafe fn numbers<'a>(&self) -> Result<Spheres<'a>, Failure> {
         match self.r#type {
             F32 if self.is_rows() => {
@@ -152,7 +152,7 @@ impl SpheresOfC {
     /// Spheres of numbers of type `T`, at any distance from one another.
     ///
     /// # Safety
-    /// As [`numbers`](Self::numbers); the numbers are of type `T`.
+    /// The same as [`numbers`](Self::numbers); the numbers are of type `T`.
     unsafe fn strided<'a, T: Real>(&self) -> Result<Spheres<'a>, Failure> {
         let (step, step_values) = (self.step, values_of::<T>(self.step, "step")?);
         let (r_step, r_step_values) = (self.r_step, values_of::<T>(self.r_step, "r_step")?);

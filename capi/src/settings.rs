@@ -76,10 +76,10 @@ impl SettingsOfC {
     /// Reads the settings at `settings`; NULL means the defaults.
     ///
     /// # Errors
-    /// As [`sized::read`], and for numbers that mean nothing.
+    /// The same as [`sized::read`], and for numbers that mean nothing.
     ///
     /// # Safety
-    /// As [`sized::read`]; and the adapter is NULL or a text that ends with a zero byte, the table is NULL or one
+    /// The same as [`sized::read`]; and the adapter is NULL or a text that ends with a zero byte, the table is NULL or one
     /// that no other thread changes meanwhile, and the edges are NULL or nine numbers.
     pub unsafe fn config(settings: *const Self) -> Result<Config, Failure> {
         if settings.is_null() {

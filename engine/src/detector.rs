@@ -14,7 +14,7 @@ use crate::{Config, Error, ListOptions, NeighborList, Report, choice};
 /// For more than one call keep a [`Detector`].
 ///
 /// # Errors
-/// As [`Detector::pairs`].
+/// The same as [`Detector::pairs`].
 pub fn detect<'a>(query: impl Into<Query<'a>>) -> Result<Vec<Pair>, Error> {
     let mut detector = Detector::new(Config::default())?;
     detector.pairs(query)?;
@@ -121,7 +121,7 @@ impl Detector {
     /// every sphere of the first one those of the second.
     ///
     /// # Errors
-    /// As [`pairs`](Self::pairs).
+    /// The same as [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
         self.engine().neighbors(query)
     }
@@ -148,7 +148,7 @@ impl Detector {
     /// ```
     ///
     /// # Errors
-    /// As [`pairs`](Self::pairs), where [`Config::max_pairs`] also limits the pairs of a sphere and an image that are looked at.
+    /// The same as [`pairs`](Self::pairs), where [`Config::max_pairs`] also limits the pairs of a sphere and an image that are looked at.
     /// [`InputError::Images`](crate::InputError::Images) and [`InputError::Shift`](crate::InputError::Shift) for reaches and
     /// coordinates that are too large for the box.
     pub fn neighbor_list<'a>(
@@ -176,7 +176,7 @@ impl Detector {
     /// itself wait for work of the same rayon pool, as another search from inside it would.
     ///
     /// # Errors
-    /// As [`count`](Self::count).
+    /// The same as [`count`](Self::count).
     pub fn stream<'a, F>(
         &mut self,
         query: impl Into<Query<'a>>,

@@ -32,7 +32,7 @@ pub(crate) struct Canonical {
     /// Keys of one word or of two.
     scratch: Vec<u32>,
     starts: Vec<usize>,
-    /// By piece and bucket: first how many pairs there are, then where the next one goes.
+    /// Indexed by piece and bucket: first how many pairs there are, then where the next one goes.
     offsets: Vec<usize>,
 }
 

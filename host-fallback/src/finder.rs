@@ -30,26 +30,26 @@ pub trait PairSource {
     /// Counts the pairs.
     ///
     /// # Errors
-    /// Those of the backend.
+    /// Fails if the backend fails.
     fn count(&mut self) -> Result<u64, Error>;
 
     /// Hands over all pairs as one part unless there are more than `limit`. Returns their number.
     ///
     /// # Errors
-    /// Those of the backend.
+    /// Fails if the backend fails.
     fn list(&mut self, limit: u64, take: TakePart<'_>) -> Result<u64, Error>;
 
     /// Hands over all pairs in parts whose first indices ascend from part to part. A part has at most `limit` pairs,
     /// except if a single sphere, or the output of a device, has more.
     ///
     /// # Errors
-    /// Those of the backend.
+    /// Fails if the backend fails.
     fn ascending(&mut self, limit: u64, take: TakePart<'_>) -> Result<(), Error>;
 
     /// Hands over all pairs in any order.
     ///
     /// # Errors
-    /// Those of the backend.
+    /// Fails if the backend fails.
     fn unordered(&mut self, take: TakePairs<'_>) -> Result<(), Error>;
 }
 
@@ -119,7 +119,7 @@ impl<B: SearchBackend> PairFinder<B> {
     /// Finds the pairs, in this order; [`last_pairs`](Self::last_pairs) returns them.
     ///
     /// # Errors
-    /// As [`pairs`](Self::pairs).
+    /// The same as [`pairs`](Self::pairs).
     pub fn list(&mut self, query: &Query<'_>, order: Order) -> Result<(), Error> {
         let Self { backend, canonical, pairs, .. } = self;
         let (limit, team) = (backend.settings().max_pairs, backend.team().clone());
@@ -174,7 +174,7 @@ impl<B: SearchBackend> PairFinder<B> {
     /// The pairs as neighbor lists.
     ///
     /// # Errors
-    /// As [`pairs`](Self::pairs).
+    /// The same as [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
         let query = query.into();
         self.list(&query, Order::Canonical)?;
@@ -187,7 +187,7 @@ impl<B: SearchBackend> PairFinder<B> {
     /// The number of pairs.
     ///
     /// # Errors
-    /// As [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
+    /// The same as [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
     pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {
         let mut found = 0;
         self.backend.search(&query.into(), &mut |source| {
@@ -201,7 +201,7 @@ impl<B: SearchBackend> PairFinder<B> {
     /// Hands the pairs over in chunks of at most `chunk` and returns their number.
     ///
     /// # Errors
-    /// As [`count`](Self::count).
+    /// The same as [`count`](Self::count).
     pub fn stream<'a, F>(
         &mut self,
         query: impl Into<Query<'a>>,

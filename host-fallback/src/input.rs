@@ -45,7 +45,7 @@ impl Input<'_> {
 /// order of the pieces. None is begun that nobody wants any more. `most` pieces at a time are done by one thread.
 ///
 /// # Errors
-/// Those of `search`, [`Error::OutOfMemory`], and [`Error::Stopped`] where the caller wants no more of any kind.
+/// The errors of `search`, [`Error::OutOfMemory`], and [`Error::Stopped`] where the caller wants no more of any kind.
 pub(crate) fn search_pieces<'o, O: Output>(
     (output, input): (&'o O, &Input<'_>),
     (pieces, most): (usize, usize),

@@ -169,7 +169,7 @@ fn check_query(query: &Query<'_>, table: Option<&Interactions>, threads: Threads
 /// Refuses what a search refuses of a query.
 ///
 /// # Errors
-/// Those of a search: [`InputError`].
+/// The errors of a search: [`InputError`].
 pub fn check(query: &Query<'_>, table: Option<&Interactions>, threads: Threads) -> Result<(), InputError> {
     check_query(query, table, threads)?;
     query.check_exclusions()?;

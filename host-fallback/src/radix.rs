@@ -66,7 +66,7 @@ pub(crate) struct Entry<K> {
 pub(crate) struct Radix<K> {
     pub(crate) entries: Vec<Entry<K>>,
     spare: Vec<Entry<K>>,
-    /// By piece and digit: first how many there are, then where the next one goes.
+    /// Indexed by piece and digit: first how many there are, then where the next one goes.
     counts: Vec<[usize; DIGITS]>,
 }
 

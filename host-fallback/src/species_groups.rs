@@ -69,7 +69,7 @@ pub(crate) struct Partition {
     /// The group of each species; of no meaning for species that are absent.
     of_species: Vec<u8>,
     count: usize,
-    /// By two groups, row by row; `None` if they never pair.
+    /// Indexed by two groups, row by row; `None` if they never pair.
     meetings: Vec<Option<Meeting>>,
 }
 
@@ -115,7 +115,7 @@ impl SpeciesGroups {
     /// Groups the species of `ids`, which are checked against `table`. The table must be the same in every call.
     ///
     /// # Errors
-    /// Those of the threads.
+    /// Fails if the threads fail.
     pub(crate) fn update(
         &mut self,
         ids: &[u32],

@@ -83,7 +83,7 @@ impl Threads {
     /// of the pieces. No thread takes more than `most` pieces without offering the others some.
     ///
     /// # Errors
-    /// Those of `step` and `merge`.
+    /// The errors of `step` and `merge`.
     pub(crate) fn fold<S: Send, E: Send>(
         self,
         (pieces, most): (usize, usize),
@@ -125,7 +125,7 @@ impl Team {
     /// Passes over `count` items with the threads that are worth it: few are left to the calling one.
     ///
     /// # Errors
-    /// Those of `task`, and [`Error::Threads`].
+    /// The errors of `task`, and [`Error::Threads`].
     pub fn pass<R: Send>(
         &self,
         count: usize,

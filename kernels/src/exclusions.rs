@@ -42,7 +42,7 @@ impl Exclusions {
     /// These pairs of a sphere of the first set and one of the second, each by its index in its set.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// The same as [`new`](Self::new).
     pub fn across(
         first: usize,
         second: usize,

@@ -80,7 +80,7 @@ pub struct Pass {
 }
 
 impl Call {
-    /// As [`part_tiles`](Self::part_tiles): all of the crowded search in one part, however much that is.
+    /// The same as [`part_tiles`](Self::part_tiles): all of the crowded search in one part, however much that is.
     pub const UNPARTED: u32 = u32::MAX;
 
     /// The same call in this space.
@@ -216,7 +216,7 @@ pub struct SkinState {
     pub rebuilt: u32,
     /// Calls since then.
     pub age: u32,
-    /// How many candidates there are.
+    /// The number of candidates.
     pub candidates: u32,
     /// Bits of the square of how far the farthest sphere had gone at the last call.
     pub moved_last: u32,

@@ -84,7 +84,7 @@ impl<'a> Query<'a> {
     /// Runs a check of each set. An error of the second one is an [`InputError::Second`].
     ///
     /// # Errors
-    /// Those of `check`.
+    /// The errors of `check`.
     pub fn check_each(
         &self,
         check: impl Fn(Spheres<'a>) -> Result<(), InputError>,

@@ -30,7 +30,7 @@ const SPARE: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shear {
     edges: [Option<[f64; 3]>; 3],
-    /// How many edges there are.
+    /// The number of edges.
     rank: usize,
     /// A power of two by which numbers are multiplied before they meet the basis, so that no product overflows.
     unit: f64,
@@ -128,7 +128,7 @@ impl Shear {
             / self.unit
     }
 
-    /// How many edges there are.
+    /// The number of edges.
     pub fn rank(&self) -> usize {
         self.rank
     }

@@ -127,7 +127,7 @@ impl<'a> Spheres<'a> {
         Ok(self)
     }
 
-    /// How many spheres there are.
+    /// The number of spheres.
     #[inline]
     pub fn len(&self) -> usize {
         match self.layout {
@@ -158,7 +158,7 @@ impl<'a> Spheres<'a> {
     /// The numbers `x, y, z, r` of sphere `i` as given.
     ///
     /// # Panics
-    /// As [`get`](Self::get).
+    /// The same as [`get`](Self::get).
     #[inline]
     pub fn get_f64(&self, i: usize) -> [f64; 4] {
         match self.layout {

@@ -30,7 +30,7 @@ pub(crate) fn whole<'py>(
 /// Borrows an array of `u32` of shape `(m, 2)` in one piece.
 ///
 /// # Errors
-/// As [`whole`].
+/// The same as [`whole`].
 pub(crate) fn whole_pairs<'py>(
     given: &Bound<'py, PyAny>,
     name: &str,
@@ -43,7 +43,7 @@ pub(crate) fn whole_pairs<'py>(
 /// Borrows an array of `u64` in one piece: the given one if it is such, else a copy.
 ///
 /// # Errors
-/// As [`whole`].
+/// The same as [`whole`].
 pub(crate) fn offsets<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArray1<'py, u64>> {
     of_type(given, name, "offsets")
 }

@@ -116,7 +116,7 @@ impl<'py> RadiiArg<'py> {
     /// Reads a number or an array of shape `(n,)`.
     ///
     /// # Errors
-    /// As [`Floats::new`]; also `TypeError` for a number that `float64` cannot hold.
+    /// The same as [`Floats::new`]; also `TypeError` for a number that `float64` cannot hold.
     pub(crate) fn new(given: &Bound<'py, PyAny>, name: Name) -> PyResult<Self> {
         if let Ok(number) = given.cast::<PyFloat>() {
             return Ok(Self::One(number.extract()?));

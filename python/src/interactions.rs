@@ -53,7 +53,7 @@ impl Interactions {
         Ok(Self { table: Mutex::new(table) })
     }
 
-    /// How many species there are.
+    /// The number of species.
     #[getter]
     fn species(&self) -> u32 {
         self.lock().species()

@@ -9,7 +9,7 @@ use crate::philox::{Key, Purpose, yes_up_to};
 /// The decays of a model, made ready.
 #[derive(Clone, Debug)]
 pub struct Decays {
-    /// By species; none of what comes apart into two, which [`Dissociation`](crate::dissociation::Dissociation) does.
+    /// Indexed by species; none of what comes apart into two, which [`Dissociation`](crate::dissociation::Dissociation) does.
     kinds: Vec<Kind>,
     time_step: f64,
 }

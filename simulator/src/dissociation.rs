@@ -15,7 +15,7 @@ use crate::philox::{Key, Purpose, open_unit, yes_up_to};
 /// The decays of all species that come apart, made ready.
 #[derive(Clone, Debug, Default)]
 pub struct Dissociation {
-    /// By species: up to which word each of its decays happens.
+    /// Indexed by species: up to which word each of its decays happens.
     channels: Vec<Vec<(u32, Channel)>>,
     any: bool,
 }

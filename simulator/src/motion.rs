@@ -24,7 +24,7 @@ pub use crate::reception::Event;
 /// The constants of a model for the step of single particles.
 #[derive(Clone, Debug)]
 pub struct Motion {
-    /// By species.
+    /// Indexed by species.
     pub(crate) steps: Vec<Step>,
     pub(crate) time_step: f32,
     with_velocity: bool,

@@ -13,7 +13,7 @@ const MANY: f64 = 0.1;
 /// The speeds of reactions so far.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pace {
-    /// By reaction: how many there were, how many of them were too fast, and the largest part that reacted in one step.
+    /// Indexed by reaction: how many there were, how many of them were too fast, and the largest part that reacted in one step.
     seen: Vec<(f64, f64, f64)>,
     /// Particles released before the last look.
     released: u64,

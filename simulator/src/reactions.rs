@@ -19,10 +19,10 @@ pub struct Reactions {
     /// By both species: what may happen, from the inside outwards.
     table: Vec<Vec<Zone>>,
     reactions: Vec<Reaction>,
-    /// By reaction: how much of the way together is the first reactant's, and of the way apart the first product's.
+    /// Indexed by reaction: how much of the way together is the first reactant's, and of the way apart the first product's.
     shares: Vec<[f32; 2]>,
     boundary: Boundary,
-    /// By species: where walls let their centres be.
+    /// Indexed by species: where walls let their centres be.
     rooms: Vec<Boundary>,
 }
 

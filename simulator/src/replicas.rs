@@ -54,7 +54,7 @@ impl Replicas {
     /// there may be more of them.
     ///
     /// # Errors
-    /// As [`Run::run`], as an [`Error::Replica`] where it is of one; the others have checkpoints then.
+    /// The same as [`Run::run`], as an [`Error::Replica`] where it is of one; the others have checkpoints then.
     pub fn run(
         &self,
         watch: impl Fn(u32, &Simulator) -> ControlFlow<()> + Sync,

@@ -80,7 +80,7 @@ impl Run {
         }
     }
 
-    /// As [`run`](Self::run), in the present pool. What concerns all runs beside each other is said by the first.
+    /// The same as [`run`](Self::run), in the present pool. What concerns all runs beside each other is said by the first.
     pub(crate) fn run_here(
         &self,
         beside: Beside,

@@ -48,7 +48,7 @@ impl Simulation {
     /// The work is done in the caller's rayon pool.
     ///
     /// # Errors
-    /// As [`State::new`], and [`Error::Detection`] where the detector refuses the model.
+    /// The same as [`State::new`], and [`Error::Detection`] where the detector refuses the model.
     pub fn new(model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, Error> {
         let state = State::new(&model, seed)?;
         Self::resume(model, seed, algorithm, state)

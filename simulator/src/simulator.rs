@@ -30,7 +30,7 @@ impl Simulator {
     /// and a run is to depend on its seed alone; `algorithm` is how the CPU finds pairs.
     ///
     /// # Errors
-    /// As [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] if there is no GPU.
+    /// The same as [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] if there is no GPU.
     pub fn begin(
         model: &Model,
         seed: u64,
@@ -63,7 +63,7 @@ impl Simulator {
     /// Does the next steps: one on the CPU and several on a GPU, but no more than `most`.
     ///
     /// # Errors
-    /// As [`Simulation::step`] or `GpuSimulation::run`.
+    /// The same as [`Simulation::step`] or `GpuSimulation::run`.
     #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU does several"))]
     pub fn advance(&mut self, most: u32) -> Result<(), Error> {
         match self {

@@ -27,7 +27,7 @@ pub struct Bodies {
     space: Space,
     /// The coordinates of a triclinic space.
     straight: Option<Straight>,
-    /// By species; `None` where all that touch pair.
+    /// Indexed by species; `None` where all that touch pair.
     reach: Option<Vec<Reach>>,
 }
 

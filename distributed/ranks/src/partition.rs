@@ -55,7 +55,7 @@ impl Partition {
         &self.splits
     }
 
-    /// How many parts there are.
+    /// The number of parts.
     pub fn parts(&self) -> u32 {
         self.parts
     }

@@ -101,7 +101,7 @@ impl Search {
     /// in any order, until it has handed over all or is told to stop.
     ///
     /// # Errors
-    /// As [`Detector::count`].
+    /// The same as [`Detector::count`].
     pub fn run<F>(&mut self, owned: Spheres<'_>, ghosts: &Ghosts, mut consume: F) -> Result<Tally, Error>
     where
         F: FnMut(Found, &[[u32; 2]]) -> ControlFlow<()> + Send,
@@ -133,7 +133,7 @@ impl Search {
     /// at each.
     ///
     /// # Errors
-    /// As [`Detector::count`].
+    /// The same as [`Detector::count`].
     pub fn count(&mut self, owned: Spheres<'_>, ghosts: &Ghosts) -> Result<Tally, Error> {
         if ghosts.particles.is_empty() || owned.is_empty() {
             return Ok(Tally { within: self.detector.count(owned)?, ..Tally::default() });

@@ -186,20 +186,20 @@ impl GpuDevice {
         }
     }
 
-    /// As [`open`](Self::open), but one device for the whole process, with its compiled kernels, until it is
+    /// The same as [`open`](Self::open), but one device for the whole process, with its compiled kernels, until it is
     /// lost. That there is no adapter is looked up once.
     ///
     /// # Errors
-    /// As [`open`](Self::open).
+    /// The same as [`open`](Self::open).
     pub fn shared(software: bool) -> Result<Self, Error> {
         Self::share(Shared::Best { software }, || Self::open(software))
     }
 
-    /// As [`open_adapter`](Self::open_adapter), but one device for the whole process, as [`shared`](Self::shared) has
+    /// The same as [`open_adapter`](Self::open_adapter), but one device for the whole process, as [`shared`](Self::shared) has
     /// it.
     ///
     /// # Errors
-    /// As [`open_adapter`](Self::open_adapter).
+    /// The same as [`open_adapter`](Self::open_adapter).
     pub fn shared_adapter(id: &AdapterId) -> Result<Self, Error> {
         Self::share(Shared::Named(id.clone()), || Self::open_adapter(id))
     }

@@ -22,7 +22,7 @@ impl Course {
     /// The skin of the next call.
     ///
     /// # Errors
-    /// As [`Forecast::skin`].
+    /// The same as [`Forecast::skin`].
     pub(super) fn next(&mut self, given: &Given<'_>, costs: &Costs) -> Result<Option<f32>, Error> {
         let (spheres, interactions, space) = (given.spheres, given.interactions, given.space);
         self.forecast.look(spheres, interactions, space)?;

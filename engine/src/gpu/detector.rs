@@ -118,7 +118,7 @@ impl GpuDetector {
     /// Bytes of device memory for calls of up to `spheres` spheres, the output included and the input not.
     ///
     /// # Errors
-    /// As [`cost`](Self::cost).
+    /// The same as [`cost`](Self::cost).
     pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
         self.cost(spheres).map(|cost| cost.working_bytes + cost.pair_bytes)
     }

@@ -66,7 +66,7 @@ impl GpuDevice {
     /// One of this library's own kernels, compiled as its detectors have it, and the layout of its bindings.
     ///
     /// # Errors
-    /// As [`scoped`](Self::scoped).
+    /// The same as [`scoped`](Self::scoped).
     pub fn kernel(
         &self,
         kernel: &'static Kernel,
@@ -79,7 +79,7 @@ impl GpuDevice {
     /// point is called `name`.
     ///
     /// # Errors
-    /// As [`scoped`](Self::scoped).
+    /// The same as [`scoped`](Self::scoped).
     pub fn compile(
         &self,
         name: &'static str,

@@ -91,7 +91,7 @@ impl GpuSession {
     /// A session on this device.
     ///
     /// # Errors
-    /// As [`GpuDetector::new`], and where the device was lost.
+    /// The same as [`GpuDetector::new`], and where the device was lost.
     pub fn new(own: GpuDevice, settings: GpuConfig) -> Result<Self, Error> {
         own.probe()?;
         // Nobody could tell who is meant.
@@ -132,7 +132,7 @@ impl GpuSession {
     /// Changes the space of later calls, which must repeat along the same axes. Candidates of another space are given up.
     ///
     /// # Errors
-    /// As [`set_skin`](Self::set_skin).
+    /// The same as [`set_skin`](Self::set_skin).
     pub(super) fn set_space(&mut self, space: Space) -> Result<(), Error> {
         if self.detector.settings().space != space {
             self.detector.set_space(space);
@@ -251,7 +251,7 @@ impl GpuSession {
         Call::new(Way { algorithm, ..self.asked })
     }
 
-    /// As [`begin`](Self::begin), with another way for this call.
+    /// The same as [`begin`](Self::begin), with another way for this call.
     pub(super) fn begin_as(&mut self, call: Call, spheres: Spheres<'_>) -> Result<Ticket, Error> {
         for (flight, ticket) in self.flights.iter_mut().zip(&self.tickets) {
             if ticket.strong_count() == 0 {
@@ -283,10 +283,10 @@ impl GpuSession {
         Ok(&self.pairs)
     }
 
-    /// As [`finish`](Self::finish), without blocking the caller's thread.
+    /// The same as [`finish`](Self::finish), without blocking the caller's thread.
     ///
     /// # Errors
-    /// As [`finish`](Self::finish).
+    /// The same as [`finish`](Self::finish).
     pub async fn finish_async(&mut self, ticket: Ticket, limit: u64) -> Result<&[Pair], Error> {
         self.collect(ticket, limit, Wait::Async).await?;
         Ok(&self.pairs)

@@ -27,7 +27,7 @@ const PER_PAIR: u32 = 4;
 
 /// Finds overlapping pairs of spheres that move little from call to call, in GPU buffers.
 ///
-/// As [`GpuDetector`], but pairs that are up to a skin too far apart to touch stay on the device as candidates, until some
+/// The same as [`GpuDetector`], but pairs that are up to a skin too far apart to touch stay on the device as candidates, until some
 /// sphere has gone half of the skin. That is decided on the device, at every call, and never shows in a result. Another
 /// number of spheres, another radius or another species has candidates found anew.
 #[derive(Debug)]
@@ -102,7 +102,7 @@ impl GpuSkinDetector {
     /// Changes how wide it is. The next call finds candidates anew, in the buffers that there are.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// The same as [`new`](Self::new).
     pub(crate) fn set_skin(&mut self, skin: f32) -> Result<(), Error> {
         check_skin(skin)?;
         if self.tables.is_some() {
@@ -133,7 +133,7 @@ impl GpuSkinDetector {
         self.settings.pair_capacity = pairs;
     }
 
-    /// As [`GpuDetector::set_entry_capacity`].
+    /// The same as [`GpuDetector::set_entry_capacity`].
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
         self.search.set_entry_capacity(entries)
     }
@@ -141,7 +141,7 @@ impl GpuSkinDetector {
     /// Bytes of device memory for calls of up to `spheres` spheres, candidates and the output included and the input not.
     ///
     /// # Errors
-    /// As [`GpuDetector::memory_for`].
+    /// The same as [`GpuDetector::memory_for`].
     pub fn memory_for(&self, spheres: u32) -> Result<u64, Error> {
         let own = skin::buffers(spheres, self.settings.pair_capacity, self.tables.is_some());
         Ok(self.search.memory_for(spheres)? + own.iter().map(|(_, bytes)| bytes).sum::<u64>())
@@ -167,7 +167,7 @@ impl GpuSkinDetector {
     /// candidates did not fit: the pairs are then not all that there are.
     ///
     /// # Errors
-    /// As [`GpuDetector::encode`].
+    /// The same as [`GpuDetector::encode`].
     pub fn encode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -176,7 +176,7 @@ impl GpuSkinDetector {
         self.encode_as(self.search.way(), encoder, input)
     }
 
-    /// As [`encode`](Self::encode), with candidates found in another way than the settings say.
+    /// The same as [`encode`](Self::encode), with candidates found in another way than the settings say.
     pub(crate) fn encode_as(
         &mut self,
         way: Way,

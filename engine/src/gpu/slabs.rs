@@ -245,7 +245,7 @@ impl Slab {
     /// Its spheres.
     ///
     /// # Errors
-    /// As [`Spheres::with_species`].
+    /// The same as [`Spheres::with_species`].
     pub(crate) fn spheres(&self) -> Result<Spheres<'_>, Error> {
         let spheres = Spheres::from(&self.spheres);
         Ok(if self.species.is_empty() { spheres } else { spheres.with_species(&self.species)? })

@@ -39,7 +39,7 @@ pub(crate) struct Entry {
 pub(super) struct Sorter {
     keys: Vec<u32>,
     entries: Vec<Entry>,
-    /// By piece and bucket: first how many spheres there are, then where the next one goes.
+    /// Indexed by piece and bucket: first how many spheres there are, then where the next one goes.
     offsets: Vec<u32>,
     /// The end of each bucket.
     ends: Vec<usize>,

@@ -13,7 +13,7 @@ impl<T: Default> Workspaces<T> {
     /// Lends one to `work`. Where that fails it does not come back, with whatever is half done in it.
     ///
     /// # Errors
-    /// Those of `work`.
+    /// The errors of `work`.
     pub(crate) fn lend<R>(&self, work: impl FnOnce(&mut T) -> Result<R, Error>) -> Result<R, Error> {
         let spare = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut workspace = spare.unwrap_or_default();

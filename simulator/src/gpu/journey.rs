@@ -10,7 +10,7 @@ use crate::philox::Key;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Itinerary {
     pub(super) head: Journey,
-    /// By step, then by receiver; a single step if no receiver moves.
+    /// Indexed by step, then by receiver; a single step if no receiver moves.
     pub(super) rows: Vec<Body>,
     /// The centers of each step, in µm.
     centers: Vec<Vec<[f32; 3]>>,

@@ -17,7 +17,7 @@ pub(super) struct Tables {
     pub(super) kinds: Vec<Kind>,
     pub(super) fates: Vec<Fate>,
     pub(super) watches: Vec<Watch>,
-    /// By receiver; empty if no receiver has receptors.
+    /// Indexed by receiver; empty if no receiver has receptors.
     pub(super) receptors: Vec<ReceptorRow>,
     /// `true` if some surfaces turn particles back.
     pub(super) turns_back: bool,

@@ -41,7 +41,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// As [`set_skin`](Self::set_skin); with the same distance as before candidates stay.
+    /// The same as [`set_skin`](Self::set_skin); with the same distance as before candidates stay.
     pub(in crate::gpu) fn change_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         match (&mut self.skin, distance) {
             (Some(skin), Some(distance)) if skin.detector.skin() == distance => Ok(()),
@@ -63,7 +63,7 @@ impl GpuSession {
             .map_err(|error| self.own.reason(error))
     }
 
-    /// As [`memory_for`](Self::memory_for), for calls that search anew and calls that keep candidates by turns.
+    /// The same as [`memory_for`](Self::memory_for), for calls that search anew and calls that keep candidates by turns.
     pub(in crate::gpu) fn memory_with_candidates(&self, spheres: u32) -> Result<u64, Error> {
         let kept = match &self.skin {
             Some(skin) => skin.detector.memory_for(spheres)?,

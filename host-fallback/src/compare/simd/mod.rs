@@ -193,7 +193,7 @@ pub(crate) trait Vector: Copy {
 
 /// The further operations of a vector width for periodic spaces.
 pub(crate) trait Width: Vector {
-    /// As [`gaps`](Vector::gaps), between nearest images: with the slack added to the sum of radii, and with it taken
+    /// The same as [`gaps`](Vector::gaps), between nearest images: with the slack added to the sum of radii, and with it taken
     /// away, but never below zero.
     fn nearest_gaps(
         self,
