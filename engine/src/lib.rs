@@ -64,7 +64,8 @@ pub use lazygrid_kernels::{
 };
 pub use report::Report;
 
-/// The examples of README.md, as tests.
+/// The examples of README.md and docs/rust.md, as tests.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
+#[doc = include_str!("../../docs/rust.md")]
 struct Readme;

@@ -53,7 +53,7 @@ impl<'a> Reference<'a> {
     }
 
     /// Counts the pairs that differ from the reference but are within 4 ulp of tangency, relative to the squared
-    /// cutoff: GPUs may round so (see "What is promised" in `README.md`).
+    /// cutoff: GPUs may round so (see `docs/contract.md`).
     ///
     /// # Errors
     /// Describes the wrong answer: pairs that are missing or extra and not tangent, or that occur twice.
