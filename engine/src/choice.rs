@@ -52,6 +52,7 @@ pub(crate) fn backend<D>(
         Backend::Auto if !on_cpu => insist(&format!("{algorithm} runs there only"), open(true)),
         Backend::Auto => Ok(match open(false) {
             Ok((name, device)) => (Some(device), format!("GPU {name}: a real GPU")),
+            Err(Error::NoAdapter { reason }) => (None, format!("CPU: no hardware GPU ({reason})")),
             Err(error) => (None, format!("CPU: {error}")),
         }),
         unknown => Err(Error::NotOnBackend { algorithm, backend: unknown }),
@@ -179,11 +180,11 @@ mod tests {
         for (asked, algorithm, machine, expected) in [
             (Backend::Auto, Auto, "gpu", Ok("GPU gpu: a real GPU")),
             (Backend::Auto, ArrayGrid, "gpu", Ok("GPU gpu: a real GPU")),
-            (Backend::Auto, Auto, "software", Ok("CPU: no GPU adapter was found")),
-            (Backend::Auto, Auto, "none", Ok("CPU: no GPU adapter was found")),
+            (Backend::Auto, Auto, "software", Ok("CPU: no hardware GPU")),
+            (Backend::Auto, Auto, "none", Ok("CPU: no hardware GPU")),
             (Backend::Auto, HashGrid, "gpu", Ok("CPU: hash-grid runs there only")),
             (Backend::Auto, CellList, "gpu", Ok("GPU gpu: a real GPU")),
-            (Backend::Auto, CellList, "software", Ok("CPU: no GPU adapter was found")),
+            (Backend::Auto, CellList, "software", Ok("CPU: no hardware GPU")),
             (Backend::Cpu, Auto, "gpu", Ok("CPU: asked for")),
             (Backend::Cpu, Naive, "none", Ok("CPU: asked for")),
             (Backend::Gpu, Auto, "software", Ok("GPU software: asked for")),
