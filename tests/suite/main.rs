@@ -6,6 +6,7 @@ mod exclusions;
 mod expected;
 mod files;
 mod interactions;
+mod language;
 mod lazy;
 mod limits;
 mod neighbor_lists;
