@@ -124,8 +124,7 @@ pub(crate) struct Detect {
     /// Cell edge as a multiple of the largest diameter, 0.5 to 16 [default: the engine's]
     #[arg(long, value_name = "RATIO", value_parser = raster_ratio)]
     pub(crate) raster_ratio: Option<f32>,
-    /// Keep pairs that may soon overlap from frame to frame: off, auto, or how much too far apart they may be. Changes
-    /// no answer, only its time, on the CPU
+    /// Skin of the candidate list kept between frames: off, auto or a distance; it loses no pair
     #[arg(long, value_name = "off|auto|DISTANCE", value_parser = skin)]
     pub(crate) skin: Option<Skin>,
     /// Threads of the CPU [default: all]
