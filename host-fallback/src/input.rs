@@ -17,6 +17,15 @@ pub(crate) struct Input<'a> {
     pub(crate) split: Option<usize>,
 }
 
+#[cfg(test)]
+impl<'a> Input<'a> {
+    /// Surveys the spheres of a rule, all of one set.
+    pub(crate) fn surveyed(rule: Rule<'a>, settings: &'a Settings) -> Self {
+        let survey = Survey::of(&rule, Threads::Pool).expect("all are valid");
+        Self { rule, survey, settings, simd: Simd::detect(), threads: Threads::Pool, split: None }
+    }
+}
+
 impl Input<'_> {
     /// Runs comparisons in the vector code of the settings, between nearest images in a periodic space.
     pub(crate) fn run<T: Task>(&self, task: T) -> T::Result {

@@ -257,6 +257,13 @@ impl<'a> Grouping<'a> {
         }
     }
 
+    /// The groups that meet, two at a time, the smaller number first.
+    pub(crate) fn meetings(&self) -> impl Iterator<Item = (usize, usize)> {
+        let groups = self.count();
+        let all = (0..groups).flat_map(move |a| (a..groups).map(move |b| (a, b)));
+        all.filter(|&(a, b)| self.meeting(a, b).is_some())
+    }
+
     /// The interactions between two groups; `None` if their spheres never pair.
     pub(crate) fn meeting(&self, a: usize, b: usize) -> Option<Meeting> {
         let per_set = self.per_set();

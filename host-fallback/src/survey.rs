@@ -35,6 +35,21 @@ pub struct Class {
     pub largest: f32,
 }
 
+impl Class {
+    /// Counts a sphere of this radius.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, radius: f32) {
+        self.count += 1;
+        self.largest = self.largest.max(radius);
+    }
+
+    /// Counts the spheres of another class.
+    pub(crate) fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.largest = self.largest.max(other.largest);
+    }
+}
+
 impl Survey {
     /// The class of a radius.
     #[inline]
@@ -103,9 +118,7 @@ impl Survey {
                 max[lane] = if row[lane] > max[lane] { row[lane] } else { max[lane] };
                 poison[lane] += row[lane] * 0.0;
             }
-            let class = &mut tables[k % TABLES][Self::class_of(radius)];
-            class.count += 1;
-            class.largest = class.largest.max(radius);
+            tables[k % TABLES][Self::class_of(radius)].add(radius);
         }
         let suspect = poison != [0.0; 4] || min[3] < 0.0;
         let (min, max) = (Vec3::new(min[0], min[1], min[2]), Vec3::new(max[0], max[1], max[2]));
@@ -124,8 +137,7 @@ impl Survey {
         self.min = self.min.min(other.min);
         self.max = self.max.max(other.max);
         for (class, with) in self.classes.iter_mut().zip(&other.classes) {
-            class.count += with.count;
-            class.largest = class.largest.max(with.largest);
+            class.merge(with);
         }
         self
     }

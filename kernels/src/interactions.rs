@@ -16,11 +16,7 @@ impl Interaction {
     /// The largest distance of the centers of a pair whose radii add up to `radii`; `None` if there are no pairs.
     #[inline]
     pub fn reach(self, radii: f64) -> Option<f64> {
-        match self {
-            Self::Never => None,
-            Self::Touch => Some(radii),
-            Self::Within(distance) => Some(distance),
-        }
+        self.distance().map(|distance| distance.unwrap_or(radii))
     }
 
     /// The distance at which spheres pair whatever their radii, if there is one; `None` if they never pair.

@@ -64,26 +64,9 @@ impl Crowding {
         let places = collect((0..size).map(place), "a sample of the spheres")?;
         let wide = |(min, max): (Vec3, Vec3), place: &Vec3| (min.min(*place), max.max(*place));
         let bounds = places.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), wide);
-        Self::between(bounds, places.into_iter(), n)
-    }
-
-    /// Creates the crowding of a sample of `n` spheres between these bounds.
-    fn between(
-        (min, max): (Vec3, Vec3),
-        places: impl ExactSizeIterator<Item = Vec3>,
-        n: usize,
-    ) -> Result<Self, Error> {
-        let (scale, edge) = Self::scale((min, max));
-        let codes = places.map(|place| (morton((place.as_dvec3() - min.as_dvec3()) * scale), 0));
-        let mut codes = collect(codes, "a sample of the spheres")?;
-        codes.sort_unstable();
-        Ok(Self::from_codes(&codes, n, edge, None))
-    }
-
-    /// The factor from coordinates to those of Morton codes, and the edge of the bounding cube.
-    fn scale((min, max): (Vec3, Vec3)) -> (f64, f64) {
-        let edge = (max.as_dvec3() - min.as_dvec3()).max_element();
-        (if edge > 0.0 { f64::from(1 << DEPTHS) / edge } else { 0.0 }, edge)
+        // Without groups, indices do not matter.
+        let places = places.into_iter().map(|place| (place, 0));
+        Ok(Sample::new(bounds, places, n)?.crowding(None))
     }
 
     /// The crowding by sorted codes, each with the index of its sphere. With a grouping, only spheres of groups that
@@ -152,15 +135,24 @@ struct Sample {
 }
 
 impl Sample {
+    /// Samples the input.
     fn take(input: &Input<'_>) -> Result<Self, Error> {
         let Survey { spheres: n, min, max, .. } = input.survey;
         let (spheres, size) = (input.rule.spheres(), sample_size(n));
-        let (scale, edge) = Crowding::scale((min, max));
-        let codes = (0..size).map(|k| {
-            let index = sample_index(k, size, n);
-            let at = (spheres.get(index).center.as_dvec3() - min.as_dvec3()) * scale;
-            (morton(at), index as u32)
-        });
+        let indices = (0..size).map(|k| sample_index(k, size, n));
+        Self::new((min, max), indices.map(|index| (spheres.get(index).center, index as u32)), n)
+    }
+
+    /// Creates a sample of `n` spheres between these bounds from some positions and indices.
+    fn new(
+        (min, max): (Vec3, Vec3),
+        places: impl ExactSizeIterator<Item = (Vec3, u32)>,
+        n: usize,
+    ) -> Result<Self, Error> {
+        let origin = min.as_dvec3();
+        let edge = (max.as_dvec3() - origin).max_element();
+        let scale = if edge > 0.0 { f64::from(1 << DEPTHS) / edge } else { 0.0 };
+        let codes = places.map(|(place, index)| (morton((place.as_dvec3() - origin) * scale), index));
         let mut codes = collect(codes, "a sample of the spheres")?;
         codes.sort_unstable();
         Ok(Self { codes, spheres: n, edge })
@@ -177,14 +169,9 @@ impl Sample {
         for (_, index) in &self.codes {
             members[grouping.of(*index as usize)] += 1.0;
         }
-        let members = &members[..grouping.count()];
-        let looks = |a: usize, b: usize| match grouping.meeting(a, b) {
-            None => 0.0,
-            Some(_) if a == b => members[a] / 2.0,
-            Some(_) => members[a].min(members[b]),
-        };
-        let apart: f32 =
-            (0..members.len()).map(|a| (a..members.len()).map(|b| looks(a, b)).sum::<f32>()).sum();
+        let looks =
+            |(a, b): (usize, usize)| if a == b { members[a] / 2.0 } else { members[a].min(members[b]) };
+        let apart: f32 = grouping.meetings().map(looks).sum();
         2.0 * apart / self.codes.len().max(1) as f32
     }
 }
@@ -315,17 +302,17 @@ fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
 
 /// The number of pairs that share a cell at `depth` halvings: of spheres of groups that meet, and in all.
 fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
-    let groups = grouping.count();
     cells(codes, depth).fold([0, 0], |[met, all], run| {
         let mut members = [0_u64; MAX_SEPARATE];
         run.iter().for_each(|(_, index)| members[grouping.of(*index as usize)] += 1);
-        let pairs = |a: usize, b: usize| match (a == b, grouping.meeting(a, b)) {
-            (_, None) => 0,
-            (true, _) => members[a] * members[a].saturating_sub(1) / 2,
-            (false, _) => members[a] * members[b],
+        let pairs = |(a, b): (usize, usize)| match a == b {
+            true => members[a] * members[a].saturating_sub(1) / 2,
+            false => members[a] * members[b],
         };
-        let own: u64 = (0..groups).map(|a| (a..groups).map(|b| pairs(a, b)).sum::<u64>()).sum();
-        [met + own, all + run.len() as u64 * (run.len() as u64 - 1) / 2]
+        [
+            met + grouping.meetings().map(pairs).sum::<u64>(),
+            all + run.len() as u64 * (run.len() as u64 - 1) / 2,
+        ]
     })
 }
 

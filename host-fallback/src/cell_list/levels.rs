@@ -177,10 +177,9 @@ mod tests {
     use lazygrid_kernels::Sphere;
 
     use super::*;
+    use crate::Settings;
     use crate::compare::Rule;
     use crate::input::Input;
-    use crate::threads::Threads;
-    use crate::{Settings, Simd};
 
     /// The plan for spheres on a lattice of this spacing whose radii take turns.
     fn plan(n: u32, spacing: f32, radii: &[f32]) -> Levels {
@@ -192,17 +191,8 @@ mod tests {
                 Sphere::new(cell.map(|at| spacing * at as f32), radius)
             })
             .collect();
-        let rule = Rule::new((&spheres).into(), None);
-        let survey = Survey::of(&rule, Threads::Pool).expect("all are valid");
         let settings = Settings::default();
-        let input = Input {
-            rule,
-            survey,
-            settings: &settings,
-            simd: Simd::detect(),
-            threads: Threads::Pool,
-            split: None,
-        };
+        let input = Input::surveyed(Rule::new((&spheres).into(), None), &settings);
         Levels::plan(&input.survey, &Crowding::sample(&input).expect("there is memory"))
     }
 

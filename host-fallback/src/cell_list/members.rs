@@ -38,9 +38,7 @@ impl Members {
 
     fn add(&mut self, rule: &Rule<'_>, id: usize) {
         let Effective { center, own, effective, widened } = rule.radii(id as u32);
-        let class = &mut self.classes[Survey::class_of(widened)];
-        class.count += 1;
-        class.largest = class.largest.max(widened);
+        self.classes[Survey::class_of(widened)].add(widened);
         self.min = self.min.min(center);
         self.max = self.max.max(center);
         self.radius = self.radius.max(own);
@@ -49,8 +47,7 @@ impl Members {
 
     fn merge(&mut self, other: &Self) {
         for (class, with) in self.classes.iter_mut().zip(&other.classes) {
-            class.count += with.count;
-            class.largest = class.largest.max(with.largest);
+            class.merge(with);
         }
         self.min = self.min.min(other.min);
         self.max = self.max.max(other.max);
@@ -108,11 +105,13 @@ impl Members {
 
     /// The number and the largest effective radius of the spheres of a level.
     pub(super) fn of_level(&self, plan: &Levels, level: usize) -> Class {
-        let of_level = self.classes.iter().zip(&plan.of_class).filter(|(_, of)| usize::from(**of) == level);
-        of_level.fold(Class::default(), |all, (class, _)| Class {
-            count: all.count + class.count,
-            largest: all.largest.max(class.largest),
-        })
+        let mut all = Class::default();
+        for (class, of) in self.classes.iter().zip(&plan.of_class) {
+            if usize::from(*of) == level {
+                all.merge(class);
+            }
+        }
+        all
     }
 
     /// The smallest and the largest coordinates of the centers.

@@ -5,7 +5,7 @@ use crate::compare::{Rule, To, Written};
 use crate::input::Input;
 use crate::judged::judge;
 use crate::threads::Threads;
-use crate::{HostDetector, Order, Report, Settings, Simd, Survey};
+use crate::{HostDetector, Order, Report, Settings, Simd};
 
 fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
     let settings = Settings { algorithm, simd, order: Order::Canonical, ..Settings::default() };
@@ -112,9 +112,7 @@ fn groups_of_species_find_what_all_pairs_find() {
             let placed = places.place(&query, (&settings, true), Threads::Calling, phases);
             let placed = placed.expect("all are valid");
             let rule = Rule::of_placed(&placed, &settings);
-            let survey = Survey::of(&rule, Threads::Calling).expect("all are valid");
-            let (settings, simd, threads) = (&settings, Simd::detect(), Threads::Calling);
-            let mut input = Input { rule, survey, settings, simd, threads, split };
+            let mut input = Input { threads: Threads::Calling, split, ..Input::surveyed(rule, &settings) };
             let mut expected = Vec::new();
             for i in 0..900 {
                 for j in i + 1..900 {
@@ -153,17 +151,8 @@ fn a_few_cells_too_many_are_no_reason_to_fold() {
     for shift in 0..10 {
         let mut spheres = cloud.clone();
         spheres.iter_mut().for_each(|sphere| sphere.center += 1700.0 * shift as f32);
-        let rule = Rule::new((&spheres).into(), None);
-        let survey = Survey::of(&rule, Threads::Pool).expect("all are valid");
         let settings = Settings::default();
-        let input = Input {
-            rule,
-            survey,
-            settings: &settings,
-            simd: Simd::detect(),
-            threads: Threads::Pool,
-            split: None,
-        };
+        let input = Input::surveyed(Rule::new((&spheres).into(), None), &settings);
         let mut list = CellList::default();
         let outlook = list.outlook(None, &input).expect("there is memory");
         list.build(&input, &outlook, &mut Report::default()).expect("there is memory");
