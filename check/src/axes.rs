@@ -3,11 +3,11 @@
 use bytemuck::Zeroable;
 use lazygrid::Sphere;
 use lazygrid::gpu::GpuDevice;
-use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::{Call, Lengths, List, Outcome};
+use lazygrid_kernels::kernel::Variant;
+use lazygrid_kernels::layout::{Call, Outcome};
 
 use crate::Effort;
-use crate::device::{download_one, run, upload, upload_one};
+use crate::cells::configure;
 use crate::kernels::{KernelError, same};
 use crate::list::surveyed;
 
@@ -63,18 +63,7 @@ fn configured(own: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 
         ..Call::zeroed()
     };
     let before = Outcome { dispatch_z: 1, ..Outcome::zeroed() };
-    let (call, count, input) = (upload(own, &[call])?, upload(own, &[16_u32])?, upload(own, &spheres)?);
-    let (survey, list) = (upload(own, &[surveyed(&spheres, false)])?, upload_one(own, &List::zeroed())?);
-    let (outcome, lengths) = (upload(own, &[before])?, upload(own, &[Lengths::zeroed()])?);
-    let bound = [
-        ("call", &call),
-        ("count_source", &count),
-        ("spheres", &input),
-        ("survey", &survey),
-        ("list", &list),
-        ("outcome", &outcome),
-        ("lengths", &lengths),
-    ];
-    run(own, &k::LIST_CONFIGURE, Variant::default(), 1, &bound)?;
-    Ok(download_one::<List>(own, &list)?.level[0].cells.to_array())
+    let given = (&spheres[..], surveyed(&spheres, false));
+    let configured = configure(own, (call, Variant::default()), given, before)?;
+    Ok(configured.list.level[0].cells.to_array())
 }

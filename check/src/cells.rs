@@ -114,30 +114,51 @@ impl CellListCase {
         let variant = Variant { periodic: space.is_periodic(), ..Variant::default() };
         let images: Vec<Sphere> =
             spheres.iter().map(|sphere| Sphere::new(space.wrap(sphere.center), sphere.radius)).collect();
-        let (given, count, input) =
-            (upload(own, &[call])?, upload(own, &[self.spheres])?, upload(own, &spheres)?);
-        let (survey, list) = (upload(own, &[surveyed(&images, false)])?, upload_one(own, &List::zeroed())?);
-        let (outcome, lengths) = (upload(own, &[before])?, upload(own, &[Lengths::zeroed()])?);
-        let bound = [
-            ("call", &given),
-            ("count_source", &count),
-            ("spheres", &input),
-            ("survey", &survey),
-            ("list", &list),
-            ("outcome", &outcome),
-            ("lengths", &lengths),
-        ];
-        run(own, &k::LIST_CONFIGURE, variant, 1, &bound)?;
-        Ok(ConfiguredCellList {
-            call,
-            scenario: TestInput { space, ..spheres.into() },
-            list: download_one(own, &list)?,
-            variant,
-            lengths: download::<Lengths>(own, &lengths, 1)?[0],
-            outcome: download::<Outcome>(own, &outcome, 1)?[0],
-            survey: download::<Survey>(own, &survey, 1)?[0],
-        })
+        let statistics = surveyed(&images, false);
+        let configured = configure(own, (call, variant), (&spheres, statistics), before)?;
+        let Configured { list, lengths, outcome, survey } = configured;
+        let scenario = TestInput { space, ..spheres.into() };
+        Ok(ConfiguredCellList { call, scenario, list, variant, lengths, outcome, survey })
     }
+}
+
+/// The results of the kernel that configures a cell list.
+pub(crate) struct Configured {
+    pub(crate) list: List,
+    lengths: Lengths,
+    outcome: Outcome,
+    survey: Survey,
+}
+
+/// Configures a cell list on the device for spheres with these statistics, after a call with this outcome.
+///
+/// # Errors
+/// Fails if the device fails.
+pub(crate) fn configure(
+    own: &GpuDevice,
+    (call, variant): (Call, Variant),
+    (spheres, survey): (&[Sphere], Survey),
+    before: Outcome,
+) -> Result<Configured, KernelError> {
+    let (given, count, input) = (upload(own, &[call])?, upload(own, &[call.spheres])?, upload(own, spheres)?);
+    let (survey, list) = (upload(own, &[survey])?, upload_one(own, &List::zeroed())?);
+    let (outcome, lengths) = (upload(own, &[before])?, upload(own, &[Lengths::zeroed()])?);
+    let bound = [
+        ("call", &given),
+        ("count_source", &count),
+        ("spheres", &input),
+        ("survey", &survey),
+        ("list", &list),
+        ("outcome", &outcome),
+        ("lengths", &lengths),
+    ];
+    run(own, &k::LIST_CONFIGURE, variant, 1, &bound)?;
+    Ok(Configured {
+        list: download_one(own, &list)?,
+        lengths: download::<Lengths>(own, &lengths, 1)?[0],
+        outcome: download::<Outcome>(own, &outcome, 1)?[0],
+        survey: download::<Survey>(own, &survey, 1)?[0],
+    })
 }
 
 /// The level of spheres with this radius.
