@@ -182,7 +182,7 @@ fn meant<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure> 
 /// Sets the defaults.
 ///
 /// # Safety
-/// The header's conditions: `settings` is NULL or so many bytes of it can be written to.
+/// The header's conditions: `settings` is NULL or this number of its bytes can be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_settings_init(settings: *mut SettingsOfC, size: usize) -> Status {
     without_detector(|| {

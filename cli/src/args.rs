@@ -278,7 +278,7 @@ Examples:
   lazygrid check --fuzz 3600"
 )]
 pub(crate) struct Check {
-    /// What is checked: the GPU, the CPU, or both if there is a GPU, a software one included
+    /// The checked backend: the GPU, the CPU, or both if a GPU exists, a software one included
     #[arg(long, value_enum, default_value_t = Checked::All)]
     pub(crate) backend: Checked,
     /// Which GPU: its index among those that `lazygrid devices` lists, or a part of its name

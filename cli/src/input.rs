@@ -19,7 +19,7 @@ pub(crate) const STANDARD: &str = "-";
 pub(crate) struct Input {
     path: PathBuf,
     frames: Frames,
-    /// What reads text; the threads of the process if there is none.
+    /// The pool that parses text; `None` uses the threads of the process.
     pool: Option<ThreadPool>,
     /// The number of frames read.
     read: usize,

@@ -240,7 +240,7 @@ impl Outlook {
         Ok((if is_separate { apart } else { merged }, is_separate))
     }
 
-    /// The same with groups kept apart or not, whatever that costs.
+    /// The same with groups kept apart or not, for any cost.
     #[cfg(test)]
     pub(crate) fn with_groups(self, is_separate: bool) -> Self {
         Self { is_separate, ..self }
