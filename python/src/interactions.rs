@@ -19,7 +19,7 @@ use crate::error;
 /// Parameters
 /// ----------
 /// species
-///     How many species there are, at most 4096; their ids are from 0 on.
+///     The number of species, at most 4096; ids begin at 0.
 /// default
 ///     What is between two species of which nothing else is said.
 ///

@@ -326,7 +326,7 @@ class Exclusions:
 class Interactions:
     """A symmetric table: for any two species, what makes them a pair.
 
-    ``None``: never; ``"touch"``: within ``ri + rj``; a number: within this distance, whatever the radii.
+    ``None``: never; ``"touch"``: within ``ri + rj``; a number: within this distance, for any radii.
 
     >>> reactions = lazygrid.Interactions(2)
     >>> reactions[0, 1] = 0.2
@@ -335,7 +335,7 @@ class Interactions:
     Parameters
     ----------
     species
-        How many species there are, at most 4096; their ids are from 0 on.
+        The number of species, at most 4096; ids begin at 0.
     default
         What is between two species of which nothing else is said.
 
@@ -348,7 +348,7 @@ class Interactions:
     def __new__(cls, species: int, default: Literal["touch"] | float | None = None) -> Self: ...
     @property
     def species(self) -> int:
-        """How many species there are."""
+        """The number of species."""
 
     def __getitem__(self, of: tuple[int, int], /) -> Literal["touch"] | float | None: ...
     def __setitem__(self, of: tuple[int, int], value: Literal["touch"] | float | None, /) -> None: ...
