@@ -8,6 +8,7 @@ use lazygrid_kernels::layout::{Call, Outcome};
 
 use crate::Effort;
 use crate::cells::configure;
+use crate::division::Division;
 use crate::kernels::{KernelError, same};
 use crate::list::surveyed;
 
@@ -62,8 +63,9 @@ fn configured(own: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 
         part_tiles: Call::UNPARTED,
         ..Call::zeroed()
     };
+    let (one_set, variant) = (Division::OneSet, Variant::default());
     let before = Outcome { dispatch_z: 1, ..Outcome::zeroed() };
-    let given = (&spheres[..], surveyed(&spheres, false));
-    let configured = configure(own, (call, Variant::default()), given, before)?;
+    let given = (&spheres[..], surveyed(&spheres, one_set, false), one_set);
+    let configured = configure(own, (one_set.divide(call), variant), given, before)?;
     Ok(configured.list.level[0].cells.to_array())
 }

@@ -8,12 +8,15 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Lengths, List, Survey};
 
 use crate::device::{download, download_one, run, upload, upload_one};
+use crate::division::Division;
 use crate::kernels::{KernelError, same};
 use crate::list::surveyed;
 use crate::{Random, TestInput, periodic};
 
 /// Capacity of the cell table in tests.
 pub(crate) const CELL_CAPACITY: u32 = 4096;
+/// Levels of each side.
+pub(crate) const LEVELS: usize = 16;
 /// The level number of size classes that have no cells: their spheres are kept in a list.
 pub(crate) const LISTED: usize = 255;
 /// The largest occupancy of a coarse cell before smaller spheres move to a finer level.
@@ -24,6 +27,7 @@ pub(crate) const TAU: u32 = 8;
 pub(crate) struct ConfiguredCellList {
     pub(crate) call: Call,
     pub(crate) scenario: TestInput,
+    pub(crate) division: Division,
     pub(crate) list: List,
     pub(crate) variant: Variant,
     pub(crate) lengths: Lengths,
@@ -38,14 +42,19 @@ pub(crate) struct CellListCase {
     pub(crate) lengths: [Option<f32>; 3],
     /// `true` if smaller spheres leave overfull cells, as found by the previous call.
     pub(crate) is_dense: bool,
+    /// The sides of the spheres.
+    pub(crate) division: Division,
 }
 
-/// Few and many spheres, in unbounded and periodic space, with and without overfull cells.
+/// Few and many spheres, in unbounded and periodic space, with and without overfull cells, on one side and on two.
 pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     let spaces = [[None; 3], [Some(20.0), None, Some(24.5)], [Some(0.75); 3]];
-    let sizes = [0, 1, 257, 5000];
-    sizes.into_iter().flat_map(move |spheres| {
-        let case = move |lengths, is_dense| CellListCase { spheres, lengths, is_dense };
+    let species = [false, true].map(|meets_itself| Division::Species { meets_itself });
+    let two_sides = [Division::TwoSets, species[0], species[1]];
+    let one = [0, 1, 257, 5000].map(|spheres| (spheres, Division::OneSet));
+    let two = [257, 5000].into_iter().flat_map(move |spheres| two_sides.map(|division| (spheres, division)));
+    one.into_iter().chain(two).flat_map(move |(spheres, division)| {
+        let case = move |lengths, is_dense| CellListCase { spheres, lengths, is_dense, division };
         spaces.into_iter().flat_map(move |lengths| [false, true].map(|is_dense| case(lengths, is_dense)))
     })
 }
@@ -110,15 +119,17 @@ impl CellListCase {
             part_tiles: Call::UNPARTED,
             ..Call::zeroed()
         };
-        let call = call.in_space(space);
-        let variant = Variant { periodic: space.is_periodic(), ..Variant::default() };
+        let (division, count) = (self.division, spheres.len());
+        let call = division.divide(call.in_space(space));
+        let species = division.has_species();
+        let variant = Variant { periodic: space.is_periodic(), species, ..Variant::default() };
         let images: Vec<Sphere> =
             spheres.iter().map(|sphere| Sphere::new(space.wrap(sphere.center), sphere.radius)).collect();
-        let statistics = surveyed(&images, false);
-        let configured = configure(own, (call, variant), (&spheres, statistics), before)?;
+        let statistics = surveyed(&images, division, false);
+        let configured = configure(own, (call, variant), (&spheres, statistics, division), before)?;
         let Configured { list, lengths, outcome, survey } = configured;
-        let scenario = TestInput { space, ..spheres.into() };
-        Ok(ConfiguredCellList { call, scenario, list, variant, lengths, outcome, survey })
+        let scenario = TestInput { space, mixture: division.mixture(count), ..spheres.into() };
+        Ok(ConfiguredCellList { call, scenario, division, list, variant, lengths, outcome, survey })
     }
 }
 
@@ -130,14 +141,14 @@ pub(crate) struct Configured {
     survey: Survey,
 }
 
-/// Configures a cell list on the device for spheres with these statistics, after a call with this outcome.
+/// Configures a cell list on the device for spheres with these statistics and sides, after a call with this outcome.
 ///
 /// # Errors
 /// Fails if the device fails.
 pub(crate) fn configure(
     own: &GpuDevice,
     (call, variant): (Call, Variant),
-    (spheres, survey): (&[Sphere], Survey),
+    (spheres, survey, division): (&[Sphere], Survey, Division),
     before: Outcome,
 ) -> Result<Configured, KernelError> {
     let (given, count, input) = (upload(own, &[call])?, upload(own, &[call.spheres])?, upload(own, spheres)?);
@@ -152,7 +163,8 @@ pub(crate) fn configure(
         ("outcome", &outcome),
         ("lengths", &lengths),
     ];
-    run(own, &k::LIST_CONFIGURE, variant, 1, &bound)?;
+    let species = division.upload(own, spheres.len())?;
+    run(own, &k::LIST_CONFIGURE, variant, 1, &species.and(&bound))?;
     Ok(Configured {
         list: download_one(own, &list)?,
         lengths: download::<Lengths>(own, &lengths, 1)?[0],
@@ -208,38 +220,51 @@ impl ConfiguredCellList {
         self.scenario.space.wrap(sphere.center)
     }
 
-    /// The level-0 cell of a sphere; `None` if the sphere is invalid or listed.
-    fn coarsest(&self, sphere: &Sphere, fused: bool) -> Option<u32> {
-        let has_cell = sphere.is_valid() && level_of(&self.list, sphere.radius) != LISTED;
-        has_cell.then(|| cell(&self.list, self.scenario.space, self.place(sphere), (0, fused)))
+    /// Returns `true` if a sphere is valid and may pair.
+    pub(crate) fn may_pair(&self, id: usize) -> bool {
+        let spheres = &self.scenario.spheres;
+        spheres[id].is_valid() && self.division.may_pair(id, spheres.len())
+    }
+
+    /// The first level of a sphere's side.
+    fn first_level(&self, id: usize) -> usize {
+        LEVELS * self.division.side(id, self.scenario.spheres.len())
+    }
+
+    /// The cell of a sphere at the first level of its side; `None` if it does not pair or is listed.
+    fn coarsest(&self, id: usize, fused: bool) -> Option<u32> {
+        let sphere = &self.scenario.spheres[id];
+        let has_cell = self.may_pair(id) && level_of(&self.list, sphere.radius) != LISTED;
+        let at = (self.first_level(id), fused);
+        has_cell.then(|| cell(&self.list, self.scenario.space, self.place(sphere), at))
     }
 
     /// The expected value of each occupancy counter.
     pub(crate) fn density(&self, fused: bool) -> Vec<u32> {
         let mut density = vec![0; self.call.density_slots as usize];
         let slots = density.len();
-        let cells = self.scenario.spheres.iter().filter_map(|sphere| self.coarsest(sphere, fused));
+        let cells = (0..self.scenario.spheres.len()).filter_map(|id| self.coarsest(id, fused));
         cells.filter(|_| self.list.is_dense != 0).for_each(|cell| density[cell as usize % slots] += 1);
         density
     }
 
     /// The cell of a sphere, and the occupancy of the overfull cell that it left (0 if it left none).
-    fn home(&self, sphere: &Sphere, density: &[u32], fused: bool) -> (u32, u32) {
-        let (list, space) = (&self.list, self.scenario.space);
-        let Some(coarsest) = self.coarsest(sphere, fused) else {
-            return (list.cells + u32::from(!sphere.is_valid()), 0);
+    fn home(&self, id: usize, density: &[u32], fused: bool) -> (u32, u32) {
+        let (list, space, sphere) = (&self.list, self.scenario.space, &self.scenario.spheres[id]);
+        let Some(coarsest) = self.coarsest(id, fused) else {
+            return (list.cells + u32::from(!self.may_pair(id)), 0);
         };
         let level = level_of(list, sphere.radius);
         let crowd = density[coarsest as usize % density.len()];
         match level != 0 && list.is_dense != 0 && crowd > self.call.tau {
-            true => (cell(list, space, self.place(sphere), (level, fused)), crowd),
+            true => (cell(list, space, self.place(sphere), (self.first_level(id) + level, fused)), crowd),
             false => (coarsest, 0),
         }
     }
 
     /// The cell of each sphere, and the largest occupancy of a cell that a sphere left.
     pub(crate) fn homes(&self, density: &[u32], fused: bool) -> (Vec<u32>, u32) {
-        let homes = self.scenario.spheres.iter().map(|sphere| self.home(sphere, density, fused));
+        let homes = (0..self.scenario.spheres.len()).map(|id| self.home(id, density, fused));
         let (cells, crowds): (Vec<u32>, Vec<u32>) = homes.unzip();
         (cells, crowds.into_iter().max().unwrap_or(0))
     }

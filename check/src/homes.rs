@@ -7,8 +7,11 @@ use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{Call, Lengths, Pass, Survey};
 
-use crate::cells::{CELL_CAPACITY, CellListCase, ConfiguredCellList, LISTED, TAU, cases, level_of, numbers};
+use crate::cells::{
+    CELL_CAPACITY, CellListCase, ConfiguredCellList, LEVELS, LISTED, TAU, cases, level_of, numbers,
+};
 use crate::device::{download, run, upload, upload_one};
+use crate::division::Division;
 use crate::kernels::{KernelError, same};
 
 /// Checks that cells are as large as the spheres assigned to them, fit the table, and hold touching spheres in adjacent
@@ -39,6 +42,7 @@ pub(crate) fn list_configure(own: &GpuDevice) -> Result<(), KernelError> {
         let lengths = Lengths { items: case.spheres, counters: list.cells + 2 };
         same(|| what("lengths"), &chosen.lengths, &lengths)?;
         levels_are_sound(&chosen, case)?;
+        levels_look_once(&chosen, case)?;
         neighbours_are_near(&chosen, case)?;
     }
     first_calls_miss_no_crowd(own)
@@ -58,7 +62,8 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
         (Outcome { dispatch_z: 1, ..Outcome::zeroed() }, false),
         (Outcome { dispatch_z: 1, densest: 9, ..Outcome::zeroed() }, true),
     ] {
-        let case = CellListCase { spheres: SPHERES, lengths: [None; 3], is_dense: false };
+        let division = Division::OneSet;
+        let case = CellListCase { spheres: SPHERES, lengths: [None; 3], is_dense: false, division };
         let chosen = case.choose_after(own, (0..SPHERES).map(sphere).collect(), (0, before))?;
         same(|| format!("crowds of {case:?} after {before:?}"), &(chosen.list.is_dense != 0), &expected)?;
     }
@@ -78,7 +83,7 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
             same(what, &own.cells.to_array().iter().all(|&cells| cells == 1 || cells > 2), &true)?;
             let edge = list.quanta as f32 / own.scale;
             let edges = (64..=127).contains(&list.quanta)
-                && own.scale == list.level[0].scale * (level as f32).exp2()
+                && own.scale == list.level[0].scale * ((level % LEVELS) as f32).exp2()
                 && (2.0 * own.reach..2.1 * own.reach).contains(&edge);
             same(what, &edges, &true)?;
             // At the coordinate `far`, the number of quanta reaches 2³⁰.
@@ -93,7 +98,8 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     let what = |what: &str| format!("{what}, {case:?}");
     same(|| what("cells in all"), &list.cells, &base)?;
     same(|| what("cells fit the capacity"), &(list.cells <= CELL_CAPACITY && list.levels & 1 == 1), &true)?;
-    let valid = || scenario.spheres.iter().filter(|sphere| sphere.is_valid());
+    let valid =
+        || (0..scenario.spheres.len()).filter(|&id| chosen.may_pair(id)).map(|id| &scenario.spheres[id]);
     let listed = valid().filter(|sphere| level_of(list, sphere.radius) == LISTED).count();
     let is_few = listed <= 8 || valid().count() == listed;
     same(|| what("few spheres are listed"), &is_few, &true)?;
@@ -101,6 +107,25 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
         let level = if list.is_dense == 0 { 0 } else { level_of(list, sphere.radius) };
         let fits = sphere.radius <= list.level[level].reach && sphere.radius <= list.level[0].reach;
         same(|| format!("{sphere:?} fits level {level}, {case:?}"), &fits, &true)?;
+    }
+    Ok(())
+}
+
+/// Checks that of two levels whose sides meet one looks at the other, and that it is a level with cells as large or larger.
+fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
+    let list = &chosen.list;
+    let looks = |from: usize, at: usize| list.level[from].looked_at >> at & 1;
+    let used = || (0..list.level.len()).filter(|level| list.levels >> level & 1 == 1);
+    for a in used() {
+        let what = |b: usize| format!("levels {a} and {b} of {:b}, {case:?}", list.levels);
+        let meets = |b: usize| u32::from(case.division.meets(a / LEVELS, b / LEVELS));
+        same(|| what(a), &(list.level[a].meets_itself, looks(a, a)), &(meets(a), 0))?;
+        same(|| what(a), &(list.level[a].looked_at & !list.levels), &0)?;
+        for b in used().filter(|&b| b > a) {
+            same(|| what(b), &(looks(a, b) + looks(b, a)), &meets(b))?;
+            let is_coarser = |from: usize, at: usize| looks(from, at) == 0 || at % LEVELS <= from % LEVELS;
+            same(|| what(b), &(is_coarser(a, b) && is_coarser(b, a)), &true)?;
+        }
     }
     Ok(())
 }
@@ -117,7 +142,10 @@ fn neighbours_are_near(chosen: &ConfiguredCellList, case: CellListCase) -> Resul
             continue;
         }
         let own = if levels[0] == levels[1] && list.is_dense != 0 { levels[0] } else { 0 };
-        for level in [0, own] {
+        for level in [0, own, LEVELS, LEVELS + own] {
+            if list.level[level].cells.x == 0 {
+                continue;
+            }
             let at = |sphere| numbers(list, scenario.space, chosen.place(sphere), (level, true));
             let (of_a, of_b) = (at(a), at(b));
             let is_near = (0..3).all(|axis| {
@@ -147,7 +175,8 @@ pub(crate) fn density_count(own: &GpuDevice) -> Result<(), KernelError> {
         let spheres = upload(own, &scenario.spheres)?;
         let density = upload(own, &vec![0_u32; call.density_slots as usize])?;
         let bound = [("call", &given), ("list", &of_list), ("spheres", &spheres), ("density", &density)];
-        run(own, &k::DENSITY_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &bound)?;
+        let species = case.division.upload(own, scenario.spheres.len())?;
+        run(own, &k::DENSITY_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &species.and(&bound))?;
         let found = download::<u32>(own, &density, call.density_slots as usize)?;
         ConfiguredCellList::agrees(|| format!("{case:?}"), &found, |fused| chosen.density(fused))?;
     }
@@ -177,7 +206,8 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
             ("starts", &starts),
             ("homes", &homes),
         ];
-        run(own, &k::HOMES_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &bound)?;
+        let species = case.division.upload(own, scenario.spheres.len())?;
+        run(own, &k::HOMES_COUNT, *variant, case.spheres.div_ceil(k::GROUP), &species.and(&bound))?;
         let mut found = download::<[u32; 2]>(own, &homes, case.spheres as usize)?;
         let cells = found.iter().map(|&[cell, _]| cell).collect();
         let what = |what: &str| format!("{what}, {case:?}");
@@ -198,7 +228,8 @@ pub(crate) fn homes_count(own: &GpuDevice) -> Result<(), KernelError> {
             )?;
         } else {
             // The smaller spheres enter their cell interleaved with the others, in any order.
-            let small = |id: usize| ![0, LISTED].contains(&level_of(list, scenario.spheres[id].radius));
+            let of_level = |id: usize| level_of(list, scenario.spheres[id].radius);
+            let small = |id: usize| chosen.may_pair(id) && ![0, LISTED].contains(&of_level(id));
             let mut smaller = vec![0; counts.len()];
             (0..cells.len()).filter(|&id| small(id)).for_each(|id| smaller[cells[id] as usize] += 1);
             let [least, most] = [&smaller, &counts].map(|counts| counts.iter().copied().max().unwrap_or(0));
@@ -239,7 +270,8 @@ pub(crate) fn homes_key(own: &GpuDevice) -> Result<(), KernelError> {
             ("keys", &keys),
             ("counts", &counts),
         ];
-        run(own, &k::HOMES_KEY, *variant, tiles, &bound)?;
+        let species = case.division.upload(own, scenario.spheres.len())?;
+        run(own, &k::HOMES_KEY, *variant, tiles, &species.and(&bound))?;
         let found = download::<u32>(own, &keys, case.spheres as usize)?;
         let what = |what: &str| format!("{what}, {case:?}");
         ConfiguredCellList::agrees(|| what("keys"), &found, |fused| chosen.homes(&table, fused).0)?;

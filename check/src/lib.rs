@@ -30,6 +30,7 @@ mod calls;
 mod cells;
 mod choices;
 mod difference;
+mod division;
 mod grid;
 mod homes;
 mod images;

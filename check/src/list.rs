@@ -8,6 +8,7 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Call, Lengths, List, Outcome, Survey};
 
 use crate::device::{download, run, upload, upload_one};
+use crate::division::Division;
 use crate::kernels::{KernelError, SIZES, ordered, same};
 use crate::{Random, SceneSeed, adversary};
 
@@ -17,11 +18,15 @@ use crate::{Random, SceneSeed, adversary};
 /// # Errors
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), KernelError> {
-    for (size, groups) in SIZES.into_iter().flat_map(|size| [1, 3].map(|groups| (size, groups))) {
+    let divisions = [Division::OneSet, Division::TwoSets, Division::Species { meets_itself: true }];
+    for (size, groups, division) in SIZES.into_iter().flat_map(|size| {
+        [1, 3].into_iter().flat_map(move |groups| divisions.map(|division| (size, groups, division)))
+    }) {
         let mut spheres = adversary::any_floats(&SceneSeed::drawn(&mut Random(size as u64), size));
         spheres.iter_mut().step_by(100).for_each(|sphere| sphere.center.y = f32::NAN);
         let (counters, density_slots) = (size as u32 + 7, 512);
         let call = Call { spheres: size as u32, counters, density_slots, ..Call::zeroed() };
+        let call = division.divide(call);
         let (call, count) = (upload(own, &[call])?, upload(own, &[size as u32])?);
         let (input, survey) = (upload(own, &spheres)?, upload(own, &[Survey::zeroed()])?);
         let [starts, density] = [counters, density_slots].map(|length| vec![7_u32; length as usize]);
@@ -34,16 +39,19 @@ pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), KernelError> {
             ("starts", &starts),
             ("density", &density),
         ];
-        run(own, &k::SPHERES_SURVEY, Variant::default(), groups, &bound)?;
+        let variant = Variant { species: division.has_species(), ..Variant::default() };
+        let species = division.upload(own, size)?;
+        run(own, &k::SPHERES_SURVEY, variant, groups, &species.and(&bound))?;
         let found = download::<Survey>(own, &survey, 1)?[0];
         // Devices may flush subnormal radii to zero.
-        let [kept, flushed] = [false, true].map(|flushes| surveyed(&spheres, flushes));
+        let [kept, flushed] = [false, true].map(|flushes| surveyed(&spheres, division, flushes));
         let expected = if found.smallest == flushed.smallest { flushed } else { kept };
-        let case = |what: &str| format!("{what} of {size} spheres, {groups} workgroups");
+        let case = |what: &str| format!("{what} of {size} spheres, {groups} workgroups, {division:?}");
         let counted = |survey: &Survey| (survey.low, survey.high, survey.smallest, survey.quarantined);
         same(|| case("bounds"), &counted(&found), &counted(&expected))?;
         for class in 0..256 {
-            let sizes = |survey: &Survey| (survey.members[class], survey.largest[class]);
+            let members = |survey: &Survey| [0, 256].map(|side| survey.members[side + class]);
+            let sizes = |survey: &Survey| (members(survey), survey.largest[class]);
             same(|| case(&format!("class {class}")), &sizes(&found), &sizes(&expected))?;
         }
         for (what, length) in [(&starts, counters), (&density, density_slots)] {
@@ -60,7 +68,13 @@ pub(crate) fn spheres_survey(own: &GpuDevice) -> Result<(), KernelError> {
 /// # Errors
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), KernelError> {
-    for (size, periodic) in [0, 1, 300, 2048].into_iter().flat_map(|size| [(size, false), (size, true)]) {
+    let one_set = [0, 1, 300, 2048].map(|size| (size, Division::OneSet));
+    let divided = [Division::TwoSets, Division::Species { meets_itself: false }];
+    let divided = divided.into_iter().flat_map(|division| [(300, division), (2048, division)]);
+    let cases = one_set.into_iter().chain(divided);
+    for (size, division, periodic) in
+        cases.flat_map(|(size, division)| [(size, division, false), (size, division, true)])
+    {
         let mut random = Random(size as u64);
         let mut coordinate = || random.unit() * 20.0 - 10.0;
         let mut spheres: Vec<Sphere> = (0..size)
@@ -71,11 +85,14 @@ pub(crate) fn list_begin(own: &GpuDevice) -> Result<(), KernelError> {
         let (cells, counters) = (CELLS, CELLS + 2);
         let call =
             Call { spheres: size, cells, counters, raster_ratio: 2.0, tau: 8, period_x, ..Call::zeroed() };
+        let call = division.divide(call);
         let (call, count, input) = (upload(own, &[call])?, upload(own, &[size])?, upload(own, &spheres)?);
-        let given = [("call", &call), ("count_source", &count), ("spheres", &input)];
-        let expected = begun(own, given, periodic, &[(&k::SPHERES_SURVEY, 3), (&k::LIST_CONFIGURE, 1)])?;
-        let found = begun(own, given, periodic, &[(&k::LIST_BEGIN, 1)])?;
-        let case = |what: &str| format!("{what} of {size} spheres, periodic {periodic}");
+        let species = division.upload(own, size as usize)?;
+        let given = species.and(&[("call", &call), ("count_source", &count), ("spheres", &input)]);
+        let variant = Variant { periodic, species: division.has_species(), ..Variant::default() };
+        let expected = begun(own, &given, variant, &[(&k::SPHERES_SURVEY, 3), (&k::LIST_CONFIGURE, 1)])?;
+        let found = begun(own, &given, variant, &[(&k::LIST_BEGIN, 1)])?;
+        let case = |what: &str| format!("{what} of {size} spheres, periodic {periodic}, {division:?}");
         same(|| case("survey is empty"), &found.leaves_no_survey, &true)?;
         same(|| case("the list"), &found.list, &expected.list)?;
         let counts = |begun: &Begun| (begun.outcome.clone(), begun.lengths.clone());
@@ -100,8 +117,8 @@ struct Begun {
 /// Runs kernels that start a call, each with its number of workgroups.
 fn begun(
     own: &GpuDevice,
-    given: [(&'static str, &wgpu::Buffer); 3],
-    periodic: bool,
+    given: &[(&'static str, &wgpu::Buffer)],
+    variant: Variant,
     kernels: &[(&'static k::Kernel, u32)],
 ) -> Result<Begun, KernelError> {
     let (survey, list) = (upload(own, &[Survey::zeroed()])?, upload_one(own, &List::zeroed())?);
@@ -115,10 +132,9 @@ fn begun(
         ("starts", &starts),
         ("density", &density),
     ];
-    let variant = Variant { periodic, ..Variant::default() };
     for &(kernel, groups) in kernels {
         let binds = |name: &str| kernel.bindings(variant).any(|binding| binding.name == name);
-        let bound: Vec<_> = given.into_iter().chain(written).filter(|(name, _)| binds(name)).collect();
+        let bound: Vec<_> = given.iter().copied().chain(written).filter(|(name, _)| binds(name)).collect();
         run(own, kernel, variant, groups, &bound)?;
     }
     Ok(Begun {
@@ -134,11 +150,14 @@ fn begun(
 const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
 /// The expected statistics of these spheres, on a device that flushes subnormal numbers or one that does not.
-pub(crate) fn surveyed(spheres: &[Sphere], flushes: bool) -> Survey {
+pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) -> Survey {
     let mut survey = Survey::zeroed();
-    for sphere in spheres {
+    for (id, sphere) in spheres.iter().enumerate() {
         if !sphere.is_valid() {
             survey.quarantined += 1;
+            continue;
+        }
+        if !division.may_pair(id, spheres.len()) {
             continue;
         }
         for axis in 0..3 {
@@ -150,7 +169,7 @@ pub(crate) fn surveyed(spheres: &[Sphere], flushes: bool) -> Survey {
         let radius = (kept + FLUSHED).to_bits();
         let class = (radius >> 23) as usize;
         survey.smallest = survey.smallest.max(!radius);
-        survey.members[class] += 1;
+        survey.members[256 * division.side(id, spheres.len()) + class] += 1;
         survey.largest[class] = survey.largest[class].max(radius);
     }
     survey

@@ -8,6 +8,7 @@ use lazygrid_kernels::layout::Call;
 
 use crate::cells::{CellListCase, ConfiguredCellList, cases};
 use crate::device::{download, run, run_over, upload, upload_one};
+use crate::division::{Division, Species};
 use crate::kernels::{KernelError, same};
 use crate::{Tolerance, difference};
 
@@ -22,6 +23,8 @@ struct Searched {
     outcome: wgpu::Buffer,
     pairs: wgpu::Buffer,
     crowded: wgpu::Buffer,
+    sorted_species: wgpu::Buffer,
+    species: Species,
 }
 
 impl Searched {
@@ -39,6 +42,8 @@ impl Searched {
             Sphere::new(scenario.space.wrap(center), radius)
         };
         let sorted: Vec<Sphere> = order.iter().map(image).collect();
+        let species = chosen.division.species(order.len());
+        let sorted_species: Vec<u32> = order.iter().map(|&id| species[id as usize]).collect();
         Ok(Self {
             call: upload(own, &[*call])?,
             list: upload_one(own, list)?,
@@ -49,11 +54,13 @@ impl Searched {
             outcome: upload(own, &[Outcome::zeroed()])?,
             pairs: upload(own, &vec![Pair::zeroed(); call.pair_capacity as usize])?,
             crowded: upload(own, &vec![0_u32; order.len().div_ceil(256)])?,
+            sorted_species: upload(own, &sorted_species)?,
+            species: chosen.division.upload(own, order.len())?,
         })
     }
 
-    fn bound(&self) -> [(&'static str, &wgpu::Buffer); 9] {
-        [
+    fn bound(&self) -> Vec<(&'static str, &wgpu::Buffer)> {
+        self.species.and(&[
             ("call", &self.call),
             ("list", &self.list),
             ("starts", &self.starts),
@@ -63,7 +70,8 @@ impl Searched {
             ("outcome", &self.outcome),
             ("pairs", &self.pairs),
             ("crowded", &self.crowded),
-        ]
+            ("sorted_species", &self.sorted_species),
+        ])
     }
 
     fn outcome(&self, own: &GpuDevice) -> Result<Outcome, KernelError> {
@@ -134,7 +142,8 @@ pub(crate) fn shares_search(own: &GpuDevice) -> Result<(), KernelError> {
 /// Fails if a result is wrong or the device fails.
 pub(crate) fn list_search(own: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
-        let case = CellListCase { spheres: count, lengths: [None; 3], is_dense: false };
+        let division = Division::OneSet;
+        let case = CellListCase { spheres: count, lengths: [None; 3], is_dense: false, division };
         let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
         let chosen = case.choose_for(own, spheres)?;
         let searched = Searched::of(own, &chosen)?;

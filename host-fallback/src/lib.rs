@@ -48,5 +48,6 @@ pub use refinement::Refinement;
 pub use report::{Kept, Phase, Rebuilt, Report};
 pub use settings::{Order, Settings, Skin};
 pub use skin::{Costs, Forecast, SKINS};
+pub use species_groups::Partition;
 pub use survey::{Class, Survey, check_valid};
 pub use threads::{Team, Threads};

@@ -65,7 +65,7 @@ impl Meeting {
 
 /// A division of the present species into groups.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Partition {
+pub struct Partition {
     /// The group of each species; of no meaning for species that are absent.
     of_species: Vec<u8>,
     count: usize,
@@ -84,6 +84,32 @@ impl Partition {
             |a: usize, b: usize| Meeting::of(members(a).flat_map(|s| members(b).map(move |t| (s, t))), table);
         let meetings = (0..count * count).map(|k| meeting(k / count, k % count)).collect();
         Self { of_species, count, meetings }
+    }
+
+    /// The division of all species of a table by the species with which they pair.
+    pub fn of_table(table: &Interactions) -> Self {
+        let present: Vec<u32> = (0..table.species()).collect();
+        if present.len() > MAX_PRESENT {
+            return Self::undivided(table.species());
+        }
+        let (groups, count) = group_by_partners(&present, table);
+        let of_species = groups.iter().map(|group| group.unwrap_or(count) as u8).collect();
+        Self::new(of_species, count + usize::from(groups.contains(&None)), (&present, table))
+    }
+
+    /// The number of groups.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The group of a species of the table.
+    pub fn group_of(&self, species: u32) -> usize {
+        self.of_species[species as usize].into()
+    }
+
+    /// Returns `true` if some species of one group pairs with some species of the other.
+    pub fn meets(&self, a: usize, b: usize) -> bool {
+        self.meetings[a * self.count + b].is_some()
     }
 
     /// One group of all species, which may pair in any way.

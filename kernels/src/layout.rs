@@ -65,6 +65,12 @@ pub struct Call {
     pub further_shares: u32,
     /// 1 where pairs of a cell list are to name places in the order of the cells.
     pub sorted_pairs: u32,
+    /// The sides of a cell list that are compared: [`Call::FIRST_WITH_ITSELF`], [`Call::FIRST_WITH_SECOND`] and
+    /// [`Call::SECOND_WITH_ITSELF`].
+    pub meetings: u32,
+    /// What makes spheres of sides that meet a pair, if it is the same for all: a distance, or [`Call::TOUCH`]; else
+    /// [`Call::BY_SPECIES`].
+    pub interaction: f32,
 }
 
 /// Which digit a radix pass sorts by.
@@ -82,6 +88,17 @@ pub struct Pass {
 impl Call {
     /// The same as [`part_tiles`](Self::part_tiles): all of the crowded search in one part, however much that is.
     pub const UNPARTED: u32 = u32::MAX;
+
+    /// Spheres of the first side are compared with each other.
+    pub const FIRST_WITH_ITSELF: u32 = 1;
+    /// Spheres of the first side are compared with those of the second.
+    pub const FIRST_WITH_SECOND: u32 = 2;
+    /// Spheres of the second side are compared with each other.
+    pub const SECOND_WITH_ITSELF: u32 = 4;
+    /// Spheres pair by touching.
+    pub const TOUCH: f32 = -2.0;
+    /// The interaction table decides for each pair of species.
+    pub const BY_SPECIES: f32 = -3.0;
 
     /// The same call in this space.
     pub fn in_space(self, space: Space) -> Self {
@@ -274,9 +291,9 @@ pub struct Survey {
     pub smallest: u32,
     /// Spheres that are not valid.
     pub quarantined: u32,
-    /// How many spheres have each exponent of the effective radius.
-    pub members: [u32; 256],
-    /// The bits of the largest of these radii.
+    /// The number of spheres with each exponent of the effective radius, of the first side and then of the second.
+    pub members: [u32; 512],
+    /// The bits of the largest radius with each exponent.
     pub largest: [u32; 256],
 }
 
@@ -299,6 +316,10 @@ pub struct ListLevel {
     pub far: u32,
     /// The largest radius that is at home here.
     pub reach: f32,
+    /// Levels in which spheres of this level look at all cells that their boxes touch, a bit each.
+    pub looked_at: u32,
+    /// 1 if spheres of this level look at others of this level.
+    pub meets_itself: u32,
 }
 
 /// The cells of a cell list, as the device chooses them.
@@ -311,7 +332,7 @@ pub struct List {
     pub cells: u32,
     /// Quanta per edge.
     pub quanta: u32,
-    /// Levels that classes have, a bit each.
+    /// Levels that have cells, a bit each.
     pub levels: u32,
     /// 1 where smaller spheres leave crowded cells of the first level.
     pub is_dense: u32,
@@ -319,8 +340,8 @@ pub struct List {
     pub ordinary: u32,
     /// Levels of the classes, four to a word.
     pub class_levels: [u32; 64],
-    /// The levels.
-    pub level: [ListLevel; 16],
+    /// The levels of the first side, followed by those of the second.
+    pub level: [ListLevel; 32],
 }
 
 /// How many keys to sort and how many values to scan.

@@ -91,10 +91,12 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             tile,
             share,
             further_shares,
-            sorted_pairs
+            sorted_pairs,
+            meetings,
+            interaction
         }),
         layout!(words Pass { shift, mask, is_first }),
-        layout!(ListLevel { cells, base, low, scale, around, far, reach }),
+        layout!(ListLevel { cells, base, low, scale, around, far, reach, looked_at, meets_itself }),
         layout!(List { spheres, cells, quanta, levels, is_dense, ordinary, class_levels, level }),
         layout!(words Survey { low, high, smallest, quarantined, members, largest }),
         layout!(Grid {

@@ -319,7 +319,15 @@ impl GpuDetector {
 
     /// The parameters of a call that the kernels read.
     fn call(&self, plan: &Plan, way: Way, input: &GpuSpheres<'_>) -> Call {
+        let sides = self.tables.as_ref().map(|tables| &tables.sides);
+        let (meetings, interaction) = if input.split == 0 {
+            sides.map_or((Call::FIRST_WITH_ITSELF, Call::TOUCH), |sides| (sides.meetings, sides.interaction))
+        } else {
+            (Call::FIRST_WITH_SECOND, sides.map_or(Call::TOUCH, |sides| sides.across_sets))
+        };
         Call {
+            meetings,
+            interaction,
             entry_capacity: plan.entries,
             key_bits: plan.key_bits,
             raster_ratio: way.raster_ratio,

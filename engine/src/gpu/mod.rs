@@ -18,6 +18,7 @@ mod primitives;
 mod recording;
 mod scope;
 mod session;
+mod sides;
 mod skin;
 mod slabs;
 mod slot;

@@ -1,5 +1,5 @@
 /// Shared pieces of WGSL by the name in `#include`.
-pub(super) const PIECES: [(&str, &str); 39] = [
+pub(super) const PIECES: [(&str, &str); 40] = [
     ("between", include_str!("../shader/shared/between.wgsl")),
     ("candidates", include_str!("../shader/shared/candidates.wgsl")),
     ("cells", include_str!("../shader/shared/cells.wgsl")),
@@ -30,6 +30,7 @@ pub(super) const PIECES: [(&str, &str); 39] = [
     ("reserve", include_str!("../shader/shared/reserve.wgsl")),
     ("reserve_lane", include_str!("../shader/shared/reserve_lane.wgsl")),
     ("rows", include_str!("../shader/shared/rows.wgsl")),
+    ("side", include_str!("../shader/shared/side.wgsl")),
     ("skin", include_str!("../shader/shared/skin.wgsl")),
     ("sphere", include_str!("../shader/shared/sphere.wgsl")),
     ("subgroup_max", include_str!("../shader/shared/subgroup_max.wgsl")),

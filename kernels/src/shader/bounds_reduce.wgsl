@@ -10,7 +10,7 @@
 @group(0) @binding(4) var<storage, read_write> outcome: Outcome;
 #ifdef SPECIES
 @group(0) @binding(5) var<storage, read> species: array<u32>;
-@group(0) @binding(6) var<storage, read> reach: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read> reach: array<vec2<u32>>;
 #endif
 #include reach
 #include subgroup_max
@@ -64,14 +64,14 @@ fn bounds_reduce(
             break;
         }
         let sphere = spheres[index];
-        if (is_accepted(index, sphere)) {
+        if (may_pair(index, sphere)) {
             let radius = effective_radius(index, sphere);
             let box = box_of(sphere, radius);
             low = min(low, ordered(box.low));
             high = max(high, ordered(box.high));
             radius_min = min(radius_min, bitcast<u32>(radius));
             radius_max = max(radius_max, bitcast<u32>(radius));
-        } else {
+        } else if (!is_accepted(index, sphere)) {
             quarantined += 1u;
         }
     }

@@ -13,7 +13,7 @@
 @group(0) @binding(5) var<storage, read_write> density: array<atomic<u32>>;
 #ifdef SPECIES
 @group(0) @binding(6) var<storage, read> species: array<u32>;
-@group(0) @binding(7) var<storage, read> reach: array<vec2<f32>>;
+@group(0) @binding(7) var<storage, read> reach: array<vec2<u32>>;
 #endif
 #include reach
 #include cells
@@ -87,7 +87,7 @@ fn cells_find(
     if (index < grid.spheres) {
         let sphere = spheres[index];
         var words = NO_CELLS;
-        if (is_accepted(index, sphere)) {
+        if (may_pair(index, sphere)) {
             let found = cells_of(sphere, effective_radius(index, sphere));
             words = cells_packed(found);
             if (grid.refinement != 0u) {

@@ -10,9 +10,10 @@
 @group(0) @binding(3) var<storage, read_write> density: array<atomic<u32>>;
 #ifdef SPECIES
 @group(0) @binding(4) var<storage, read> species: array<u32>;
-@group(0) @binding(5) var<storage, read> reach: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read> reach: array<vec2<u32>>;
 #endif
 #include reach
+#include side
 #include periods
 #include image
 #include list_cells
@@ -28,8 +29,8 @@ fn density_count(
     let index = number_of_group(id, groups) * 256u + place.lane;
     if (list.is_dense != 0u && index < list.spheres) {
         let sphere = spheres[index];
-        if (is_accepted(index, sphere) && level_of(class_of(effective_radius(index, sphere))) != LISTED) {
-            atomicAdd(&density[density_slot(cell_of(image_of(sphere).xyz, 0u))], 1u);
+        if (may_pair(index, sphere) && level_of(class_of(effective_radius(index, sphere))) != LISTED) {
+            atomicAdd(&density[density_slot(cell_of(image_of(sphere).xyz, side_of(index) * LEVELS))], 1u);
         }
     }
 }

@@ -15,9 +15,10 @@
 @group(0) @binding(8) var<storage, read_write> density: array<u32>;
 #ifdef SPECIES
 @group(0) @binding(9) var<storage, read> species: array<u32>;
-@group(0) @binding(10) var<storage, read> reach: array<vec2<f32>>;
+@group(0) @binding(10) var<storage, read> reach: array<vec2<u32>>;
 #endif
 #include reach
+#include side
 #include ordered
 #include subgroup_max
 #include periods

@@ -13,9 +13,10 @@
 @group(0) @binding(6) var<storage, read_write> lengths: Lengths;
 #ifdef SPECIES
 @group(0) @binding(7) var<storage, read> species: array<u32>;
-@group(0) @binding(8) var<storage, read> reach: array<vec2<f32>>;
+@group(0) @binding(8) var<storage, read> reach: array<vec2<u32>>;
 #endif
 #include reach
+#include side
 #include ordered
 #include periods
 #include image

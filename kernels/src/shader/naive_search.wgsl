@@ -12,7 +12,7 @@
 @group(0) @binding(4) var<storage, read_write> pairs: array<vec2<u32>>;
 #ifdef SPECIES
 @group(0) @binding(5) var<storage, read> species: array<u32>;
-@group(0) @binding(6) var<storage, read> reach: array<vec2<f32>>;
+@group(0) @binding(6) var<storage, read> reach: array<vec2<u32>>;
 @group(0) @binding(7) var<storage, read> table: array<f32>;
 #endif
 #include reach

@@ -13,9 +13,10 @@
 @group(0) @binding(5) var<storage, read_write> density: array<u32>;
 #ifdef SPECIES
 @group(0) @binding(6) var<storage, read> species: array<u32>;
-@group(0) @binding(7) var<storage, read> reach: array<vec2<f32>>;
+@group(0) @binding(7) var<storage, read> reach: array<vec2<u32>>;
 #endif
 #include reach
+#include side
 #include ordered
 #include subgroup_max
 #include survey

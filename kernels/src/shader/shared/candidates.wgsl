@@ -34,11 +34,29 @@ fn radius_of(row: Row) -> f32 {
 }
 
 fn is_ordinary() -> bool {
-    return false;
+    return list.ordinary != 0u && call.interaction != BY_SPECIES;
+}
+
+// The test without guards, where all species that meet pair in the same way.
+fn is_ordinary_pair(row: Row, other: u32) -> bool {
+    let sphere = sorted[other];
+    let d = between(row.sphere.xyz, sphere.xyz);
+    let s = select(call.interaction, row.sphere.w + sphere.w, call.interaction == TOUCH);
+    return dot(d, d) <= s * s;
 }
 
 fn is_candidate_pair(row: Row, other: u32) -> bool {
     return is_pair(row.sphere, sorted[other], row.species, sorted_species[other]);
+}
+
+// Whether hits may be of sides that do not meet: listed spheres are candidates of both sides, and the unguarded test does
+// not look at species.
+fn mixes_sides() -> bool {
+    return call.meetings > 1u && is_ordinary() && starts[list.cells] != starts[list.cells + 1u];
+}
+
+fn is_of_table(row: Row, other: u32) -> bool {
+    return table[row.species * call.species + sorted_species[other]] != -1.0;
 }
 #else
 fn row_of(position: u32) -> Row {
@@ -54,8 +72,20 @@ fn is_ordinary() -> bool {
     return list.ordinary != 0u;
 }
 
+fn is_ordinary_pair(row: Row, other: u32) -> bool {
+    return is_within_ordinary(row.sphere, sorted[other]);
+}
+
 fn is_candidate_pair(row: Row, other: u32) -> bool {
     return is_pair(row.sphere, sorted[other]);
+}
+
+fn mixes_sides() -> bool {
+    return false;
+}
+
+fn is_of_table(row: Row, other: u32) -> bool {
+    return true;
 }
 #endif
 
@@ -64,7 +94,7 @@ fn candidate_hits(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
     var bits = 0u;
     let ordinary_end = select(begin, end, is_ordinary());
     for (var number = begin; number < ordinary_end; number++) {
-        let hit = is_within_ordinary(row.sphere, sorted[candidate_at(stretches, number)]);
+        let hit = is_ordinary_pair(row, candidate_at(stretches, number));
         bits |= select(0u, 1u << (number - begin), hit);
     }
     for (var number = ordinary_end; number < end; number++) {
@@ -74,13 +104,15 @@ fn candidate_hits(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
     return bits;
 }
 
-// Those of the hits that the call asks for: within its window, and across its split.
+// Those of the hits that the call asks for: within its window, across its split, and of sides that meet.
 fn asked_for(row: Row, stretches: Stretches, first: u32, found: u32) -> u32 {
     var bits = found;
-    for (var left = select(found, 0u, asks_for_all(list.spheres)); left != 0u; left &= left - 1u) {
+    let all = asks_for_all(list.spheres) && !mixes_sides();
+    for (var left = select(found, 0u, all); left != 0u; left &= left - 1u) {
         let bit = firstTrailingBit(left);
-        let other = order[candidate_at(stretches, first + bit)];
-        bits &= ~select(1u << bit, 0u, is_asked_for(order[row.position], other));
+        let other = candidate_at(stretches, first + bit);
+        let hit = is_asked_for(order[row.position], order[other]) && is_of_table(row, other);
+        bits &= ~select(1u << bit, 0u, hit);
     }
     return bits;
 }
@@ -136,7 +168,7 @@ fn gather_hits(walk: ptr<function, Walk>, row: Row, share: u32) {
             }
         }
         if ((*walk).row == (*walk).end) {
-            walk_up(walk, row.sphere, radius_of(row));
+            walk_on(walk, row.sphere, radius_of(row));
         }
         if ((*walk).level == NOWHERE) {
             return;

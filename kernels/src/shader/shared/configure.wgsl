@@ -23,8 +23,9 @@ var<workgroup> members: array<u32, 512>;
 var<workgroup> largest: array<u32, 256>;
 // The highest class that has cells.
 var<workgroup> base_class: atomic<u32>;
-// Spheres of each level.
-var<workgroup> populations: array<atomic<u32>, 16>;
+// Spheres of each level if all leave level 0, and of each side.
+var<workgroup> populations: array<atomic<u32>, 32>;
+var<workgroup> on_side: array<atomic<u32>, 2>;
 var<workgroup> packed_levels: array<atomic<u32>, 64>;
 var<workgroup> low: array<u32, 3>;
 var<workgroup> high: array<u32, 3>;
@@ -37,11 +38,21 @@ var<workgroup> quantum: i32;
 var<workgroup> quanta: u32;
 var<workgroup> home_radius: f32;
 var<workgroup> is_single: u32;
-var<workgroup> level_cells: array<vec3<u32>, 16>;
+var<workgroup> level_cells: array<vec3<u32>, 32>;
 var<workgroup> is_dense: bool;
+// Levels of either side that have cells, a bit each.
+var<workgroup> used_levels: u32;
 
 fn power_of_two(exponent: i32) -> f32 {
     return bitcast<f32>(u32(clamp(127 + exponent, 1, 254)) << 23u);
+}
+
+fn has_two_sides() -> bool {
+    return call.meetings > 1u;
+}
+
+fn meets(a: u32, b: u32) -> bool {
+    return ((call.meetings >> (a + b)) & 1u) != 0u;
 }
 
 fn exponent_of(value: f32) -> i32 {
@@ -100,7 +111,7 @@ fn fit(cells: vec3<u32>, room: u32) -> bool {
 // hold, except on the longest axes. All whole numbers: a root that is rounded up would cost an axis all its cells.
 fn cells_around(level: u32, room: u32) -> vec3<u32> {
     let lengths = periods();
-    let edge = f32(quanta) * power_of_two(quantum - i32(level));
+    let edge = f32(quanta) * power_of_two(quantum - i32(level % LEVELS));
     var wanted = vec3(1u);
     for (var axis = 0u; axis < 3u; axis++) {
         if (lengths[axis] > 0.0) {
@@ -128,12 +139,13 @@ fn cells_around(level: u32, room: u32) -> vec3<u32> {
     return cells;
 }
 
-// Everything of a level but where its cells begin in the table.
+// Everything of a level but where its cells begin in the table, and at which levels its spheres look.
 fn set_level(level: u32, room: u32) {
     let lengths = periods();
-    list.level[level].scale = power_of_two(i32(level) - quantum);
-    list.level[level].far = u32(clamp(127 + 30 + quantum - i32(level), 1, 255)) << 23u;
-    list.level[level].reach = home_radius * power_of_two(-i32(level));
+    let depth = i32(level % LEVELS);
+    list.level[level].scale = power_of_two(depth - quantum);
+    list.level[level].far = u32(clamp(127 + 30 + quantum - depth, 1, 255)) << 23u;
+    list.level[level].reach = home_radius * power_of_two(-depth);
     list.level[level].low = vec3(
         open_number(decoded(low[0]), level),
         open_number(decoded(low[1]), level),
@@ -147,6 +159,30 @@ fn set_level(level: u32, room: u32) {
     list.level[level].cells = cells;
     let used = (lengths > vec3(0.0)) & (cells > vec3(1u));
     list.level[level].around = select(vec3(0.0), vec3<f32>(cells) / max(lengths, vec3(SHORTEST)), used);
+}
+
+// Spheres that have this level, or may have it.
+fn spheres_at(level: u32) -> u32 {
+    if (is_dense) {
+        return atomicLoad(&populations[level]);
+    }
+    return select(0u, atomicLoad(&on_side[level / LEVELS]), level % LEVELS == 0u);
+}
+
+// Decides at which of the levels in use the spheres of one of them look. Of two spheres the one at the finer level looks for
+// the other; at the same level of different sides one of the side that has fewer there.
+fn set_looks(level: u32, used: u32) {
+    let side = level / LEVELS;
+    let own = 1u << (level % LEVELS);
+    var looked_at = 0u;
+    for (var other = 0u; other < 2u; other++) {
+        let same = other * LEVELS + level % LEVELS;
+        let fewer = spheres_at(level) < spheres_at(same) || (spheres_at(level) == spheres_at(same) && side == 0u);
+        let looks = (own - 1u) | select(0u, own, other != side && fewer);
+        looked_at |= select(0u, (looks << (other * LEVELS)) & used, meets(side, other));
+    }
+    list.level[level].looked_at = looked_at;
+    list.level[level].meets_itself = select(0u, 1u, meets(side, side));
 }
 
 // What concerns the call as a whole.
@@ -193,18 +229,18 @@ fn sample_cell(number: u32, count: u32) -> u32 {
         return 0xffffffffu - number;
     }
     let sphere = spheres[index];
-    if (!is_accepted(index, sphere) || class_of(effective_radius(index, sphere)) > atomicLoad(&base_class)) {
+    if (!may_pair(index, sphere) || class_of(effective_radius(index, sphere)) > atomicLoad(&base_class)) {
         return 0xffffffffu - number;
     }
-    return cell_of(image_of(sphere).xyz, 0u);
+    return cell_of(image_of(sphere).xyz, side_of(index) * LEVELS);
 }
 
 // Whether smaller spheres leave the crowded cells of level 0: where they would gain from it, and where samples or the
 // last call found such cells. Where both may miss some these are looked for.
 fn decide_density(count: u32) {
     var finer = false;
-    for (var level = 1u; level < LEVELS; level++) {
-        finer = finer || atomicLoad(&populations[level]) != 0u;
+    for (var level = 1u; level < SIDED_LEVELS; level++) {
+        finer = finer || (level != LEVELS && atomicLoad(&populations[level]) != 0u);
     }
     // Ordered pairs of samples in one cell, as a share of all, times the spheres: how many share a cell on average.
     let pairs = f32(atomicLoad(&sampled_pairs));
@@ -219,13 +255,18 @@ fn decide_density(count: u32) {
 // Called by all threads of the only workgroup.
 fn configure(lane: u32) {
     let count = min(count_source[0], call.spheres);
-    members[lane] = atomicLoad(&survey.members[lane]);
+    let own = vec2(atomicLoad(&survey.members[lane]), atomicLoad(&survey.members[CLASSES + lane]));
+    let own_members = own.x + own.y;
+    members[lane] = own_members;
     largest[lane] = atomicLoad(&survey.largest[lane]);
     atomicStore(&survey.members[lane], 0u);
+    atomicStore(&survey.members[CLASSES + lane], 0u);
     atomicStore(&survey.largest[lane], 0u);
-    let own_members = members[lane];
-    if (lane < LEVELS) {
+    if (lane < SIDED_LEVELS) {
         atomicStore(&populations[lane], 0u);
+    }
+    if (lane < 2u) {
+        atomicStore(&on_side[lane], 0u);
     }
     if (lane < 64u) {
         atomicStore(&packed_levels[lane], 0u);
@@ -269,19 +310,26 @@ fn configure(lane: u32) {
     var level = LISTED;
     if (lane <= atomicLoad(&base_class)) {
         level = finest_level(bitcast<f32>(largest[lane]));
-        atomicAdd(&populations[level], own_members);
+        atomicAdd(&populations[level], own.x);
+        atomicAdd(&populations[LEVELS + level], own.y);
+        atomicAdd(&on_side[0], own.x);
+        atomicAdd(&on_side[1], own.y);
     }
     atomicOr(&packed_levels[lane / 4u], level << ((lane % 4u) * 8u));
     workgroupBarrier();
     if (lane < 64u) {
         list.class_levels[lane] = atomicLoad(&packed_levels[lane]);
     }
-    if (lane < LEVELS) {
+    if (lane < SIDED_LEVELS) {
         level_cells[lane] = vec3(0u);
     }
     storageBarrier();
-    if (lane == 0u) {
-        set_level(0u, max(call.cells, 1u));
+    workgroupBarrier();
+    if (lane == 0u || (lane == LEVELS && has_two_sides())) {
+        // Of two sides half of the room goes in equal shares to both, half by numbers.
+        let share = 0.25 + 0.5 * f32(atomicLoad(&on_side[lane / LEVELS])) / f32(max(count, 1u));
+        let room = select(call.cells, u32(f32(call.cells) * share * 0x1.ffffp-1), has_two_sides());
+        set_level(lane, max(room, 1u));
     }
     storageBarrier();
 
@@ -309,14 +357,14 @@ fn configure(lane: u32) {
     }
     // Where smaller spheres leave the first level its cells are chosen anew: half of the room goes in equal shares to all
     // levels, half by numbers.
-    if (workgroupUniformLoad(&is_dense) && lane < LEVELS) {
+    if (workgroupUniformLoad(&is_dense) && lane < SIDED_LEVELS) {
         let population = atomicLoad(&populations[lane]);
-        var levels = 1.0;
-        for (var other = 1u; other < LEVELS; other++) {
-            levels += select(0.0, 1.0, atomicLoad(&populations[other]) != 0u);
+        var levels = select(1.0, 2.0, has_two_sides());
+        for (var other = 1u; other < SIDED_LEVELS; other++) {
+            levels += select(0.0, 1.0, other != LEVELS && atomicLoad(&populations[other]) != 0u);
         }
         let share = 0.5 / levels + 0.5 * f32(population) / f32(max(count, 1u));
-        if (lane == 0u || population != 0u) {
+        if (lane == 0u || (lane == LEVELS && has_two_sides()) || population != 0u) {
             set_level(lane, max(u32(f32(call.cells) * share * 0x1.ffffp-1), 1u));
         }
     }
@@ -324,7 +372,7 @@ fn configure(lane: u32) {
     if (lane == 0u) {
         var base = 0u;
         var levels = 0u;
-        for (var level = 0u; level < LEVELS; level++) {
+        for (var level = 0u; level < SIDED_LEVELS; level++) {
             let cells = level_cells[level];
             list.level[level].base = base;
             levels |= select(0u, 1u << level, cells.x != 0u);
@@ -332,7 +380,12 @@ fn configure(lane: u32) {
         }
         list.cells = base;
         list.levels = levels;
+        used_levels = levels;
         let tiles = (count + max(call.tile, 1u) - 1u) / max(call.tile, 1u);
         lengths.counters = select(tiles * 256u, base + 2u, call.tile == 0u);
+    }
+    workgroupBarrier();
+    if (lane < SIDED_LEVELS && ((used_levels >> lane) & 1u) != 0u) {
+        set_looks(lane, used_levels);
     }
 }

@@ -11,7 +11,7 @@ struct Home {
 #include density_slot
 
 fn home_of(index: u32, sphere: vec4<f32>) -> Home {
-    if (!is_accepted(index, sphere)) {
+    if (!may_pair(index, sphere)) {
         return Home(list.cells + 1u, 0u, false);
     }
     let own = level_of(class_of(effective_radius(index, sphere)));
@@ -19,13 +19,14 @@ fn home_of(index: u32, sphere: vec4<f32>) -> Home {
         return Home(list.cells, 0u, false);
     }
     let position = image_of(sphere).xyz;
+    let first = side_of(index) * LEVELS;
     // If there is no table all leave. Its own cell is a part of that of level 0, and tells how crowded this is at
     // least.
-    var level = select(0u, own, list.is_dense != 0u && call.density_slots == 0u);
+    var level = first + select(0u, own, list.is_dense != 0u && call.density_slots == 0u);
     var home = Home(0u, 0u, own != 0u);
     for (var turn = 0u; turn < 2u; turn++) {
         home.cell = cell_of(position, level);
-        if (level == own || list.is_dense == 0u) {
+        if (level == first + own || list.is_dense == 0u) {
             break;
         }
         let crowd = atomicLoad(&density[density_slot(home.cell)]);
@@ -33,7 +34,7 @@ fn home_of(index: u32, sphere: vec4<f32>) -> Home {
             break;
         }
         home = Home(0u, crowd, false);
-        level = own;
+        level = first + own;
     }
     return home;
 }

@@ -46,7 +46,15 @@ struct Call {
     further_shares: u32,
     // 1 where pairs of a cell list are to name places in the order of the cells.
     sorted_pairs: u32,
+    // Which sides of a cell list are compared: bit 0 for spheres of the first with each other, bit 1 for those of the
+    // first with those of the second, bit 2 for those of the second with each other.
+    meetings: u32,
+    // What makes spheres of sides that meet a pair, if it is the same for all: a distance, or TOUCH; else BY_SPECIES.
+    interaction: f32,
 }
+
+const TOUCH: f32 = -2.0;
+const BY_SPECIES: f32 = -3.0;
 
 // What the spheres are like. Bounds of all valid ones, their widened radii included; floats in an order-preserving
 // encoding.

@@ -3,6 +3,8 @@
 // shares a cell, which costs tests and no pair.
 
 const LEVELS: u32 = 16u;
+// Levels of both sides: those of the second side follow those of the first.
+const SIDED_LEVELS: u32 = 32u;
 // Classes of sizes: the exponent of the effective radius.
 const CLASSES: u32 = 256u;
 // Level of the classes that are listed and not put into cells, as they have so few spheres.
@@ -16,8 +18,8 @@ struct Survey {
     // Complement of the bits of the smallest effective radius.
     smallest: atomic<u32>,
     quarantined: atomic<u32>,
-    // How many spheres each class has, and the bits of its largest radius.
-    members: array<atomic<u32>, 256>,
+    // How many spheres of each side each class has, and the bits of the largest radius of each class.
+    members: array<atomic<u32>, 512>,
     largest: array<atomic<u32>, 256>,
 }
 
@@ -37,6 +39,11 @@ struct ListLevel {
     far: u32,
     // The largest radius that is at home here; half an edge or less.
     reach: f32,
+    // Levels in which spheres of this one look at all cells that their boxes touch, a bit each: coarser ones of the
+    // sides that meet this side, and the same level of the other side if that has more spheres.
+    looked_at: u32,
+    // 1 if spheres of this level look at others of this level.
+    meets_itself: u32,
 }
 
 struct List {
@@ -46,7 +53,7 @@ struct List {
     cells: u32,
     // Quanta per edge, at every level: 64 to 127.
     quanta: u32,
-    // Levels that classes have, a bit each; the first always is.
+    // Levels of either side that have cells, a bit each; the first always has.
     levels: u32,
     // 1 where smaller spheres leave the cells of level 0 that have more than `tau` of all.
     is_dense: u32,
@@ -54,5 +61,5 @@ struct List {
     ordinary: u32,
     // Levels of the classes, four to a word.
     class_levels: array<u32, 64>,
-    level: array<ListLevel, 16>,
+    level: array<ListLevel, 32>,
 }

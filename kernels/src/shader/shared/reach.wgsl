@@ -3,15 +3,28 @@
 const FLUSHED: f32 = 0x1p-120;
 
 #ifdef SPECIES
+// `reach[s]` holds flags of species s, and the bits of half the largest distance at which it pairs.
+// Some pair of the species is decided by touching.
+const TOUCHES: u32 = 1u;
+// Its spheres are on the second side; see `side`.
+const SECOND_SIDE: u32 = 2u;
+// It pairs with no species.
+const IDLE: u32 = 4u;
+
 // Effective radius: half of the largest distance at which this sphere pairs, the radius where touching counts.
-// `reach[s]` is (1 if some pair of s is decided by touching, half the largest interaction distance).
 fn effective_radius(index: u32, sphere: vec4<f32>) -> f32 {
-    let r = reach[species[index]];
-    return select(r.y, max(r.y, sphere.w), r.x != 0.0) + FLUSHED;
+    let own = reach[species[index]];
+    let half = bitcast<f32>(own.y);
+    return select(half, max(half, sphere.w), (own.x & TOUCHES) != 0u) + FLUSHED;
 }
 
 fn is_accepted(index: u32, sphere: vec4<f32>) -> bool {
     return is_valid(sphere) && species[index] < call.species;
+}
+
+// Returns `true` if a sphere is valid and of a species that pairs with some species.
+fn may_pair(index: u32, sphere: vec4<f32>) -> bool {
+    return is_accepted(index, sphere) && (reach[species[index]].x & IDLE) == 0u;
 }
 #else
 fn effective_radius(index: u32, sphere: vec4<f32>) -> f32 {
@@ -19,6 +32,10 @@ fn effective_radius(index: u32, sphere: vec4<f32>) -> f32 {
 }
 
 fn is_accepted(index: u32, sphere: vec4<f32>) -> bool {
+    return is_valid(sphere);
+}
+
+fn may_pair(index: u32, sphere: vec4<f32>) -> bool {
     return is_valid(sphere);
 }
 #endif

@@ -5,11 +5,12 @@ var<workgroup> group_low: array<atomic<u32>, 3>;
 var<workgroup> group_high: array<atomic<u32>, 3>;
 var<workgroup> group_smallest: atomic<u32>;
 var<workgroup> group_quarantined: atomic<u32>;
-var<workgroup> group_members: array<atomic<u32>, 256>;
+var<workgroup> group_members: array<atomic<u32>, 512>;
 var<workgroup> group_largest: array<atomic<u32>, 256>;
 
-// Spheres of one class that a thread has met one after another.
+// Spheres of one class and side that a thread has met one after another.
 struct Streak {
+    // CLASSES more on the second side.
     size_class: u32,
     members: u32,
     largest: u32,
@@ -18,7 +19,7 @@ struct Streak {
 fn end_streak(streak: Streak) {
     if (streak.members != 0u) {
         atomicAdd(&group_members[streak.size_class], streak.members);
-        atomicMax(&group_largest[streak.size_class], streak.largest);
+        atomicMax(&group_largest[streak.size_class % CLASSES], streak.largest);
     }
 }
 
@@ -26,6 +27,7 @@ fn end_streak(streak: Streak) {
 fn survey_spheres(first: u32, stride: u32, place: Place) {
     let lane = place.lane;
     atomicStore(&group_members[lane], 0u);
+    atomicStore(&group_members[CLASSES + lane], 0u);
     atomicStore(&group_largest[lane], 0u);
     if (lane < 3u) {
         atomicStore(&group_low[lane], 0u);
@@ -54,13 +56,17 @@ fn survey_spheres(first: u32, stride: u32, place: Place) {
             quarantined += 1u;
             continue;
         }
+        if (!may_pair(index, sphere)) {
+            continue;
+        }
         let radius = bitcast<u32>(effective_radius(index, sphere));
         low = max(low, ~ordered(sphere.xyz));
         high = max(high, ordered(sphere.xyz));
         smallest = max(smallest, ~radius);
-        if (streak.size_class != radius >> 23u) {
+        let size_class = side_of(index) * CLASSES + (radius >> 23u);
+        if (streak.size_class != size_class) {
             end_streak(streak);
-            streak = Streak(radius >> 23u, 0u, 0u);
+            streak = Streak(size_class, 0u, 0u);
         }
         streak.members += 1u;
         streak.largest = max(streak.largest, radius);
@@ -84,10 +90,12 @@ fn survey_spheres(first: u32, stride: u32, place: Place) {
     clear_counters(first, stride);
     workgroupBarrier();
 
-    let members = atomicLoad(&group_members[lane]);
-    if (members != 0u) {
-        atomicAdd(&survey.members[lane], members);
-        atomicMax(&survey.largest[lane], atomicLoad(&group_largest[lane]));
+    for (var side = 0u; side < 2u; side++) {
+        let members = atomicLoad(&group_members[side * CLASSES + lane]);
+        if (members != 0u) {
+            atomicAdd(&survey.members[side * CLASSES + lane], members);
+            atomicMax(&survey.largest[lane], atomicLoad(&group_largest[lane]));
+        }
     }
     if (lane < 3u) {
         atomicMax(&survey.low[lane], atomicLoad(&group_low[lane]));

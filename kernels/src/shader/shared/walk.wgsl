@@ -1,9 +1,10 @@
 // A sphere's way through its candidates: rows of cells, each a stretch or two of the sorted spheres, so that every pair
 // is met from one of its two spheres and only once.
 //
-// A sphere in a cell looks, at its own level, at the spheres that come later in its cell and at those of one half of the
-// cells around; then, at each coarser level that has spheres, at all cells that its box touches when widened by that
-// level's reach; behind the last of these at the listed spheres. Listed ones are in a cell of their own, with none around.
+// A sphere in a cell looks, at its own level if that meets itself, at the spheres that come later in its cell and at those
+// of one half of the cells around; then, at each level that its own looks at, at all cells that its box touches when widened
+// by that level's reach; behind the last of these at the listed spheres. Listed ones are in a cell of their own, with none
+// around.
 
 // Beyond the levels there is nothing.
 const NOWHERE: u32 = 256u;
@@ -23,6 +24,8 @@ struct Walk {
     end: u32,
     // Whether the rows that come next are taken from the seam on.
     beyond: bool,
+    // Levels that it has still to enter, a bit each.
+    levels: u32,
     // Candidates in these rows that are behind it, and those in the rows before.
     taken: u32,
     passed: u32,
@@ -76,6 +79,12 @@ fn walk_begin(own: u32) -> Walk {
     walk.rows_per_plane = min(walk.around.y, 3u);
     walk.row = walk.rows_per_plane / 2u;
     walk.end = walk.rows_per_plane * min(walk.around.z, 2u);
+    walk.levels = select(list.level[walk.level].looked_at, 0u, is_listed);
+    if (!is_listed && list.level[walk.level].meets_itself == 0u) {
+        walk.cells_per_row = 0u;
+        walk.row = 0u;
+        walk.end = 0u;
+    }
     return walk;
 }
 
@@ -147,7 +156,7 @@ fn next_rows(walk: Walk, position: u32, own: u32) -> Stretches {
     let d = stretch_of(walk, row_d, position, own);
     let e = stretch_of(walk, row_e, position, own);
     let wraps = !walk.beyond && walk.first.x + walk.cells_per_row > walk.around.x;
-    let ends = own < list.cells && walk.row + ROWS_AT_ONCE >= walk.end && !wraps && coarser_levels(walk) == 0u;
+    let ends = own < list.cells && walk.row + ROWS_AT_ONCE >= walk.end && !wraps && walk.levels == 0u;
     let begin = max(starts[list.cells], position + 1u);
     let listed = select(0u, max(starts[list.cells + 1u], begin) - begin, ends);
     var until = vec4(a.y, b.y, c.y, d.y) - vec4(a.x, b.x, c.x, d.x);
@@ -167,21 +176,19 @@ fn walk_past(walk: ptr<function, Walk>, stretches: Stretches) {
     (*walk).row = select(min((*walk).row + ROWS_AT_ONCE, (*walk).end), (*walk).row, stretches.wraps);
 }
 
-// Goes on from the end of a level to the next coarser one that has spheres.
-fn walk_up(walk: ptr<function, Walk>, sphere: vec4<f32>, radius: f32) {
-    let coarser = coarser_levels(*walk);
+// Goes on from the end of a level to the next of those that are left.
+fn walk_on(walk: ptr<function, Walk>, sphere: vec4<f32>, radius: f32) {
+    let levels = (*walk).levels;
     (*walk).level = NOWHERE;
-    if (coarser != 0u) {
-        enter_box(walk, firstLeadingBit(coarser), sphere, radius);
+    if (levels != 0u) {
+        let next = firstLeadingBit(levels);
+        (*walk).levels = levels & ~(1u << next);
+        enter_box(walk, next, sphere, radius);
     }
 }
 
-// Those coarser than the walk's that have spheres, a bit each.
-fn coarser_levels(walk: Walk) -> u32 {
-    return list.levels & ((1u << walk.level) - 1u);
-}
-
-// Enters the box of a sphere, of no more than this effective radius, at a coarser level than its own.
+// Enters the box of a sphere, of no more than this effective radius, at a level whose edges are no shorter than those of its
+// own.
 fn enter_box(walk: ptr<function, Walk>, level: u32, sphere: vec4<f32>, radius: f32) {
     let around = list.level[level].cells;
     let reach = radius + list.level[level].reach;

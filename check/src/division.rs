@@ -1,0 +1,129 @@
+//! Divisions of the spheres of a cell list into two sides, as the device sees them.
+
+use lazygrid::gpu::{GpuDevice, wgpu};
+use lazygrid::{Error, Interaction};
+use lazygrid_kernels::layout::Call;
+
+use crate::SpeciesSetup;
+use crate::device::upload;
+
+/// How the spheres of a kernel check are divided into sides. All that pair do so by touching.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Division {
+    /// All spheres are on one side.
+    OneSet,
+    /// The last fifth of the spheres is a second set.
+    TwoSets,
+    /// Every fifth sphere is of a species that does not pair with itself, and every seventh of one that never pairs.
+    Species {
+        /// `true` if the species of the other spheres pairs with itself.
+        meets_itself: bool,
+    },
+}
+
+/// The species of the second side.
+const SECOND: u32 = 1;
+/// The species that never pairs.
+const IDLE: u32 = 2;
+
+impl Division {
+    /// The species of a sphere among `count`; two sets are two species.
+    fn species_of(self, index: usize, count: usize) -> u32 {
+        match self {
+            Self::OneSet => 0,
+            Self::TwoSets => u32::from(index >= self.first_set(count)),
+            Self::Species { .. } if index % 7 == 3 => IDLE,
+            Self::Species { .. } => u32::from(index.is_multiple_of(5)),
+        }
+    }
+
+    /// How many of `count` spheres the first of two sets has.
+    fn first_set(self, count: usize) -> usize {
+        count - count / 5
+    }
+
+    /// The side of a sphere among `count`: 0 or 1.
+    pub(crate) fn side(self, index: usize, count: usize) -> usize {
+        usize::from(self.species_of(index, count) == SECOND)
+    }
+
+    /// Returns `true` if a sphere among `count` may pair with some other.
+    pub(crate) fn may_pair(self, index: usize, count: usize) -> bool {
+        self.species_of(index, count) != IDLE
+    }
+
+    /// Returns `true` if spheres of these two sides are compared.
+    pub(crate) fn meets(self, a: usize, b: usize) -> bool {
+        self.meetings() >> (a + b) & 1 == 1
+    }
+
+    fn meetings(self) -> u32 {
+        match self {
+            Self::OneSet => Call::FIRST_WITH_ITSELF,
+            Self::Species { meets_itself: true } => Call::FIRST_WITH_ITSELF | Call::FIRST_WITH_SECOND,
+            Self::TwoSets | Self::Species { .. } => Call::FIRST_WITH_SECOND,
+        }
+    }
+
+    /// Returns `true` if the device reads the species of the spheres.
+    pub(crate) fn has_species(self) -> bool {
+        matches!(self, Self::Species { .. })
+    }
+
+    /// The same call of spheres that are divided in this way.
+    pub(crate) fn divide(self, call: Call) -> Call {
+        let split = if self == Self::TwoSets { self.first_set(call.spheres as usize) as u32 } else { 0 };
+        let species = if self.has_species() { IDLE + 1 } else { 0 };
+        Call { meetings: self.meetings(), interaction: Call::TOUCH, split, species, ..call }
+    }
+
+    /// The species and interactions by which plain functions find the same pairs.
+    pub(crate) fn mixture(self, count: usize) -> Option<SpeciesSetup> {
+        let first = if self.meets(0, 0) { Interaction::Touch } else { Interaction::Never };
+        let never = Interaction::Never;
+        (self != Self::OneSet).then(|| SpeciesSetup {
+            species: self.species(count),
+            rows: vec![vec![first], vec![Interaction::Touch, never], vec![never; 3]],
+        })
+    }
+
+    /// The species of `count` spheres.
+    pub(crate) fn species(self, count: usize) -> Vec<u32> {
+        (0..count).map(|index| self.species_of(index, count)).collect()
+    }
+
+    /// Uploads what kernels read of species, for `count` spheres.
+    ///
+    /// # Errors
+    /// Fails if the device refuses an operation.
+    pub(crate) fn upload(self, own: &GpuDevice, count: usize) -> Result<Species, Error> {
+        // Flags as in `reach.wgsl`: all but the last species touch, the second is on the second side.
+        let reach = [[1_u32, 0], [1 | 2, 0], [4, 0]];
+        let (never, touch) = (-1.0_f32, -2.0_f32);
+        let first = if self.meets(0, 0) { touch } else { never };
+        let table = [[first, touch, never], [touch, never, never], [never; 3]];
+        Ok(Species {
+            species: upload(own, &self.species(count))?,
+            reach: upload(own, &reach)?,
+            table: upload(own, &table)?,
+        })
+    }
+}
+
+/// What kernels read of species.
+pub(crate) struct Species {
+    species: wgpu::Buffer,
+    reach: wgpu::Buffer,
+    table: wgpu::Buffer,
+}
+
+impl Species {
+    /// The buffers by the names of their bindings, followed by others.
+    pub(crate) fn and<'b>(
+        &'b self,
+        others: &[(&'static str, &'b wgpu::Buffer)],
+    ) -> Vec<(&'static str, &'b wgpu::Buffer)> {
+        let own = [("species", &self.species), ("reach", &self.reach), ("table", &self.table)];
+        own.into_iter().chain(others.iter().copied()).collect()
+    }
+}
