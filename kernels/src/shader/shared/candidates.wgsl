@@ -38,10 +38,10 @@ fn is_ordinary() -> bool {
 }
 
 // The test without guards, where all species that meet pair in the same way.
-fn is_ordinary_pair(row: Row, other: u32) -> bool {
+fn is_ordinary_pair(row: Row, other: u32, interaction: f32) -> bool {
     let sphere = sorted[other];
     let d = between(row.sphere.xyz, sphere.xyz);
-    let s = select(call.interaction, row.sphere.w + sphere.w, call.interaction == TOUCH);
+    let s = select(interaction, row.sphere.w + sphere.w, interaction == TOUCH);
     return dot(d, d) <= s * s;
 }
 
@@ -72,7 +72,7 @@ fn is_ordinary() -> bool {
     return list.ordinary != 0u;
 }
 
-fn is_ordinary_pair(row: Row, other: u32) -> bool {
+fn is_ordinary_pair(row: Row, other: u32, interaction: f32) -> bool {
     return is_within_ordinary(row.sphere, sorted[other]);
 }
 
@@ -93,8 +93,9 @@ fn is_of_table(row: Row, other: u32) -> bool {
 fn candidate_hits(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
     var bits = 0u;
     let ordinary_end = select(begin, end, is_ordinary());
+    let interaction = call.interaction;
     for (var number = begin; number < ordinary_end; number++) {
-        let hit = is_ordinary_pair(row, candidate_at(stretches, number));
+        let hit = is_ordinary_pair(row, candidate_at(stretches, number), interaction);
         bits |= select(0u, 1u << (number - begin), hit);
     }
     for (var number = ordinary_end; number < end; number++) {
