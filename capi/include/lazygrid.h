@@ -96,7 +96,7 @@ enum {
     LAZYGRID_ERROR_INTERNAL = 12
 };
 
-/* Where to search. AUTO takes a real GPU if there is one, else the CPU; decided when a detector is made. */
+/* Where to search. AUTO takes a real GPU if there is one and a call has enough spheres, else the CPU. */
 enum { LAZYGRID_BACKEND_AUTO = 0, LAZYGRID_BACKEND_CPU = 1, LAZYGRID_BACKEND_GPU = 2 };
 
 /* How to search. All find the same pairs; AUTO chooses at each call and is right for almost all programs. */

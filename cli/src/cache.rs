@@ -29,6 +29,8 @@ struct Entry {
     radix_from: Option<u32>,
     #[serde(default)]
     skin: Option<Skin>,
+    #[serde(default)]
+    device_from: Option<u32>,
 }
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -109,20 +111,21 @@ fn checked(kept: Kept) -> io::Result<Kept> {
 
 impl Entry {
     fn calibration(self) -> Option<Calibration> {
-        let Self { adapter, driver, lazygrid: version, naive_below, per_class, radix_from, skin } = self;
+        let Self { adapter, driver, lazygrid: version, naive_below, per_class, .. } = self;
         let crossover = Crossover::new(naive_below, per_class);
-        let (radix_from, skin) = (radix_from?, skin?.into());
-        Some(Calibration::new([adapter, driver, version], crossover, radix_from, skin))
+        let (radix_from, skin, device_from) = (self.radix_from?, self.skin?.into(), self.device_from?);
+        Some(Calibration::new([adapter, driver, version], crossover, radix_from, skin, device_from))
     }
 }
 
 impl From<Calibration> for Entry {
     fn from(measured: Calibration) -> Self {
-        let Calibration { adapter, driver, version: lazygrid, crossover, radix_from, skin, .. } = measured;
+        let Calibration { adapter, driver, version: lazygrid, crossover, skin, .. } = measured;
         let Crossover { naive_below, per_class, .. } = crossover;
         let SkinCosts { search, find, keep, measure, test, call } = skin;
         let skin = Some(Skin { search, find, keep, measure, test, call });
-        Self { adapter, driver, lazygrid, naive_below, per_class, radix_from: Some(radix_from), skin }
+        let [radix_from, device_from] = [measured.radix_from, measured.device_from].map(Some);
+        Self { adapter, driver, lazygrid, naive_below, per_class, radix_from, skin, device_from }
     }
 }
 
@@ -152,7 +155,9 @@ mod tests {
         ] {
             let [adapter, driver, lazygrid] = [(); 3].map(|()| String::new());
             let radix_from = Some(1 << 19);
-            let entry = Entry { adapter, driver, lazygrid, naive_below, per_class, radix_from, skin };
+            let device_from = Some(4096);
+            let entry =
+                Entry { adapter, driver, lazygrid, naive_below, per_class, radix_from, skin, device_from };
             let has_skin = entry.skin.is_some();
             let kept = checked(Kept { calibrations: vec![entry] });
             assert_eq!(kept.is_ok(), good, "{naive_below}, {per_class}, {has_skin}");

@@ -36,9 +36,13 @@ pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), Failure> {
     };
     let gpu::SkinCosts { search, find, keep, measure, test, call } = measured.skin;
     let (call, radix_from) = (call / 1e3, measured.radix_from);
+    let device = match measured.device_from {
+        u32::MAX => "the CPU answers earlier than this adapter, however many spheres there are".to_owned(),
+        from => format!("the CPU answers earlier than this adapter below {from} spheres"),
+    };
     print(format!(
         "\nall pairs are tested of fewer than {naive_below} spheres{further};\ncell lists are sorted by radix from \
-        {radix_from} spheres on\n\n\
+        {radix_from} spheres on;\n{device}\n\n\
         nanoseconds for each sphere: {search:.3} to search, {keep:.3} to keep where it was, {measure:.3} to measure how far \
         it has gone;\nfor each candidate: {find:.3} to find, {test:.3} to test; {call:.1} microseconds more for a call that \
         keeps some\n\nkept in {}\n",

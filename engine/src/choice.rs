@@ -4,7 +4,7 @@
 use lazygrid_kernels::Algorithm;
 
 #[cfg(feature = "gpu")]
-use crate::gpu::{AdapterId, Calibration, Crossover, GpuConfig, SkinCosts};
+use crate::gpu::{AdapterId, AdapterSummary, Calibration, Crossover, GpuConfig, SkinCosts};
 use crate::{Backend, Error};
 
 /// The algorithm of a GPU if there are too many spheres to test all pairs.
@@ -42,6 +42,7 @@ pub(crate) fn backend<D>(
         Err(unknown @ Error::UnknownAdapter { .. }) => Err(unknown),
         Err(error) => Err(Error::GpuUnavailable { reason: error.to_string() }),
     };
+    let is_per_call = is_per_call(asked, algorithm);
     match asked {
         Backend::Cpu if !on_cpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
         Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
@@ -51,11 +52,29 @@ pub(crate) fn backend<D>(
         Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
         Backend::Auto if !on_cpu => insist(&format!("{algorithm} runs there only"), open(true)),
         Backend::Auto => Ok(match open(false) {
+            Ok((name, device)) if is_per_call => {
+                (Some(device), format!("GPU {name} or the CPU: by the number of spheres"))
+            }
             Ok((name, device)) => (Some(device), format!("GPU {name}: a real GPU")),
             Err(Error::NoAdapter { reason }) => (None, format!("CPU: no hardware GPU ({reason})")),
             Err(error) => (None, format!("CPU: {error}")),
         }),
         unknown => Err(Error::NotOnBackend { algorithm, backend: unknown }),
+    }
+}
+
+/// Returns `true` if each call chooses between the CPU and the device that [`backend`] opened.
+pub(crate) fn is_per_call(asked: Backend, algorithm: Algorithm) -> bool {
+    asked == Backend::Auto && matches!(algorithm, Algorithm::Auto | Algorithm::CellList)
+}
+
+/// The backend of a call for this number of spheres in the host's memory, and why.
+#[cfg(feature = "gpu")]
+pub(crate) fn per_call(spheres: u64, known: &Known) -> (Backend, String) {
+    let Known { device_from, how, .. } = *known;
+    match spheres < u64::from(device_from) {
+        true => (Backend::Cpu, format!("CPU: {spheres} spheres are fewer than {device_from} ({how})")),
+        false => (Backend::Gpu, format!("GPU: {spheres} spheres are at least {device_from} ({how})")),
     }
 }
 
@@ -69,6 +88,8 @@ pub(crate) struct Known {
     pub(crate) radix_from: u32,
     /// The costs of keeping a candidate list.
     pub(crate) skin: SkinCosts,
+    /// From how many spheres on the device answers earlier than the CPU.
+    pub(crate) device_from: u32,
     /// The source of these numbers, for reasons in reports.
     pub(crate) how: &'static str,
 }
@@ -76,9 +97,14 @@ pub(crate) struct Known {
 #[cfg(feature = "gpu")]
 impl Known {
     /// The assumptions about an adapter that was not measured.
-    pub(crate) const fn assumed(is_hardware: bool) -> Self {
-        let crossover = Crossover::assumed(is_hardware);
-        let (radix_from, skin, how) = match is_hardware {
+    pub(crate) const fn assumed(adapter: &AdapterSummary) -> Self {
+        let crossover = Crossover::assumed(adapter.is_hardware);
+        let device_from = match adapter {
+            AdapterSummary { is_hardware: false, .. } => u32::MAX,
+            AdapterSummary { is_integrated: true, .. } => Calibration::INTEGRATED_DEVICE_FROM,
+            _ => Calibration::DEVICE_FROM,
+        };
+        let (radix_from, skin, how) = match adapter.is_hardware {
             true => {
                 (GpuConfig::RADIX_FROM, SkinCosts::HARDWARE, "assumed of a GPU, not measured on this adapter")
             }
@@ -88,19 +114,19 @@ impl Known {
                 "assumed of a software adapter, not measured on this one",
             ),
         };
-        Self { crossover, radix_from, skin, how }
+        Self { crossover, radix_from, skin, device_from, how }
     }
 }
 
 /// Returns the costs of an adapter, by calibrations or by assumption.
 #[cfg(feature = "gpu")]
-pub(crate) fn known(calibrations: &[Calibration], adapter: &crate::gpu::AdapterSummary) -> Known {
+pub(crate) fn known(calibrations: &[Calibration], adapter: &AdapterSummary) -> Known {
     let same = |known: &&Calibration| known.is_of(adapter);
     match calibrations.iter().rev().find(same) {
-        Some(&Calibration { crossover, radix_from, skin, .. }) => {
-            Known { crossover, radix_from, skin, how: "measured on this adapter" }
+        Some(&Calibration { crossover, radix_from, skin, device_from, .. }) => {
+            Known { crossover, radix_from, skin, device_from, how: "measured on this adapter" }
         }
-        None => Known::assumed(adapter.is_hardware),
+        None => Known::assumed(adapter),
     }
 }
 
@@ -156,7 +182,6 @@ pub(crate) fn one_level(ran: Algorithm, chosen: Algorithm) -> String {
 #[cfg(all(test, feature = "gpu"))]
 mod tests {
     use super::*;
-    use crate::gpu::AdapterSummary;
     use crate::gpu::adapter::card;
 
     const NONE: Error = Error::NoAdapter { reason: String::new() };
@@ -178,12 +203,12 @@ mod tests {
         let gpu_only = || Error::NotOnBackend { algorithm: LazyGrid, backend: Backend::Cpu };
         let unavailable = || Error::GpuUnavailable { reason: NONE.to_string() };
         for (asked, algorithm, machine, expected) in [
-            (Backend::Auto, Auto, "gpu", Ok("GPU gpu: a real GPU")),
+            (Backend::Auto, Auto, "gpu", Ok("GPU gpu or the CPU: by the number of spheres")),
             (Backend::Auto, ArrayGrid, "gpu", Ok("GPU gpu: a real GPU")),
             (Backend::Auto, Auto, "software", Ok("CPU: no hardware GPU")),
             (Backend::Auto, Auto, "none", Ok("CPU: no hardware GPU")),
             (Backend::Auto, HashGrid, "gpu", Ok("CPU: hash-grid runs there only")),
-            (Backend::Auto, CellList, "gpu", Ok("GPU gpu: a real GPU")),
+            (Backend::Auto, CellList, "gpu", Ok("GPU gpu or the CPU: by the number of spheres")),
             (Backend::Auto, CellList, "software", Ok("CPU: no hardware GPU")),
             (Backend::Cpu, Auto, "gpu", Ok("CPU: asked for")),
             (Backend::Cpu, Naive, "none", Ok("CPU: asked for")),
@@ -332,6 +357,7 @@ mod tests {
             crossover: Crossover { naive_below, per_class: 0 },
             radix_from: 1000 * naive_below,
             skin: SkinCosts { call: naive_below as f32, ..SkinCosts::SOFTWARE },
+            device_from: 10 * naive_below,
         };
         let version = env!("CARGO_PKG_VERSION");
         let others = [
@@ -342,13 +368,18 @@ mod tests {
         let assumed = known(&others, &adapter);
         assert!(assumed.crossover == Crossover::HARDWARE && assumed.skin == SkinCosts::HARDWARE);
         assert!(assumed.how.contains("not measured"), "{assumed:?}");
+        assert_eq!(per_call(4095, &assumed).0, Backend::Cpu);
+        assert_eq!(per_call(4096, &assumed).0, Backend::Gpu);
+        let integrated = known(&others, &AdapterSummary { is_integrated: true, ..adapter.clone() });
+        assert_eq!(integrated.device_from, Calibration::INTEGRATED_DEVICE_FROM);
         let software = AdapterSummary { is_hardware: false, ..adapter.clone() };
         let assumed = known(&[], &software);
         assert!(assumed.crossover == Crossover::SOFTWARE && assumed.skin == SkinCosts::SOFTWARE);
+        assert_eq!(per_call(1_000_000_000, &assumed).0, Backend::Cpu);
         let own = [4, 5].map(|naive_below| measured("Card", "driver 1", version, naive_below));
         // The last word counts.
         let last = known(&[&others[..], &own].concat(), &adapter);
         assert!(last.crossover.naive_below == 5 && last.skin.call == 5.0, "{last:?}");
-        assert_eq!(last.radix_from, 5000);
+        assert_eq!((last.radix_from, last.device_from), (5000, 50));
     }
 }

@@ -6,7 +6,7 @@ use lazygrid_kernels::{MAX_SPHERES, Pair, Query};
 
 use crate::geometry::Geometry;
 #[cfg(feature = "gpu")]
-use crate::gpu::{DeviceBackend, GpuDevice};
+use crate::gpu::{AutoBackend, DeviceBackend, GpuDevice};
 use crate::{Config, Error, ListOptions, NeighborList, Report, choice};
 
 /// All pairs of overlapping spheres, in canonical order, with default settings.
@@ -52,7 +52,7 @@ impl EngineBackend for HostBackend {
 /// Finds pairs on the backend of a detector.
 pub(crate) type Engine = PairFinder<Box<dyn EngineBackend>>;
 
-/// The device that `config` asks for, or the CPU; and why.
+/// The device that `config` asks for, the CPU, or both; and why.
 #[cfg(feature = "gpu")]
 fn engine(config: Config) -> Result<(Engine, String), Error> {
     let open = |software| {
@@ -65,6 +65,9 @@ fn engine(config: Config) -> Result<(Engine, String), Error> {
     let asked = choice::meant(config.backend, config.adapter.as_ref())?;
     let (own, reason) = choice::backend(asked, config.settings.algorithm, open)?;
     let backend: Box<dyn EngineBackend> = match own {
+        Some(own) if choice::is_per_call(asked, config.settings.algorithm) => {
+            Box::new(AutoBackend::new(own, config)?)
+        }
         Some(own) => Box::new(DeviceBackend::new(own, config)?),
         None => Box::new(HostBackend::new(config.settings)?),
     };
@@ -80,7 +83,8 @@ fn engine(config: Config) -> Result<(Engine, String), Error> {
 }
 
 impl Detector {
-    /// A detector with these settings. The backend is decided here, once, and logged.
+    /// A detector with these settings. The backend is decided here and logged; [`Backend::Auto`](crate::Backend::Auto) on a machine
+    /// with a GPU leaves the decision to each call.
     ///
     /// # Errors
     /// [`Error::GpuUnavailable`] where the GPU is asked for by name and cannot be used;

@@ -18,6 +18,8 @@ pub struct AdapterSummary {
     pub api: String,
     /// `true` for hardware; `Backend::Auto` never chooses a software rasterizer.
     pub is_hardware: bool,
+    /// `true` for a GPU that shares the memory of the CPU.
+    pub is_integrated: bool,
     /// Smallest and largest subgroup.
     pub subgroup_sizes: [u32; 2],
     /// `true` if the adapter offers subgroup operations.
@@ -285,6 +287,7 @@ fn summarize(info: wgpu::AdapterInfo, limits: &wgpu::Limits, features: wgpu::Fea
         driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
         api: info.backend.to_string(),
         is_hardware: info.device_type != wgpu::DeviceType::Cpu,
+        is_integrated: info.device_type == wgpu::DeviceType::IntegratedGpu,
         subgroup_sizes: [info.subgroup_min_size, info.subgroup_max_size],
         has_subgroups: features.contains(wgpu::Features::SUBGROUP),
         has_timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
@@ -304,6 +307,7 @@ pub(crate) fn card(name: &str) -> AdapterSummary {
         driver: "driver 1".to_owned(),
         api: "vulkan".to_owned(),
         is_hardware: true,
+        is_integrated: false,
         subgroup_sizes: [32; 2],
         has_subgroups: true,
         has_timestamps: true,

@@ -1,6 +1,7 @@
-//! How many spheres it takes until a grid is faster than all pairs, and sorting by radix than counting, and what it costs to
-//! keep candidates, measured on the device.
+//! How many spheres it takes until a grid is faster than all pairs, sorting by radix than counting and the device than the CPU,
+//! and what it costs to keep candidates, measured on the device.
 
+mod host;
 mod skin;
 mod sort;
 
@@ -82,9 +83,19 @@ pub struct Calibration {
     pub radix_from: u32,
     /// The costs of calls with and without a candidate list.
     pub skin: SkinCosts,
+    /// The number of spheres in the host's memory from which on this device answers earlier than the CPU, with as many threads as
+    /// there are processors; [`u32::MAX`] if it never does. [`Backend::Auto`](crate::Backend::Auto) chooses by it.
+    pub device_from: u32,
 }
 
 impl Calibration {
+    /// Assumed of a GPU with memory of its own that was not measured: a round trip with spheres from the host takes about
+    /// 0.15 ms, in which a thread of the CPU finds the pairs of some 4000 spheres. No GPU has confirmed it.
+    pub const DEVICE_FROM: u32 = 4096;
+    /// Assumed of a GPU that shares the memory of the CPU and was not measured: it has a tenth of the arithmetic of others. No
+    /// GPU has confirmed it.
+    pub const INTEGRATED_DEVICE_FROM: u32 = 1 << 16;
+
     /// Creates the calibration of an adapter, as an application has kept it. `driver` is the driver with its version,
     /// `version` that of this library.
     pub fn new(
@@ -92,8 +103,9 @@ impl Calibration {
         crossover: Crossover,
         radix_from: u32,
         skin: SkinCosts,
+        device_from: u32,
     ) -> Self {
-        Self { adapter, driver, version, crossover, radix_from, skin }
+        Self { adapter, driver, version, crossover, radix_from, skin, device_from }
     }
 
     /// Returns `true` if it was measured on this adapter, with this driver and by this version.
@@ -117,8 +129,8 @@ pub struct Sample {
     pub grid: Duration,
 }
 
-/// Measures on this device where a grid overtakes all pairs, where sorting by radix overtakes counting, and what it costs to keep
-/// candidates, which takes some seconds at most. What is measured of the first is handed to `seen` as it comes.
+/// Measures on this device where a grid overtakes all pairs, where sorting by radix overtakes counting, where the device overtakes
+/// the CPU, and what it costs to keep candidates, which takes some seconds at most. What is measured of the first is handed to `seen` as it comes.
 ///
 /// # Errors
 /// Fails if the device fails.
@@ -144,14 +156,17 @@ pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calib
         Ok(crossing(&times, Crossover::MOST))
     });
     let (one, five) = (one?, five?);
+    let radix_from = sort::radix_from(own)?;
     let per_class = five.saturating_sub(one) / (CLASSES[1] - CLASSES[0]) as u32;
+    let crossover = Crossover { naive_below: one, per_class };
     Ok(Calibration {
         adapter: own.adapter.name.clone(),
         driver: own.adapter.driver.clone(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        crossover: Crossover { naive_below: one, per_class },
-        radix_from: sort::radix_from(own)?,
+        crossover,
+        radix_from,
         skin: skin::measure(own)?,
+        device_from: host::device_from(own, crossover, radix_from)?,
     })
 }
 

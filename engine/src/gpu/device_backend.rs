@@ -32,6 +32,12 @@ pub(crate) struct DeviceBackend {
 
 impl DeviceBackend {
     pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
+        let team = Arc::new(Team::new(config.settings.threads)?);
+        Self::on_team(own, config, team)
+    }
+
+    /// Creates a backend whose host part runs on `team`.
+    pub(crate) fn on_team(own: GpuDevice, config: Config, team: Arc<Team>) -> Result<Self, Error> {
         let settings = config.settings;
         let interactions = searched_table(&settings, settings.is_framed());
         let known = choice::known(&config.calibrations, &own.adapter);
@@ -65,7 +71,6 @@ impl DeviceBackend {
         if let Some(timeout) = config.timeout {
             session.set_timeout(timeout);
         }
-        let team = Arc::new(Team::new(settings.threads)?);
         let mut device = Device { search: Search::new(session), interactions };
         if let Skin::Fixed(distance) = settings.skin {
             device.search.session.set_skin(Some(distance as f32))?;

@@ -5,6 +5,7 @@
 //! blocks. [`GpuSession`] carries spheres and pairs between host and device. [`Cost`] says before a call what it takes.
 
 pub(crate) mod adapter;
+mod auto_backend;
 mod calibration;
 mod course;
 mod detector;
@@ -24,6 +25,7 @@ mod slabs;
 mod slot;
 
 pub use adapter::{AdapterId, AdapterSummary, GpuDevice, adapters, wanted_features};
+pub(crate) use auto_backend::AutoBackend;
 pub use calibration::{Calibration, Crossover, Sample, SkinCosts, calibrate};
 pub use detector::{GpuDetector, GpuPairs, GpuSorted, read_outcome};
 pub(crate) use device_backend::DeviceBackend;

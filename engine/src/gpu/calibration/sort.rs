@@ -37,7 +37,7 @@ pub(super) fn radix_from(own: &GpuDevice) -> Result<u32, Error> {
             break;
         }
     }
-    let assumed = Known::assumed(own.adapter.is_hardware).radix_from;
+    let assumed = Known::assumed(&own.adapter).radix_from;
     let is_open = samples.last().is_some_and(|(_, [counted, sorted])| counted < sorted);
     Ok(crossing(&samples, MOST).max(if is_open { assumed } else { 0 }))
 }

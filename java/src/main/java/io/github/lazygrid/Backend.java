@@ -2,7 +2,7 @@ package io.github.lazygrid;
 
 /** Where to search. The order is that of {@code lazygrid.h}. */
 public enum Backend {
-    /** A real GPU if there is one, else the CPU; decided when a detector is made. */
+    /** The CPU, or a real GPU if there is one and a call has enough spheres. */
     AUTO,
     /** The CPU. */
     CPU,

@@ -1,0 +1,110 @@
+use std::sync::Arc;
+
+use lazygrid_host::{HostBackend, Phase, SearchBackend, Settings, Team, Work};
+use lazygrid_kernels::Query;
+
+use super::{DeviceBackend, GpuDevice};
+use crate::choice::{self, Known};
+use crate::detector::EngineBackend;
+use crate::{Backend, Config, Error, Report};
+
+/// The CPU and a device. Each call runs where it is expected to be answered earlier, by the number of its spheres.
+#[derive(Debug)]
+pub(crate) struct AutoBackend {
+    host: HostBackend,
+    device: DeviceBackend,
+    known: Known,
+    /// The backend of the last call, never `Auto`, and why.
+    chosen: (Backend, String),
+}
+
+impl AutoBackend {
+    pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
+        let known = choice::known(&config.calibrations, &own.adapter);
+        let host = HostBackend::new(config.settings.clone())?;
+        let device = DeviceBackend::on_team(own, config, Arc::clone(host.team()))?;
+        Ok(Self { host, device, known, chosen: (Backend::Gpu, String::new()) })
+    }
+
+    /// The backend of the last call.
+    fn last(&self) -> &dyn EngineBackend {
+        if self.chosen.0 == Backend::Cpu { &self.host } else { &self.device }
+    }
+}
+
+impl EngineBackend for AutoBackend {
+    fn report(&self) -> Report {
+        let mut report = self.last().report();
+        let (_, why) = &self.chosen;
+        report.reason = match report.reason.as_str() {
+            "" => why.clone(),
+            reason => format!("{why}; {reason}"),
+        };
+        report
+    }
+
+    fn memory_for(&self, spheres: u64) -> u64 {
+        // Buffers of smaller calls are kept.
+        let on_host = self.host.memory_for(spheres.min(u64::from(self.known.device_from)));
+        match choice::per_call(spheres, &self.known).0 {
+            Backend::Cpu => on_host,
+            _ => on_host.saturating_add(self.device.memory_for(spheres)),
+        }
+    }
+}
+
+impl SearchBackend for AutoBackend {
+    fn settings(&self) -> &Settings {
+        self.host.settings()
+    }
+
+    fn team(&self) -> &Arc<Team> {
+        self.host.team()
+    }
+
+    fn report_mut(&mut self) -> (&mut u64, &mut Vec<Phase>) {
+        match self.chosen.0 {
+            Backend::Cpu => self.host.report_mut(),
+            _ => self.device.report_mut(),
+        }
+    }
+
+    fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
+        self.chosen = choice::per_call(query.len() as u64, &self.known);
+        log::debug!("{}", self.chosen.1);
+        match self.chosen.0 {
+            Backend::Cpu => self.host.search(query, work),
+            _ => self.device.search(query, work),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::{Algorithm, Sphere};
+
+    use super::*;
+    use crate::detector::Engine;
+    use crate::gpu::{Calibration, Crossover, SkinCosts};
+
+    #[test]
+    fn calls_run_where_they_are_answered_earlier() {
+        let Ok(own) = GpuDevice::shared(true) else { return };
+        let names = [&own.adapter.name, &own.adapter.driver, env!("CARGO_PKG_VERSION")].map(str::to_owned);
+        let known = Calibration::new(names, Crossover::SOFTWARE, 1 << 19, SkinCosts::SOFTWARE, 100);
+        let backend = AutoBackend::new(own, Config::default().calibration([known])).expect("valid settings");
+        let mut engine = Engine::on(Box::new(backend));
+        let spheres: Vec<Sphere> = (0..200).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.5)).collect();
+        for (count, expected) in
+            [(200, Backend::Gpu), (99, Backend::Cpu), (100, Backend::Gpu), (2, Backend::Cpu)]
+        {
+            assert_eq!(engine.count(&spheres[..count]), Ok(count as u64 - 1), "{count}");
+            let report = engine.backend().report();
+            assert_eq!((report.backend, report.spheres), (expected, count as u64), "{report:?}");
+            assert_eq!(report.pairs, count as u64 - 1, "{report:?}");
+            assert!(report.algorithm != Algorithm::Auto && report.reason.contains("100"), "{report:?}");
+        }
+        let [few, many] = [99, 100].map(|spheres| engine.backend().memory_for(spheres));
+        assert!(0 < few && few < many, "{few}, {many}");
+    }
+}
