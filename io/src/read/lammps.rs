@@ -118,6 +118,11 @@ impl Lammps {
                 let word = words.next().ok_or_else(|| line.unexpected("the bounds of the box"))?;
                 *value = line.number("box bound", word)?;
             }
+            let [low, high, ..] = *row;
+            if !matches!(style, Style::Edges) && high < low {
+                let rule = "the high bound of an axis must not be less than the low one, which comes first";
+                return Err(line.refuse("high", high.to_string().as_bytes(), rule));
+            }
         }
         let (corner, edges) = style.box_of(rows);
         Ok(Bounds { corner, cell: Cell { edges, periodic }, place })

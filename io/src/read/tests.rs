@@ -237,6 +237,10 @@ fn lammps_refusals_name_line_and_value() {
             "ITEM: NUMBER OF ATOMS\n1\nITEM: ATOMS xs ys zs radius\n0 0 0 1\n".into(),
             "line 3: expected ITEM: BOX BOUNDS before scaled coordinates, found 'ITEM: ATOMS xs ys zs radius'".into(),
         ),
+        (
+            dump("pp pp pp\n0 1\n1 0.5\n0 1", "x y z radius", "0 0 0 1"),
+            "line 7: high is 0.5; the high bound of an axis must not be less than the low one, which comes first".into(),
+        ),
         (dump(cube, "x y radius", ""), "line 9: expected a column `z`, found columns x, y, radius".into()),
         (dump(cube, "x y z radius", "0 0 inf 1"), format!("line 10: z is inf; {finite}")),
         (dump(cube, "x y z diameter", "0 0 0 -1"), "line 10: diameter is -1; radii must not be negative".into()),
