@@ -11,6 +11,8 @@
 # Tint, which looks at every WGSL text, is among all tests where it is installed: `npm ci --prefix kernels/tint`.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
+# Mesa's driver complains in each process where this is not set.
+export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-/tmp}
 
 say() { echo "test.sh: $*" >&2; }
 
