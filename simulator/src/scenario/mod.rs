@@ -79,7 +79,9 @@ impl Scenario {
         let placed = |Problem { span, key, message }: Problem| {
             let start = span.map_or(0, |span| span.start);
             let (line, found) = place(&text, start);
-            Error::Scenario { path: path.to_owned(), line, key: key.unwrap_or(found), message }
+            let key = excerpt(&key.unwrap_or(found));
+            let message = shortened(&message, MOST_SHOWN);
+            Error::Scenario { path: path.to_owned(), line, key, message }
         };
         let file = toml::from_str::<file::File>(&text).map_err(|error| placed(error.into()))?;
         let resolve::Resolved { model, steps, seed, output, advice } =
@@ -132,6 +134,22 @@ impl From<toml::de::Error> for Problem {
             ["missing field `", "unknown field `"].iter().find_map(|start| message.strip_prefix(start));
         let key = named.and_then(|rest| rest.split_once('`')).map(|(key, _)| key.to_owned());
         Self { span: error.span(), key, message }
+    }
+}
+
+/// The most characters of a message: those of the parser quote whatever the file has.
+const MOST_SHOWN: usize = 800;
+
+/// The first characters of what a file has, short enough to be quoted in a message.
+fn excerpt(text: &str) -> String {
+    shortened(text, 60)
+}
+
+/// The text, or as many of its first characters, followed by an ellipsis.
+fn shortened(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
     }
 }
 

@@ -11,7 +11,7 @@ use std::ops::Range;
 use toml::Spanned;
 
 use super::file::{self, File, Finite};
-use super::{Output, Problem, advice};
+use super::{Output, Problem, advice, excerpt};
 use crate::model::{Contact, Model, Species};
 
 /// The contents of a file.
@@ -106,6 +106,7 @@ impl Names<'_> {
         let place = self.0.iter().position(|species| species.name == name).map(|place| place as u32);
         place.ok_or_else(|| {
             let known = self.0.iter().map(|species| species.name.as_str()).collect::<Vec<_>>().join(", ");
+            let (name, known) = (excerpt(name), excerpt(&known));
             Problem::at(span, format!("there is no species '{name}'; there are {known}"))
         })
     }
@@ -117,8 +118,16 @@ impl Names<'_> {
     /// The species on both sides of `A + B -> C`.
     fn equation(&self, equation: &Spanned<String>) -> Result<[Vec<u32>; 2], Problem> {
         let (text, span) = (equation.get_ref(), equation.span());
+        let shown = excerpt(text);
+        if let Some((left, right)) = text.split_once("<->") {
+            let [left, right] = [left, right].map(|side| excerpt(side.trim()));
+            let message = format!(
+                "'{shown}' goes both ways; write a reaction for each: '{left} -> {right}' and '{right} -> {left}'"
+            );
+            return Err(Problem::at(span, message));
+        }
         let Some((left, right)) = text.split_once("->") else {
-            return Err(Problem::at(span, format!("'{text}' has no '->'; write it as in 'A + B -> C'")));
+            return Err(Problem::at(span, format!("'{shown}' has no '->'; write it as in 'A + B -> C'")));
         };
         let side = |side: &str| -> Result<Vec<u32>, Problem> {
             let names = side.split('+').map(str::trim).filter(|name| !name.is_empty() && *name != "0");

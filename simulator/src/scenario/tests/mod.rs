@@ -109,6 +109,13 @@ fn a_mistake_is_named_by_line_and_key() {
         ),
         ("acid + base -> base", "acid -> base", 22, "equation", "must have two reactants"),
         ("acid + base -> base", "acid + base", 22, "equation", "no '->'"),
+        (
+            "acid + base -> base",
+            "acid <-> base",
+            22,
+            "equation",
+            "'acid <-> base' goes both ways; write a reaction for each: 'acid -> base' and 'base -> acid'",
+        ),
         ("acid + base -> base", "acid + base -> base + acid", 22, "equation", "changes nothing"),
         ("binding-radius = 1.5", "rate = 1.5", 24, "probability", "goes with binding-radius"),
         ("probability = 0.5", "probability = 1.5", 24, "probability", "1.5 is not a probability"),
@@ -124,6 +131,22 @@ fn a_mistake_is_named_by_line_and_key() {
         let error = parse(&text).expect_err(wrong).to_string();
         assert!(error.starts_with(&format!("s.toml, line {line}, `{key}`: ")), "{wrong}: {error}");
         assert!(error.contains(message) && !error.contains('\n'), "{wrong}: {error}");
+    }
+}
+
+#[test]
+fn messages_do_not_grow_with_the_file() {
+    let long = "acid + ".repeat(5000);
+    let dotted = "a.".repeat(50_000) + "a";
+    for (right, wrong) in [
+        ("acid + base -> base", format!("{long}acid")),
+        ("acid + base -> base", format!("{long}acid <-> {long}base")),
+        ("acid + base -> base", format!("acid + {} -> base", "x".repeat(10_000))),
+        ("time-step", format!("{dotted} = 1\ntime-step")),
+    ] {
+        let text = GOOD.replacen(right, &wrong, 1);
+        let error = parse(&text).expect_err("a mistake").to_string();
+        assert!(error.chars().count() < 1000, "{} characters: {error}", error.len());
     }
 }
 
