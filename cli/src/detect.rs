@@ -88,8 +88,10 @@ fn refuse_input(args: &Detect, output: &Output) -> Result<(), Failure> {
     let refused = match output.path {
         None => same(Handle::stdout()).then(|| output.name().to_owned()),
         Some(_) => {
+            // To open a FIFO would wait for its other end.
+            let is_file = |file: &_| std::fs::metadata(file).is_ok_and(|metadata| metadata.is_file());
             let files = output.files(args.neighbors, args.ids);
-            files.into_iter().find(|file| same(Handle::from_path(file)))
+            files.into_iter().filter(is_file).find(|file| same(Handle::from_path(file)))
         }
     };
     let input = || input::name(&args.file).to_owned();

@@ -1,5 +1,5 @@
 use std::fmt;
-
+use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -12,18 +12,26 @@ use crate::Error;
 #[must_use = "a draft that is not published disappears"]
 pub struct Draft {
     path: PathBuf,
-    /// None for standard output, which has no name to be given.
+    /// None for standard output, and for FIFOs and devices, which cannot be replaced by a file.
     temporary: Option<Temporary>,
     out: Box<dyn Encoder>,
 }
 
 impl Draft {
-    /// An empty draft of the file at `path`. Takes away what killed processes left in the directory.
+    /// An empty draft of the file at `path`. Takes away what killed processes left in the directory. If there is a FIFO or a device
+    /// at `path`, everything goes there at once.
     ///
     /// # Errors
     /// [`Error::Write`] where the directory takes no new file.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self, Error> {
         let path = path.into();
+        if fs::metadata(&path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
+            let opened = File::options().write(true).open(&path).and_then(|file| encoder(&path, file));
+            return match opened {
+                Ok(out) => Ok(Self { path, temporary: None, out }),
+                Err(source) => Err(Error::Write { path, source }),
+            };
+        }
         let directory = match path.parent() {
             Some(parent) if parent != Path::new("") => parent,
             _ => Path::new("."),
@@ -78,8 +86,6 @@ pub(super) const STDOUT: &str = "standard output";
 
 #[cfg(test)]
 mod tests {
-    use std::fs::File;
-
     use super::*;
 
     #[test]
@@ -94,6 +100,23 @@ mod tests {
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "new");
         drop(Draft::create(&path).unwrap());
         assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn device_is_not_replaced() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("null.csv");
+        std::os::unix::fs::symlink("/dev/null", &path).unwrap();
+        let mut draft = Draft::create(&path).unwrap();
+        draft.put(|out| out.write_all(b"new")).unwrap();
+        draft.publish().unwrap();
+        assert_eq!(fs::read_link(&path).unwrap(), Path::new("/dev/null"));
+        let full = directory.path().join("full.csv");
+        std::os::unix::fs::symlink("/dev/full", &full).unwrap();
+        let mut draft = Draft::create(&full).unwrap();
+        draft.put(|out| out.write_all(b"fits the buffer")).unwrap();
+        assert!(draft.publish().unwrap_err().to_string().contains("No space left"));
     }
 
     #[test]

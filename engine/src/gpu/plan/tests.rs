@@ -158,7 +158,7 @@ fn a_cell_list_is_small_and_has_few_dispatches() {
         (spheres, plan.bytes() / u64::from(spheres), plan.stages.len())
     });
     let expected = [
-        (2000, 46, 6),
+        (2000, 47, 6),
         (10_000, 44, 8),
         (400_000, 49, 12),
         (1_000_000, 42, 18),
