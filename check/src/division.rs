@@ -7,7 +7,7 @@ use lazygrid_kernels::layout::Call;
 use crate::SpeciesSetup;
 use crate::device::upload;
 
-/// How the spheres of a kernel check are divided into sides. All that pair do so by touching.
+/// The division of the spheres of a kernel check into sides. All that pair do so by touching.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Division {
     /// All spheres are on one side.
@@ -37,7 +37,7 @@ impl Division {
         }
     }
 
-    /// How many of `count` spheres the first of two sets has.
+    /// The number of spheres of the first of two sets, of `count` in both.
     fn first_set(self, count: usize) -> usize {
         count - count / 5
     }
@@ -110,7 +110,7 @@ impl Division {
     }
 }
 
-/// What kernels read of species.
+/// The buffers of species that kernels read.
 pub(crate) struct Species {
     species: wgpu::Buffer,
     reach: wgpu::Buffer,

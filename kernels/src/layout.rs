@@ -68,7 +68,7 @@ pub struct Call {
     /// The sides of a cell list that are compared: [`Call::FIRST_WITH_ITSELF`], [`Call::FIRST_WITH_SECOND`] and
     /// [`Call::SECOND_WITH_ITSELF`].
     pub meetings: u32,
-    /// What makes spheres of sides that meet a pair, if it is the same for all: a distance, or [`Call::TOUCH`]; else
+    /// The interaction of all spheres of sides that meet, if it is the same for all: a distance, or [`Call::TOUCH`]; else
     /// [`Call::BY_SPECIES`].
     pub interaction: f32,
 }

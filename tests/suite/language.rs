@@ -26,7 +26,7 @@ const OPENINGS: [&str; 11] =
     ["what", "whether", "where", "how", "who", "why", "which", "those", "as", "of", "by"];
 
 /// The number of comments that still begin with one of them. Lower it with every change that lowers the count.
-const BUDGET: usize = 669;
+const BUDGET: usize = 643;
 
 /// Adds the sources in a folder, except those in build outputs and hidden folders.
 fn add_sources(folder: &Path, sources: &mut Vec<PathBuf>) {

@@ -1,4 +1,4 @@
-//! How many spheres it takes until a grid is faster than all pairs, sorting by radix than counting and the device than the CPU,
+//! The numbers of spheres from which on a grid is faster than all pairs, sorting by radix than counting and the device than the CPU,
 //! and what it costs to keep candidates, measured on the device.
 
 mod host;

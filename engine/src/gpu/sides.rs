@@ -23,7 +23,7 @@ pub(crate) struct Sides {
     pub(crate) of_species: Vec<Side>,
     /// The sides that are compared in a search of one set; see [`Call::meetings`].
     pub(crate) meetings: u32,
-    /// What decides pairs in a search of one set; see [`Call::interaction`].
+    /// The interaction of all pairs in a search of one set; see [`Call::interaction`].
     pub(crate) interaction: f32,
     /// The same for two sets, whatever the sides.
     pub(crate) across_sets: f32,

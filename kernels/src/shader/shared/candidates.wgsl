@@ -18,7 +18,7 @@ struct Row {
 // Places of two spheres in the sorted order.
 var<workgroup> hits: array<vec2<u32>, HITS>;
 var<workgroup> hit_count: atomic<u32>;
-// Whether some thread has candidates left.
+// 1 if some thread has candidates left.
 var<workgroup> some_open: atomic<u32>;
 // Hits gathered, where they go, and whether a further round follows.
 var<workgroup> gathered: vec3<u32>;
@@ -47,8 +47,8 @@ fn is_candidate_pair(row: Row, other: u32) -> bool {
     return is_pair(row.sphere, sorted[other], row.species, sorted_species[other]);
 }
 
-// Whether hits may be of sides that do not meet: listed spheres are candidates of both sides, and the unguarded test does
-// not look at species.
+// Returns `true` if hits may be of sides that do not meet: listed spheres are candidates of both sides, and the unguarded
+// test does not look at species.
 fn mixes_sides() -> bool {
     return call.meetings > 1u && is_ordinary() && starts[list.cells] != starts[list.cells + 1u];
 }
@@ -87,7 +87,7 @@ fn is_of_table(row: Row, other: u32) -> bool {
 }
 #endif
 
-// Which of the candidates `begin..end` pair with the row, one bit each; at most 32. Of two loops one has no turns.
+// The candidates of `begin..end` that pair with the row, one bit each; at most 32. One of the two loops has no turns.
 fn candidate_hits(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
     var bits = 0u;
     let ordinary_end = select(begin, end, is_ordinary());
@@ -106,7 +106,7 @@ fn candidate_hits(row: Row, stretches: Stretches, begin: u32, end: u32) -> u32 {
     return bits;
 }
 
-// Those of the hits that the call asks for: within its window, across its split, and of sides that meet.
+// The hits that the call asks for: within its window, across its split, and of sides that meet.
 fn asked_for(row: Row, stretches: Stretches, first: u32, found: u32) -> u32 {
     var bits = found;
     let all = asks_for_all(list.spheres) && !mixes_sides();
@@ -178,7 +178,7 @@ fn gather_hits(walk: ptr<function, Walk>, row: Row, share: u32) {
     }
 }
 
-// What a pair names the sphere at a place by.
+// The name of the sphere at a place in a pair.
 fn name_of(position: u32) -> u32 {
     var name = position;
     if (call.sorted_pairs == 0u) {

@@ -185,7 +185,7 @@ fn set_looks(level: u32, used: u32) {
     list.level[level].meets_itself = select(0u, 1u, meets(side, side));
 }
 
-// What concerns the call as a whole.
+// Sets the values of the call as a whole.
 fn set_call(count: u32) {
     list.spheres = count;
     list.quanta = quanta;
@@ -211,12 +211,12 @@ fn set_call(count: u32) {
 // Fewer pairs of samples in one cell may be there by chance.
 const TELLING: f32 = 4.0;
 
-// Whether crowds of more than τ spheres may go unseen among so many samples.
+// Returns `true` if so many samples may miss crowds of more than τ spheres.
 fn may_miss(count: u32, samples: u32) -> bool {
     return count > samples && TELLING * f32(count) > f32(call.tau) * f32(samples) * f32(samples);
 }
 
-// Whether no call has left an outcome: each ends with this at 1.
+// Returns `true` if no call has left an outcome: each ends with this at 1.
 fn is_first() -> bool {
     return atomicLoad(&outcome.dispatch_z) == 0u;
 }
@@ -235,7 +235,7 @@ fn sample_cell(number: u32, count: u32) -> u32 {
     return cell_of(image_of(sphere).xyz, side_of(index) * LEVELS);
 }
 
-// Whether smaller spheres leave the crowded cells of level 0: where they would gain from it, and where samples or the
+// Decides whether smaller spheres leave the crowded cells of level 0: where they would gain from it, and where samples or the
 // last call found such cells. Where both may miss some these are looked for.
 fn decide_density(count: u32) {
     var finer = false;
@@ -285,7 +285,7 @@ fn configure(lane: u32) {
     }
     workgroupBarrier();
 
-    // How many spheres are of this class or a larger one.
+    // The number of spheres of this class or a larger one.
     var front = 0u;
     for (var step = 1u; step < CLASSES; step *= 2u) {
         var sum = members[front + lane];
@@ -326,7 +326,7 @@ fn configure(lane: u32) {
     storageBarrier();
     workgroupBarrier();
     if (lane == 0u || (lane == LEVELS && has_two_sides())) {
-        // Of two sides half of the room goes in equal shares to both, half by numbers.
+        // Half of the room goes to two sides in equal shares, half by their numbers of spheres.
         let share = 0.25 + 0.5 * f32(atomicLoad(&on_side[lane / LEVELS])) / f32(max(count, 1u));
         let room = select(call.cells, u32(f32(call.cells) * share * 0x1.ffffp-1), has_two_sides());
         set_level(lane, max(room, 1u));

@@ -1,4 +1,4 @@
-// What the host says about one call. Word 0 is the number of spheres, so that the same buffer can be bound as
+// The parameters of one call. Word 0 is the number of spheres, so that the same buffer can be bound as
 // `count_source` when the host knows the number.
 struct Call {
     // The number of spheres, or the most there may be when the number comes from a buffer.
@@ -21,7 +21,7 @@ struct Call {
     // larger than the output can be taken in parts.
     window_begin: u32,
     window_end: u32,
-    // Which cells hand their smaller spheres down to the next level: 0 none, 1 all, 2 those with more than `tau`.
+    // The cells that hand their smaller spheres down to the next level: 0 none, 1 all, 2 those with more than `tau`.
     refinement: u32,
     tau: u32,
     // Counters in either half of the density table, a power of two.
@@ -46,17 +46,17 @@ struct Call {
     further_shares: u32,
     // 1 where pairs of a cell list are to name places in the order of the cells.
     sorted_pairs: u32,
-    // Which sides of a cell list are compared: bit 0 for spheres of the first with each other, bit 1 for those of the
+    // The sides of a cell list that are compared: bit 0 for spheres of the first with each other, bit 1 for those of the
     // first with those of the second, bit 2 for those of the second with each other.
     meetings: u32,
-    // What makes spheres of sides that meet a pair, if it is the same for all: a distance, or TOUCH; else BY_SPECIES.
+    // The interaction of all spheres of sides that meet, if it is the same for all: a distance, or TOUCH; else BY_SPECIES.
     interaction: f32,
 }
 
 const TOUCH: f32 = -2.0;
 const BY_SPECIES: f32 = -3.0;
 
-// What the spheres are like. Bounds of all valid ones, their widened radii included; floats in an order-preserving
+// The statistics of the spheres. Bounds of all valid ones, their widened radii included; floats in an order-preserving
 // encoding.
 struct Bounds {
     low_x: atomic<u32>,
@@ -70,7 +70,7 @@ struct Bounds {
     radius_max: atomic<u32>,
     // Depths that occur, a bit each.
     depths: atomic<u32>,
-    // How many spheres of each depth go on below the first level.
+    // The number of spheres of each depth that go on below the first level.
     descending: array<atomic<u32>, 32>,
 }
 
@@ -86,7 +86,7 @@ struct Level {
 // cell = floor((position - origin) * inverse_edge * 2^k), with cells of depth 0 limited to low..=high.
 struct Grid {
     origin: vec3<f32>,
-    // How many spheres this call has.
+    // The number of spheres of this call.
     spheres: u32,
     // 0 puts everything into one cell.
     inverse_edge: vec3<f32>,
@@ -125,7 +125,7 @@ struct Outcome {
     spheres: atomic<u32>,
     // The most tiles that one of those blocks is compared with.
     crowded_tiles: atomic<u32>,
-    // Which of those blocks the present part of the crowded search takes.
+    // The blocks that the present part of the crowded search takes.
     crowded_begin: atomic<u32>,
     crowded_end: atomic<u32>,
     // Spheres in the fullest cell that smaller ones had to leave, or would have; 0 where there was none.
@@ -134,7 +134,7 @@ struct Outcome {
     is_sorted: atomic<u32>,
 }
 
-// How many keys there are to sort and how many values to scan.
+// The number of keys to sort and of values to scan.
 struct Lengths {
     items: u32,
     counters: u32,

@@ -10,7 +10,7 @@ const CLASSES: u32 = 256u;
 // Level of the classes that are listed and not put into cells, as they have so few spheres.
 const LISTED: u32 = 255u;
 
-// What the spheres are like. Zero says nothing yet: lower bounds are kept as complements. Bounds are of the centres of
+// The statistics of the spheres. Zero says nothing yet: lower bounds are kept as complements. Bounds are of the centres of
 // valid spheres, floats in an order-preserving encoding.
 struct Survey {
     low: array<atomic<u32>, 3>,
@@ -18,7 +18,7 @@ struct Survey {
     // Complement of the bits of the smallest effective radius.
     smallest: atomic<u32>,
     quarantined: atomic<u32>,
-    // How many spheres of each side each class has, and the bits of the largest radius of each class.
+    // The number of spheres of each side in each class, and the bits of the largest radius of each class.
     members: array<atomic<u32>, 512>,
     largest: array<atomic<u32>, 256>,
 }
@@ -47,7 +47,7 @@ struct ListLevel {
 }
 
 struct List {
-    // How many spheres the call has.
+    // The number of spheres of the call.
     spheres: u32,
     // Cells of all levels. In the table they are followed by one for listed and one for quarantined spheres.
     cells: u32,

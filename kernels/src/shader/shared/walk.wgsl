@@ -22,7 +22,7 @@ struct Walk {
     // The next row and the end of all, counted plane by plane.
     row: u32,
     end: u32,
-    // Whether the rows that come next are taken from the seam on.
+    // `true` if the next rows are taken from the seam on.
     beyond: bool,
     // Levels that it has still to enter, a bit each.
     levels: u32,
@@ -31,7 +31,7 @@ struct Walk {
     passed: u32,
 }
 
-// How many rows are looked through at once.
+// The number of rows that are searched at once.
 const ROWS_AT_ONCE: u32 = 5u;
 
 // A row of cells.
@@ -51,7 +51,7 @@ struct Stretches {
     last_until: u32,
     last_shifts: vec2<u32>,
     total: u32,
-    // Whether the rows go on beyond the seam.
+    // `true` if the rows go on beyond the seam.
     wraps: bool,
 }
 
