@@ -15,8 +15,6 @@ use crate::{Random, TestInput, periodic};
 
 /// Capacity of the cell table in tests.
 pub(crate) const CELL_CAPACITY: u32 = 4096;
-/// Levels of each side.
-pub(crate) const LEVELS: usize = 16;
 /// The level number of size classes that have no cells: their spheres are kept in a list.
 pub(crate) const LISTED: usize = 255;
 /// The largest occupancy of a coarse cell before smaller spheres move to a finer level.
@@ -228,7 +226,7 @@ impl ConfiguredCellList {
 
     /// The first level of a sphere's side.
     fn first_level(&self, id: usize) -> usize {
-        LEVELS * self.division.side(id, self.scenario.spheres.len())
+        List::LEVELS * self.division.side(id, self.scenario.spheres.len())
     }
 
     /// The cell of a sphere at the first level of its side; `None` if it does not pair or is listed.

@@ -2,7 +2,7 @@
 
 use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid::{Error, Interaction};
-use lazygrid_kernels::layout::Call;
+use lazygrid_kernels::layout::{Call, SpeciesReach};
 
 use crate::SpeciesSetup;
 use crate::device::upload;
@@ -97,9 +97,10 @@ impl Division {
     /// # Errors
     /// Fails if the device refuses an operation.
     pub(crate) fn upload(self, own: &GpuDevice, count: usize) -> Result<Species, Error> {
-        // Flags as in `reach.wgsl`: all but the last species touch, the second is on the second side.
-        let reach = [[1_u32, 0], [1 | 2, 0], [4, 0]];
-        let (never, touch) = (-1.0_f32, -2.0_f32);
+        let touches = SpeciesReach::TOUCHES;
+        let flags = [touches, touches | SpeciesReach::SECOND_SIDE, SpeciesReach::IDLE];
+        let reach = flags.map(|flags| SpeciesReach { flags, half: 0.0 });
+        let (never, touch) = (Call::NEVER, Call::TOUCH);
         let first = if self.meets(0, 0) { touch } else { never };
         let table = [[first, touch, never], [touch, never, never], [never; 3]];
         Ok(Species {

@@ -5,11 +5,9 @@ use bytemuck::Zeroable;
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid_kernels::kernel as k;
-use lazygrid_kernels::layout::{Call, Lengths, Pass, Survey};
+use lazygrid_kernels::layout::{Call, Lengths, List, Pass, Survey};
 
-use crate::cells::{
-    CELL_CAPACITY, CellListCase, ConfiguredCellList, LEVELS, LISTED, TAU, cases, level_of, numbers,
-};
+use crate::cells::{CELL_CAPACITY, CellListCase, ConfiguredCellList, LISTED, TAU, cases, level_of, numbers};
 use crate::device::{download, run, upload, upload_one};
 use crate::division::Division;
 use crate::kernels::{KernelError, same};
@@ -83,7 +81,7 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
             same(what, &own.cells.to_array().iter().all(|&cells| cells == 1 || cells > 2), &true)?;
             let edge = list.quanta as f32 / own.scale;
             let edges = (64..=127).contains(&list.quanta)
-                && own.scale == list.level[0].scale * ((level % LEVELS) as f32).exp2()
+                && own.scale == list.level[0].scale * ((level % List::LEVELS) as f32).exp2()
                 && (2.0 * own.reach..2.1 * own.reach).contains(&edge);
             same(what, &edges, &true)?;
             // At the coordinate `far`, the number of quanta reaches 2³⁰.
@@ -118,12 +116,13 @@ fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     let used = || (0..list.level.len()).filter(|level| list.levels >> level & 1 == 1);
     for a in used() {
         let what = |b: usize| format!("levels {a} and {b} of {:b}, {case:?}", list.levels);
-        let meets = |b: usize| u32::from(case.division.meets(a / LEVELS, b / LEVELS));
+        let meets = |b: usize| u32::from(case.division.meets(a / List::LEVELS, b / List::LEVELS));
         same(|| what(a), &(list.level[a].meets_itself, looks(a, a)), &(meets(a), 0))?;
         same(|| what(a), &(list.level[a].looked_at & !list.levels), &0)?;
         for b in used().filter(|&b| b > a) {
             same(|| what(b), &(looks(a, b) + looks(b, a)), &meets(b))?;
-            let is_coarser = |from: usize, at: usize| looks(from, at) == 0 || at % LEVELS <= from % LEVELS;
+            let is_coarser =
+                |from: usize, at: usize| looks(from, at) == 0 || at % List::LEVELS <= from % List::LEVELS;
             same(|| what(b), &(is_coarser(a, b) && is_coarser(b, a)), &true)?;
         }
     }
@@ -142,7 +141,7 @@ fn neighbours_are_near(chosen: &ConfiguredCellList, case: CellListCase) -> Resul
             continue;
         }
         let own = if levels[0] == levels[1] && list.is_dense != 0 { levels[0] } else { 0 };
-        for level in [0, own, LEVELS, LEVELS + own] {
+        for level in [0, own, List::LEVELS, List::LEVELS + own] {
             if list.level[level].cells.x == 0 {
                 continue;
             }

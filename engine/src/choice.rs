@@ -42,7 +42,6 @@ pub(crate) fn backend<D>(
         Err(unknown @ Error::UnknownAdapter { .. }) => Err(unknown),
         Err(error) => Err(Error::GpuUnavailable { reason: error.to_string() }),
     };
-    let is_per_call = is_per_call(asked, algorithm);
     match asked {
         Backend::Cpu if !on_cpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
         Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
@@ -52,7 +51,7 @@ pub(crate) fn backend<D>(
         Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
         Backend::Auto if !on_cpu => insist(&format!("{algorithm} runs there only"), open(true)),
         Backend::Auto => Ok(match open(false) {
-            Ok((name, device)) if is_per_call => {
+            Ok((name, device)) if is_per_call(asked, algorithm) => {
                 (Some(device), format!("GPU {name} or the CPU: by the number of spheres"))
             }
             Ok((name, device)) => (Some(device), format!("GPU {name}: a real GPU")),

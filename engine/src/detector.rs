@@ -197,10 +197,7 @@ impl Detector {
     pub fn report(&self) -> Report {
         let geometry = self.geometry.report().cloned();
         let mut report = geometry.unwrap_or_else(|| self.engine.backend().report());
-        report.reason = match report.reason.as_str() {
-            "" => self.backend_reason.clone(),
-            reason => format!("{}; {reason}", self.backend_reason),
-        };
+        report.precede(&self.backend_reason);
         report
     }
 

@@ -45,6 +45,16 @@ impl From<&lazygrid_host::Report> for Report {
     }
 }
 
+impl Report {
+    /// Puts a reason in front of the others.
+    pub(crate) fn precede(&mut self, why: &str) {
+        self.reason = match self.reason.as_str() {
+            "" => why.to_owned(),
+            reason => format!("{why}; {reason}"),
+        };
+    }
+}
+
 #[cfg(feature = "gpu")]
 impl Report {
     /// Starts the report of a call.

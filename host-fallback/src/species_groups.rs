@@ -88,13 +88,28 @@ impl Partition {
 
     /// The division of all species of a table by the species with which they pair.
     pub fn of_table(table: &Interactions) -> Self {
-        let present: Vec<u32> = (0..table.species()).collect();
+        let all: Vec<u32> = (0..table.species()).collect();
+        let [by_partners, _] = Self::of_present(&all, table);
+        by_partners
+    }
+
+    /// Two divisions of the species `present`: by their partners among these, and with all that pair in one group.
+    fn of_present(present: &[u32], table: &Interactions) -> [Self; 2] {
         if present.len() > MAX_PRESENT {
-            return Self::undivided(table.species());
+            return [(); 2].map(|()| Self::undivided(table.species()));
         }
-        let (groups, count) = group_by_partners(&present, table);
-        let of_species = groups.iter().map(|group| group.unwrap_or(count) as u8).collect();
-        Self::new(of_species, count + usize::from(groups.contains(&None)), (&present, table))
+        let (groups, count) = group_by_partners(present, table);
+        // Without spheres there is one group of no species.
+        let count = count.max(usize::from(present.is_empty()));
+        let is_idle = groups.iter().any(|group| group.is_none());
+        let partition = |group: &dyn Fn(usize) -> usize, count: usize| {
+            let mut of_species = vec![0; table.species() as usize];
+            for (&species, own) in present.iter().zip(&groups) {
+                of_species[species as usize] = own.map_or(count, group) as u8;
+            }
+            Self::new(of_species, count + usize::from(is_idle), (present, table))
+        };
+        [partition(&|own| own, count), partition(&|_| 0, count.min(1))]
     }
 
     /// The number of groups.
@@ -155,24 +170,7 @@ impl SpeciesGroups {
         (self.present, self.version) = (found, self.version.wrapping_add(1).max(1));
         let is_present = |s: &u32| found[*s as usize / 64] >> (s % 64) & 1 == 1;
         let present: Vec<u32> = (0..table.species()).filter(is_present).collect();
-        if present.len() > MAX_PRESENT {
-            let all = Partition::undivided(table.species());
-            (self.by_partners, self.merged) = (all.clone(), all);
-            return Ok(());
-        }
-        let (groups, count) = group_by_partners(&present, table);
-        // Without spheres there is one group of no species.
-        let count = count.max(usize::from(present.is_empty()));
-        let is_idle = groups.iter().any(|group| group.is_none());
-        let partition = |group: &dyn Fn(usize) -> usize, count: usize| {
-            let mut of_species = vec![0; table.species() as usize];
-            for (&species, own) in present.iter().zip(&groups) {
-                of_species[species as usize] = own.map_or(count, group) as u8;
-            }
-            Partition::new(of_species, count + usize::from(is_idle), (&present, table))
-        };
-        self.by_partners = partition(&|own| own, count);
-        self.merged = partition(&|_| 0, count.min(1));
+        [self.by_partners, self.merged] = Partition::of_present(&present, table);
         Ok(())
     }
 

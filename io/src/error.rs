@@ -209,12 +209,16 @@ fn remedy(species: Option<&str>) -> String {
     }
 }
 
-/// The offending bytes as short, printable text.
-pub(crate) fn excerpt(bytes: &[u8]) -> String {
-    const LONGEST: usize = 60;
-    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(LONGEST)]);
+/// The offending bytes as printable text, short enough to be quoted in a message.
+pub fn excerpt(bytes: &[u8]) -> String {
+    printed(bytes, 60)
+}
+
+/// The first bytes as printable text, at most `longest`, with an ellipsis if there are more.
+pub fn printed(bytes: &[u8], longest: usize) -> String {
+    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(longest)]);
     let mut shown: String = text.chars().flat_map(printable).collect();
-    if bytes.len() > LONGEST {
+    if bytes.len() > longest {
         shown.push('…');
     }
     shown

@@ -7,4 +7,4 @@ pub mod write;
 
 mod error;
 
-pub use error::{At, Error, Place};
+pub use error::{At, Error, Place, excerpt, printed};

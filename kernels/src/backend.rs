@@ -7,8 +7,8 @@ use crate::UnknownName;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Backend {
-    /// The CPU, or a real GPU if there is one. A detector of spheres in the host's memory takes the GPU for calls of so many
-    /// spheres that it is expected to answer earlier, and the report gives the reason. An algorithm that only GPUs have
+    /// The CPU, or a real GPU if there is one. A call with spheres in the host's memory runs on the GPU if it has enough spheres
+    /// for the GPU to answer earlier, by measurement or estimate; the report gives the reason. An algorithm that only GPUs have
     /// takes a software adapter if there is no real one, since nothing else can run it.
     #[default]
     Auto,

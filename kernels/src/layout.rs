@@ -95,6 +95,8 @@ impl Call {
     pub const FIRST_WITH_SECOND: u32 = 2;
     /// Spheres of the second side are compared with each other.
     pub const SECOND_WITH_ITSELF: u32 = 4;
+    /// In an interaction table: two species never pair.
+    pub const NEVER: f32 = -1.0;
     /// Spheres pair by touching.
     pub const TOUCH: f32 = -2.0;
     /// The interaction table decides for each pair of species.
@@ -297,6 +299,25 @@ pub struct Survey {
     pub largest: [u32; 256],
 }
 
+/// The flags and the reach of a species.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SpeciesReach {
+    /// [`TOUCHES`](Self::TOUCHES), [`SECOND_SIDE`](Self::SECOND_SIDE) and [`IDLE`](Self::IDLE).
+    pub flags: u32,
+    /// Half the largest distance at which the species pairs.
+    pub half: f32,
+}
+
+impl SpeciesReach {
+    /// Some pair of the species is decided by touching.
+    pub const TOUCHES: u32 = 1;
+    /// The spheres of the species are on the second side of a cell list.
+    pub const SECOND_SIDE: u32 = 2;
+    /// The species pairs with none.
+    pub const IDLE: u32 = 4;
+}
+
 /// A level of a cell list.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
@@ -341,7 +362,12 @@ pub struct List {
     /// Levels of the classes, four to a word.
     pub class_levels: [u32; 64],
     /// The levels of the first side, followed by those of the second.
-    pub level: [ListLevel; 32],
+    pub level: [ListLevel; 2 * List::LEVELS],
+}
+
+impl List {
+    /// Levels of each side.
+    pub const LEVELS: usize = 16;
 }
 
 /// How many keys to sort and how many values to scan.

@@ -7,10 +7,10 @@ use std::mem::{offset_of, size_of};
 
 use lazygrid_kernels::kernel::{Access, KERNELS, Kernel, Variant};
 use lazygrid_kernels::layout::{
-    Bounds, Call, Grid, Lengths, Level, List, ListLevel, Outcome, Pass, Skin, SkinState, Survey,
+    Bounds, Call, Grid, Lengths, Level, List, ListLevel, Outcome, Pass, Skin, SkinState, SpeciesReach, Survey,
 };
 use naga::valid::ModuleInfo;
-use naga::{AddressSpace, Module};
+use naga::{AddressSpace, Expression, Literal, Module};
 use reflection::{bindings, laid_out, layout, parse, spirv, structures};
 
 fn each_shader(mut check: impl FnMut(&'static Kernel, Variant, &Module, &ModuleInfo)) {
@@ -35,6 +35,33 @@ fn metadata_matches_every_shader() {
             .collect();
         assert_eq!(bindings(name, module), said, "{name} {variant:?}");
     });
+}
+
+#[test]
+fn constants_are_those_of_the_layout() {
+    let whole = |value: u32| Literal::U32(value);
+    let expected = [
+        ("NEVER", Literal::F32(Call::NEVER)),
+        ("TOUCH", Literal::F32(Call::TOUCH)),
+        ("BY_SPECIES", Literal::F32(Call::BY_SPECIES)),
+        ("TOUCHES", whole(SpeciesReach::TOUCHES)),
+        ("SECOND_SIDE", whole(SpeciesReach::SECOND_SIDE)),
+        ("IDLE", whole(SpeciesReach::IDLE)),
+        ("LEVELS", whole(List::LEVELS as u32)),
+        ("SIDED_LEVELS", whole(2 * List::LEVELS as u32)),
+    ];
+    let mut seen = [false; 8];
+    each_shader(|kernel, _, module, _| {
+        for (_, constant) in module.constants.iter() {
+            let named = expected.iter().position(|(name, _)| constant.name.as_deref() == Some(*name));
+            if let (Some(at), Expression::Literal(value)) = (named, &module.global_expressions[constant.init])
+            {
+                assert_eq!(*value, expected[at].1, "{} of {}", expected[at].0, kernel.name);
+                seen[at] = true;
+            }
+        }
+    });
+    assert_eq!(seen, [true; 8]);
 }
 
 #[test]

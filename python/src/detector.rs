@@ -35,7 +35,7 @@ use crate::{error, report};
 /// Parameters
 /// ----------
 /// backend
-///     Where to run. ``"auto"`` takes a GPU if there is one and a call has enough spheres; ``"cpu"`` and
+///     The backend. ``"auto"`` takes a GPU if there is one and a call has enough spheres; ``"cpu"`` and
 ///     ``"gpu"`` never fall back.
 /// algorithm
 ///     How to search; all algorithms find the same pairs.

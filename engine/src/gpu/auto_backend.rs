@@ -4,7 +4,7 @@ use lazygrid_host::{HostBackend, Phase, SearchBackend, Settings, Team, Work};
 use lazygrid_kernels::Query;
 
 use super::{DeviceBackend, GpuDevice};
-use crate::choice::{self, Known};
+use crate::choice;
 use crate::detector::EngineBackend;
 use crate::{Backend, Config, Error, Report};
 
@@ -13,17 +13,15 @@ use crate::{Backend, Config, Error, Report};
 pub(crate) struct AutoBackend {
     host: HostBackend,
     device: DeviceBackend,
-    known: Known,
     /// The backend of the last call, never `Auto`, and why.
     chosen: (Backend, String),
 }
 
 impl AutoBackend {
     pub(crate) fn new(own: GpuDevice, config: Config) -> Result<Self, Error> {
-        let known = choice::known(&config.calibrations, &own.adapter);
         let host = HostBackend::new(config.settings.clone())?;
         let device = DeviceBackend::on_team(own, config, Arc::clone(host.team()))?;
-        Ok(Self { host, device, known, chosen: (Backend::Gpu, String::new()) })
+        Ok(Self { host, device, chosen: (Backend::Gpu, String::new()) })
     }
 
     /// The backend of the last call.
@@ -35,18 +33,14 @@ impl AutoBackend {
 impl EngineBackend for AutoBackend {
     fn report(&self) -> Report {
         let mut report = self.last().report();
-        let (_, why) = &self.chosen;
-        report.reason = match report.reason.as_str() {
-            "" => why.clone(),
-            reason => format!("{why}; {reason}"),
-        };
+        report.precede(&self.chosen.1);
         report
     }
 
     fn memory_for(&self, spheres: u64) -> u64 {
         // Buffers of smaller calls are kept.
-        let on_host = self.host.memory_for(spheres.min(u64::from(self.known.device_from)));
-        match choice::per_call(spheres, &self.known).0 {
+        let on_host = self.host.memory_for(spheres.min(u64::from(self.device.known.device_from)));
+        match choice::per_call(spheres, &self.device.known).0 {
             Backend::Cpu => on_host,
             _ => on_host.saturating_add(self.device.memory_for(spheres)),
         }
@@ -70,7 +64,7 @@ impl SearchBackend for AutoBackend {
     }
 
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
-        self.chosen = choice::per_call(query.len() as u64, &self.known);
+        self.chosen = choice::per_call(query.len() as u64, &self.device.known);
         log::debug!("{}", self.chosen.1);
         match self.chosen.0 {
             Backend::Cpu => self.host.search(query, work),

@@ -130,30 +130,20 @@ pub struct Sample {
 }
 
 /// Measures on this device where a grid overtakes all pairs, where sorting by radix overtakes counting, where the device overtakes
-/// the CPU, and what it costs to keep candidates, which takes some seconds at most. What is measured of the first is handed to `seen` as it comes.
+/// the CPU, and what it costs to keep candidates, which takes some seconds at most. What is measured of the first is handed to
+/// `seen` as it comes.
 ///
 /// # Errors
 /// Fails if the device fails.
 pub fn calibrate(own: &GpuDevice, mut seen: impl FnMut(&Sample)) -> Result<Calibration, Error> {
     let [one, five] = CLASSES.map(|classes| -> Result<u32, Error> {
-        let mut samples = Vec::new();
         let [mut naive, mut grid] = [session(own, Algorithm::Naive)?, session(own, GRID)?];
-        for spheres in SIZES {
-            let scene = scene(spheres, classes, DENSITY);
-            let [mut naive_time, mut grid_time] = [Duration::MAX; 2];
-            for _ in 0..ROUNDS {
-                naive_time = naive_time.min(time(&mut naive, &scene)?);
-                grid_time = grid_time.min(time(&mut grid, &scene)?);
-            }
-            let sample = Sample { classes, spheres, naive: naive_time, grid: grid_time };
-            seen(&sample);
-            samples.push(sample);
-            if grid_time.as_secs_f64() < naive_time.as_secs_f64() * CLEARLY {
-                break;
-            }
-        }
-        let times: Vec<_> = samples.iter().map(|s| (s.spheres, [s.naive, s.grid])).collect();
-        Ok(crossing(&times, Crossover::MOST))
+        let times = |scene: &[Sphere]| Ok([time(&mut naive, scene)?, time(&mut grid, scene)?]);
+        let goes_on = |spheres, [naive, grid]: [Duration; 2]| {
+            seen(&Sample { classes, spheres, naive, grid });
+            true
+        };
+        Ok(crossing(&race((&SIZES, classes), ROUNDS, times, goes_on)?, Crossover::MOST))
     });
     let (one, five) = (one?, five?);
     let radix_from = sort::radix_from(own)?;
@@ -180,6 +170,31 @@ fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error>
     let ticket = session.begin(Spheres::from(spheres))?;
     session.finish_count(ticket)?;
     Ok(start.elapsed())
+}
+
+/// The least times of two ways for scenes of each size, until the second way is clearly faster or `goes_on` returns `false`.
+fn race(
+    (sizes, classes): (&[u32], usize),
+    rounds: usize,
+    mut times: impl FnMut(&[Sphere]) -> Result<[Duration; 2], Error>,
+    mut goes_on: impl FnMut(u32, [Duration; 2]) -> bool,
+) -> Result<Vec<(u32, [Duration; 2])>, Error> {
+    let mut samples = Vec::new();
+    for &spheres in sizes {
+        let scene = scene(spheres, classes, DENSITY);
+        let mut least = [Duration::MAX; 2];
+        for _ in 0..rounds {
+            for (least, time) in least.iter_mut().zip(times(&scene)?) {
+                *least = time.min(*least);
+            }
+        }
+        samples.push((spheres, least));
+        let [first, second] = least.map(|time| time.as_secs_f64());
+        if !goes_on(spheres, least) || second < first * CLEARLY {
+            break;
+        }
+    }
+    Ok(samples)
 }
 
 /// The number of spheres from which on the second of two ways is the faster, between two that were measured by interpolation of

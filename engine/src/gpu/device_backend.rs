@@ -18,7 +18,7 @@ use crate::{Backend, Config, Error, Report};
 #[derive(Debug)]
 pub(crate) struct DeviceBackend {
     settings: Settings,
-    known: Known,
+    pub(super) known: Known,
     device: Device,
     /// The search in frames, if only some calls need one.
     framed: Option<Box<Device>>,

@@ -25,7 +25,7 @@ pub(crate) struct Sides {
     pub(crate) meetings: u32,
     /// The interaction of all pairs in a search of one set; see [`Call::interaction`].
     pub(crate) interaction: f32,
-    /// The same for two sets, whatever the sides.
+    /// The interaction of all pairs in a search of two sets, where spheres of one species may meet.
     pub(crate) across_sets: f32,
 }
 
@@ -53,27 +53,28 @@ impl Sides {
         };
         let of_species: Vec<Side> = species().map(side).collect();
         let meetings = cost(best).1;
-        let (first, second) = (Side::First, Side::Second);
-        let compared = [
-            (Call::FIRST_WITH_ITSELF, first, first),
-            (Call::FIRST_WITH_SECOND, first, second),
-            (Call::SECOND_WITH_ITSELF, second, second),
-        ];
         let on = |side: Side| species().filter(|&of| of_species[of as usize] == side).collect::<Vec<_>>();
-        let pairs = compared
-            .into_iter()
-            .filter(|(bit, ..)| meetings & bit != 0)
-            .flat_map(|(_, a, b)| product(on(a), on(b)));
-        let interaction = common(pairs, table);
-        let all: Vec<u32> = species().filter(|&of| of_species[of as usize] != Side::Idle).collect();
-        let across_sets = common(product(all.clone(), all), table);
+        let [first, second] = [Side::First, Side::Second].map(on);
+        let compared = [
+            (Call::FIRST_WITH_ITSELF, &first, &first),
+            (Call::FIRST_WITH_SECOND, &first, &second),
+            (Call::SECOND_WITH_ITSELF, &second, &second),
+        ];
+        let compared = compared.into_iter().filter(|(bit, ..)| meetings & bit != 0);
+        let interaction = common(compared.flat_map(|(_, a, b)| product(a, b)), table);
+        let across_sets = if second.is_empty() {
+            interaction
+        } else {
+            let all = [first, second].concat();
+            common(product(&all, &all), table)
+        };
         Self { of_species, meetings, interaction, across_sets }
     }
 }
 
 /// Every species of one list with every species of another.
-fn product(a: Vec<u32>, b: Vec<u32>) -> impl Iterator<Item = (u32, u32)> {
-    a.into_iter().flat_map(move |a| b.clone().into_iter().map(move |b| (a, b)))
+fn product(a: &[u32], b: &[u32]) -> impl Iterator<Item = (u32, u32)> {
+    a.iter().flat_map(|&a| b.iter().map(move |&b| (a, b)))
 }
 
 /// The interaction of all these pairs of species, if it is the same.
@@ -119,7 +120,7 @@ mod tests {
     fn reactants_are_on_opposite_sides_and_products_on_none() {
         let within = Interaction::Within(0.5);
         let sides = Sides::of(&table(5, &[(0, 1, within), (2, 3, within)]));
-        // Which of two reactants is first does not matter.
+        // Either reactant of the second reaction may be on the first side.
         assert!([[First, Second], [Second, First]].contains(&[sides.of_species[2], sides.of_species[3]]));
         assert_eq!([sides.of_species[0], sides.of_species[1], sides.of_species[4]], [First, Second, Idle]);
         assert_eq!((sides.meetings, sides.interaction), (Call::FIRST_WITH_SECOND, Call::BY_SPECIES));
@@ -166,7 +167,8 @@ mod tests {
                 .collect();
             let table = table(species, &pairs);
             let sides = Sides::of(&table);
-            for (a, b) in product((0..species).collect(), (0..species).collect()) {
+            let all: Vec<u32> = (0..species).collect();
+            for (a, b) in product(&all, &all) {
                 if table.get(a, b) != Interaction::Never {
                     let bit = [a, b].map(|of| match sides.of_species[of as usize] {
                         First => 0,

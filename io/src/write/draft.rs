@@ -26,11 +26,8 @@ impl Draft {
     pub fn create(path: impl Into<PathBuf>) -> Result<Self, Error> {
         let path = path.into();
         if fs::metadata(&path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
-            let opened = File::options().write(true).open(&path).and_then(|file| encoder(&path, file));
-            return match opened {
-                Ok(out) => Ok(Self { path, temporary: None, out }),
-                Err(source) => Err(Error::Write { path, source }),
-            };
+            let opened = File::options().write(true).open(&path);
+            return Self::at_once(path, opened);
         }
         let directory = match path.parent() {
             Some(parent) if parent != Path::new("") => parent,
@@ -49,8 +46,12 @@ impl Draft {
     /// # Errors
     /// [`Error::Write`].
     pub fn stdout() -> Result<Self, Error> {
-        let path = PathBuf::from(STDOUT);
-        match encoder(&path, io::stdout()) {
+        Self::at_once(PathBuf::from(STDOUT), Ok(io::stdout()))
+    }
+
+    /// A draft that has nothing to publish, as everything goes to `to` at once.
+    fn at_once(path: PathBuf, to: io::Result<impl Write + Send + 'static>) -> Result<Self, Error> {
+        match to.and_then(|to| encoder(&path, to)) {
             Ok(out) => Ok(Self { path, temporary: None, out }),
             Err(source) => Err(Error::Write { path, source }),
         }

@@ -10,6 +10,8 @@ use std::ops::Range;
 use std::path::Path;
 
 pub use self::changes::Changes;
+use lazygrid_io::{excerpt, printed};
+
 use crate::animation::Animation;
 use crate::{Error, Model, Transmitter};
 
@@ -79,8 +81,8 @@ impl Scenario {
         let placed = |Problem { span, key, message }: Problem| {
             let start = span.map_or(0, |span| span.start);
             let (line, found) = place(&text, start);
-            let key = excerpt(&key.unwrap_or(found));
-            let message = shortened(&message, MOST_SHOWN);
+            let key = excerpt(key.unwrap_or(found).as_bytes());
+            let message = printed(message.as_bytes(), MOST_SHOWN);
             Error::Scenario { path: path.to_owned(), line, key, message }
         };
         let file = toml::from_str::<file::File>(&text).map_err(|error| placed(error.into()))?;
@@ -137,21 +139,8 @@ impl From<toml::de::Error> for Problem {
     }
 }
 
-/// The most characters of a message: those of the parser quote whatever the file has.
+/// The most bytes of a message: the parser quotes keys and values of the file in full.
 const MOST_SHOWN: usize = 800;
-
-/// The first characters of what a file has, short enough to be quoted in a message.
-fn excerpt(text: &str) -> String {
-    shortened(text, 60)
-}
-
-/// The text, or as many of its first characters, followed by an ellipsis.
-fn shortened(text: &str, most: usize) -> String {
-    match text.char_indices().nth(most) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text.to_owned(),
-    }
-}
 
 /// The line of a place in a text, counted from 1, and the key that stands there or on the last line before that has
 /// one.

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use lazygrid_host::{HostDetector, Settings, Skin};
 use lazygrid_kernels::{Sphere, Spheres};
 
-use super::{CLEARLY, Crossover, DENSITY, ROUNDS, SIZES, crossing, scene, time};
+use super::{Crossover, ROUNDS, SIZES, crossing, race, time};
 use crate::Error;
 use crate::gpu::{GpuConfig, GpuDevice, GpuSession};
 
@@ -17,20 +17,12 @@ pub(super) fn device_from(own: &GpuDevice, crossover: Crossover, radix_from: u32
     let config = GpuConfig::default().crossover(crossover).radix_from(radix_from).timed(true);
     let mut session = GpuSession::new(own.clone(), config)?;
     let mut host = HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() })?;
-    let mut samples = Vec::new();
-    for spheres in SIZES {
-        let scene = scene(spheres, 1, DENSITY);
-        let [mut on_host, mut on_device] = [Duration::MAX; 2];
-        for _ in 0..ROUNDS {
-            on_host = on_host.min(time_on_host(&mut host, &scene)?);
-            on_device = on_device.min(time(&mut session, &scene)?);
-        }
-        log::debug!("{spheres} spheres on the CPU in {on_host:?}, on the device in {on_device:?}");
-        samples.push((spheres, [on_host, on_device]));
-        if on_device.as_secs_f64() < on_host.as_secs_f64() * CLEARLY || on_device > LONG {
-            break;
-        }
-    }
+    let times = |scene: &[Sphere]| Ok([time_on_host(&mut host, scene)?, time(&mut session, scene)?]);
+    let goes_on = |spheres, least: [Duration; 2]| {
+        log::debug!("{spheres} spheres on the CPU and on the device: {least:?}");
+        least[1] <= LONG
+    };
+    let samples = race((&SIZES, 1), ROUNDS, times, goes_on)?;
     let is_slower = samples.last().is_some_and(|(_, [on_host, on_device])| on_host < on_device);
     Ok(if is_slower { u32::MAX } else { crossing(&samples, u32::MAX) })
 }

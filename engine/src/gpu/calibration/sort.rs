@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use lazygrid_kernels::{Algorithm, Sphere};
 
-use super::{CLEARLY, DENSITY, crossing, scene, time};
+use super::{crossing, race, time};
 use crate::Error;
 use crate::choice::Known;
 use crate::gpu::{GpuConfig, GpuDevice, GpuSession, Phase};
@@ -21,22 +21,15 @@ const LONG: Duration = Duration::from_millis(50);
 /// Measures it. Where no more spheres are tried though counting is the faster, it is no less than assumed of such an adapter.
 pub(super) fn radix_from(own: &GpuDevice) -> Result<u32, Error> {
     let mut sessions = [session(own, u32::MAX)?, session(own, 0)?];
-    let mut samples = Vec::new();
-    for spheres in SIZES {
-        let scene = scene(spheres, 1, DENSITY);
-        let mut least = [Duration::MAX; 2];
-        for _ in 0..ROUNDS {
-            for (session, least) in sessions.iter_mut().zip(&mut least) {
-                *least = (*least).min(busy(session, &scene)?);
-            }
-        }
+    let times = |scene: &[Sphere]| {
+        let [counted, sorted] = &mut sessions;
+        Ok([busy(counted, scene)?, busy(sorted, scene)?])
+    };
+    let goes_on = |spheres, least: [Duration; 2]| {
         log::debug!("{spheres} spheres by counting and by radix: {least:?}");
-        samples.push((spheres, least));
-        let [counted, sorted] = least;
-        if sorted.as_secs_f64() < counted.as_secs_f64() * CLEARLY || counted > LONG {
-            break;
-        }
-    }
+        least[0] <= LONG
+    };
+    let samples = race((&SIZES, 1), ROUNDS, times, goes_on)?;
     let assumed = Known::assumed(&own.adapter).radix_from;
     let is_open = samples.last().is_some_and(|(_, [counted, sorted])| counted < sorted);
     Ok(crossing(&samples, MOST).max(if is_open { assumed } else { 0 }))

@@ -1,18 +1,14 @@
 use crate::Error;
-use lazygrid_kernels::{Interaction, Interactions};
+use lazygrid_kernels::layout::{Call, SpeciesReach};
+use lazygrid_kernels::{Interaction, Interactions, Reach};
 
 use crate::gpu::recording::constant_buffer;
 use crate::gpu::sides::{Side, Sides};
 
-/// Flag of a species on the second side.
-const SECOND_SIDE: u32 = 2;
-/// Flag of a species that pairs with none.
-const IDLE: u32 = 4;
-
 /// The interaction table on the device.
 #[derive(Debug)]
 pub(crate) struct Tables {
-    /// Per species its flags and the bits of half its longest distance, as `reach.wgsl` says.
+    /// A [`SpeciesReach`] for each species.
     pub(crate) reach: wgpu::Buffer,
     /// Per pair of species, a distance or one of the two negative marks.
     pub(crate) table: wgpu::Buffer,
@@ -34,19 +30,20 @@ impl Tables {
         let sides = Sides::of(interactions);
         let flags = |side: Side| match side {
             Side::First => 0,
-            Side::Second => SECOND_SIDE,
-            Side::Idle => IDLE,
+            Side::Second => SpeciesReach::SECOND_SIDE,
+            Side::Idle => SpeciesReach::IDLE,
         };
-        let reach: Vec<[u32; 2]> = (0..species)
+        let touches = |reach: Reach| if reach.touches { SpeciesReach::TOUCHES } else { 0 };
+        let reach: Vec<SpeciesReach> = (0..species)
             .zip(&sides.of_species)
             .map(|(id, &side)| (interactions.reach(id), side))
-            .map(|(reach, side)| [u32::from(reach.touches) | flags(side), reach.half.to_bits()])
+            .map(|(reach, side)| SpeciesReach { flags: touches(reach) | flags(side), half: reach.half })
             .collect();
         let table: Vec<f32> = (0..species)
             .flat_map(|a| (0..species).map(move |b| interactions.get(a, b)))
             .map(|interaction| match interaction {
-                Interaction::Never => -1.0,
-                Interaction::Touch => -2.0,
+                Interaction::Never => Call::NEVER,
+                Interaction::Touch => Call::TOUCH,
                 Interaction::Within(distance) => distance as f32,
             })
             .collect();

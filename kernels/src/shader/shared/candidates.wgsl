@@ -53,8 +53,8 @@ fn mixes_sides() -> bool {
     return call.meetings > 1u && is_ordinary() && starts[list.cells] != starts[list.cells + 1u];
 }
 
-fn is_of_table(row: Row, other: u32) -> bool {
-    return table[row.species * call.species + sorted_species[other]] != -1.0;
+fn species_pair(row: Row, other: u32) -> bool {
+    return table[row.species * call.species + sorted_species[other]] != NEVER;
 }
 #else
 fn row_of(position: u32) -> Row {
@@ -82,7 +82,7 @@ fn mixes_sides() -> bool {
     return false;
 }
 
-fn is_of_table(row: Row, other: u32) -> bool {
+fn species_pair(row: Row, other: u32) -> bool {
     return true;
 }
 #endif
@@ -113,7 +113,7 @@ fn asked_for(row: Row, stretches: Stretches, first: u32, found: u32) -> u32 {
     for (var left = select(found, 0u, all); left != 0u; left &= left - 1u) {
         let bit = firstTrailingBit(left);
         let other = candidate_at(stretches, first + bit);
-        let hit = is_asked_for(order[row.position], order[other]) && is_of_table(row, other);
+        let hit = is_asked_for(order[row.position], order[other]) && species_pair(row, other);
         bits &= ~select(1u << bit, 0u, hit);
     }
     return bits;

@@ -211,7 +211,7 @@ fn set_call(count: u32) {
 // Fewer pairs of samples in one cell may be there by chance.
 const TELLING: f32 = 4.0;
 
-// Returns `true` if so many samples may miss crowds of more than τ spheres.
+// Returns `true` if this number of samples may miss crowds of more than τ spheres.
 fn may_miss(count: u32, samples: u32) -> bool {
     return count > samples && TELLING * f32(count) > f32(call.tau) * f32(samples) * f32(samples);
 }

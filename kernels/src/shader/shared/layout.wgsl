@@ -53,6 +53,8 @@ struct Call {
     interaction: f32,
 }
 
+// Marks of interactions that are no distances.
+const NEVER: f32 = -1.0;
 const TOUCH: f32 = -2.0;
 const BY_SPECIES: f32 = -3.0;
 

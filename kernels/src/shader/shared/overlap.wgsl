@@ -65,13 +65,13 @@ fn is_within_ordinary(a: vec4<f32>, b: vec4<f32>) -> bool {
 }
 
 #ifdef SPECIES
-// `table` holds -1 for never, -2 for touching, else the distance.
+// `table` holds a distance for each two species, or NEVER or TOUCH.
 fn is_pair(a: vec4<f32>, b: vec4<f32>, species_a: u32, species_b: u32) -> bool {
     let distance = table[species_a * call.species + species_b];
-    if (distance == -1.0) {
+    if (distance == NEVER) {
         return false;
     }
-    return is_within(a.xyz, b.xyz, select(vec2(distance, 0.0), vec2(a.w, b.w), distance == -2.0));
+    return is_within(a.xyz, b.xyz, select(vec2(distance, 0.0), vec2(a.w, b.w), distance == TOUCH));
 }
 #else
 fn is_pair(a: vec4<f32>, b: vec4<f32>) -> bool {

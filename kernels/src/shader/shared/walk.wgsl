@@ -1,10 +1,10 @@
 // A sphere's way through its candidates: rows of cells, each a stretch or two of the sorted spheres, so that every pair
 // is met from one of its two spheres and only once.
 //
-// A sphere in a cell looks, at its own level if that meets itself, at the spheres that come later in its cell and at those
-// of one half of the cells around; then, at each level that its own looks at, at all cells that its box touches when widened
-// by that level's reach; behind the last of these at the listed spheres. Listed ones are in a cell of their own, with none
-// around.
+// A sphere in a cell is compared with
+// - the later spheres of its own cell, and those of one half of the adjacent cells, if its level meets itself;
+// - at each level that its own looks at, the spheres of all cells that its box touches when widened by that level's reach;
+// - the listed spheres, which have a cell of their own without adjacent cells.
 
 // Beyond the levels there is nothing.
 const NOWHERE: u32 = 256u;

@@ -8,10 +8,11 @@ mod transmitters;
 
 use std::ops::Range;
 
+use lazygrid_io::excerpt;
 use toml::Spanned;
 
 use super::file::{self, File, Finite};
-use super::{Output, Problem, advice, excerpt};
+use super::{Output, Problem, advice};
 use crate::model::{Contact, Model, Species};
 
 /// The contents of a file.
@@ -106,7 +107,7 @@ impl Names<'_> {
         let place = self.0.iter().position(|species| species.name == name).map(|place| place as u32);
         place.ok_or_else(|| {
             let known = self.0.iter().map(|species| species.name.as_str()).collect::<Vec<_>>().join(", ");
-            let (name, known) = (excerpt(name), excerpt(&known));
+            let (name, known) = (excerpt(name.as_bytes()), excerpt(known.as_bytes()));
             Problem::at(span, format!("there is no species '{name}'; there are {known}"))
         })
     }
@@ -118,9 +119,9 @@ impl Names<'_> {
     /// The species on both sides of `A + B -> C`.
     fn equation(&self, equation: &Spanned<String>) -> Result<[Vec<u32>; 2], Problem> {
         let (text, span) = (equation.get_ref(), equation.span());
-        let shown = excerpt(text);
+        let shown = excerpt(text.as_bytes());
         if let Some((left, right)) = text.split_once("<->") {
-            let [left, right] = [left, right].map(|side| excerpt(side.trim()));
+            let [left, right] = [left, right].map(|side| excerpt(side.trim().as_bytes()));
             let message = format!(
                 "'{shown}' goes both ways; write a reaction for each: '{left} -> {right}' and '{right} -> {left}'"
             );
