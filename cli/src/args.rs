@@ -13,7 +13,7 @@ use lazygrid_check::Effort;
 use lazygrid_io::read::Format;
 use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::{SphereFormat, TableFormat};
-use lazygrid_sim::options::Options;
+use lazygrid_sim::run::run_args::Options;
 
 use parsers::{PathWith, one_of, radius, raster_ratio, seconds, skin, space, table_format, threads, tilts};
 

@@ -4,7 +4,7 @@ mod report;
 use std::ops::ControlFlow;
 
 use lazygrid_sim::Standing;
-use lazygrid_sim::replicas::Replicas;
+use lazygrid_sim::run::replicas::Replicas;
 use lazygrid_sim::run::{End, Run};
 
 use self::report::Done;

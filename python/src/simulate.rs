@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use lazygrid::{Algorithm, Backend};
-use lazygrid_sim::philox::Key;
+use lazygrid_sim::random::philox::Key;
 use lazygrid_sim::scenario::Scenario;
-use lazygrid_sim::transmitter::Schedule;
+use lazygrid_sim::model::transmitter::Schedule;
 use lazygrid_sim::{Error, Model, Simulator, Standing, State, series};
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;

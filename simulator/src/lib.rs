@@ -3,7 +3,7 @@
 //!
 //! A [`Model`] describes the system and a [`Simulation`] advances it step by step. Particles are stored in columns. The
 //! outcome for each particle or pair is a pure function of the columns, the seed and the step. Random numbers come from
-//! a counter-based generator ([`philox`]). A run therefore depends on its seed alone, not on the number of threads, the
+//! a counter-based generator ([`random::philox`]). A run therefore depends on its seed alone, not on the number of threads, the
 //! order of particles or the detection algorithm.
 //!
 //! `gpu` runs the simulation on a GPU, where all data stay between steps. A [`Simulator`] runs on either backend.
@@ -33,66 +33,31 @@
 //! ```
 
 pub mod animation;
-pub mod arrivals;
-pub mod binding;
-pub mod bodies;
-pub mod boundary;
-pub mod checkpoint;
-pub mod contact;
-pub mod crossing;
-pub mod decay;
-pub mod dissociation;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-mod instant;
-pub mod matching;
-pub mod message;
 pub mod model;
 pub mod motion;
-pub mod normal;
-#[cfg(feature = "clap")]
-pub mod options;
-pub mod particles;
-pub mod philox;
+pub mod random;
 pub mod ranks;
-pub mod rate;
-pub mod reactions;
-pub mod receiver;
+pub mod reaction;
 pub mod release;
-pub mod replicas;
 pub mod results;
 pub mod run;
 pub mod scenario;
-pub mod transmitter;
-pub mod vessel;
 
-mod adsorption;
-mod chances;
-mod check;
-mod checksum;
 mod error;
 mod output;
-mod pace;
-mod reception;
-mod sealed;
-mod simulation;
-mod simulator;
-mod standing;
-mod state;
-mod stream;
-mod turning;
-mod vicinity;
 
-pub use arrivals::{Arrival, Origin};
-pub use boundary::{Axis, Boundary};
 pub use error::{Damage, Error};
+pub use model::boundary::{Axis, Boundary};
+pub use model::particles::{Particle, Particles};
+pub use model::receiver::{Kind, Receiver, Receptors, Sticking};
+pub use model::transmitter::{Numbers, Schedule, Shape, Transmitter};
+pub use model::vessel::Vessel;
 pub use model::{Chance, Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
 pub use output::series;
-pub use particles::{Particle, Particles};
-pub use receiver::{Kind, Receiver, Receptors, Sticking};
-pub use simulation::Simulation;
-pub use simulator::Simulator;
-pub use standing::Standing;
-pub use state::{State, Totals};
-pub use transmitter::{Numbers, Schedule, Shape, Transmitter};
-pub use vessel::Vessel;
+pub use release::origins::{Arrival, Origin};
+pub use run::any::Simulator;
+pub use run::simulation::Simulation;
+pub use run::state::{State, Totals};
+pub use run::view::Standing;

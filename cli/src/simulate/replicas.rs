@@ -3,7 +3,7 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 
 use indicatif::ProgressBar;
-use lazygrid_sim::replicas::{Replicas, Replicated, seed_of};
+use lazygrid_sim::run::replicas::{Replicas, Replicated, seed_of};
 use lazygrid_sim::run::End;
 use lazygrid_sim::{Simulator, Standing};
 

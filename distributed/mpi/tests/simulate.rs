@@ -10,7 +10,7 @@ use std::process::{Command, Output};
 
 use lazygrid::{Algorithm, Backend};
 use lazygrid_sim::State;
-use lazygrid_sim::checkpoint::Checkpoint;
+use lazygrid_sim::run::checkpoint::Checkpoint;
 use lazygrid_sim::run::Run;
 use lazygrid_sim::scenario::{Changes, Scenario};
 

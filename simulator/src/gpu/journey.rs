@@ -2,9 +2,9 @@
 
 use super::layout::{Body, Journey};
 use super::plan::LOG_ROWS;
-use crate::bodies;
+use crate::motion::receiver_state;
 use crate::model::Model;
-use crate::philox::Key;
+use crate::random::philox::Key;
 
 /// The positions of receivers at the beginning of each of some steps, and after the last one.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,7 +9,7 @@ use glam::{UVec3, Vec3};
 use lazygrid::Sphere;
 
 use super::layout::{Fate, Kind, Lists, NOTHING};
-use crate::receiver::{finder, rounding};
+use crate::model::receiver::{finder, rounding};
 use crate::{Axis, Boundary, Error};
 
 /// Receivers that a species sees from which on they are listed. Fewer are looked at sooner than a list.
@@ -213,8 +213,8 @@ impl Cells {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::philox::{open_unit, philox};
-    use crate::receiver::height;
+    use crate::random::philox::{open_unit, philox};
+    use crate::model::receiver::height;
 
     const MANY: u32 = 40;
 

@@ -10,12 +10,12 @@ use super::nearby::{Listing, Nearby};
 use super::plan::{GpuOptions, MAX_TURNS, Sizes, grown, steps_between_looks};
 use super::stages::{Base, Groups, Stage, Steps};
 use super::tables::{Holder, Tables, Tallies, check};
-use crate::decay::Decays;
+use crate::reaction::decay::Decays;
 use crate::model::Model;
-use crate::particles::Particles;
-use crate::philox::Key;
-use crate::reactions::interactions;
-use crate::receiver::Kind;
+use crate::model::particles::Particles;
+use crate::random::philox::Key;
+use crate::reaction::interactions;
+use crate::model::receiver::Kind;
 use crate::release::Released;
 use crate::{Error, State, Totals};
 

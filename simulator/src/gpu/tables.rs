@@ -4,11 +4,12 @@ use super::journey::most_rows;
 use super::layout::{Fate, Kind, NOTHING, Params, ReceptorRow, Rule, Watch};
 use super::nearby::LISTED_FROM;
 use crate::model::{Contact, Decay, Model};
-use crate::motion::{Motion, Step};
-use crate::philox::Key;
-use crate::reactions::Reactions;
-use crate::receiver::{Kind as Counting, Receptors, Sticking};
-use crate::{Axis, Boundary, Error, Receiver, adsorption, crossing};
+use crate::motion::propagate::{Motion, Step};
+use crate::random::philox::Key;
+use crate::reaction::Reactions;
+use crate::model::receiver::{Kind as Counting, Receptors, Sticking};
+use crate::motion::{adsorption, path_hit};
+use crate::{Axis, Boundary, Error, Receiver};
 
 /// Everything that a model says to the kernels.
 #[derive(Clone, Debug, PartialEq)]
@@ -165,7 +166,7 @@ fn drifts_past((receiver, time_step): (&Receiver, f64), step: &Step, boundary: &
     let diffusion = step.diffusion + (receiver.diffusion * time_step) as f32;
     if diffusion > 0.0 {
         let length = drift.iter().map(|d| d * d).sum::<f32>().sqrt();
-        return crossing::is_long(length, (2.0 * diffusion).sqrt(), receiver.radius);
+        return path_hit::is_long(length, (2.0 * diffusion).sqrt(), receiver.radius);
     }
     (0..3).filter(|&k| drift[k] != 0.0).any(|k| {
         let (center, reach) = (receiver.center[k], receiver.radius + step.drift[k].abs());

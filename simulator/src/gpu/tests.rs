@@ -14,9 +14,10 @@ use super::layout::{CLAIM_BYTES, Head};
 use super::plan::Sizes;
 use super::stages::{Base, Groups, Steps};
 use super::tables::Tables;
-use crate::matching::{Candidate, Matching};
-use crate::philox::{Key, Purpose, philox};
-use crate::{Boundary, Model, Reaction, Species, normal};
+use crate::reaction::matching::{Candidate, Matching};
+use crate::random::philox::{Key, Purpose, philox};
+use crate::random::gaussian;
+use crate::{Boundary, Model, Reaction, Species};
 
 fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::shared(true))
@@ -89,8 +90,8 @@ fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
     // Each of the few operations after the logarithm and the angle may round differently.
     let close = |a: f32, b: f32| (a - b).abs() <= 4e-7 * b.abs().max(0.25);
     for (of, exact) in [
-        ("normals(w)", normal::normals as fn([u32; 4]) -> [f32; 3]),
-        ("direction(w.x, w.y)", |w| normal::direction(w[0], w[1])),
+        ("normals(w)", gaussian::normals as fn([u32; 4]) -> [f32; 3]),
+        ("direction(w.x, w.y)", |w| gaussian::direction(w[0], w[1])),
     ] {
         let found = evaluate(&own, pieces, &body(of), 50_000);
         for (k, [x, y, z, _]) in (0..).zip(found) {
@@ -160,7 +161,7 @@ fn matched(
     let tables = Tables::new(&model(), Key::new(1), turns);
     let mut base = Base::new(own.clone(), &tables, 0).expect("a base");
     let sizes = Sizes { particles, pairs: all.len().max(1) as u32 };
-    let table = crate::reactions::interactions(&model()).expect("interactions");
+    let table = crate::reaction::interactions(&model()).expect("interactions");
     let settings = lazygrid::gpu::GpuConfig::default().interactions(table);
     let mut detector = lazygrid::gpu::GpuDetector::new(&own.device, settings).expect("a detector");
     let found = detector.reserve(particles).expect("room");

@@ -4,7 +4,7 @@
 use std::io::{self, Write};
 
 use super::series::moment;
-use crate::philox::Key;
+use crate::random::philox::Key;
 use crate::{Model, Standing};
 
 /// The first line of `arrivals.csv`.

@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use lazygrid::Sphere;
 use lazygrid_io::write::frames::{self, Moment, Particle};
 
-use crate::boundary::Axis;
+use crate::model::boundary::Axis;
 use crate::{Model, Particles, State};
 
 /// Bytes of the header of a NumPy file.

@@ -5,8 +5,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use crate::Error;
-use crate::checkpoint::FileRecord;
-use crate::checksum::{Digest, DigestWriter};
+use crate::run::checkpoint::FileRecord;
+use crate::run::checksum::{Digest, DigestWriter};
 use crate::error::Damage;
 
 /// Buffers, digests, and writes to a file.

@@ -22,7 +22,7 @@ pub(crate) use lock::Lock;
 use growing::Growing;
 
 use crate::animation;
-use crate::checkpoint::FileRecord;
+use crate::run::checkpoint::FileRecord;
 use crate::results::series::Series;
 use crate::scenario::Output;
 use crate::{Error, Model, Standing};

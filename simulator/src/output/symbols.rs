@@ -2,8 +2,8 @@
 
 use std::io::{self, Write};
 
-use crate::philox::Key;
-use crate::transmitter::Schedule;
+use crate::random::philox::Key;
+use crate::model::transmitter::Schedule;
 use crate::{Model, Transmitter};
 
 /// Returns `true` if anything is sent.

@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use crate::standing::Standing;
+use crate::run::view::Standing;
 use crate::{Arrival, Error, Model, State, Totals};
 
 /// A run over ranks, brought together on rank 0. The others have the counts, and nothing of the lists.

@@ -2,7 +2,7 @@
 //!
 //! Every candidate is with one rank, and every particle has an owner. In a round a rank tells the owner of each ghost the
 //! best key that it has for it; the owner answers with the best of all, or that the particle is taken. So everybody knows
-//! of all particles that matter to them what [`Matching`](crate::matching::Matching) knows in one process, and
+//! of all particles that matter to them what [`Matching`](crate::reaction::matching::Matching) knows in one process, and
 //! takes the candidates that are best at all particles they claim. Keys are totally ordered, so the best of all
 //! candidates is taken in every round, and the choice is that of one process.
 
@@ -10,7 +10,7 @@ use bytemuck::{Pod, Zeroable};
 use lazygrid_ranks::{Carrier, Ghosts, deliver};
 use rayon::prelude::*;
 
-use crate::matching::{Candidate, Key};
+use crate::reaction::matching::{Candidate, Key};
 
 /// The state of each particle of a rank in a step, and of each ghost after them.
 #[derive(Clone, Debug, Default)]
@@ -169,7 +169,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::matching::tests::{candidates, sequential};
+    use crate::reaction::matching::tests::{candidates, sequential};
 
     /// The data of one rank: its candidates, the number of its particles, and the ghosts after them.
     fn of_rank(all: &[Candidate], owners: &[u32], rank: u32) -> (Vec<Candidate>, usize, Ghosts) {

@@ -7,7 +7,7 @@
 //! - *receptors*: who finds a free one is decided by all ranks from the bids of all;
 //! - *pairs*: particles go to the rank in whose part of space they are, and ghosts to where they may meet somebody
 //!   ([`lazygrid_ranks`]);
-//! - *who reacts* ([`matching`](crate::matching)): in rounds, in which the owner of a particle hears the best
+//! - *who reacts* ([`matching`](crate::reaction::matching)): in rounds, in which the owner of a particle hears the best
 //!   candidate of each rank and answers which is the best of all, until no rank has a candidate left;
 //! - *ids* of what comes apart into two: all ranks know the parents of the step;
 //! - *counts*, which are sums.

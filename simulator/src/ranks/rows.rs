@@ -5,7 +5,7 @@ use lazygrid::Sphere;
 use lazygrid_ranks::{Bodies, Body};
 use rayon::prelude::*;
 
-use crate::particles::{Particle, Particles};
+use crate::model::particles::{Particle, Particles};
 
 /// Particles that one task looks at.
 const TASK: usize = 4096;

@@ -7,9 +7,9 @@ use lazygrid_ranks::{Carrier, Settings, gather};
 
 use super::{RankSimulation, Share, Wanted};
 use crate::Error;
-use crate::checkpoint::Checkpoint;
+use crate::run::checkpoint::Checkpoint;
 use crate::output::{self, Files, Lock};
-use crate::pace::Pace;
+use crate::run::time_step_monitor::Pace;
 use crate::run::{Beside, End, Run};
 use crate::scenario::Scenario;
 

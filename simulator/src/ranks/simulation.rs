@@ -8,12 +8,12 @@ use lazygrid_ranks::{Bodies, Carrier, Found, Ghosts, Parting, Published, Search,
 
 use super::matching::Contest;
 use super::{Gathered, Share, check, rows};
-use crate::binding::{self, Bid};
-use crate::dissociation::Split;
-use crate::matching::Candidate;
+use crate::motion::binding::{self, Bid};
+use crate::reaction::dissociation::Split;
+use crate::reaction::matching::Candidate;
 use crate::model::Contact;
-use crate::reactions::{Outcome, interactions};
-use crate::simulation::{Moved, detector};
+use crate::reaction::{Outcome, interactions};
+use crate::run::simulation::{Moved, detector};
 use crate::{Arrival, Error, Kind, Model, Simulation, State, Totals};
 
 /// The part that one rank has of a run, and what it takes to go on together with the others.

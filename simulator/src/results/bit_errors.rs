@@ -3,8 +3,8 @@
 use super::log::Log;
 use super::mean::Moments;
 use super::symbols::Slots;
-use crate::message::{Message, Modulation};
-use crate::philox::Key;
+use crate::model::message::{Message, Modulation};
+use crate::random::philox::Key;
 use crate::{Model, Schedule};
 
 /// Bit errors at a receiver that counts what arrives in each slot, of the species that are sent and from whomever.
@@ -168,7 +168,7 @@ mod tests {
     use super::super::symbols::messages;
     use super::super::symbols::tests::{log, model, slots};
     use super::*;
-    use crate::message::Symbols;
+    use crate::model::message::Symbols;
     use crate::results::log::Arrived;
 
     fn of(model: &Model, delay: u32) -> BitErrors {

@@ -8,7 +8,7 @@ use super::log::Log;
 use super::mean::Moments;
 use super::response::{Response, Way};
 use super::symbols::{Interference, Slots, messages};
-use crate::message::Message;
+use crate::model::message::Message;
 use crate::{Error, Model};
 
 /// The results of one run or of several replicas that logged arrivals.

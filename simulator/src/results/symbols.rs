@@ -3,8 +3,8 @@
 use super::log::Log;
 use super::mean::Moments;
 use super::response::Way;
-use crate::instant::step_of;
-use crate::message::Message;
+use crate::release::time::step_of;
+use crate::model::message::Message;
 use crate::{Model, Schedule};
 
 /// The slots of a message that a run reaches the end of: from the step at which each symbol is sent to that of the next,
@@ -112,7 +112,7 @@ impl Interference {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::message::{Modulation, Symbols};
+    use crate::model::message::{Modulation, Symbols};
     use crate::results::log::{Arrived, Released};
     use crate::{Kind, Receiver, Species, Transmitter};
 

@@ -1,10 +1,10 @@
 //! Warnings about scenarios that may not be meant so, with remedies. Pure functions.
 
-use crate::boundary::{Axis, Boundary};
-use crate::chances::undoes;
+use crate::model::boundary::{Axis, Boundary};
+use crate::reaction::probability::undoes;
 use crate::model::{Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
-use crate::rate;
-use crate::receiver::{Kind, Receiver, Receptors, Sticking};
+use crate::reaction::rate;
+use crate::model::receiver::{Kind, Receiver, Receptors, Sticking};
 
 /// Returns `true` if walls keep everything away from a sphere.
 pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) -> bool {

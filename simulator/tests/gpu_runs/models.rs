@@ -3,7 +3,7 @@
 use lazygrid::Algorithm;
 use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
-use lazygrid_sim::message::{Message, Modulation, Symbols};
+use lazygrid_sim::model::message::{Message, Modulation, Symbols};
 use lazygrid_sim::{
     Axis, Boundary, Chance, Decay, Kind, Model, Numbers, Particle, Reaction, Receiver, Schedule, Shape,
     Simulation, Species, State, Transmitter,

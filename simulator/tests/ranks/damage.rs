@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use lazygrid::Backend;
-use lazygrid_sim::replicas::Replicas;
+use lazygrid_sim::run::replicas::Replicas;
 use lazygrid_sim::run::{End, Run};
 use lazygrid_sim::scenario::Scenario;
 

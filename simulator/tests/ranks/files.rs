@@ -3,7 +3,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use lazygrid::{Algorithm, Backend};
-use lazygrid_sim::checkpoint::Checkpoint;
+use lazygrid_sim::run::checkpoint::Checkpoint;
 use lazygrid_sim::run::{End, Run};
 use lazygrid_sim::scenario::Scenario;
 

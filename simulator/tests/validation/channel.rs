@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use lazygrid_sim::philox::Key;
+use lazygrid_sim::random::philox::Key;
 use lazygrid_sim::results::bit_errors::BitErrors;
 use lazygrid_sim::results::log::{Arrived, Log};
 use lazygrid_sim::results::symbols::{Slots, messages};

@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 use lazygrid::{Backend, Space};
 use lazygrid_io::read::{Format, Options, Radii};
 use lazygrid_mpi::{Ownership, Settings};
-use lazygrid_sim::options::Options as RunOptions;
+use lazygrid_sim::run::run_args::Options as RunOptions;
 
 /// All pairs of overlapping spheres, by many ranks.
 #[derive(Debug, Parser)]

@@ -3,16 +3,16 @@
 use std::collections::HashMap;
 
 use super::*;
-use crate::adsorption;
-use crate::binding::{bids, refused};
-use crate::bodies::Body;
-use crate::crossing::Path;
+use crate::motion::adsorption;
+use crate::motion::binding::{bids, refused};
+use crate::motion::receiver_state::Body;
+use crate::motion::path_hit::Path;
 use crate::gpu::device::encoded;
 use crate::gpu::layout::{Fate, ReceptorRow};
-use crate::motion::Event;
-use crate::philox::{Draws, open_unit};
-use crate::receiver::{Kind, Receiver, height};
-use crate::turning::turn;
+use crate::motion::propagate::Event;
+use crate::random::philox::{Draws, open_unit};
+use crate::model::receiver::{Kind, Receiver, height};
+use crate::motion::reflection::turn;
 
 #[test]
 fn what_stays_and_comes_off_is_that_of_the_cpu() {

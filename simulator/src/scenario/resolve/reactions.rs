@@ -5,9 +5,9 @@ use std::ops::Range;
 use toml::Spanned;
 
 use super::Names;
-use crate::chances::undoes;
+use crate::reaction::probability::undoes;
 use crate::model::{Chance, Decay, Model, Reaction, Unbinding};
-use crate::rate;
+use crate::reaction::rate;
 use crate::scenario::file::{self, Positive};
 use crate::scenario::{Problem, advice};
 

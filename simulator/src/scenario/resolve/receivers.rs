@@ -6,10 +6,10 @@ use super::Names;
 use super::schedule::place;
 use super::transmitters::check_place;
 use crate::model::Model;
-use crate::receiver::{Kind, Receiver, Receptors, Sticking};
+use crate::model::receiver::{Kind, Receiver, Receptors, Sticking};
 use crate::scenario::file::{self, Finite, ReceiverKind};
 use crate::scenario::{Problem, advice};
-use crate::transmitter::Shape;
+use crate::model::transmitter::Shape;
 
 pub(super) fn receivers(
     many: &[file::Receiver],

@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use super::Names;
-use crate::message::{Message, Modulation, Symbols};
+use crate::model::message::{Message, Modulation, Symbols};
 use crate::scenario::Problem;
 use crate::scenario::file::{self, Finite, NotNegative};
-use crate::transmitter::Schedule;
+use crate::model::transmitter::Schedule;
 
 /// The schedule of a transmitter, and what one burst has.
 pub(super) fn schedule(

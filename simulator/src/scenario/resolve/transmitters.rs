@@ -3,10 +3,10 @@
 use super::Names;
 use super::schedule::{place, schedule};
 use super::space::number;
-use crate::boundary::{Axis, Boundary};
+use crate::model::boundary::{Axis, Boundary};
 use crate::scenario::file;
 use crate::scenario::{Problem, advice};
-use crate::transmitter::{Numbers, Schedule, Shape, Transmitter};
+use crate::model::transmitter::{Numbers, Schedule, Shape, Transmitter};
 
 pub(super) fn transmitters(
     many: Vec<file::Transmitter>,

@@ -202,7 +202,7 @@ fn releases_behind_the_end_are_said() {
 fn a_rate_becomes_a_binding_radius() {
     let text = GOOD.replace("binding-radius = 1.5", "rate = 1000").replace("probability = 0.5", "");
     let radius = parse(&text).unwrap().model.reactions[0].binding_radius;
-    let back = crate::rate::rate_constant(f64::from(radius), 150.0, 0.001);
+    let back = crate::reaction::rate::rate_constant(f64::from(radius), 150.0, 0.001);
     assert!((back / 1000.0 - 1.0).abs() < 1e-5);
 }
 

@@ -1,7 +1,7 @@
 //! Networks of reactions, messages and vessels.
 
 use super::*;
-use crate::message::{Message, Modulation, Symbols};
+use crate::model::message::{Message, Modulation, Symbols};
 use crate::{Numbers, Unbinding};
 
 /// Species A to D, and what else there is.
@@ -23,7 +23,7 @@ fn decay(equation: &str, more: &str) -> String {
 fn channels_of_a_pair_share_its_rate() {
     let text = reaction("A + B -> C", "rate = 0.3") + &reaction("B + A -> D", "rate = 0.1");
     let model = network(&text).unwrap().model;
-    let radius = crate::rate::binding_radius(0.4, 2.0, 1e-5).unwrap() as f32;
+    let radius = crate::reaction::rate::binding_radius(0.4, 2.0, 1e-5).unwrap() as f32;
     for (reaction, share) in model.reactions.iter().zip([0.75, 0.25]) {
         let Chance::PerStep(p) = reaction.chance else { panic!("{reaction:?}") };
         assert!(reaction.binding_radius == radius && (p - share).abs() < 1e-12, "{reaction:?}");
@@ -39,7 +39,7 @@ fn what_comes_apart_may_come_together_again() {
         (model.decays[0].products, model.decays[0].unbinding),
         ([Some(1), Some(0)], Unbinding::Apart(0.1))
     );
-    let is = crate::rate::reversible_rate_constant(
+    let is = crate::reaction::rate::reversible_rate_constant(
         model.reactions[0].binding_radius.into(),
         0.1_f32.into(),
         2.0,

@@ -1,0 +1,247 @@
+//! Boundaries of space, axis by axis: open, reflecting walls or periodic.
+
+use lazygrid::Space;
+
+use crate::Error;
+use crate::model::vessel::Vessel;
+
+/// The boundary along an axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Axis {
+    /// Unbounded.
+    #[default]
+    Open,
+    /// Walls at both coordinates, in µm. A sphere whose surface crosses a wall is reflected.
+    Reflecting {
+        /// The lower wall.
+        low: f32,
+        /// The upper wall.
+        high: f32,
+    },
+    /// Periodic: `high` is the same position as `low`, in µm.
+    Periodic {
+        /// The lower end, inside the box.
+        low: f32,
+        /// The upper end, outside the box.
+        high: f32,
+    },
+}
+
+impl Axis {
+    /// Returns the interval for the centers of spheres of this radius, whose surfaces stay between the walls.
+    #[inline(always)]
+    pub fn inset(self, radius: f32) -> Self {
+        match self {
+            Self::Reflecting { low, high } => Self::Reflecting { low: low + radius, high: high - radius },
+            other => other,
+        }
+    }
+
+    /// Reflects or wraps a coordinate into the box.
+    #[inline(always)]
+    pub fn place(self, x: f32) -> f32 {
+        match self {
+            Self::Open => x,
+            // Coordinates inside the box are unchanged, bit for bit.
+            Self::Reflecting { low, high } if x >= low && x <= high => x,
+            Self::Periodic { low, high } if x >= low && x < high => x,
+            Self::Reflecting { low, high } => {
+                let length = high - low;
+                let y = round_trip(x - low, length);
+                (low + (length - (length - y).abs())).clamp(low, high)
+            }
+            Self::Periodic { low, high } => {
+                let length = high - low;
+                let shifted = x - length * ((x - low) / length).floor();
+                if shifted >= low && shifted < high { shifted } else { low }
+            }
+        }
+    }
+
+    /// Returns `true` if reflections reverse the direction of motion of a particle that would end at `x` without walls.
+    #[inline(always)]
+    pub fn turns(self, x: f32) -> bool {
+        match self {
+            Self::Reflecting { low, high } if x < low || x > high => {
+                let length = high - low;
+                round_trip(x - low, length) > length
+            }
+            _ => false,
+        }
+    }
+
+    /// Returns [`offset`](Self::offset), computed in `f64`.
+    pub(crate) fn offset_exact(self, d: f64) -> f64 {
+        match self {
+            Self::Periodic { low, high } => {
+                let length = f64::from(high - low);
+                d - length * (d / length).round()
+            }
+            _ => d,
+        }
+    }
+
+    /// Returns the minimum image of a coordinate difference `d`.
+    #[inline(always)]
+    pub fn offset(self, d: f32) -> f32 {
+        match self {
+            Self::Periodic { low, high } => {
+                let length = high - low;
+                d - length * (d / length + 0.5).floor()
+            }
+            _ => d,
+        }
+    }
+}
+
+/// Reduces a displacement modulo `2 * length`, the distance to the upper wall and back. Results above `length` lie on
+/// the return path.
+#[inline(always)]
+fn round_trip(way: f32, length: f32) -> f32 {
+    way - 2.0 * length * (way / (2.0 * length)).floor()
+}
+
+/// The boundary of space.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Boundary {
+    /// Boundaries along x, y and z.
+    pub axes: [Axis; 3],
+    /// A vessel around all particles. The axes across it must be open.
+    pub vessel: Option<Vessel>,
+}
+
+impl Boundary {
+    /// Creates a box with reflecting walls.
+    pub fn reflecting(low: [f32; 3], high: [f32; 3]) -> Self {
+        let axes = std::array::from_fn(|k| Axis::Reflecting { low: low[k], high: high[k] });
+        Self { axes, vessel: None }
+    }
+
+    /// Creates a box that is periodic along all axes.
+    pub fn periodic(low: [f32; 3], high: [f32; 3]) -> Self {
+        let axes = std::array::from_fn(|k| Axis::Periodic { low: low[k], high: high[k] });
+        Self { axes, vessel: None }
+    }
+
+    /// Returns `true` if space is unbounded.
+    pub fn is_open(&self) -> bool {
+        self.axes == [Axis::Open; 3] && self.vessel.is_none()
+    }
+
+    /// Returns the space that the detector searches.
+    ///
+    /// # Errors
+    /// [`Error::Detection`] if a periodic box has no extent.
+    pub fn space(&self) -> Result<Space, Error> {
+        let lengths = self.axes.map(|axis| match axis {
+            Axis::Periodic { low, high } => Some(f64::from(high - low)),
+            _ => None,
+        });
+        Ok(Space::periodic(lengths).map_err(lazygrid::Error::from)?)
+    }
+
+    /// Returns the boundary for the centers of spheres of this radius, whose surfaces stay between the walls.
+    #[inline(always)]
+    pub fn inset(&self, radius: f32) -> Self {
+        Self {
+            axes: self.axes.map(|axis| axis.inset(radius)),
+            vessel: self.vessel.map(|vessel| vessel.inset(radius)),
+        }
+    }
+
+    /// Returns the first direction in which a sphere of this radius does not fit between the walls or into the vessel,
+    /// and the width there.
+    pub fn too_narrow(&self, radius: f32) -> Option<(&'static str, f32)> {
+        let inset = self.inset(radius);
+        let walls = ["along x", "along y", "along z"].into_iter().zip(self.axes.into_iter().zip(inset.axes));
+        let narrow = walls.into_iter().find_map(|(name, axes)| match axes {
+            (Axis::Reflecting { low, high }, Axis::Reflecting { low: from, high: to }) if from >= to => {
+                Some((name, high - low))
+            }
+            _ => None,
+        });
+        let vessel = || self.vessel.filter(|vessel| vessel.radius <= radius);
+        narrow.or_else(|| Some(("across the cylinder", 2.0 * vessel()?.radius)))
+    }
+
+    /// Reflects or wraps a position into the box and the vessel.
+    #[inline(always)]
+    pub fn place(&self, p: [f32; 3]) -> [f32; 3] {
+        let p = [self.axes[0].place(p[0]), self.axes[1].place(p[1]), self.axes[2].place(p[2])];
+        match &self.vessel {
+            None => p,
+            Some(vessel) => vessel.place(p),
+        }
+    }
+
+    /// Returns the vector from `p` to the nearest periodic image of `q`.
+    #[inline(always)]
+    pub fn offset(&self, p: [f32; 3], q: [f32; 3]) -> [f32; 3] {
+        [self.axes[0].offset(q[0] - p[0]), self.axes[1].offset(q[1] - p[1]), self.axes[2].offset(q[2] - p[2])]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn walls_mirror() {
+        let axis = Axis::Reflecting { low: -1.0, high: 3.0 };
+        for (from, to) in
+            [(0.5, 0.5), (-1.5, -0.5), (3.5, 2.5), (7.5, -0.5), (-6.0, 2.0), (3.0, 3.0), (-1.0, -1.0)]
+        {
+            assert_eq!(axis.place(from), to, "{from}");
+        }
+    }
+
+    #[test]
+    fn an_odd_number_of_walls_turns_round() {
+        let axis = Axis::Reflecting { low: -1.0, high: 3.0 };
+        for (to, turns) in [
+            (0.5, false),
+            (3.0, false),
+            (-1.0, false),
+            (-1.5, true),
+            (3.5, true),
+            (7.5, false),
+            (-6.0, false),
+            (-9.5, true),
+        ] {
+            assert_eq!(axis.turns(to), turns, "{to}");
+        }
+        assert!(!Axis::Open.turns(9.0) && !Axis::Periodic { low: 0.0, high: 1.0 }.turns(1.5));
+    }
+
+    #[test]
+    fn walls_act_on_the_surface() {
+        let walls = Boundary::reflecting([-1.0; 3], [1.0, 2.0, 3.0]);
+        assert_eq!(walls.inset(0.25).place([0.875, 1.875, -1.0]), [0.625, 1.625, -0.5]);
+        assert_eq!(walls.too_narrow(0.999), None);
+        assert_eq!(walls.too_narrow(1.0), Some(("along x", 2.0)));
+        let vessel = Vessel { along: 2, center: [0.0; 3], radius: 1.0 };
+        let vessel = Boundary { vessel: Some(vessel), ..Boundary::default() };
+        assert_eq!(vessel.inset(0.25).place([0.0, 1.0, 9.0]), [0.0, 0.5, 9.0]);
+        assert_eq!(
+            (vessel.too_narrow(0.9), vessel.too_narrow(1.0)),
+            (None, Some(("across the cylinder", 2.0)))
+        );
+        assert!(!vessel.is_open());
+        let periodic = Boundary::periodic([-1.0; 3], [1.0; 3]);
+        assert_eq!((periodic.inset(9.0), periodic.too_narrow(9.0)), (periodic, None));
+    }
+
+    #[test]
+    fn images_are_one_place() {
+        let axis = Axis::Periodic { low: -1.0, high: 3.0 };
+        for (from, to) in
+            [(0.5, 0.5), (-1.5, 2.5), (3.0, -1.0), (7.5, -0.5), (-1.0, -1.0), (-1.0 - 1e-9, -1.0)]
+        {
+            assert_eq!(axis.place(from), to, "{from}");
+        }
+        let below = (-1.0_f32).next_down();
+        assert!((-1.0..3.0).contains(&axis.place(below)));
+        assert_eq!(axis.offset(3.5), -0.5);
+        assert_eq!(axis.offset(-1.5), -1.5);
+    }
+}

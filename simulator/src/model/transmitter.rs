@@ -1,0 +1,235 @@
+//! Transmitters: sources of particles.
+
+use crate::release::time::step_of;
+use crate::model::message::Message;
+use crate::random::gaussian;
+use crate::random::philox::{Key, open_unit};
+
+/// A source that releases particles.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Transmitter {
+    /// Its name in messages.
+    pub name: String,
+    /// Its center, in µm.
+    pub center: [f32; 3],
+    /// Distribution of the particles around the center.
+    pub shape: Shape,
+    /// Release times.
+    pub schedule: Schedule,
+    /// Species and number of particles per burst.
+    pub release: Vec<(u32, u32)>,
+    /// Distribution of particle numbers.
+    pub numbers: Numbers,
+}
+
+/// The release schedule of a transmitter.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Schedule {
+    /// A burst at each of these ascending times, in s. A burst appears before the first step that begins at its time or
+    /// later, and takes part in that step.
+    Times(Vec<f64>),
+    /// A burst for each symbol of a message.
+    Message(Message),
+    /// Steady release, at a rate per species.
+    Steady {
+        /// Start, in s.
+        from: f64,
+        /// End, in s.
+        until: f64,
+        /// Species and its rate, in 1/s.
+        rates: Vec<(u32, f64)>,
+    },
+}
+
+impl Default for Schedule {
+    fn default() -> Self {
+        Self::Times(vec![0.0])
+    }
+}
+
+/// The distribution of the number of particles released.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Numbers {
+    /// The exact number. Steady release is evenly spaced in time.
+    #[default]
+    Fixed,
+    /// A Poisson-distributed number with this mean. Steady release is a Poisson process.
+    Poisson,
+}
+
+/// The distribution of released particles around the center.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Shape {
+    /// All at one point.
+    #[default]
+    Point,
+    /// Normal along each axis, with this standard deviation in µm.
+    Gaussian(f32),
+    /// Uniform in a shell between two radii in µm; a ball if the inner radius is 0.
+    Shell(f32, f32),
+    /// Uniform in a box with these side lengths in µm.
+    Box([f32; 3]),
+    /// Uniform in a cylinder along axis 0, 1 or 2, with this radius and length in µm; a disk if the length is 0.
+    Cylinder(usize, f32, f32),
+    /// On a lattice in a box with these side lengths in µm and this number of sites per axis. Sites are filled in
+    /// order, x fastest.
+    Lattice([f32; 3], [u32; 3]),
+}
+
+impl Transmitter {
+    /// Returns the bursts at the beginning of `step`, each as species and numbers. `place` is the index of the
+    /// transmitter in the model; it selects the random symbols of a message.
+    pub fn bursts(&self, place: u32, step: u32, time_step: f64, key: Key) -> Vec<Vec<(u32, u32)>> {
+        match &self.schedule {
+            Schedule::Times(times) => vec![self.release.clone(); due(times, step, time_step).len()],
+            Schedule::Message(message) => {
+                let symbols = message.due(step, time_step).map(|k| message.symbol(k, place, key));
+                symbols.map(|symbol| message.modulation.burst(symbol, &self.release)).collect()
+            }
+            Schedule::Steady { .. } => Vec::new(),
+        }
+    }
+
+    /// Returns the mean number of particles released in steps `begin..end`, by species.
+    pub fn mean_between(&self, [begin, end]: [u32; 2], time_step: f64) -> Vec<(u32, f64)> {
+        let scaled = |by: f64| self.release.iter().map(move |&(species, n)| (species, by * f64::from(n)));
+        match &self.schedule {
+            Schedule::Times(times) => {
+                let count =
+                    |step| times.partition_point(|&t| step_of(t, time_step).is_some_and(|s| s < step));
+                scaled((count(end) - count(begin)) as f64).collect()
+            }
+            Schedule::Message(message) => {
+                let count = |step| message.sent_before(step, time_step);
+                scaled(f64::from(count(end) - count(begin)) * message.modulation.mean(self.release.len()))
+                    .collect()
+            }
+            Schedule::Steady { from, until, rates } => {
+                let [begin, end] = [begin, end].map(|step| (f64::from(step) - 1.0) * time_step);
+                let time = (end.min(*until) - begin.max(*from)).max(0.0);
+                rates.iter().map(|&(species, rate)| (species, rate * time)).collect()
+            }
+        }
+    }
+
+    /// Returns the first release time that does not fall within `steps` steps, and the number of bursts from then on.
+    /// The number is `None` for steady release.
+    pub fn after(&self, steps: u32, time_step: f64) -> Option<(f64, Option<usize>)> {
+        let is_late = |time: f64| step_of(time, time_step).is_none_or(|step| step >= steps);
+        match &self.schedule {
+            Schedule::Times(times) => {
+                let first = times.partition_point(|&time| !is_late(time));
+                Some((*times.get(first)?, Some(times.len() - first)))
+            }
+            Schedule::Message(message) => {
+                let first = message.sent_before(steps, time_step);
+                let left = message.symbols.len() - first;
+                (left > 0).then(|| (message.time_of(first), Some(left as usize)))
+            }
+            Schedule::Steady { from, .. } => is_late(*from).then_some((*from, None)),
+        }
+    }
+}
+
+/// Returns the times in ascending `times` that fall on `step`.
+fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
+    let until = |step| times.partition_point(|&time| step_of(time, time_step).is_some_and(|own| own < step));
+    &times[until(step)..until(step.saturating_add(1))]
+}
+
+impl Shape {
+    /// Returns the offset from the center of the particle with index `place` in its burst, from its random words.
+    pub(crate) fn offset(self, words: [u32; 4], place: u32) -> [f32; 3] {
+        match self {
+            Self::Point => [0.0; 3],
+            Self::Gaussian(width) => normal::normals(words).map(|z| z * width),
+            Self::Shell(inner, outer) => {
+                let [a, b] = [inner, outer].map(|r| f64::from(r).powi(3));
+                let radius = libm::cbrt(a + (b - a) * f64::from(open_unit(words[0]))) as f32;
+                normal::direction(words[1], words[2]).map(|c| c * radius)
+            }
+            Self::Box(edges) => std::array::from_fn(|k| (open_unit(words[k]) - 0.5) * edges[k]),
+            Self::Cylinder(along, radius, length) => {
+                let distance = radius * open_unit(words[0]).sqrt();
+                let [cosine, sine] = normal::turn(words[1]);
+                let mut offset = [0.0; 3];
+                offset[along % 3] = (open_unit(words[2]) - 0.5) * length;
+                offset[(along + 1) % 3] = distance * cosine;
+                offset[(along + 2) % 3] = distance * sine;
+                offset
+            }
+            Self::Lattice(edges, [nx, ny, nz]) => {
+                let at = [place % nx, place / nx % ny, place / nx / ny % nz];
+                let count = [nx, ny, nz];
+                std::array::from_fn(|k| ((at[k] as f32 + 0.5) / count[k] as f32 - 0.5) * edges[k])
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::philox::Purpose;
+
+    #[test]
+    fn a_burst_belongs_to_the_step_that_begins_at_its_time() {
+        assert_eq!(step_of(0.0, 0.1), Some(0));
+        assert_eq!(step_of(0.3, 0.1), Some(3));
+        assert_eq!(step_of(0.30001, 0.1), Some(4));
+        assert_eq!(step_of(1e30, 0.1), None);
+        let times = Schedule::Times(vec![0.0, 0.25, 0.3, 0.30001, 1e30]);
+        let transmitter = Transmitter { schedule: times, release: vec![(2, 5)], ..Transmitter::default() };
+        let bursts = |step| transmitter.bursts(0, step, 0.1, Key::new(1)).len();
+        assert_eq!([0, 1, 2, 3, 4, 5].map(bursts), [1, 0, 0, 2, 1, 0]);
+        assert_eq!(transmitter.mean_between([1, 5], 0.1), [(2, 15.0)]);
+        assert_eq!(transmitter.after(4, 0.1), Some((0.30001, Some(2))));
+    }
+
+    #[test]
+    fn a_steady_release_has_its_time() {
+        let schedule = Schedule::Steady { from: 0.25, until: 0.6, rates: vec![(1, 100.0)] };
+        let transmitter = Transmitter { schedule, ..Transmitter::default() };
+        let mean = |begin, end| transmitter.mean_between([begin, end], 0.1)[0].1;
+        // What is there at the beginning of a step came during the one before.
+        for (begin, end, expected) in [(0, 3, 0.0), (3, 4, 5.0), (4, 5, 10.0), (7, 99, 0.0), (0, 99, 35.0)] {
+            assert!((mean(begin, end) - expected).abs() < 1e-9, "{begin}..{end}: {}", mean(begin, end));
+        }
+        assert_eq!((transmitter.after(3, 0.1), transmitter.after(4, 0.1)), (Some((0.25, None)), None));
+    }
+
+    #[test]
+    fn shapes_keep_their_bounds_and_means() {
+        let key = Key::new(5);
+        let shapes = [
+            Shape::Gaussian(2.0),
+            Shape::Shell(1.0, 2.0),
+            Shape::Box([1.0, 2.0, 3.0]),
+            Shape::Cylinder(1, 2.0, 3.0),
+        ];
+        for shape in shapes {
+            let n = 20_000;
+            let mut mean = [0.0; 3];
+            for id in 0..n {
+                let p = shape.offset(key.draw(id, 0, 0, Purpose::Release), id).map(f64::from);
+                (0..3).for_each(|k| mean[k] += p[k] / f64::from(n));
+                let r = p.iter().map(|c| c * c).sum::<f64>().sqrt();
+                match shape {
+                    Shape::Shell(a, b) => assert!(r >= f64::from(a) - 1e-6 && r <= f64::from(b) + 1e-6),
+                    Shape::Cylinder(..) => assert!(p[1].abs() <= 1.5 && p[0].hypot(p[2]) <= 2.0 + 1e-6),
+                    Shape::Box(e) => (0..3).for_each(|k| assert!(p[k].abs() <= f64::from(e[k]) / 2.0)),
+                    _ => {}
+                }
+            }
+            assert!(mean.iter().all(|m| m.abs() < 5.0 * 2.0 / f64::from(n).sqrt()), "{shape:?} {mean:?}");
+        }
+    }
+
+    #[test]
+    fn a_lattice_fills_its_box() {
+        let shape = Shape::Lattice([4.0, 2.0, 2.0], [4, 2, 2]);
+        assert_eq!(shape.offset([0; 4], 0), [-1.5, -0.5, -0.5]);
+        assert_eq!(shape.offset([0; 4], 5), [-0.5, 0.5, -0.5]);
+        assert_eq!(shape.offset([0; 4], 15), [1.5, 0.5, 0.5]);
+    }
+}

@@ -1,0 +1,245 @@
+//! The conditions for a run to make sense.
+
+use crate::Error;
+use crate::model::boundary::Axis;
+use crate::reaction::probability::Chances;
+use crate::model::message::Symbols;
+use crate::model::{Chance, Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
+use crate::model::receiver::{Kind, Receiver, Receptors, Sticking};
+use crate::model::transmitter::{Schedule, Shape, Transmitter};
+
+impl Model {
+    /// The fault if particles of a species do not fit between the walls.
+    pub(crate) fn misfit(&self, species: &Species) -> Option<String> {
+        let (which, wide) = self.boundary.too_narrow(species.radius)?;
+        Some(format!(
+            "species {} has the radius {}, and there is room of {wide} between walls {which}; make the radius less than \
+             half of that, or the room larger",
+            species.name, species.radius
+        ))
+    }
+
+    /// The fault if particles are to bounce off each other without a velocity.
+    pub(crate) fn idle_contact(&self) -> Option<String> {
+        (self.contact == Contact::Elastic && !self.has_velocity()).then(|| {
+            "contact is elastic but no species has a thermal-speed, so that nothing has a velocity to bounce with; give \
+             a species a thermal-speed, or let contact = \"separate\" push diffusing ones apart"
+                .to_owned()
+        })
+    }
+
+    /// The fault if a flow profile has no vessel.
+    pub(crate) fn groundless_flow(&self) -> Option<String> {
+        let groundless = matches!(self.flow, Some(Flow::Poiseuille { .. })) && self.boundary.vessel.is_none();
+        groundless.then(|| {
+            "Poiseuille flow is that in a cylinder, and there is none; make the boundary a cylinder, or the flow a plug"
+                .to_owned()
+        })
+    }
+
+    fn check_vessel(&self) -> Result<(), Error> {
+        let Some(vessel) = &self.boundary.vessel else { return Ok(()) };
+        positive("the radius of the cylinder", vessel.radius.into())?;
+        let across = (1..3).map(|k| self.boundary.axes[(vessel.along + k) % 3]);
+        if vessel.along > 2 || across.into_iter().any(|axis| axis != Axis::Open) {
+            let message =
+                "a cylinder goes along axis 0, 1 or 2 and is the only wall across it; leave other axes open";
+            return Err(Error::Model(message.to_owned()));
+        }
+        Ok(())
+    }
+
+    /// Checks what is needed for a run to make sense.
+    ///
+    /// # Errors
+    /// [`Error::Model`], naming the first thing that is wrong.
+    pub fn check(&self) -> Result<(), Error> {
+        positive("the time step", self.time_step)?;
+        for species in &self.species {
+            let of = |what: &str| format!("{what} of species {}", species.name);
+            not_negative(&of("the radius"), species.radius.into())?;
+            not_negative(&of("the diffusion coefficient"), species.diffusion)?;
+            not_negative(&of("the thermal speed"), species.thermal_speed)?;
+            not_negative(&of("the speed"), species.speed)?;
+            not_negative(&of("the tumble rate"), species.tumble_rate)?;
+            if species.speed > 0.0 && species.thermal_speed > 0.0 {
+                return Err(Error::Model(
+                    of("the speed") + " and the thermal speed exclude each other; take one away",
+                ));
+            }
+            positive(&of("the mass"), species.mass)?;
+            if !species.drift.iter().all(|v| v.is_finite()) {
+                return Err(Error::Model(of("the drift") + " must be finite"));
+            }
+            if let Some(message) = self.misfit(species) {
+                return Err(Error::Model(message));
+            }
+        }
+        if let Some(message) = self.idle_contact().or_else(|| self.groundless_flow()) {
+            return Err(Error::Model(message));
+        }
+        self.check_vessel()?;
+        self.reactions.iter().try_for_each(|reaction| self.check_reaction(reaction))?;
+        self.decays.iter().try_for_each(|decay| self.check_decay(decay))?;
+        self.check_channels()?;
+        self.transmitters.iter().try_for_each(|transmitter| self.check_transmitter(transmitter))?;
+        self.receivers.iter().try_for_each(|receiver| self.check_receiver(receiver))
+    }
+
+    /// The fault if a surface of a given reactivity meets particles that do not diffuse.
+    pub(crate) fn resting_before(&self, receiver: &Receiver) -> Option<String> {
+        let by_rate = matches!(receiver.kind, Kind::Partial(Sticking::Reactivity(_)) | Kind::Receptors(_));
+        let rests = |(k, species): &(usize, &Species)| receiver.sees[*k] && species.diffusion == 0.0;
+        let mut all = self.species.iter().enumerate();
+        let (_, species) = all.find(rests).filter(|_| by_rate && receiver.diffusion == 0.0)?;
+        Some(format!(
+            "{} takes particles at a rate, to which they diffuse, and {} does not; let it see others by species, or give it \
+             a probability",
+            receiver.name, species.name
+        ))
+    }
+
+    fn check_receiver(&self, receiver: &Receiver) -> Result<(), Error> {
+        let of = |what: &str| format!("{what} of {}", receiver.name);
+        if receiver.sees.len() != self.species.len() {
+            let (known, says) = (self.species.len(), receiver.sees.len());
+            return Err(Error::Model(format!(
+                "{} says of {says} species whether it sees them, of {known}",
+                receiver.name
+            )));
+        }
+        not_negative(&of("the diffusion coefficient"), receiver.diffusion)?;
+        if !receiver.velocity.iter().all(|v| v.is_finite()) {
+            return Err(Error::Model(of("the velocity") + " must be finite"));
+        }
+        match receiver.kind {
+            Kind::Partial(Sticking::PerStep(probability)) => {
+                is_probability(&of("the probability"), probability)?
+            }
+            Kind::Partial(Sticking::Reactivity(rate)) => not_negative(&of("the rate"), rate)?,
+            Kind::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => {
+                not_negative(&of("the binding rate"), binding_rate)?;
+                not_negative(&of("the unbinding rate"), unbinding_rate)?;
+            }
+            _ => {}
+        }
+        if receiver.kind.turns_back() {
+            positive(&of("the radius"), receiver.radius.into())?;
+        }
+        self.resting_before(receiver).map_or(Ok(()), |message| Err(Error::Model(message)))
+    }
+
+    fn check_reaction(&self, reaction: &Reaction) -> Result<(), Error> {
+        let of = |what: &str| format!("{what} of {}", reaction.name);
+        not_negative(&of("the binding radius"), reaction.binding_radius.into())?;
+        not_negative(&of("the unbinding radius"), reaction.unbinding_radius.into())?;
+        match reaction.chance {
+            Chance::PerTime(rate) => not_negative(&of("the rate inside"), rate)?,
+            Chance::PerStep(probability) => is_probability(&of("the probability"), probability)?,
+        }
+        let named = reaction.reactants.into_iter().chain(reaction.products.into_iter().flatten());
+        self.check_species(&reaction.name, named)?;
+        if reaction.reactants.map(Some) == reaction.products {
+            return Err(Error::Model(format!("{} changes nothing; remove it", reaction.name)));
+        }
+        Ok(())
+    }
+
+    fn check_decay(&self, decay: &Decay) -> Result<(), Error> {
+        let of = |what: &str| format!("{what} of {}", decay.name);
+        not_negative(&of("the rate"), decay.rate)?;
+        let (Unbinding::Apart(radius) | Unbinding::Within(radius)) = decay.unbinding;
+        not_negative(&of("the unbinding radius"), radius.into())?;
+        if decay.products[0].is_none() && decay.splits() {
+            return Err(Error::Model(of("the second product") + " comes without a first; make it the first"));
+        }
+        let products = decay.products.into_iter().flatten();
+        self.check_species(&decay.name, [decay.reactant].into_iter().chain(products))
+    }
+
+    /// A pair has one turn in a step.
+    fn check_channels(&self) -> Result<(), Error> {
+        let chances = Chances(self);
+        for reaction in &self.reactions {
+            for zone in chances.zones(reaction.reactants) {
+                let total: f64 = zone.channels.iter().map(|(_, probability)| probability).sum();
+                if total > 1.0 + 1e-9 {
+                    let names = zone.channels.iter().map(|&(place, _)| self.reactions[place].name.as_str());
+                    return Err(Error::Model(format!(
+                        "the probabilities of {} add up to {total} in a step; shorten the time step, or make them less",
+                        names.collect::<Vec<_>>().join(" and of ")
+                    )));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_transmitter(&self, transmitter: &Transmitter) -> Result<(), Error> {
+        let name = &transmitter.name;
+        let refused = |message: String| Err(Error::Model(message));
+        self.check_species(name, transmitter.release.iter().map(|&(species, _)| species))?;
+        if matches!(transmitter.shape, Shape::Lattice(_, places) if places.contains(&0)) {
+            return refused(format!("the lattice of {name} has no places along an axis"));
+        }
+        match &transmitter.schedule {
+            Schedule::Times(times) => {
+                if !times.is_sorted() || times.iter().any(|time| !(time.is_finite() && *time >= 0.0)) {
+                    return refused(format!("the times of {name} must ascend from 0 on; sort them"));
+                }
+            }
+            Schedule::Message(message) => {
+                positive(&format!("the symbol time of {name}"), message.symbol_time)?;
+                not_negative(&format!("the start of {name}"), message.start)?;
+                let alphabet = message.modulation.alphabet(transmitter.release.len());
+                let known = match &message.symbols {
+                    Symbols::Given(symbols) => symbols.iter().all(|&symbol| (symbol as usize) < alphabet),
+                    Symbols::Random { alphabet: of, .. } => *of as usize <= alphabet && of.is_power_of_two(),
+                };
+                if !known {
+                    return refused(format!("{name} is to send symbols that its modulation does not have"));
+                }
+            }
+            Schedule::Steady { from, until, rates } => {
+                self.check_species(name, rates.iter().map(|&(species, _)| species))?;
+                rates.iter().try_for_each(|&(_, rate)| positive(&format!("a rate of {name}"), rate))?;
+                if !(*from >= 0.0 && from < until) {
+                    return refused(format!(
+                        "{name} releases from {from} s until {until} s; make the end the later one"
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_species(&self, of: &str, species: impl IntoIterator<Item = u32>) -> Result<(), Error> {
+        let count = self.species.len();
+        match species.into_iter().find(|&s| s as usize >= count) {
+            None => Ok(()),
+            Some(s) => Err(Error::Model(format!("{of} names species {s} but there are {count}"))),
+        }
+    }
+}
+
+fn positive(what: &str, value: f64) -> Result<(), Error> {
+    match value.is_finite() && value > 0.0 {
+        true => Ok(()),
+        false => Err(Error::Model(format!("{what} is {value}; it must be positive and finite"))),
+    }
+}
+
+fn is_probability(what: &str, value: f64) -> Result<(), Error> {
+    not_negative(what, value)?;
+    match value <= 1.0 {
+        true => Ok(()),
+        false => Err(Error::Model(format!("{what} is above 1"))),
+    }
+}
+
+fn not_negative(what: &str, value: f64) -> Result<(), Error> {
+    match value.is_finite() && value >= 0.0 {
+        true => Ok(()),
+        false => Err(Error::Model(format!("{what} is {value}; it must be finite and not negative"))),
+    }
+}

@@ -1,0 +1,235 @@
+//! Adsorption at a surface of given reactivity, and desorption from it, for a time step of any length.
+//!
+//! A surface of reactivity κ adsorbs κ times the local concentration, per area and time. The simulator tests each
+//! particle once per step. A fixed adsorption probability per contact is therefore correct for one time step only. S.
+//! S. Andrews (*Accurate particle-based simulation of adsorption, desorption and partial transmission*, Physical
+//! Biology 6 (2009) 046015) corrects the probability for the step, by a fit to numerical results for particles observed
+//! at the ends of steps. Here the path between the ends counts (see [`path_hit`](crate::motion::path_hit)), and the correction
+//! has a closed form.
+//!
+//! *On a plane*, the density of diffusing particles that are not adsorbed is known (Carslaw and Jaeger, *Conduction of
+//! Heat in Solids*, section 14.2). Dividing it by the density before a reflecting wall gives the adsorption probability
+//! of a particle that reaches the surface on its path from height `a` to height ±`b`:
+//!
+//! ```text
+//! √π·X·erfcx(X + y),   X = κ√(Δt/D),   y = (a + b)/√(4DΔt),   erfcx(x) = exp(x²)·erfc(x)
+//! ```
+//!
+//! *On a sphere* of radius R, r times the density obeys the equation of the plane, with κ + D/R in place of κ. `X` in
+//! the argument of erfcx becomes X + √(DΔt)/R; the factor before it is unchanged. The adsorbed fraction of particles
+//! that begin a step at height `a` is then that of Collins and Kimball (*Diffusion-controlled reaction rates*, Journal
+//! of Colloid Science 4 (1949) 425). Neither the step nor κ needs to be small.
+//!
+//! *Desorption* is the reverse process. Detailed balance requires that, in equilibrium, as many particles desorb to
+//! each height as adsorb from it. This gives the distribution of heights after desorption. It also gives the desorption
+//! probability, from the total adsorbed out of a uniform concentration ([`Step::volume`]). The equilibrium constant is
+//! then that of the rates at any time step.
+
+use std::f64::consts::PI;
+
+use crate::random::philox::Draws;
+
+/// √π
+const ROOT_PI: f64 = 1.772_453_850_905_516;
+
+/// Returns exp(x²)·erfc(x), for x ≥ 0.
+pub(crate) fn erfcx(x: f64) -> f64 {
+    if x < 25.0 {
+        return libm::exp(x * x) * libm::erfc(x);
+    }
+    // Asymptotic series. The first omitted term is below 10⁻⁹ of the result.
+    let s = 1.0 / (2.0 * x * x);
+    (1.0 - s * (1.0 - 3.0 * s * (1.0 - 5.0 * s))) / (x * ROOT_PI)
+}
+
+/// Returns the reactivity of a sphere with `free` free receptors, in µm/s.
+pub(crate) fn reactivity(binding_rate: f64, free: u32, radius: f64) -> f64 {
+    binding_rate * f64::from(free) / (4.0 * PI * radius * radius)
+}
+
+/// A diffusion step near an adsorbing sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Step {
+    /// √(DΔt) in µm.
+    length: f64,
+    /// Radius of the sphere, in µm.
+    radius: f64,
+    /// κ√(Δt/D)
+    own: f64,
+    /// κ√(Δt/D) + √(DΔt)/R, with the curvature term.
+    all: f64,
+}
+
+impl Step {
+    /// Creates a step near a sphere with a radius in µm and a reactivity in µm/s. `diffusion` is DΔt, summed over
+    /// particle and sphere, in µm².
+    pub(crate) fn new(diffusion: f64, time_step: f64, (radius, reactivity): (f64, f64)) -> Self {
+        let length = diffusion.sqrt();
+        let own = reactivity * time_step / length;
+        Self { length, radius, own, all: own + length / radius }
+    }
+
+    /// Returns the adsorption probability of a particle that reaches the sphere. `distances` is the sum of its
+    /// distances from the surface before and after the step.
+    pub(crate) fn sticking(&self, distances: f64) -> f64 {
+        (ROOT_PI * self.own * erfcx(self.all + distances / (2.0 * self.length))).min(1.0)
+    }
+
+    /// Returns the factor of exp(−y²) in the adsorption probability of a particle that begins at height y·√(4DΔt).
+    fn taken_from(&self, y: f64) -> f64 {
+        erfcx(y) - erfcx(self.all + y)
+    }
+
+    /// Returns the volume in µm³ of a uniform concentration that is adsorbed in the step: κ·4πR²Δt for weak adsorption.
+    pub(crate) fn volume(&self) -> f64 {
+        let x = self.all;
+        // The mean of erfcx(x√t) over t from 0 to 1, without cancellation if x is small.
+        let mean = match x < 1e-3 {
+            true => 1.0 - 4.0 * x / (3.0 * ROOT_PI) + 0.5 * x * x,
+            false => 2.0 / (x * x) * (0.5 * (erfcx(x) - 1.0) + x / ROOT_PI),
+        };
+        // D/(D + κR) and its complement.
+        let free = self.length / (self.radius * x);
+        4.0 * PI * self.radius.powi(2) * self.own * self.length * (free + (1.0 - free) * mean)
+    }
+
+    /// Returns the ratio of `volume` to its limit for weak adsorption, κ·4πR²Δt.
+    pub(crate) fn effective_part(&self) -> f64 {
+        match self.own > 0.0 {
+            true => self.volume() / (4.0 * PI * self.radius.powi(2) * self.own * self.length),
+            false => 0.0,
+        }
+    }
+
+    /// Draws the height in µm, at the end of the step, of a particle that desorbed during it. The distribution is that
+    /// of the heights from which a uniform concentration is adsorbed.
+    pub(crate) fn height_after(&self, draws: &mut Draws) -> f64 {
+        let scale = 2.0 * self.length;
+        let most = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);
+        let mut height = 0.0;
+        for _ in 0..TRIALS {
+            let [y, u] = [half_normal(draws), draws.unit()];
+            height = y * scale;
+            let density = self.taken_from(y) * (1.0 + height / self.radius);
+            if y < FAR && u * most < density {
+                break;
+            }
+        }
+        height
+    }
+}
+
+/// The largest height after desorption, in units of √(4DΔt).
+const FAR: f64 = 5.0;
+/// The largest number of rejection trials. About one in three is accepted, unless √(DΔt) is large compared with the
+/// radius.
+const TRIALS: usize = 1000;
+
+/// Draws from the density 2/√π·exp(−y²), y ≥ 0.
+fn half_normal(draws: &mut Draws) -> f64 {
+    let [u, v] = [draws.unit(), draws.unit()];
+    libm::sqrt(-libm::log(u)) * libm::cos(0.5 * PI * v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::philox::{Key, Purpose};
+
+    /// Returns (R + a)/R times Collins and Kimball's adsorption probability of a particle that begins at height `a`.
+    fn collins_kimball(step: &Step, a: f64) -> f64 {
+        let y = a / (2.0 * step.length);
+        step.own / step.all * libm::exp(-y * y) * step.taken_from(y)
+    }
+
+    /// Integrates `f` over heights, by the midpoint rule.
+    fn over_heights(step: &Step, f: impl Fn(f64) -> f64) -> f64 {
+        let (n, end) = (20_000, 14.0 * step.length);
+        (0..n).map(|k| f((f64::from(k) + 0.5) * end / f64::from(n))).sum::<f64>() * end / f64::from(n)
+    }
+
+    const CASES: [(f64, f64, f64); 4] =
+        [(0.01, 1.0, 1e-3), (0.01, 1.0, 3.0), (0.2, 1.0, 1e4), (1e-6, 2.0, 0.5)];
+
+    fn steps() -> impl Iterator<Item = Step> {
+        CASES.into_iter().map(|(diffusion, radius, kappa)| Step::new(diffusion, 0.1, (radius, kappa)))
+    }
+
+    #[test]
+    fn the_scaled_error_function_joins_its_series() {
+        assert_eq!(erfcx(0.0), 1.0);
+        // Abramowitz and Stegun, table 7.1, and the limit 1/(x√π) for large x.
+        assert!((erfcx(1.0) - 0.427_583_576_2).abs() < 1e-9);
+        assert!((erfcx(25.0) / erfcx(24.999_999) - 1.0).abs() < 1e-7);
+        assert!((erfcx(1e6) * 1e6 * ROOT_PI - 1.0).abs() < 1e-12);
+    }
+
+    /// The adsorption probability of one path, averaged over all paths, equals the total of Collins and Kimball. Paths
+    /// from height a end at ±b with the density of diffusion; `crossing` decides whether they reach the surface.
+    #[test]
+    fn what_sticks_is_what_collins_and_kimball_take() {
+        for step in steps() {
+            let spread = |x: f64| {
+                let scaled = x / (2.0 * step.length);
+                libm::exp(-scaled * scaled) / (2.0 * step.length * ROOT_PI)
+            };
+            for a in [0.0, 0.3, 2.0].map(|a| a * step.length) {
+                // Both signs of b have the same weight, if paths that end outside are weighted with their crossing
+                // probability.
+                let sum = over_heights(&step, |b| 2.0 * spread(a + b) * step.sticking(a + b));
+                let expected = collins_kimball(&step, a);
+                assert!((sum - expected).abs() < 1e-5 * expected.max(1e-9), "{step:?}: {sum} and {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_taken_of_a_concentration_is_the_sum_over_heights() {
+        for step in steps() {
+            let sum = over_heights(&step, |a| {
+                4.0 * PI * step.radius * (step.radius + a) * collins_kimball(&step, a)
+            });
+            assert!((sum / step.volume() - 1.0).abs() < 1e-5, "{step:?}: {sum} and {}", step.volume());
+        }
+        // Weak adsorption: κ·4πR²Δt.
+        let step = Step::new(0.01, 0.1, (1.0, 1e-6));
+        assert!((step.volume() / (4.0 * PI * 1e-7) - 1.0).abs() < 1e-5);
+        assert!((step.effective_part() - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn what_comes_off_is_spread_as_what_is_taken() {
+        for (seed, step) in (0..).zip(steps()) {
+            let n = 20_000;
+            let draw = |id| step.height_after(&mut Draws::new(Key::new(seed), id, 0, Purpose::Unbinding));
+            let heights: Vec<f64> = (0..n).map(draw).collect();
+            let moment = |power: i32| {
+                let density = |a: f64| (step.radius + a) * collins_kimball(&step, a);
+                over_heights(&step, |a| a.powi(power) * density(a)) / over_heights(&step, density)
+            };
+            let mean = heights.iter().sum::<f64>() / f64::from(n);
+            let error = ((moment(2) - moment(1).powi(2)) / f64::from(n)).sqrt();
+            assert!((mean - moment(1)).abs() < 4.0 * error, "{step:?}: {mean} and {}", moment(1));
+        }
+    }
+
+    /// Strong adsorption on a plane: each particle that reaches the surface stays.
+    #[test]
+    fn an_infinite_reactivity_absorbs() {
+        let step = Step::new(0.01, 0.1, (1e9, 1e9));
+        assert!((step.sticking(0.0) - 1.0).abs() < 1e-6 && (step.sticking(0.3) - 1.0).abs() < 1e-6);
+    }
+
+    /// Uniform concentration before a plane. Andrews' rule adsorbs each particle that ends a step beyond the surface
+    /// with probability κ'√(2π) + O(κ'²), κ' = κΔt/√(2DΔt). For small κ', the same number adsorbs here.
+    #[test]
+    fn weak_adsorption_is_that_of_andrews() {
+        let (diffusion, time_step, kappa) = (0.5, 1.0, 1e-4);
+        let step = Step::new(diffusion, time_step, (1e9, kappa));
+        // A uniform concentration sends √(DΔt/π) of its volume per area beyond the surface.
+        let beyond = (diffusion / PI).sqrt();
+        let andrews = beyond * kappa * (2.0 * PI).sqrt();
+        let own = step.volume() / (4.0 * PI * 1e18);
+        assert!((own / andrews - 1.0).abs() < 1e-3, "{own} and {andrews}");
+    }
+}

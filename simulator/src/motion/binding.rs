@@ -1,0 +1,181 @@
+//! Binding to receptors and unbinding.
+
+use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
+
+use crate::motion::adsorption::{Step, reactivity};
+use crate::model::Model;
+use crate::random::philox::{Draws, Key, Purpose};
+use crate::model::receiver::{Kind, Receptors, height, rounding};
+use crate::motion::surface_events::Event;
+
+/// A particle that a receptor holds.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
+#[repr(C)]
+pub struct Bound {
+    /// Its id, which it keeps.
+    pub id: u32,
+    /// Its species.
+    pub species: u32,
+    /// The receiver's place in the model.
+    pub receiver: u32,
+    /// Its position, as a direction from the center.
+    pub direction: [f32; 3],
+}
+
+/// A particle that comes off a receptor in a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Leaving {
+    /// Its place among those that are bound.
+    at: usize,
+    /// Its distance from the surface at the end of the step, in µm.
+    height: f32,
+}
+
+/// The number of free receptors of each receiver that has any.
+pub(crate) fn free(model: &Model, arrived: &[Vec<u64>]) -> Vec<u32> {
+    let one = |(receiver, held): (&crate::Receiver, &Vec<u64>)| match receiver.kind {
+        Kind::Receptors(Receptors { count, .. }) => {
+            count.saturating_sub(held.iter().sum::<u64>().try_into().unwrap_or(u32::MAX))
+        }
+        _ => 0,
+    };
+    model.receivers.iter().zip(arrived).map(one).collect()
+}
+
+/// Who comes off in a step before which so many receptors are free.
+pub(crate) fn leaving(model: &Model, bound: &[Bound], free: &[u32], (key, step): (Key, u32)) -> Vec<Leaving> {
+    let leaves = |(at, held): (usize, &Bound)| {
+        let receiver = &model.receivers[held.receiver as usize];
+        let Kind::Receptors(receptors) = receiver.kind else { return None };
+        let diffusion =
+            (model.species[held.species as usize].diffusion + receiver.diffusion) * model.time_step;
+        let radius = f64::from(receiver.radius);
+        // Detailed balance: the reverse reaction sees one more free receptor.
+        let free = free[held.receiver as usize].saturating_add(1);
+        let reactivity = reactivity(receptors.binding_rate, free, radius);
+        let way = Step::new(diffusion, model.time_step, (radius, reactivity));
+        let probability = receptors.unbinding_rate * model.time_step * way.effective_part();
+        let mut draws = Draws::new(key, held.id, step, Purpose::Unbinding);
+        (draws.unit() < probability).then(|| Leaving { at, height: way.height_after(&mut draws) as f32 })
+    };
+    bound.iter().enumerate().filter_map(leaves).collect()
+}
+
+/// Where a particle is that came off a receiver around this centre, unless walls leave it no room outside.
+pub(crate) fn place_of(model: &Model, held: &Bound, leaving: Leaving, center: [f32; 3]) -> Option<[f32; 3]> {
+    let receiver = &model.receivers[held.receiver as usize];
+    let room = model.boundary.inset(model.species[held.species as usize].radius);
+    let away = receiver.radius + leaving.height;
+    let away = away + rounding(center, away);
+    let place = room.place(std::array::from_fn(|k| center[k] + away * held.direction[k]));
+    (height(receiver.radius, center, &room, place) >= 0.0).then_some(place)
+}
+
+impl Leaving {
+    /// Its place among those that are bound.
+    pub(crate) fn at(self) -> usize {
+        self.at
+    }
+}
+
+/// A particle that is to bind to a receptor if one is free for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct Bid {
+    receiver: u32,
+    /// Those with less come first.
+    rank: u32,
+    id: u32,
+}
+
+/// The bids among what befell particles, whose ids `id` says by place.
+pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<Bid> {
+    let bid = |event: &Event| match *event {
+        Event::Bound { at, receiver, rank, .. } => Some(Bid { receiver, rank, id: id(at) }),
+        _ => None,
+    };
+    events.iter().filter_map(bid).collect()
+}
+
+/// The ids that find no free receptor, ascending: of each receiver those of the highest ranks. Equal ranks go by id.
+pub(crate) fn refused(mut bids: Vec<Bid>, free: &[u32]) -> Vec<u32> {
+    bids.sort_unstable();
+    let of_one = bids.chunk_by(|a, b| a.receiver == b.receiver);
+    let mut refused: Vec<u32> = of_one
+        .flat_map(|many| many.iter().skip(free[many[0].receiver as usize] as usize).map(|bid| bid.id))
+        .collect();
+    refused.sort_unstable();
+    refused
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid::Algorithm;
+
+    use super::*;
+    use crate::{Boundary, Receiver, Shape, Simulation, Species, State, Transmitter};
+
+    #[test]
+    fn the_first_in_rank_find_receptors() {
+        let bound = |at, receiver, rank| Event::Bound { at, receiver, direction: [0.0; 3], rank };
+        let events = [bound(4, 1, 7), bound(5, 0, 9), bound(6, 1, 3), bound(7, 1, 3), bound(8, 0, 1)];
+        // Ids run the other way.
+        let refused = |free: &[u32]| refused(bids(&events, |at| 100 - at), free);
+        assert_eq!(refused(&[1, 1]), [94, 95, 96]);
+        assert_eq!(refused(&[2, 9]), [0; 0]);
+        assert_eq!(refused(&[0, 2]), [92, 95, 96]);
+    }
+
+    /// A run goes on from its state, with what is bound and where receivers have got.
+    #[test]
+    fn a_run_goes_on_with_what_is_bound() {
+        let receptors = Receptors { count: 3, binding_rate: 20.0, unbinding_rate: 5.0 };
+        let receiver = |x| Receiver {
+            name: "rx".into(),
+            center: [x, 0.0, 0.0],
+            radius: 0.5,
+            kind: Kind::Receptors(receptors),
+            sees: vec![true],
+            velocity: [0.0, x.into(), 0.0],
+            diffusion: 0.5,
+        };
+        let transmitter = Transmitter {
+            name: "tx".into(),
+            shape: Shape::Box([4.0; 3]),
+            release: vec![(0, 300)],
+            ..Transmitter::default()
+        };
+        let model = Model {
+            time_step: 0.01,
+            species: vec![Species { name: "A".into(), diffusion: 1.0, mass: 1.0, ..Species::default() }],
+            transmitters: vec![transmitter],
+            receivers: vec![receiver(-1.0), receiver(1.0)],
+            boundary: Boundary::reflecting([-2.0; 3], [2.0; 3]),
+            ..Model::default()
+        };
+        let mut through = Simulation::new(model.clone(), 3, Algorithm::Auto).unwrap();
+        let mut most = 0;
+        for _ in 0..60 {
+            through.step().unwrap();
+            let State { particles, bound, totals, .. } = through.state();
+            assert_eq!(particles.len() + bound.len(), 300);
+            assert_eq!(totals.arrived.iter().map(|row| row[0]).sum::<u64>(), bound.len() as u64);
+            assert_eq!(totals.present, [particles.len() as u64]);
+            assert!(totals.arrived.iter().all(|row| row[0] <= 3), "{:?}", totals.arrived);
+            most = most.max(bound.len());
+        }
+        assert_eq!(most, 6);
+        let bytes = postcard::to_allocvec(through.state()).unwrap();
+        let state: State = postcard::from_bytes(&bytes).unwrap();
+        assert!(state.centers != [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]] && !state.bound.is_empty());
+        let mut again = Simulation::resume(model.clone(), 3, Algorithm::Auto, state.clone()).unwrap();
+        for _ in 0..60 {
+            through.step().unwrap();
+            again.step().unwrap();
+        }
+        assert_eq!(through.state(), again.state());
+        let other = Model { receivers: vec![receiver(0.0)], ..model };
+        assert!(Simulation::resume(other, 3, Algorithm::Auto, state).is_err());
+    }
+}

@@ -1,0 +1,13 @@
+//! The motion of particles and receivers in a step, and their contacts with walls, surfaces, receptors and each other.
+
+pub mod binding;
+pub mod contact;
+pub mod path_hit;
+pub mod propagate;
+pub mod receiver_state;
+
+pub(crate) mod adsorption;
+pub(crate) mod receiver_search;
+pub(crate) mod reflection;
+pub(crate) mod surface_events;
+pub(crate) mod vessel_flow;

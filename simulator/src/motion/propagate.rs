@@ -1,0 +1,393 @@
+//! The step of every particle by itself: it moves, meets walls and receivers, and may decay.
+//!
+//! A coordinate becomes `x + (s·z + d)`, where `s` = √(2DΔt), `z` is a standard normal number, and `d` is the drift in
+//! one step (with the particle's own velocity added, where particles have one), each operation rounded to `f32`.
+
+use rayon::prelude::*;
+
+use crate::Error;
+use crate::motion::receiver_state::Bodies;
+use crate::model::boundary::Boundary;
+use crate::motion::path_hit::{BEND, Path, Who};
+use crate::reaction::decay::Decays;
+use crate::model::{Flow, Model};
+use crate::random::gaussian::direction;
+use crate::random::gaussian::normals;
+use crate::model::particles::Particles;
+use crate::random::philox::{Key, Purpose, yes_up_to};
+use crate::motion::surface_events::Passage;
+use crate::motion::vessel_flow::Stream;
+use crate::motion::receiver_search::{Reach, Vicinity};
+
+pub use crate::motion::surface_events::Event;
+
+/// The constants of a model for the step of single particles.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    /// Indexed by species.
+    pub(crate) steps: Vec<Step>,
+    pub(crate) time_step: f32,
+    with_velocity: bool,
+    bounded: bool,
+    /// The region of all particles, of any radius.
+    whole: Boundary,
+    stream: Option<Stream>,
+    /// Receivers that remove particles or turn them back, where they are in this step.
+    pub(crate) bodies: Bodies,
+    pub(crate) decays: Decays,
+}
+
+/// The step of one species.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Step {
+    /// √(2DΔt) in µm.
+    pub(crate) length: f32,
+    /// DΔt in µm².
+    pub(crate) diffusion: f32,
+    /// Drift in one step, in µm.
+    pub(crate) drift: [f32; 3],
+    /// The region of its center.
+    pub(crate) room: Boundary,
+    /// By how far diffusion bends its way, beside a receiver that diffuses as well, in µm.
+    pub(crate) bend: f32,
+    /// The largest word at which a swimmer tumbles, and its speed in µm/s.
+    tumbles: Option<(u32, f32)>,
+}
+
+/// Particles that one task moves.
+const CHUNK: usize = 4096;
+/// Particles whose random numbers are drawn together.
+const BLOCK: usize = 64;
+/// By which part rounding may lengthen a way; far less than what searches look beyond it.
+const ROUNDED: f32 = 1e-6;
+
+impl Motion {
+    /// The step of a model that was checked.
+    pub fn new(model: &Model) -> Self {
+        let time_step = model.time_step;
+        let plug = match model.flow {
+            Some(Flow::Plug(velocity)) => velocity,
+            _ => [0.0; 3],
+        };
+        let bodies = Bodies::new(model);
+        let step = |species: &crate::model::Species| Step {
+            bend: BEND * (2.0 * ((species.diffusion * time_step) as f32 + bodies.diffusion)).sqrt(),
+            length: (2.0 * species.diffusion * time_step).sqrt() as f32,
+            diffusion: (species.diffusion * time_step) as f32,
+            drift: std::array::from_fn(|k| ((species.drift[k] + plug[k]) * time_step) as f32),
+            tumbles: yes_up_to(-libm::expm1(-species.tumble_rate * time_step))
+                .filter(|_| species.speed > 0.0)
+                .map(|up_to| (up_to, species.speed as f32)),
+            room: model.boundary.inset(species.radius),
+        };
+        Self {
+            steps: model.species.iter().map(step).collect(),
+            time_step: time_step as f32,
+            with_velocity: model.has_velocity(),
+            bounded: !model.boundary.is_open(),
+            whole: model.boundary,
+            stream: Stream::new(model),
+            bodies,
+            decays: Decays::new(model),
+        }
+    }
+
+    /// Moves all particles and returns what befell them, by place. `vicinity` finds the receivers near a particle where that
+    /// is faster than looking at all.
+    ///
+    /// # Errors
+    /// [`Error::Step`] with what the detector said.
+    pub(crate) fn advance(
+        &self,
+        particles: &mut Particles,
+        mut vicinity: Option<&mut Vicinity>,
+        (key, step): (Key, u32),
+    ) -> Result<Vec<Event>, Error> {
+        let begin = |vicinity: &mut &mut Vicinity| vicinity.begin(particles.len(), &self.bodies);
+        let searches = vicinity.as_mut().is_some_and(begin);
+        let seen = vicinity.as_deref().filter(|_| searches);
+        let Particles { position: [x, y, z], velocity, species, id, .. } = &mut *particles;
+        // Columns of velocities are empty where particles have none.
+        let mut columns = velocity.each_mut().map(|column| column.chunks_mut(CHUNK));
+        let velocities: Vec<[&mut [f32]; 3]> = (0..id.len().div_ceil(CHUNK))
+            .map(|_| columns.each_mut().map(|chunks| chunks.next().unwrap_or_default()))
+            .collect();
+        let chunks = (
+            x.par_chunks_mut(CHUNK),
+            y.par_chunks_mut(CHUNK),
+            z.par_chunks_mut(CHUNK),
+            velocities,
+            id.par_chunks(CHUNK),
+            species.par_chunks(CHUNK),
+        );
+        let (events, unsure): (Vec<Vec<Event>>, Vec<Vec<Passage>>) = chunks
+            .into_par_iter()
+            .enumerate()
+            .map(|(chunk, (x, y, z, velocity, id, species))| {
+                let chunk = Chunk { base: chunk * CHUNK, position: [x, y, z], velocity, id, species };
+                self.advance_chunk(chunk, seen, (key, step))
+            })
+            .unzip();
+        let mut events = events.concat();
+        if let Some(vicinity) = vicinity {
+            if searches {
+                events.extend(self.search(particles, vicinity, unsure.concat(), step)?);
+                events.sort_by_key(Event::at);
+            }
+            vicinity.end(&self.bodies);
+        }
+        Ok(events)
+    }
+
+    /// Moves the particles of a chunk. Returns what befell them, and the ways on which there may be a receiver.
+    fn advance_chunk(
+        &self,
+        chunk: Chunk<'_>,
+        vicinity: Option<&Vicinity>,
+        (key, step): (Key, u32),
+    ) -> (Vec<Event>, Vec<Passage>) {
+        let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
+        let watches = !self.bodies.all.is_empty() || !self.decays.is_empty();
+        let (mut events, mut unsure) = (Vec::new(), Vec::new());
+        let mut random = [[0.0; BLOCK]; 3];
+        for (block, ids) in id.chunks(BLOCK).enumerate() {
+            draw(key, ids, step, &mut random);
+            let first = block * BLOCK;
+            for (k, &id) in ids.iter().enumerate() {
+                let at = first + k;
+                let kind = &self.steps[species[at] as usize];
+                let mut own = self.with_velocity.then(|| [0, 1, 2].map(|axis: usize| velocity[axis][at]));
+                if let (Some(own), Some(turns)) = (&mut own, kind.tumbles) {
+                    tumble(own, turns, key.draw(id, 0, step, Purpose::Tumble));
+                }
+                let normal = [0, 1, 2].map(|axis: usize| random[axis][k]);
+                let mut path = self.path(kind, [x[at], y[at], z[at]], normal, own.as_mut());
+                if watches {
+                    let place = base + at;
+                    let who = Who { key, id, step };
+                    let (at, species) = (place as u32, species[at]);
+                    let mut passage = Passage { at, species, who, path, gone: 0.0, velocity: own };
+                    match vicinity {
+                        None => self.settle(&mut passage, self.bodies.all.iter(), &mut events),
+                        Some(vicinity) if vicinity.is_clear(place, &self.reach(&passage)) => {
+                            self.decay(&passage, &mut events);
+                        }
+                        Some(_) => unsure.push(passage),
+                    }
+                    (path, own) = (passage.path, passage.velocity);
+                }
+                [x[at], y[at], z[at]] = path.after;
+                if let Some(own) = own {
+                    (0..3).for_each(|axis| velocity[axis][at] = own[axis]);
+                }
+            }
+        }
+        (events, unsure)
+    }
+
+    /// The distance within which a particle may meet receivers on its path.
+    #[inline(always)]
+    fn reach(&self, passage: &Passage) -> Reach {
+        Reach::new(&passage.path, self.more(passage))
+    }
+
+    /// How far beyond its way a particle may meet receivers, as diffusion bends it and they come towards it, in µm.
+    #[inline(always)]
+    fn more(&self, passage: &Passage) -> f32 {
+        self.steps[passage.species as usize].bend + self.bodies.longest_way
+    }
+
+    /// Has receivers found near particles on their ways, and settles these.
+    fn search(
+        &self,
+        particles: &mut Particles,
+        vicinity: &mut Vicinity,
+        mut unsure: Vec<Passage>,
+        step: u32,
+    ) -> Result<Vec<Event>, Error> {
+        if unsure.is_empty() {
+            return Ok(Vec::new());
+        }
+        let around_beginning = |passage: &Passage| self.reach(passage).around_beginning();
+        let begins = unsure.iter().map(|passage| (passage.path.before, around_beginning(passage)));
+        let failed = |source| Error::Step { step, source };
+        let found = vicinity.find(begins, &self.bodies).map_err(failed)?;
+        let settle = |(k, passage): (usize, &mut Passage)| {
+            let (mut events, begun) = (Vec::new(), *passage);
+            let reach = around_beginning(passage);
+            let (near, ball) = found.of(k, reach, (&self.bodies, &self.whole));
+            self.settle(passage, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
+            if self.more(passage) + passage.gone > reach * (1.0 + ROUNDED) {
+                // What came towards it has thrown it beyond those that were looked at.
+                *passage = begun;
+                events.clear();
+                self.settle(passage, self.bodies.all.iter(), &mut events);
+            }
+            (events, ball)
+        };
+        let settled: Vec<_> = unsure.par_iter_mut().enumerate().with_min_len(BLOCK).map(settle).collect();
+        let mut events = Vec::new();
+        for (passage, (befell, ball)) in unsure.iter().zip(settled) {
+            let at = passage.at as usize;
+            events.extend(befell);
+            vicinity.balls[at] = ball;
+            particles.set_position(at, passage.path.after);
+            if let Some(velocity) = passage.velocity {
+                (0..3).for_each(|axis| particles.velocity[axis][at] = velocity[axis]);
+            }
+        }
+        Ok(events)
+    }
+
+    /// The way of a particle in a step, with what chance adds along each axis. Walls turn its velocity round, where it
+    /// has one.
+    #[inline(always)]
+    fn path(
+        &self,
+        kind: &Step,
+        before: [f32; 3],
+        normal: [f32; 3],
+        mut velocity: Option<&mut [f32; 3]>,
+    ) -> Path {
+        let Step { length, diffusion, mut drift, ref room, .. } = *kind;
+        if let Some(own) = &velocity {
+            drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.time_step);
+        }
+        let end: [f32; 3] = std::array::from_fn(|axis| before[axis] + (length * normal[axis] + drift[axis]));
+        if let Some(stream) = &self.stream {
+            let carried = stream.carry(room, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
+            drift[stream.vessel.along] += carried.by;
+            return Path { before, end: carried.end, after: carried.after, drift, diffusion };
+        }
+        if !self.bounded {
+            return Path { before, end, after: end, drift, diffusion };
+        }
+        if let Some(own) = &mut velocity {
+            (0..3).filter(|&axis| room.axes[axis].turns(end[axis])).for_each(|axis| own[axis] = -own[axis]);
+        }
+        Path { before, end, after: room.place(end), drift, diffusion }
+    }
+}
+
+/// Gives a swimmer a new direction where chance says so.
+fn tumble(velocity: &mut [f32; 3], (up_to, speed): (u32, f32), [word, first, second, _]: [u32; 4]) {
+    if word <= up_to {
+        *velocity = direction(first, second).map(|c| c * speed);
+    }
+}
+
+struct Chunk<'a> {
+    base: usize,
+    position: [&'a mut [f32]; 3],
+    velocity: [&'a mut [f32]; 3],
+    id: &'a [u32],
+    species: &'a [u32],
+}
+
+/// Draws the normal numbers of a block of particles.
+fn draw(key: Key, ids: &[u32], step: u32, random: &mut [[f32; BLOCK]; 3]) {
+    let mut block = [0; BLOCK];
+    block[..ids.len()].copy_from_slice(ids);
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2.
+        return unsafe { draw_avx2(key, &block, step, random) };
+    }
+    draw_block(key, &block, step, random);
+}
+
+/// The same operations as [`draw_block`] in wider vectors; without fused ones, so with the same result.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn draw_avx2(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK]; 3]) {
+    draw_block(key, ids, step, random);
+}
+
+#[inline(always)]
+fn draw_block(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK]; 3]) {
+    let [a, b, c] = random;
+    for k in 0..BLOCK {
+        [a[k], b[k], c[k]] = normals(key.draw(ids[k], 0, step, Purpose::Move));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Decay, Species};
+    use crate::model::particles::Particle;
+
+    fn species(diffusion: f64) -> Species {
+        Species { name: "A".into(), diffusion, mass: 1.0, drift: [1.0, 0.0, 0.0], ..Species::default() }
+    }
+
+    fn cloud(n: u32) -> Particles {
+        let mut particles = Particles::default();
+        (0..n).for_each(|id| particles.push(Particle { id: id * 7 + 3, ..Particle::default() }, false));
+        particles
+    }
+
+    #[test]
+    fn a_move_depends_on_the_id_and_not_on_the_place() {
+        let model = Model { time_step: 0.1, species: vec![species(2.0)], ..Model::default() };
+        let motion = Motion::new(&model);
+        let mut all = cloud(10_001);
+        let order: Vec<u32> = (0..10_001).map(|k| (k * 4_001) % 10_001).collect();
+        let mut shuffled = all.permuted(&order);
+        for step in 0..3 {
+            assert!(motion.advance(&mut all, None, (Key::new(1), step)).unwrap().is_empty());
+            motion.advance(&mut shuffled, None, (Key::new(1), step)).unwrap();
+        }
+        assert_eq!(all.permuted(&order), shuffled);
+        let [x, ..] = normals(Key::new(1).draw(all.id[5], 0, 2, Purpose::Move));
+        let mut two = cloud(10_001);
+        (0..2).for_each(|step| drop(motion.advance(&mut two, None, (Key::new(1), step)).unwrap()));
+        let length = (2.0_f64 * 2.0 * 0.1).sqrt() as f32;
+        assert_eq!(all.position[0][5], two.position[0][5] + (length * x + 0.1));
+    }
+
+    #[test]
+    fn walls_turn_velocities_round() {
+        let boundary = Boundary {
+            axes: [
+                crate::Axis::Reflecting { low: -1.0, high: 1.0 },
+                crate::Axis::Periodic { low: -1.0, high: 1.0 },
+                crate::Axis::Open,
+            ],
+            vessel: None,
+        };
+        let species = vec![Species { thermal_speed: 1.0, drift: [0.0; 3], ..species(0.0) }];
+        let model = Model { time_step: 1.0, species, boundary, ..Model::default() };
+        let mut particles = Particles::default();
+        for (id, u) in (0..).zip([0.5, 1.5, -1.5, 3.5, -3.5]) {
+            particles.push(Particle { id, velocity: [u; 3], ..Particle::default() }, true);
+        }
+        Motion::new(&model).advance(&mut particles, None, (Key::new(1), 0)).unwrap();
+        assert_eq!(particles.velocity[0], [0.5, -1.5, 1.5, 3.5, -3.5]);
+        assert_eq!(particles.position[0], [0.5, 0.5, -0.5, -0.5, 0.5]);
+        assert_eq!(particles.velocity[1], [0.5, 1.5, -1.5, 3.5, -3.5]);
+        assert_eq!(particles.velocity[2], particles.velocity[1]);
+    }
+
+    #[test]
+    fn decays_share_their_probability() {
+        let decay = |rate, product| Decay { products: [product, None], rate, ..Decay::default() };
+        let model = Model {
+            time_step: 0.5,
+            species: vec![species(0.0), species(0.0)],
+            decays: vec![decay(1.0, None), decay(3.0, Some(1))],
+            ..Model::default()
+        };
+        let n = 100_000;
+        let events = Motion::new(&model).advance(&mut cloud(n), None, (Key::new(9), 4)).unwrap();
+        for (which, share) in [(0, 0.25), (1, 0.75)] {
+            let p = (1.0 - (-2.0_f64).exp()) * share;
+            let count = events
+                .iter()
+                .filter(|e| matches!(e, Event::Decayed { decay, .. } if *decay == which))
+                .count();
+            let error = (count as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
+            assert!(error.abs() < 4.0, "{which}: {count}, {error} standard errors");
+        }
+    }
+}

@@ -1,0 +1,169 @@
+use super::*;
+use crate::motion::receiver_state::moved;
+use crate::model::{Flow, Model, Species};
+use crate::motion::propagate::Motion;
+use crate::model::particles::{Particle, Particles};
+use crate::random::philox::{Key, open_unit, philox};
+use crate::model::receiver::{Kind, Receiver, Receptors, Sticking};
+use crate::model::vessel::Vessel;
+
+const MANY: u32 = 60;
+
+fn place(k: u32) -> [f32; 3] {
+    let [x, y, z, _] = philox([k, 1, 0, 0], [8, 8]).map(|word| 6.0 * open_unit(word) - 3.0);
+    [x, y, z]
+}
+
+/// Receivers of all kinds, some of which move where `speed` is not 0.
+fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
+    let sizes = [0.05, 0.2, 0.5];
+    let kinds = [
+        Kind::Absorbing,
+        Kind::Endpoint,
+        Kind::Transparent,
+        Kind::Reflecting,
+        Kind::Partial(Sticking::PerStep(0.3)),
+        Kind::Partial(Sticking::Reactivity(2.0)),
+        Kind::Receptors(Receptors { count: 9, binding_rate: 2.0, unbinding_rate: 1.0 }),
+    ];
+    let receiver = |k: u32| Receiver {
+        name: "rx".into(),
+        center: place(k),
+        radius: sizes[k as usize % 3],
+        kind: kinds[k as usize / 3 % 7],
+        sees: vec![true, !k.is_multiple_of(4)],
+        velocity: if k.is_multiple_of(5) { [speed, 0.0, -speed] } else { [0.0; 3] },
+        diffusion: if k.is_multiple_of(7) { speed } else { 0.0 },
+    };
+    let species = |name: &str, diffusion, drift, thermal_speed| Species {
+        name: name.into(),
+        radius: 0.01,
+        diffusion,
+        mass: 1.0,
+        drift,
+        thermal_speed,
+        ..Species::default()
+    };
+    Model {
+        time_step: 0.01,
+        species: vec![species("A", 1.0, [0.0; 3], 0.0), species("B", 0.1, [20.0, 5.0, 0.0], 1.0)],
+        receivers: (0..MANY).map(receiver).collect(),
+        boundary,
+        flow,
+        ..Model::default()
+    }
+}
+
+/// What befalls particles in some steps, and where they are, with or without a search; and how many steps searched.
+fn run(model: &Model, steps: u32, searches: bool) -> ((Vec<crate::motion::propagate::Event>, Particles), usize) {
+    let mut motion = Motion::new(model);
+    let mut vicinity = Vicinity::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
+    assert_eq!(vicinity.is_some(), searches);
+    let mut searched = 0;
+    let mut particles = Particles::default();
+    for id in 0..1500 {
+        let position = model.rooms()[0].place(place(id + 1000));
+        let particle = Particle { id, position, radius: 0.01, species: id % 2, velocity: [1.0, 0.0, 0.5] };
+        particles.push(particle, true);
+    }
+    let mut centers: Vec<[f32; 3]> = model.receivers.iter().map(|receiver| receiver.center).collect();
+    let mut all = Vec::new();
+    for step in 0..steps {
+        searched += usize::from(vicinity.as_ref().is_some_and(|vicinity| vicinity.worth.rest == 0));
+        let places = moved(model, &centers, Key::new(3), step);
+        motion.bodies.set(&centers, &places, &vec![5; centers.len()]);
+        let events = motion.advance(&mut particles, vicinity.as_mut(), (Key::new(3), step)).unwrap();
+        let mut gone: Vec<u32> = events.iter().map(crate::motion::propagate::Event::at).collect();
+        particles.remove(&mut gone);
+        centers = places.iter().map(|place| place.center).collect();
+        all.extend(events);
+    }
+    ((all, particles), searched)
+}
+
+#[test]
+fn the_loop_takes_over_where_all_are_near() {
+    // One sphere in a box not much wider, and the same one in a wide box.
+    let of = |half: f32| {
+        let mut model = model(Boundary::reflecting([-half; 3], [half; 3]), None, 0.0);
+        let receiver = Receiver { center: [0.0; 3], radius: 0.2, ..model.receivers[9].clone() };
+        model.receivers = vec![Receiver { kind: Kind::Reflecting, ..receiver }];
+        model.species[1].drift = [0.0; 3];
+        model
+    };
+    for (half, few, most) in [(0.35, 2, 40), (3.0, 400, 600)] {
+        let model = of(half);
+        let (found, searched) = run(&model, 600, true);
+        assert!((few..=most).contains(&searched), "{searched} of 600 steps searched in {half}");
+        assert_eq!(found, run(&model, 600, false).0, "{half}");
+    }
+}
+
+#[test]
+fn a_search_gives_what_a_loop_gives() {
+    let vessel = Vessel { along: 0, center: [0.0; 3], radius: 3.0 };
+    let tube = Boundary { vessel: Some(vessel), ..Boundary::default() };
+    let cases = [
+        (Boundary::default(), None, 0.0),
+        (Boundary::periodic([-3.0; 3], [3.0; 3]), None, 0.0),
+        (Boundary::reflecting([-3.0; 3], [3.0; 3]), Some(Flow::Plug([3.0, 0.0, 0.0])), 0.0),
+        (tube, Some(Flow::Poiseuille { mean: 10.0 }), 0.0),
+        (Boundary::periodic([-3.0; 3], [3.0; 3]), None, 4.0),
+        (Boundary::reflecting([-3.0; 3], [3.0; 3]), None, 4.0),
+        // So fast that what they turn back goes much farther than it would alone.
+        (Boundary::periodic([-3.0; 3], [3.0; 3]), None, 60.0),
+        (Boundary::default(), None, 60.0),
+    ];
+    for (boundary, flow, speed) in cases {
+        let model = model(boundary, flow, speed);
+        // Fast receivers soon take most.
+        let (steps, least) = if speed > 10.0 { (12, 8) } else { (100, 50) };
+        let ((found, particles), searched) = run(&model, steps, true);
+        assert!(searched > least, "{searched}");
+        assert!(found.len() > 100 && particles.len() > 100, "{} {}", found.len(), particles.len());
+        assert_eq!((found, particles), run(&model, steps, false).0, "{boundary:?}, {speed}");
+    }
+}
+
+/// A receiver that comes throws the particle farther than either of them goes: at another one that takes it, or off
+/// which it goes back.
+#[test]
+fn what_a_particle_is_thrown_at_is_found() {
+    let of = |center: f32, kind, velocity| Receiver {
+        name: "rx".into(),
+        center: [center, 0.0, 0.0],
+        radius: 0.5,
+        kind,
+        sees: vec![true],
+        velocity: [velocity, 0.0, 0.0],
+        diffusion: 0.0,
+    };
+    for (kind, back) in [(Kind::Absorbing, 0.0), (Kind::Reflecting, 0.0), (Kind::Reflecting, -100.0)] {
+        let model = Model {
+            time_step: 0.01,
+            species: vec![Species { name: "A".into(), radius: 0.01, mass: 1.0, ..Species::default() }],
+            receivers: vec![
+                of(-0.51, Kind::Reflecting, 100.0),
+                of(2.1, kind, back),
+                of(4.2, Kind::Absorbing, 0.0),
+            ],
+            ..Model::default()
+        };
+        let after = [true, false].map(|searches| {
+            let mut motion = Motion::new(&model);
+            let mut vicinity = Vicinity::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
+            let mut particles = Particles::default();
+            particles.push(Particle::default(), false);
+            let centers: Vec<_> = model.receivers.iter().map(|receiver| receiver.center).collect();
+            motion.bodies.set(&centers, &moved(&model, &centers, Key::new(3), 0), &[0; 3]);
+            let events = motion.advance(&mut particles, vicinity.as_mut(), (Key::new(3), 0)).unwrap();
+            (events, particles)
+        });
+        assert_eq!(after[0], after[1]);
+        let x = after[0].1.position[0][0];
+        assert!(
+            kind == Kind::Absorbing && after[0].0.len() == 1 || kind == Kind::Reflecting && x < 1.6,
+            "{after:?}"
+        );
+    }
+}

@@ -1,0 +1,166 @@
+//! Decays of single particles while they move.
+//!
+//! A particle may decay several times within a step: the first time is decided for the whole step, and then when that
+//! was, so that what came of it has the rest. Chains of decays are therefore right for steps of any length.
+
+use crate::model::Model;
+use crate::random::philox::{Key, Purpose, yes_up_to};
+
+/// The decays of a model, made ready.
+#[derive(Clone, Debug)]
+pub struct Decays {
+    /// Indexed by species; none of what comes apart into two, which [`Dissociation`](crate::reaction::dissociation::Dissociation) does.
+    kinds: Vec<Kind>,
+    time_step: f64,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Kind {
+    /// The sum of all rates, in 1/s.
+    rate: f64,
+    channels: Vec<Channel>,
+}
+
+/// A way in which one species decays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Channel {
+    /// The largest word at which it decays so within a step.
+    pub(crate) up_to: u32,
+    /// Its part of the rate and that of the channels before.
+    share: f64,
+    /// Its place in the model.
+    pub(crate) decay: u32,
+    /// The outcome.
+    pub(crate) product: Option<u32>,
+}
+
+/// Times that one particle decays within a step, at most. So many are rare where a step is shorter than a hundred
+/// lifetimes.
+const MOST: u32 = 1000;
+
+impl Decays {
+    /// The decays of a model that was checked.
+    pub fn new(model: &Model) -> Self {
+        let kinds = (0..model.species.len() as u32).map(|species| kind(model, species)).collect();
+        Self { kinds, time_step: model.time_step }
+    }
+
+    /// Returns `true` if nothing decays.
+    pub fn is_empty(&self) -> bool {
+        self.kinds.iter().all(|kind| kind.channels.is_empty())
+    }
+
+    /// How a species decays. With rates k₁, k₂, … the probability 1 − exp(−ΣkΔt) is shared out in proportion.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn channels(&self, species: u32) -> &[Channel] {
+        &self.kinds[species as usize].channels
+    }
+
+    /// Calls `tell` with the place in the model and the product of each decay of a particle in a step.
+    #[inline]
+    pub fn befall(
+        &self,
+        species: u32,
+        (key, id, step): (Key, u32, u32),
+        mut tell: impl FnMut(u32, Option<u32>),
+    ) {
+        let kind = &self.kinds[species as usize];
+        if kind.channels.is_empty() {
+            return;
+        }
+        let [word, when, ..] = key.draw(id, 0, step, Purpose::Decay);
+        let Some(channel) = kind.channels.iter().find(|channel| word <= channel.up_to) else { return };
+        tell(channel.decay, channel.product);
+        if let Some(product) = channel.product.filter(|&product| self.kinds[product as usize].rate > 0.0) {
+            let left = self.time_step - kind.wait(self.time_step, when);
+            self.go_on(product, left, |generation| key.draw(id, generation, step, Purpose::Decay), tell);
+        }
+    }
+
+    /// The same for a particle that has been there for `left` s, with words by generation, from 1 on.
+    pub(crate) fn go_on(
+        &self,
+        mut species: u32,
+        mut left: f64,
+        words: impl Fn(u32) -> [u32; 4],
+        mut tell: impl FnMut(u32, Option<u32>),
+    ) {
+        for generation in 1..=MOST {
+            let kind = &self.kinds[species as usize];
+            let [word, when, ..] = words(generation);
+            let ratio = unit(word) / -libm::expm1(-kind.rate * left);
+            let Some(channel) = kind.channels.iter().find(|channel| ratio < channel.share) else { return };
+            tell(channel.decay, channel.product);
+            let Some(product) = channel.product else { return };
+            left -= kind.wait(left, when);
+            species = product;
+        }
+    }
+}
+
+impl Kind {
+    /// When a decay happened of which it is known that it did within `time`.
+    fn wait(&self, time: f64, word: u32) -> f64 {
+        -libm::log1p(unit(word) * libm::expm1(-self.rate * time)) / self.rate
+    }
+}
+
+/// A uniform number in (0, 1).
+fn unit(word: u32) -> f64 {
+    (f64::from(word) + 0.5) / 4_294_967_296.0
+}
+
+fn kind(model: &Model, species: u32) -> Kind {
+    if model.comes_apart(species) {
+        return Kind::default();
+    }
+    let own = |decay: &crate::model::Decay| decay.reactant == species && decay.rate > 0.0;
+    let decays = || model.decays.iter().enumerate().filter(|(_, decay)| own(decay));
+    let rate: f64 = decays().map(|(_, decay)| decay.rate).sum();
+    let probability = -libm::expm1(-rate * model.time_step);
+    let mut share = 0.0;
+    let channel = |(place, decay): (usize, &crate::model::Decay)| {
+        share += decay.rate / rate;
+        let up_to = yes_up_to(probability * share)?;
+        Some(Channel { up_to, share, decay: place as u32, product: decay.products[0] })
+    };
+    Kind { rate, channels: decays().filter_map(channel).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Decay, Species};
+
+    /// A to B at 2/s, B to C at 3/s, and C comes apart; after one step of a second.
+    #[test]
+    fn a_chain_is_right_however_long_the_step() {
+        let decay = |reactant, products, rate| Decay { reactant, products, rate, ..Decay::default() };
+        let model = Model {
+            time_step: 1.0,
+            species: vec![Species { mass: 1.0, ..Species::default() }; 3],
+            decays: vec![
+                decay(0, [Some(1), None], 2.0),
+                decay(1, [Some(2), None], 3.0),
+                decay(2, [Some(0), Some(0)], 9.0),
+            ],
+            ..Model::default()
+        };
+        let decays = Decays::new(&model);
+        let n = 100_000;
+        let mut counts = [0_u32; 2];
+        for id in 0..n {
+            decays.befall(0, (Key::new(5), id, 7), |decay, product| {
+                assert_eq!(product, Some(decay + 1));
+                counts[decay as usize] += 1;
+            });
+        }
+        let [a, b] = [(-2.0_f64).exp(), (-3.0_f64).exp()];
+        // What is no longer A, and what is neither A nor B: with rates k and l, B is k/(l − k)·(exp(−kt) − exp(−lt)).
+        for (count, p) in counts.into_iter().zip([1.0 - a, 1.0 - a - 2.0 * (a - b)]) {
+            let n = f64::from(n);
+            let error = (f64::from(count) - n * p) / (n * p * (1.0 - p)).sqrt();
+            assert!(error.abs() < 4.0, "{count} and not {}: {error} standard errors", n * p);
+        }
+    }
+}

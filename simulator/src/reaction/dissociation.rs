@@ -1,0 +1,220 @@
+//! One particle becomes two: `C -> A + B`.
+//!
+//! That is decided on what is there before reactions of the same step, and done behind them: what comes apart does not
+//! meet in the same step, and what has just met does not come apart. So each is the inverse of the other.
+
+use rayon::prelude::*;
+
+use crate::model::boundary::Boundary;
+use crate::reaction::probability::Chances;
+use crate::model::{Model, Unbinding};
+use crate::random::gaussian::direction;
+use crate::model::particles::{Particle, Particles};
+use crate::random::philox::{Key, Purpose, open_unit, yes_up_to};
+
+/// The decays of all species that come apart, made ready.
+#[derive(Clone, Debug, Default)]
+pub struct Dissociation {
+    /// Indexed by species: up to which word each of its decays happens.
+    channels: Vec<Vec<(u32, Channel)>>,
+    any: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Channel {
+    decay: u32,
+    products: [Option<Product>; 2],
+    unbinding: Unbinding,
+    /// The part of the separation that the first product moves.
+    share: f32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Product {
+    species: u32,
+    radius: f32,
+    /// The region of its center.
+    room: Boundary,
+}
+
+/// The outcome of one particle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Split {
+    /// The index of the particle.
+    pub at: u32,
+    /// Its id.
+    pub id: u32,
+    /// The decay's place in the model.
+    pub decay: u32,
+    /// The species, the radius and the place of each product.
+    pub products: [Option<(u32, f32, [f32; 3])>; 2],
+}
+
+impl Split {
+    /// Returns `true` if there is a second product, which needs an id.
+    pub(crate) fn is_parent(&self) -> bool {
+        self.products[1].is_some()
+    }
+}
+
+/// Particles that one task looks at.
+const TASK: usize = 4096;
+
+impl Dissociation {
+    /// What a model that was checked says about it.
+    pub fn new(model: &Model) -> Self {
+        let chances = Chances(model);
+        let rooms = model.rooms();
+        let product = |species: u32| Product {
+            species,
+            radius: model.species[species as usize].radius,
+            room: rooms[species as usize],
+        };
+        let channels: Vec<_> = (0..model.species.len() as u32)
+            .map(|species| {
+                if !model.comes_apart(species) {
+                    return Vec::new();
+                }
+                let mut below = 0.0;
+                let channel = |(place, probability): (usize, f64)| {
+                    let decay = &model.decays[place];
+                    below += probability;
+                    let share = match decay.products {
+                        [Some(a), Some(b)] => model.share([a, b]),
+                        _ => 0.0,
+                    };
+                    let products = decay.products.map(|species| species.map(product));
+                    let channel =
+                        Channel { decay: place as u32, products, unbinding: decay.unbinding, share };
+                    Some((yes_up_to(below)?, channel))
+                };
+                chances.decays(species).into_iter().filter_map(channel).collect()
+            })
+            .collect();
+        Self { any: channels.iter().any(|channels: &Vec<_>| !channels.is_empty()), channels }
+    }
+
+    /// Returns `true` if nothing comes apart.
+    pub fn is_empty(&self) -> bool {
+        !self.any
+    }
+
+    /// What comes apart in a step, by place, but for what is `taken`, ascending places.
+    pub fn splits(&self, particles: &Particles, taken: &[u32], key: Key, step: u32) -> Vec<Split> {
+        if !self.any {
+            return Vec::new();
+        }
+        let chunks = particles.species.par_chunks(TASK).enumerate().map(|(chunk, species)| {
+            let base = chunk * TASK;
+            let split = |(k, &species): (usize, &u32)| self.split(particles, (base + k, species), key, step);
+            species.iter().enumerate().filter_map(split).collect()
+        });
+        let mut splits = chunks.collect::<Vec<Vec<Split>>>().concat();
+        splits.retain(|split| taken.binary_search(&split.at).is_err());
+        splits
+    }
+
+    fn split(
+        &self,
+        particles: &Particles,
+        (at, species): (usize, u32),
+        key: Key,
+        step: u32,
+    ) -> Option<Split> {
+        let channels = &self.channels[species as usize];
+        if channels.is_empty() {
+            return None;
+        }
+        let id = particles.id[at];
+        let [word, far, first, second] = key.draw(id, 0, step, Purpose::Split);
+        let &(_, channel) = channels.iter().find(|(up_to, _)| word <= *up_to)?;
+        let distance = match channel.unbinding {
+            Unbinding::Apart(radius) => radius,
+            Unbinding::Within(radius) => radius * libm::cbrtf(open_unit(far)),
+        };
+        let apart = direction(first, second).map(|c| c * distance);
+        let from = particles.position_of(at);
+        let place = |product: Product, along: f32| {
+            let to = std::array::from_fn(|k| from[k] + along * apart[k]);
+            (product.species, product.radius, product.room.place(to))
+        };
+        let alone = channel.products[1].is_none();
+        let along = if alone { [0.0; 2] } else { [-channel.share, 1.0 - channel.share] };
+        let products = [0, 1].map(|k| channel.products[k].map(|product| place(product, along[k])));
+        Some(Split { at: at as u32, id, decay: channel.decay, products })
+    }
+}
+
+/// The second product as a particle of its own. It keeps the velocity of what it comes from.
+pub(crate) fn second(split: &Split, velocity: [f32; 3], id: u32) -> Option<Particle> {
+    let (species, radius, position) = split.products[1]?;
+    Some(Particle { position, velocity, radius, species, id })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Decay, Species};
+
+    fn model(unbinding: Unbinding) -> Model {
+        let species = |diffusion, radius| Species { diffusion, radius, mass: 1.0, ..Species::default() };
+        let decay = |products, rate| Decay { reactant: 2, products, unbinding, rate, ..Decay::default() };
+        Model {
+            time_step: 0.1,
+            species: vec![species(3.0, 0.1), species(1.0, 0.2), species(1.0, 0.3)],
+            decays: vec![decay([Some(0), Some(1)], 3.0), decay([Some(1), None], 1.0)],
+            ..Model::default()
+        }
+    }
+
+    fn splits(model: &Model, n: u32, taken: &[u32]) -> Vec<Split> {
+        let mut particles = Particles::default();
+        let particle = |id| Particle { position: [1.0, 2.0, 3.0], species: 2, id, ..Particle::default() };
+        (0..n).for_each(|id| particles.push(particle(id), false));
+        Dissociation::new(model).splits(&particles, taken, Key::new(4), 6)
+    }
+
+    #[test]
+    fn products_part_by_the_radius_the_faster_one_further() {
+        let n = 10_000;
+        let splits = splits(&model(Unbinding::Apart(0.5)), n, &[]);
+        for (decay, share) in [(0, 0.75), (1, 0.25)] {
+            let p = (1.0 - (-0.4_f64).exp()) * share;
+            let count = splits.iter().filter(|split| split.decay == decay).count() as f64;
+            assert!((count - f64::from(n) * p).abs() < 4.0 * (f64::from(n) * p).sqrt(), "{decay}: {count}");
+        }
+        for split in &splits {
+            let Some((first, _, a)) = split.products[0] else { panic!("{split:?}") };
+            let Some((second, radius, b)) = split.products[1] else {
+                assert_eq!((first, a), (1, [1.0, 2.0, 3.0]));
+                continue;
+            };
+            assert_eq!((first, second, radius), (0, 1, 0.2));
+            let apart: f32 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f32>().sqrt();
+            assert!((apart - 0.5).abs() < 1e-5, "{apart}");
+            for (k, from) in [1.0, 2.0, 3.0].into_iter().enumerate() {
+                assert!((0.25 * a[k] + 0.75 * b[k] - from).abs() < 1e-5, "{split:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn within_a_ball_all_distances_are_as_likely_as_their_volume() {
+        let splits = splits(&model(Unbinding::Within(0.5)), 20_000, &[]);
+        let both = splits.iter().filter_map(|split| Some((split.products[0]?.2, split.products[1]?.2)));
+        let inner: Vec<bool> =
+            both.map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f32>() < 0.0625).collect();
+        let share = inner.iter().filter(|inner| **inner).count() as f64 / inner.len() as f64;
+        assert!((share - 0.125).abs() < 4.0 * (0.125 * 0.875 / inner.len() as f64).sqrt(), "{share}");
+    }
+
+    #[test]
+    fn what_reacted_does_not_come_apart() {
+        let model = model(Unbinding::Apart(0.5));
+        let all = splits(&model, 1000, &[]);
+        let taken: Vec<u32> = all.iter().map(|split| split.at).step_by(2).collect();
+        let left = splits(&model, 1000, &taken);
+        assert_eq!(left.len(), all.len() / 2);
+        assert!(left.iter().all(|split| !taken.contains(&split.at)));
+    }
+}

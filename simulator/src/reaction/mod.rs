@@ -1,0 +1,399 @@
+//! Reactions of two particles: which pairs may react, and what comes of those that do.
+
+pub mod decay;
+pub mod dissociation;
+pub mod matching;
+pub mod rate;
+
+pub(crate) mod probability;
+
+use lazygrid::{Interaction, Interactions, Pair};
+use rayon::prelude::*;
+
+use crate::Error;
+use crate::model::boundary::Boundary;
+use crate::reaction::probability::{self, Chances};
+use crate::reaction::matching::Candidate;
+use crate::model::{Contact, Model, Reaction};
+use crate::random::gaussian::direction;
+use crate::model::particles::Particles;
+use crate::random::philox::{Key, Purpose, yes_up_to};
+
+/// The reactions of a model, made ready.
+#[derive(Clone, Debug)]
+pub struct Reactions {
+    species: usize,
+    /// By both species: what may happen, from the inside outwards.
+    table: Vec<Vec<Zone>>,
+    reactions: Vec<Reaction>,
+    /// Indexed by reaction: how much of the way together is the first reactant's, and of the way apart the first product's.
+    shares: Vec<[f32; 2]>,
+    boundary: Boundary,
+    /// Indexed by species: where walls let their centres be.
+    rooms: Vec<Boundary>,
+}
+
+/// A possible reaction of a pair that is near enough.
+#[derive(Clone, Debug)]
+struct Zone {
+    /// The largest distance, if the detector looks farther than that.
+    within: Option<f32>,
+    /// One, and what else may happen: the one with the lowest largest word comes first.
+    rule: Rule,
+    others: Vec<Rule>,
+}
+
+/// The data that decide about a pair.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rule {
+    pub(crate) reaction: u32,
+    /// The species that is the first reactant.
+    pub(crate) first: u32,
+    /// The largest word that means yes.
+    pub(crate) up_to: u32,
+    /// `true` if the first and the second reactant are used up.
+    pub(crate) claims: [bool; 2],
+}
+
+/// The outcome of one reactant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// The index of the particle.
+    pub at: u32,
+    /// The species of the product; `None` removes the particle.
+    pub product: Option<u32>,
+    /// The position of the product.
+    pub position: [f32; 3],
+}
+
+/// Pairs that one task looks at.
+const TASK: usize = 4096;
+
+impl Reactions {
+    /// The reactions of a model that was checked.
+    pub fn new(model: &Model) -> Self {
+        let (species, chances) = (model.species.len() as u32, Chances(model));
+        let all = || (0..species).flat_map(move |a| (0..species).map(move |b| [a, b]));
+        Self {
+            species: species as usize,
+            table: all().map(|pair| zones(model, chances, pair)).collect(),
+            reactions: model.reactions.clone(),
+            shares: model.reactions.iter().map(|reaction| shares(model, reaction)).collect(),
+            boundary: model.boundary,
+            rooms: model.rooms(),
+        }
+    }
+
+    /// Returns `true` if nothing reacts.
+    pub fn is_empty(&self) -> bool {
+        self.reactions.is_empty()
+    }
+
+    /// The pairs that chance lets react, in the order of `pairs`.
+    pub fn candidates(&self, particles: &Particles, pairs: &[Pair], key: Key, step: u32) -> Vec<Candidate> {
+        if self.reactions.is_empty() {
+            return Vec::new();
+        }
+        let candidates = |pairs: &[Pair]| {
+            let of = |pair: &Pair| self.candidate(particles, *pair, key, step);
+            pairs.iter().filter_map(of).collect::<Vec<_>>()
+        };
+        let chunks: Vec<_> = pairs.par_chunks(TASK).map(candidates).collect();
+        chunks.concat()
+    }
+
+    fn candidate(&self, particles: &Particles, pair: Pair, key: Key, step: u32) -> Option<Candidate> {
+        let (i, j) = (pair.i as usize, pair.j as usize);
+        let (a, b) = (particles.species[i], particles.species[j]);
+        let zones = &self.table[a as usize * self.species + b as usize];
+        let zone = match zones.as_slice() {
+            [] => return None,
+            [zone] if zone.within.is_none() => zone,
+            zones => {
+                let apart = distance_squared(particles, pair, &self.boundary);
+                let is_inside = |radius: f32| apart <= f64::from(radius) * f64::from(radius);
+                zones.iter().find(|zone| zone.within.is_none_or(is_inside))?
+            }
+        };
+        let ids = [particles.id[i].min(particles.id[j]), particles.id[i].max(particles.id[j])];
+        let [priority, chance, ..] = key.draw(ids[0], ids[1], step, Purpose::Pair);
+        let rule = std::iter::once(&zone.rule).chain(&zone.others).find(|rule| chance <= rule.up_to)?;
+        // Among equals the lower id comes first.
+        let in_order = if a == b { particles.id[i] == ids[0] } else { a == rule.first };
+        let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };
+        Some(Candidate { at, claims: rule.claims, rule: rule.reaction, priority, ids })
+    }
+
+    /// What comes of a candidate that has its turn, reactant by reactant; nothing of one that is not used up.
+    ///
+    /// Two reactants meet at their average, weighted so that the one that diffuses faster moved further. One product
+    /// goes there; two go apart by the unbinding radius in a random direction, again the faster one further.
+    pub fn outcomes(
+        &self,
+        particles: &Particles,
+        candidate: &Candidate,
+        key: Key,
+        step: u32,
+    ) -> [Option<Outcome>; 2] {
+        let reaction = &self.reactions[candidate.rule as usize];
+        let [a, b] = candidate.at.map(|at| particles.position_of(at as usize));
+        let toward = self.boundary.offset(a, b);
+        let [share, first_share] = self.shares[candidate.rule as usize];
+        let meeting: [f32; 3] = std::array::from_fn(|k| a[k] + share * toward[k]);
+        let apart = match reaction.products {
+            [Some(_), Some(_)] if reaction.unbinding_radius > 0.0 => {
+                let [_, _, first, second] = key.draw(candidate.ids[0], candidate.ids[1], step, Purpose::Pair);
+                direction(first, second).map(|c| c * reaction.unbinding_radius)
+            }
+            _ => [0.0; 3],
+        };
+        let outcome = |k: usize, along: f32| {
+            let room = reaction.products[k].map_or(&self.boundary, |product| &self.rooms[product as usize]);
+            let position = room.place(std::array::from_fn(|axis| meeting[axis] + along * apart[axis]));
+            let outcome = Outcome { at: candidate.at[k], product: reaction.products[k], position };
+            candidate.claims[k].then_some(outcome)
+        };
+        [outcome(0, -first_share), outcome(1, 1.0 - first_share)]
+    }
+
+    /// What comes of all candidates that have their turn. It is found before any is applied, since a catalyst may be in
+    /// several.
+    pub(crate) fn all_outcomes<'a>(
+        &self,
+        particles: &Particles,
+        chosen: impl Iterator<Item = &'a Candidate>,
+        key: Key,
+        step: u32,
+    ) -> Vec<Outcome> {
+        chosen.flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
+    }
+
+    /// What may happen to two species at any distance at which the detector finds them, where that is one thing at
+    /// most.
+    ///
+    /// # Errors
+    /// The reactions, where they are several.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn only(&self, a: u32, b: u32) -> Result<Option<(Rule, Option<f32>)>, Vec<&str>> {
+        match self.table[a as usize * self.species + b as usize].as_slice() {
+            [] => Ok(None),
+            [Zone { within, rule, others }] if others.is_empty() => Ok(Some((*rule, *within))),
+            zones => Err(zones
+                .iter()
+                .take(1)
+                .flat_map(|zone| std::iter::once(&zone.rule).chain(&zone.others))
+                .map(|rule| self.reactions[rule.reaction as usize].name.as_str())
+                .collect()),
+        }
+    }
+
+    /// See [`Self::shares`].
+    #[cfg(feature = "gpu")]
+    pub(crate) fn shares_of(&self, reaction: u32) -> [f32; 2] {
+        self.shares[reaction as usize]
+    }
+}
+
+/// What may happen to two species, as words and rules.
+fn zones(model: &Model, chances: Chances<'_>, pair: [u32; 2]) -> Vec<Zone> {
+    let all = chances.zones(pair);
+    let outermost = all.last().map_or(0.0, |zone| zone.radius).max(reach(model, pair[0], pair[1]));
+    let zone = |zone: chances::Zone| {
+        let mut below = 0.0;
+        let rule = |(place, probability): (usize, f64)| {
+            below += probability;
+            let reaction = &model.reactions[place];
+            Some(Rule {
+                reaction: place as u32,
+                first: reaction.reactants[0],
+                up_to: yes_up_to(below)?,
+                claims: claims(reaction),
+            })
+        };
+        let mut rules = zone.channels.into_iter().filter_map(rule);
+        let within = (outermost > zone.radius).then_some(zone.radius);
+        Some(Zone { within, rule: rules.next()?, others: rules.collect() })
+    };
+    all.into_iter().filter_map(zone).collect()
+}
+
+/// Whether the first and the second reactant are used up.
+fn claims(reaction: &Reaction) -> [bool; 2] {
+    [0, 1].map(|k| reaction.products[k] != Some(reaction.reactants[k]))
+}
+
+/// How much of the way to where they meet is the first reactant's, and of the way apart the first product's.
+fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {
+    let claims = claims(reaction);
+    let together = match claims {
+        [true, true] => model.share(reaction.reactants),
+        [true, false] => 1.0,
+        _ => 0.0,
+    };
+    let apart = match (claims, reaction.products) {
+        ([true, true], [Some(c), Some(d)]) => model.share([c, d]),
+        ([true, false], _) => 1.0,
+        _ => 0.0,
+    };
+    [together, apart]
+}
+
+/// The squared distance of two particles.
+pub(crate) fn distance_squared(particles: &Particles, pair: Pair, boundary: &Boundary) -> f64 {
+    let [a, b] = [pair.i, pair.j].map(|at| particles.position_of(at as usize).map(f64::from));
+    (0..3).map(|k| boundary.axes[k].offset_exact(b[k] - a[k])).map(|d| d * d).sum()
+}
+
+/// How far apart two particles of these species may be to matter to each other: the binding radius or, where
+/// overlaps matter, the sum of their radii.
+fn reach(model: &Model, a: u32, b: u32) -> f32 {
+    let touch = model.species[a as usize].radius + model.species[b as usize].radius;
+    if model.contact == Contact::Ignore { 0.0 } else { touch }
+}
+
+/// The table of interactions of the detector; `None` if nothing interacts.
+///
+/// # Errors
+/// [`Error::Detection`] for more species than the detector's table may have.
+pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
+    let all = if model.contact == Contact::Ignore { Interaction::Never } else { Interaction::Touch };
+    if model.reactions.is_empty() && all == Interaction::Never {
+        return Ok(None);
+    }
+    let refused = lazygrid::Error::from;
+    let mut table = Interactions::new(model.species.len() as u32, all).map_err(refused)?;
+    for reaction in &model.reactions {
+        let [a, b] = reaction.reactants;
+        let same = |other: &&Reaction| other.reactants == [a, b] || other.reactants == [b, a];
+        let radii = model.reactions.iter().filter(same).map(|reaction| reaction.binding_radius);
+        let distance = radii.fold(reach(model, a, b), f32::max);
+        table.set(a, b, Interaction::Within(distance.into())).map_err(refused)?;
+    }
+    Ok(Some(table))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Chance, Species};
+    use crate::model::particles::Particle;
+
+    fn species(name: &str, diffusion: f64, radius: f32) -> Species {
+        Species { name: name.into(), diffusion, radius, mass: 1.0, ..Species::default() }
+    }
+
+    fn model(products: [Option<u32>; 2]) -> Model {
+        let binding_radius = 1.5;
+        let reaction = Reaction { reactants: [0, 1], products, binding_radius, ..Reaction::default() };
+        let species = vec![species("A", 3.0, 0.0), species("B", 1.0, 0.0), species("C", 1.0, 0.0)];
+        Model { time_step: 1.0, species, reactions: vec![reaction], ..Model::default() }
+    }
+
+    fn two() -> Particles {
+        let mut particles = Particles::default();
+        // The second reactant has the lower place and the lower id.
+        particles.push(Particle { species: 1, id: 4, ..Particle::default() }, false);
+        particles
+            .push(Particle { species: 0, id: 8, position: [1.0, 0.0, 0.0], ..Particle::default() }, false);
+        particles
+    }
+
+    const KEY: Key = Key::new(3);
+
+    fn only(reactions: &Reactions, particles: &Particles) -> [Option<Outcome>; 2] {
+        let candidates = reactions.candidates(particles, &[Pair::new(0, 1)], KEY, 0);
+        assert_eq!(candidates.len(), 1);
+        assert_eq!((candidates[0].at, candidates[0].ids), ([1, 0], [4, 8]));
+        reactions.outcomes(particles, &candidates[0], KEY, 0)
+    }
+
+    #[test]
+    fn one_product_goes_where_the_reactants_meet() {
+        let outcomes = only(&Reactions::new(&model([Some(2), None])), &two());
+        // A diffuses three times as fast as B and went three quarters of the way.
+        let position = [0.25, 0.0, 0.0];
+        assert_eq!(outcomes[0], Some(Outcome { at: 1, product: Some(2), position }));
+        assert_eq!(outcomes[1].map(|o| (o.at, o.product)), Some((0, None)));
+    }
+
+    #[test]
+    fn a_reactant_that_comes_out_again_stays() {
+        let outcomes = only(&Reactions::new(&model([None, Some(1)])), &two());
+        assert_eq!(outcomes[0].map(|o| (o.at, o.product)), Some((1, None)));
+        assert_eq!(outcomes[1], None);
+    }
+
+    #[test]
+    fn two_products_go_apart() {
+        let mut model = model([Some(2), Some(0)]);
+        model.reactions[0].unbinding_radius = 2.0;
+        let [Some(c), Some(a)] = only(&Reactions::new(&model), &two()) else { panic!("two products") };
+        let vector: [f32; 3] = std::array::from_fn(|k| a.position[k] - c.position[k]);
+        assert!((vector.iter().map(|c| c * c).sum::<f32>().sqrt() - 2.0).abs() < 1e-6);
+        // C diffuses a third as fast as A, and they part from where the reactants met.
+        for (k, from) in [0.25, 0.0, 0.0].into_iter().enumerate() {
+            assert!((c.position[k] * 0.75 + a.position[k] * 0.25 - from).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_pair_that_only_overlaps_is_no_candidate() {
+        let mut model = model([None, None]);
+        model.contact = Contact::Separate;
+        model.species[0].radius = 1.0;
+        model.reactions[0].binding_radius = 0.5;
+        let table = interactions(&model).unwrap().unwrap();
+        assert_eq!(table.get(0, 1), Interaction::Within(1.0));
+        assert_eq!(table.get(0, 2), Interaction::Touch);
+        assert_eq!(Reactions::new(&model).candidates(&two(), &[Pair::new(0, 1)], KEY, 0), []);
+        model.reactions[0].binding_radius = 1.0;
+        assert_eq!(Reactions::new(&model).candidates(&two(), &[Pair::new(0, 1)], KEY, 0).len(), 1);
+    }
+
+    #[test]
+    fn a_pair_takes_one_of_the_channels_in_whose_radius_it_is() {
+        let mut model = model([Some(2), None]);
+        let channel = |binding_radius, p| Reaction {
+            binding_radius,
+            chance: Chance::PerStep(p),
+            ..model.reactions[0].clone()
+        };
+        // The two are 1 apart.
+        model.reactions = vec![channel(1.5, 0.2), channel(0.9, 0.5), channel(1.0, 0.3)];
+        let table = interactions(&model).unwrap().unwrap();
+        assert_eq!(table.get(0, 1), Interaction::Within(1.5));
+        let n = 20_000;
+        let shares = |model: &Model| {
+            let (reactions, particles) = (Reactions::new(model), two());
+            let mut counts = [0; 3];
+            for step in 0..n {
+                let candidates = reactions.candidates(&particles, &[Pair::new(0, 1)], KEY, step);
+                candidates.iter().for_each(|candidate| counts[candidate.rule as usize] += 1);
+            }
+            counts.map(|count| f64::from(count) / f64::from(n))
+        };
+        let is = |found: [f64; 3], expected: [f64; 3]| {
+            for (found, p) in found.into_iter().zip(expected) {
+                assert!(
+                    (found - p).abs() <= 4.0 * (p * (1.0 - p) / f64::from(n)).sqrt(),
+                    "{found} and not {p}"
+                );
+            }
+        };
+        is(shares(&model), [0.2, 0.0, 0.3]);
+        model.reactions[1].binding_radius = 1.1;
+        is(shares(&model), [0.2, 0.5, 0.3]);
+    }
+
+    #[test]
+    fn probability_is_per_candidate() {
+        let mut model = model([None, None]);
+        model.reactions[0].chance = Chance::PerStep(0.3);
+        let (reactions, particles) = (Reactions::new(&model), two());
+        let n = 20_000;
+        let one = |step| reactions.candidates(&particles, &[Pair::new(0, 1)], KEY, step).len();
+        let yes: usize = (0..n).map(one).sum();
+        let error = (yes as f64 - f64::from(n) * 0.3) / (f64::from(n) * 0.21).sqrt();
+        assert!(error.abs() < 4.0, "{error} standard errors");
+    }
+}

@@ -1,0 +1,199 @@
+//! The releases of transmitters: a pure function of the model, the seed and the step.
+//!
+//! What is released at one time appears at the beginning of a step. What is released all the time appears between two
+//! steps: it moves and decays for the rest of the time, so that numbers are right for steps of any length.
+
+pub mod origins;
+
+pub(crate) mod time;
+
+use rand_distr::{Distribution, Poisson};
+
+use crate::reaction::decay::Decays;
+use crate::error::Error;
+use crate::model::{Model, Species};
+use crate::random::gaussian;
+use crate::random::gaussian::direction;
+use crate::model::particles::{Particle, Particles};
+use crate::random::philox::{Draws, Key, Purpose, open_unit};
+use crate::ranks::Share;
+use crate::model::transmitter::{Numbers, Schedule, Transmitter};
+
+/// The particles that are released at the beginning of a step.
+#[derive(Clone, Debug, Default)]
+pub struct Released {
+    /// The particles that remain.
+    pub particles: Particles,
+    /// The id that comes after theirs.
+    pub next_id: u32,
+    /// The released numbers, by species.
+    pub released: Vec<u64>,
+    /// The numbers of decays since the release, in the order of the model.
+    pub decayed: Vec<u64>,
+}
+
+impl Species {
+    /// The velocity that a particle begins with.
+    pub(crate) fn own_velocity(&self, words: [u32; 4]) -> [f32; 3] {
+        match self.speed > 0.0 {
+            true => direction(words[0], words[1]).map(|c| c * self.speed as f32),
+            false => normal::normals(words).map(|z| z * self.thermal_speed as f32),
+        }
+    }
+}
+
+/// Particles of one species that are released together.
+struct Batch<'a> {
+    from: &'a Transmitter,
+    species: u32,
+    count: u32,
+    ages: Ages,
+}
+
+/// The time since the release at the beginning of a step, in s.
+#[derive(Clone, Copy)]
+enum Ages {
+    None,
+    /// Uniform between these.
+    Between(f64, f64),
+    /// The first of them, and how much less each next one has.
+    Spaced(f64, f64),
+}
+
+impl Model {
+    /// What all transmitters release at the beginning of a step, with ids from `next_id` on. `decays` are those of the
+    /// model.
+    ///
+    /// # Errors
+    /// [`Error::OutOfIds`] if there are too few ids left.
+    pub fn release(&self, decays: &Decays, key: Key, step: u32, next_id: u32) -> Result<Released, Error> {
+        self.release_share((decays, key), step, next_id, Share::WHOLE)
+    }
+
+    /// The share that one rank of several has of what is [released](Self::release). The next id is that of all together.
+    pub(crate) fn release_share(
+        &self,
+        (decays, key): (&Decays, Key),
+        step: u32,
+        next_id: u32,
+        share: Share,
+    ) -> Result<Released, Error> {
+        let batches: Vec<_> = self.all_batches(step, key).map(|(_, batch)| batch).collect();
+        let released = u64::from(next_id) + batches.iter().map(|batch| u64::from(batch.count)).sum::<u64>();
+        if released > lazygrid::MAX_SPHERES {
+            return Err(Error::OutOfIds { released });
+        }
+        let mut out = Released {
+            particles: Particles::default(),
+            next_id: released as u32,
+            released: vec![0; self.species.len()],
+            decayed: vec![0; self.decays.len()],
+        };
+        let own = share.of(released - u64::from(next_id));
+        // How many there are before this batch, of all and of its burst.
+        let (mut before, mut place) = (0, 0);
+        for (k, batch) in batches.iter().enumerate() {
+            // Places count through the entries of one burst.
+            let goes_on = k > 0 && std::ptr::eq(batches[k - 1].from, batch.from);
+            place = if goes_on { place } else { 0 };
+            let [first, last] =
+                [own.start, own.end].map(|at| at.saturating_sub(before).min(batch.count.into()) as u32);
+            for nth in first..last {
+                let id = next_id + before as u32 + nth;
+                self.add(batch, (id, place + nth, nth), (decays, key), &mut out);
+            }
+            before += u64::from(batch.count);
+            place += batch.count;
+        }
+        Ok(out)
+    }
+
+    /// What all transmitters release at the beginning of a step, in the order of ids: the transmitter, the species, and
+    /// how many.
+    pub fn releases(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, u32, u32)> + '_ {
+        self.all_batches(step, key).map(|(place, batch)| (place, batch.species, batch.count))
+    }
+
+    /// The batches of a step, each with the place of its transmitter.
+    fn all_batches(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, Batch<'_>)> {
+        let of = move |(place, transmitter)| {
+            self.batches(transmitter, place, step, key).into_iter().map(move |batch| (place, batch))
+        };
+        (0..).zip(&self.transmitters).flat_map(of)
+    }
+
+    fn batches<'a>(&self, from: &'a Transmitter, place: u32, step: u32, key: Key) -> Vec<Batch<'a>> {
+        let mut words = Draws::new(key, place, step, Purpose::Count);
+        let mut poisson = |mean: f64| match Poisson::new(mean) {
+            // Ids are used up long before a number does not fit.
+            Ok(distribution) => distribution.sample(&mut words).min(f64::from(u32::MAX)) as u32,
+            Err(_) => 0,
+        };
+        let Schedule::Steady { from: begin, until, rates } = &from.schedule else {
+            let bursts = from.bursts(place, step, self.time_step, key);
+            let counts = bursts.into_iter().flatten();
+            let batch = |(species, count)| {
+                let count = if from.numbers == Numbers::Poisson { poisson(f64::from(count)) } else { count };
+                Batch { from, species, count, ages: Ages::None }
+            };
+            return counts.map(batch).collect();
+        };
+        let now = f64::from(step) * self.time_step;
+        let [first, last] = [begin.max(now - self.time_step), until.min(now)];
+        if step == 0 || first >= last {
+            return Vec::new();
+        }
+        let batch = |&(species, rate): &(u32, f64)| match from.numbers {
+            Numbers::Poisson => {
+                let count = poisson(rate * (last - first));
+                Batch { from, species, count, ages: Ages::Between(now - last, now - first) }
+            }
+            Numbers::Fixed => {
+                let [before, after] = [first, last].map(|time| (rate * (time - begin) + 1e-9).floor());
+                let oldest = now - begin - (before + 1.0) / rate;
+                let ages = Ages::Spaced(oldest, 1.0 / rate);
+                Batch { from, species, count: (after - before) as u32, ages }
+            }
+        };
+        rates.iter().map(batch).collect()
+    }
+
+    /// Adds a particle, the `place`th of its burst and the `nth` of its batch.
+    fn add(
+        &self,
+        batch: &Batch<'_>,
+        (id, place, nth): (u32, u32, u32),
+        (decays, key): (&Decays, Key),
+        out: &mut Released,
+    ) {
+        out.released[batch.species as usize] += 1;
+        let kind = &self.species[batch.species as usize];
+        let velocity = kind.own_velocity(key.draw(id, 0, 0, Purpose::Velocity));
+        let offset = batch.from.shape.offset(key.draw(id, 0, 0, Purpose::Release), place);
+        let from: [f32; 3] = std::array::from_fn(|k| batch.from.center[k] + offset[k]);
+        let [word, ..] = key.draw(id, 0, 0, Purpose::Youth);
+        let age = match batch.ages {
+            Ages::None => 0.0,
+            Ages::Between(least, most) => least + f64::from(open_unit(word)) * (most - least),
+            Ages::Spaced(oldest, less) => (oldest - f64::from(nth) * less).max(0.0),
+        };
+        let mut species = Some(batch.species);
+        let mut position = from;
+        if age > 0.0 {
+            let z = normal::normals(key.draw(id, 1, 0, Purpose::Youth));
+            let length = (2.0 * kind.diffusion * age).sqrt() as f32;
+            let flow = self.flow_at(from);
+            let drift = |k: usize| ((kind.drift[k] + flow[k] + f64::from(velocity[k])) * age) as f32;
+            position = std::array::from_fn(|k| from[k] + (length * z[k] + drift(k)));
+            let words = |generation| key.draw(id, 1 + generation, 0, Purpose::Youth);
+            decays.go_on(batch.species, age, words, |decay, product| {
+                out.decayed[decay as usize] += 1;
+                species = product;
+            });
+        }
+        let Some(species) = species else { return };
+        let radius = self.species[species as usize].radius;
+        let position = self.boundary.inset(radius).place(position);
+        out.particles.push(Particle { position, velocity, radius, species, id }, self.has_velocity());
+    }
+}

@@ -1,0 +1,135 @@
+//! A run on either back end, as those who write files about it need it.
+
+use std::borrow::Cow;
+
+#[cfg(feature = "gpu")]
+use lazygrid::gpu::GpuDevice;
+use lazygrid::{Algorithm, Backend};
+
+#[cfg(feature = "gpu")]
+use crate::gpu::{GpuOptions, GpuSimulation};
+use crate::run::view::Standing;
+use crate::{Arrival, Error, Model, Simulation, State, Totals};
+
+/// A run on the CPU or on a GPU.
+#[derive(Debug)]
+pub enum Simulator {
+    /// On the CPU.
+    Cpu(Box<Simulation>),
+    /// On a GPU.
+    #[cfg(feature = "gpu")]
+    Gpu(Box<GpuSimulation>),
+}
+
+/// Steps after which a run on a GPU comes back, so that it can be watched and stopped.
+#[cfg(feature = "gpu")]
+const GPU_STEPS: u32 = 64;
+
+impl Simulator {
+    /// A run from `state` on, or from the beginning. [`Backend::Auto`] is the CPU, since back ends round differently
+    /// and a run is to depend on its seed alone; `algorithm` is how the CPU finds pairs.
+    ///
+    /// # Errors
+    /// The same as [`Simulation::resume`] or `GpuSimulation::resume`, and [`Error::Detection`] if there is no GPU.
+    pub fn begin(
+        model: &Model,
+        seed: u64,
+        backend: Backend,
+        algorithm: Algorithm,
+        state: Option<State>,
+    ) -> Result<Self, Error> {
+        let state = state.map_or_else(|| State::new(model, seed), Ok)?;
+        let model = model.clone();
+        if backend == Backend::Gpu {
+            return Self::on_gpu(model, seed, &state);
+        }
+        Ok(Self::Cpu(Box::new(Simulation::resume(model, seed, algorithm, state)?)))
+    }
+
+    #[cfg(feature = "gpu")]
+    fn on_gpu(model: Model, seed: u64, state: &State) -> Result<Self, Error> {
+        let device = GpuDevice::shared(true).map_err(|error| {
+            Error::Detection(lazygrid::Error::GpuUnavailable { reason: error.to_string() })
+        })?;
+        let run = GpuSimulation::resume(model, seed, device, GpuOptions::default(), state)?;
+        Ok(Self::Gpu(Box::new(run)))
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn on_gpu(_: Model, _: u64, _: &State) -> Result<Self, Error> {
+        Err(lazygrid::Error::WithoutGpu.into())
+    }
+
+    /// Does the next steps: one on the CPU and several on a GPU, but no more than `most`.
+    ///
+    /// # Errors
+    /// The same as [`Simulation::step`] or `GpuSimulation::run`.
+    #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU does several"))]
+    pub fn advance(&mut self, most: u32) -> Result<(), Error> {
+        match self {
+            Self::Cpu(run) => run.step(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(run) => run.run(most.min(GPU_STEPS)),
+        }
+    }
+
+    /// The backend.
+    pub fn backend(&self) -> Backend {
+        match self {
+            Self::Cpu(_) => Backend::Cpu,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(_) => Backend::Gpu,
+        }
+    }
+}
+
+impl Standing for Simulator {
+    fn model(&self) -> &Model {
+        match self {
+            Self::Cpu(run) => run.model(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(run) => run.model(),
+        }
+    }
+
+    fn step_count(&self) -> u32 {
+        match self {
+            Self::Cpu(run) => run.state().step,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(run) => run.step_count(),
+        }
+    }
+
+    fn totals(&self) -> &Totals {
+        match self {
+            Self::Cpu(run) => &run.state().totals,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(run) => run.totals(),
+        }
+    }
+
+    fn received(&self) -> Vec<Vec<u64>> {
+        match self {
+            Self::Cpu(run) => run.received(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(run) => run.received(),
+        }
+    }
+
+    /// A GPU refuses a model that logs arrivals.
+    fn arrivals(&self) -> &[Arrival] {
+        match self {
+            Self::Cpu(run) => run.arrivals(),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(_) => &[],
+        }
+    }
+
+    fn state(&self) -> Result<Cow<'_, State>, Error> {
+        match self {
+            Self::Cpu(run) => Ok(Cow::Borrowed(run.state())),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(run) => run.state().map(Cow::Owned),
+        }
+    }
+}

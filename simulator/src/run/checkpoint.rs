@@ -1,0 +1,288 @@
+//! A run on disk, to go on from.
+//!
+//! # Correctness
+//!
+//! A resumed run is the run without a break, or it is refused with [`Error::Damaged`]:
+//!
+//! 1. The file `checkpoint` has its own length and checksum in its header (`sealed.rs`). Both are checked before its content
+//!    is decoded.
+//! 2. It has the checksum of the part of each rank ([`PartRecord`]). A part is checked against its own header and against
+//!    that record, so that whole parts of different checkpoints are not mixed. Each part that has particles is read by the
+//!    ranks that take them, and each that has none by the first rank.
+//! 3. It has the length and the checksum of each file that the run appends to ([`FileRecord`]). All of them are read and
+//!    checked before any of them is cut to its length.
+//!
+//! Files that a run writes once and never reads again, `frame-STEP.npy`, are not checked.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
+
+use crate::motion::binding::Bound;
+use crate::error::Damage;
+use crate::ranks::Share;
+use crate::run::sealed::{self, Kind};
+use crate::{Error, Particles, State};
+
+/// Everything that is needed to continue a run bit for bit.
+///
+/// A run over several ranks has a file of each beside it, with the particles of that rank.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    /// The scenario as it was read; another one cannot go on from here.
+    pub scenario: String,
+    /// The seed.
+    pub seed: u64,
+    /// The name of the back end that computed it.
+    pub backend: String,
+    /// Steps between rows, between frames, and between those of the animation, 0 if there is none.
+    pub every: [u32; 3],
+    /// The files that the run appends to.
+    pub files: Vec<FileRecord>,
+    /// The file of each rank; nothing where the state has the particles itself.
+    pub parts: Vec<PartRecord>,
+    /// The state of the run.
+    pub state: State,
+}
+
+/// A file that the run appends to, as it was at the checkpoint. Bytes after `length` are not part of the checkpoint.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileRecord {
+    /// The name of the file in the directory of the run.
+    pub name: String,
+    /// The number of bytes.
+    pub length: u64,
+    /// The XXH64 of these bytes.
+    pub checksum: u64,
+}
+
+/// The file of a rank.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, Serialize, Deserialize)]
+#[repr(C)]
+pub struct PartRecord {
+    /// The number of particles in the file.
+    pub particles: u64,
+    /// The number of particles in the file that receptors hold.
+    pub bound: u64,
+    /// The checksum in the header of the file.
+    pub checksum: u64,
+}
+
+/// The content of the file of a rank. The first four numbers make the files of any two ranks or steps differ.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Part {
+    seed: u64,
+    step: u32,
+    rank: u32,
+    ranks: u32,
+    particles: Particles,
+    bound: Vec<Bound>,
+}
+
+impl PartRecord {
+    fn counts(self) -> [u64; 2] {
+        [self.particles, self.bound]
+    }
+}
+
+impl Checkpoint {
+    /// Writes a checkpoint in place of the one before, which is untouched until this one is complete. Parts are to be there
+    /// already; those of other checkpoints are taken away then.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn write(&self, path: &Path) -> Result<(), Error> {
+        sealed::write(path, Kind::Whole, self)?;
+        forget_parts(path, (self.state.step, self.parts.len() as u32));
+        Ok(())
+    }
+
+    /// Writes what a rank, of so many, has of the checkpoint at `path`, and returns the record of that file. `state` is that
+    /// of the rank.
+    pub(crate) fn write_part(
+        path: &Path,
+        seed: u64,
+        (rank, ranks): (u32, u32),
+        state: &State,
+    ) -> Result<PartRecord, Error> {
+        let State { particles, bound, step, .. } = state;
+        let counts = [particles.len() as u64, bound.len() as u64];
+        let (particles, bound) = (particles.clone(), bound.clone());
+        let part = Part { seed, step: *step, rank, ranks, particles, bound };
+        let checksum = sealed::write(&part_of(path, *step, rank), Kind::Part, &part)?;
+        Ok(PartRecord { particles: counts[0], bound: counts[1], checksum })
+    }
+
+    /// Reads a checkpoint; where it is in parts, without them.
+    ///
+    /// # Errors
+    /// [`Error::Read`]; [`Error::CheckpointVersion`] for a file of another version; [`Error::Damaged`] for a file that is not
+    /// as it was written.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let (checkpoint, _): (Self, _) = sealed::read(path, Kind::Whole)?;
+        check_columns(path, &checkpoint.state.particles)?;
+        Ok(checkpoint)
+    }
+
+    /// Where the run stands, with all particles, from the parts of the checkpoint at `path` where it is in parts.
+    ///
+    /// # Errors
+    /// The same as [`read`](Self::read).
+    pub fn into_state(self, path: &Path) -> Result<State, Error> {
+        self.into_share(path, Share::WHOLE)
+    }
+
+    /// The same with a share of the particles and of what is bound.
+    pub(crate) fn into_share(self, path: &Path, share: Share) -> Result<State, Error> {
+        let Self { parts, mut state, .. } = self;
+        let wanted = |k: usize| {
+            let own = if k == 0 { state.particles.len() } else { state.bound.len() };
+            share.of(if parts.is_empty() {
+                own as u64
+            } else {
+                parts.iter().map(|part| part.counts()[k]).sum()
+            })
+        };
+        let wanted = [0, 1].map(wanted);
+        if parts.is_empty() {
+            let [particles, bound] = wanted.map(|range| range.start as usize..range.end as usize);
+            state.particles = state.particles.range(particles);
+            state.bound = state.bound[bound].to_vec();
+            return Ok(state);
+        }
+        let mut before = [0; 2];
+        for (rank, record) in (0..).zip(parts) {
+            let counts = record.counts();
+            let ranges = [0, 1].map(|k| within(&wanted[k], before[k], counts[k]));
+            before = [0, 1].map(|k| before[k] + counts[k]);
+            // A part that no rank needs is checked all the same.
+            let is_idle = share.is_first() && counts == [0; 2];
+            if ranges.iter().all(Range::is_empty) && !is_idle {
+                continue;
+            }
+            let part = read_part(&part_of(path, state.step, rank), record)?;
+            let [particles, bound] = ranges;
+            state.particles.append(part.particles.range(particles));
+            state.bound.extend(&part.bound[bound]);
+        }
+        Ok(state)
+    }
+}
+
+/// Reads the file of a rank, which has to be the one that the checkpoint names.
+fn read_part(path: &Path, record: PartRecord) -> Result<Part, Error> {
+    let (part, found): (Part, _) = sealed::read(path, Kind::Part)?;
+    let damaged = |damage| Err(Error::Damaged { path: path.to_owned(), damage });
+    let expected = record.checksum;
+    if found != expected {
+        return damaged(Damage::Foreign { found, expected });
+    }
+    check_columns(path, &part.particles)?;
+    match [part.particles.len() as u64, part.bound.len() as u64] == record.counts() {
+        true => Ok(part),
+        false => {
+            damaged(Damage::Content("it has another number of particles than the checkpoint says".to_owned()))
+        }
+    }
+}
+
+/// Which of so many elements, before which there are others, are in a range of all.
+fn within(range: &Range<u64>, before: u64, count: u64) -> Range<usize> {
+    let at = |place: u64| place.saturating_sub(before).min(count) as usize;
+    at(range.start)..at(range.end)
+}
+
+/// The file of a rank beside a checkpoint.
+fn part_of(path: &Path, step: u32, rank: u32) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(format!(".{step:09}.{rank}"));
+    name.into()
+}
+
+/// Takes away the files of ranks that belong to other checkpoints than that of this step and so many parts.
+fn forget_parts(path: &Path, (step, parts): (u32, u32)) {
+    let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
+    let (Ok(entries), Some(name)) = (std::fs::read_dir(directory), path.file_name()) else { return };
+    let prefix = format!("{}.", name.to_string_lossy());
+    for entry in entries.flatten() {
+        let file = entry.file_name();
+        let numbers = file.to_str().and_then(|file| file.strip_prefix(&prefix)?.split_once('.'));
+        let numbers = numbers.and_then(|(of, rank)| Some((of.parse().ok()?, rank.parse().ok()?)));
+        let belongs = |(of, rank): (u32, u32)| of == step && rank < parts;
+        if numbers.is_some_and(|numbers| !belongs(numbers)) {
+            // Left behind, it is in nobody's way.
+            drop::<std::io::Result<()>>(std::fs::remove_file(entry.path()));
+        }
+    }
+}
+
+/// Checks that all columns have one length.
+fn check_columns(path: &Path, particles: &Particles) -> Result<(), Error> {
+    let n = particles.len();
+    let velocities = particles.velocity.each_ref().map(Vec::len);
+    let is_whole = particles.position.iter().all(|column| column.len() == n)
+        && (velocities == [n; 3] || velocities == [0; 3])
+        && particles.radius.len() == n
+        && particles.species.len() == n;
+    let damage = || Damage::Content("its columns have different lengths".to_owned());
+    is_whole.then_some(()).ok_or_else(|| Error::Damaged { path: path.to_owned(), damage: damage() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Particle, Totals};
+
+    /// Ranks take what comes in a row, whoever wrote it, and equally much of it.
+    #[test]
+    fn shares_of_parts_are_in_order_and_even() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("checkpoint");
+        let counts = [7, 0, 2, 4];
+        let mut next = 0..;
+        let mut parts = Vec::new();
+        for (rank, count) in (0..).zip(counts) {
+            let mut state = State { step: 3, ..State::default() };
+            for id in next.by_ref().take(count) {
+                state.particles.push(Particle { id, ..Particle::default() }, true);
+                state.bound.push(Bound { id: 100 + id, species: 0, receiver: 0, direction: [0.0; 3] });
+            }
+            let record = Checkpoint::write_part(&path, 5, (rank, 4), &state).expect("is written");
+            assert_eq!(record.counts(), [count as u64; 2]);
+            parts.push(record);
+        }
+        let checkpoint = Checkpoint {
+            scenario: String::new(),
+            seed: 5,
+            backend: "cpu".to_owned(),
+            every: [1, 1, 0],
+            files: Vec::new(),
+            parts,
+            state: State { step: 3, totals: Totals::default(), ..State::default() },
+        };
+        checkpoint.write(&path).expect("is written");
+        let read = Checkpoint::read(&path).expect("is read");
+        assert_eq!(read, checkpoint);
+        for ranks in [1, 2, 3, 5] {
+            let shares: Vec<State> = (0..ranks)
+                .map(|rank| read.clone().into_share(&path, Share::new(rank, ranks)).expect("is read"))
+                .collect();
+            let ids = shares.iter().flat_map(|share| share.particles.id.clone());
+            assert!(ids.eq(0..13));
+            assert!(shares.iter().flat_map(|share| &share.bound).map(|bound| bound.id).eq(100..113));
+            let even = |share: &State| share.particles.len().abs_diff(13 / ranks as usize) <= 1;
+            assert!(shares.iter().all(even), "{ranks}");
+        }
+        // The part without particles counts, too.
+        let idle = part_of(&path, 3, 1);
+        let whole = std::fs::read(&idle).expect("is there");
+        std::fs::write(&idle, &whole[1..]).expect("is written");
+        let refused = |rank| read.clone().into_share(&path, Share::new(rank, 2)).is_err();
+        assert_eq!([0, 1].map(refused), [true, false]);
+        // A checkpoint without parts takes those of this one away.
+        Checkpoint { parts: Vec::new(), ..checkpoint }.write(&path).expect("is written");
+        assert_eq!(std::fs::read_dir(directory.path()).expect("is there").count(), 1);
+    }
+}

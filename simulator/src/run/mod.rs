@@ -1,0 +1,382 @@
+//! A run from a scenario to its files.
+
+pub mod any;
+pub mod checkpoint;
+pub mod replicas;
+#[cfg(feature = "clap")]
+pub mod run_args;
+pub mod simulation;
+pub mod state;
+pub mod view;
+
+pub(crate) mod checksum;
+pub(crate) mod sealed;
+pub(crate) mod time_step_monitor;
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use lazygrid::{Algorithm, Backend};
+
+use crate::run::checkpoint::{Checkpoint, FileRecord};
+use crate::output::{self, Files, Forecast, Lock};
+use crate::run::time_step_monitor::Pace;
+use crate::scenario::{Output, Scenario};
+use crate::{Error, Simulator, Standing, State};
+
+/// A run, and its output folder.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// The scenario, with its seed, steps and output as they are wanted.
+    pub scenario: Scenario,
+    /// The file that the scenario is from, for messages.
+    pub path: PathBuf,
+    /// The output folder.
+    pub directory: PathBuf,
+    /// The backend; see [`Simulator::begin`].
+    pub backend: Backend,
+    /// The algorithm by which the CPU finds pairs; it does not change the result.
+    pub algorithm: Algorithm,
+    /// Threads; by default all.
+    pub threads: Option<usize>,
+    /// `true` if to go on from the checkpoint in the directory.
+    pub resume: bool,
+    /// `true` if to replace a run that is in the directory.
+    pub overwrite: bool,
+    /// `true` if to refuse what will not fit the disk, and to stop before that is full.
+    pub space_check: bool,
+}
+
+/// The way in which a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// All steps are done.
+    Finished,
+    /// It was stopped, and can go on.
+    Stopped,
+}
+
+/// Which of several runs beside each other one is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Beside {
+    /// Its place among them.
+    pub(crate) place: u32,
+    /// Their number.
+    pub(crate) count: u32,
+    /// How many go on at the same time.
+    pub(crate) at_once: u32,
+}
+
+impl Beside {
+    /// A run by itself.
+    pub(crate) const NONE: Self = Self { place: 0, count: 1, at_once: 1 };
+}
+
+/// Rows of the series after which the disk is looked at.
+const ROWS: u32 = 4096;
+
+impl Run {
+    /// Does all steps and calls `watch` before the first and after each, or on a GPU after several, until it breaks.
+    /// However it ends, the files are closed and there is a checkpoint to go on from.
+    ///
+    /// # Errors
+    /// [`Error::Write`] before anything is computed where the directory cannot be written or the disk is too small,
+    /// and at any time where the system refuses to write; [`Error::Read`], [`Error::Checkpoint`],
+    /// [`Error::CheckpointVersion`] or [`Error::Damaged`] if there is nothing to go on from; and whatever [`Simulator::advance`] says.
+    pub fn run(
+        &self,
+        watch: impl FnMut(&Simulator) -> ControlFlow<()> + Send,
+    ) -> Result<(End, Simulator), Error> {
+        match self.threads {
+            None => self.run_here(Beside::NONE, watch),
+            Some(threads) => pool(threads)?.install(|| self.run_here(Beside::NONE, watch)),
+        }
+    }
+
+    /// The same as [`run`](Self::run), in the present pool. What concerns all runs beside each other is said by the first.
+    pub(crate) fn run_here(
+        &self,
+        beside: Beside,
+        mut watch: impl FnMut(&Simulator) -> ControlFlow<()>,
+    ) -> Result<(End, Simulator), Error> {
+        self.check_formats()?;
+        if beside.place == 0 {
+            self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
+        }
+        let (mut simulation, mut files) = if self.resume { self.go_on(beside)? } else { self.begin(beside)? };
+        let first = simulation.step_count();
+        let mut pace = Pace::default();
+        let mut end = End::Finished;
+        if watch(&simulation).is_break() {
+            end = End::Stopped;
+        }
+        while end == End::Finished && simulation.step_count() < self.scenario.steps {
+            let (step, before) = (simulation.step_count(), Pace::part_of(simulation.totals()));
+            simulation.advance(self.steps_to_next(step))?;
+            pace.see(simulation.model(), [&before, simulation.totals()], simulation.step_count() - step);
+            if self.is_disk_full(&simulation, beside)? {
+                self.save(&simulation, &mut files)?;
+                return Err(self.stopped_early(simulation.step_count()));
+            }
+            files.record(&simulation)?;
+            let due = |every: u32| simulation.step_count().is_multiple_of(every);
+            if self.scenario.output.checkpoint_every.is_some_and(due) {
+                self.save(&simulation, &mut files)?;
+            }
+            if watch(&simulation).is_break() {
+                end = End::Stopped;
+            }
+        }
+        // The last complete output is still there.
+        if simulation.step_count() > first {
+            self.save(&simulation, &mut files)?;
+        }
+        files.convert(simulation.model())?;
+        files.animate(simulation.model(), &self.title())?;
+        if beside.place == 0 {
+            pace.advice(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
+        }
+        Ok((end, simulation))
+    }
+
+    /// Refuses a format in which nothing can be written, before anything is computed.
+    fn check_formats(&self) -> Result<(), Error> {
+        let Scenario { model, output, .. } = &self.scenario;
+        if output.arrow && !cfg!(feature = "arrow") {
+            return Err(Error::NoArrow);
+        }
+        if output.arrow && !model.logs_arrivals {
+            let message = "the scenario logs no arrivals, so that there is nothing to write as Arrow; set \
+                           arrivals = true in its [output]";
+            return Err(Error::Model(message.to_owned()));
+        }
+        Ok(())
+    }
+
+    /// Where the files of a scenario go unless it is said: a directory of its name, without the extension.
+    pub fn directory_of(scenario: &Path) -> PathBuf {
+        PathBuf::from(scenario.file_stem().unwrap_or(scenario.as_os_str()))
+    }
+
+    /// The name of the run in messages.
+    pub(crate) fn title(&self) -> String {
+        let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
+        format!("{name}, seed {}", self.scenario.seed)
+    }
+
+    /// The number of steps until the next output.
+    fn steps_to_next(&self, step: u32) -> u32 {
+        let output = self.scenario.output;
+        let frames = (output.xyz || output.npy).then_some(output.frames_every);
+        let animated = output.animation.map(|animation| animation.every);
+        let every = [Some(output.every), frames, animated, output.checkpoint_every];
+        let left = every.into_iter().flatten().map(|every| every - step % every);
+        left.fold(self.scenario.steps - step, u32::min)
+    }
+
+    fn begin(&self, beside: Beside) -> Result<(Simulator, Files), Error> {
+        let Scenario { model, seed, output, .. } = &self.scenario;
+        let simulation = Simulator::begin(model, *seed, self.backend, self.algorithm, None)?;
+        let lock = output::prepare(&self.directory, self.overwrite)?;
+        // Before anything that is there is replaced.
+        self.foretell(&simulation, beside)?;
+        output::forget(&self.directory, &["replicas.csv", "mean.csv", "arrivals.arrow", "releases.arrow"])?;
+        let mut files = Files::create(&self.directory, *output, (model, *seed), lock)?;
+        files.record(&simulation)?;
+        // A failure to write shows now.
+        self.save(&simulation, &mut files)?;
+        Ok((simulation, files))
+    }
+
+    /// Refuses a run whose files, with those of the runs after it, will surely not fit, and warns where they may not.
+    pub(crate) fn foretell(&self, simulation: &impl Standing, beside: Beside) -> Result<(), Error> {
+        if !self.space_check {
+            return Ok(());
+        }
+        let Scenario { steps, output, text, .. } = &self.scenario;
+        let Forecast { least, most, checkpoint } = Forecast::of(simulation, *output, *steps, text);
+        let runs = u64::from(beside.count - beside.place);
+        let [least, most, checkpoint] = [least, most, checkpoint].map(|bytes| bytes.saturating_mul(runs));
+        let free = self.free()?;
+        if least + checkpoint <= free && most + checkpoint > free {
+            log::warn!(
+                "the run writes about {} MB if no particle is lost, and the disk has {} MB left; it stops with a \
+                 checkpoint before the disk is full",
+                most >> 20,
+                free >> 20
+            );
+        }
+        if least + checkpoint <= free {
+            return Ok(());
+        }
+        Err(self.no_room(format!(
+            "the run is going to write about {} MB and the disk has {} MB left; write frames less often, choose another \
+             directory, or try all the same with --no-space-check",
+            least >> 20,
+            free >> 20
+        )))
+    }
+
+    fn free(&self) -> Result<u64, Error> {
+        let write = |source| Error::Write { path: self.directory.clone(), source };
+        fs4::available_space(&self.directory).map_err(write)
+    }
+
+    /// What to say where the disk has no room for what is due.
+    pub(crate) fn stopped_early(&self, steps: u32) -> Error {
+        self.no_room(format!(
+            "it stopped after {steps} steps with a checkpoint, before the disk is full; make room and go on with --resume \
+             (--no-space-check goes on whatever is left)"
+        ))
+    }
+
+    fn no_room(&self, message: String) -> Error {
+        let source = std::io::Error::new(std::io::ErrorKind::StorageFull, message);
+        Error::Write { path: self.directory.clone(), source }
+    }
+
+    /// Whether what is due now, and a checkpoint behind it, may not fit any more. Rows alone are looked after now and
+    /// then.
+    pub(crate) fn is_disk_full(&self, simulation: &impl Standing, beside: Beside) -> Result<bool, Error> {
+        let (step, output) = (simulation.step_count(), self.scenario.output);
+        let rows = output.every.saturating_mul(ROWS);
+        if !self.space_check
+            || !(output.has_frame(step) || output.animated(step).is_some() || step.is_multiple_of(rows))
+        {
+            return Ok(false);
+        }
+        Ok(self.free()? < 2 * u64::from(beside.at_once) * output::next(simulation, output))
+    }
+
+    fn go_on(&self, beside: Beside) -> Result<(Simulator, Files), Error> {
+        let path = self.checkpoint_path();
+        let lock = self.lock()?;
+        let checkpoint = Checkpoint::read(&path)?;
+        self.check_continues(&path, &checkpoint)?;
+        let (own, backend, records) = (&self.scenario, checkpoint.backend.clone(), checkpoint.files.clone());
+        let state = checkpoint.into_state(&path)?;
+        let done = state.step;
+        let simulation = Simulator::begin(&own.model, own.seed, self.backend, self.algorithm, Some(state))?;
+        if backend != simulation.backend().name() {
+            self.warn_of_backends(done, &backend, simulation.backend());
+        }
+        self.foretell(&simulation, beside)?;
+        let files = Files::reopen(&self.directory, own.output, (&own.model, own.seed), &records, lock)?;
+        Ok((simulation, files))
+    }
+
+    /// Keeps other runs out of the directory of one that goes on.
+    pub(crate) fn lock(&self) -> Result<Lock, Error> {
+        match Lock::take(&self.directory) {
+            Err(Error::Write { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+                Err(Error::Read { path: self.checkpoint_path(), source })
+            }
+            lock => lock,
+        }
+    }
+
+    /// Warns where a run goes on elsewhere than it was.
+    pub(crate) fn warn_of_backends(&self, done: u32, before: &str, now: Backend) {
+        log::warn!(
+            "the first {done} steps were done on the {before}, those to come are on the {now}: they round differently, so \
+             that the run has the same statistics as one on either, and is the same as neither"
+        );
+    }
+
+    /// Refuses a checkpoint of another run.
+    pub(crate) fn check_continues(&self, path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
+        let Checkpoint { scenario, seed, every, state, .. } = checkpoint;
+        let refused = |message: String| Err(Error::Checkpoint { path: path.to_owned(), message });
+        let own = &self.scenario;
+        if *scenario != own.text {
+            let name = self.path.display();
+            return refused(format!(
+                "it is of another scenario than {name}; give that one, or start the run anew"
+            ));
+        }
+        if *seed != own.seed {
+            return refused(format!("it is of seed {seed} and not {}; give --seed {seed}", own.seed));
+        }
+        if *every != intervals(own.output) {
+            let [rows, frames, animation] = *every;
+            let animation = match animation {
+                0 => "it has no animation".to_owned(),
+                every => format!("its animation by --animate --animate-every {every}"),
+            };
+            return refused(format!(
+                "its series goes by --every {rows} and its frames by --frames-every {frames}; {animation}"
+            ));
+        }
+        if own.steps < state.step {
+            return refused(format!(
+                "{} steps are done and the run is to have {} in all; give --steps {} or more",
+                state.step, own.steps, state.step
+            ));
+        }
+        Ok(())
+    }
+
+    fn save(&self, simulation: &Simulator, files: &mut Files) -> Result<(), Error> {
+        let state = simulation.state()?.into_owned();
+        let checkpoint = self.checkpoint(simulation.backend(), files.sync()?, state);
+        checkpoint.write(&self.checkpoint_path())
+    }
+
+    /// A checkpoint of this run, not in parts.
+    pub(crate) fn checkpoint(&self, backend: Backend, files: Vec<FileRecord>, state: State) -> Checkpoint {
+        let Scenario { text, seed, output, .. } = &self.scenario;
+        Checkpoint {
+            scenario: text.clone(),
+            seed: *seed,
+            backend: backend.name().to_owned(),
+            every: intervals(*output),
+            files,
+            parts: Vec::new(),
+            state,
+        }
+    }
+
+    /// The path of the checkpoint.
+    pub(crate) fn checkpoint_path(&self) -> PathBuf {
+        self.directory.join("checkpoint")
+    }
+
+    /// The summary of the run, a line for each count.
+    pub fn summary(&self, standing: &impl Standing) -> String {
+        let (model, totals) = (standing.model(), standing.totals());
+        let mut lines = vec![
+            format!("steps      {} ({} s)", standing.step_count(), standing.time()),
+            format!("seed       {}", self.scenario.seed),
+        ];
+        for (species, (present, released)) in
+            model.species.iter().zip(totals.present.iter().zip(&totals.released))
+        {
+            lines.push(format!("species    {}: {present} of {released} released", species.name));
+        }
+        let named = model.reactions.iter().map(|r| &r.name).chain(model.decays.iter().map(|d| &d.name));
+        for (name, count) in named.zip(totals.reacted.iter().chain(&totals.decayed)) {
+            lines.push(format!("reaction   {name}: {count}"));
+        }
+        for (receiver, counts) in model.receivers.iter().zip(standing.received()) {
+            for (species, count) in model.species.iter().zip(counts).filter(|(_, count)| *count > 0) {
+                lines.push(format!("receiver   {}: {count} {}", receiver.name, species.name));
+            }
+        }
+        lines.push(format!("output     {}", self.directory.display()));
+        lines.join("\n") + "\n"
+    }
+}
+
+/// Steps between rows, frames, and frames of the animation.
+fn intervals(output: Output) -> [u32; 3] {
+    [output.every, output.frames_every, output.animation.map_or(0, |animation| animation.every)]
+}
+
+/// A pool of so many threads.
+///
+/// # Errors
+/// [`Error::Threads`].
+pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, Error> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map_err(|error| Error::Threads { threads, reason: error.to_string() })
+}

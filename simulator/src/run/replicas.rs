@@ -1,0 +1,241 @@
+//! Replicas: runs of one scenario that differ in their seeds, and what comes of them on average.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::Write;
+use std::num::NonZeroU32;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use lazygrid::Backend;
+
+use crate::run::checkpoint::Checkpoint;
+use crate::output::{self, Lock};
+use crate::random::philox::{Key, Purpose};
+use crate::results::mean::MeanSeries;
+use crate::results::series::Series;
+use crate::run::{Beside, End, Run, pool};
+use crate::{Error, Simulator};
+
+/// Several runs of one scenario. Each has a directory of its own, as if it were run by itself with its seed.
+#[derive(Clone, Debug)]
+pub struct Replicas {
+    /// The scenario, and the directory in which the replicas have theirs. Its seed is the one that theirs come from.
+    pub run: Run,
+    /// Their number.
+    pub count: NonZeroU32,
+}
+
+/// The result of replicas.
+#[derive(Clone, Debug)]
+pub struct Replicated {
+    /// `true` if all are done.
+    pub end: End,
+    /// Which are done.
+    pub done: Vec<u32>,
+    /// The mean of the series of those.
+    pub mean: MeanSeries,
+}
+
+/// The seed of a replica, by the seed that was given and its number.
+pub fn seed_of(seed: u64, replica: u32) -> u64 {
+    let [low, high, ..] = Key::new(seed).draw(replica, 0, 0, Purpose::Replica);
+    u64::from(low) | u64::from(high) << 32
+}
+
+impl Replicas {
+    /// Does all steps of all replicas, as many replicas at once as there are threads, and writes `mean.csv`. The files
+    /// do not depend on the number of threads.
+    ///
+    /// Calls `watch` as [`Run::run`] does, with the number of the replica, from several threads; what it returns at any
+    /// of them holds for all. Replicas that were stopped or not begun are done by a run with [`Run::resume`], in which
+    /// there may be more of them.
+    ///
+    /// # Errors
+    /// The same as [`Run::run`], as an [`Error::Replica`] where it is of one; the others have checkpoints then.
+    pub fn run(
+        &self,
+        watch: impl Fn(u32, &Simulator) -> ControlFlow<()> + Sync,
+    ) -> Result<Replicated, Error> {
+        let _lock = self.prepare()?;
+        let threads = self.run.threads.unwrap_or_else(rayon::current_num_threads).max(1);
+        let at_once = match self.run.backend {
+            // They would wait for each other.
+            Backend::Gpu => 1,
+            _ => threads.min(self.count.get() as usize),
+        };
+        // A worker of one pool for all, as long as it waits for a piece of its own replica, would begin another one
+        // and be done with the first only after that. So each has a pool of its own.
+        let pools = (0..at_once).map(|k| pool(threads / at_once + usize::from(k < threads % at_once)));
+        let pools = pools.collect::<Result<Vec<_>, _>>()?;
+        let course = Course::new(self, at_once as u32);
+        std::thread::scope(|scope| {
+            for pool in &pools {
+                scope.spawn(|| pool.install(|| course.work(&watch)));
+            }
+        });
+        let ended = course.ended.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut done = Vec::new();
+        for (replica, end) in ended {
+            match end {
+                Ok(End::Finished) => done.push(replica),
+                Ok(End::Stopped) => {}
+                Err(error) => return Err(Error::Replica { replica, source: Box::new(error) }),
+            }
+        }
+        self.conclude(&done)
+    }
+
+    /// The folder of a replica's files.
+    pub fn directory_of(&self, replica: u32) -> PathBuf {
+        self.run.directory.join(format!("replica-{replica:04}"))
+    }
+
+    /// A replica as a run by itself.
+    fn replica(&self, replica: u32) -> Run {
+        let mut run = self.run.clone();
+        run.scenario.seed = seed_of(run.scenario.seed, replica);
+        run.directory = self.directory_of(replica);
+        // One shows what they are like.
+        run.scenario.output.animation = run.scenario.output.animation.filter(|_| replica == 0);
+        // One that was not begun has nothing to go on from.
+        run.resume &= run.directory.join("checkpoint").exists();
+        run
+    }
+
+    /// Locks the directory, and writes which replicas there are and with which seeds.
+    fn prepare(&self) -> Result<Lock, Error> {
+        let directory = &self.run.directory;
+        let path = directory.join("replicas.csv");
+        let rows = (0..self.count.get()).map(|k| format!("{k},{}\n", seed_of(self.run.scenario.seed, k)));
+        let table = format!("replica,seed\n{}", rows.collect::<String>());
+        let lock = match self.run.resume {
+            false => {
+                let lock = output::prepare(directory, self.run.overwrite)?;
+                // Else those that are not begun anew for some reason would count as done.
+                for replica in (0..).map(|k| self.directory_of(k)).take_while(|replica| replica.exists()) {
+                    output::forget(&replica, &["checkpoint", "series.csv"])?;
+                }
+                output::forget(directory, &["checkpoint", "mean.csv"])?;
+                lock
+            }
+            true => {
+                let read = |source| Error::Read { path: path.clone(), source };
+                let before = fs::read_to_string(&path).map_err(read)?;
+                // What it has to be follows from the seed, so that it needs no checksum.
+                let is_whole = before.ends_with('\n') && table.starts_with(&before);
+                if !is_whole {
+                    let message = if before.starts_with(&table) {
+                        format!("there are {} replicas; give as many or more", before.lines().count() - 1)
+                    } else {
+                        "its replicas have other seeds, or it is damaged; give the --seed that they were begun with, \
+                         restore it from a copy, or start over with --overwrite in place of --resume"
+                            .to_owned()
+                    };
+                    return Err(Error::Checkpoint { path, message });
+                }
+                Lock::take(directory)?
+            }
+        };
+        output::replace(&path, |out| out.write_all(table.as_bytes()))?;
+        Ok(lock)
+    }
+
+    /// The mean of the replicas that are done, now or before.
+    fn conclude(&self, ended: &[u32]) -> Result<Replicated, Error> {
+        let (mut mean, mut done) = (MeanSeries::default(), Vec::new());
+        let last = self.run.scenario.steps - self.run.scenario.steps % self.run.scenario.output.every;
+        for replica in 0..self.count.get() {
+            let directory = self.directory_of(replica);
+            // Those of this call were checked when they were resumed.
+            if !ended.contains(&replica) && !is_done(&directory, self.run.scenario.steps)? {
+                continue;
+            }
+            let path = directory.join("series.csv");
+            let series = Series::read(&path)?;
+            if series.steps.last() == Some(&last) {
+                mean.add(&series, &path)?;
+                done.push(replica);
+            }
+        }
+        output::replace(&self.run.directory.join("mean.csv"), |out| mean.write(out))?;
+        let end = if ended.len() == self.count.get() as usize { End::Finished } else { End::Stopped };
+        Ok(Replicated { end, done, mean })
+    }
+}
+
+/// Returns `true` if the checkpoint in a directory has all steps.
+///
+/// # Errors
+/// Those of [`Checkpoint::read`] if there is a checkpoint, and [`Error::Damaged`] if the series is not the one that it names.
+fn is_done(directory: &Path, steps: u32) -> Result<bool, Error> {
+    let path = directory.join("checkpoint");
+    if !path.exists() {
+        return Ok(false);
+    }
+    let checkpoint = Checkpoint::read(&path)?;
+    if checkpoint.state.step < steps {
+        return Ok(false);
+    }
+    output::check(directory, &checkpoint.files)?;
+    Ok(true)
+}
+
+/// The state that workers share.
+struct Course<'a> {
+    replicas: &'a Replicas,
+    at_once: u32,
+    next: AtomicU32,
+    stop: AtomicBool,
+    /// How each replica ended that somebody began with, by its number.
+    ended: Mutex<BTreeMap<u32, Result<End, Error>>>,
+}
+
+impl<'a> Course<'a> {
+    fn new(replicas: &'a Replicas, at_once: u32) -> Self {
+        let (next, stop) = (AtomicU32::new(0), AtomicBool::new(false));
+        Self { replicas, at_once, next, stop, ended: Mutex::default() }
+    }
+
+    /// Does one replica after the other until there are no more, or one of them breaks or fails.
+    fn work(&self, watch: &(impl Fn(u32, &Simulator) -> ControlFlow<()> + Sync)) {
+        let count = self.replicas.count.get();
+        while !self.stop.load(Ordering::Relaxed) {
+            let place = self.next.fetch_add(1, Ordering::Relaxed);
+            if place >= count {
+                return;
+            }
+            let beside = Beside { place, count, at_once: self.at_once };
+            let ended = self.replicas.replica(place).run_here(beside, |simulation| {
+                if watch(place, simulation).is_break() {
+                    self.stop.store(true, Ordering::Relaxed);
+                }
+                match self.stop.load(Ordering::Relaxed) {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            });
+            if ended.is_err() {
+                self.stop.store(true, Ordering::Relaxed);
+            }
+            let mut all = self.ended.lock().unwrap_or_else(PoisonError::into_inner);
+            all.insert(place, ended.map(|(end, _)| end));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_replica_has_a_seed_of_its_own() {
+        let seeds = [0, 1, 2].into_iter().flat_map(|seed| (0..1000).map(move |k| seed_of(seed, k)));
+        let mut seeds: Vec<u64> = seeds.chain([0, 1, 2]).collect();
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), 3003);
+    }
+}

@@ -1,0 +1,159 @@
+//! The files of checkpoints: a header with a length and a checksum, and content.
+//!
+//! | bytes | content |
+//! | --- | --- |
+//! | text | `lazygrid checkpoint 5`, for the part of a rank also `, part`, and a line feed |
+//! | 8 | the checksum (XXH64) of all bytes after it, little-endian |
+//! | 8 | the number of bytes after it, little-endian |
+//! | the rest | the content, as postcard |
+
+use std::io::Write;
+use std::path::Path;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::error::Damage;
+use crate::run::checksum;
+use crate::{Error, output};
+
+/// The beginning of every checkpoint, of any version.
+const NAME: &str = "lazygrid checkpoint ";
+/// The version of the layout that this build writes and reads.
+const VERSION: u32 = 5;
+
+/// The kinds of files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// The file `checkpoint`.
+    Whole,
+    /// The particles of a rank.
+    Part,
+}
+
+impl Kind {
+    /// The first line of such a file.
+    fn first_line(self) -> String {
+        let kind = match self {
+            Self::Whole => "",
+            Self::Part => ", part",
+        };
+        format!("{NAME}{VERSION}{kind}\n")
+    }
+}
+
+/// Writes a file in place of the one before, which is untouched until this one is complete. Returns the checksum.
+///
+/// # Errors
+/// [`Error::Write`].
+pub(crate) fn write(path: &Path, kind: Kind, content: &impl Serialize) -> Result<u64, Error> {
+    let mut checksum = 0;
+    output::replace(path, |out| {
+        let mut bytes = kind.first_line().into_bytes();
+        let [sum_at, length_at, body_at] = [0, 8, 16].map(|after| bytes.len() + after);
+        bytes.resize(body_at, 0);
+        let mut bytes = postcard::to_extend(content, bytes).map_err(std::io::Error::other)?;
+        let length = (bytes.len() - body_at) as u64;
+        bytes[length_at..body_at].copy_from_slice(&length.to_le_bytes());
+        checksum = checksum::of_bytes(&bytes[length_at..]);
+        bytes[sum_at..length_at].copy_from_slice(&checksum.to_le_bytes());
+        out.write_all(&bytes)
+    })?;
+    Ok(checksum)
+}
+
+/// Reads a file and checks its length and checksum before its content is decoded. Returns the content and the checksum.
+///
+/// # Errors
+/// [`Error::Read`], [`Error::CheckpointVersion`], and [`Error::Damaged`].
+pub(crate) fn read<T: DeserializeOwned>(path: &Path, kind: Kind) -> Result<(T, u64), Error> {
+    let bytes = std::fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
+    let damaged = |damage| Error::Damaged { path: path.to_owned(), damage };
+    let Some(rest) = bytes.strip_prefix(kind.first_line().as_bytes()) else {
+        return Err(match version(&bytes) {
+            Some(found) if found != VERSION => {
+                Error::CheckpointVersion { path: path.to_owned(), found, expected: VERSION }
+            }
+            _ => damaged(Damage::Header { expected: kind.first_line().trim_end().to_owned() }),
+        });
+    };
+    let Some((&sum, (&length, body))) =
+        split_number(rest).and_then(|(sum, rest)| Some((sum, split_number(rest)?)))
+    else {
+        let header = (bytes.len() - rest.len() + 16) as u64;
+        return Err(damaged(Damage::Length { found: bytes.len() as u64, expected: header }));
+    };
+    let (found, expected) = (body.len() as u64, u64::from_le_bytes(length));
+    if found != expected {
+        let header = (bytes.len() - body.len()) as u64;
+        let expected = header.saturating_add(expected);
+        return Err(damaged(Damage::Length { found: bytes.len() as u64, expected }));
+    }
+    let (found, expected) = (checksum::of_bytes(&rest[8..]), u64::from_le_bytes(sum));
+    if found != expected {
+        return Err(damaged(Damage::Checksum { found, expected }));
+    }
+    match postcard::take_from_bytes(body) {
+        Ok((content, [])) => Ok((content, found)),
+        Ok((_, rest)) => Err(damaged(Damage::Content(format!("{} bytes are left over", rest.len())))),
+        Err(error) => Err(damaged(Damage::Content(error.to_string()))),
+    }
+}
+
+fn split_number(bytes: &[u8]) -> Option<(&[u8; 8], &[u8])> {
+    bytes.split_first_chunk()
+}
+
+/// Returns the version that the first line of a checkpoint names.
+fn version(bytes: &[u8]) -> Option<u32> {
+    let rest = bytes.strip_prefix(NAME.as_bytes())?;
+    let digits = rest.iter().take_while(|byte| byte.is_ascii_digit()).count();
+    let ends = matches!(rest.get(digits), Some(b'\n' | b','));
+    std::str::from_utf8(&rest[..digits]).ok().filter(|_| ends)?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every flipped bit, every shorter length and appended bytes.
+    #[test]
+    fn file_with_any_damage_is_refused() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("sealed");
+        let content = (3_u8, "text".to_owned(), [0.5_f32, 2.0]);
+        let sum = write(&path, Kind::Part, &content).expect("is written");
+        assert_eq!(read(&path, Kind::Part).expect("is read"), (content, sum));
+        let whole = std::fs::read(&path).expect("is there");
+        let refused = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).expect("is written");
+            let error = read::<(u8, String, [f32; 2])>(&path, Kind::Part).expect_err("is damaged");
+            assert!(matches!(error, Error::Damaged { .. } | Error::CheckpointVersion { .. }), "{error}");
+            error.to_string()
+        };
+        for bit in 0..8 * whole.len() {
+            let mut bytes = whole.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            refused(&bytes);
+        }
+        for length in 0..whole.len() {
+            refused(&whole[..length]);
+        }
+        let longer = refused(&[&whole[..], b"\0"].concat());
+        let lengths = format!("it has {} bytes instead of {}", whole.len() + 1, whole.len());
+        assert!(longer.contains(&lengths) && longer.contains("--overwrite"), "{longer}");
+        std::fs::write(&path, &whole).expect("is written");
+        assert!(read::<(u8, String, [f32; 2])>(&path, Kind::Whole).is_err());
+    }
+
+    #[test]
+    fn checkpoint_of_another_version_is_refused_with_its_version() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let path = directory.path().join("checkpoint");
+        for (text, found) in [("lazygrid checkpoint 4\nmore", 4), ("lazygrid checkpoint 12, part\n", 12)] {
+            std::fs::write(&path, text).expect("is written");
+            let error = read::<u8>(&path, Kind::Whole).expect_err("is of another version");
+            assert!(matches!(error, Error::CheckpointVersion { found: of, .. } if of == found), "{error}");
+        }
+    }
+}

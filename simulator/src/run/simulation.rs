@@ -1,0 +1,360 @@
+//! A run, step by step.
+
+use lazygrid::{Algorithm, Backend, Config, Detector, Order};
+
+use crate::Error;
+use crate::release::origins::Arrival;
+use crate::motion::binding::{self, Bid, Bound, Leaving};
+use crate::motion::receiver_state;
+use crate::motion::contact::Contacts;
+use crate::reaction::dissociation::{self, Dissociation, Split};
+use crate::reaction::matching::Matching;
+use crate::model::{Contact, Model};
+use crate::motion::propagate::{Event, Motion};
+use crate::model::particles::{Particle, Particles};
+use crate::random::philox::{Key, Purpose};
+use crate::ranks::Share;
+use crate::reaction::{Outcome, Reactions, interactions};
+use crate::model::receiver::{Kind, all_inside};
+use crate::run::state::State;
+use crate::motion::receiver_search::Vicinity;
+
+/// A run: a model, a seed, and what has become of it.
+#[derive(Debug)]
+pub struct Simulation {
+    pub(crate) model: Model,
+    pub(crate) key: Key,
+    pub(crate) state: State,
+    motion: Motion,
+    vicinity: Option<Vicinity>,
+    pub(crate) reactions: Reactions,
+    contacts: Contacts,
+    pub(crate) dissociation: Dissociation,
+    pub(crate) detector: Option<Detector>,
+    matching: Matching,
+    arrivals: Vec<Arrival>,
+}
+
+/// The step of single particles.
+#[derive(Debug)]
+pub(crate) struct Moved {
+    events: Vec<Event>,
+    leaving: Vec<Leaving>,
+}
+
+impl Simulation {
+    /// The beginning of a run, in which pairs are found by `algorithm`, which does not change the result.
+    ///
+    /// The work is done in the caller's rayon pool.
+    ///
+    /// # Errors
+    /// The same as [`State::new`], and [`Error::Detection`] where the detector refuses the model.
+    pub fn new(model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, Error> {
+        let state = State::new(&model, seed)?;
+        Self::resume(model, seed, algorithm, state)
+    }
+
+    /// A run that goes on from a state of the same model and seed.
+    ///
+    /// # Errors
+    /// The same as [`new`](Self::new).
+    pub fn resume(model: Model, seed: u64, algorithm: Algorithm, state: State) -> Result<Self, Error> {
+        model.check()?;
+        if !state.belongs_to(&model) {
+            return Err(Error::Model("the state is one of another model".to_owned()));
+        }
+        let motion = Motion::new(&model);
+        let detector = detector(&model, algorithm)?;
+        Ok(Self {
+            key: Key::new(seed),
+            vicinity: Vicinity::new(&motion.bodies, &model.boundary)?,
+            motion,
+            reactions: Reactions::new(&model),
+            contacts: Contacts::new(&model),
+            dissociation: Dissociation::new(&model),
+            detector,
+            matching: Matching::default(),
+            arrivals: Vec::new(),
+            model,
+            state,
+        })
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The state of the run.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The time that has passed, in s.
+    pub fn time(&self) -> f64 {
+        f64::from(self.state.step) * self.model.time_step
+    }
+
+    /// Places particles by hand, beside what transmitters release. Their ids must not have been used.
+    ///
+    /// # Errors
+    /// [`Error::Model`] for a species that the model does not have; then nothing is placed.
+    pub fn insert(&mut self, particles: &Particles) -> Result<(), Error> {
+        let with_velocity = self.model.has_velocity();
+        let known = self.model.species.len();
+        if let Some(species) = particles.species.iter().find(|&&species| species as usize >= known) {
+            return Err(Error::Model(format!(
+                "a particle is of species {species} and the model has {known}"
+            )));
+        }
+        self.state.particles.reserve(particles.len() as u64, with_velocity)?;
+        if self.model.logs_arrivals {
+            self.state.origins.enter(self.state.next_id, None);
+        }
+        for at in 0..particles.len() {
+            let particle = particles.get(at);
+            self.state.next_id = self.state.next_id.max(particle.id.saturating_add(1));
+            self.state.totals.released[particle.species as usize] += 1;
+            self.state.totals.present[particle.species as usize] += 1;
+            self.state.particles.push(particle, with_velocity);
+        }
+        Ok(())
+    }
+
+    /// The number of particles of each species inside a receiver's sphere.
+    pub fn inside(&self, receiver: usize) -> Vec<u64> {
+        let center = self.state.centers[receiver];
+        self.model.receivers[receiver].inside(center, &self.model.boundary, &self.state.particles)
+    }
+
+    /// What each receiver has to say, by species: arrivals so far, what its receptors hold, or how many are inside a
+    /// transparent one.
+    pub fn received(&self) -> Vec<Vec<u64>> {
+        let Self { model, state: State { particles, totals, centers, .. }, .. } = self;
+        let mut received = all_inside(&model.receivers, centers, &model.boundary, particles);
+        let counting = model.receivers.iter().zip(&totals.arrived).zip(&mut received);
+        for ((_, arrived), says) in counting.filter(|((r, _), _)| r.kind != Kind::Transparent) {
+            says.clone_from(arrived);
+        }
+        received
+    }
+
+    /// The particles that arrived in the last step, in the order of ids, in a model that logs arrivals.
+    pub fn arrivals(&self) -> &[Arrival] {
+        &self.arrivals
+    }
+
+    /// Does one step: receivers and particles move, these meet walls and receivers, come off receptors, and may decay; pairs
+    /// are found, react, and push each other away; transmitters release what is due next.
+    ///
+    /// # Errors
+    /// [`Error::OutOfIds`], and [`Error::Step`] with what the detector said, such as that there are too many pairs.
+    pub fn step(&mut self) -> Result<(), Error> {
+        let free = binding::free(&self.model, &self.state.totals.arrived);
+        let moved = self.advance(&free)?;
+        self.apply_events(&moved, &binding::refused(self.bids(&moved), &free));
+        let outcomes = self.interact()?;
+        let splits = self.splits(&outcomes);
+        let parents = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
+        let parents: Vec<u32> = parents.collect();
+        self.conclude(&outcomes, &splits, &parents)?;
+        self.finish(Share::WHOLE)
+    }
+
+    /// Moves receivers and particles by themselves, where so many receptors of each receiver are free.
+    pub(crate) fn advance(&mut self, free: &[u32]) -> Result<Moved, Error> {
+        let Self { model, key, state, motion, vicinity, .. } = self;
+        let now = (*key, state.step);
+        let leaving = binding::leaving(model, &state.bound, free, now);
+        let places = bodies::moved(model, &state.centers, *key, state.step);
+        motion.bodies.set(&state.centers, &places, free);
+        let events = motion.advance(&mut state.particles, vicinity.as_mut(), now)?;
+        state.centers = places.iter().map(|place| place.center).collect();
+        Ok(Moved { events, leaving })
+    }
+
+    /// The particles that are to bind to receptors.
+    pub(crate) fn bids(&self, moved: &Moved) -> Vec<Bid> {
+        binding::bids(&moved.events, |at| self.state.particles.id[at as usize])
+    }
+
+    /// Does what befell particles, but for those that find no receptor, which are `refused`, by ascending ids.
+    pub(crate) fn apply_events(&mut self, moved: &Moved, refused: &[u32]) {
+        let mut gone = Vec::new();
+        self.arrivals.clear();
+        for event in &moved.events {
+            match *event {
+                Event::Arrived { at, receiver } => {
+                    let species = self.state.particles.species[at as usize];
+                    self.state.totals.arrived[receiver as usize][species as usize] += 1;
+                    if self.model.logs_arrivals {
+                        let id = self.state.particles.id[at as usize];
+                        let origin = self.state.origins.of(id);
+                        self.arrivals.push(Arrival { receiver, species, id, origin });
+                    }
+                    self.transform(at, None, &mut gone);
+                }
+                Event::Bound { at, receiver, direction, .. } => {
+                    let Particle { species, id, .. } = self.state.particles.get(at as usize);
+                    if refused.binary_search(&id).is_err() {
+                        self.state.totals.arrived[receiver as usize][species as usize] += 1;
+                        self.state.bound.push(Bound { id, species, receiver, direction });
+                        self.transform(at, None, &mut gone);
+                    }
+                }
+                Event::Decayed { at, decay, product } => {
+                    self.state.totals.decayed[decay as usize] += 1;
+                    self.transform(at, product, &mut gone);
+                }
+            }
+        }
+        self.arrivals.sort_unstable_by_key(|arrival| arrival.id);
+        self.state.particles.remove(&mut gone);
+        self.let_off(&moved.leaving);
+    }
+
+    /// Puts what came off receptors back among the particles.
+    fn let_off(&mut self, leaving: &[Leaving]) {
+        let Self { model, key, state, .. } = self;
+        let with_velocity = model.has_velocity();
+        // Those behind move up into the gaps, and are done already.
+        for leaving in leaving.iter().rev() {
+            let held = state.bound[leaving.at()];
+            let center = state.centers[held.receiver as usize];
+            let Some(position) = binding::place_of(model, &held, *leaving, center) else { continue };
+            let Bound { id, species, receiver, .. } = state.bound.swap_remove(leaving.at());
+            let kind = &model.species[species as usize];
+            let velocity = kind.own_velocity(key.draw(id, 2, state.step, Purpose::Velocity));
+            let particle = Particle { position, velocity, radius: kind.radius, species, id };
+            state.particles.push(particle, with_velocity);
+            state.totals.present[species as usize] += 1;
+            state.totals.arrived[receiver as usize][species as usize] -= 1;
+        }
+    }
+
+    /// Turns a particle into another species, or enters it among those to be removed.
+    fn transform(&mut self, at: u32, product: Option<u32>, gone: &mut Vec<u32>) {
+        let Self { model, key, state, .. } = self;
+        let State { particles, totals, step, .. } = state;
+        let place = at as usize;
+        let from = particles.species[place];
+        totals.present[from as usize] -= 1;
+        let Some(species) = product else { return gone.push(at) };
+        totals.present[species as usize] += 1;
+        let [old, new] = [from, species].map(|species| &model.species[species as usize]);
+        particles.species[place] = species;
+        particles.radius[place] = new.radius;
+        if !model.boundary.is_open() {
+            // What is larger than it was may stand in a wall.
+            let room = model.boundary.inset(new.radius);
+            particles.set_position(place, room.place(particles.position_of(place)));
+        }
+        if old.speed != new.speed {
+            let velocity = match old.speed > 0.0 && new.speed > 0.0 {
+                true => particles.get(place).velocity.map(|v| v * (new.speed / old.speed) as f32),
+                false => new.own_velocity(key.draw(particles.id[place], 1, *step, Purpose::Velocity)),
+            };
+            (0..3).for_each(|axis| particles.velocity[axis][place] = velocity[axis]);
+        }
+    }
+
+    /// Finds pairs and lets them react or push each other away. Returns what comes of reactions.
+    fn interact(&mut self) -> Result<Vec<Outcome>, Error> {
+        let (key, step) = (self.key, self.state.step);
+        let failed = |source| Error::Step { step, source };
+        let Some(detector) = &mut self.detector else { return Ok(Vec::new()) };
+        let particles = &mut self.state.particles;
+        if self.reactions.is_empty() && self.model.contact == Contact::Count {
+            self.state.totals.pairs = detector.count(particles.spheres()?).map_err(failed)?;
+            return Ok(Vec::new());
+        }
+        let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
+        self.state.totals.pairs = pairs.len() as u64;
+        let mut candidates = self.reactions.candidates(particles, pairs, key, step);
+        let chosen = self.matching.greedy(&mut candidates, particles.len());
+        let reacts = || chosen.iter().map(|&c| &candidates[c as usize]);
+        let outcomes = self.reactions.all_outcomes(particles, reacts(), key, step);
+        reacts().for_each(|c| self.state.totals.reacted[c.rule as usize] += 1);
+        if self.contacts.act() {
+            let mut reacted: Vec<u32> = reacts().flat_map(|c| c.at).collect();
+            reacted.sort_unstable();
+            let free = |at: u32| reacted.binary_search(&at).is_err();
+            self.state.totals.contacts = self.contacts.settle(particles, pairs, free, (key, step));
+        }
+        Ok(outcomes)
+    }
+
+    /// What comes apart of the particles that are not used up by reactions, in the order of ids, which does not depend on
+    /// places.
+    pub(crate) fn splits(&self, outcomes: &[Outcome]) -> Vec<Split> {
+        if self.dissociation.is_empty() {
+            return Vec::new();
+        }
+        let mut taken: Vec<u32> = outcomes.iter().map(|outcome| outcome.at).collect();
+        taken.sort_unstable();
+        let State { particles, step, .. } = &self.state;
+        let mut splits = self.dissociation.splits(particles, &taken, self.key, *step);
+        splits.sort_unstable_by_key(|split| split.id);
+        splits
+    }
+
+    /// Applies what comes of reactions and what comes apart. `parents` are the ids of all that come apart into two, ascending;
+    /// second products get ids in their order.
+    pub(crate) fn conclude(
+        &mut self,
+        outcomes: &[Outcome],
+        splits: &[Split],
+        parents: &[u32],
+    ) -> Result<(), Error> {
+        let first_id = self.state.next_id;
+        let released = u64::from(first_id) + parents.len() as u64;
+        if released > lazygrid::MAX_SPHERES {
+            return Err(Error::OutOfIds { released });
+        }
+        self.state.next_id = released as u32;
+        if self.model.logs_arrivals {
+            for (id, &parent) in (first_id..).zip(parents) {
+                self.state.origins.enter(id, self.state.origins.of(parent));
+            }
+        }
+        let mut gone = Vec::new();
+        for outcome in outcomes {
+            self.state.particles.set_position(outcome.at as usize, outcome.position);
+            self.transform(outcome.at, outcome.product, &mut gone);
+        }
+        let mut born = Vec::new();
+        for split in splits {
+            self.state.totals.decayed[split.decay as usize] += 1;
+            let velocity = self.state.particles.get(split.at as usize).velocity;
+            let nth = parents.partition_point(|&parent| parent < split.id) as u32;
+            born.extend(dissociation::second(split, velocity, first_id + nth));
+            self.transform(split.at, split.products[0].map(|(species, ..)| species), &mut gone);
+            if let Some((_, _, position)) = split.products[0] {
+                self.state.particles.set_position(split.at as usize, position);
+            }
+        }
+        let State { particles, totals, .. } = &mut self.state;
+        particles.remove(&mut gone);
+        for particle in born {
+            totals.present[particle.species as usize] += 1;
+            particles.push(particle, self.model.has_velocity());
+        }
+        Ok(())
+    }
+
+    /// Ends a step: releases what is due at the beginning of the next one, of which this rank has its share.
+    pub(crate) fn finish(&mut self, share: Share) -> Result<(), Error> {
+        self.state.step += 1;
+        self.state.release(&self.model, (&self.motion.decays, self.key), share)
+    }
+}
+
+/// The detector of a model's pairs, by this algorithm; `None` if nothing interacts.
+///
+/// # Errors
+/// [`Error::Detection`] where the detector refuses the model.
+pub(crate) fn detector(model: &Model, algorithm: Algorithm) -> Result<Option<Detector>, Error> {
+    let Some(table) = interactions(model)? else { return Ok(None) };
+    let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).order(Order::Unordered);
+    Ok(Some(Detector::new(config.space(model.boundary.space()?).interactions(table))?))
+}

@@ -1,0 +1,171 @@
+//! The state of a run, as stored in a checkpoint.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+use crate::release::origins::{Origin, Origins};
+use crate::motion::binding::Bound;
+use crate::reaction::decay::Decays;
+use crate::model::Model;
+use crate::model::particles::Particles;
+use crate::random::philox::Key;
+use crate::ranks::Share;
+use crate::model::receiver::Kind;
+use crate::release::Released;
+
+/// The mutable state of a run. Together with the model and the seed, it determines the rest of the run bit for bit.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// The particles.
+    pub particles: Particles,
+    /// Number of completed steps.
+    pub step: u32,
+    /// Id of the next new particle.
+    pub next_id: u32,
+    /// Counts since the beginning of the run.
+    pub totals: Totals,
+    /// Centers of the receivers, in µm.
+    pub centers: Vec<[f32; 3]>,
+    /// Particles bound to receptors.
+    pub bound: Vec<Bound>,
+    /// Origins of the particles, if the model logs arrivals.
+    pub origins: Origins,
+}
+
+/// Counts since the beginning of a run.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Totals {
+    /// Particles present, by species.
+    pub present: Vec<u64>,
+    /// Particles released, by species.
+    pub released: Vec<u64>,
+    /// Particles that receivers removed, or that are bound to receptors now, by receiver and species.
+    pub arrived: Vec<Vec<u64>>,
+    /// Reactions, in the order of the model.
+    pub reacted: Vec<u64>,
+    /// Decays, in the order of the model.
+    pub decayed: Vec<u64>,
+    /// Pairs that the detector found in the last step.
+    pub pairs: u64,
+    /// Overlaps resolved in the last step.
+    pub contacts: u64,
+}
+
+impl State {
+    /// Creates the initial state, after the releases of step 0.
+    ///
+    /// # Errors
+    /// [`Error::Model`] if the model is invalid; [`Error::OutOfIds`] if it releases too many particles.
+    pub fn new(model: &Model, seed: u64) -> Result<Self, Error> {
+        Self::new_share(model, seed, Share::WHOLE)
+    }
+
+    /// Creates the initial state with one rank's share of the released particles.
+    pub(crate) fn new_share(model: &Model, seed: u64, share: Share) -> Result<Self, Error> {
+        model.check()?;
+        let centers = model.receivers.iter().map(|receiver| receiver.center).collect();
+        let mut state = Self { totals: Totals::of(model), centers, ..Self::default() };
+        state.release(model, (&Decays::new(model), Key::new(seed)), share)?;
+        Ok(state)
+    }
+
+    /// Returns a copy without particles and bound particles, with these totals.
+    pub(crate) fn without_particles(&self, totals: Totals) -> Self {
+        let Self { particles: _, step, next_id, totals: _, centers, bound: _, origins } = self;
+        Self {
+            step: *step,
+            next_id: *next_id,
+            totals,
+            centers: centers.clone(),
+            origins: origins.clone(),
+            ..Self::default()
+        }
+    }
+
+    /// Converts the state of the whole run to that of one rank. Present and bound particles are counted on each rank;
+    /// the first rank also keeps all other totals.
+    pub(crate) fn part(self, model: &Model, is_first: bool) -> Self {
+        let mut totals = if is_first { self.totals } else { Totals::of(model) };
+        totals.present.fill(0);
+        self.particles.species.iter().for_each(|&species| totals.present[species as usize] += 1);
+        for (receiver, held) in model.receivers.iter().zip(&mut totals.arrived) {
+            if let Kind::Receptors(_) = receiver.kind {
+                held.fill(0);
+            }
+        }
+        for &Bound { receiver, species, .. } in &self.bound {
+            totals.arrived[receiver as usize][species as usize] += 1;
+        }
+        Self { totals, ..self }
+    }
+
+    /// Returns `true` if the state fits the model: one center per receiver, and only known receivers and species.
+    pub(crate) fn belongs_to(&self, model: &Model) -> bool {
+        let receivers = model.receivers.len();
+        let is_known = |species: u32| (species as usize) < model.species.len();
+        let known = |held: &Bound| (held.receiver as usize) < receivers && is_known(held.species);
+        self.centers.len() == receivers
+            && self.totals.arrived.len() == receivers
+            && self.bound.iter().all(known)
+            && self.particles.species.iter().all(|&species| is_known(species))
+    }
+
+    /// Performs the releases due at the beginning of the next step.
+    pub(crate) fn release(
+        &mut self,
+        model: &Model,
+        (decays, key): (&Decays, Key),
+        share: Share,
+    ) -> Result<(), Error> {
+        let released = model.release_share((decays, key), self.step, self.next_id, share)?;
+        if model.logs_arrivals {
+            let mut first = self.next_id;
+            for (transmitter, _, count) in model.releases(self.step, key) {
+                self.origins.enter(first, Some(Origin { transmitter, step: self.step }));
+                first += count;
+            }
+        }
+        self.next_id = released.next_id;
+        self.totals.enter(&released);
+        self.particles.append(released.particles);
+        Ok(())
+    }
+}
+
+impl Totals {
+    /// Adds the counts of a release.
+    pub(crate) fn enter(&mut self, released: &Released) {
+        let add =
+            |totals: &mut Vec<u64>, more: &[u64]| totals.iter_mut().zip(more).for_each(|(t, m)| *t += m);
+        add(&mut self.released, &released.released);
+        add(&mut self.decayed, &released.decayed);
+        released.particles.species.iter().for_each(|&species| self.present[species as usize] += 1);
+    }
+
+    /// Returns all counts, in an order that depends only on the model.
+    pub(crate) fn counts(&self) -> impl Iterator<Item = &u64> {
+        let Self { present, released, arrived, reacted, decayed, pairs, contacts } = self;
+        let lists = [present, released, reacted, decayed].into_iter().chain(arrived);
+        lists.flatten().chain([pairs, contacts])
+    }
+
+    /// Returns mutable references to all counts, in the order of [`counts`](Self::counts).
+    pub(crate) fn counts_mut(&mut self) -> impl Iterator<Item = &mut u64> {
+        let Self { present, released, arrived, reacted, decayed, pairs, contacts } = self;
+        let lists = [present, released, reacted, decayed].into_iter().chain(arrived);
+        lists.flatten().chain([pairs, contacts])
+    }
+
+    /// Creates zero totals for a model.
+    pub(crate) fn of(model: &Model) -> Self {
+        let species = model.species.len();
+        Self {
+            present: vec![0; species],
+            released: vec![0; species],
+            arrived: vec![vec![0; species]; model.receivers.len()],
+            reacted: vec![0; model.reactions.len()],
+            decayed: vec![0; model.decays.len()],
+            ..Self::default()
+        }
+    }
+}
